@@ -1,0 +1,10 @@
+"""tactile_skin: a robot's skin from a low-cost resistive pressure matrix.
+
+    from tactile_skin import Circuit, PressureCurve, forward, compensate
+"""
+
+from .circuit import Circuit, forward
+from .curve import PressureCurve
+from .solvers import Estimate, compensate
+
+__all__ = ["Circuit", "Estimate", "PressureCurve", "compensate", "forward"]

@@ -1,0 +1,127 @@
+"""The characteristic curve of a taxel: force on a cell <-> its resistance (paper Fig. 5)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import yaml
+from scipy.interpolate import PchipInterpolator
+
+GRAM = 9.80665e-3  # N: weight of one gram; the paper and its figures speak in grams a cell
+
+# The paper prints its Fig. 5 as a picture only. These points meet what its text says: more than
+# 10 kohm at rest, below 100 ohm pressed, loads up to 1 kg a cell.
+_DEFAULT_LOAD = np.array([0, 5, 10, 20, 50, 100, 200, 500, 1000]) * GRAM  # N
+_DEFAULT_RESISTANCE = (40000, 12000, 6500, 3500, 1500, 800, 420, 170, 85)  # ohm
+
+
+class PressureCurve:
+    """Resistance of one cell over the force on it, monotone, invertible to rounding.
+
+    log(resistance) is a monotone cubic (PCHIP) over sqrt(force) through the given points,
+    tabulated finely; between the table's points both directions are linear in those coordinates,
+    so that each is the exact inverse of the other and costs one `np.interp`.
+
+    Args:
+        force: (n,) [N] per cell, rising, the first 0.
+        resistance: (n,) [ohm] at those forces, falling, above 0.
+
+    Raises:
+        ValueError: fewer than two points, or points out of order or range.
+    """
+
+    _TABLE_POINTS = 4097
+
+    def __init__(self, force=_DEFAULT_LOAD, resistance=_DEFAULT_RESISTANCE):
+        force = np.asarray(force, dtype=float)
+        resistance = np.asarray(resistance, dtype=float)
+        if force.ndim != 1 or force.shape != resistance.shape or force.size < 2:
+            raise ValueError(
+                f"curve: force has {force.size} and resistance {resistance.size} values: "
+                "both need the same number, two or more"
+            )
+        if force[0] != 0 or not (np.diff(force) > 0).all() or not np.isfinite(force).all():
+            raise ValueError(f"curve: force = {force.tolist()} N: must start at 0 and rise")
+        falling = (np.diff(resistance) < 0).all() and resistance[-1] > 0
+        if not falling or not np.isfinite(resistance).all():
+            raise ValueError(
+                f"curve: resistance = {resistance.tolist()} ohm: must fall, be finite and above 0"
+            )
+        self.points = tuple(map(tuple, np.stack([force, resistance], 1).tolist()))
+        root = np.sqrt(force)
+        # The given points stay in the table: the curve passes through them exactly.
+        self._root = np.union1d(np.linspace(0.0, root[-1], self._TABLE_POINTS), root)
+        self._log_r = PchipInterpolator(root, np.log(resistance))(self._root)
+        self._log_r_rising, self._root_falling = self._log_r[::-1].copy(), self._root[::-1].copy()
+
+    @classmethod
+    def load(cls, path) -> PressureCurve:
+        """Read a curve from YAML: two lists, ``force`` [N] and ``resistance`` [ohm].
+
+        Raises:
+            ValueError: the file is no such YAML; the message names the file and the key.
+            OSError: the file cannot be read.
+        """
+        try:
+            data = yaml.safe_load(Path(path).read_text())
+        except yaml.YAMLError as error:
+            raise ValueError(f"{path}: not valid YAML: {error}") from error
+        if not isinstance(data, dict) or set(data) != {"force", "resistance"}:
+            found = sorted(data) if isinstance(data, dict) else type(data).__name__
+            raise ValueError(f"{path}: needs the keys force [N] and resistance [ohm], has {found}")
+        try:
+            return cls(data["force"], data["resistance"])
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"{path}: {error}") from error
+
+    @property
+    def max_force(self) -> float:
+        """Largest force that the curve tells from a larger one [N per cell]."""
+        return self.points[-1][0]
+
+    @property
+    def rest_resistance(self) -> float:
+        """Resistance of an untouched cell [ohm]."""
+        return self.points[0][1]
+
+    @property
+    def least_resistance(self) -> float:
+        """Resistance at `max_force` [ohm]."""
+        return self.points[-1][1]
+
+    def resistance(self, force) -> np.ndarray:
+        """Force on a cell [N] -> its resistance [ohm]; array in, array out, clipped to the curve."""
+        root = np.sqrt(np.maximum(force, 0.0))
+        return np.exp(np.interp(root, self._root, self._log_r))
+
+    def force(self, resistance) -> np.ndarray:
+        """Resistance of a cell [ohm] -> force on it [N]; clipped to [0, max_force].
+
+        0 ohm and infinity are allowed: a short reads as `max_force`, an open cell as 0.
+        """
+        with np.errstate(divide="ignore"):
+            log_r = np.log(resistance)
+        return np.interp(log_r, self._log_r_rising, self._root_falling) ** 2
+
+    def slope(self, force) -> np.ndarray:
+        """d force / d log(resistance) [N]: how strongly a relative error of R shows in the force."""
+        root = np.sqrt(np.clip(force, 0.0, self.max_force))
+        k = np.clip(np.searchsorted(self._root, root, side="right"), 1, self._root.size - 1)
+        d_root = (self._root[k] - self._root[k - 1]) / (self._log_r[k] - self._log_r[k - 1])
+        return 2.0 * root * d_root
+
+    def describe(self) -> dict:
+        """The curve's points as plain lists, as kept beside trained weights and read by `load`."""
+        force, resistance = zip(*self.points, strict=True)
+        return {"force": list(force), "resistance": list(resistance)}
+
+    def __eq__(self, other):
+        return isinstance(other, PressureCurve) and self.points == other.points
+
+    def __hash__(self):
+        return hash(self.points)
+
+    def __repr__(self):
+        top, rest, least = self.max_force, self.rest_resistance, self.least_resistance
+        return f"PressureCurve(0..{top:.3g} N -> {rest:.3g}..{least:.3g} ohm)"
