@@ -181,7 +181,7 @@ def jacobian(circuit: Circuit, resistance) -> np.ndarray:
 
 
 def network_inverse(g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Blocks A (rows, rows), C (rows, cols), D (cols, cols) of a generalised inverse of the Laplacian.
+    """Blocks A (rows, rows), C (rows, cols), D (cols, cols) of the Laplacian's inverse.
 
     Args:
         g: (..., rows, cols) conductances [S] of a connected network.
@@ -206,7 +206,7 @@ def network_inverse(g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def rho_of(blocks: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
-    """rho_ij = A_ii + D_jj - 2 C_ij from the blocks of `network_inverse`: (..., rows, cols) [ohm]."""
+    """rho_ij = A_ii + D_jj - 2 C_ij of `network_inverse`'s blocks: (..., rows, cols) [ohm]."""
     a, c, d = blocks
     diag_a = np.einsum("...ii->...i", a)
     diag_d = np.einsum("...jj->...j", d)
@@ -216,9 +216,7 @@ def rho_of(blocks: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
 def transfer_resistance(blocks: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
     """t[i, j, k, l] = A_ik + D_jl - C_il - C_kj [ohm] from the blocks of one frame's inverse."""
     a, c, d = blocks
-    return (
-        a[:, None, :, None] + d[None, :, None, :] - c[:, None, None, :] - c.T[None, :, :, None]
-    )
+    return a[:, None, :, None] + d[None, :, None, :] - c[:, None, None, :] - c.T[None, :, :, None]
 
 
 def _rho(g: np.ndarray) -> np.ndarray:

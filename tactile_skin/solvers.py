@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from . import network
 from .circuit import Circuit, two_terminal_resistance
 from .curve import PressureCurve
 
@@ -85,7 +86,9 @@ def fixed_point(adc, circuit, curve, weights=None) -> Estimate:
     rho_measured = np.maximum(rho_measured, 1e-3)  # a short: keep the steps finite
     populated = circuit.populated
     g = populated * (sum(circuit.shape) - 1) / np.count_nonzero(populated) / rho_measured
-    for iteration in range(1, FIXED_POINT_STEPS + 1):
+    iterations = 0
+    while iterations < FIXED_POINT_STEPS:
+        iterations += 1
         rho = two_terminal_resistance(g)
         misfit = (circuit.ratio(rho) - adc)[populated] * circuit.full_scale
         if np.square(misfit).mean() < 0.25**2:  # less than rounding to an ADC step costs
@@ -93,7 +96,7 @@ def fixed_point(adc, circuit, curve, weights=None) -> Estimate:
         g = g * (rho / rho_measured)
     with np.errstate(divide="ignore"):
         force = curve.force(1.0 / g) * populated
-    return judge(force, adc, circuit, curve, "fixed_point", iteration)
+    return judge(force, adc, circuit, curve, "fixed_point", iterations)
 
 
 FIXED_POINT_STEPS = 60
@@ -101,8 +104,6 @@ FIXED_POINT_STEPS = 60
 
 def cnn(adc, circuit, curve, weights=None) -> Estimate:
     """The paper's network: one pass, no iteration."""
-    from . import network  # torch takes seconds to import: only where it is used
-
     weights = weights or network.shipped("cnn")
     weights.check(circuit, curve)
     force = weights.predict(adc) * circuit.populated
