@@ -135,9 +135,8 @@ def _launch(args) -> int:
         return 0
     skin = launch.Skin(plan)
     signal.signal(signal.SIGTERM, lambda *_: skin.shutdown())
-    with skin:
-        with contextlib.suppress(KeyboardInterrupt):
-            skin.spin()
+    with skin, contextlib.suppress(KeyboardInterrupt):
+        skin.spin()
     return 1 if skin.failed else 0
 
 
