@@ -28,7 +28,7 @@ setup(
         "pyyaml>=6.0",
     ],
     extras_require={
-        "train": ["tqdm>=4.66"],  # progress bars
+        "progress": ["tqdm>=4.66"],  # of training and benchmarks
         "test": ["hypothesis>=6.100", "pytest>=8.0", "ruff>=0.15", "tqdm>=4.66"],
     },
     entry_points={"console_scripts": ["tactile-skin = tactile_skin.cli:main"]},

@@ -186,11 +186,13 @@ class Timer:
 
     def reset(self) -> None:
         """Start anew: the next call comes one period from now."""
-        self._due: int | None = self._node.context.clock.now().nanoseconds + self._period
+        with self._node._lock:
+            self._due: int | None = self._node.context.clock.now().nanoseconds + self._period
         self._node._wake.set()
 
     def cancel(self) -> None:
-        self._due = None
+        with self._node._lock:
+            self._due = None
 
     def _step(self, now: int) -> None:
         """Set the next call; ticks that were missed are skipped, the beat is kept."""
@@ -318,7 +320,7 @@ class Node:
         self._timers: list[Timer] = []
         self._services: list[Service] = []
         self._publishers: list[Publisher] = []
-        self._errors: dict[Any, tuple[int, float]] = {}
+        self._errors: dict[int, tuple[int, float]] = {}
         self._in_callback = False
         self._remappings = dict(map(self._remapping, _remap_rules(cli_args or [])))
 
@@ -430,7 +432,8 @@ class Node:
             for service in self._services:
                 del self.context._services[service.srv_name]
                 for _, _, future in service._queue:
-                    future.set_exception(RuntimeError(f"{service.srv_name}: its node is gone"))
+                    if future.set_running_or_notify_cancel():
+                        future.set_exception(RuntimeError(f"{service.srv_name}: its node is gone"))
             for kept in (self._subscriptions, self._publishers, self._timers, self._services):
                 kept.clear()
         self._wake.set()
@@ -478,6 +481,8 @@ class Node:
 
     def _call(self, callback, arguments, future: Future | None) -> None:
         try:
+            if future is not None and not future.set_running_or_notify_cancel():
+                return  # nobody waits for the response any more
             result = callback(*arguments)
         except Exception as error:
             self._report(callback, error)
@@ -491,7 +496,7 @@ class Node:
 
     def _report(self, callback, error: Exception) -> None:
         """Log an isolated callback's exception: the first in full, then one line in 5 s."""
-        count, last = self._errors.get(callback, (0, -1e9))
+        count, last = self._errors.get(id(callback), (0, -1e9))  # by id: it may not be hashable
         now = self.context.clock.now().nanoseconds / 1e9
         name = getattr(callback, "__qualname__", repr(callback))
         if count == 0:
@@ -500,7 +505,7 @@ class Node:
             self.get_logger().error("callback %s raised %d times: %r", name, count + 1, error)
         else:
             now = last
-        self._errors[callback] = count + 1, now
+        self._errors[id(callback)] = count + 1, now
 
     @property
     def callback_errors(self) -> int:

@@ -117,6 +117,17 @@ def _parser() -> argparse.ArgumentParser:
         sub.add_argument(
             f"--{item.name}", type=kind, default=item.default, help=f"default {item.default}"
         )
+
+    sub = command(
+        "bench",
+        _bench,
+        "measure every method: error, ghosts and time, on fresh frames of each scene family",
+        epilog="Times are multiples of y, one dense solve of 257 equations in the same run.\n"
+        "example:\n  tactile-skin bench --quick --json figures.json",
+    )
+    sub.add_argument("--quick", action="store_true", help="30 frames a case, not 300")
+    sub.add_argument("--seed", type=int, default=None, help="of the frames (default: a new one)")
+    sub.add_argument("--json", type=Path, help="file for the figures")
     return parser
 
 
@@ -171,12 +182,7 @@ def _train(args) -> int:
 
     from . import training
 
-    try:
-        from tqdm import tqdm
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            "train shows its progress by tqdm: pip install 'tactile_skin[train]'"
-        ) from error
+    tqdm = _tqdm()
     if args.threads < 1:
         raise ValueError(f"--threads = {args.threads}: must be 1 or more")
     torch.set_num_threads(args.threads)
@@ -192,6 +198,32 @@ def _train(args) -> int:
     )
     print(f"weights: {path}")
     return 0
+
+
+def _bench(args) -> int:
+    import json
+
+    from .bench import methods
+
+    seed = int.from_bytes(os.urandom(4), "little") if args.seed is None else args.seed
+    tqdm = _tqdm()
+    result = methods.measure(
+        30 if args.quick else 300, seed, lambda cases: tqdm(cases, desc="cases", disable=None)
+    )
+    print(methods.table(result))
+    if args.json:
+        args.json.write_text(json.dumps(result, indent=1))
+    return 0
+
+
+def _tqdm():
+    try:
+        from tqdm import tqdm
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            "long work shows its progress by tqdm: pip install 'tactile_skin[progress]'"
+        ) from error
+    return tqdm
 
 
 if __name__ == "__main__":

@@ -150,10 +150,11 @@ def _read_file(path: Path, given: dict[str, str], plan: Plan, anonymous, top=Fal
         elif kind == "executable":
             plan.commands.append(shlex.split(fill(_need(body, "cmd", path, kind))))
         elif kind == "include":
-            passed = {
-                _need(a, "name", path, "include arg"): fill(_need(a, "value", path, "include arg"))
-                for a in body.get("arg", [])
-            }
+            passed = {}
+            for item in _maps(body, "arg", path, kind):
+                if set(item) != {"name", "value"}:
+                    raise LaunchError(f"{path}: include: arg {item!r}: needs name and value")
+                passed[item["name"]] = fill(item["value"])
             _read_file(Path(fill(_need(body, "file", path, kind))), passed, plan, anonymous)
         else:
             plan.nodes.append(_node(body, fill, path))
@@ -169,6 +170,13 @@ def _need(body: dict, key: str, path: Path, kind: str):
     if key not in body:
         raise LaunchError(f"{path}: {kind}: needs the key {key!r}")
     return body[key]
+
+
+def _maps(body: dict, key: str, path: Path, kind: str) -> list[dict]:
+    items = body.get(key, [])
+    if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
+        raise LaunchError(f"{path}: {kind}: {key} = {items!r}: must be a list of maps")
+    return items
 
 
 def _wanted(body: dict, fill, path: Path, kind: str) -> bool:
@@ -190,21 +198,26 @@ def _node(body: dict, fill, path: Path) -> NodeAction:
             f"{', '.join(f'{PACKAGE}/{name}' for name in NODES)}; start others as executable"
         )
     parameters = []
-    for item in body.get("param", []):
+    for item in _maps(body, "param", path, "node"):
         if set(item) == {"from"}:
             parameters.append(ParameterFile(fill(item["from"])))
         elif set(item) == {"name", "value"}:
             value = item["value"]
-            # ROS 2 reads a value that comes from a substitution as YAML
-            parameters.append(
-                (item["name"], yaml.safe_load(fill(value)) if isinstance(value, str) else value)
-            )
+            if isinstance(value, str):  # ROS 2 reads a value that comes from a substitution as YAML
+                try:
+                    value = yaml.safe_load(fill(value))
+                except yaml.YAMLError as error:
+                    raise LaunchError(
+                        f"{path}: node {executable}: param {item['name']} = {fill(value)!r}: "
+                        "not valid YAML"
+                    ) from error
+            parameters.append((item["name"], value))
         else:
             raise LaunchError(
                 f"{path}: node {executable}: param {item!r}: needs from, or name, value"
             )
     remappings = []
-    for item in body.get("remap", []):
+    for item in _maps(body, "remap", path, "node"):
         if set(item) != {"from", "to"}:
             raise LaunchError(f"{path}: node {executable}: remap {item!r}: needs from and to")
         remappings.append((fill(item["from"]), fill(item["to"])))
@@ -287,9 +300,12 @@ class Skin:
     def __exit__(self, *_) -> None:
         """Stop in the way of the data: what is on its way still arrives."""
         self._context.try_shutdown()
-        for node in self._nodes:
+        for handle, node in zip(self._handles, self._nodes, strict=False):
             if hasattr(node, "close"):
-                node.close()
+                try:
+                    node.close()
+                except Exception:  # a closed stdout, say: the others must still close
+                    handle.get_logger().exception("close() raised")
                 self._executor.drain()
         self._executor.shutdown()
         for process in self._processes:

@@ -34,7 +34,9 @@ def check_port(port: str) -> None:
             raise ValueError(
                 "port auto: no USB serial port found; plug the board in or give a port"
             )
-    elif port.startswith("/") and not os.path.exists(port):
+    elif "://" in port:
+        serial.serial_for_url(port, do_not_open=True)  # ValueError names an unknown protocol
+    elif os.name == "posix" and not os.path.exists(port):
         raise ValueError(f"port {port}: does not exist; USB serial ports found: {found}")
 
 
@@ -85,7 +87,7 @@ class SerialReader:
                 try:
                     with serial.serial_for_url(name, self.baud, timeout=0.05) as port:
                         self._read(port)
-                except PORT_ERRORS as error:
+                except (*PORT_ERRORS, ValueError) as error:  # ValueError: a baud it cannot do
                     self._lost(f"{name}: {_explain(error)}")
                 if self._stop.is_set():
                     return

@@ -1,0 +1,1 @@
+"""Measurements: what each method costs and how far it errs, with production code only."""
