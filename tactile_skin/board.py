@@ -88,17 +88,27 @@ class Board:
         )
 
 
-def serve(board: Board, link: Path, running: Callable[[], bool], baud: int = BAUD) -> None:
+def serve(
+    board: Board,
+    link: Path,
+    running: Callable[[], bool],
+    baud: int = BAUD,
+    on_ready: Callable[[], None] = lambda: None,
+) -> None:
     """Put the board behind a pty whose name is the symbolic link `link`, in real time.
 
     As on a USB board, opening the port restarts it, and what nobody reads is lost. A pty knows no
-    baud rate, so the bytes are paced here. Returns when `running()` is no longer true.
+    baud rate, so the bytes are paced here. Returns when `running()` is no longer true; calls
+    `on_ready()` once the link is there.
 
     Raises:
+        FileNotFoundError: there is no folder for `link`.
         FileExistsError: `link` is there and no symbolic link.
     """
     if link.exists() and not link.is_symlink():
         raise FileExistsError(f"{link} exists and is not a link to a simulated board")
+    if not link.parent.is_dir():
+        raise FileNotFoundError(f"{link.parent}: no such folder for a link to a simulated board")
     master, slave = os.openpty()
     try:
         tty.setraw(slave)
@@ -109,6 +119,7 @@ def serve(board: Board, link: Path, running: Callable[[], bool], baud: int = BAU
         part.symlink_to(name)
         part.replace(link)
         try:
+            on_ready()
             _pump(board, master, running, baud)
         finally:
             if link.is_symlink() and os.readlink(link) == name:

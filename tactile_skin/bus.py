@@ -219,12 +219,13 @@ class Client:
 
     def call_async(self, request) -> Future:
         """Ask; the Future gets the response, or the exception that the server raised."""
-        service = self._context._services.get(self.srv_name)
-        if service is None:
-            raise RuntimeError(f"service {self.srv_name} is not offered by any node")
         future: Future = Future()
-        with service._node._lock:
-            service._queue.append((next(service._node._arrival), request, future))
+        with self._context._lock:  # so that the server is not destroyed in between
+            service = self._context._services.get(self.srv_name)
+            if service is None:
+                raise RuntimeError(f"service {self.srv_name} is not offered by any node")
+            with service._node._lock:
+                service._queue.append((next(service._node._arrival), request, future))
         service._node._wake.set()
         return future
 

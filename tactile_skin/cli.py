@@ -138,8 +138,7 @@ def _launch(args) -> int:
     if len(files) > 1:
         raise ValueError(f"one launch file, not {len(files)}: {' '.join(files)}")
     arguments = dict(word.split(":=", 1) for word in args.words if ":=" in word)
-    path = files[0] if files else launch.share_dir() / "launch" / "demo.launch.yaml"
-    plan = launch.read_plan(path, arguments)
+    plan = launch.read_plan(launch.find(files[0] if files else "demo.launch.yaml"), arguments)
     if args.show_args:
         for argument in plan.arguments.values():
             print(f"{argument.name}:={argument.default}\n    {argument.description}")
@@ -170,8 +169,11 @@ def _sim(args) -> int:
     done = threading.Event()
     for name in (signal.SIGTERM, signal.SIGINT):
         signal.signal(name, lambda *_: done.set())
-    print(f"simulated board on {args.link}, scene {args.scene}", file=sys.stderr)
-    board.serve(simulated, args.link, lambda: not done.is_set(), args.baud)
+
+    def ready():
+        print(f"simulated board on {args.link}, scene {args.scene}", file=sys.stderr)
+
+    board.serve(simulated, args.link, lambda: not done.is_set(), args.baud, ready)
     return 0
 
 

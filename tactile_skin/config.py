@@ -84,7 +84,7 @@ class ParameterFile:
         try:
             data = yaml.safe_load(self.path.read_text()) or {}
         except yaml.YAMLError as error:
-            raise ValueError(f"{path}: not valid YAML: {error}") from error
+            raise ValueError(f"{path}: {yaml_trouble(error)}") from error
         if not isinstance(data, dict):
             raise ValueError(f"{path}: must map node names to ros__parameters")
         self.sections: dict[str, dict] = {}
@@ -99,6 +99,13 @@ class ParameterFile:
         for name in ("/**", node.lstrip("/"), "/" + node.lstrip("/")):
             found |= self.sections.get(name, {})
         return [Parameter(key, value) for key, value in found.items()]
+
+
+def yaml_trouble(error: yaml.YAMLError) -> str:
+    """A YAML error on one line."""
+    mark = getattr(error, "problem_mark", None)
+    where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
+    return f"not valid YAML: {where}{getattr(error, 'problem', None) or error}"
 
 
 def _flat(tree: dict, path, prefix: str, under: str = "") -> dict:

@@ -24,7 +24,7 @@ from pathlib import Path
 import yaml
 
 from .bus import Context, MultiThreadedExecutor, Node, Parameter
-from .config import ParameterFile
+from .config import ParameterFile, yaml_trouble
 from .msg import DiagnosticArray, DiagnosticStatus
 from .nodes.stop_on_push import LATCHED, STATUS_TOPIC
 
@@ -50,6 +50,12 @@ def share_dir() -> Path:
             if (place / "package.xml").is_file() and (place / "launch").is_dir():
                 return place
     raise LaunchError(f"the launch and config folders of {PACKAGE} are not beside {here}")
+
+
+def find(path) -> Path:
+    """A launch file as given, or by its name among those that come with the package."""
+    shipped = share_dir() / "launch" / Path(path).name
+    return shipped if not Path(path).exists() and shipped.exists() else Path(path)
 
 
 # --- the file -------------------------------------------------------------------------------------
@@ -106,7 +112,7 @@ def _read_file(path: Path, given: dict[str, str], plan: Plan, anonymous, top=Fal
     except OSError as error:
         raise LaunchError(f"launch file {path}: {error.strerror}") from error
     except yaml.YAMLError as error:
-        raise LaunchError(f"launch file {path}: not valid YAML: {error}") from error
+        raise LaunchError(f"launch file {path}: {yaml_trouble(error)}") from error
     if (
         not isinstance(data, dict)
         or set(data) != {"launch"}
@@ -419,7 +425,8 @@ def _start(command: list[str]) -> subprocess.Popen:
     """Start a command; the tools of this Python's environment come first on its PATH."""
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     try:
-        return subprocess.Popen(command, env=os.environ | {"PATH": path})
+        # a session of its own: Ctrl-C ends the nodes first, and they end the command
+        return subprocess.Popen(command, env=os.environ | {"PATH": path}, start_new_session=True)
     except OSError as error:
         raise LaunchError(f"executable {shlex.join(command)}: {error.strerror}") from error
 
@@ -431,5 +438,5 @@ def launch(path=None, context: Context | None = None, **arguments) -> Skin:
         path: ROS 2 YAML launch file; None: the demo on a simulated board.
         arguments: of the launch file, as on the command line after ``:=``.
     """
-    path = path or share_dir() / "launch" / "demo.launch.yaml"
-    return Skin(read_plan(path, {k: str(v) for k, v in arguments.items()}), context)
+    arguments = {key: str(value) for key, value in arguments.items()}
+    return Skin(read_plan(find(path or "demo.launch.yaml"), arguments), context)

@@ -51,6 +51,7 @@ class Monitor:
         self._contacts, self._force = 0, 0.0
         self._direction = np.zeros(3)
         self._waiting = "no decision yet"
+        self._ran = False
         self._start = self._now()
         self._rate_mark = (self._start, 0)
         node.create_subscription(Image, "skin/adc", self.on_adc, 100)
@@ -116,6 +117,7 @@ class Monitor:
                 self._troubles.pop(status.name, None)
 
     def on_timer(self) -> None:
+        self._ran = True
         now = self._now()
         if self.duration == 0.0 or not self.node.context.ok():
             return
@@ -153,7 +155,9 @@ class Monitor:
         return self.dropped + int(self._driver.get("lost", 0))
 
     def close(self) -> None:
-        """Print the summary."""
+        """Print the summary, if there was a run to sum up."""
+        if not self._ran:
+            return
         lines = self.summary()
         print("\n" * self.out.isatty() + "\n".join(lines), file=self.out, flush=True)
 
