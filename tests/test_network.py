@@ -74,7 +74,7 @@ def test_a_foreign_file_is_named(tmp_path, content):
 
 
 def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(FileNotFoundError, match="none.npz"):
+    with pytest.raises(FileNotFoundError, match=r"none\.npz"):
         network.load(tmp_path / "none.npz")
 
 

@@ -10,6 +10,7 @@ import torch
 from tactile_skin import Circuit, PressureCurve, network, training
 from tactile_skin.training import TrainingConfig, TrainingDied, train
 
+torch.set_num_threads(1)  # these nets are too small to share
 CIRCUIT, CURVE = Circuit(6, 7), PressureCurve()
 TINY = TrainingConfig(pairs=600, validation=90, epochs=4, batch=50, rate=5e-3, seed=3)
 

@@ -1,4 +1,4 @@
-"""The tree shows the way of the data: pure modules know no port, no bus and no YAML of the nodes."""
+"""The tree shows the way of the data: pure modules know no port, no bus, no parameters."""
 
 import ast
 from pathlib import Path

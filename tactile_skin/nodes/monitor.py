@@ -51,7 +51,7 @@ class Monitor:
         self._contacts, self._force = 0, 0.0
         self._direction = np.zeros(3)
         self._waiting = "no decision yet"
-        self._ran = False
+        self._spoke = False  # a live line was printed
         self._start = self._now()
         self._rate_mark = (self._start, 0)
         node.create_subscription(Image, "skin/adc", self.on_adc, 100)
@@ -117,7 +117,6 @@ class Monitor:
                 self._troubles.pop(status.name, None)
 
     def on_timer(self) -> None:
-        self._ran = True
         now = self._now()
         if self.duration == 0.0 or not self.node.context.ok():
             return
@@ -130,6 +129,7 @@ class Monitor:
             self.node.context.try_shutdown()
 
     def live_line(self) -> None:
+        self._spoke = True
         now = self._now()
         since, frames = self._rate_mark
         self._rate_mark = (now, self.frames)
@@ -156,7 +156,7 @@ class Monitor:
 
     def close(self) -> None:
         """Print the summary, if there was a run to sum up."""
-        if not self._ran:
+        if self._first is None and not self._spoke:
             return
         lines = self.summary()
         print("\n" * self.out.isatty() + "\n".join(lines), file=self.out, flush=True)

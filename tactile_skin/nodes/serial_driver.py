@@ -45,6 +45,11 @@ class SerialDriver:
             wait,
         )
         node.create_timer(1.0, self.on_timer)
+        # Read only once the node spins: whoever subscribes is there by then.
+        self._starter = node.create_timer(0.001, self._start)
+
+    def _start(self) -> None:
+        self._starter.cancel()
         self._reader.start()
 
     def on_frame(self, frame: Frame) -> None:
