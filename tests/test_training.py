@@ -8,7 +8,8 @@ import pytest
 import torch
 
 from tactile_skin import Circuit, PressureCurve, network, training
-from tactile_skin.training import TrainingConfig, TrainingDied, train
+from tactile_skin.dataset import TrainingConfig, make_pairs
+from tactile_skin.training import TrainingDied, train
 
 torch.set_num_threads(1)  # these nets are too small to share
 CIRCUIT, CURVE = Circuit(6, 7), PressureCurve()
@@ -108,7 +109,7 @@ def test_a_config_that_cannot_be_is_refused(change, message):
 
 def test_pairs_do_not_depend_on_how_many_are_made():
     """The first pairs of a larger set are those of a smaller one."""
-    few = training.make_pairs(CIRCUIT, CURVE, 2000, "scan", 5)
-    many = training.make_pairs(CIRCUIT, CURVE, 4000, "scan", 5)
+    few = make_pairs(CIRCUIT, CURVE, 2000, "scan", 5)
+    many = make_pairs(CIRCUIT, CURVE, 4000, "scan", 5)
     np.testing.assert_array_equal(few[0], many[0][:2000])
     np.testing.assert_array_equal(few[1], many[1][:2000])

@@ -1,0 +1,83 @@
+"""What the learned inverse learns from: scenes pushed through the forward model (paper V-B)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import scenes
+from .circuit import forward
+
+_CHUNK = 2000  # scenes made at a time: bounds memory, and seeds each chunk by its number
+# Families of the chunks, in turn. In equal parts, random scenes would rule the loss: their error
+# is several times that of blobs.
+_MIX = ("blobs", "rects", "blobs", "random", "blobs", "rects")
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """What a run depends on besides circuit and curve; kept beside its weights.
+
+    Attributes:
+        pairs, validation: number of (reading, force) pairs to learn from and to pick the best
+            epoch by; half of them blobs, a third rects, a sixth random scenes.
+        epochs, batch: passes over the pairs, and pairs per step.
+        rate: highest learning rate; a short linear rise, then a cosine to 0.
+        loss: "mse" as the paper, or "l1", which fits the mean absolute error that is reported.
+        optimizer: "sgd" as the paper, or "adam".
+        readout: what the readings are like, see `scenes.read_out`.
+        seed: of scenes, initial weights and order.
+    """
+
+    pairs: int = 100_000
+    validation: int = 30_000
+    epochs: int = 100
+    batch: int = 128
+    rate: float = 1e-2
+    loss: str = "l1"
+    optimizer: str = "adam"
+    readout: str = "ideal"
+    seed: int = 0
+
+    def __post_init__(self):
+        for name in ("pairs", "validation", "epochs", "batch"):
+            if not isinstance(getattr(self, name), int) or getattr(self, name) < 1:
+                raise ValueError(
+                    f"{name} = {getattr(self, name)!r}: must be a whole number above 0"
+                )
+        for name, allowed in (
+            ("loss", ("l1", "mse")),
+            ("optimizer", ("adam", "sgd")),
+            ("readout", scenes.READOUTS),
+        ):
+            if getattr(self, name) not in allowed:
+                raise ValueError(f"{name} = {getattr(self, name)!r}: must be one of {allowed}")
+        if not self.rate > 0:
+            raise ValueError(f"rate = {self.rate!r}: must be above 0")
+
+
+def make_pairs(circuit, curve, n: int, readout: str, seed, track=lambda chunks: chunks):
+    """Draw n scenes of all families and their readings.
+
+    Args:
+        seed: an int or a tuple of them; chunks are seeded by number, so that the result does not
+            depend on how the work is divided.
+        track: wraps the iterable of chunks, for a progress bar.
+
+    Returns:
+        (n, rows, cols) ADC ratio, (n, rows, cols) force [N], both float32.
+    """
+    adc = np.empty((n, *circuit.shape), np.float32)
+    force = np.empty_like(adc)
+    for chunk in track(range(math.ceil(n / _CHUNK))):
+        rng = np.random.default_rng([*np.atleast_1d(seed), chunk])
+        family = _MIX[chunk % len(_MIX)]
+        here = slice(chunk * _CHUNK, min((chunk + 1) * _CHUNK, n))
+        truth = scenes.sample(family, here.stop - here.start, *circuit.shape, rng)
+        truth = np.minimum(truth, curve.max_force) * circuit.populated
+        reading = forward(circuit, curve.resistance(truth))
+        adc[here] = scenes.read_out(circuit, reading, readout, rng)
+        force[here] = truth
+    return adc, force
