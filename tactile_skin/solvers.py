@@ -104,7 +104,7 @@ FIXED_POINT_STEPS = 60
 
 def cnn(adc, circuit, curve, weights=None) -> Estimate:
     """The paper's network: one pass, no iteration."""
-    weights = weights or network.shipped("cnn")
+    weights = weights or network.shipped("paper")
     weights.check(circuit, curve)
     force = weights.predict(adc) * circuit.populated
     return judge(force, adc, circuit, curve, "cnn")
