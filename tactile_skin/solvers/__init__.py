@@ -6,6 +6,7 @@ from ..circuit import Circuit
 from ..curve import PressureCurve
 from .estimate import Estimate
 from .fixed_point import fixed_point
+from .map import map_estimate
 from .naive import naive
 from .newton import newton
 from .reading import check_reading
@@ -14,6 +15,7 @@ METHODS = {
     "naive": naive,
     "fixed_point": fixed_point,
     "newton": newton,
+    "map": map_estimate,
 }
 
 __all__ = ["METHODS", "Estimate", "check_reading", "compensate"]

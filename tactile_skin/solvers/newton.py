@@ -14,6 +14,7 @@ from scipy.linalg import lapack
 
 from . import laplacian
 from .estimate import Estimate
+from .conjugate_gradients import conjugate_gradients
 from .fixed_point import iterate
 from .judge import judge
 from .reading import Reading
@@ -116,7 +117,7 @@ def _step_solver(k: np.ndarray, g: np.ndarray, free: np.ndarray, rows: int):
     """
     scale = np.sqrt(g.flat[free]).astype(np.float32)
     if free.size > _DENSE:
-        return lambda b: _conjugate_gradients(k, g, free, rows, b)
+        return _matrix_free_solver(k, g, free, rows)
     v = laplacian.crossing_factor(k, rows)[free]
     v *= np.sqrt(scale)[:, None]
     squared = np.square(v @ v.T)
@@ -129,27 +130,13 @@ def _step_solver(k: np.ndarray, g: np.ndarray, free: np.ndarray, rows: int):
     return lambda b: scale * lapack.spotrs(factor, scale * b)[0]
 
 
-def _conjugate_gradients(k, g, free, rows, b, steps=300, target=1e-4):
-    """The same without the matrix: preconditioned by its diagonal, a product costs O(lines^3)."""
-    rho = laplacian.two_point(k, rows).flat[free]
-    inverse_diagonal = 1.0 / np.square(rho)
-    x = np.zeros(free.size)
+def _matrix_free_solver(k: np.ndarray, g: np.ndarray, free: np.ndarray, rows: int):
+    """The same without the matrix: a product costs O(lines^3), the diagonal is rho^2."""
     picture = np.zeros(g.shape)
-    residual = b.copy()
-    z = inverse_diagonal * residual
-    p = z.copy()
-    old = residual @ z
-    goal = old * target**2
-    for _ in range(steps):
+
+    def product(p):
         picture.flat[free] = p
-        product = laplacian.hessian_product(k, picture).flat[free]
-        alpha = old / (p @ product)
-        x += alpha * p
-        residual -= alpha * product
-        z = inverse_diagonal * residual
-        new = residual @ z
-        if new < goal:
-            break
-        p = z + (new / old) * p
-        old = new
-    return x
+        return laplacian.hessian_product(k, picture).flat[free]
+
+    diagonal = np.square(laplacian.two_point(k, rows).flat[free])
+    return lambda b: conjugate_gradients(product, diagonal, b, steps=300, target=1e-4)

@@ -1,0 +1,227 @@
+"""The noise-aware inverse: least squares in ADC steps, force >= 0, and a prior.
+
+    minimise  1/2 sum ((reading - u(x)) / noise)^2 + prior(x),   x = log g between its bounds
+
+by projected Gauss-Newton. The Jacobian is analytic, d u_a / d x_b = u_a^2 / R_ref * t_ab^2 g_b
+(docs/derivation.md).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import blas, lapack
+
+from . import laplacian
+from . import prior as prior_terms
+from .estimate import Estimate
+from .conjugate_gradients import conjugate_gradients
+from .fixed_point import iterate
+from .reading import ROUNDING_NOISE, Reading
+
+STEPS = 12
+START_STEPS = 8
+_SETTLED = 0.5  # stop when a step gains less than this, in units of 1/2 chi^2
+_MEMORY = 4  # costs that a step may rise to: a bound met on the way costs height at first
+_DENSE = 600  # unknowns up to which a Cholesky factor beats conjugate gradients
+_CG_STEPS = 100
+_BOX_ROUNDS = 4
+_WIDEN = 1.0  # the prior's majorant is wider in curvature than the prior: measured coverage
+_BROAD = 0.1  # share of cells at rest below which the whole skin counts as loaded
+
+
+def map_estimate(reading: Reading, start: Estimate | None = None, prior=None, **_) -> Estimate:
+    """Most probable force, from `start` or from a few steps of the fixed point.
+
+    Args:
+        prior: (mean, std), two (rows, cols) arrays or numbers [N], joined to the built-in prior as
+            independent knowledge of each cell.
+    """
+    circuit, curve = reading.circuit, reading.curve
+    if start is not None:
+        g, steps = circuit.populated / curve.resistance(start.force), 0
+    else:
+        g, steps = iterate(reading, START_STEPS, 2.0 * max(reading.noise, ROUNDING_NOISE))
+    at_rest = g < 1.2 * reading.bounds[0]
+    broad = (at_rest & circuit.populated).sum() < _BROAD * np.count_nonzero(circuit.populated)
+    point = _Point.at(reading, g, broad, prior)
+    costs = [point.cost]
+    for iteration in range(STEPS):
+        step = _gauss_newton(reading, point)
+        point = _descend(reading, point, step, broad, prior, max(costs[-_MEMORY:]))
+        costs.append(point.cost)
+        if step.gain < _SETTLED or reading.late():
+            break
+    converged = step.gain < _SETTLED or iteration == STEPS - 1
+    std = _spread(reading, point, step)
+    residual = reading.residual(point.adc)
+    status = "ok" if converged else "failed"
+    message = "" if converged else f"no time to converge in {iteration + 1} steps"
+    return Estimate(point.force, std, residual, status, message, "map", steps + iteration + 1)
+
+
+class _Point(NamedTuple):
+    """All that follows from one g; pictures are (rows, cols)."""
+
+    g: np.ndarray  # S
+    k: np.ndarray  # ohm, see laplacian
+    adc: np.ndarray  # ratio
+    misfit: np.ndarray  # reading - model, in standard deviations
+    weight: np.ndarray  # d misfit / d rho [1/ohm]; 0 for readings that say nothing here
+    force: np.ndarray  # N
+    prior: prior_terms.Quadratic
+    cost: float
+
+    @classmethod
+    def at(cls, reading: Reading, g: np.ndarray, broad: bool, extra) -> _Point:
+        circuit, curve = reading.circuit, reading.curve
+        cells = circuit.populated
+        noise = max(reading.noise, ROUNDING_NOISE)
+        k = laplacian.inverse(g)
+        adc = circuit.ratio(laplacian.two_point(k, circuit.rows))
+        misfit = reading.misfit(adc) / noise
+        speaks = reading.known | (misfit < 0)
+        weight = np.where(speaks, adc**2 * (circuit.full_scale / (circuit.r_ref * noise)), 0.0)
+        x = np.log(np.where(cells, g, reading.bounds[0]))
+        force = np.where(cells, curve.force(np.exp(-x)), 0.0)
+        slope = -curve.slope(force) if broad or extra is not None else None
+        if broad:
+            terms = prior_terms.level(force, slope, cells)
+        else:
+            terms = prior_terms.touches(x, np.log(reading.bounds[0]), cells)
+        if extra is not None:
+            terms = prior_terms.add(terms, prior_terms.known(force, slope, *extra, cells))
+        cost = 0.5 * np.square(misfit).sum() + terms.value
+        return cls(g, k, adc, misfit, weight, force, terms, cost)
+
+
+class _Step(NamedTuple):
+    free: np.ndarray  # (n,) flat indices of the unknowns
+    dx: np.ndarray  # (n,) change of log g
+    gain: float  # predicted, in units of 1/2 chi^2
+    factor: np.ndarray | None  # upper Cholesky factor over `inside`; None: it was done without
+    inside: np.ndarray  # flat indices of the unknowns that met no bound
+
+
+def _gauss_newton(reading: Reading, point: _Point) -> _Step:
+    low, high = reading.bounds
+    g, k = point.g, point.k
+    rows = g.shape[0]
+    # Downhill, - d cost / d x, for all cells at once in O(lines^3)
+    slope = g * laplacian.hessian_product(k, point.weight * point.misfit) - point.prior.gradient
+    held = ((g <= low) & (slope <= 0)) | ((g >= high) & (slope >= 0))
+    free = np.flatnonzero(reading.circuit.populated & ~held)
+    if not free.size:
+        return _Step(free, np.zeros(0), 0.0, None, free)
+    b = slope.flat[free]
+    if free.size > _DENSE:
+        dx = _conjugate_gradients(point, free, b)
+        return _Step(free, dx, 0.5 * b @ dx, None, free)
+    v = laplacian.crossing_factor(k, rows)
+    told = np.flatnonzero(point.weight)
+    jacobian = np.square(v[told] @ v[free].T)  # (readings, n), t_ab^2
+    jacobian *= point.weight.flat[told].astype(np.float32)[:, None]
+    jacobian *= g.flat[free].astype(np.float32)
+    precision = blas.ssyrk(1.0, jacobian.T)  # upper triangle
+    _add_prior(precision, point.prior, free, g.size)
+    dx, factor, inside = _solve_in_box(precision, b, low / g.flat[free] - 1, high / g.flat[free] - 1)
+    return _Step(free, dx, 0.5 * b @ dx, factor, free[inside])
+
+
+def _solve_in_box(precision: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray):
+    """Minimise 1/2 dx precision dx - b dx; what would leave [low, high] is put on its end.
+
+    Clipping alone would leave the others where they would be right without the bounds, and the
+    step would often go up.
+
+    Args:
+        precision: (n, n), upper triangle.
+
+    Returns:
+        dx, the Cholesky factor over the unknowns inside, and which those are.
+    """
+    inside = np.arange(b.size)
+    dx = np.zeros(b.size)
+    matrix = precision
+    for _ in range(_BOX_ROUNDS):
+        factor, info = lapack.spotrf(matrix, lower=0, clean=0)
+        while info:  # not positive definite to single precision
+            matrix.T.flat[:: inside.size + 1] *= 1.001
+            factor, info = lapack.spotrf(matrix, lower=0, clean=0)
+        dx[inside] = lapack.spotrs(factor, b[inside])[0]
+        out = (dx < low) | (dx > high)
+        out[np.setdiff1d(np.arange(b.size), inside)] = False
+        if not out.any() or inside.size == np.count_nonzero(out):
+            break
+        if matrix is precision:
+            precision = np.asfortranarray(np.triu(precision) + np.triu(precision, 1).T)
+        dx = np.clip(dx, low, high)
+        stay = ~out[inside]
+        gone, inside = inside[~stay], inside[stay]
+        b = b - precision[:, gone] @ dx[gone]
+        matrix = np.asfortranarray(precision[np.ix_(inside, inside)])
+    return np.clip(dx, low, high), factor, inside
+
+
+def _add_prior(precision: np.ndarray, terms, free: np.ndarray, cells: int) -> None:
+    """Add the prior's entries to the upper triangle over the free cells."""
+    place = np.full(2 * cells, -1)
+    place[free] = np.arange(free.size)
+    for (down, right), entry in terms.precision.items():
+        other = place[free + down * entry.shape[1] + right]
+        here = np.flatnonzero((other >= 0) & (entry.flat[free] != 0.0))
+        precision[here, other[here]] += entry.flat[free[here]]
+
+
+def _conjugate_gradients(point: _Point, free: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The Gauss-Newton step without its matrix: a product costs O(lines^3)."""
+    rows = point.g.shape[0]
+    diagonal = np.square(point.weight * laplacian.two_point(point.k, rows) ** 2 * point.g)
+    diagonal = (diagonal + point.prior.precision[0, 0]).flat[free]
+    picture = np.zeros(point.g.shape)
+
+    def product(p):
+        picture.flat[free] = p
+        rho = laplacian.hessian_product(point.k, point.g * picture)
+        data = point.g * laplacian.hessian_product(point.k, point.weight**2 * rho)
+        return (data + prior_terms.product(point.prior, picture)).flat[free]
+
+    return conjugate_gradients(product, diagonal, b, steps=_CG_STEPS, target=1e-2)
+
+
+def _descend(reading: Reading, point: _Point, step: _Step, broad: bool, extra, ceiling) -> _Point:
+    """Take the step, or as much of it as stays below `ceiling`; the old point if none does."""
+    low, high = reading.bounds
+    if not step.free.size:
+        return point
+    dx = step.dx
+    for _ in range(6):
+        # in g: the readings are closer to linear in g than in log g
+        factor = 1.0 + np.clip(dx, -0.9, 3.0)
+        g = point.g.copy()
+        g.flat[step.free] = np.clip(g.flat[step.free] * factor, low, high)
+        new = _Point.at(reading, g, broad, extra)
+        if new.cost <= ceiling:
+            return new
+        dx = 0.4 * dx
+    return point
+
+
+def _spread(reading: Reading, point: _Point, step: _Step) -> np.ndarray:
+    """One posterior standard deviation of the force (rows, cols) [N].
+
+    Of the Gauss-Newton posterior for the free cells; from each one's own reading and prior alone
+    for cells held at a bound.
+    """
+    rows = point.g.shape[0]
+    own = np.square(point.weight * laplacian.two_point(point.k, rows) ** 2 * point.g)
+    std_x = 1.0 / np.sqrt(own + point.prior.precision[0, 0] + 1e-12)
+    if step.factor is not None:
+        covariance = lapack.spotri(step.factor, lower=0)[0]
+        std_x.flat[step.inside] = np.sqrt(covariance.diagonal())
+    std_x = np.minimum(_WIDEN * std_x, 10.0)
+    curve = reading.curve
+    resistance = curve.resistance(point.force)
+    std = 0.5 * (curve.force(resistance * np.exp(-std_x)) - curve.force(resistance * np.exp(std_x)))
+    return np.where(reading.circuit.populated, std, 0.0)
