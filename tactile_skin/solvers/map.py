@@ -21,13 +21,14 @@ from .fixed_point import iterate
 from .reading import ROUNDING_NOISE, Reading
 
 STEPS = 12
-START_STEPS = 8
-_SETTLED = 0.5  # stop when a step gains less than this, in units of 1/2 chi^2
+START_STEPS = 4
+_SETTLED = 2.0  # stop when a step gains less than this, in units of 1/2 chi^2
 _MEMORY = 4  # costs that a step may rise to: a bound met on the way costs height at first
 _DENSE = 600  # unknowns up to which a Cholesky factor beats conjugate gradients
 _CG_STEPS = 100
 _BOX_ROUNDS = 4
-_WIDEN = 1.0  # the prior's majorant is wider in curvature than the prior: measured coverage
+_NEAR_REST = 1.5  # times the conductance at rest: a starting cell below it starts at rest
+_WIDEN = 1.12  # the prior's majorant is wider in curvature than the prior: measured coverage
 _BROAD = 0.1  # share of cells at rest below which the whole skin counts as loaded
 
 
@@ -43,8 +44,9 @@ def map_estimate(reading: Reading, start: Estimate | None = None, prior=None, **
         g, steps = circuit.populated / curve.resistance(start.force), 0
     else:
         g, steps = iterate(reading, START_STEPS, 2.0 * max(reading.noise, ROUNDING_NOISE))
-    at_rest = g < 1.2 * reading.bounds[0]
-    broad = (at_rest & circuit.populated).sum() < _BROAD * np.count_nonzero(circuit.populated)
+    at_rest = circuit.populated & (g < _NEAR_REST * reading.bounds[0])
+    broad = np.count_nonzero(at_rest) < _BROAD * np.count_nonzero(circuit.populated)
+    g = np.where(at_rest, reading.bounds[0], g)
     point = _Point.at(reading, g, broad, prior)
     costs = [point.cost]
     for iteration in range(STEPS):
@@ -141,26 +143,22 @@ def _solve_in_box(precision: np.ndarray, b: np.ndarray, low: np.ndarray, high: n
     Returns:
         dx, the Cholesky factor over the unknowns inside, and which those are.
     """
-    inside = np.arange(b.size)
+    inside = np.ones(b.size, bool)
     dx = np.zeros(b.size)
-    matrix = precision
-    for _ in range(_BOX_ROUNDS):
+    matrix, pull = precision, b
+    for rounds in range(_BOX_ROUNDS):
         factor, info = lapack.spotrf(matrix, lower=0, clean=0)
         while info:  # not positive definite to single precision
-            matrix.T.flat[:: inside.size + 1] *= 1.001
+            matrix.T.flat[:: matrix.shape[0] + 1] *= 1.001
             factor, info = lapack.spotrf(matrix, lower=0, clean=0)
-        dx[inside] = lapack.spotrs(factor, b[inside])[0]
-        out = (dx < low) | (dx > high)
-        out[np.setdiff1d(np.arange(b.size), inside)] = False
-        if not out.any() or inside.size == np.count_nonzero(out):
+        dx[inside] = lapack.spotrs(factor, pull)[0]
+        out = inside & ((dx < low) | (dx > high))
+        if rounds + 1 == _BOX_ROUNDS or not out.any() or (out == inside).all():
             break
-        if matrix is precision:
-            precision = np.asfortranarray(np.triu(precision) + np.triu(precision, 1).T)
+        inside &= ~out
         dx = np.clip(dx, low, high)
-        stay = ~out[inside]
-        gone, inside = inside[~stay], inside[stay]
-        b = b - precision[:, gone] @ dx[gone]
-        matrix = np.asfortranarray(precision[np.ix_(inside, inside)])
+        pull = (b - blas.ssymv(1.0, precision, np.where(inside, 0.0, dx)))[inside]
+        matrix = precision[np.ix_(inside, inside)]  # upper triangle, as precision's
     return np.clip(dx, low, high), factor, inside
 
 
