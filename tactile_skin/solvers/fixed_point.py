@@ -28,7 +28,8 @@ def first_guess(reading: Reading) -> np.ndarray:
     """
     populated = reading.circuit.populated
     share = (sum(reading.circuit.shape) - 1) / np.count_nonzero(populated)
-    return populated * np.clip(share / reading.rho, *reading.bounds)
+    guess = np.where(reading.known, share / reading.rho, 0.0)
+    return populated * np.clip(guess, *reading.bounds)
 
 
 def iterate(reading: Reading, steps: int, target: float) -> tuple[np.ndarray, int]:
@@ -41,7 +42,7 @@ def iterate(reading: Reading, steps: int, target: float) -> tuple[np.ndarray, in
         g (rows, cols) [S], within the curve's bounds, and the steps taken.
     """
     circuit = reading.circuit
-    cells = circuit.populated
+    cells = circuit.populated & reading.known  # the others stay at rest
     low, high = np.log(reading.bounds)
     g = first_guess(reading)
     x = np.log(g[cells])  # (cells,)

@@ -7,13 +7,16 @@ import numpy as np
 from ..circuit import two_terminal_resistance
 from .estimate import Estimate
 from .reading import Reading
+from .suspect import by_residual
 
 
-def judge(force, reading: Reading, method: str, iterations=0, converged=True) -> Estimate:
-    """Spread from the misfit, and status.
+def judge(
+    force, reading: Reading, method: str, iterations=0, *, converged=True, fitted=False
+) -> Estimate:
+    """Spread and status from the misfit.
 
     How far would each cell's resistance have to move, alone, to meet its own reading
-    (d u / d log R = -g u^2 rho^2 / R_ref)?
+    (d u / d log R = -g u^2 rho^2 / R_ref)? A misfit is suspect only after a method that fits.
     """
     circuit, curve = reading.circuit, reading.curve
     resistance = curve.resistance(force)
@@ -24,7 +27,9 @@ def judge(force, reading: Reading, method: str, iterations=0, converged=True) ->
     shift = np.hypot(reading.misfit(model), max(reading.noise, 1e-9)) / np.maximum(slope, 1e-9)
     factor = np.exp(np.minimum(shift, 50.0))
     std = 0.5 * (curve.force(resistance / factor) - curve.force(resistance * factor))
-    message = "" if converged else f"no convergence in {iterations} steps"
-    status = "ok" if converged else "failed"
+    message = by_residual(reading, model) if fitted else ""
+    status = "suspect" if message else "ok"
+    if not converged:
+        status, message = "failed", f"no convergence in {iterations} steps"
     std *= circuit.populated
     return Estimate(force, std, reading.residual(model), status, message, method, iterations)

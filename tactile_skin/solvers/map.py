@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from . import laplacian
+from . import laplacian, suspect
 from . import prior as prior_terms
 from .estimate import Estimate
 from .conjugate_gradients import conjugate_gradients
@@ -58,8 +58,16 @@ def map_estimate(reading: Reading, start: Estimate | None = None, prior=None, **
     converged = step.gain < _SETTLED or iteration == STEPS - 1
     std = _spread(reading, point, step)
     residual = reading.residual(point.adc)
-    status = "ok" if converged else "failed"
-    message = "" if converged else f"no time to converge in {iteration + 1} steps"
+    message = suspect.by_residual(reading, point.adc)
+    if not message and broad and prior is None:
+        message = suspect.by_cost(reading, point.cost)
+    if not message and step.jacobian is not None:
+        message = suspect.by_score(
+            reading, point.k, point.weight, point.misfit, step.told, step.jacobian, step.factor, broad
+        )
+    status = "suspect" if message else "ok"
+    if not converged:
+        status, message = "failed", f"no time to converge: stopped after {iteration + 1} steps"
     return Estimate(point.force, std, residual, status, message, "map", steps + iteration + 1)
 
 
@@ -104,6 +112,8 @@ class _Step(NamedTuple):
     gain: float  # predicted, in units of 1/2 chi^2
     factor: np.ndarray | None  # upper Cholesky factor over `inside`; None: it was done without
     inside: np.ndarray  # flat indices of the unknowns that met no bound
+    told: np.ndarray | None  # flat indices of the readings that speak
+    jacobian: np.ndarray | None  # (told, inside), in standard deviations
 
 
 def _gauss_newton(reading: Reading, point: _Point) -> _Step:
@@ -115,11 +125,11 @@ def _gauss_newton(reading: Reading, point: _Point) -> _Step:
     held = ((g <= low) & (slope <= 0)) | ((g >= high) & (slope >= 0))
     free = np.flatnonzero(reading.circuit.populated & ~held)
     if not free.size:
-        return _Step(free, np.zeros(0), 0.0, None, free)
+        return _Step(free, np.zeros(0), 0.0, None, free, None, None)
     b = slope.flat[free]
     if free.size > _DENSE:
         dx = _conjugate_gradients(point, free, b)
-        return _Step(free, dx, 0.5 * b @ dx, None, free)
+        return _Step(free, dx, 0.5 * b @ dx, None, free, None, None)
     v = laplacian.crossing_factor(k, rows)
     told = np.flatnonzero(point.weight)
     jacobian = np.square(v[told] @ v[free].T)  # (readings, n), t_ab^2
@@ -128,7 +138,7 @@ def _gauss_newton(reading: Reading, point: _Point) -> _Step:
     precision = blas.ssyrk(1.0, jacobian.T)  # upper triangle
     _add_prior(precision, point.prior, free, g.size)
     dx, factor, inside = _solve_in_box(precision, b, low / g.flat[free] - 1, high / g.flat[free] - 1)
-    return _Step(free, dx, 0.5 * b @ dx, factor, free[inside])
+    return _Step(free, dx, 0.5 * b @ dx, factor, free[inside], told, jacobian[:, inside])
 
 
 def _solve_in_box(precision: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray):

@@ -35,7 +35,7 @@ def newton(reading: Reading, start: Estimate | None = None, **_) -> Estimate:
     g, iterations, done = maximise(reading, g)
     with np.errstate(divide="ignore"):
         force = reading.curve.force(1.0 / g) * reading.circuit.populated
-    return judge(force, reading, "newton", steps + iterations, converged=done)
+    return judge(force, reading, "newton", steps + iterations, converged=done, fitted=True)
 
 
 def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
