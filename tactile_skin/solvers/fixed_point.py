@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..circuit import network_inverse, rho_of
+from .estimate import Estimate
 from .judge import judge
 from .reading import Reading
 
@@ -12,7 +13,7 @@ STEPS = 60
 _HISTORY = 6  # earlier steps that the acceleration combines
 
 
-def fixed_point(reading: Reading, **_):
+def fixed_point(reading: Reading, **_) -> Estimate:
     """The fixed point until the reading is met to the ADC's rounding."""
     reading.need_whole("fixed_point")
     g, iterations = iterate(reading, STEPS, 0.25)

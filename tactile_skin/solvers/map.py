@@ -58,7 +58,7 @@ def map_estimate(reading: Reading, start: Estimate | None = None, prior=None, **
     converged = step.gain < _SETTLED or iteration == STEPS - 1
     std = _spread(reading, point, step)
     residual = reading.residual(point.adc)
-    message = suspect.by_residual(reading, point.adc)
+    message = suspect.by_residual(reading, point.adc, ROUNDING_NOISE)
     if not message and broad and prior is None:
         message = suspect.by_cost(reading, point.cost)
     if not message and step.jacobian is not None:

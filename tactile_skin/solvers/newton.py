@@ -35,7 +35,9 @@ def newton(reading: Reading, start: Estimate | None = None, **_) -> Estimate:
     g, iterations, done = maximise(reading, g)
     with np.errstate(divide="ignore"):
         force = reading.curve.force(1.0 / g) * reading.circuit.populated
-    return judge(force, reading, "newton", steps + iterations, converged=done, fitted=True)
+    # Of a noisy reading this is the best fit in another measure than ADC steps: no verdict then.
+    exact = reading.noise == 0.0
+    return judge(force, reading, "newton", steps + iterations, converged=done, fitted=exact)
 
 
 def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:

@@ -15,11 +15,15 @@ _R_PAR = 5.5
 _EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
 
 
-def by_residual(reading: Reading, adc: np.ndarray) -> str:
-    """Why the misfit to the model's ADC ratio (rows, cols) is beyond noise; empty if it is not."""
+def by_residual(reading: Reading, adc: np.ndarray, floor: float = _EXACT_NOISE) -> str:
+    """Why the misfit to the model's ADC ratio (rows, cols) is beyond noise; empty if it is not.
+
+    Args:
+        floor: noise [ADC steps] that the method supposes at least.
+    """
     misfit = reading.misfit(adc)
     n = max(np.count_nonzero(reading.known | reading.capped), 1)
-    noise = max(reading.noise, _EXACT_NOISE)
+    noise = max(reading.noise, floor)
     square = np.square(misfit)
     if square.sum() <= n * noise**2 * (1.0 + _RESIDUAL * (2.0 / n) ** 0.5):
         return ""

@@ -1,0 +1,1 @@
+"""Measurements: what the package promises in figures, by functions that return plain dicts."""
