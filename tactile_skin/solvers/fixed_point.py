@@ -16,7 +16,7 @@ _HISTORY = 6  # earlier steps that the acceleration combines
 def fixed_point(reading: Reading, **_) -> Estimate:
     """The fixed point until the reading is met to the ADC's rounding."""
     reading.need_whole("fixed_point")
-    g, iterations = iterate(reading, STEPS, 0.25)
+    g, iterations = iterate(reading, first_guess(reading), STEPS, 0.25)
     with np.errstate(divide="ignore"):
         force = reading.curve.force(1.0 / g) * reading.circuit.populated
     return judge(force, reading, "fixed_point", iterations)
@@ -33,7 +33,12 @@ def first_guess(reading: Reading) -> np.ndarray:
     return populated * np.clip(guess, *reading.bounds)
 
 
-def iterate(reading: Reading, steps: int, target: float) -> tuple[np.ndarray, int]:
+def last_guess(reading: Reading, start: Estimate) -> np.ndarray:
+    """Conductance [S] of an earlier estimate."""
+    return reading.circuit.populated / reading.curve.resistance(start.force)
+
+
+def iterate(reading: Reading, g, steps: int, target: float) -> tuple[np.ndarray, int]:
     """Anderson-accelerated fixed point in log g, until the RMS misfit is `target` ADC steps.
 
     Plain steps converge linearly, and slowly under a broad load. Each accelerated step combines
@@ -45,7 +50,6 @@ def iterate(reading: Reading, steps: int, target: float) -> tuple[np.ndarray, in
     circuit = reading.circuit
     cells = circuit.populated & reading.known  # the others stay at rest
     low, high = np.log(reading.bounds)
-    g = first_guess(reading)
     x = np.log(g[cells])  # (cells,)
     rho_measured = reading.rho[cells]
     adc = circuit.ratio(rho_measured)

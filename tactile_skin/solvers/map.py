@@ -17,12 +17,13 @@ from . import laplacian, suspect
 from . import prior as prior_terms
 from .estimate import Estimate
 from .conjugate_gradients import conjugate_gradients
-from .fixed_point import iterate
+from .fixed_point import first_guess, iterate, last_guess
 from .reading import ROUNDING_NOISE, Reading
 
 STEPS = 12
 START_STEPS = 4
 _SETTLED = 2.0  # stop when a step gains less than this, in units of 1/2 chi^2
+_JOIN = 0.03  # share of the best cell's gain from which a cell at rest becomes an unknown
 _MEMORY = 4  # costs that a step may rise to: a bound met on the way costs height at first
 _DENSE = 600  # unknowns up to which a Cholesky factor beats conjugate gradients
 _CG_STEPS = 100
@@ -39,11 +40,16 @@ def map_estimate(reading: Reading, start: Estimate | None = None, prior=None, **
         prior: (mean, std), two (rows, cols) arrays or numbers [N], joined to the built-in prior as
             independent knowledge of each cell.
     """
-    circuit, curve = reading.circuit, reading.curve
     if start is not None:
-        g, steps = circuit.populated / curve.resistance(start.force), 0
-    else:
-        g, steps = iterate(reading, START_STEPS, 2.0 * max(reading.noise, ROUNDING_NOISE))
+        estimate = _fit(reading, last_guess(reading, start), prior)
+        if estimate.status == "ok":
+            return estimate  # else the last frame may have led into a corner
+    return _fit(reading, first_guess(reading), prior)
+
+
+def _fit(reading: Reading, g: np.ndarray, prior) -> Estimate:
+    circuit = reading.circuit
+    g, steps = iterate(reading, g, START_STEPS, 2.0 * max(reading.noise, ROUNDING_NOISE))
     at_rest = circuit.populated & (g < _NEAR_REST * reading.bounds[0])
     broad = np.count_nonzero(at_rest) < _BROAD * np.count_nonzero(circuit.populated)
     g = np.where(at_rest, reading.bounds[0], g)
@@ -122,7 +128,12 @@ def _gauss_newton(reading: Reading, point: _Point) -> _Step:
     rows = g.shape[0]
     # Downhill, - d cost / d x, for all cells at once in O(lines^3)
     slope = g * laplacian.hessian_product(k, point.weight * point.misfit) - point.prior.gradient
-    held = ((g <= low) & (slope <= 0)) | ((g >= high) & (slope >= 0))
+    # A cell at rest joins if alone it would gain something, next to what the best would gain: a
+    # moved touch leaves misfit along its lines in cells that the next step finds at rest.
+    alone = np.square(point.weight * laplacian.two_point(k, rows) ** 2 * g)
+    alone = np.square(slope) / (alone + point.prior.precision[0, 0] + 1e-9)
+    held = (g <= low) & ((slope <= 0) | (alone < max(_SETTLED, _JOIN * alone.max())))
+    held |= (g >= high) & (slope >= 0)
     free = np.flatnonzero(reading.circuit.populated & ~held)
     if not free.size:
         return _Step(free, np.zeros(0), 0.0, None, free, None, None)

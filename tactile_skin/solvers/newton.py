@@ -15,13 +15,16 @@ from scipy.linalg import lapack
 from . import laplacian
 from .estimate import Estimate
 from .conjugate_gradients import conjugate_gradients
-from .fixed_point import iterate
+from .fixed_point import first_guess, iterate, last_guess
 from .judge import judge
 from .reading import Reading
 
 STEPS = 40  # 5 is usual; bounds the time of readings that no circuit explains
 START_STEPS = 8  # of the fixed point: a step costs a sixth of a Newton step
+WARM_STEPS = 4  # the same from the last frame: a touch that moved misfits by far at its rim
 _DONE = 1e-7  # relative step of g; a thousandth of a gram is 6e-7 at full load
+_TOUCH = 0.2  # relative rise of a cell's conductance from rest that makes it an unknown
+_ANYTHING = 1e-8  # the same, in the end
 _DENSE = 400  # unknowns up to which a Cholesky factor beats conjugate gradients
 
 
@@ -29,9 +32,9 @@ def newton(reading: Reading, start: Estimate | None = None, **_) -> Estimate:
     """Projected Newton from `start`, or from a few steps of the fixed point."""
     reading.need_whole("newton")
     if start is None:
-        g, steps = iterate(reading, START_STEPS, 1e-9)
+        g, steps = iterate(reading, first_guess(reading), START_STEPS, 1e-9)
     else:
-        g, steps = reading.circuit.populated / reading.curve.resistance(start.force), 0
+        g, steps = iterate(reading, last_guess(reading, start), WARM_STEPS, 1e-9)
     g, iterations, done = maximise(reading, g)
     with np.errstate(divide="ignore"):
         force = reading.curve.force(1.0 / g) * reading.circuit.populated
@@ -56,15 +59,19 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
     rho_measured = reading.rho
     k = laplacian.inverse(g)
     rho = laplacian.two_point(k, rows)
-    free, solve, last = None, None, np.inf
+    free, solve, last, join = None, None, np.inf, _TOUCH
     for iteration in range(STEPS):
         gradient = np.where(cells, rho - rho_measured, 0.0)
-        # A cell on its bound is held there if the gradient pushes outwards; one that would rise
-        # by less than a rounding of the reading is at rest.
-        held = ((g <= low) & (gradient <= 1e-10 * rho)) | ((g >= high) & (gradient >= 0.0))
+        # A cell on its bound is held there if the gradient pushes outwards. One at rest joins the
+        # unknowns if its own reading asks for a touch; once the others are settled, for anything.
+        rise = gradient / (rho * rho_measured * low)
+        held = ((g <= low) & (rise < join)) | ((g >= high) & (gradient >= 0.0))
         now = np.flatnonzero(cells & ~held)
         if not now.size:
-            return g, iteration, True
+            if join == _ANYTHING:
+                return g, iteration, True
+            join = _ANYTHING
+            continue
         misfit = np.abs(gradient.flat[now] / rho.flat[now]).max()
         if solve is None or misfit > 0.05 * last or not np.array_equal(free, now):
             free = now
@@ -78,7 +85,9 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
         moved = np.abs(new.flat[free] / g.flat[free] - 1.0).max()
         g = new
         if moved < _DONE:
-            return g, iteration + 1, True
+            if join == _ANYTHING:
+                return g, iteration + 1, True
+            join = _ANYTHING
         if reading.late():
             break
     return g, iteration + 1, False
