@@ -193,7 +193,8 @@ def network_inverse(g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     scaled = g / col_sum[..., None, :]  # g D_c^-1
     row_sum = g.sum(-1)
     # S is singular along the constant vector; a multiple of ones fills it without touching rho.
-    schur = row_sum.mean(-1)[..., None, None] / g.shape[-2] - scaled @ g.swapaxes(-1, -2)
+    fill = row_sum.sum(-1, keepdims=True)[..., None] / g.shape[-2] ** 2
+    schur = fill - scaled @ g.swapaxes(-1, -2)
     _diagonal(schur)[...] += row_sum
     a = np.linalg.inv(schur)
     c = a @ scaled

@@ -23,6 +23,7 @@ from .reading import ROUNDING_NOISE, Reading
 STEPS = 12
 START_STEPS = 4
 _SETTLED = 2.0  # stop when a step gains less than this, in units of 1/2 chi^2
+_CAUSE = 6.0  # chi^2 that a cell at rest must gain alone to become an unknown
 _JOIN = 0.03  # share of the best cell's gain from which a cell at rest becomes an unknown
 _MEMORY = 4  # costs that a step may rise to: a bound met on the way costs height at first
 _DENSE = 600  # unknowns up to which a Cholesky factor beats conjugate gradients
@@ -62,7 +63,9 @@ def _fit(reading: Reading, g: np.ndarray, prior) -> Estimate:
         if step.gain < _SETTLED or reading.late():
             break
     converged = step.gain < _SETTLED or iteration == STEPS - 1
-    std = _spread(reading, point, step)
+    with np.errstate(divide="ignore"):
+        force = reading.curve.force(1.0 / point.g) * circuit.populated
+    std = _spread(reading, point, step, force)
     residual = reading.residual(point.adc)
     message = suspect.by_residual(reading, point.adc, ROUNDING_NOISE)
     if not message and broad and prior is None:
@@ -74,7 +77,7 @@ def _fit(reading: Reading, g: np.ndarray, prior) -> Estimate:
     status = "suspect" if message else "ok"
     if not converged:
         status, message = "failed", f"no time to converge: stopped after {iteration + 1} steps"
-    return Estimate(point.force, std, residual, status, message, "map", steps + iteration + 1)
+    return Estimate(force, std, residual, status, message, "map", steps + iteration + 1)
 
 
 class _Point(NamedTuple):
@@ -85,7 +88,6 @@ class _Point(NamedTuple):
     adc: np.ndarray  # ratio
     misfit: np.ndarray  # reading - model, in standard deviations
     weight: np.ndarray  # d misfit / d rho [1/ohm]; 0 for readings that say nothing here
-    force: np.ndarray  # N
     prior: prior_terms.Quadratic
     cost: float
 
@@ -100,16 +102,17 @@ class _Point(NamedTuple):
         speaks = reading.known | (misfit < 0)
         weight = np.where(speaks, adc**2 * (circuit.full_scale / (circuit.r_ref * noise)), 0.0)
         x = np.log(np.where(cells, g, reading.bounds[0]))
-        force = np.where(cells, curve.force(np.exp(-x)), 0.0)
-        slope = -curve.slope(force) if broad or extra is not None else None
+        if broad or extra is not None:
+            force = np.where(cells, curve.force(np.exp(-x)), 0.0)
+            slope = -curve.slope(force)
         if broad:
             terms = prior_terms.level(force, slope, cells)
         else:
-            terms = prior_terms.touches(x, np.log(reading.bounds[0]), cells)
+            terms = prior_terms.touches(x, np.log(reading.bounds[0]), circuit.mask)
         if extra is not None:
             terms = prior_terms.add(terms, prior_terms.known(force, slope, *extra, cells))
         cost = 0.5 * np.square(misfit).sum() + terms.value
-        return cls(g, k, adc, misfit, weight, force, terms, cost)
+        return cls(g, k, adc, misfit, weight, terms, cost)
 
 
 class _Step(NamedTuple):
@@ -132,7 +135,7 @@ def _gauss_newton(reading: Reading, point: _Point) -> _Step:
     # moved touch leaves misfit along its lines in cells that the next step finds at rest.
     alone = np.square(point.weight * laplacian.two_point(k, rows) ** 2 * g)
     alone = np.square(slope) / (alone + point.prior.precision[0, 0] + 1e-9)
-    held = (g <= low) & ((slope <= 0) | (alone < max(_SETTLED, _JOIN * alone.max())))
+    held = (g <= low) & ((slope <= 0) | (alone < max(_CAUSE, _JOIN * alone.max())))
     held |= (g >= high) & (slope >= 0)
     free = np.flatnonzero(reading.circuit.populated & ~held)
     if not free.size:
@@ -227,7 +230,7 @@ def _descend(reading: Reading, point: _Point, step: _Step, broad: bool, extra, c
     return point
 
 
-def _spread(reading: Reading, point: _Point, step: _Step) -> np.ndarray:
+def _spread(reading: Reading, point: _Point, step: _Step, force) -> np.ndarray:
     """One posterior standard deviation of the force (rows, cols) [N].
 
     Of the Gauss-Newton posterior for the free cells; from each one's own reading and prior alone
@@ -241,6 +244,6 @@ def _spread(reading: Reading, point: _Point, step: _Step) -> np.ndarray:
         std_x.flat[step.inside] = np.sqrt(covariance.diagonal())
     std_x = np.minimum(_WIDEN * std_x, 10.0)
     curve = reading.curve
-    resistance = curve.resistance(point.force)
+    resistance = curve.resistance(force)
     std = 0.5 * (curve.force(resistance * np.exp(-std_x)) - curve.force(resistance * np.exp(std_x)))
     return np.where(reading.circuit.populated, std, 0.0)

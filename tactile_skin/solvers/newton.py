@@ -23,6 +23,7 @@ STEPS = 40  # 5 is usual; bounds the time of readings that no circuit explains
 START_STEPS = 8  # of the fixed point: a step costs a sixth of a Newton step
 WARM_STEPS = 4  # the same from the last frame: a touch that moved misfits by far at its rim
 _DONE = 1e-7  # relative step of g; a thousandth of a gram is 6e-7 at full load
+_BOUND = 1.0 + 1e-9  # a cell this near a bound is on it, but for rounding
 _TOUCH = 0.2  # relative rise of a cell's conductance from rest that makes it an unknown
 _ANYTHING = 1e-8  # the same, in the end
 _DENSE = 400  # unknowns up to which a Cholesky factor beats conjugate gradients
@@ -65,7 +66,7 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
         # A cell on its bound is held there if the gradient pushes outwards. One at rest joins the
         # unknowns if its own reading asks for a touch; once the others are settled, for anything.
         rise = gradient / (rho * rho_measured * low)
-        held = ((g <= low) & (rise < join)) | ((g >= high) & (gradient >= 0.0))
+        held = ((g <= low * _BOUND) & (rise < join)) | ((g >= high / _BOUND) & (gradient >= 0.0))
         now = np.flatnonzero(cells & ~held)
         if not now.size:
             if join == _ANYTHING:

@@ -27,7 +27,7 @@ class Quadratic(NamedTuple):
     precision: dict[tuple[int, int], np.ndarray]
 
 
-def touches(x: np.ndarray, x_rest: float, cells: np.ndarray) -> Quadratic:
+def touches(x: np.ndarray, x_rest: float, cells: np.ndarray | None) -> Quadratic:
     """Most cells are at rest; touched patches are flat or separable, with sharp edges.
 
     Each difference d has the cost w/2 log(s^2 + d^2): small ones are drawn together, a large one,
@@ -35,51 +35,59 @@ def touches(x: np.ndarray, x_rest: float, cells: np.ndarray) -> Quadratic:
     second difference vanishes for every footprint that is a product of a function of the row and
     one of the column. Distance from rest costs w log(1 + d/s): its slope at rest holds a cell
     there that noise alone would lift.
+
+    Args:
+        cells: (rows, cols) bool, which exist; None: all of them.
     """
-    shape = x.shape
-    gradient = np.zeros(shape)
-    diagonal = np.zeros(shape)
-    right, down, across, back = (np.zeros(shape) for _ in range(4))
-
-    both = cells[:, :-1] & cells[:, 1:]
-    value, w, slope = _cost(x[:, 1:] - x[:, :-1], *_STEP, both)
-    gradient[:, 1:] += slope
-    gradient[:, :-1] -= slope
-    diagonal[:, 1:] += w
-    diagonal[:, :-1] += w
-    right[:, :-1] -= w
-
-    both = cells[:-1] & cells[1:]
-    more, w, slope = _cost(x[1:] - x[:-1], *_STEP, both)
-    value += more
-    gradient[1:] += slope
-    gradient[:-1] -= slope
-    diagonal[1:] += w
-    diagonal[:-1] += w
-    down[:-1] -= w
-
-    four = both[:, :-1] & both[:, 1:]
-    more, w, slope = _cost(x[1:, 1:] - x[:-1, 1:] - x[1:, :-1] + x[:-1, :-1], *_TWIST, four)
-    value += more
-    for rows, cols, sign in ((0, 0, 1), (1, 1, 1), (0, 1, -1), (1, 0, -1)):
-        corner = _shifted(rows, cols, shape)
-        gradient[corner] += sign * slope
-        diagonal[corner] += w
-    for rows in (0, 1):
-        right[_shifted(rows, 0, shape)] -= w
-    for cols in (0, 1):
-        down[_shifted(0, cols, shape)] -= w
-    across[:-1, :-1] += w
-    back[:-1, 1:] += w
+    beside, below, all_four = None, None, None
+    if cells is not None:
+        x = np.where(cells, x, x_rest)
+        beside, below = cells[:, :-1] & cells[:, 1:], cells[:-1] & cells[1:]
+        all_four = below[:, :-1] & below[:, 1:]
+    across = x[:, 1:] - x[:, :-1]
+    down = x[1:] - x[:-1]
+    value_a, w_a, slope_a = _cost(across, *_STEP, beside)
+    value_d, w_d, slope_d = _cost(down, *_STEP, below)
+    value_t, w_t, slope_t = _cost(down[:, 1:] - down[:, :-1], *_TWIST, all_four)
 
     weight, spread = _REST
-    above = np.where(cells, x - x_rest + spread, spread)
-    value += weight * np.log(above / spread).sum()
-    gradient += np.where(cells, weight / above, 0.0)
+    above = x - (x_rest - spread)
+    value = value_a + value_d + value_t + weight * np.log(above / spread).sum()
+    gradient = weight / above
+    slope_d[:, 1:] += slope_t  # the twist is the difference of two vertical differences
+    slope_d[:, :-1] -= slope_t
+    gradient[:, 1:] += slope_a
+    gradient[:, :-1] -= slope_a
+    gradient[1:] += slope_d
+    gradient[:-1] -= slope_d
+
+    diagonal, right, lower, lower_right, lower_left = np.zeros((5, *x.shape))
+    diagonal[:, 1:] = w_a
+    diagonal[:, :-1] += w_a
+    diagonal[1:] += w_d
+    diagonal[:-1] += w_d
+    right[:, :-1] = -w_a
+    right[:-1, :-1] -= w_t
+    right[1:, :-1] -= w_t
+    lower[:-1] = -w_d
+    lower[:-1, :-1] -= w_t
+    lower[:-1, 1:] -= w_t
+    lower_right[:-1, :-1] = w_t
+    lower_left[:-1, 1:] = w_t
+    for corner in (diagonal[:-1, :-1], diagonal[:-1, 1:], diagonal[1:, :-1], diagonal[1:, 1:]):
+        corner += w_t
+    if cells is not None:
+        gradient *= cells
     return Quadratic(
-        value,
+        float(value),
         gradient,
-        {(0, 0): diagonal, (0, 1): right, (1, 0): down, (1, 1): across, (1, -1): back},
+        {
+            (0, 0): diagonal,
+            (0, 1): right,
+            (1, 0): lower,
+            (1, 1): lower_right,
+            (1, -1): lower_left,
+        },
     )
 
 
@@ -125,10 +133,11 @@ def product(terms: Quadratic, x: np.ndarray) -> np.ndarray:
 
 def _cost(d, weight, spread, present):
     """Summed cost, its curvature as a majorant, and its slope, of differences d."""
-    square = d * d + spread**2
-    w = np.where(present, weight / square, 0.0)
-    return 0.5 * weight * np.log(square, where=present, out=np.zeros_like(d)).sum(), w, w * d
-
-
-def _shifted(rows, cols, shape):
-    return slice(rows, shape[0] - 1 + rows), slice(cols, shape[1] - 1 + cols)
+    square = d * d
+    square += spread**2
+    if present is not None:
+        square = np.where(present, square, 1.0)
+    w = weight / square
+    if present is not None:
+        w *= present
+    return 0.5 * weight * np.log(square).sum(), w, w * d

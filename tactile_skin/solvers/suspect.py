@@ -66,23 +66,21 @@ def by_score(reading: Reading, k, weight, misfit, told, jacobian, factor, broad)
         broad: the level prior was used; its fit leans on r_par's pattern even when sound.
     """
     rows, cols = weight.shape
-    patterns = []
-    for first, lines in ((0, rows), (rows, cols)):
-        apart = k[:, first : first + lines - 1] - k[:, first + 1 : first + lines]
-        # current driven through a crossing puts this voltage between the two lines
-        across = apart[:rows, None] - apart[None, rows:]
-        patterns.append((np.square(across) * weight[..., None]).reshape(rows * cols, -1))
-    patterns.append(weight.reshape(-1, 1))
-    p = np.concatenate(patterns, 1)[told]  # (readings, faults)
+    pairs = np.flatnonzero(np.concatenate([_alike(reading), _alike(reading, turned=True)]))
+    pairs += pairs >= rows - 1  # the last row and the first column are no neighbours
+    # current driven through a crossing puts this voltage between the two lines of a pair
+    apart = k[:, pairs] - k[:, pairs + 1]
+    across = (apart[:rows, None] - apart[None, rows:]).reshape(rows * cols, -1)[told]
+    pushed = weight.reshape(-1, 1)[told]
+    p = np.concatenate([np.square(across) * pushed, pushed], 1).astype(np.float32)
     size = np.square(p).sum(0)
     hidden = jacobian.T @ p
     hidden = (hidden * lapack.spotrs(factor, hidden)[0]).sum(0)
-    score = p.T @ misfit.flat[told] / np.sqrt(np.maximum(size - hidden, 1e-3 * size) + 1e-30)
-    alike = np.concatenate([_alike(reading), _alike(reading, turned=True)])
-    shorts = np.where(alike, score[:-1], 0.0)
-    worst = shorts.argmax() if shorts.size else 0
-    if shorts.size and shorts[worst] > _SHORT:
-        name, i = ("rows", worst) if worst < rows - 1 else ("columns", worst - rows + 1)
+    score = p.T @ misfit.flat[told].astype(np.float32)
+    score /= np.sqrt(np.maximum(size - hidden, 1e-3 * size) + 1e-30)
+    if pairs.size and score[:-1].max() > _SHORT:
+        line = pairs[score[:-1].argmax()]
+        name, i = ("rows", line) if line < rows - 1 else ("columns", line - rows)
         return f"{name} {i} and {i + 1} read alike, as if shorted"
     if not broad and abs(score[-1]) > _R_PAR:
         way = "low" if score[-1] < 0 else "high"
