@@ -1,6 +1,6 @@
 """tactile_skin: a robot's skin from a low-cost resistive pressure matrix.
 
-    from tactile_skin import Circuit, PressureCurve, forward, compensate
+from tactile_skin import Circuit, PressureCurve, forward, compensate
 """
 
 from .circuit import Circuit, forward

@@ -217,9 +217,7 @@ def _diagonal(matrices: np.ndarray) -> np.ndarray:
 def transfer_resistance(blocks: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
     """t[i, j, k, l] = A_ik + D_jl - C_il - C_kj [ohm] from the blocks of one frame's inverse."""
     a, c, d = blocks
-    return (
-        a[:, None, :, None] + d[None, :, None, :] - c[:, None, None, :] - c.T[None, :, :, None]
-    )
+    return a[:, None, :, None] + d[None, :, None, :] - c[:, None, None, :] - c.T[None, :, :, None]
 
 
 def _rho(g: np.ndarray) -> np.ndarray:

@@ -37,7 +37,8 @@ class PaperNet(nn.Module):
         self.col = nn.Conv2d(1, 1, (rows, 1))
         self.context = nn.ModuleList(nn.Conv2d(3, 9, 3, padding=d, dilation=d) for d in (1, 2, 3))
         self.head = nn.ModuleList(
-            nn.Conv2d(c_in, c_out, 3, padding=1) for c_in, c_out in ((27, 9), (9, 9), (9, 9), (9, 1))
+            nn.Conv2d(c_in, c_out, 3, padding=1)
+            for c_in, c_out in ((27, 9), (9, 9), (9, 9), (9, 1))
         )
 
     def initialise(self):

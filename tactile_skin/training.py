@@ -50,7 +50,9 @@ class TrainingConfig:
     def __post_init__(self):
         for name in ("pairs", "validation", "epochs", "batch"):
             if not isinstance(getattr(self, name), int) or getattr(self, name) < 1:
-                raise ValueError(f"{name} = {getattr(self, name)!r}: must be a whole number above 0")
+                raise ValueError(
+                    f"{name} = {getattr(self, name)!r}: must be a whole number above 0"
+                )
         for name, allowed in (
             ("loss", ("l1", "mse")),
             ("optimizer", ("adam", "sgd")),
@@ -137,7 +139,9 @@ def train(
     if resume and checkpoint.exists():
         state = torch.load(checkpoint, weights_only=True)
         if state["run"] != run:
-            changed = [k for k in run["config"] if state["run"]["config"].get(k) != run["config"][k]]
+            changed = [
+                k for k in run["config"] if state["run"]["config"].get(k) != run["config"][k]
+            ]
             changed += [k for k in ("circuit", "curve") if state["run"][k] != run[k]]
             raise ValueError(
                 f"{checkpoint} belongs to a run with another {', '.join(changed)}: "

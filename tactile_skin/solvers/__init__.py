@@ -1,10 +1,10 @@
 """From a reading to the force on each cell: one entry, `compensate`, and a file per method.
 
-    reading.py      one checked frame           estimate.py   what comes out
-    naive.py        the paper's naive method    learned.py    the paper's network
-    fixed_point.py  the literature's iteration  newton.py     the exact inverse
-    map.py          noise-aware, with prior.py  auto.py       the cheapest that the frame allows
-    laplacian.py    the network's algebra       suspect.py, judge.py   whether to believe it
+reading.py      one checked frame           estimate.py   what comes out
+naive.py        the paper's naive method    learned.py    the paper's network
+fixed_point.py  the literature's iteration  newton.py     the exact inverse
+map.py          noise-aware, with prior.py  auto.py       the cheapest that the frame allows
+laplacian.py    the network's algebra       suspect.py, judge.py   whether to believe it
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ from .reading import ROUNDING_NOISE, Reading
 
 STEPS = 12
 START_STEPS = 4
-_SETTLED = 2.0  # stop when a step gains less than this, in units of 1/2 chi^2
+_SETTLED = 4.0  # stop when a step gains less than this, in units of 1/2 chi^2
 _CAUSE = 6.0  # chi^2 that a cell at rest must gain alone to become an unknown
 _JOIN = 0.03  # share of the best cell's gain from which a cell at rest becomes an unknown
 _MEMORY = 4  # costs that a step may rise to: a bound met on the way costs height at first
@@ -72,7 +72,14 @@ def _fit(reading: Reading, g: np.ndarray, prior) -> Estimate:
         message = suspect.by_cost(reading, point.cost)
     if not message and step.jacobian is not None:
         message = suspect.by_score(
-            reading, point.k, point.weight, point.misfit, step.told, step.jacobian, step.factor, broad
+            reading,
+            point.k,
+            point.weight,
+            point.misfit,
+            step.told,
+            step.jacobian,
+            step.factor,
+            broad,
         )
     status = "suspect" if message else "ok"
     if not converged:
@@ -151,7 +158,9 @@ def _gauss_newton(reading: Reading, point: _Point) -> _Step:
     jacobian *= g.flat[free].astype(np.float32)
     precision = blas.ssyrk(1.0, jacobian.T)  # upper triangle
     _add_prior(precision, point.prior, free, g.size)
-    dx, factor, inside = _solve_in_box(precision, b, low / g.flat[free] - 1, high / g.flat[free] - 1)
+    dx, factor, inside = _solve_in_box(
+        precision, b, low / g.flat[free] - 1, high / g.flat[free] - 1
+    )
     return _Step(free, dx, 0.5 * b @ dx, factor, free[inside], told, jacobian[:, inside])
 
 
