@@ -181,7 +181,7 @@ def jacobian(circuit: Circuit, resistance) -> np.ndarray:
 
 
 def network_inverse(g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Blocks A (rows, rows), C (rows, cols), D (cols, cols) of a generalised inverse of the Laplacian.
+    """Blocks A (rows, rows), C (rows, cols), D (cols, cols) of the Laplacian's inverse.
 
     Args:
         g: (..., rows, cols) conductances [S] of a connected network.
@@ -204,7 +204,7 @@ def network_inverse(g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def rho_of(blocks: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
-    """rho_ij = A_ii + D_jj - 2 C_ij from the blocks of `network_inverse`: (..., rows, cols) [ohm]."""
+    """rho_ij = A_ii + D_jj - 2 C_ij of `network_inverse`'s blocks: (..., rows, cols) [ohm]."""
     a, c, d = blocks
     return _diagonal(a)[..., :, None] + _diagonal(d)[..., None, :] - 2.0 * c
 

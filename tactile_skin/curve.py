@@ -91,7 +91,7 @@ class PressureCurve:
         return self.points[-1][1]
 
     def resistance(self, force) -> np.ndarray:
-        """Force on a cell [N] -> its resistance [ohm]; array in, array out, clipped to the curve."""
+        """Force on a cell [N] -> its resistance [ohm]; arrays; clipped to the curve."""
         root = np.sqrt(np.maximum(force, 0.0))
         return np.exp(np.interp(root, self._root, self._log_r))
 
@@ -105,7 +105,7 @@ class PressureCurve:
         return np.interp(log_r, self._log_r_rising, self._root_falling) ** 2
 
     def slope(self, force) -> np.ndarray:
-        """d force / d log(resistance) [N]: how strongly a relative error of R shows in the force."""
+        """d force / d log(resistance) [N]: what a relative error of R does to the force."""
         root = np.sqrt(np.clip(force, 0.0, self.max_force))
         k = np.clip(np.searchsorted(self._root, root, side="right"), 1, self._root.size - 1)
         d_root = (self._root[k] - self._root[k - 1]) / (self._log_r[k] - self._log_r[k - 1])

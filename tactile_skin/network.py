@@ -1,82 +1,51 @@
-"""The learned inverse: the paper's convolutional network (Fig. 7), and its weights on disk."""
+"""The learned inverse at work: weights on disk, and one pass through the paper's network.
+
+PyTorch trains it (training.py); here the pass is a handful of matrix products, which for one
+frame takes a third of PyTorch's time and spares a robot the import. A test holds the two equal.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import json
+import threading
 from functools import cache
 from pathlib import Path
 
 import numpy as np
-import torch
-from torch import nn
+from numpy.lib.stride_tricks import sliding_window_view
 
 from .circuit import Circuit
 from .curve import PressureCurve
 
 SHIPPED = Path(__file__).parent / "weights"
+DILATIONS = (1, 2, 3)  # of the parallel context convolutions (paper Fig. 7)
+_FORMAT = 1
+_FRAMES_AT_ONCE = 256  # bounds the memory of a pass over a recording
 
 
-class PaperNet(nn.Module):
-    """ADC picture -> force picture, the paper's architecture with its 4,544 parameters.
-
-    One row kernel (1 x cols) and one column kernel (rows x 1) sum up each line and join the input
-    as channels; three dilated 3x3 convolutions look around; four plain ones compute the force.
-    All neurons are ReLUs.
+class Weights:
+    """A trained network of the paper's architecture, and what it was made for.
 
     Args:
-        rows, cols: size of the skin in cells.
-        adc_mean, adc_std: input standardisation (fixed, not trained): without it a third of the
-            runs dies at once.
+        state: arrays by PyTorch's names, as `training.PaperNet` has them.
+        meta: "circuit" and "curve" as their `describe()`, and what the training says of itself.
+        path: where it came from, for messages.
     """
 
-    def __init__(self, rows: int, cols: int, adc_mean: float = 0.0, adc_std: float = 1.0):
-        super().__init__()
-        self.register_buffer("adc_mean", torch.tensor(float(adc_mean)))
-        self.register_buffer("adc_std", torch.tensor(float(adc_std)))
-        self.row = nn.Conv2d(1, 1, (1, cols))
-        self.col = nn.Conv2d(1, 1, (rows, 1))
-        self.context = nn.ModuleList(nn.Conv2d(3, 9, 3, padding=d, dilation=d) for d in (1, 2, 3))
-        self.head = nn.ModuleList(
-            nn.Conv2d(c_in, c_out, 3, padding=1)
-            for c_in, c_out in ((27, 9), (9, 9), (9, 9), (9, 1))
-        )
-
-    def initialise(self):
-        """He initialisation; the last bias starts above 0, so that the output ReLU is open."""
-        for module in self.modules():
-            if isinstance(module, nn.Conv2d):
-                nn.init.kaiming_normal_(module.weight, nonlinearity="relu")
-                nn.init.zeros_(module.bias)
-        nn.init.constant_(self.head[-1].bias, 0.1)
-
-    def forward(self, adc):
-        """(n, rows, cols) ADC ratio -> (n, rows, cols) force, as a share of the curve's maximum."""
-        x = ((adc - self.adc_mean) / self.adc_std).unsqueeze(1)
-        lines = [torch.relu(layer(x)).expand_as(x) for layer in (self.row, self.col)]
-        x = torch.cat([x, *lines], 1)  # (n, 3, rows, cols)
-        x = torch.relu(torch.cat([layer(x) for layer in self.context], 1))  # (n, 27, rows, cols)
-        for layer in self.head:
-            x = torch.relu(layer(x))
-        return x.squeeze(1)
-
-
-def plain_state(net: nn.Module) -> dict:
-    """A copy of the net's state, free of memory layouts."""
-    return {k: v.detach().clone().contiguous() for k, v in net.state_dict().items()}
-
-
-def save(path, state: dict, meta: dict) -> None:
-    """Write weights with what they were made for: plain tensors, numbers and strings only."""
-    torch.save({"format": 1, "state": state, "meta": meta}, path)
-
-
-@dataclass(frozen=True, eq=False)
-class Weights:
-    """A trained network and what it was made for."""
-
-    net: nn.Module
-    meta: dict
-    path: Path
+    def __init__(self, state: dict[str, np.ndarray], meta: dict, path: Path):
+        self.meta, self.path = meta, path
+        self.rows, self.cols = meta["circuit"]["rows"], meta["circuit"]["cols"]
+        self._max_force = meta["curve"]["force"][-1]
+        self._mean, self._std = float(state["adc_mean"]), float(state["adc_std"])
+        self._row = state["row.weight"].reshape(self.cols), float(state["row.bias"][0])
+        self._col = state["col.weight"].reshape(self.rows), float(state["col.bias"][0])
+        self._taps, context = _merge_dilations(state)
+        heads = [
+            (w.transpose(0, 2, 3, 1).reshape(len(w), -1), state[f"head.{k}.bias"][:, None])
+            for k, w in enumerate(_layers(state, "head"))
+        ]  # (out, 9 * in): taps outermost, as the gathered columns are
+        self._context, self._heads = context, [tuple(map(_contiguous, pair)) for pair in heads]
+        self._scratch = threading.local()  # several skins may share the weights
 
     def check(self, circuit: Circuit, curve: PressureCurve) -> None:
         """Raise ValueError, naming each difference, unless the weights fit circuit and curve.
@@ -97,12 +66,103 @@ class Weights:
                 "make your own with `tactile-skin train`, or choose another method"
             )
 
-    @torch.inference_mode()
-    def predict(self, adc: np.ndarray) -> np.ndarray:
-        """(..., rows, cols) ADC ratio -> force [N], same shape."""
-        frames = np.asarray(adc, np.float32).reshape(-1, *adc.shape[-2:])
-        share = self.net(torch.from_numpy(frames)).numpy()
-        return share.reshape(adc.shape).astype(float) * self.meta["curve"]["force"][-1]
+    def predict(self, adc) -> np.ndarray:
+        """(..., rows, cols) ADC ratio -> force [N], same shape.
+
+        Raises:
+            ValueError: another number of rows or columns than the network was made for.
+        """
+        adc = np.asarray(adc)
+        if adc.shape[-2:] != (self.rows, self.cols):
+            raise ValueError(
+                f"readings of shape {adc.shape}: the network wants (..., {self.rows}, {self.cols})"
+            )
+        frames = adc.reshape(-1, self.rows, self.cols)
+        out = np.empty(frames.shape)
+        for start in range(0, len(frames), _FRAMES_AT_ONCE):
+            here = slice(start, start + _FRAMES_AT_ONCE)
+            out[here] = self._pass(frames[here])
+        return out.reshape(adc.shape)
+
+    def _pass(self, frames: np.ndarray) -> np.ndarray:
+        n = len(frames)
+        if getattr(self._scratch, "n", None) != n:
+            self._allocate(n)
+        scratch, inside = self._scratch, self._scratch.inside
+        x = ((frames - self._mean) / self._std).astype(np.float32)  # (n, rows, cols)
+        row = x @ self._row[0] + self._row[1]  # (n, rows)
+        col = self._col[0] @ x + self._col[1]  # (n, cols)
+        inside[0] = x
+        inside[1] = np.maximum(row, 0.0)[:, :, None]
+        inside[2] = np.maximum(col, 0.0)[:, None, :]
+        for k, window in enumerate(scratch.windows):  # (3, n, rows, cols) each
+            scratch.tap_columns[k] = window
+        h = self._context[0] @ scratch.tap_columns.reshape(-1, frames.size)  # (27, n * cells)
+        h += self._context[1]
+        for (weight, bias), (middle, taps, columns) in zip(
+            self._heads, scratch.layers, strict=True
+        ):
+            np.maximum(h.reshape(middle.shape), 0.0, out=middle)
+            columns[...] = taps
+            h = weight @ columns.reshape(-1, frames.size)
+            h += bias
+        return np.maximum(h, 0.0).reshape(frames.shape) * self._max_force
+
+    def _allocate(self, n: int) -> None:
+        """Zero-padded pictures and gathered columns for n frames; their padding stays zero."""
+        rows, cols, pad = self.rows, self.cols, max(DILATIONS)
+        scratch = self._scratch
+        picture = np.zeros((3, n, rows + 2 * pad, cols + 2 * pad), np.float32)
+        scratch.inside = picture[:, :, pad : pad + rows, pad : pad + cols]
+        scratch.windows = [
+            picture[:, :, pad + dy : pad + dy + rows, pad + dx : pad + dx + cols]
+            for dy, dx in self._taps
+        ]
+        scratch.tap_columns = np.empty((len(self._taps), 3, n, rows, cols), np.float32)
+        scratch.layers = []
+        for weight, _ in self._heads:
+            channels = weight.shape[1] // 9
+            padded = np.zeros((channels, n, rows + 2, cols + 2), np.float32)
+            taps = sliding_window_view(padded, (rows, cols), (2, 3))  # (channels, n, 3, 3, ...)
+            taps = taps.transpose(2, 3, 0, 1, 4, 5)  # (3, 3, channels, n, rows, cols)
+            columns = np.empty(taps.shape, np.float32)
+            scratch.layers.append((padded[:, :, 1:-1, 1:-1], taps, columns))
+        scratch.n = n
+
+
+def _layers(state: dict, name: str) -> list[np.ndarray]:
+    """Weights of the numbered layers of one name, in order."""
+    found = [state[f"{name}.{k}.weight"] for k in range(100) if f"{name}.{k}.weight" in state]
+    return [w.astype(np.float32) for w in found]
+
+
+def _merge_dilations(state: dict):
+    """The three dilated 3x3 convolutions as one over the offsets that they look at.
+
+    Returns:
+        list of (dy, dx), and (weight (27, offsets * 3), bias (27, 1)).
+    """
+    steps = (-1, 0, 1)
+    taps = sorted({(dy * d, dx * d) for d in DILATIONS for dy in steps for dx in steps})
+    weights, biases = [], []
+    for k, (dilation, w) in enumerate(zip(DILATIONS, _layers(state, "context"), strict=True)):
+        merged = np.zeros((len(w), len(taps), w.shape[1]), np.float32)
+        for a, dy in enumerate(steps):
+            for b, dx in enumerate(steps):
+                merged[:, taps.index((dy * dilation, dx * dilation))] = w[:, :, a, b]
+        weights.append(merged.reshape(len(w), -1))
+        biases.append(state[f"context.{k}.bias"][:, None])
+    return taps, (_contiguous(np.concatenate(weights)), _contiguous(np.concatenate(biases)))
+
+
+def _contiguous(array: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(array, np.float32)
+
+
+def save(path, state: dict[str, np.ndarray], meta: dict) -> None:
+    """Write weights with what they were made for: arrays, and a JSON text."""
+    text = json.dumps({"format": _FORMAT} | meta)
+    np.savez(path, meta=np.array(text), **state)
 
 
 def load(path) -> Weights:
@@ -116,18 +176,19 @@ def load(path) -> Weights:
     if not path.is_file():
         raise FileNotFoundError(f"weights {path}: no such file")
     try:
-        data = torch.load(path, weights_only=True, map_location="cpu")
-        if data["format"] != 1:
-            raise ValueError(f"format {data['format']}, this version reads 1")
-        circuit = data["meta"]["circuit"]
-        net = PaperNet(circuit["rows"], circuit["cols"])
-        net.load_state_dict(data["state"])
-    except Exception as error:  # whatever a foreign file raises in the unpickler
-        raise ValueError(f"weights {path}: not a weights file of tactile_skin: {error}") from error
-    return Weights(net.eval(), data["meta"], path)
+        with np.load(path, allow_pickle=False) as file:
+            arrays = dict(file)
+        meta = json.loads(str(arrays.pop("meta")))
+        if meta["format"] != _FORMAT:
+            raise ValueError(f"format {meta['format']}, this version reads {_FORMAT}")
+        return Weights(arrays, meta, path)
+    except Exception as error:  # whatever a foreign or damaged file raises in zip, JSON or arrays
+        raise ValueError(
+            f"weights {path}: not a weights file of tactile_skin: {error!r}"
+        ) from error
 
 
 @cache
 def shipped(name: str) -> Weights:
     """The weights that come with the package, for the default circuit and curve."""
-    return load(SHIPPED / f"{name}.pt")
+    return load(SHIPPED / f"{name}.npz")

@@ -79,3 +79,93 @@ def read_out(circuit: Circuit, adc: np.ndarray, readout: str, rng: np.random.Gen
         raise ValueError(f"readout {readout!r}: must be one of {', '.join(READOUTS)}")
     total = sum(np.rint(steps + rng.standard_normal(adc.shape)) for _ in range(4))
     return np.clip(total / 4.0, 0.0, circuit.full_scale) / circuit.full_scale
+
+
+# --- scripted scenes: functions of time, for the simulated board ---------------------------------
+
+
+def finger(rows: int, cols: int, row: float, col: float, newtons: float, width: float = 0.9):
+    """A fingertip pressed on the skin: (rows, cols) force [N], summing to `newtons`.
+
+    Args:
+        row, col: centre, in cells.
+        width: standard deviation of its pressure, in cells.
+    """
+    y, x = np.arange(rows)[:, None], np.arange(cols)[None, :]
+    distance2 = (y - row) ** 2 + (x - col) ** 2
+    shape = np.where(distance2 < (3.0 * width) ** 2, np.exp(-distance2 / (2 * width**2)), 0.0)
+    return newtons * shape / shape.sum()
+
+
+def _pulse(t: float, start: float, end: float, ramp: float = 0.15) -> float:
+    """0 outside (start, end), 1 within, raised-cosine flanks [s]."""
+    if not start < t < end:
+        return 0.0
+    edge = min(t - start, end - t) / ramp
+    return 1.0 if edge >= 1.0 else 0.5 - 0.5 * np.cos(np.pi * edge)
+
+
+def _idle(t, rows, cols):
+    return np.zeros((rows, cols))
+
+
+def _one_finger(t, rows, cols):
+    return finger(rows, cols, 0.35 * rows, 0.6 * cols, 4.0)
+
+
+def _two_fingers(t, rows, cols):
+    """Two corners of a rectangle: the other two are where the naive method sees ghosts."""
+    first = finger(rows, cols, 0.25 * rows, 0.3 * cols, 12.0)
+    return first + finger(rows, cols, 0.7 * rows, 0.75 * cols, 12.0)
+
+
+def _push_left(t, rows, cols):
+    """A palm on the robot's left: high columns, see geometry.py."""
+    return finger(rows, cols, 0.5 * (rows - 1), cols - 3.0, 60.0, width=1.6)
+
+
+def _stroke(t, rows, cols):
+    """A finger drawn across the columns, there and back in 4 s."""
+    phase = 0.5 - 0.5 * np.cos(2 * np.pi * t / 4.0)
+    return finger(rows, cols, 0.5 * (rows - 1), 2.0 + phase * (cols - 5.0), 5.0)
+
+
+_DEMO = (  # start [s], end [s], what is done
+    (1.0, 3.5, _one_finger),
+    (4.5, 8.0, _two_fingers),
+    (9.0, 11.5, _push_left),
+    (12.5, 16.5, _stroke),
+)
+_DEMO_PERIOD = 18.0  # s
+
+
+def _demo(t, rows, cols):
+    """Idle, one finger, two fingers, a push from the left, a stroke; then anew."""
+    t %= _DEMO_PERIOD
+    force = np.zeros((rows, cols))
+    for start, end, scene in _DEMO:
+        level = _pulse(t, start, end)
+        if level > 0.0:
+            force += level * scene(t - start, rows, cols)
+    return force
+
+
+SCRIPTS = {
+    "demo": _demo,
+    "idle": _idle,
+    "one_finger": _one_finger,
+    "two_fingers": _two_fingers,
+    "push_left": _push_left,
+    "stroke": _stroke,
+}
+
+
+def script(name: str, rows: int, cols: int):
+    """A scripted scene: function of the time [s] that gives (rows, cols) force per cell [N].
+
+    Raises:
+        ValueError: an unknown name.
+    """
+    if name not in SCRIPTS:
+        raise ValueError(f"scene {name!r}: must be one of {', '.join(SCRIPTS)}")
+    return lambda t: SCRIPTS[name](t, rows, cols)

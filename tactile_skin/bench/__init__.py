@@ -1,1 +1,1 @@
-"""Measurements: what the package promises in figures, by functions that return plain dicts."""
+"""Measurements: what each method costs and how far it errs, with production code only."""

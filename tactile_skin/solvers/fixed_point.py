@@ -56,6 +56,7 @@ def iterate(reading: Reading, g, steps: int, target: float) -> tuple[np.ndarray,
     d_misfit = np.zeros((_HISTORY, x.size))
     d_image = np.zeros((_HISTORY, x.size))
     g = g.copy()
+    last_misfit, last_image = None, None
     for step in range(steps):
         rho = rho_of(network_inverse(g))[cells]
         error = (circuit.ratio(rho) - adc) * circuit.full_scale

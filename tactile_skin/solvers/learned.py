@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .. import network
 from .estimate import Estimate
 from .judge import judge
 from .reading import Reading
@@ -9,8 +10,6 @@ from .reading import Reading
 
 def cnn(reading: Reading, weights=None, **_) -> Estimate:
     """One pass, no iteration."""
-    from .. import network  # torch takes seconds to import: only where it is used
-
     reading.need_whole("cnn")
     weights = weights or network.shipped("cnn")
     weights.check(reading.circuit, reading.curve)

@@ -15,8 +15,8 @@ from scipy.linalg import blas, lapack
 
 from . import laplacian, suspect
 from . import prior as prior_terms
-from .estimate import Estimate
 from .conjugate_gradients import conjugate_gradients
+from .estimate import Estimate
 from .fixed_point import first_guess, iterate, last_guess
 from .reading import ROUNDING_NOISE, Reading
 
@@ -51,18 +51,21 @@ def map_estimate(reading: Reading, start: Estimate | None = None, prior=None, **
 def _fit(reading: Reading, g: np.ndarray, prior) -> Estimate:
     circuit = reading.circuit
     g, steps = iterate(reading, g, START_STEPS, 2.0 * max(reading.noise, ROUNDING_NOISE))
+    g = _fill(reading, g)
     at_rest = circuit.populated & (g < _NEAR_REST * reading.bounds[0])
     broad = np.count_nonzero(at_rest) < _BROAD * np.count_nonzero(circuit.populated)
     g = np.where(at_rest, reading.bounds[0], g)
     point = _Point.at(reading, g, broad, prior)
     costs = [point.cost]
-    for iteration in range(STEPS):
+    iterations = 0
+    while iterations < STEPS:
+        iterations += 1
         step = _gauss_newton(reading, point)
         point = _descend(reading, point, step, broad, prior, max(costs[-_MEMORY:]))
         costs.append(point.cost)
         if step.gain < _SETTLED or reading.late():
             break
-    converged = step.gain < _SETTLED or iteration == STEPS - 1
+    converged = step.gain < _SETTLED or iterations == STEPS
     with np.errstate(divide="ignore"):
         force = reading.curve.force(1.0 / point.g) * circuit.populated
     std = _spread(reading, point, step, force)
@@ -83,8 +86,24 @@ def _fit(reading: Reading, g: np.ndarray, prior) -> Estimate:
         )
     status = "suspect" if message else "ok"
     if not converged:
-        status, message = "failed", f"no time to converge: stopped after {iteration + 1} steps"
-    return Estimate(force, std, residual, status, message, "map", steps + iteration + 1)
+        status, message = "failed", f"no time to converge: stopped after {iterations} steps"
+    return Estimate(force, std, residual, status, message, "map", steps + iterations)
+
+
+def _fill(reading: Reading, g: np.ndarray) -> np.ndarray:
+    """Start cells whose own reading is missing from the mean of their read neighbours' log g.
+
+    From rest, the prior would take them for holes in a touch.
+    """
+    unread = reading.circuit.populated & ~reading.known & ~reading.capped
+    if not unread.any():
+        return g
+    read = reading.circuit.populated & ~unread
+    count = np.pad(read.astype(float), 1)
+    total = np.pad(np.where(read, np.log(np.where(read, g, 1.0)), 0.0), 1)
+    count, total = (np.lib.stride_tricks.sliding_window_view(a, (3, 3)) for a in (count, total))
+    mean = total.sum((2, 3)) / np.maximum(count.sum((2, 3)), 1.0)
+    return np.where(unread & (count.sum((2, 3)) > 0), np.exp(mean), g)
 
 
 class _Point(NamedTuple):

@@ -13,8 +13,8 @@ import numpy as np
 from scipy.linalg import lapack
 
 from . import laplacian
-from .estimate import Estimate
 from .conjugate_gradients import conjugate_gradients
+from .estimate import Estimate
 from .fixed_point import first_guess, iterate, last_guess
 from .judge import judge
 from .reading import Reading

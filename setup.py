@@ -1,0 +1,36 @@
+from glob import glob
+
+from setuptools import find_packages, setup
+
+package_name = "tactile_skin"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    description="A robot's skin from a low-cost resistive pressure matrix",
+    license="Apache-2.0",
+    maintainer="The tactile_skin developers",
+    maintainer_email="tactile_skin@example.org",
+    python_requires=">=3.10",
+    packages=find_packages(include=[package_name, f"{package_name}.*"]),
+    package_data={package_name: ["weights/*"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
+        (f"share/{package_name}", ["package.xml"]),
+        (f"share/{package_name}/launch", sorted(glob("launch/*.yaml"))),
+        (f"share/{package_name}/config", sorted(glob("config/*.yaml"))),
+    ],
+    install_requires=[
+        "numpy>=1.26",
+        "scipy>=1.11",
+        "torch>=2.1",
+        "pyserial>=3.5",
+        "pyyaml>=6.0",
+    ],
+    extras_require={
+        "progress": ["tqdm>=4.66"],  # of training and benchmarks
+        "test": ["hypothesis>=6.100", "pytest>=8.0", "ruff>=0.15", "tqdm>=4.66"],
+    },
+    entry_points={"console_scripts": ["tactile-skin = tactile_skin.cli:main"]},
+    zip_safe=False,
+)

@@ -1,0 +1,174 @@
+"""The simulated board: the real bytes, on a real serial device (a pseudo-terminal).
+
+It does what the ATmega328P does: scan the matrix, low-pass every sample in integers, send a frame
+now and then. `Board` is the electronics and knows no port; `serve` puts it behind a pty.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import select
+import time
+import tty
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from . import protocol
+from .circuit import Circuit, forward
+from .curve import PressureCurve
+
+SCANS_PER_SECOND = 390  # paper section III-B
+FRAMES_PER_SECOND = 100
+BAUD = 1_000_000  # exact on a 16 MHz ATmega328P; a 16x16 frame of 529 bytes takes 5.3 ms
+
+
+class Board:
+    """The electronics: forward model, ADC noise and rounding, recursive low-pass, framing.
+
+    Args:
+        scene: time since start [s] -> (rows, cols) force per cell [N].
+        noise: RMS noise of one sample, in ADC steps.
+        frames_per_second: frames sent, at most SCANS_PER_SECOND.
+    """
+
+    def __init__(
+        self,
+        circuit: Circuit,
+        curve: PressureCurve,
+        scene: Callable[[float], np.ndarray],
+        noise: float = 1.0,
+        frames_per_second: float = FRAMES_PER_SECOND,
+        seed: int = 0,
+    ):
+        if not 0 < frames_per_second <= SCANS_PER_SECOND:
+            raise ValueError(
+                f"frames_per_second = {frames_per_second!r}: "
+                f"must be above 0, at most {SCANS_PER_SECOND}"
+            )
+        if not noise >= 0:
+            raise ValueError(f"noise = {noise!r} ADC steps: must be 0 or more")
+        self.circuit, self.curve, self.scene = circuit, curve, scene
+        self.noise, self.frames_per_second = noise, frames_per_second
+        self._fraction_bits = min(6, 16 - circuit.adc_bits)
+        self._rng = np.random.default_rng(seed)
+        self.restart()
+
+    def restart(self) -> None:
+        """As the reset line of a real board does when its port is opened."""
+        self._scans = 0
+        self._frames = 0
+        self._filtered: np.ndarray | None = None
+
+    def scan(self) -> bytes:
+        """Read the whole matrix once; the frame if one is due, else nothing."""
+        t = self._scans / SCANS_PER_SECOND
+        force = self.scene(t)
+        adc = forward(self.circuit, self.curve.resistance(force)) * self.circuit.full_scale
+        sample = np.rint(adc + self.noise * self._rng.standard_normal(adc.shape))
+        sample = np.clip(sample, 0, self.circuit.full_scale).astype(np.int32)
+        sample <<= self._fraction_bits
+        if self._filtered is None:
+            self._filtered = sample
+        else:  # y += 3/8 (x - y): in noise like a mean of 4 scans, 5 ms behind
+            self._filtered = self._filtered + ((3 * (sample - self._filtered)) >> 3)
+        self._scans += 1
+        due = int(self._scans * self.frames_per_second / SCANS_PER_SECOND)
+        if due == self._frames:
+            return b""
+        self._frames = due
+        return protocol.encode(
+            due - 1,
+            round(self._scans / SCANS_PER_SECOND * 1e6),
+            self._filtered,
+            self.circuit.adc_bits,
+            self._fraction_bits,
+        )
+
+
+def serve(
+    board: Board,
+    link: Path,
+    running: Callable[[], bool],
+    baud: int = BAUD,
+    on_ready: Callable[[], None] = lambda: None,
+) -> None:
+    """Put the board behind a pty whose name is the symbolic link `link`, in real time.
+
+    As on a USB board, opening the port restarts it, and what nobody reads is lost. A pty knows no
+    baud rate, so the bytes are paced here. Returns when `running()` is no longer true; calls
+    `on_ready()` once the link is there.
+
+    Raises:
+        FileNotFoundError: there is no folder for `link`.
+        FileExistsError: `link` is there and no symbolic link.
+    """
+    if link.exists() and not link.is_symlink():
+        raise FileExistsError(f"{link} exists and is not a link to a simulated board")
+    if not link.parent.is_dir():
+        raise FileNotFoundError(f"{link.parent}: no such folder for a link to a simulated board")
+    master, slave = os.openpty()
+    try:
+        tty.setraw(slave)
+        name = os.ttyname(slave)
+        os.close(slave)  # from here on the master's end tells whether somebody has the port open
+        os.set_blocking(master, False)
+        part = link.with_name(f"{link.name}.{os.getpid()}")
+        part.symlink_to(name)
+        part.replace(link)
+        try:
+            on_ready()
+            _pump(board, master, running, baud)
+        finally:
+            if link.is_symlink() and os.readlink(link) == name:
+                link.unlink()
+    finally:
+        os.close(master)
+
+
+def _pump(board: Board, master: int, running: Callable[[], bool], baud: int) -> None:
+    tick = 1.0 / SCANS_PER_SECOND
+    bytes_per_tick = baud / 10 * tick  # 8N1: ten bits a byte
+    poller = select.poll()
+    poller.register(master, select.POLLIN)
+    connected = False
+    pending = bytearray()
+    allowance = 0.0
+    next_tick = time.monotonic()
+    while running():
+        next_tick += tick
+        time.sleep(max(0.0, next_tick - time.monotonic()))
+        events = dict(poller.poll(0)).get(master, 0)
+        was, connected = connected, not events & select.POLLHUP
+        if not connected:
+            next_tick = time.monotonic()
+            continue
+        if not was:
+            board.restart()
+            pending.clear()
+            allowance, next_tick = 0.0, time.monotonic()
+        if events & select.POLLIN:
+            _read_away(master)
+        pending += board.scan()
+        allowance = min(allowance + bytes_per_tick, len(pending))
+        n = int(allowance)
+        if n:
+            try:
+                written = os.write(master, pending[:n])
+            except OSError as error:  # the reader lags, or left between poll and write
+                if error.errno not in (errno.EAGAIN, errno.EIO):
+                    raise
+                written = n  # like a UART: what is not taken is gone
+            del pending[:written]
+            allowance -= written
+
+
+def _read_away(master: int) -> None:
+    """The board takes no commands; unread input would stop the pty."""
+    try:
+        os.read(master, 4096)
+    except OSError as error:
+        if error.errno not in (errno.EAGAIN, errno.EIO):
+            raise

@@ -1,0 +1,232 @@
+"""The command `tactile-skin`."""
+
+from __future__ import annotations
+
+import os
+
+# The matrices are small: more threads would only wait for one another. Before NumPy is imported.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import argparse
+import contextlib
+import logging
+import signal
+import sys
+import threading
+from pathlib import Path
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run one command; returns the exit status: 0, 1 for a run that failed, 2 for a mistake."""
+    args = _parser().parse_args(argv)
+    logging.basicConfig(
+        level=logging.INFO, format="%(levelname)s %(name)s: %(message)s", stream=sys.stderr
+    )
+    from .training import TrainingDied
+
+    try:
+        return args.run(args)
+    except KeyboardInterrupt:
+        return 130
+    except (ValueError, OSError, ModuleNotFoundError) as error:
+        print(f"tactile-skin {args.command}: error: {error}", file=sys.stderr)
+        return 2
+    except TrainingDied as error:
+        print(f"tactile-skin {args.command}: {error}", file=sys.stderr)
+        return 1
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="tactile-skin",
+        description="A robot's skin from a low-cost resistive pressure matrix.",
+    )
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    def command(name, run, text, **kwargs):
+        sub = commands.add_parser(
+            name,
+            help=text,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+            description=text,
+            **kwargs,
+        )
+        sub.set_defaults(run=run)
+        return sub
+
+    sub = command(
+        "launch",
+        _launch,
+        "start the skin that a launch file describes; without one, the demo on a simulated board",
+        epilog="examples:\n"
+        "  tactile-skin launch duration:=20\n"
+        "  tactile-skin launch launch/skin.launch.yaml port:=/dev/ttyUSB0\n"
+        "  tactile-skin launch scene:=two_fingers method:=naive\n"
+        "  tactile-skin launch --show-args launch/skin.launch.yaml",
+    )
+    sub.add_argument(
+        "words", nargs="*", metavar="FILE | NAME:=VALUE", help="launch file; arguments"
+    )
+    sub.add_argument("-s", "--show-args", action="store_true", help="print its arguments and end")
+
+    sub = command(
+        "sim",
+        _sim,
+        "a simulated board: the real bytes on a pseudo-terminal that any serial program can open",
+        epilog="example:\n  tactile-skin sim --link /tmp/skin --scene two_fingers",
+    )
+    from . import scenes
+
+    sub.add_argument(
+        "--link", type=Path, required=True, help="symbolic link to make, the port to open"
+    )
+    sub.add_argument(
+        "--scene", default="demo", help=f"what it feels: {', '.join(scenes.SCRIPTS)} (default demo)"
+    )
+    sub.add_argument("--config", type=Path, help="parameter file with circuit and curve")
+    sub.add_argument(
+        "--noise", type=float, default=1.0, help="RMS of a sample, in ADC steps (default 1)"
+    )
+    sub.add_argument("--rate", type=float, default=100.0, help="frames a second (default 100)")
+    sub.add_argument(
+        "--baud", type=int, default=1_000_000, help="pace of the bytes (default 1000000)"
+    )
+    sub.add_argument("--seed", type=int, default=0, help="of the noise (default 0)")
+
+    sub = command(
+        "train",
+        _train,
+        "train the paper's network for your board: its circuit and curve from a parameter file",
+        epilog="A run that was stopped goes on when started again with the same --out.\n"
+        "examples:\n"
+        "  tactile-skin train --config config/skin.yaml --out my_weights\n"
+        "  tactile-skin launch launch/skin.launch.yaml config:=mine.yaml  # weights: in mine.yaml",
+    )
+    sub.add_argument("--config", type=Path, help="parameter file with circuit and curve")
+    sub.add_argument("--out", type=Path, default=Path("weights"), help="folder (default weights)")
+    sub.add_argument("--restart", action="store_true", help="ignore the checkpoint in --out")
+    sub.add_argument(
+        "--threads", type=int, default=os.cpu_count(), help="of the processor (default: all)"
+    )
+    import dataclasses
+
+    from .training import TrainingConfig
+
+    for item in dataclasses.fields(TrainingConfig):
+        kind = {"int": int, "float": float, "str": str}[item.type]
+        sub.add_argument(
+            f"--{item.name}", type=kind, default=item.default, help=f"default {item.default}"
+        )
+
+    sub = command(
+        "bench",
+        _bench,
+        "measure every method: error, ghosts and time, on fresh frames of each scene family",
+        epilog="Times are multiples of y, one dense solve of 257 equations in the same run.\n"
+        "example:\n  tactile-skin bench --quick --json figures.json",
+    )
+    sub.add_argument("--quick", action="store_true", help="30 frames a case, not 300")
+    sub.add_argument("--seed", type=int, default=None, help="of the frames (default: a new one)")
+    sub.add_argument("--json", type=Path, help="file for the figures")
+    return parser
+
+
+def _launch(args) -> int:
+    from . import launch
+
+    files = [word for word in args.words if ":=" not in word]
+    if len(files) > 1:
+        raise ValueError(f"one launch file, not {len(files)}: {' '.join(files)}")
+    arguments = dict(word.split(":=", 1) for word in args.words if ":=" in word)
+    plan = launch.read_plan(launch.find(files[0] if files else "demo.launch.yaml"), arguments)
+    if args.show_args:
+        for argument in plan.arguments.values():
+            print(f"{argument.name}:={argument.default}\n    {argument.description}")
+        return 0
+    skin = launch.Skin(plan)
+    signal.signal(signal.SIGTERM, lambda *_: skin.shutdown())
+    with skin, contextlib.suppress(KeyboardInterrupt):
+        skin.spin()
+    return 1 if skin.failed else 0
+
+
+def _skin_of(config: Path | None):
+    """Circuit and curve of a parameter file, as the compensation node would read them."""
+    from .bus import Context, Node
+    from .config import ParameterFile, circuit_of, curve_of
+
+    overrides = ParameterFile(config).overrides("/compensation") if config else []
+    node = Node("compensation", context=Context(), parameter_overrides=overrides)
+    return circuit_of(node), curve_of(node)
+
+
+def _sim(args) -> int:
+    from . import board, scenes
+
+    circuit, curve = _skin_of(args.config)
+    scene = scenes.script(args.scene, *circuit.shape)
+    simulated = board.Board(circuit, curve, scene, args.noise, args.rate, args.seed)
+    done = threading.Event()
+    for name in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(name, lambda *_: done.set())
+
+    def ready():
+        print(f"simulated board on {args.link}, scene {args.scene}", file=sys.stderr)
+
+    board.serve(simulated, args.link, lambda: not done.is_set(), args.baud, ready)
+    return 0
+
+
+def _train(args) -> int:
+    import dataclasses
+
+    import torch
+
+    from . import training
+
+    tqdm = _tqdm()
+    if args.threads < 1:
+        raise ValueError(f"--threads = {args.threads}: must be 1 or more")
+    torch.set_num_threads(args.threads)
+    circuit, curve = _skin_of(args.config)
+    names = [item.name for item in dataclasses.fields(training.TrainingConfig)]
+    config = training.TrainingConfig(**{name: getattr(args, name) for name in names})
+
+    def track(items, desc):
+        return tqdm(items, desc=desc, leave=False, disable=None)
+
+    path = training.train(
+        circuit, curve, config, args.out, not args.restart, track, lambda text: tqdm.write(text)
+    )
+    print(f"weights: {path}")
+    return 0
+
+
+def _bench(args) -> int:
+    import json
+
+    from .bench import methods
+
+    seed = int.from_bytes(os.urandom(4), "little") if args.seed is None else args.seed
+    tqdm = _tqdm()
+    result = methods.measure(
+        30 if args.quick else 300, seed, lambda cases: tqdm(cases, desc="cases", disable=None)
+    )
+    print(methods.table(result))
+    if args.json:
+        args.json.write_text(json.dumps(result, indent=1))
+    return 0
+
+
+def _tqdm():
+    try:
+        from tqdm import tqdm
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            "long work shows its progress by tqdm: pip install 'tactile_skin[progress]'"
+        ) from error
+    return tqdm
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,120 @@
+"""Parameters of the nodes as the things that the pure modules work with, and ROS 2 YAML files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from .bus import FloatingPointRange, IntegerRange, Node, Parameter, ParameterDescriptor
+from .circuit import Circuit
+from .curve import PressureCurve
+from .geometry import Geometry, make_geometry
+
+
+def describe(text: str, low=None, high=None) -> ParameterDescriptor:
+    """A parameter's description, and its range where it has one."""
+    if low is None:
+        return ParameterDescriptor(text)
+    if isinstance(low, int):
+        return ParameterDescriptor(text, integer_range=[IntegerRange(low, high)])
+    return ParameterDescriptor(text, floating_point_range=[FloatingPointRange(low, high)])
+
+
+def circuit_of(node: Node) -> Circuit:
+    """The circuit from the node's parameters ``circuit.*``."""
+
+    def value(name, default, *bounds):
+        return node.declare_parameter(f"circuit.{name}", default, describe(*bounds)).value
+
+    rows = value("rows", 16, "row stripes", 1, 64)
+    cols = value("cols", 16, "column stripes", 1, 64)
+    r_ref = value("r_ref", 1780.0, "reference resistor [ohm]", 1.0, 1e7)
+    r_par = value("r_par", 326.0, "series resistance of the multiplexers [ohm]", 0.0, 1e6)
+    adc_bits = value("adc_bits", 10, "width of the ADC", 4, 16)
+    mask = value("mask", "", "cells that exist: a word of 0 and 1 per row; empty: all")
+    return Circuit(rows, cols, r_ref, r_par, adc_bits, mask_of(mask))
+
+
+def mask_of(text: str) -> np.ndarray | None:
+    """ "110 011" -> (rows, cols) bool; empty: None, all cells exist."""
+    words = text.split()
+    if any(set(word) - {"0", "1"} or len(word) != len(words[0]) for word in words):
+        raise ValueError(f"circuit.mask = {text!r}: must be words of 0 and 1, one per row")
+    return np.array([[c == "1" for c in word] for word in words]) if words else None
+
+
+def curve_of(node: Node) -> PressureCurve:
+    """The curve from the node's parameters ``curve.force`` [N] and ``curve.resistance`` [ohm]."""
+    default = PressureCurve().describe()
+    force = node.declare_parameter("curve.force", default["force"], describe("[N] per cell"))
+    resistance = node.declare_parameter("curve.resistance", default["resistance"])
+    return PressureCurve(force.value, resistance.value)
+
+
+def geometry_of(node: Node, circuit: Circuit) -> Geometry:
+    """The geometry from the node's parameters ``geometry.*``."""
+
+    def value(name, default, *bounds):
+        return node.declare_parameter(f"geometry.{name}", default, describe(*bounds)).value
+
+    return make_geometry(
+        value("shape", "plane", "plane or cylinder"),
+        circuit.rows,
+        circuit.cols,
+        value("pitch", 0.018, "between neighbouring cells [m]", 1e-4, 1.0),
+        value("cell_area", 0.012**2, "that senses, of one cell [m^2]", 1e-8, 1.0),
+        value("radius", 0.15, "of the cylinder [m]", 1e-3, 100.0),
+        value("translation", [0.0, 0.0, 0.0], "of the skin in the base frame [m]"),
+        value("rpy", [0.0, 0.0, 0.0], "of the skin in the base frame [rad]"),
+    )
+
+
+class ParameterFile:
+    """A ROS 2 parameter file: ``node_name: {ros__parameters: {...}}``, ``/**`` for every node.
+
+    Raises:
+        ValueError: not such a file; the message names the file and the key.
+        OSError: it cannot be read.
+    """
+
+    def __init__(self, path):
+        self.path = Path(path)
+        try:
+            data = yaml.safe_load(self.path.read_text()) or {}
+        except yaml.YAMLError as error:
+            raise ValueError(f"{path}: {yaml_trouble(error)}") from error
+        if not isinstance(data, dict):
+            raise ValueError(f"{path}: must map node names to ros__parameters")
+        self.sections: dict[str, dict] = {}
+        for name, section in data.items():
+            if not isinstance(section, dict) or set(section) != {"ros__parameters"}:
+                raise ValueError(f"{path}: {name}: must hold ros__parameters and nothing else")
+            self.sections[str(name)] = _flat(section["ros__parameters"] or {}, path, name)
+
+    def overrides(self, node: str) -> list[Parameter]:
+        """What the file says for the node of this full name, its own section last."""
+        found = {}
+        for name in ("/**", node.lstrip("/"), "/" + node.lstrip("/")):
+            found |= self.sections.get(name, {})
+        return [Parameter(key, value) for key, value in found.items()]
+
+
+def yaml_trouble(error: yaml.YAMLError) -> str:
+    """A YAML error on one line."""
+    mark = getattr(error, "problem_mark", None)
+    where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
+    return f"not valid YAML: {where}{getattr(error, 'problem', None) or error}"
+
+
+def _flat(tree: dict, path, prefix: str, under: str = "") -> dict:
+    if not isinstance(tree, dict):
+        raise ValueError(f"{path}: {prefix}: must map names to values")
+    flat = {}
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            flat |= _flat(value, path, f"{prefix}.{key}", f"{under}{key}.")
+        else:
+            flat[f"{under}{key}"] = value
+    return flat

@@ -1,0 +1,442 @@
+"""Start the nodes that a ROS 2 YAML launch file names, all in this process.
+
+    with launch("launch/skin.launch.yaml", port="/dev/ttyUSB0") as skin:
+        skin.on_stop(lambda stop, reason: print(stop, reason))
+        skin.spin()
+
+The grammar is the part of ROS 2's that the skin needs; `ros2 launch` reads the same files. What
+is not understood is refused by name.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import re
+import shlex
+import subprocess
+import sys
+import uuid
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import yaml
+
+from .bus import Context, MultiThreadedExecutor, Node, Parameter
+from .config import ParameterFile, yaml_trouble
+from .msg import DiagnosticArray, DiagnosticStatus
+from .nodes.stop_on_push import LATCHED, STATUS_TOPIC
+
+PACKAGE = "tactile_skin"
+NODES = {  # exec -> class, imported when it is started
+    "serial_driver": "serial_driver.SerialDriver",
+    "compensation": "compensation.Compensation",
+    "gesture_feature": "gesture_feature.GestureFeature",
+    "stop_on_push": "stop_on_push.StopOnPush",
+    "monitor": "monitor.Monitor",
+}
+
+
+class LaunchError(ValueError):
+    """A launch file or argument that cannot be carried out; the message names file and key."""
+
+
+def share_dir() -> Path:
+    """Where launch/ and config/ are: the source tree, or share/tactile_skin of the installation."""
+    here = Path(__file__).resolve()
+    for parent in here.parents[1:]:
+        for place in (parent, parent / "share" / PACKAGE):
+            if (place / "package.xml").is_file() and (place / "launch").is_dir():
+                return place
+    raise LaunchError(f"the launch and config folders of {PACKAGE} are not beside {here}")
+
+
+def find(path) -> Path:
+    """A launch file as given, or by its name among those that come with the package."""
+    shipped = share_dir() / "launch" / Path(path).name
+    return shipped if not Path(path).exists() and shipped.exists() else Path(path)
+
+
+# --- the file -------------------------------------------------------------------------------------
+
+
+@dataclass
+class Argument:
+    name: str
+    default: str | None
+    description: str
+
+
+@dataclass
+class NodeAction:
+    executable: str
+    name: str
+    namespace: str
+    parameters: list  # in order: ParameterFile or (name, value)
+    remappings: list[tuple[str, str]]
+
+
+@dataclass
+class Plan:
+    """What a launch file, with its arguments filled in, asks for."""
+
+    nodes: list[NodeAction] = field(default_factory=list)
+    commands: list[list[str]] = field(default_factory=list)
+    arguments: dict[str, Argument] = field(default_factory=dict)
+
+
+_KEYS = {  # entity -> keys that are understood; of these, the last tuple's say nothing in-process
+    "arg": ({"name", "default", "description"}, set()),
+    "let": ({"name", "value"}, set()),
+    "node": ({"pkg", "exec", "name", "namespace", "param", "remap", "if", "unless"}, {"output"}),
+    "executable": ({"cmd", "if", "unless"}, {"output", "name"}),
+    "include": ({"file", "arg", "if", "unless"}, set()),
+}
+
+
+def read_plan(path, arguments: dict[str, str]) -> Plan:
+    """Read a launch file and fill in its arguments.
+
+    Raises:
+        LaunchError: an unknown entity, key, substitution or argument, or a value that is missing.
+    """
+    plan = Plan()
+    _read_file(Path(path), arguments, plan, anonymous={}, top=True)
+    return plan
+
+
+def _read_file(path: Path, given: dict[str, str], plan: Plan, anonymous, top=False) -> None:
+    try:
+        data = yaml.safe_load(path.read_text())
+    except OSError as error:
+        raise LaunchError(f"launch file {path}: {error.strerror}") from error
+    except yaml.YAMLError as error:
+        raise LaunchError(f"launch file {path}: {yaml_trouble(error)}") from error
+    if (
+        not isinstance(data, dict)
+        or set(data) != {"launch"}
+        or not isinstance(data["launch"], list)
+    ):
+        raise LaunchError(f"launch file {path}: must hold one list named launch")
+    variables = {}
+    declared = {}
+
+    def fill(value):
+        return _substitute(str(value), variables, path, anonymous)
+
+    for entity in data["launch"]:
+        if not isinstance(entity, dict) or len(entity) != 1:
+            raise LaunchError(f"{path}: {entity!r}: must be one of {', '.join(_KEYS)}")
+        ((kind, body),) = entity.items()
+        if kind not in _KEYS:
+            raise LaunchError(f"{path}: {kind}: not understood; must be one of {', '.join(_KEYS)}")
+        if not isinstance(body, dict):
+            raise LaunchError(f"{path}: {kind}: must map keys to values")
+        known, ignored = _KEYS[kind]
+        unknown = sorted(set(body) - known - ignored)
+        if unknown:
+            raise LaunchError(
+                f"{path}: {kind}: key {unknown[0]!r} is not understood; "
+                f"must be one of {', '.join(sorted(known | ignored))}"
+            )
+        if not _wanted(body, fill, path, kind):
+            continue
+        if kind == "arg":
+            name, default = _need(body, "name", path, kind), body.get("default")
+            declared[name] = Argument(
+                name, None if default is None else fill(default), body.get("description", "")
+            )
+            value = given.get(name, declared[name].default)
+            if value is None:
+                raise LaunchError(f"{path}: argument {name} has no default: give {name}:=value")
+            variables[name] = value
+        elif kind == "let":
+            variables[_need(body, "name", path, kind)] = fill(_need(body, "value", path, kind))
+        elif kind == "executable":
+            plan.commands.append(shlex.split(fill(_need(body, "cmd", path, kind))))
+        elif kind == "include":
+            passed = {}
+            for item in _maps(body, "arg", path, kind):
+                if set(item) != {"name", "value"}:
+                    raise LaunchError(f"{path}: include: arg {item!r}: needs name and value")
+                passed[item["name"]] = fill(item["value"])
+            _read_file(Path(fill(_need(body, "file", path, kind))), passed, plan, anonymous)
+        else:
+            plan.nodes.append(_node(body, fill, path))
+    unknown = sorted(set(given) - set(declared))
+    if unknown:
+        allowed = ", ".join(declared) or "none"
+        raise LaunchError(f"{path}: argument {unknown[0]!r} is unknown; there are: {allowed}")
+    if top:
+        plan.arguments = declared
+
+
+def _need(body: dict, key: str, path: Path, kind: str):
+    if key not in body:
+        raise LaunchError(f"{path}: {kind}: needs the key {key!r}")
+    return body[key]
+
+
+def _maps(body: dict, key: str, path: Path, kind: str) -> list[dict]:
+    items = body.get(key, [])
+    if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
+        raise LaunchError(f"{path}: {kind}: {key} = {items!r}: must be a list of maps")
+    return items
+
+
+def _wanted(body: dict, fill, path: Path, kind: str) -> bool:
+    for key, wish in (("if", True), ("unless", False)):
+        if key in body:
+            text = fill(body[key]).strip().lower()
+            if text not in ("true", "false", "1", "0"):
+                raise LaunchError(f"{path}: {kind}: {key} = {text!r}: must be true or false")
+            if (text in ("true", "1")) is not wish:
+                return False
+    return True
+
+
+def _node(body: dict, fill, path: Path) -> NodeAction:
+    package, executable = (fill(_need(body, key, path, "node")) for key in ("pkg", "exec"))
+    if package != PACKAGE or executable not in NODES:
+        raise LaunchError(
+            f"{path}: node {package}/{executable}: in-process there are only "
+            f"{', '.join(f'{PACKAGE}/{name}' for name in NODES)}; start others as executable"
+        )
+    parameters = []
+    for item in _maps(body, "param", path, "node"):
+        if set(item) == {"from"}:
+            parameters.append(ParameterFile(fill(item["from"])))
+        elif set(item) == {"name", "value"}:
+            value = item["value"]
+            if isinstance(value, str):  # ROS 2 reads a value that comes from a substitution as YAML
+                try:
+                    value = yaml.safe_load(fill(value))
+                except yaml.YAMLError as error:
+                    raise LaunchError(
+                        f"{path}: node {executable}: param {item['name']} = {fill(value)!r}: "
+                        "not valid YAML"
+                    ) from error
+            parameters.append((item["name"], value))
+        else:
+            raise LaunchError(
+                f"{path}: node {executable}: param {item!r}: needs from, or name, value"
+            )
+    remappings = []
+    for item in _maps(body, "remap", path, "node"):
+        if set(item) != {"from", "to"}:
+            raise LaunchError(f"{path}: node {executable}: remap {item!r}: needs from and to")
+        remappings.append((fill(item["from"]), fill(item["to"])))
+    name = fill(body.get("name", executable))
+    return NodeAction(executable, name, fill(body.get("namespace", "")), parameters, remappings)
+
+
+_SUBSTITUTION = re.compile(r"\$\(([\w-]+)((?:\s+[^()\s]+)*)\)")
+
+
+def _substitute(text: str, variables: dict, path: Path, anonymous: dict) -> str:
+    """Fill in $(var x), $(env X default), $(dirname), $(anon x), $(find-pkg-share pkg)."""
+
+    def value(match: re.Match) -> str:
+        kind, words = match[1], match[2].split()
+        if kind == "var" and len(words) == 1:
+            if words[0] not in variables:
+                known = ", ".join(variables) or "none"
+                raise LaunchError(f"{path}: $(var {words[0]}): not known here; there are: {known}")
+            return variables[words[0]]
+        if kind == "env" and len(words) in (1, 2):
+            found = os.environ.get(*words)
+            if found is None:
+                raise LaunchError(f"{path}: $(env {words[0]}): not set, and no default given")
+            return found
+        if kind == "dirname" and not words:
+            return str(path.resolve().parent)
+        if kind == "anon" and len(words) == 1:
+            name = f"{words[0]}_{os.getpid()}_{uuid.uuid4().hex[:8]}"
+            return anonymous.setdefault(words[0], name)
+        if kind == "find-pkg-share" and words == [PACKAGE]:
+            return str(share_dir())
+        raise LaunchError(
+            f"{path}: {match[0]}: not understood; must be $(var x), $(env X [default]), "
+            f"$(dirname), $(anon x) or $(find-pkg-share {PACKAGE})"
+        )
+
+    filled = _SUBSTITUTION.sub(value, text)
+    if "$(" in filled:
+        raise LaunchError(f"{path}: {text!r}: a substitution that is not understood")
+    return filled
+
+
+# --- the running skin -----------------------------------------------------------------------------
+
+
+class Skin:
+    """The nodes and commands of a launch file, running until `spin` ends; use it with `with`.
+
+    Attributes:
+        node: for subscriptions of your own; its callbacks have a thread of their own.
+    """
+
+    def __init__(self, plan: Plan, context: Context | None = None):
+        self._context = context or Context()
+        self._executor = MultiThreadedExecutor()
+        self._plan = plan
+        self._handles: list[Node] = []
+        self._nodes: list = []
+        self._processes: list[subprocess.Popen] = []
+        self._hooks = 0
+        self.node = Node("user", context=self._context)
+
+    def __enter__(self) -> Skin:
+        try:
+            for command in self._plan.commands:
+                self._processes.append(_start(command))
+            for action in self._plan.nodes:
+                handle = self._handle(action)
+                self._handles.append(handle)
+                self._nodes.append(_node_class(action.executable)(handle))
+            self._check_overrides()
+        except BaseException:
+            self.__exit__()
+            raise
+        for handle in (*self._handles, self.node):
+            self._executor.add_node(handle)
+        return self
+
+    def __exit__(self, *_) -> None:
+        """Stop in the way of the data: what is on its way still arrives."""
+        self._context.try_shutdown()
+        for handle, node in zip(self._handles, self._nodes, strict=False):
+            if hasattr(node, "close"):
+                try:
+                    node.close()
+                except Exception:  # a closed stdout, say: the others must still close
+                    handle.get_logger().exception("close() raised")
+                self._executor.drain()
+        self._executor.shutdown()
+        for process in self._processes:
+            process.terminate()
+        for process in self._processes:
+            try:
+                process.wait(3.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+    def spin(self, timeout: float | None = None) -> None:
+        """Wait until a node ends the launch, a command fails, or `timeout` seconds went by.
+
+        Raises:
+            LaunchError: a command of the launch file ended by itself with an error.
+        """
+        waited = 0.0
+        while timeout is None or waited < timeout:
+            step = 0.25 if timeout is None else min(0.25, timeout - waited)
+            if self._context.wait(step):
+                return
+            waited += step
+            for process in self._processes:
+                if process.poll() not in (None, 0):
+                    raise LaunchError(
+                        f"{shlex.join(process.args)}: ended with {process.returncode}"
+                    )
+
+    def shutdown(self) -> None:
+        """Make `spin` return."""
+        self._context.try_shutdown()
+
+    @property
+    def failed(self) -> bool:
+        """Whether a node says that the run was in vain."""
+        return any(getattr(node, "failed", False) for node in self._nodes)
+
+    def on_stop(self, hook: Callable[[bool, str], None]) -> None:
+        """Call hook(stop, reason) now and at each change, in a thread of its own.
+
+        A hook that raises or hangs delays neither the stop nor other hooks.
+        """
+        self._hooks += 1
+        node = Node(f"stop_hook_{self._hooks}", context=self._context)
+        last: list[tuple[bool, str]] = []
+
+        def on_status(message: DiagnosticArray) -> None:
+            status = message.status[0]
+            now = (status.level != DiagnosticStatus.OK, status.message)
+            if last != [now]:
+                last[:] = [now]
+                hook(*now)
+
+        node.create_subscription(DiagnosticArray, STATUS_TOPIC, on_status, LATCHED)
+        self._executor.add_node(node)
+
+    def _handle(self, action: NodeAction) -> Node:
+        full_name = f"{action.namespace}/{action.name}"
+        values: dict[str, Parameter] = {}
+        for item in action.parameters:
+            if isinstance(item, ParameterFile):
+                found = item.overrides(full_name)
+            else:
+                found = [Parameter(*item)]
+            values |= {p.name: p for p in found}
+        remap = [word for pair in action.remappings for word in ("-r", ":=".join(pair))]
+        return Node(
+            action.name,
+            context=self._context,
+            cli_args=remap,
+            namespace=action.namespace,
+            parameter_overrides=list(values.values()),
+        )
+
+    def _check_overrides(self) -> None:
+        """Refuse names in parameter files and launch files that no node knows."""
+        declared = {name for handle in self._handles for name in handle.parameter_names()}
+        names = {h.get_fully_qualified_name() for h in self._handles}
+        shipped = {f"/{name}" for name in NODES}
+        for action, handle in zip(self._plan.nodes, self._handles, strict=True):
+            own = set(handle.undeclared())
+            for item in action.parameters:
+                if not isinstance(item, ParameterFile):
+                    if item[0] in own:
+                        raise _unknown("launch file", item[0], handle.parameter_names())
+                    continue
+                for section, values in item.sections.items():
+                    full = "/" + section.lstrip("/")
+                    if section != "/**" and full not in names | shipped:
+                        raise LaunchError(f"{item.path}: {section}: no such node in this launch")
+                    mine = full == handle.get_fully_qualified_name()
+                    allowed = declared if section == "/**" else set(handle.parameter_names())
+                    unknown = sorted(set(values) - allowed)
+                    if unknown and (mine or section == "/**"):
+                        raise _unknown(f"{item.path}: {section}", unknown[0], allowed)
+
+
+def _unknown(where: str, key: str, allowed) -> LaunchError:
+    return LaunchError(
+        f"{where}: parameter {key!r} is unknown; there are: {', '.join(sorted(allowed))}"
+    )
+
+
+def _node_class(executable: str):
+    module, name = NODES[executable].split(".")
+    return getattr(importlib.import_module(f".nodes.{module}", __package__), name)
+
+
+def _start(command: list[str]) -> subprocess.Popen:
+    """Start a command; the tools of this Python's environment come first on its PATH."""
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+    try:
+        # a session of its own: Ctrl-C ends the nodes first, and they end the command
+        return subprocess.Popen(command, env=os.environ | {"PATH": path}, start_new_session=True)
+    except OSError as error:
+        raise LaunchError(f"executable {shlex.join(command)}: {error.strerror}") from error
+
+
+def launch(path=None, context: Context | None = None, **arguments) -> Skin:
+    """The skin of a launch file, ready for `with`.
+
+    Args:
+        path: ROS 2 YAML launch file; None: the demo on a simulated board.
+        arguments: of the launch file, as on the command line after ``:=``.
+    """
+    arguments = {key: str(value) for key, value in arguments.items()}
+    return Skin(read_plan(find(path or "demo.launch.yaml"), arguments), context)

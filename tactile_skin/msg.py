@@ -1,0 +1,222 @@
+"""The ROS messages that the skin speaks: ROS's own field names, types and defaults.
+
+Plain dataclasses, so that a node's code reads the same in-process and on real ROS. `TYPE` is the
+ROS 2 name of each. A published message is shared by all its subscribers: treat it as read-only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+# --- builtin_interfaces, std_msgs ---------------------------------------------------------------
+
+
+@dataclass
+class Time:
+    TYPE: ClassVar[str] = "builtin_interfaces/msg/Time"
+    sec: int = 0
+    nanosec: int = 0
+
+
+@dataclass
+class Header:
+    TYPE: ClassVar[str] = "std_msgs/msg/Header"
+    stamp: Time = field(default_factory=Time)
+    frame_id: str = ""
+
+
+@dataclass
+class Bool:
+    TYPE: ClassVar[str] = "std_msgs/msg/Bool"
+    data: bool = False
+
+
+@dataclass
+class Float32:
+    TYPE: ClassVar[str] = "std_msgs/msg/Float32"
+    data: float = 0.0
+
+
+# --- geometry_msgs ------------------------------------------------------------------------------
+
+
+@dataclass
+class Vector3:
+    TYPE: ClassVar[str] = "geometry_msgs/msg/Vector3"
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+
+
+@dataclass
+class Point:
+    TYPE: ClassVar[str] = "geometry_msgs/msg/Point"
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+
+
+@dataclass
+class Vector3Stamped:
+    TYPE: ClassVar[str] = "geometry_msgs/msg/Vector3Stamped"
+    header: Header = field(default_factory=Header)
+    vector: Vector3 = field(default_factory=Vector3)
+
+
+@dataclass
+class PointStamped:
+    TYPE: ClassVar[str] = "geometry_msgs/msg/PointStamped"
+    header: Header = field(default_factory=Header)
+    point: Point = field(default_factory=Point)
+
+
+@dataclass
+class Wrench:
+    TYPE: ClassVar[str] = "geometry_msgs/msg/Wrench"
+    force: Vector3 = field(default_factory=Vector3)
+    torque: Vector3 = field(default_factory=Vector3)
+
+
+@dataclass
+class WrenchStamped:
+    TYPE: ClassVar[str] = "geometry_msgs/msg/WrenchStamped"
+    header: Header = field(default_factory=Header)
+    wrench: Wrench = field(default_factory=Wrench)
+
+
+# --- sensor_msgs --------------------------------------------------------------------------------
+
+
+@dataclass
+class Image:
+    TYPE: ClassVar[str] = "sensor_msgs/msg/Image"
+    header: Header = field(default_factory=Header)
+    height: int = 0
+    width: int = 0
+    encoding: str = ""
+    is_bigendian: int = 0
+    step: int = 0
+    data: bytes = b""
+
+
+@dataclass
+class PointField:
+    TYPE: ClassVar[str] = "sensor_msgs/msg/PointField"
+    INT8: ClassVar[int] = 1
+    UINT8: ClassVar[int] = 2
+    INT16: ClassVar[int] = 3
+    UINT16: ClassVar[int] = 4
+    INT32: ClassVar[int] = 5
+    UINT32: ClassVar[int] = 6
+    FLOAT32: ClassVar[int] = 7
+    FLOAT64: ClassVar[int] = 8
+    name: str = ""
+    offset: int = 0
+    datatype: int = 0
+    count: int = 0
+
+
+@dataclass
+class PointCloud2:
+    TYPE: ClassVar[str] = "sensor_msgs/msg/PointCloud2"
+    header: Header = field(default_factory=Header)
+    height: int = 0
+    width: int = 0
+    fields: list[PointField] = field(default_factory=list)
+    is_bigendian: bool = False
+    point_step: int = 0
+    row_step: int = 0
+    data: bytes = b""
+    is_dense: bool = False
+
+
+# --- diagnostic_msgs ----------------------------------------------------------------------------
+
+
+@dataclass
+class KeyValue:
+    TYPE: ClassVar[str] = "diagnostic_msgs/msg/KeyValue"
+    key: str = ""
+    value: str = ""
+
+
+@dataclass
+class DiagnosticStatus:
+    TYPE: ClassVar[str] = "diagnostic_msgs/msg/DiagnosticStatus"
+    OK: ClassVar[int] = 0
+    WARN: ClassVar[int] = 1
+    ERROR: ClassVar[int] = 2
+    STALE: ClassVar[int] = 3
+    level: int = 0
+    name: str = ""
+    message: str = ""
+    hardware_id: str = ""
+    values: list[KeyValue] = field(default_factory=list)
+
+
+@dataclass
+class DiagnosticArray:
+    TYPE: ClassVar[str] = "diagnostic_msgs/msg/DiagnosticArray"
+    header: Header = field(default_factory=Header)
+    status: list[DiagnosticStatus] = field(default_factory=list)
+
+
+# --- std_srvs -----------------------------------------------------------------------------------
+
+
+class Trigger:
+    TYPE: ClassVar[str] = "std_srvs/srv/Trigger"
+
+    @dataclass
+    class Request:
+        pass
+
+    @dataclass
+    class Response:
+        success: bool = False
+        message: str = ""
+
+
+# --- arrays in and out of messages --------------------------------------------------------------
+
+_ENCODINGS = {"16UC1": np.dtype("<u2"), "32FC1": np.dtype("<f4")}
+
+
+def image(array: np.ndarray, encoding: str, header: Header) -> Image:
+    """(rows, cols) array -> Image, row-major, little-endian."""
+    data = np.ascontiguousarray(array, _ENCODINGS[encoding])
+    height, width = data.shape
+    return Image(header, height, width, encoding, 0, width * data.itemsize, data.tobytes())
+
+
+def image_array(msg: Image) -> np.ndarray:
+    """Image -> (rows, cols) array, read-only.
+
+    Raises:
+        ValueError: an encoding other than 16UC1 and 32FC1, or data of another size.
+    """
+    if msg.encoding not in _ENCODINGS:
+        raise ValueError(f"image encoding {msg.encoding!r}: must be one of {', '.join(_ENCODINGS)}")
+    dtype = _ENCODINGS[msg.encoding].newbyteorder(">" if msg.is_bigendian else "<")
+    if len(msg.data) != msg.height * msg.width * dtype.itemsize:
+        raise ValueError(
+            f"image of {msg.height} x {msg.width} {msg.encoding} holds {len(msg.data)} bytes"
+        )
+    return np.frombuffer(msg.data, dtype).reshape(msg.height, msg.width)
+
+
+def cloud(columns: dict[str, np.ndarray], header: Header) -> PointCloud2:
+    """Named columns of n values each -> PointCloud2 of n points, float32 fields."""
+    table = np.stack([np.asarray(c, "<f4") for c in columns.values()], 1)
+    fields = [PointField(name, 4 * k, PointField.FLOAT32, 1) for k, name in enumerate(columns)]
+    n, width = table.shape
+    return PointCloud2(header, 1, n, fields, False, 4 * width, 4 * width * n, table.tobytes(), True)
+
+
+def cloud_columns(msg: PointCloud2) -> dict[str, np.ndarray]:
+    """PointCloud2 of float32 fields, as `cloud` makes them -> named columns."""
+    table = np.frombuffer(msg.data, "<f4").reshape(msg.width, msg.point_step // 4)
+    return {f.name: table[:, f.offset // 4] for f in msg.fields}

@@ -1,0 +1,190 @@
+"""monitor: a live line on the terminal, and a summary at the end."""
+
+from __future__ import annotations
+
+import sys
+from collections import deque
+
+import numpy as np
+
+from ..bus import DurabilityPolicy, QoSProfile, Time
+from ..config import describe
+from ..msg import (
+    DiagnosticArray,
+    DiagnosticStatus,
+    Image,
+    PointCloud2,
+    Vector3Stamped,
+    cloud_columns,
+)
+from . import diagnostics
+from .stop_on_push import STATUS_TOPIC
+
+_FIRST_FRAME_WITHIN = 20.0  # s, before a run of limited duration gives up
+_KEPT = 200_000  # latencies
+_EVERY_DECISION = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class Monitor:
+    """Counts what passes by, as any subscriber could: it knows topics only.
+
+    With a `duration` it ends the launch that many seconds after the first frame.
+    """
+
+    def __init__(self, node):
+        self.node, self.out = node, sys.stdout
+        self.duration = node.declare_parameter(
+            "duration", 0.0, describe("end this long after the first frame [s]; 0: never", 0.0, 1e9)
+        ).value
+        self.frames = 0
+        self.dropped = 0  # frames that reached skin/adc, but no stop decision
+        self.failed = False
+        self.latencies: deque[float] = deque(maxlen=_KEPT)  # s
+        self.stops: list[tuple[float, float | None, str]] = []  # start, end [s], reason
+        self.most_contacts = 0
+        self.touched_frames = 0
+        self.largest_force = 0.0
+        self._pending: deque[int] = deque(maxlen=1000)  # stamps without a decision yet [ns]
+        self._first: int | None = None
+        self._driver: dict[str, str] = {}
+        self._troubles: dict[str, str] = {}
+        self._contacts, self._force = 0, 0.0
+        self._direction = np.zeros(3)
+        self._waiting = "no decision yet"
+        self._spoke = False  # a live line was printed
+        self._start = self._now()
+        self._rate_mark = (self._start, 0)
+        node.create_subscription(Image, "skin/adc", self.on_adc, 100)
+        node.create_subscription(PointCloud2, "skin/contacts", self.on_contacts, 100)
+        node.create_subscription(Vector3Stamped, "skin/push_direction", self.on_direction, 100)
+        node.create_subscription(DiagnosticArray, STATUS_TOPIC, self.on_status, _EVERY_DECISION)
+        node.create_subscription(DiagnosticArray, diagnostics.TOPIC, self.on_diagnostics, 100)
+        node.create_timer(0.2 if self.out.isatty() else 1.0, self.live_line)
+        node.create_timer(0.02, self.on_timer)
+
+    def _now(self) -> int:
+        return self.node.get_clock().now().nanoseconds
+
+    def on_adc(self, msg: Image) -> None:
+        stamp = Time.from_msg(msg.header.stamp).nanoseconds
+        self._first = stamp if self._first is None else self._first
+        self.frames += 1
+        self._pending.append(stamp)
+
+    def on_contacts(self, msg: PointCloud2) -> None:
+        self._contacts = msg.width
+        self._force = float(cloud_columns(msg)["force"].sum())
+        self.most_contacts = max(self.most_contacts, self._contacts)
+        self.largest_force = max(self.largest_force, self._force)
+        self.touched_frames += self._contacts > 0
+
+    def on_direction(self, msg: Vector3Stamped) -> None:
+        self._direction = np.array([msg.vector.x, msg.vector.y, msg.vector.z])
+
+    def on_status(self, msg: DiagnosticArray) -> None:
+        """The stop hook: every decision, with the stamp of the reading it rests on."""
+        now, stamp = self._now(), Time.from_msg(msg.header.stamp).nanoseconds
+        while self._pending and self._pending[0] < stamp:
+            self._pending.popleft()
+            self.dropped += 1
+        if self._pending and self._pending[0] == stamp:
+            self._pending.popleft()
+            self.latencies.append((now - stamp) / 1e9)
+        if not self.node.context.ok():  # the stop that a shutdown brings is none of the run's
+            return
+        status = msg.status[0]
+        reason = status.message if status.level != DiagnosticStatus.OK else ""
+        if self._first is None or stamp < self._first:  # stopped, as it must be, before a reading
+            self._waiting = reason
+            return
+        t = (now - self._first) / 1e9
+        if self.stops and self.stops[-1][1] is None:
+            start, _, was = self.stops[-1]
+            if was == reason:
+                return
+            self.stops[-1] = (start, t, was)
+        if reason:
+            self.stops.append((t, None, reason))
+
+    def on_diagnostics(self, msg: DiagnosticArray) -> None:
+        for status in msg.status:
+            values = {pair.key: pair.value for pair in status.values}
+            if "crc_errors" in values:
+                self._driver = values
+            if status.level == DiagnosticStatus.WARN:  # an ERROR shows as the stop's reason
+                self._troubles[status.name] = f"{status.name}: {status.message}"
+            else:
+                self._troubles.pop(status.name, None)
+
+    def on_timer(self) -> None:
+        now = self._now()
+        if self.duration == 0.0 or not self.node.context.ok():
+            return
+        if self._first is None:
+            over = now - self._start > (_FIRST_FRAME_WITHIN + self.duration) * 1e9
+            self.failed = over
+        else:
+            over = now - self._first >= self.duration * 1e9
+        if over:
+            self.node.context.try_shutdown()
+
+    def live_line(self) -> None:
+        self._spoke = True
+        now = self._now()
+        since, frames = self._rate_mark
+        self._rate_mark = (now, self.frames)
+        rate = (self.frames - frames) / max((now - since) / 1e9, 1e-9)
+        push = "no push direction"
+        if self._direction.any():
+            push = "push ({:+.2f} {:+.2f} {:+.2f})".format(*self._direction)
+        reason = self._waiting if self._first is None else ""
+        if self.stops and self.stops[-1][1] is None:
+            reason = self.stops[-1][2]
+        line = (
+            f"{rate:5.1f} frames/s  drops {self.drops}  contacts {self._contacts}  "
+            f"{self._force:6.1f} N  {push:<26}  {'STOP ' + reason if reason else 'free'}"
+        )
+        line = "  ".join([line, *self._troubles.values()])
+        if self.out.isatty():
+            print(f"\r\x1b[2K{line[:158]}", end="", file=self.out, flush=True)
+        else:
+            print(line, file=self.out, flush=True)
+
+    @property
+    def drops(self) -> int:
+        return self.dropped + int(self._driver.get("lost", 0))
+
+    def close(self) -> None:
+        """Print the summary, if there was a run to sum up."""
+        if self._first is None and not self._spoke:
+            return
+        lines = self.summary()
+        print("\n" * self.out.isatty() + "\n".join(lines), file=self.out, flush=True)
+
+    def summary(self) -> list[str]:
+        if self._first is None:
+            return [f"summary: no frame arrived; stopped all the time: {self._waiting}"]
+        seconds = (self._now() - self._first) / 1e9
+        if self.duration > 0.0:
+            seconds = min(seconds, self.duration)
+        lost = int(self._driver.get("lost", 0))
+        latency = "none measured"
+        if self.latencies:
+            p50, p99, worst = np.percentile(self.latencies, [50, 99, 100]) * 1e3
+            latency = f"p50 {p50:.2f} ms, p99 {p99:.2f} ms, max {worst:.2f} ms"
+        lines = [
+            "summary",
+            f"  frames      {self.frames} in {seconds:.1f} s ({self.frames / seconds:.1f}/s)",
+            f"  CRC errors  {self._driver.get('crc_errors', 'unknown')}",
+            f"  drops       {self.drops} ({lost} lost on the wire, {self.dropped} on the way)",
+            f"  latency     last byte to stop hook: {latency}",
+            f"  contacts    at most {self.most_contacts} at once, in {self.touched_frames} frames,"
+            f" up to {self.largest_force:.1f} N together",
+            f"  stops       {len(self.stops)}",
+        ]
+        for start, end, reason in self.stops[:20]:
+            length = "until the end" if end is None else f"for {end - start:.2f} s"
+            lines.append(f'    at {max(start, 0.0):6.2f} s {length}: "{reason}"')
+        if len(self.stops) > 20:
+            lines.append(f"    and {len(self.stops) - 20} more")
+        return lines

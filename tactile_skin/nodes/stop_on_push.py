@@ -1,0 +1,90 @@
+"""stop_on_push: skin/contacts and diagnostics -> skin/stop, skin/stop_status."""
+
+from __future__ import annotations
+
+from ..bus import DurabilityPolicy, QoSProfile
+from ..config import describe
+from ..msg import (
+    Bool,
+    DiagnosticArray,
+    DiagnosticStatus,
+    Header,
+    PointCloud2,
+    cloud_columns,
+)
+from ..stop import StopConfig, StopPolicy
+from . import diagnostics
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+STATUS_TOPIC = "skin/stop_status"
+HEARTBEAT = 0.02  # s, between decisions when no reading comes
+
+
+class StopOnPush:
+    """Publishes skin/stop (Bool, latched, with every decision: a heartbeat) and skin/stop_status
+    (DiagnosticArray with the stamp of the reading that it rests on; ERROR and the reason while
+    stopped). The sum of the contacts' forces decides, so that a squeeze from both sides, whose
+    wrench is nothing, stops as well.
+    """
+
+    def __init__(self, node):
+        self.node = node
+        default = StopConfig()
+
+        def value(name, text):
+            low, high = (0.0, 60.0) if "[s]" in text else (0.001, 10_000.0)
+            return node.declare_parameter(
+                name, getattr(default, name), describe(text, low, high)
+            ).value
+
+        self.policy = StopPolicy(
+            StopConfig(
+                threshold=value("threshold", "contact force that is a push [N]"),
+                release=value("release", "contact force below which a push is over [N]"),
+                debounce=value("debounce", "time above the threshold before it counts [s]"),
+                hold=value("hold", "time a stop is kept after the release [s]"),
+                stale_after=value("stale_after", "oldest reading that still counts [s]"),
+            )
+        )
+        self._stop = node.create_publisher(Bool, "skin/stop", LATCHED)
+        self._status = node.create_publisher(DiagnosticArray, STATUS_TOPIC, LATCHED)
+        self._header = Header()
+        self._force = 0.0
+        node.create_subscription(PointCloud2, "skin/contacts", self.on_contacts, 5)
+        node.create_subscription(DiagnosticArray, diagnostics.TOPIC, self.on_diagnostics, 50)
+        node.create_timer(HEARTBEAT, self.on_timer)
+        self.on_timer()
+
+    def _now(self) -> float:
+        return self.node.get_clock().now().nanoseconds / 1e9
+
+    def on_contacts(self, msg: PointCloud2) -> None:
+        self._header = msg.header
+        self._force = float(cloud_columns(msg)["force"].sum())
+        self._publish(self.policy.reading(self._now(), self._force))
+
+    def on_diagnostics(self, msg: DiagnosticArray) -> None:
+        """A stage that reports ERROR stops the robot; WARN and OK do not."""
+        for status in msg.status:
+            if (
+                status.name != diagnostics.name_of(self.node)
+                and status.hardware_id == "tactile_skin"
+            ):
+                bad = status.level >= DiagnosticStatus.ERROR
+                self.policy.fault(status.name, status.message if bad else "")
+
+    def on_timer(self) -> None:
+        self._publish(self.policy.decide(self._now()))
+
+    def _publish(self, decision) -> None:
+        self._stop.publish(Bool(decision.stop))
+        level = diagnostics.ERROR if decision.stop else diagnostics.OK
+        values = {"force": f"{self._force:.2f}"}
+        self._status.publish(
+            diagnostics.report(self.node, level, decision.reason, values, self._header)
+        )
+
+    def close(self) -> None:
+        """The last word is stop: nobody watches the skin from here on."""
+        self.policy.fault(diagnostics.name_of(self.node), "the skin shuts down")
+        self.on_timer()

@@ -1,0 +1,238 @@
+"""Bytes of the board <-> frames. The parsers take any chunk and never pass on a damaged frame.
+
+Binary frame, little-endian:
+
+    offset  size  field
+    0       2     magic, 0xA5 0x5A
+    2       1     version, 1
+    3       1     rows
+    4       1     cols
+    5       1     adc_bits, width of the ADC
+    6       1     fraction_bits, what the board's low-pass adds below one ADC step
+    7       2     sequence number, wraps
+    9       4     device time [us], wraps
+    13      2     CRC of bytes 0 to 12: a damaged size must not make the parser wait
+    15      2*n   samples, row by row, in ADC steps * 2**fraction_bits
+    15+2*n  2     CRC of all bytes before it
+
+Both CRCs are CRC-16/CCITT-FALSE (polynomial 0x1021, start 0xFFFF): `binascii.crc_hqx` here,
+`_crc_xmodem_update` in avr-libc.
+"""
+
+from __future__ import annotations
+
+import binascii
+import struct
+from dataclasses import dataclass, field
+
+import numpy as np
+
+MAGIC = b"\xa5\x5a"
+VERSION = 1
+MAX_LINES = 64  # rows or columns: bounds the buffer
+_HEADER = struct.Struct("<2sBBBBBHI")
+_CRC = struct.Struct("<H")
+_HEADER_SIZE = _HEADER.size + _CRC.size
+_SEQUENCES = 1 << 16
+_RESTART_GAP = 1000  # a larger jump of the sequence number is a board that started anew
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One reading of the whole skin.
+
+    Attributes:
+        samples: (rows, cols) uint16, ADC steps * 2**(16 - adc_bits), whatever fraction was sent.
+        adc_bits: width of the ADC.
+        sequence: the board's number of the frame; text frames are counted on arrival.
+        device_time_us: the board's clock [us]; None where it sends none.
+    """
+
+    samples: np.ndarray
+    adc_bits: int
+    sequence: int
+    device_time_us: int | None
+
+
+@dataclass
+class Counters:
+    """What a parser has seen.
+
+    Attributes:
+        frames: passed on.
+        corrupt: frames dropped for their CRC, or lines that are no frame.
+        lost: frames that the sequence numbers say are missing.
+        restarts: jumps of the sequence number that only a restarted board explains.
+        skipped_bytes: bytes that belonged to no whole frame.
+    """
+
+    frames: int = 0
+    corrupt: int = 0
+    lost: int = 0
+    restarts: int = 0
+    skipped_bytes: int = 0
+
+
+def crc16(data) -> int:
+    """CRC-16/CCITT-FALSE."""
+    return binascii.crc_hqx(data, 0xFFFF)
+
+
+def encode(sequence: int, device_time_us: int, samples, adc_bits: int, fraction_bits: int) -> bytes:
+    """A binary frame; samples: (rows, cols) in ADC steps * 2**fraction_bits."""
+    rows, cols = samples.shape
+    body = bytearray(
+        _HEADER.pack(
+            MAGIC,
+            VERSION,
+            rows,
+            cols,
+            adc_bits,
+            fraction_bits,
+            sequence % _SEQUENCES,
+            device_time_us % 2**32,
+        )
+    )
+    body += _CRC.pack(crc16(body))
+    body += np.ascontiguousarray(samples, "<u2").tobytes()
+    return bytes(body + _CRC.pack(crc16(body)))
+
+
+@dataclass
+class BinaryParser:
+    """Frames from a byte stream cut anywhere; finds the next frame after any damage."""
+
+    counters: Counters = field(default_factory=Counters)
+
+    def __post_init__(self):
+        self._buffer = bytearray()
+        self._last_sequence: int | None = None
+        self._at_boundary = False  # the buffer starts right behind a good frame
+
+    def feed(self, data: bytes) -> list[Frame]:
+        """Take a chunk; returns the frames that it completes, oldest first."""
+        self._buffer += data
+        frames = []
+        while True:
+            self._skip_to_magic()
+            if len(self._buffer) < _HEADER_SIZE:
+                return frames
+            header = self._header()
+            if header is None:
+                # Behind a good frame this was a frame; elsewhere the magic may be payload.
+                self.counters.corrupt += self._at_boundary
+                self._skip(1)
+                continue
+            rows, cols, adc_bits, fraction_bits, sequence, device_time = header
+            size = _HEADER_SIZE + 2 * rows * cols
+            if len(self._buffer) < size + _CRC.size:
+                return frames
+            body = memoryview(self._buffer)[:size]
+            good = crc16(body) == _CRC.unpack_from(self._buffer, size)[0]
+            samples = np.frombuffer(bytes(body[_HEADER_SIZE:]), "<u2").reshape(rows, cols)
+            body.release()
+            if not good:
+                self.counters.corrupt += 1
+                self._skip(1)
+                continue
+            del self._buffer[: size + _CRC.size]
+            self._at_boundary = True
+            self._count(sequence)
+            shift = 16 - adc_bits - fraction_bits
+            frames.append(Frame(samples << shift, adc_bits, sequence, device_time))
+
+    def _header(self):
+        """The header's fields behind version; None if it is damaged or out of range."""
+        crc = _CRC.unpack_from(self._buffer, _HEADER.size)[0]
+        if crc16(bytes(self._buffer[: _HEADER.size])) != crc:
+            return None
+        _, version, rows, cols, adc_bits, fraction_bits, *rest = _HEADER.unpack_from(self._buffer)
+        sizes = 1 <= rows <= MAX_LINES and 1 <= cols <= MAX_LINES
+        if version != VERSION or not sizes or adc_bits < 1 or adc_bits + fraction_bits > 16:
+            return None
+        return rows, cols, adc_bits, fraction_bits, *rest
+
+    def _skip_to_magic(self) -> None:
+        start = self._buffer.find(MAGIC)
+        if start < 0:  # the last byte may be the first half of a magic
+            start = len(self._buffer) - self._buffer.endswith(MAGIC[:1])
+        if start > 0:
+            self._skip(start)
+
+    def _skip(self, n: int) -> None:
+        del self._buffer[:n]
+        self.counters.skipped_bytes += n
+        self._at_boundary = False
+
+    def _count(self, sequence: int) -> None:
+        self.counters.frames += 1
+        if self._last_sequence is not None:
+            gap = (sequence - self._last_sequence - 1) % _SEQUENCES
+            if gap > _RESTART_GAP:
+                self.counters.restarts += 1
+            else:
+                self.counters.lost += gap
+        self._last_sequence = sequence
+
+
+@dataclass
+class TextParser:
+    """Frames from comma-separated lines, one frame a line, as hobby sketches print them.
+
+    There is no CRC: a line counts only if it holds exactly rows * cols numbers in the ADC's range.
+    """
+
+    rows: int
+    cols: int
+    adc_bits: int = 10
+    counters: Counters = field(default_factory=Counters)
+
+    def __post_init__(self):
+        self._buffer = bytearray()
+        self._in_line = False  # what comes before the first line end is the rest of a line
+        self._longest = 12 * self.rows * self.cols + 2
+
+    def feed(self, data: bytes) -> list[Frame]:
+        """Take a chunk; returns the frames that it completes, oldest first."""
+        self._buffer += data
+        *lines, rest = self._buffer.split(b"\n")
+        self._buffer = rest
+        frames = []
+        for line in lines:
+            if self._in_line:
+                frame = self._frame(line)
+                frames += [frame] if frame is not None else []
+            else:
+                self.counters.skipped_bytes += len(line) + 1
+            self._in_line = True
+        if len(self._buffer) > self._longest:
+            self.counters.skipped_bytes += len(self._buffer)
+            self._buffer.clear()
+            self._in_line = False
+        return frames
+
+    def _frame(self, line: bytes) -> Frame | None:
+        words = line.strip().rstrip(b",").split(b",")
+        try:
+            steps = np.array([float(w) for w in words])
+        except ValueError:
+            steps = np.empty(0)
+        full_scale = 2**self.adc_bits - 1
+        in_range = (steps >= 0) & (steps <= full_scale)  # False for NaN
+        if steps.size != self.rows * self.cols or not in_range.all():
+            self.counters.corrupt += 1
+            return None
+        samples = np.rint(steps * 2 ** (16 - self.adc_bits)).astype(np.uint16)
+        self.counters.frames += 1
+        sequence = self.counters.frames % _SEQUENCES
+        return Frame(samples.reshape(self.rows, self.cols), self.adc_bits, sequence, None)
+
+
+PARSERS = ("binary", "text")
+
+
+def make_parser(protocol: str, rows: int, cols: int, adc_bits: int) -> BinaryParser | TextParser:
+    """The parser of a protocol named in `PARSERS`; the sizes are what a text line cannot say."""
+    if protocol not in PARSERS:
+        raise ValueError(f"protocol {protocol!r}: must be one of {', '.join(PARSERS)}")
+    return BinaryParser() if protocol == "binary" else TextParser(rows, cols, adc_bits)

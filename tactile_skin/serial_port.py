@@ -1,0 +1,135 @@
+"""A serial port that is found, opened, read, watched, and opened again after any failure."""
+
+from __future__ import annotations
+
+import errno
+import os
+import threading
+import time
+from collections.abc import Callable
+
+import serial
+from serial.tools import list_ports
+
+from .protocol import BinaryParser, Frame, TextParser
+
+try:
+    from termios import error as _termios_error
+except ImportError:  # not on POSIX
+    _termios_error = OSError
+
+PORT_ERRORS = (serial.SerialException, OSError, _termios_error)  # what a vanished port raises
+
+
+def candidates() -> list[str]:
+    """Serial ports that may be a board: those on USB."""
+    return sorted(p.device for p in list_ports.comports() if p.vid is not None)
+
+
+def check_port(port: str) -> None:
+    """Raise ValueError, saying what there is, if the port is not there."""
+    found = ", ".join(candidates()) or "none"
+    if port == "auto":
+        if not candidates():
+            raise ValueError(
+                "port auto: no USB serial port found; plug the board in or give a port"
+            )
+    elif "://" in port:
+        serial.serial_for_url(port, do_not_open=True)  # ValueError names an unknown protocol
+    elif os.name == "posix" and not os.path.exists(port):
+        raise ValueError(f"port {port}: does not exist; USB serial ports found: {found}")
+
+
+class SerialReader:
+    """Reads frames in a thread of its own for as long as it is told to.
+
+    Args:
+        port: device, pyserial URL, or "auto": the first USB port on which a frame arrives.
+        make_parser: gives a new parser; called for each connection.
+        on_frame: takes each frame, in the reader's thread.
+        say: takes a line of text whenever the connection comes or goes.
+        watchdog: seconds without a frame after which the port is opened anew.
+        wait: seconds in which a port that is not there yet is no trouble worth a word.
+    """
+
+    def __init__(
+        self,
+        port: str,
+        baud: int,
+        make_parser: Callable[[], BinaryParser | TextParser],
+        on_frame: Callable[[Frame], None],
+        say: Callable[[str], None],
+        watchdog: float = 3.0,
+        wait: float = 0.0,
+    ):
+        self.port, self.baud, self.watchdog = port, baud, watchdog
+        self.connected_to: str | None = None
+        self.reconnects = -1  # the first connection is none
+        self.trouble = f"waiting for {port}"
+        self._quiet_until = time.monotonic() + wait
+        self.parser = make_parser()
+        self._make_parser, self._on_frame, self._say = make_parser, on_frame, say
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"serial {port}", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def close(self) -> None:
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join(2.0)
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            ports = candidates() if self.port == "auto" else [self.port]
+            for name in ports:
+                try:
+                    with serial.serial_for_url(name, self.baud, timeout=0.05) as port:
+                        self._read(port)
+                except (*PORT_ERRORS, ValueError) as error:  # ValueError: a baud it cannot do
+                    self._lost(f"{name}: {_explain(error)}")
+                if self._stop.is_set():
+                    return
+            if not ports:
+                self._lost("no USB serial port found")
+            self._stop.wait(0.25)
+
+    def _read(self, port) -> None:
+        """Read until the port fails, goes silent, or the reader is closed."""
+        counters = self.parser.counters
+        self.parser = self._make_parser()  # half a frame of before is worth nothing
+        self.parser.counters = counters
+        port.reset_input_buffer()
+        last_frame = time.monotonic()
+        while not self._stop.is_set():
+            data = port.read(port.in_waiting or 1)
+            frames = self.parser.feed(data) if data else []
+            if frames:
+                last_frame = time.monotonic()
+                if self.connected_to is None:
+                    self._found(port.name or port.portstr)
+                for frame in frames:
+                    self._on_frame(frame)
+            elif time.monotonic() - last_frame > self.watchdog:
+                self._lost(f"{port.name}: no frame for {self.watchdog:g} s, opening it anew")
+                return
+
+    def _found(self, name: str) -> None:
+        self.connected_to, self.trouble = name, ""
+        self.reconnects += 1
+        self._say(f"frames arrive on {name}")
+
+    def _lost(self, why: str) -> None:
+        was, self.connected_to = self.connected_to, None
+        if was is None and time.monotonic() < self._quiet_until:
+            return
+        if why != self.trouble:
+            self.trouble = why
+            self._say(why)
+
+
+def _explain(error: Exception) -> str:
+    number = getattr(error, "errno", None)
+    hint = " (is this user in the group dialout?)" if number == errno.EACCES else ""
+    return (os.strerror(number) if number else str(error)) + hint

@@ -1,0 +1,29 @@
+"""What holds for every test."""
+
+import threading
+import time
+
+import pytest
+
+
+def pytest_configure(config):
+    # An exception that ends a thread fails the test that started the thread.
+    config.addinivalue_line("filterwarnings", "error::pytest.PytestUnhandledThreadExceptionWarning")
+
+
+def _ours(thread: threading.Thread) -> bool:
+    """Whether the thread would hold the process back, or is one of the skin's own."""
+    return not thread.daemon or thread.name.startswith(("node ", "serial "))
+
+
+@pytest.fixture(autouse=True)
+def no_thread_outlives_its_test():
+    """A test that leaves a node, a reader or a thread of its own running fails."""
+    before = set(threading.enumerate())
+    yield
+    deadline = time.monotonic() + 5.0
+    for thread in set(threading.enumerate()) - before:
+        if _ours(thread):
+            thread.join(max(0.0, deadline - time.monotonic()))
+    left = [t.name for t in set(threading.enumerate()) - before if _ours(t)]
+    assert not left, f"still running: {', '.join(left)}"

@@ -1,0 +1,256 @@
+"""The command line: the demo runs, and a user's mistake is one clear line, never a traceback."""
+
+import json
+import logging
+import os
+import re
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import yaml
+
+from tactile_skin import Circuit, PressureCurve, cli, network
+from tactile_skin.launch import share_dir
+
+COMMANDS = ("launch", "sim", "train", "bench")
+
+
+def run_command(*words, cwd=None, timeout=120) -> subprocess.CompletedProcess:
+    """The command in a process of its own, as a user starts it."""
+    command = [sys.executable, "-m", "tactile_skin.cli", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=timeout)
+
+
+@pytest.fixture
+def call(capfd):
+    """A function that runs a command in this process: (status, standard output, errors).
+
+    What `main` does not catch, a user would see as a traceback; here it fails the test.
+    """
+    kept = {s: signal.getsignal(s) for s in (signal.SIGTERM, signal.SIGINT)}
+
+    def call(*words):
+        try:
+            status = cli.main(list(map(str, words)))
+        except SystemExit as end:  # argparse
+            status = end.code
+        out, err = capfd.readouterr()
+        assert "Traceback" not in out + err
+        return status, out, err
+
+    yield call
+    for number, handler in kept.items():
+        signal.signal(number, handler)
+
+
+@pytest.fixture(autouse=True)
+def log_settings_stay():
+    """`main` configures logging; tests of other modules must not see that."""
+    root = logging.getLogger()
+    handlers, level = list(root.handlers), root.level
+    yield
+    root.handlers[:], root.level = handlers, level
+
+
+# --- help ---
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_each_command_has_help(call, command):
+    status, out, _ = call(command, "--help")
+    assert status == 0
+    assert out.startswith(f"usage: tactile-skin {command}")
+    assert "example" in out
+
+
+def test_the_help_lists_the_commands(call):
+    status, out, _ = call("--help")
+    assert status == 0
+    listed = re.findall(r"^ {4}(\w+) ", out, re.MULTILINE)
+    assert set(COMMANDS) <= set(listed)
+    for command in listed:
+        assert call(command, "--help")[0] == 0
+
+
+def test_the_arguments_of_a_launch_file_are_shown(call):
+    status, out, _ = call("launch", "--show-args")
+    assert status == 0
+    for name in ("port", "scene", "method", "duration", "config"):
+        assert re.search(rf"^{name}:=", out, re.MULTILINE)
+
+
+# --- mistakes ---
+
+
+def config_file(folder, changes: dict):
+    """The shipped parameter file, changed: {node: {parameter: value}}."""
+    data = yaml.safe_load((share_dir() / "config" / "skin.yaml").read_text())
+    for node, parameters in changes.items():
+        data.setdefault(node, {"ros__parameters": {}})["ros__parameters"] |= parameters
+    path = folder / "mine.yaml"
+    path.write_text(yaml.safe_dump(data))
+    return path
+
+
+def weights_of_another(folder) -> str:
+    """The shipped weights, saying that they were made for another series resistance."""
+    shipped = network.shipped("cnn")
+    arrays = dict(np.load(network.SHIPPED / "cnn.npz"))
+    circuit = Circuit(r_par=100.0).describe()
+    meta = shipped.meta | {"circuit": circuit}
+    arrays["meta"] = np.array(json.dumps(meta))
+    path = folder / "other.npz"
+    np.savez(path, **arrays)
+    return str(path)
+
+
+def changed(**changes):
+    return lambda folder: [f"config:={config_file(folder, changes)}"]
+
+
+MISTAKES = {  # what is wrong -> (words after `launch`, what the line must hold)
+    "unknown key": (
+        changed(compensation={"metod": "cnn"}),
+        ["mine.yaml", "compensation", "'metod'", "method"],
+    ),
+    "unknown key for every node": (
+        changed(**{"/**": {"frame": "base"}}),
+        ["mine.yaml", "/**", "'frame'", "frame_id"],
+    ),
+    "unknown node": (changed(stop={"threshold": 1.0}), ["mine.yaml", "stop", "no such node"]),
+    "wrong type": (changed(stop_on_push={"threshold": "high"}), ["threshold", "'high'", "float"]),
+    "out of range": (changed(stop_on_push={"hold": -1.0}), ["hold", "-1.0", "0.0 to 60.0"]),
+    "curve that rises": (
+        changed(**{"/**": {"curve": {"force": [0.0, 1.0], "resistance": [1.0, 2.0]}}}),
+        ["curve: resistance = [1.0, 2.0]", "must fall"],
+    ),
+    "mask": (changed(**{"/**": {"circuit": {"mask": "01 1"}}}), ["circuit.mask", "'01 1'"]),
+    "shape": (changed(**{"/**": {"geometry": {"shape": "ball"}}}), ["'ball'", "plane, cylinder"]),
+    "no weights": (
+        changed(compensation={"weights": "none.npz"}),
+        ["weights none.npz", "no such file"],
+    ),
+    "weights of another circuit": (
+        lambda folder: changed(compensation={"weights": weights_of_another(folder)})(folder),
+        ["other.npz", "r_par"],
+    ),
+    "missing parameter file": (lambda folder: ["config:=none.yaml"], ["none.yaml"]),
+    "method": (lambda folder: ["method:=magic"], ["method = 'magic'", "cnn"]),
+    "value that is no YAML": (lambda folder: ["method:=[x"], ["method", "'[x'"]),
+    "argument": (lambda folder: ["prot:=x"], ["'prot'", "port"]),
+    "missing launch file": (lambda folder: ["none.launch.yaml"], ["none.launch.yaml"]),
+    "two launch files": (lambda folder: ["a.yaml", "b.yaml"], ["one launch file", "a.yaml"]),
+}
+
+
+@pytest.mark.parametrize("wrong", MISTAKES)
+def test_a_mistake_at_launch_is_one_clear_line(call, tmp_path, wrong):
+    """Exit status 2; the line names what is wrong, and nothing pretends to have run."""
+    make, named = MISTAKES[wrong]
+    words = make(tmp_path)
+    if not words[0].endswith(".yaml") or ":=" in words[0]:
+        words = ["skin.launch.yaml", "port:=loop://", *words]
+    status, out, err = call("launch", *words)
+    assert status == 2
+    assert out == ""
+    (line,) = [text for text in err.splitlines() if "error" in text]
+    assert line.startswith("tactile-skin launch: error: ")
+    for text in named:
+        assert text in line
+
+
+PORTS = {
+    "/dev/ttyNONE0": "port /dev/ttyNONE0: does not exist",
+    "ttyNONE0": "port ttyNONE0: does not exist",
+    "carrier-pigeon://home": "carrier-pigeon",
+    "5": "parameter port",
+}
+
+
+@pytest.mark.parametrize("port", PORTS)
+def test_a_port_that_does_not_exist_is_one_clear_line(call, port):
+    status, out, err = call("launch", "skin.launch.yaml", f"port:={port}")
+    assert (status, out) == (2, "")
+    (line,) = err.splitlines()
+    assert PORTS[port] in line
+
+
+OTHERS = {
+    "no command": ([], "COMMAND"),
+    "unknown command": (["lunch"], "lunch"),
+    "sim without link": (["sim"], "--link"),
+    "unknown scene": (["sim", "--link", "x", "--scene", "waltz"], "scene 'waltz'"),
+    "rate": (["sim", "--link", "x", "--rate", "500"], "frames_per_second = 500.0"),
+    "noise": (["sim", "--link", "x", "--noise", "-1"], "noise = -1.0"),
+    "no number": (["sim", "--link", "x", "--rate", "fast"], "'fast'"),
+    "sim's parameter file": (["sim", "--link", "x", "--config", "none.yaml"], "none.yaml"),
+    "link in no folder": (["sim", "--link", "no/folder/skin"], "no/folder"),
+    "threads": (["train", "--threads", "0"], "--threads = 0"),
+    "train's parameter file": (["train", "--config", "none.yaml"], "none.yaml"),
+    "a bad training rate": (["train", "--rate", "0"], "rate = 0.0"),
+}
+
+
+@pytest.mark.parametrize("wrong", OTHERS)
+def test_a_mistake_in_another_command_is_one_clear_line(call, tmp_path, monkeypatch, wrong):
+    monkeypatch.chdir(tmp_path)
+    words, named = OTHERS[wrong]
+    status, out, err = call(*words)
+    assert (status, out) == (2, "")
+    (line,) = [text for text in err.splitlines() if "error" in text]
+    assert named in line
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_is_not_overwritten_by_a_board(call, tmp_path):
+    (tmp_path / "precious").write_text("data")
+    status, _, err = call("sim", "--link", tmp_path / "precious")
+    assert status == 2
+    assert "precious exists and is not a link" in err
+    assert (tmp_path / "precious").read_text() == "data"
+
+
+# --- in processes of their own ---
+
+
+def test_a_mistake_in_a_process_of_its_own(tmp_path):
+    """As a user sees it: the status, and no traceback."""
+    done = run_command("launch", "skin.launch.yaml", "port:=/dev/ttyNONE0", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.splitlines() == [done.stderr.strip()]
+    assert "port /dev/ttyNONE0: does not exist" in done.stderr
+
+
+def test_the_demo(tmp_path):
+    """Two seconds of the whole skin on a simulated board, started in an empty folder."""
+    done = run_command("launch", "duration:=2", f"port:={tmp_path / 'skin'}", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    summary = done.stdout[done.stdout.index("summary") :]
+    assert int(re.search(r"frames +(\d+) in", summary)[1]) >= 190
+    assert re.search(r"CRC errors +0\b", summary)
+    assert re.search(r"drops +0 \(0 lost on the wire, 0 on the way\)", summary)
+    assert re.search(r"latency .* p50 \d+\.\d+ ms, p99 \d+\.\d+ ms", summary)
+    assert list(tmp_path.iterdir()) == []  # the board and its link are gone
+
+
+def test_a_board_ends_at_a_signal(tmp_path):
+    """And takes its link with it."""
+    link = tmp_path / "skin"
+    command = [sys.executable, "-m", "tactile_skin.cli", "sim", "--link", str(link)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        assert f"simulated board on {link}" in process.stderr.readline()
+        assert os.readlink(link).startswith("/dev/")
+        process.terminate()
+        assert process.wait(60) == 0
+    assert not link.is_symlink()
+
+
+def test_the_shipped_config_says_what_the_defaults_are(tmp_path):
+    """Circuit and curve of config/skin.yaml are those that the shipped weights were made for."""
+    assert cli._skin_of(share_dir() / "config" / "skin.yaml") == (Circuit(), PressureCurve())
+    assert cli._skin_of(None) == (Circuit(), PressureCurve())

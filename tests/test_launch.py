@@ -1,0 +1,550 @@
+"""Launch files: the part of ROS 2's grammar that is understood, and what is refused by name."""
+
+import itertools
+import os
+import sys
+import textwrap
+import threading
+
+import pytest
+import yaml
+
+from tactile_skin.bus import Context, Node, ParameterError
+from tactile_skin.launch import LaunchError, Skin, launch, read_plan, share_dir
+from tactile_skin.msg import Bool, Header, PointCloud2, cloud
+from tactile_skin.nodes.stop_on_push import LATCHED
+
+PATIENCE = 30.0  # s, for what must happen; how fast it does is not tested
+NODE = "- node: {pkg: tactile_skin, exec: stop_on_push%s}\n"
+
+
+@pytest.fixture
+def write(tmp_path):
+    """A function that writes a launch file of the given entities."""
+
+    def write(entities: str, name="test.launch.yaml"):
+        path = tmp_path / name
+        path.write_text("launch:\n" + textwrap.dedent(entities))
+        return path
+
+    return write
+
+
+@pytest.fixture
+def plan(write):
+    return lambda entities, **arguments: read_plan(write(entities), arguments)
+
+
+def echoed(text: str) -> str:
+    """An entity whose filled-in text can be looked at: what follows the word."""
+    return f"- executable: {{cmd: 'echo {text}'}}\n"
+
+
+def words(plan) -> list[list[str]]:
+    return [command[1:] for command in plan.commands]
+
+
+# --- what is understood ---
+
+
+def test_arguments_have_defaults_and_are_given(plan):
+    entities = "- arg: {name: a, default: one, description: letters}\n" + echoed("$(var a)")
+    assert words(plan(entities)) == [["one"]]
+    assert words(plan(entities, a="two")) == [["two"]]
+    assert plan(entities).arguments["a"].description == "letters"
+    assert plan(entities).arguments["a"].default == "one"
+
+
+def test_a_default_may_hold_earlier_arguments(plan):
+    entities = "- arg: {name: a, default: one}\n- arg: {name: b, default: $(var a)-two}\n"
+    assert words(plan(entities + echoed("$(var b)"), a="1")) == [["1-two"]]
+
+
+def test_let(plan):
+    assert words(plan("- let: {name: a, value: 5}\n" + echoed("$(var a)$(var a)"))) == [["55"]]
+
+
+def test_env(plan, monkeypatch):
+    monkeypatch.setenv("SKIN_A", "here")
+    monkeypatch.delenv("SKIN_B", raising=False)
+    assert words(plan(echoed("$(env SKIN_A) $(env SKIN_A no) $(env SKIN_B default)"))) == [
+        ["here", "here", "default"]
+    ]
+
+
+def test_dirname_is_the_folder_of_the_launch_file(plan, tmp_path):
+    assert words(plan(echoed("$(dirname)"))) == [[str(tmp_path.resolve())]]
+
+
+def test_find_pkg_share(plan):
+    assert words(plan(echoed("$(find-pkg-share tactile_skin)/config"))) == [
+        [str(share_dir() / "config")]
+    ]
+
+
+def test_anon_is_one_name_within_a_launch(write, plan):
+    """The same in an included file, another in the next launch, one per name."""
+    write(echoed("$(anon a)"), "inner.launch.yaml")
+    entities = echoed("$(anon a) $(anon b)") + "- include: {file: $(dirname)/inner.launch.yaml}\n"
+    (a, b), (inner,) = words(plan(entities))
+    assert a == inner
+    assert a.startswith("a_")
+    assert b.startswith("b_")
+    assert words(plan(entities))[0][0] != a
+
+
+@pytest.mark.parametrize(
+    ("condition", "there"),
+    [
+        ("if: true", True),
+        ("if: 'false'", False),
+        ("if: '1'", True),
+        ("if: $(var on)", True),
+        ("unless: $(var on)", False),
+        ("unless: 'False'", True),
+        ("unless: 0", True),
+        ("if: true, unless: true", False),
+    ],
+)
+@pytest.mark.parametrize("entity", ["node", "executable", "include"])
+def test_conditions(write, plan, entity, condition, there):
+    write(NODE % "", "inner.launch.yaml")
+    body = {
+        "node": "pkg: tactile_skin, exec: stop_on_push",
+        "executable": "cmd: echo",
+        "include": "file: $(dirname)/inner.launch.yaml",
+    }[entity]
+    entities = f"- arg: {{name: 'on', default: 'true'}}\n- {entity}: {{{body}, {condition}}}\n"
+    found = plan(entities)
+    assert bool(found.nodes or found.commands) is there
+
+
+def test_an_include_gets_only_what_it_is_given(write, plan):
+    write("- arg: {name: a, default: inner}\n" + echoed("$(var a)"), "inner.launch.yaml")
+    outer = "- arg: {name: a, default: outer}\n- include: {file: $(dirname)/inner.launch.yaml%s}\n"
+    assert words(plan(outer % "")) == [["inner"]]
+    passing = ", arg: [{name: a, value: $(var a)}]"
+    assert words(plan(outer % passing)) == [["outer"]]
+
+
+def test_a_node_and_what_it_is_given(plan):
+    (node,) = plan(
+        """
+        - arg: {name: who, default: guard}
+        - let: {name: limit, value: "12.5"}
+        - node:
+            pkg: tactile_skin
+            exec: stop_on_push
+            name: $(var who)
+            namespace: left
+            output: screen
+            param:
+            - {name: threshold, value: $(var limit)}
+            - {name: release, value: 3.0}
+            - {name: text, value: "'7'"}
+            remap:
+            - {from: skin/stop, to: $(var who)/stop}
+        """
+    ).nodes
+    assert (node.executable, node.name, node.namespace) == ("stop_on_push", "guard", "left")
+    # a substitution's text is read as YAML, as ROS 2 does
+    assert node.parameters == [("threshold", 12.5), ("release", 3.0), ("text", "7")]
+    assert node.remappings == [("skin/stop", "guard/stop")]
+
+
+def test_commands_are_split_like_a_shell_does(plan):
+    assert plan("- executable: {cmd: 'run \"two words\" --x=1'}\n").commands == [
+        ["run", "two words", "--x=1"]
+    ]
+
+
+# --- what is refused ---
+
+GRAMMAR = {  # what is wrong -> (entities, what the message must hold)
+    "unknown entity": ("- group: {}\n", ["group: not understood", "node", "include"]),
+    "no map": ("- node\n", ["'node'", "must be one of"]),
+    "two in one": ("- {arg: {name: a}, let: {name: b, value: c}}\n", ["must be one of"]),
+    "body is no map": ("- node: 5\n", ["node: must map keys to values"]),
+    "unknown key": (NODE % ", respawn: true", ["node: key 'respawn'", "remap"]),
+    "key of another entity": ("- let: {name: a, default: b}\n", ["let: key 'default'", "value"]),
+    "missing key": ("- node: {pkg: tactile_skin}\n", ["node: needs the key 'exec'"]),
+    "let without value": ("- let: {name: a}\n", ["let: needs the key 'value'"]),
+    "unknown substitution": (echoed("$(eval 1+1)"), ["$(eval 1+1)", "$(var x)", "$(anon x)"]),
+    "substitution in substitution": (echoed("$(env $(var a))"), ["$(var a)", "not known"]),
+    "open bracket": (echoed("$(var a"), ["$(var a", "not understood"]),
+    "unknown variable": (
+        "- let: {name: b, value: c}\n" + echoed("$(var a)"),
+        ["$(var a)", "not known", "b"],
+    ),
+    "environment": (echoed("$(env SKIN_UNSET)"), ["$(env SKIN_UNSET)", "not set"]),
+    "package": (echoed("$(find-pkg-share nav2)"), ["$(find-pkg-share nav2)", "tactile_skin"]),
+    "argument without value": ("- arg: {name: a}\n", ["argument a has no default", "a:=value"]),
+    "condition": (NODE % ", if: maybe", ["node: if = 'maybe'", "true or false"]),
+    "node of another package": (
+        "- node: {pkg: nav2, exec: planner}\n",
+        ["nav2/planner", "tactile_skin/stop_on_push", "executable"],
+    ),
+    "unknown node": ("- node: {pkg: tactile_skin, exec: stop}\n", ["tactile_skin/stop:"]),
+    "param without value": (NODE % ", param: [{name: a}]", ["stop_on_push: param", "'a'"]),
+    "param is no list": (NODE % ", param: {from: a.yaml}", ["node: param", "list of maps"]),
+    "param holds words": (NODE % ", param: [threshold]", ["node: param", "threshold"]),
+    "param is no YAML": (
+        NODE % ", param: [{name: method, value: '[x'}]",
+        ["stop_on_push: param method = '[x'", "not valid YAML"],
+    ),
+    "remap without to": (NODE % ", remap: [{from: a}]", ["stop_on_push: remap", "from and to"]),
+    "remap is no list": (NODE % ", remap: {from: a, to: b}", ["node: remap", "list of maps"]),
+    "include of nothing": (
+        "- include: {file: $(dirname)/no.launch.yaml}\n",
+        ["no.launch.yaml", "No such file"],
+    ),
+    "include arg is no list": (
+        "- include: {file: a.yaml, arg: {name: a, value: b}}\n",
+        ["include: arg", "list of maps"],
+    ),
+    "include arg with more": (
+        "- include: {file: a.yaml, arg: [{name: a, value: b, default: c}]}\n",
+        ["include: arg", "default"],
+    ),
+}
+
+
+@pytest.mark.parametrize("wrong", GRAMMAR)
+def test_what_is_not_understood_is_refused_by_name(write, wrong, monkeypatch):
+    """The message names the file, too."""
+    monkeypatch.delenv("SKIN_UNSET", raising=False)
+    entities, named = GRAMMAR[wrong]
+    with pytest.raises(LaunchError) as error:
+        read_plan(write(entities), {})
+    for text in ["launch.yaml", *named]:
+        assert text in str(error.value)
+
+
+@pytest.mark.parametrize("text", ["", "nodes: []", "launch: {}", "launch: []\nmore: 1", "- 1", "5"])
+def test_what_is_no_launch_file_is_refused(tmp_path, text):
+    (tmp_path / "x.yaml").write_text(text)
+    with pytest.raises(LaunchError, match=r"x\.yaml: must hold one list named launch"):
+        read_plan(tmp_path / "x.yaml", {})
+
+
+def test_what_is_no_yaml_is_refused(tmp_path):
+    (tmp_path / "x.yaml").write_text("launch: [")
+    with pytest.raises(LaunchError, match=r"x\.yaml: not valid YAML"):
+        read_plan(tmp_path / "x.yaml", {})
+
+
+def test_an_unknown_argument_is_refused_with_those_that_are(write):
+    path = write("- arg: {name: port, default: auto}\n")
+    with pytest.raises(LaunchError, match="argument 'prot' is unknown; there are: port"):
+        read_plan(path, {"prot": "x"})
+
+
+def test_an_unknown_argument_of_an_include_is_refused(write, plan):
+    write("- arg: {name: port, default: auto}\n", "inner.launch.yaml")
+    with pytest.raises(LaunchError, match=r"inner\.launch\.yaml: argument 'prot' is unknown"):
+        plan("- include: {file: $(dirname)/inner.launch.yaml, arg: [{name: prot, value: x}]}\n")
+
+
+# --- parameters ---
+
+
+def start(path, **arguments) -> None:
+    """Bring the nodes up, and down again."""
+    with launch(path, **arguments):
+        pass
+
+
+@pytest.fixture
+def with_config(write, tmp_path):
+    """A function that starts stop_on_push with a parameter file of this content."""
+
+    def run(content) -> None:
+        text = content if isinstance(content, str) else yaml.safe_dump(content)
+        (tmp_path / "skin.yaml").write_text(text)
+        start(write(NODE % ", param: [{from: $(dirname)/skin.yaml}]"))
+
+    return run
+
+
+def section(name="stop_on_push", **parameters) -> dict:
+    return {name: {"ros__parameters": parameters}}
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "",
+        section(threshold=20.0, release=5),
+        section("/stop_on_push", threshold=20.0),
+        section("/**", threshold=20.0),
+        section("serial_driver", baud=9600),  # a node of the package that this launch lacks
+    ],
+)
+def test_good_parameter_files_are_taken(with_config, content):
+    with_config(content)
+
+
+PARAMETERS = {  # what is wrong -> (parameter file, what the message must hold)
+    "unknown parameter": (
+        section(treshold=1.0),
+        ["skin.yaml: stop_on_push: parameter 'treshold'", "release, stale_after, threshold"],
+    ),
+    "unknown for every node": (
+        section("/**", treshold=1.0),
+        ["skin.yaml: /**: parameter 'treshold' is unknown", "threshold"],
+    ),
+    "nested": (
+        section(limits={"force": 1.0}),
+        ["skin.yaml: stop_on_push: parameter 'limits.force' is unknown"],
+    ),
+    "unknown node": (section("stop_on_psuh", threshold=1.0), ["skin.yaml: stop_on_psuh: no such"]),
+    "wrong type": (section(threshold="high"), ["threshold of node stop_on_push", "float"]),
+    "out of range": (section(hold=-1.0), ["hold of node stop_on_push = -1.0", "from 0.0 to 60.0"]),
+    "contradiction": (section(release=50.0), ["release = 50.0 N", "threshold"]),
+    "no ros__parameters": ({"stop_on_push": {"threshold": 1.0}}, ["skin.yaml: stop_on_push: must"]),
+    "no map": ("- 1\n", ["skin.yaml: must map node names"]),
+    "no YAML": ("a: [", ["skin.yaml: not valid YAML"]),
+}
+
+
+@pytest.mark.parametrize("wrong", PARAMETERS)
+def test_wrong_parameter_files_are_refused_by_name(with_config, wrong):
+    content, named = PARAMETERS[wrong]
+    with pytest.raises(ValueError) as error:
+        with_config(content)
+    for text in named:
+        assert text in str(error.value)
+
+
+def test_a_missing_parameter_file_is_named(write):
+    with pytest.raises(OSError, match=r"none\.yaml"):
+        start(write(NODE % ", param: [{from: none.yaml}]"))
+
+
+@pytest.mark.parametrize(
+    ("param", "named"),
+    [
+        ("{name: treshold, value: 1.0}", "launch file: parameter 'treshold' is unknown"),
+        ("{name: threshold, value: high}", "parameter threshold of node stop_on_push = 'high'"),
+        ("{name: hold, value: 61.0}", "must be from 0.0 to 60.0"),
+    ],
+)
+def test_wrong_parameters_of_a_launch_file_are_refused(write, param, named):
+    with pytest.raises((LaunchError, ParameterError)) as error:
+        start(write(NODE % f", param: [{param}]"))
+    assert named in str(error.value)
+
+
+def test_later_parameters_win(write, tmp_path):
+    """A file's own section over /**, and what stands later in the launch file over both."""
+    content = section("/**", threshold=11.0, release=1.0, hold=1.0) | section(
+        threshold=12.0, release=2.0
+    )
+    (tmp_path / "skin.yaml").write_text(yaml.safe_dump(content))
+    params = ", param: [{from: $(dirname)/skin.yaml}, {name: threshold, value: 13.0}]"
+    with launch(write(NODE % params)) as skin:
+        config = skin._nodes[0].policy.config
+    assert (config.threshold, config.release, config.hold) == (13.0, 2.0, 1.0)
+
+
+# --- the shipped files ---
+
+
+@pytest.mark.parametrize("name", ["skin.launch.yaml", "demo.launch.yaml"])
+def test_the_shipped_launch_files_parse(name):
+    found = read_plan(share_dir() / "launch" / name, {"method": "naive"})
+    assert [n.executable for n in found.nodes] == [
+        "serial_driver",
+        "compensation",
+        "gesture_feature",
+        "stop_on_push",
+        "monitor",
+    ]
+    assert len(found.commands) == (name == "demo.launch.yaml")
+    assert ("method", "naive") in found.nodes[1].parameters
+    assert all(a.description for a in found.arguments.values())
+
+
+def test_the_demo_opens_the_port_that_its_board_makes():
+    found = read_plan(share_dir() / "launch" / "demo.launch.yaml", {})
+    (command,) = found.commands
+    link = command[command.index("--link") + 1]
+    assert ("port", link) in found.nodes[0].parameters
+
+
+def test_a_port_that_does_not_exist_is_named(tmp_path):
+    port = tmp_path / "ttyUSB9"
+    with pytest.raises(ValueError, match=f"port {port}: does not exist"):
+        start(share_dir() / "launch" / "skin.launch.yaml", port=port)
+
+
+# --- the running skin ---
+
+
+class Robot:
+    """Publishes skin/contacts in a running skin, and waits for what hooks hear."""
+
+    def __init__(self, skin):
+        self._node = skin.node
+        self._contacts = self._node.create_publisher(PointCloud2, "skin/contacts", 10)
+        self._timer = self._node.create_timer(0.01, self._feel)
+        self.force = 0.0
+
+    def _feel(self) -> None:
+        header = Header(self._node.get_clock().now().to_msg(), "base_link")
+        self._contacts.publish(cloud({"force": [self.force]}, header))
+
+
+class Heard:
+    """A hook that notes what it is told."""
+
+    def __init__(self):
+        self.calls, self._news = [], threading.Condition()
+
+    def __call__(self, stop, reason):
+        with self._news:
+            self.calls.append((stop, reason))
+            self._news.notify_all()
+
+    def wait_for(self, call) -> None:
+        with self._news:
+            assert self._news.wait_for(lambda: call in self.calls, PATIENCE), self.calls
+
+
+# Contacts come from a timer that a busy machine may delay: they go stale late.
+PATIENT_STOP = NODE % (
+    ", param: [{name: stale_after, value: 30.0}, {name: threshold, value: 10.0},"
+    " {name: release, value: 5.0}, {name: hold, value: 0.05}]"
+)
+
+
+def test_a_hook_hears_every_change_and_its_reason(write):
+    heard = Heard()
+    with launch(write(PATIENT_STOP)) as skin:
+        skin.on_stop(heard)
+        heard.wait_for((True, "stale: no reading yet"))
+        robot = Robot(skin)
+        heard.wait_for((False, ""))
+        robot.force = 50.0
+        heard.wait_for((True, "push"))
+        robot.force = 0.0
+    assert heard.calls[:3] == [(True, "stale: no reading yet"), (False, ""), (True, "push")]
+    for before, after in itertools.pairwise(heard.calls):
+        assert before != after
+    assert heard.calls[-1][0] is True  # the last word is stop
+    assert "the skin shuts down" in heard.calls[-1][1]
+
+
+def test_a_raising_and_a_hanging_hook_do_not_delay_a_third(write, caplog):
+    heard, hangs, release = Heard(), threading.Event(), threading.Event()
+
+    def hang(stop, reason):
+        hangs.set()
+        release.wait(PATIENCE)
+
+    def fail(stop, reason):
+        raise RuntimeError("hook failed")
+
+    with launch(write(PATIENT_STOP)) as skin:
+        for hook in (fail, hang, heard):
+            skin.on_stop(hook)
+        assert hangs.wait(PATIENCE)
+        robot = Robot(skin)
+        heard.wait_for((False, ""))
+        robot.force = 50.0
+        heard.wait_for((True, "push"))
+        assert not release.is_set()
+        release.set()
+    assert "RuntimeError: hook failed" in caplog.text
+
+
+def test_a_hook_that_comes_late_is_told_how_it_stands(write):
+    first, late = Heard(), Heard()
+    with launch(write(PATIENT_STOP)) as skin:
+        skin.on_stop(first)
+        robot = Robot(skin)
+        robot.force = 50.0
+        first.wait_for((True, "push"))
+        skin.on_stop(late)
+        late.wait_for((True, "push"))
+        assert late.calls[0] == (True, "push")
+
+
+def test_own_subscriptions_hear_the_topics(write):
+    seen = threading.Event()
+    with launch(write(PATIENT_STOP)) as skin:
+        skin.node.create_subscription(Bool, "skin/stop", lambda m: seen.set(), LATCHED)
+        assert seen.wait(PATIENCE)
+
+
+def test_remapping_and_namespace_reach_the_node(write):
+    context, seen = Context(), threading.Event()
+    params = ", namespace: left, remap: [{from: skin/stop, to: /halt}]"
+    with launch(write(NODE % params), context) as skin:
+        node = Node("observer", context=context)
+        node.create_subscription(Bool, "/halt", lambda m: seen.set(), LATCHED)
+        skin._executor.add_node(node)
+        assert seen.wait(PATIENCE)
+        assert skin._handles[0].get_fully_qualified_name() == "/left/stop_on_push"
+
+
+def test_spin_ends_by_shutdown_and_by_timeout(write):
+    with launch(write(NODE % "")) as skin:
+        skin.spin(timeout=0.0)
+        assert skin._context.ok()
+        skin.shutdown()
+        skin.spin()
+    assert not skin.failed
+
+
+def command(code: str) -> str:
+    return yaml.safe_dump([{"executable": {"cmd": f"{sys.executable} -c '{code}'"}}])
+
+
+def test_a_command_that_fails_ends_the_run_by_name(write):
+    ended = pytest.raises(LaunchError, match="ended with 3")
+    with launch(write(command("raise SystemExit(3)"))) as skin, ended:
+        skin.spin(timeout=PATIENCE)
+
+
+def test_a_command_that_is_not_there_is_named(write):
+    with pytest.raises(LaunchError, match="executable no-such-tool --x: No such file"):
+        start(write("- executable: {cmd: no-such-tool --x}\n"))
+
+
+def test_commands_end_with_the_skin(write):
+    """Also when the nodes cannot start."""
+    skin = Skin(read_plan(write(command("import time; time.sleep(600)")), {}))
+    with skin:
+        (process,) = skin._processes
+        assert process.poll() is None
+    assert process.poll() is not None
+    bad = command("import time; time.sleep(600)") + NODE % ", param: [{name: a, value: 1}]"
+    skin = Skin(read_plan(write(bad), {}))
+    with pytest.raises(LaunchError, match="parameter 'a' is unknown"), skin:
+        pass
+    (process,) = skin._processes
+    assert process.poll() is not None
+
+
+class Closed:
+    """A standard output whose reader has left, as `| head` does."""
+
+    def isatty(self):
+        return False
+
+    def write(self, text):
+        raise BrokenPipeError(32, os.strerror(32))
+
+
+def test_a_closed_standard_output_ends_nothing_half(write, monkeypatch):
+    """The monitor's summary fails; the stop's last word is said, and the commands end."""
+    monkeypatch.setattr(sys, "stdout", Closed())
+    heard = Heard()
+    entities = command("import time; time.sleep(600)")
+    entities += "- node: {pkg: tactile_skin, exec: monitor}\n" + NODE % ""
+    with launch(write(entities)) as skin:
+        skin.on_stop(heard)
+        heard.wait_for((True, "stale: no reading yet"))
+    assert "the skin shuts down" in heard.calls[-1][1]
+    assert skin._processes[0].poll() is not None

@@ -1,0 +1,87 @@
+"""The pass through the network equals PyTorch's, and weights know what they were made for."""
+
+import numpy as np
+import pytest
+import torch
+
+from tactile_skin import Circuit, PressureCurve, network
+from tactile_skin.training import PaperNet
+
+
+def random_weights(rows, cols, seed=0):
+    torch.manual_seed(seed)
+    net = PaperNet(rows, cols, adc_mean=0.3, adc_std=0.2)
+    net.initialise()
+    for parameter in net.parameters():  # biases too: the pass must not forget them
+        parameter.data += 0.1 * torch.randn_like(parameter)
+    state = {k: v.numpy() for k, v in net.state_dict().items()}
+    meta = {"circuit": Circuit(rows, cols).describe(), "curve": PressureCurve().describe()}
+    return net, state, meta
+
+
+def test_the_papers_network_has_4544_parameters():
+    assert sum(p.numel() for p in PaperNet(16, 16).parameters()) == 4544
+
+
+@pytest.mark.parametrize("shape", [(16, 16), (5, 9), (12, 3)])
+def test_the_pass_equals_pytorchs(shape):
+    net, state, meta = random_weights(*shape)
+    weights = network.Weights(state, meta, "here")
+    adc = np.random.default_rng(1).random((7, *shape))
+    with torch.inference_mode():
+        expected = net(torch.from_numpy(adc).float()).numpy() * PressureCurve().max_force
+    assert expected.std() > 0.1
+    for found in (weights.predict(adc), np.stack([weights.predict(a) for a in adc])):
+        np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4)
+
+
+def test_a_long_recording_equals_its_frames():
+    _, state, meta = random_weights(4, 4)
+    weights = network.Weights(state, meta, "here")
+    adc = np.random.default_rng(2).random((600, 4, 4))
+    np.testing.assert_allclose(weights.predict(adc)[599], weights.predict(adc[599]), rtol=1e-5)
+
+
+def test_weights_survive_the_disk(tmp_path):
+    _, state, meta = random_weights(6, 6)
+    network.save(tmp_path / "w.npz", state, meta)
+    loaded = network.load(tmp_path / "w.npz")
+    adc = np.random.default_rng(3).random((6, 6))
+    np.testing.assert_array_equal(
+        loaded.predict(adc), network.Weights(state, meta, "here").predict(adc)
+    )
+    loaded.check(Circuit(6, 6), PressureCurve())
+    loaded.check(Circuit(6, 6, adc_bits=12), PressureCurve())
+    with pytest.raises(ValueError, match=r"r_par = 326.0 \(yours: 100.0\)"):
+        loaded.check(Circuit(6, 6, r_par=100.0), PressureCurve())
+    with pytest.raises(ValueError, match=r"rows = 6 \(yours: 16\)"):
+        loaded.check(Circuit(), PressureCurve())
+
+
+def test_another_size_of_reading_is_refused():
+    _, state, meta = random_weights(6, 6)
+    with pytest.raises(ValueError, match=r"wants \(..., 6, 6\)"):
+        network.Weights(state, meta, "here").predict(np.zeros((16, 16)))
+
+
+@pytest.mark.parametrize("content", [b"", b"not a zip", b"PK\x03\x04 broken"])
+def test_a_foreign_file_is_named(tmp_path, content):
+    file = tmp_path / "w.npz"
+    file.write_bytes(content)
+    with pytest.raises(ValueError, match="not a weights file") as error:
+        network.load(file)
+    assert str(file) in str(error.value)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"none\.npz"):
+        network.load(tmp_path / "none.npz")
+
+
+def test_shipped_weights_say_what_they_are():
+    weights = network.shipped("cnn")
+    weights.check(Circuit(), PressureCurve())
+    assert weights.meta["config"]["pairs"] == 100_000
+    assert weights.meta["config"]["validation"] == 30_000
+    assert {"seed", "epochs", "loss"} <= set(weights.meta["config"])
+    assert weights.meta["epoch"] >= 1 and weights.meta["validation_g"] > 0

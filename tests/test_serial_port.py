@@ -1,0 +1,279 @@
+"""The reader of a serial port: whatever happens to the port, it goes on, and says so."""
+
+import os
+import threading
+import tty
+
+import pytest
+import serial
+from simulated import CIRCUIT, PATIENCE, Serving, serving
+
+from tactile_skin import serial_port
+from tactile_skin.protocol import BinaryParser
+from tactile_skin.serial_port import SerialReader, check_port
+
+
+class Heard:
+    """What a reader delivers and says, to be waited for."""
+
+    def __init__(self):
+        self.frames, self.lines = [], []
+        self._news = threading.Condition()
+
+    def on_frame(self, frame) -> None:
+        with self._news:
+            self.frames.append(frame)
+            self._news.notify_all()
+
+    def say(self, line: str) -> None:
+        with self._news:
+            self.lines.append(line)
+            self._news.notify_all()
+
+    def wait_for(self, condition) -> None:
+        with self._news:
+            assert self._news.wait_for(condition, PATIENCE), self.lines
+
+    def wait_for_frames(self, more: int = 10) -> None:
+        wanted = len(self.frames) + more
+        self.wait_for(lambda: len(self.frames) >= wanted)
+
+    def wait_for_line(self, text: str) -> None:
+        self.wait_for(lambda: any(text in line for line in self.lines))
+
+
+@pytest.fixture
+def heard():
+    return Heard()
+
+
+@pytest.fixture
+def reading(heard):
+    """A function that starts a reader on a port; it is closed after the test."""
+    readers = []
+
+    def start(port, **kwargs) -> SerialReader:
+        reader = SerialReader(
+            str(port), 1_000_000, BinaryParser, heard.on_frame, heard.say, **kwargs
+        )
+        readers.append(reader)
+        reader.start()
+        return reader
+
+    yield start
+    for reader in readers:
+        reader.close()
+
+
+@pytest.fixture
+def silent_port(tmp_path):
+    """A port that is there, and says nothing."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    link = tmp_path / "silent"
+    link.symlink_to(os.ttyname(slave))
+    yield link
+    os.close(master)
+    os.close(slave)
+
+
+def test_frames_arrive(tmp_path, heard, reading):
+    with serving(tmp_path / "skin"):
+        reader = reading(tmp_path / "skin")
+        heard.wait_for_frames(30)
+        assert reader.connected_to == str(tmp_path / "skin")
+        assert (reader.trouble, reader.reconnects) == ("", 0)
+        reader.close()
+    assert heard.lines == [f"frames arrive on {tmp_path / 'skin'}"]
+    first = heard.frames[0].sequence
+    assert [f.sequence for f in heard.frames] == list(range(first, first + len(heard.frames)))
+    assert {f.samples.shape for f in heard.frames} == {CIRCUIT.shape}
+    assert reader.parser.counters.corrupt == 0
+
+
+def test_no_frame_comes_after_close(tmp_path, heard, reading):
+    with serving(tmp_path / "skin"):
+        reader = reading(tmp_path / "skin")
+        heard.wait_for_frames()
+        reader.close()
+        reader.close()  # twice does no harm
+        assert not reader._thread.is_alive()
+
+
+def test_an_unplugged_board_is_found_again(tmp_path, heard, reading):
+    """Counted and said; the counters of the whole run go on."""
+    link = tmp_path / "skin"
+    served = Serving(link)
+    reader = reading(link)
+    try:
+        heard.wait_for_frames()
+    finally:
+        served.unplug()
+    heard.wait_for(lambda: reader.connected_to is None)
+    heard.wait_for(lambda: len(heard.lines) >= 2)
+    assert reader.trouble.startswith(f"{link}: ")
+    before = len(heard.frames)
+    with serving(link):
+        heard.wait_for_frames()
+        assert reader.connected_to == str(link)
+        assert reader.reconnects == 1
+        assert reader.trouble == ""
+        reader.close()
+    assert heard.lines.count(f"frames arrive on {link}") == 2
+    assert reader.parser.counters.frames == len(heard.frames) > before
+
+
+@pytest.mark.parametrize("error", [serial.SerialException("gone"), OSError(5, "gone"), "termios"])
+def test_whatever_a_vanished_port_raises_is_survived(monkeypatch, heard, reading, error):
+    """pyserial lets all of these through, depending on where it was when the port went."""
+    if error == "termios":
+        error = pytest.importorskip("termios").error(5, "gone")
+    opened_again = threading.Event()
+
+    def open_port(*_, **__):
+        if not heard.lines:
+            return Dying(error)
+        opened_again.set()
+        return serial.Serial()  # one that is not open: reading it fails as well
+
+    monkeypatch.setattr(serial, "serial_for_url", open_port)
+    reading("/dev/ttyTEST")
+    heard.wait_for_line("/dev/ttyTEST: ")
+    assert "gone" in heard.lines[0] or os.strerror(5) in heard.lines[0]
+    assert opened_again.wait(PATIENCE)
+
+
+class Dying:
+    """A port that fails when it is read."""
+
+    name, in_waiting = "/dev/ttyTEST", 0
+
+    def __init__(self, error):
+        self._error = error
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        return None
+
+    def reset_input_buffer(self):
+        pass
+
+    def read(self, n):
+        raise self._error
+
+
+def test_a_silent_port_is_opened_anew(silent_port, heard, reading):
+    """By the watchdog; that it never sent is said, and no connection is counted."""
+    reader = reading(silent_port, watchdog=0.02)
+    heard.wait_for_line(f"{silent_port}: no frame for 0.02 s, opening it anew")
+    assert reader.connected_to is None
+    assert reader.reconnects == -1
+
+
+def test_garbage_is_silence_to_the_watchdog(tmp_path, heard, reading):
+    """A port that sends, but no frame, is no board."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    try:
+        reading(os.ttyname(slave), watchdog=0.02)
+        pause = threading.Event()
+        while not heard.lines:
+            os.write(master, b"hello ")
+            pause.wait(0.005)
+        heard.wait_for_line("no frame for 0.02 s")
+        assert heard.frames == []
+    finally:
+        os.close(master)
+        os.close(slave)
+
+
+def test_a_missing_port_is_waited_for(tmp_path, heard, reading):
+    """Said once, not with every attempt; when the board is plugged in, its frames come."""
+    link = tmp_path / "later"
+    reader = reading(link)
+    heard.wait_for_line("No such file or directory")
+    assert reader.connected_to is None
+    with serving(link):
+        heard.wait_for_frames()
+        reader.close()
+    assert [line for line in heard.lines if "No such file" in line] == [
+        f"{link}: No such file or directory"
+    ]
+    assert reader.reconnects == 0
+
+
+def test_a_port_may_take_its_time_without_a_word(tmp_path, heard, reading):
+    reader = reading(tmp_path / "later", wait=3600.0)
+    assert reader.trouble == f"waiting for {tmp_path / 'later'}"
+    with serving(tmp_path / "later"):
+        heard.wait_for_frames()
+        reader.close()
+    assert heard.lines == [f"frames arrive on {tmp_path / 'later'}"]
+
+
+def test_a_baud_rate_that_the_port_cannot_do_is_said(monkeypatch, heard, reading):
+    """pyserial has a plain ValueError for it; the reader goes on."""
+
+    def refuse(*_, **__):
+        raise ValueError("Failed to set custom baud rate")
+
+    monkeypatch.setattr(serial, "serial_for_url", refuse)
+    reader = reading("/dev/ttyTEST")
+    heard.wait_for_line("/dev/ttyTEST: Failed to set custom baud rate")
+    assert reader._thread.is_alive()
+
+
+def test_auto_takes_the_first_port_that_sends_frames(
+    tmp_path, monkeypatch, silent_port, heard, reading
+):
+    """Not the first that is there."""
+    ports = [str(tmp_path / "gone"), str(silent_port), str(tmp_path / "skin")]
+    monkeypatch.setattr(serial_port, "candidates", lambda: ports)
+    with serving(tmp_path / "skin"):
+        reader = reading("auto", watchdog=0.5)
+        heard.wait_for_frames()
+        assert reader.connected_to == ports[2]
+        reader.close()
+
+
+def test_auto_without_ports_says_so(monkeypatch, heard, reading):
+    monkeypatch.setattr(serial_port, "candidates", list)
+    reading("auto")
+    heard.wait_for_line("no USB serial port found")
+
+
+# --- check_port ---
+
+
+def test_a_missing_port_is_refused_by_name(monkeypatch, tmp_path):
+    monkeypatch.setattr(serial_port, "candidates", lambda: ["/dev/ttyUSB3"])
+    port = tmp_path / "ttyUSB0"
+    with pytest.raises(ValueError, match=f"port {port}: does not exist.*found: /dev/ttyUSB3"):
+        check_port(str(port))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="elsewhere a port is no file")
+def test_a_name_without_its_folder_is_refused_too():
+    with pytest.raises(ValueError, match="port ttyUSB77: does not exist"):
+        check_port("ttyUSB77")
+
+
+def test_an_unknown_url_is_refused():
+    with pytest.raises(ValueError, match="'carrier-pigeon'"):
+        check_port("carrier-pigeon://home")
+
+
+def test_auto_needs_a_port(monkeypatch):
+    monkeypatch.setattr(serial_port, "candidates", list)
+    with pytest.raises(ValueError, match="port auto: no USB serial port found"):
+        check_port("auto")
+
+
+def test_a_port_that_is_there_is_taken(monkeypatch, tmp_path):
+    """So is auto with a candidate, and a URL that pyserial knows."""
+    (tmp_path / "tty").touch()
+    monkeypatch.setattr(serial_port, "candidates", lambda: ["/dev/ttyUSB3"])
+    for port in (str(tmp_path / "tty"), "auto", "loop://"):
+        check_port(port)
