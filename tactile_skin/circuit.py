@@ -198,26 +198,27 @@ def network_inverse(g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return a, c.swapaxes(-1, -2), d
     col_sum = g.sum(-2)  # (..., cols)
     scaled = g / col_sum[..., None, :]  # g D_c^-1
-    schur = -(scaled @ g.swapaxes(-1, -2))
-    rows = np.arange(g.shape[-2])
     row_sum = g.sum(-1)
-    schur[..., rows, rows] += row_sum
     # S is singular along the constant vector; a multiple of ones fills it without touching rho.
-    schur += row_sum.mean(-1)[..., None, None] / g.shape[-2]
+    fill = row_sum.sum(-1, keepdims=True)[..., None] / g.shape[-2] ** 2
+    schur = fill - scaled @ g.swapaxes(-1, -2)
+    _diagonal(schur)[...] += row_sum
     a = np.linalg.inv(schur)
     c = a @ scaled
     d = scaled.swapaxes(-1, -2) @ c
-    cols = np.arange(g.shape[-1])
-    d[..., cols, cols] += 1.0 / col_sum
+    _diagonal(d)[...] += 1.0 / col_sum
     return a, c, d
 
 
 def rho_of(blocks: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
     """rho_ij = A_ii + D_jj - 2 C_ij of `network_inverse`'s blocks: (..., rows, cols) [ohm]."""
     a, c, d = blocks
-    diag_a = np.einsum("...ii->...i", a)
-    diag_d = np.einsum("...jj->...j", d)
-    return diag_a[..., :, None] + diag_d[..., None, :] - 2.0 * c
+    return _diagonal(a)[..., :, None] + _diagonal(d)[..., None, :] - 2.0 * c
+
+
+def _diagonal(matrices: np.ndarray) -> np.ndarray:
+    """A view of the diagonals of (..., n, n)."""
+    return np.einsum("...ii->...i", matrices)
 
 
 def transfer_resistance(blocks: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:

@@ -78,8 +78,9 @@ class Weights:
         self._circuit = circuit_from(meta["circuit"])
         self._curve = PressureCurve(**meta["curve"])
         self._mean, self._std = state["input_mean"], state["input_std"]  # (channels, 1, 1)
+        self.kind = "paper" if "row.weight" in state else "physics"
         self._lines = None
-        if "row.weight" in state:  # the paper's
+        if self.kind == "paper":
             self._lines = (
                 (state["row.weight"].reshape(self.cols), float(state["row.bias"][0])),
                 (state["col.weight"].reshape(self.rows), float(state["col.bias"][0])),

@@ -31,27 +31,33 @@ class Compensation:
         if self.method not in METHODS:
             raise ValueError(f"method = {self.method!r}: must be one of {', '.join(METHODS)}")
         self.weights = network.load(path) if path else None
+        if self.weights:
+            self.weights.check(self.circuit, self.curve)
         self._pressure = node.create_publisher(Image, "skin/pressure", 10)
         self._diagnostics = node.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
         # Loads the weights, and says here, not in the first callback, that they do not fit.
         self._compensate(np.full(self.circuit.shape, 0.05))
+        self._last = None  # the last sound frame: where the next one starts from
         self._status, self._message, self._residual = "ok", "", 0.0
         self._taken: Counter[str] = Counter()
         self._scale = 2 ** (16 - self.circuit.adc_bits) * self.circuit.full_scale
         node.create_subscription(Image, "skin/adc", self.on_adc, QUEUE)
         node.create_timer(1.0, self.report)
 
-    def _compensate(self, adc):
-        return compensate(adc, self.circuit, self.curve, self.method, weights=self.weights)
+    def _compensate(self, adc, start=None):
+        return compensate(
+            adc, self.circuit, self.curve, self.method, weights=self.weights, start=start
+        )
 
     def on_adc(self, msg: Image) -> None:
         try:
             # The low-pass may round the largest reading up by less than a step.
             adc = np.minimum(image_array(msg) / self._scale, 1.0)
-            estimate = self._compensate(adc)
+            estimate = self._compensate(adc, self._last)
         except ValueError as error:
             self._judge("failed", str(error), 0.0)
             return
+        self._last = estimate if estimate.status == "ok" else None
         self._taken[estimate.method] += 1
         if estimate.status != "failed":
             pressure = estimate.force / self.cell_area

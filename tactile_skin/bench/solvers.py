@@ -1,0 +1,248 @@
+"""Speed against accuracy of the solvers: `python -m tactile_skin.bench.solvers [--quick]`.
+
+Times are multiples of y, one `numpy.linalg.solve` of 257 dense equations with one thread,
+measured between the frames they are compared with. Errors are grams a cell.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import time
+
+import numpy as np
+
+from .. import Circuit, PressureCurve, compensate, forward, scenes
+from ..curve import GRAM
+from .faults import FAULTS, faulty
+
+_DENSE = np.random.default_rng(0).standard_normal((257, 258))
+
+
+class Clock:
+    """Times calls, each beside one dense solve of 257 equations.
+
+    In time of this thread on its processor: what else the machine does is left out.
+    """
+
+    def __init__(self):
+        self.calls, self.solves = [], []
+
+    def __call__(self, function, *args, **kwargs):
+        start = time.thread_time()
+        np.linalg.solve(_DENSE[:, :257], _DENSE[:, 257])
+        between = time.thread_time()
+        result = function(*args, **kwargs)
+        self.calls.append(time.thread_time() - between)
+        self.solves.append(between - start)
+        return result
+
+    @property
+    def y(self) -> float:
+        """Median time of one dense solve [s]."""
+        return float(np.median(self.solves))
+
+    def quantile(self, q: float) -> float:
+        return float(np.quantile(self.calls, q) / self.y)
+
+    @property
+    def mean(self) -> float:
+        return float(np.mean(self.calls) / np.mean(self.solves))
+
+
+def frames(family: str, readout: str, n: int, seed: int, circuit: Circuit, curve: PressureCurve):
+    """n scenes of one family and their readings: force [N], ADC ratio, each (n, rows, cols)."""
+    rng = np.random.default_rng(seed)
+    force = np.minimum(scenes.sample(family, n, *circuit.shape, rng), curve.max_force)
+    adc = forward(circuit, curve.resistance(force))
+    return force, scenes.read_out(circuit, adc, readout, rng)
+
+
+def accuracy(method, family, readout, n, seed=1, circuit=None, curve=None, **kwargs) -> dict:
+    """Error, spread, status and time of one method from nothing on n fresh frames."""
+    circuit, curve = circuit or Circuit(), curve or PressureCurve()
+    force, adc = frames(family, readout, n, seed, circuit, curve)
+    for frame in adc[:3]:
+        compensate(frame, circuit, curve, method, **kwargs)
+    clock = Clock()
+    found = [clock(compensate, frame, circuit, curve, method, **kwargs) for frame in adc]
+    error = np.abs(np.array([e.force for e in found]) - force)  # N
+    touched = force > 0
+    within = error <= np.array([e.std for e in found])
+    ghosts = (np.array([e.force for e in found]) > 20 * GRAM) & ~touched
+    return {
+        "method": method,
+        "family": family,
+        "readout": readout,
+        "frames": n,
+        "mean g": float(error.mean() / GRAM),
+        "worst g": float(error.max() / GRAM),
+        "frames within 1e-3 g": int((error.max((1, 2)) < 1e-3 * GRAM).sum()),
+        "frames with ghosts": float(ghosts.any((1, 2)).mean()),
+        "touched within 1 std": float(within[touched].mean()),
+        "residual": [float(q) for q in np.quantile([e.residual for e in found], (0.5, 0.98))],
+        "suspect": float(np.mean([e.status == "suspect" for e in found])),
+        "failed": float(np.mean([e.status == "failed" for e in found])),
+        "p50 y": clock.quantile(0.5),
+        "p99 y": clock.quantile(0.99),
+        "y us": clock.y * 1e6,
+    }
+
+
+def moving_touch(n: int, rng, shape=(16, 16), speed: float = 0.3, rate: float = 100.0):
+    """(n, rows, cols) force [N]: a round touch of 25 mm wandering at `speed` m/s, 18 mm cells."""
+    y, x = np.arange(shape[0])[:, None], np.arange(shape[1])[None]
+    step = speed / rate / 0.018  # cells a frame
+    place = rng.uniform(4, np.array(shape) - 4)
+    heading, load = rng.uniform(0, 2 * np.pi), rng.uniform(100, 800)
+    force = np.empty((n, *shape))
+    for k in range(n):
+        heading += 0.1 * rng.standard_normal()
+        place = np.clip(place + step * np.array([np.sin(heading), np.cos(heading)]), 2, 13)
+        distance = np.hypot(y - place[0], x - place[1])
+        force[k] = load * np.maximum(1.0 - (distance / 2.2) ** 2, 0.0) ** 1.5
+    return force * GRAM
+
+
+def tracking(method: str, readout: str, touches: int, seed=1) -> dict:
+    """Time and error from the last frame of a moving touch, 50 frames each."""
+    circuit, curve = Circuit(), PressureCurve()
+    rng = np.random.default_rng(seed)
+    clock, errors = Clock(), []
+    for _ in range(touches):
+        force = moving_touch(50, rng)
+        adc = scenes.read_out(circuit, forward(circuit, curve.resistance(force)), readout, rng)
+        last = compensate(adc[0], circuit, curve, method)
+        for truth, frame in zip(force[1:], adc[1:], strict=True):
+            last = clock(compensate, frame, circuit, curve, method, start=last)
+            errors.append(np.abs(last.force - truth).max() / GRAM)
+    return {
+        "method": method,
+        "readout": readout,
+        "frames": len(errors),
+        "worst g": float(max(errors)),
+        "p50 y": clock.quantile(0.5),
+        "p99 y": clock.quantile(0.99),
+    }
+
+
+def detection(n: int, seed=1) -> dict:
+    """Share of frames that `map` calls suspect: sound ones, and those spoilt by a fault.
+
+    Spoilt: the mean error exceeds 30 g and, on the same scene and noise, exceeds that of the sound
+    circuit by 30 g; "any": only the first, whatever the cause.
+    """
+    circuit, curve = Circuit(), PressureCurve()
+    table = {}
+    for family in scenes.FAMILIES:
+        for fault in FAULTS:
+            rng = np.random.default_rng([seed, FAULTS.index(fault)])
+            force = scenes.sample(family, n, *circuit.shape, rng)
+            seen = []
+            for truth in force:
+                r = curve.resistance(truth)
+                noise = rng.integers(1 << 31)
+                for adc in (forward(circuit, r), faulty(circuit, r, fault, rng)):
+                    adc = scenes.read_out(circuit, adc, "scan", np.random.default_rng(noise))
+                    estimate = compensate(adc, circuit, curve, "map")
+                    seen.append(
+                        (np.abs(estimate.force - truth).mean() / GRAM, estimate.status == "suspect")
+                    )
+            error, suspect = np.array(seen).reshape(n, 2, 2).transpose(2, 1, 0)
+            any_cause = error[1] > 30
+            spoilt = any_cause & (error[1] - error[0] > 30)
+            table[f"{family}, {fault}"] = {
+                "sound suspect": float(suspect[0].mean()),
+                "spoilt": int(spoilt.sum()),
+                "spoilt suspect": float(suspect[1][spoilt].mean()) if spoilt.any() else None,
+                "any": int(any_cause.sum()),
+                "any suspect": float(suspect[1][any_cause].mean()) if any_cause.any() else None,
+            }
+    return table
+
+
+def day(n: int, seed=1) -> dict:
+    """A day-like stream: 70 % of the frames idle, 20 % one moving touch, 10 % several (blobs)."""
+    circuit, curve = Circuit(), PressureCurve()
+    rng = np.random.default_rng(seed)
+    scene = []
+    while len(scene) < n:
+        kind = rng.choice(3, p=(0.7, 0.2, 0.1))
+        if kind == 0:
+            scene += [np.zeros(circuit.shape)] * 50
+        elif kind == 1:
+            scene += list(moving_touch(50, rng))
+        else:
+            scene += list(np.minimum(sum(moving_touch(50, rng) for _ in range(3)), curve.max_force))
+    force = np.array(scene)
+    adc = scenes.read_out(circuit, forward(circuit, curve.resistance(force)), "scan", rng)
+    table = {}
+    for name, method, keep in (
+        ("auto", "auto", True),
+        ("map, last frame", "map", True),
+        ("map", "map", False),
+    ):
+        clock, last, ghosts, errors, methods = Clock(), None, [], [], {}
+        for truth, frame in zip(force, adc, strict=True):
+            last = clock(compensate, frame, circuit, curve, method, start=last if keep else None)
+            ghosts.append(((last.force > 20 * GRAM) & (truth == 0)).any())
+            errors.append(np.abs(last.force - truth).mean() / GRAM)
+            methods[last.method] = methods.get(last.method, 0) + 1
+        table[name] = {
+            "mean y": clock.mean,
+            "mean g": float(np.mean(errors)),
+            "frames with ghosts": float(np.mean(ghosts)),
+            "methods": methods,
+        }
+    return table
+
+
+def growth(method: str, n: int, sizes=(16, 32, 64), seed=1) -> dict:
+    """Time over the size of the skin on the `random` family, and its exponent in the cells."""
+    curve = PressureCurve()
+    readout = "ideal" if method == "newton" else "scan"
+    table, times = {}, []
+    for size in sizes:
+        circuit = Circuit(rows=size, cols=size)
+        for family in ("blobs", "random"):
+            frames_here = max(n * 16 // size, 2)
+            row = accuracy(method, family, readout, frames_here, seed, circuit, curve)
+            table[f"{size}x{size} {family}"] = {
+                key: row[key] for key in ("frames", "p50 y", "mean g", "worst g", "failed")
+            }
+        times.append(row["p50 y"])
+    slope = np.polyfit(np.log(np.square(sizes)), np.log(times), 1)[0]
+    return table | {"exponent in cells (random)": float(slope)}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="a twentieth of the frames")
+    parser.add_argument("--seed", type=int, default=int.from_bytes(os.urandom(3)))
+    args = parser.parse_args()
+    share = 20 if args.quick else 1
+    print(f"seed {args.seed}", flush=True)
+
+    def show(name, result):
+        print(name, json.dumps(result, indent=1), flush=True)
+
+    for family in scenes.FAMILIES:
+        show("newton", accuracy("newton", family, "ideal", 10_000 // share, args.seed))
+    show("newton, last frame", tracking("newton", "ideal", 40 // share, args.seed))
+    for family in scenes.FAMILIES:
+        show("map", accuracy("map", family, "scan", 300 // share, args.seed))
+    show("map, last frame", tracking("map", "scan", 40 // share, args.seed))
+    show("detection", detection(300 // share, args.seed))
+    for family in scenes.FAMILIES:
+        for readout in scenes.READOUTS:
+            for method in ("naive", "fixed_point", "newton", "map", "auto"):
+                row = accuracy(method, family, readout, 300 // share, args.seed)
+                show("auto against the others", {k: row[k] for k in [*list(row)[:5], "p50 y"]})
+    show("day", day(6000 // share, args.seed))
+    show("growth", growth("newton", 20 // min(share, 4)))
+    show("growth", growth("map", 20 // min(share, 4)))
+
+
+if __name__ == "__main__":
+    main()

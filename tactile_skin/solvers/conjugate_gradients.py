@@ -1,0 +1,32 @@
+"""Preconditioned conjugate gradients over a product function."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def conjugate_gradients(product, diagonal, b, *, steps: int, target: float) -> np.ndarray:
+    """Solve A x = b, A symmetric and positive definite, until the residual falls by `target`.
+
+    Args:
+        product: (n,) -> (n,), A times it.
+        diagonal: (n,) of A or near it, the preconditioner; the residual is measured in its norm.
+        steps: at most so many products.
+    """
+    x = np.zeros(b.size)
+    residual = b.copy()
+    z = residual / diagonal
+    p = z.copy()
+    size = residual @ z
+    goal = size * target**2
+    for _ in range(steps):
+        if size <= goal:
+            break
+        a_p = product(p)
+        alpha = size / (p @ a_p)
+        x += alpha * p
+        residual -= alpha * a_p
+        z = residual / diagonal
+        size, last = residual @ z, size
+        p = z + (size / last) * p
+    return x

@@ -1,0 +1,35 @@
+"""An Estimate for a method that does not know its own error."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..circuit import two_terminal_resistance
+from .estimate import Estimate
+from .reading import Reading
+from .suspect import by_residual
+
+
+def judge(
+    force, reading: Reading, method: str, iterations=0, *, converged=True, fitted=False
+) -> Estimate:
+    """Spread and status from the misfit.
+
+    How far would each cell's resistance have to move, alone, to meet its own reading
+    (d u / d log R = -g u^2 rho^2 / R_ref)? A misfit is suspect only after a method that fits.
+    """
+    circuit, curve = reading.circuit, reading.curve
+    resistance = curve.resistance(force)
+    g = np.where(circuit.populated, 1.0 / resistance, 0.0)
+    rho = two_terminal_resistance(g)
+    model = circuit.ratio(rho)
+    slope = g * np.square(model * rho) / circuit.r_ref * circuit.full_scale  # steps per log R
+    shift = np.hypot(reading.misfit(model), max(reading.noise, 1e-9)) / np.maximum(slope, 1e-9)
+    factor = np.exp(np.minimum(shift, 50.0))
+    std = 0.5 * (curve.force(resistance / factor) - curve.force(resistance * factor))
+    message = by_residual(reading, model) if fitted else ""
+    status = "suspect" if message else "ok"
+    if not converged:
+        status, message = "failed", f"no convergence in {iterations} steps"
+    std *= circuit.populated
+    return Estimate(force, std, reading.residual(model), status, message, method, iterations)

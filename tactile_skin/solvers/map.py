@@ -1,0 +1,277 @@
+"""The noise-aware inverse: least squares in ADC steps, force >= 0, and a prior.
+
+    minimise  1/2 sum ((reading - u(x)) / noise)^2 + prior(x),   x = log g between its bounds
+
+by projected Gauss-Newton. The Jacobian is analytic, d u_a / d x_b = u_a^2 / R_ref * t_ab^2 g_b
+(docs/derivation.md).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import blas, lapack
+
+from . import laplacian, suspect
+from . import prior as prior_terms
+from .conjugate_gradients import conjugate_gradients
+from .estimate import Estimate
+from .fixed_point import first_guess, iterate, last_guess
+from .reading import ROUNDING_NOISE, Reading
+
+STEPS = 12
+START_STEPS = 4
+_SETTLED = 4.0  # stop when a step gains less than this, in units of 1/2 chi^2
+_CAUSE = 6.0  # chi^2 that a cell at rest must gain alone to become an unknown
+_JOIN = 0.03  # share of the best cell's gain from which a cell at rest becomes an unknown
+_MEMORY = 4  # costs that a step may rise to: a bound met on the way costs height at first
+_DENSE = 600  # unknowns up to which a Cholesky factor beats conjugate gradients
+_CG_STEPS = 100
+_BOX_ROUNDS = 4
+_NEAR_REST = 1.5  # times the conductance at rest: a starting cell below it starts at rest
+_WIDEN = 1.12  # the prior's majorant is wider in curvature than the prior: measured coverage
+_BROAD = 0.1  # share of cells at rest below which the whole skin counts as loaded
+
+
+def map_estimate(reading: Reading, start: Estimate | None = None, prior=None, **_) -> Estimate:
+    """Most probable force, from `start` or from a few steps of the fixed point.
+
+    Args:
+        prior: (mean, std), two (rows, cols) arrays or numbers [N], joined to the built-in prior as
+            independent knowledge of each cell.
+    """
+    if start is not None:
+        estimate = _fit(reading, last_guess(reading, start), prior)
+        if estimate.status == "ok":
+            return estimate  # else the last frame may have led into a corner
+    return _fit(reading, first_guess(reading), prior)
+
+
+def _fit(reading: Reading, g: np.ndarray, prior) -> Estimate:
+    circuit = reading.circuit
+    g, steps = iterate(reading, g, START_STEPS, 2.0 * max(reading.noise, ROUNDING_NOISE))
+    g = _fill(reading, g)
+    at_rest = circuit.populated & (g < _NEAR_REST * reading.bounds[0])
+    broad = np.count_nonzero(at_rest) < _BROAD * np.count_nonzero(circuit.populated)
+    g = np.where(at_rest, reading.bounds[0], g)
+    point = _Point.at(reading, g, broad, prior)
+    costs = [point.cost]
+    iterations = 0
+    while iterations < STEPS:
+        iterations += 1
+        step = _gauss_newton(reading, point)
+        point = _descend(reading, point, step, broad, prior, max(costs[-_MEMORY:]))
+        costs.append(point.cost)
+        if step.gain < _SETTLED or reading.late():
+            break
+    converged = step.gain < _SETTLED or iterations == STEPS
+    with np.errstate(divide="ignore"):
+        force = reading.curve.force(1.0 / point.g) * circuit.populated
+    std = _spread(reading, point, step, force)
+    residual = reading.residual(point.adc)
+    message = suspect.by_residual(reading, point.adc, ROUNDING_NOISE)
+    if not message and broad and prior is None:
+        message = suspect.by_cost(reading, point.cost)
+    if not message and step.jacobian is not None:
+        message = suspect.by_score(
+            reading,
+            point.k,
+            point.weight,
+            point.misfit,
+            step.told,
+            step.jacobian,
+            step.factor,
+            broad,
+        )
+    status = "suspect" if message else "ok"
+    if not converged:
+        status, message = "failed", f"no time to converge: stopped after {iterations} steps"
+    return Estimate(force, std, residual, status, message, "map", steps + iterations)
+
+
+def _fill(reading: Reading, g: np.ndarray) -> np.ndarray:
+    """Start cells whose own reading is missing from the mean of their read neighbours' log g.
+
+    From rest, the prior would take them for holes in a touch.
+    """
+    unread = reading.circuit.populated & ~reading.known & ~reading.capped
+    if not unread.any():
+        return g
+    read = reading.circuit.populated & ~unread
+    count = np.pad(read.astype(float), 1)
+    total = np.pad(np.where(read, np.log(np.where(read, g, 1.0)), 0.0), 1)
+    count, total = (np.lib.stride_tricks.sliding_window_view(a, (3, 3)) for a in (count, total))
+    mean = total.sum((2, 3)) / np.maximum(count.sum((2, 3)), 1.0)
+    return np.where(unread & (count.sum((2, 3)) > 0), np.exp(mean), g)
+
+
+class _Point(NamedTuple):
+    """All that follows from one g; pictures are (rows, cols)."""
+
+    g: np.ndarray  # S
+    k: np.ndarray  # ohm, see laplacian
+    adc: np.ndarray  # ratio
+    misfit: np.ndarray  # reading - model, in standard deviations
+    weight: np.ndarray  # d misfit / d rho [1/ohm]; 0 for readings that say nothing here
+    prior: prior_terms.Quadratic
+    cost: float
+
+    @classmethod
+    def at(cls, reading: Reading, g: np.ndarray, broad: bool, extra) -> _Point:
+        circuit, curve = reading.circuit, reading.curve
+        cells = circuit.populated
+        noise = max(reading.noise, ROUNDING_NOISE)
+        k = laplacian.inverse(g)
+        adc = circuit.ratio(laplacian.two_point(k, circuit.rows))
+        misfit = reading.misfit(adc) / noise
+        speaks = reading.known | (misfit < 0)
+        weight = np.where(speaks, adc**2 * (circuit.full_scale / (circuit.r_ref * noise)), 0.0)
+        x = np.log(np.where(cells, g, reading.bounds[0]))
+        if broad or extra is not None:
+            force = np.where(cells, curve.force(np.exp(-x)), 0.0)
+            slope = -curve.slope(force)
+        if broad:
+            terms = prior_terms.level(force, slope, cells)
+        else:
+            terms = prior_terms.touches(x, np.log(reading.bounds[0]), circuit.mask)
+        if extra is not None:
+            terms = prior_terms.add(terms, prior_terms.known(force, slope, *extra, cells))
+        cost = 0.5 * np.square(misfit).sum() + terms.value
+        return cls(g, k, adc, misfit, weight, terms, cost)
+
+
+class _Step(NamedTuple):
+    free: np.ndarray  # (n,) flat indices of the unknowns
+    dx: np.ndarray  # (n,) change of log g
+    gain: float  # predicted, in units of 1/2 chi^2
+    factor: np.ndarray | None  # upper Cholesky factor over `inside`; None: it was done without
+    inside: np.ndarray  # flat indices of the unknowns that met no bound
+    told: np.ndarray | None  # flat indices of the readings that speak
+    jacobian: np.ndarray | None  # (told, inside), in standard deviations
+
+
+def _gauss_newton(reading: Reading, point: _Point) -> _Step:
+    low, high = reading.bounds
+    g, k = point.g, point.k
+    rows = g.shape[0]
+    # Downhill, - d cost / d x, for all cells at once in O(lines^3)
+    slope = g * laplacian.hessian_product(k, point.weight * point.misfit) - point.prior.gradient
+    # A cell at rest joins if alone it would gain something, next to what the best would gain: a
+    # moved touch leaves misfit along its lines in cells that the next step finds at rest.
+    alone = np.square(point.weight * laplacian.two_point(k, rows) ** 2 * g)
+    alone = np.square(slope) / (alone + point.prior.precision[0, 0] + 1e-9)
+    held = (g <= low) & ((slope <= 0) | (alone < max(_CAUSE, _JOIN * alone.max())))
+    held |= (g >= high) & (slope >= 0)
+    free = np.flatnonzero(reading.circuit.populated & ~held)
+    if not free.size:
+        return _Step(free, np.zeros(0), 0.0, None, free, None, None)
+    b = slope.flat[free]
+    if free.size > _DENSE:
+        dx = _conjugate_gradients(point, free, b)
+        return _Step(free, dx, 0.5 * b @ dx, None, free, None, None)
+    v = laplacian.crossing_factor(k, rows)
+    told = np.flatnonzero(point.weight)
+    jacobian = np.square(v[told] @ v[free].T)  # (readings, n), t_ab^2
+    jacobian *= point.weight.flat[told].astype(np.float32)[:, None]
+    jacobian *= g.flat[free].astype(np.float32)
+    precision = blas.ssyrk(1.0, jacobian.T)  # upper triangle
+    _add_prior(precision, point.prior, free, g.size)
+    dx, factor, inside = _solve_in_box(
+        precision, b, low / g.flat[free] - 1, high / g.flat[free] - 1
+    )
+    return _Step(free, dx, 0.5 * b @ dx, factor, free[inside], told, jacobian[:, inside])
+
+
+def _solve_in_box(precision: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray):
+    """Minimise 1/2 dx precision dx - b dx; what would leave [low, high] is put on its end.
+
+    Clipping alone would leave the others where they would be right without the bounds, and the
+    step would often go up.
+
+    Args:
+        precision: (n, n), upper triangle.
+
+    Returns:
+        dx, the Cholesky factor over the unknowns inside, and which those are.
+    """
+    inside = np.ones(b.size, bool)
+    dx = np.zeros(b.size)
+    matrix, pull = precision, b
+    for rounds in range(_BOX_ROUNDS):
+        factor, info = lapack.spotrf(matrix, lower=0, clean=0)
+        while info:  # not positive definite to single precision
+            matrix.T.flat[:: matrix.shape[0] + 1] *= 1.001
+            factor, info = lapack.spotrf(matrix, lower=0, clean=0)
+        dx[inside] = lapack.spotrs(factor, pull)[0]
+        out = inside & ((dx < low) | (dx > high))
+        if rounds + 1 == _BOX_ROUNDS or not out.any() or (out == inside).all():
+            break
+        inside &= ~out
+        dx = np.clip(dx, low, high)
+        pull = (b - blas.ssymv(1.0, precision, np.where(inside, 0.0, dx)))[inside]
+        matrix = precision[np.ix_(inside, inside)]  # upper triangle, as precision's
+    return np.clip(dx, low, high), factor, inside
+
+
+def _add_prior(precision: np.ndarray, terms, free: np.ndarray, cells: int) -> None:
+    """Add the prior's entries to the upper triangle over the free cells."""
+    place = np.full(2 * cells, -1)
+    place[free] = np.arange(free.size)
+    for (down, right), entry in terms.precision.items():
+        other = place[free + down * entry.shape[1] + right]
+        here = np.flatnonzero((other >= 0) & (entry.flat[free] != 0.0))
+        precision[here, other[here]] += entry.flat[free[here]]
+
+
+def _conjugate_gradients(point: _Point, free: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The Gauss-Newton step without its matrix: a product costs O(lines^3)."""
+    rows = point.g.shape[0]
+    diagonal = np.square(point.weight * laplacian.two_point(point.k, rows) ** 2 * point.g)
+    diagonal = (diagonal + point.prior.precision[0, 0]).flat[free]
+    picture = np.zeros(point.g.shape)
+
+    def product(p):
+        picture.flat[free] = p
+        rho = laplacian.hessian_product(point.k, point.g * picture)
+        data = point.g * laplacian.hessian_product(point.k, point.weight**2 * rho)
+        return (data + prior_terms.product(point.prior, picture)).flat[free]
+
+    return conjugate_gradients(product, diagonal, b, steps=_CG_STEPS, target=1e-2)
+
+
+def _descend(reading: Reading, point: _Point, step: _Step, broad: bool, extra, ceiling) -> _Point:
+    """Take the step, or as much of it as stays below `ceiling`; the old point if none does."""
+    low, high = reading.bounds
+    if not step.free.size:
+        return point
+    dx = step.dx
+    for _ in range(6):
+        # in g: the readings are closer to linear in g than in log g
+        factor = 1.0 + np.clip(dx, -0.9, 3.0)
+        g = point.g.copy()
+        g.flat[step.free] = np.clip(g.flat[step.free] * factor, low, high)
+        new = _Point.at(reading, g, broad, extra)
+        if new.cost <= ceiling:
+            return new
+        dx = 0.4 * dx
+    return point
+
+
+def _spread(reading: Reading, point: _Point, step: _Step, force) -> np.ndarray:
+    """One posterior standard deviation of the force (rows, cols) [N].
+
+    Of the Gauss-Newton posterior for the free cells; from each one's own reading and prior alone
+    for cells held at a bound.
+    """
+    rows = point.g.shape[0]
+    own = np.square(point.weight * laplacian.two_point(point.k, rows) ** 2 * point.g)
+    std_x = 1.0 / np.sqrt(own + point.prior.precision[0, 0] + 1e-12)
+    if step.factor is not None:
+        covariance = lapack.spotri(step.factor, lower=0)[0]
+        std_x.flat[step.inside] = np.sqrt(covariance.diagonal())
+    std_x = np.minimum(_WIDEN * std_x, 10.0)
+    curve = reading.curve
+    resistance = curve.resistance(force)
+    std = 0.5 * (curve.force(resistance * np.exp(-std_x)) - curve.force(resistance * np.exp(std_x)))
+    return np.where(reading.circuit.populated, std, 0.0)

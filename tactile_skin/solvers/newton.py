@@ -1,0 +1,154 @@
+"""The exact inverse of the circuit: the maximum of a concave function (docs/derivation.md).
+
+    phi(g) = log det L(g) - sum rho_measured * g,   g between rest and the curve's end
+
+has the gradient rho(g) - rho_measured and the Hessian -t_ab^2. It is strictly concave: one
+solution, no local optimum. The bounds make it solvable for noisy readings too, where the free
+maximum may lie at negative conductances.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import lapack
+
+from . import laplacian
+from .conjugate_gradients import conjugate_gradients
+from .estimate import Estimate
+from .fixed_point import first_guess, iterate, last_guess
+from .judge import judge
+from .reading import Reading
+
+STEPS = 40  # 5 is usual; bounds the time of readings that no circuit explains
+START_STEPS = 8  # of the fixed point: a step costs a sixth of a Newton step
+WARM_STEPS = 4  # the same from the last frame: a touch that moved misfits by far at its rim
+_DONE = 1e-7  # relative step of g; a thousandth of a gram is 6e-7 at full load
+_BOUND = 1.0 + 1e-9  # a cell this near a bound is on it, but for rounding
+_TOUCH = 0.2  # relative rise of a cell's conductance from rest that makes it an unknown
+_ANYTHING = 1e-8  # the same, in the end
+_DENSE = 400  # unknowns up to which a Cholesky factor beats conjugate gradients
+
+
+def newton(reading: Reading, start: Estimate | None = None, **_) -> Estimate:
+    """Projected Newton from `start`, or from a few steps of the fixed point."""
+    reading.need_whole("newton")
+    if start is None:
+        g, steps = iterate(reading, first_guess(reading), START_STEPS, 1e-9)
+    else:
+        g, steps = iterate(reading, last_guess(reading, start), WARM_STEPS, 1e-9)
+    g, iterations, done = maximise(reading, g)
+    with np.errstate(divide="ignore"):
+        force = reading.curve.force(1.0 / g) * reading.circuit.populated
+    # Of a noisy reading this is the best fit in another measure than ADC steps: no verdict then.
+    exact = reading.noise == 0.0
+    return judge(force, reading, "newton", steps + iterations, converged=done, fitted=exact)
+
+
+def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
+    """Climb phi from g (rows, cols) [S] to its maximum between the bounds.
+
+    Unknowns are the touched cells: those above rest, or whose own reading asks for more. Steps are
+    taken in g itself, in which rho is close enough to linear that two or three suffice; a factor
+    in single precision serves as long as it contracts, since the misfit is evaluated in double.
+
+    Returns:
+        g, the number of steps, whether it converged.
+    """
+    cells = reading.circuit.populated
+    rows = reading.circuit.rows
+    low, high = reading.bounds
+    rho_measured = reading.rho
+    k = laplacian.inverse(g)
+    rho = laplacian.two_point(k, rows)
+    free, solve, last, join = None, None, np.inf, _TOUCH
+    for iteration in range(STEPS):
+        gradient = np.where(cells, rho - rho_measured, 0.0)
+        # A cell on its bound is held there if the gradient pushes outwards. One at rest joins the
+        # unknowns if its own reading asks for a touch; once the others are settled, for anything.
+        rise = gradient / (rho * rho_measured * low)
+        held = ((g <= low * _BOUND) & (rise < join)) | ((g >= high / _BOUND) & (gradient >= 0.0))
+        now = np.flatnonzero(cells & ~held)
+        if not now.size:
+            if join == _ANYTHING:
+                return g, iteration, True
+            join = _ANYTHING
+            continue
+        misfit = np.abs(gradient.flat[now] / rho.flat[now]).max()
+        if solve is None or misfit > 0.05 * last or not np.array_equal(free, now):
+            free = now
+            solve = _step_solver(k, g, free, rows)
+        last = misfit
+        # rho log(rho / rho_measured) is the gradient to first order, and closer to linear far off
+        pull = rho.flat[free] * np.log(rho.flat[free] / rho_measured.flat[free])
+        step = np.zeros(g.shape)
+        step.flat[free] = solve(pull)
+        new, k, rho = _climb(reading, g, k, step, np.where(held, 0.0, gradient), rho)
+        moved = np.abs(new.flat[free] / g.flat[free] - 1.0).max()
+        g = new
+        if moved < _DONE:
+            if join == _ANYTHING:
+                return g, iteration + 1, True
+            join = _ANYTHING
+        if reading.late():
+            break
+    return g, iteration + 1, False
+
+
+def _climb(reading: Reading, g, k, step, gradient, rho):
+    """Take the step, or as much of it as gains height; returns the new g, K and rho."""
+    low, high = reading.bounds
+    cells = reading.circuit.populated
+    rows = g.shape[0]
+    height = None
+    for halving in range(40):
+        new = np.where(cells, np.clip(g + step, np.maximum(low, 0.05 * g), high), 0.0)
+        new_k = laplacian.inverse(new)
+        change = new - g
+        if np.abs(change).max() < 1e-2 * low:  # so near that phi's own rounding would decide
+            break
+        if height is None:
+            height = _height(reading, g, k)
+        if _height(reading, new, new_k) >= height + 1e-4 * (gradient * change).sum():
+            break
+        if halving == 3:  # past the bounds' corners only the gradient is sure to climb
+            step = 8.0 * gradient / np.square(rho)
+        step = 0.5 * step
+    return new, new_k, laplacian.two_point(new_k, rows)
+
+
+def _height(reading: Reading, g: np.ndarray, k: np.ndarray) -> float:
+    """phi(g) but for a constant; det K is 1 / (det L_reduced * total conductance)."""
+    populated_rho = np.where(reading.circuit.populated, reading.rho, 0.0)
+    return -np.linalg.slogdet(k)[1] - np.log(g.sum()) - (populated_rho * g).sum()
+
+
+def _step_solver(k: np.ndarray, g: np.ndarray, free: np.ndarray, rows: int):
+    """A function that solves (t_ab^2) x = b over the free cells, to single precision.
+
+    Scaled by sqrt(g) on both sides the matrix has a diagonal (g rho)^2 <= 1.
+    """
+    scale = np.sqrt(g.flat[free]).astype(np.float32)
+    if free.size > _DENSE:
+        return _matrix_free_solver(k, g, free, rows)
+    v = laplacian.crossing_factor(k, rows)[free]
+    v *= np.sqrt(scale)[:, None]
+    squared = np.square(v @ v.T)
+    factor, info = lapack.spotrf(squared.T, lower=0, overwrite_a=True, clean=0)
+    if info:  # singular to single precision: near a bound of the curve's range
+        squared = np.square((v @ v.T).astype(float))
+        squared.flat[:: free.size + 1] *= 1.0 + 1e-5
+        factor, info = lapack.dpotrf(squared.T, lower=0, clean=0)
+        return lambda b: scale * lapack.dpotrs(factor, scale * b)[0]
+    return lambda b: scale * lapack.spotrs(factor, scale * b)[0]
+
+
+def _matrix_free_solver(k: np.ndarray, g: np.ndarray, free: np.ndarray, rows: int):
+    """The same without the matrix: a product costs O(lines^3), the diagonal is rho^2."""
+    picture = np.zeros(g.shape)
+
+    def product(p):
+        picture.flat[free] = p
+        return laplacian.hessian_product(k, picture).flat[free]
+
+    diagonal = np.square(laplacian.two_point(k, rows).flat[free])
+    return lambda b: conjugate_gradients(product, diagonal, b, steps=300, target=1e-4)

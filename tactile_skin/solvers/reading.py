@@ -1,0 +1,147 @@
+"""One frame as the solvers see it: what was read, how well, and between which bounds to look."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from ..circuit import Circuit, two_terminal_resistance
+from ..curve import PressureCurve
+
+SCAN_NOISE = 0.52  # ADC steps RMS: mean of 4 samples with 1 step of noise, each rounded
+ROUNDING_NOISE = 12**-0.5  # ADC steps RMS of rounding to whole steps
+_FRACTION = 64  # the board sends at most 6 fractional bits (its low-pass filter's)
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """A checked frame.
+
+    Attributes:
+        adc: (rows, cols) ADC ratio; 0 where nothing is known.
+        known: (rows, cols) bool, readings that carry a value.
+        capped: (rows, cols) bool, readings known only to lie at or below `threshold`.
+        threshold: ADC ratio, 0 where no reading is capped.
+        noise: RMS noise of a reading, in ADC steps; 0 for an exact one.
+        deadline: `time.monotonic` to stop at, infinity for none.
+    """
+
+    adc: np.ndarray
+    known: np.ndarray
+    capped: np.ndarray
+    threshold: float
+    noise: float
+    deadline: float
+    circuit: Circuit
+    curve: PressureCurve
+
+    @property
+    def steps(self) -> np.ndarray:
+        """(rows, cols) the reading in ADC steps."""
+        return self.adc * self.circuit.full_scale
+
+    @property
+    def whole(self) -> bool:
+        """Whether each cell's own crossing was read."""
+        return bool((self.known | ~self.circuit.populated).all())
+
+    @property
+    def rho(self) -> np.ndarray:
+        """(rows, cols) measured two-terminal resistance [ohm], kept finite and above 0."""
+        return np.clip(self.circuit.two_terminal(self.adc), 1e-3, 1e12)
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Conductance [S] of a cell at rest and of one at the curve's end."""
+        return 1.0 / self.curve.rest_resistance, 1.0 / self.curve.least_resistance
+
+    def late(self) -> bool:
+        return time.monotonic() > self.deadline
+
+    def misfit(self, adc) -> np.ndarray:
+        """(rows, cols) reading minus model in ADC steps; 0 where nothing contradicts the model."""
+        full_scale = self.circuit.full_scale
+        misfit = np.where(self.known, (self.adc - adc) * full_scale, 0.0)
+        if self.threshold:
+            over = np.minimum((self.threshold - adc) * full_scale, 0.0)
+            misfit = np.where(self.capped, over, misfit)
+        return misfit
+
+    def residual(self, adc) -> float:
+        """RMS of `misfit` over the readings that say something."""
+        n = np.count_nonzero(self.known | self.capped)
+        return float(np.sqrt(np.square(self.misfit(adc)).sum() / max(n, 1)))
+
+    def need_whole(self, method: str) -> None:
+        """ValueError unless every cell was read: only `map` can do without."""
+        if not self.whole:
+            n = np.count_nonzero(self.circuit.populated & ~self.known)
+            raise ValueError(
+                f"method {method!r} needs a reading of every cell, {n} are missing or below the "
+                "threshold: use map or auto"
+            )
+
+
+def check_reading(
+    adc,
+    circuit: Circuit,
+    curve: PressureCurve,
+    *,
+    missing: bool = False,
+    threshold: float = 0.0,
+    noise: float | None = None,
+    time_limit: float | None = None,
+) -> Reading:
+    """The frame as a `Reading`; ValueError says what is wrong with it, and where."""
+    adc = np.asarray(adc, dtype=float)
+    if adc.shape != circuit.shape:
+        raise ValueError(f"reading has shape {adc.shape}: the circuit is {circuit.shape}")
+    if not 0.0 <= threshold < 1.0:
+        raise ValueError(f"threshold = {threshold!r}: must be an ADC ratio in [0, 1)")
+    if noise is not None and not 0.0 <= noise < circuit.full_scale:
+        raise ValueError(f"noise = {noise!r} ADC steps: must be 0 or more, below full scale")
+    if time_limit is not None and not time_limit > 0:
+        raise ValueError(f"time_limit = {time_limit!r} s: must be above 0")
+    unread = np.isnan(adc)
+    allowed = unread if missing else unread & ~circuit.populated
+    bad = ~((adc >= 0.0) & (adc <= 1.0)) & ~allowed
+    if bad.any():
+        row, col = np.argwhere(bad)[0]
+        hint = "; say missing=True if NaN marks missing readings" if unread.any() else ""
+        raise ValueError(
+            f"reading: {np.count_nonzero(bad)} of {adc.size} values are not in [0, 1], "
+            f"the first {adc[row, col]} at row {row}, column {col}{hint}"
+        )
+    known = ~unread
+    capped = known & (adc <= threshold) if threshold else np.zeros(circuit.shape, bool)
+    known &= ~capped
+    if unread.any() or threshold:
+        adc = np.where(known, adc, 0.0)
+    if noise is None:
+        noise = _noise_of(adc * circuit.full_scale)
+    deadline = np.inf if time_limit is None else time.monotonic() + time_limit
+    return Reading(adc, known, capped, float(threshold), noise, deadline, circuit, curve)
+
+
+def _noise_of(steps: np.ndarray) -> float:
+    """RMS noise [ADC steps] that the grid of the values tells.
+
+    Whole steps: one rounding. Multiples of a board's fraction of a step: a mean of noisy samples.
+    Anything else came from no ADC and is taken as exact.
+    """
+    grid = steps * _FRACTION
+    if np.abs(grid - np.rint(grid)).max() > 1e-3:
+        return 0.0
+    return ROUNDING_NOISE if np.abs(steps - np.rint(steps)).max() < 1e-3 else SCAN_NOISE
+
+
+@lru_cache(maxsize=16)
+def rest_reading(circuit: Circuit, curve: PressureCurve) -> np.ndarray:
+    """(rows, cols) ADC ratio of the untouched skin."""
+    g = circuit.populated / curve.rest_resistance
+    adc = circuit.ratio(two_terminal_resistance(g))
+    adc.setflags(write=False)
+    return adc

@@ -1,0 +1,100 @@
+"""Does the circuit model explain the reading? Tests on a fitted frame (docs/derivation.md)."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import lapack
+
+from .reading import ROUNDING_NOISE, Reading
+
+# Thresholds in standard deviations. Chosen so that all tests together call less than 2 % of sound
+# frames suspect; a score's spread on sound frames is above 1, since the prior is not Gaussian.
+_RESIDUAL = 2.8
+_SHORT = 3.7
+_R_PAR = 5.5
+_EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
+
+
+def by_residual(reading: Reading, adc: np.ndarray, floor: float = _EXACT_NOISE) -> str:
+    """Why the misfit to the model's ADC ratio (rows, cols) is beyond noise; empty if it is not.
+
+    Args:
+        floor: noise [ADC steps] that the method supposes at least.
+    """
+    misfit = reading.misfit(adc)
+    n = max(np.count_nonzero(reading.known | reading.capped), 1)
+    noise = max(reading.noise, floor)
+    square = np.square(misfit)
+    if square.sum() <= n * noise**2 * (1.0 + _RESIDUAL * (2.0 / n) ** 0.5):
+        return ""
+    residual = (square.sum() / n) ** 0.5
+    where = ""
+    for name, sums in (("row", square.sum(1)), ("column", square.sum(0))):
+        if sums.max() > 0.5 * square.sum():
+            where = f", most of it in {name} {sums.argmax()}: open, or not connected?"
+    return f"residual of {residual:.2f} ADC steps, noise explains {noise:.2f}{where}"
+
+
+def by_cost(reading: Reading, cost: float) -> str:
+    """A load on the whole skin whose variation the level prior does not explain.
+
+    With that prior, which is Gaussian, twice the cost follows chi^2 with one degree of freedom a
+    reading on a sound frame. A series resistance that the circuit does not have, of all faults,
+    leaves no misfit: it makes the load look even.
+    """
+    n = np.count_nonzero(reading.known | reading.capped)
+    if abs(2.0 * cost / n - 1.0) <= _RESIDUAL * (2.0 / n) ** 0.5:
+        return ""
+    kind = "evenly" if 2.0 * cost < n else "unevenly"
+    return (
+        f"the whole skin reads loaded, more {kind} than a sound one: is r_par = "
+        f"{reading.circuit.r_par:g} ohm right?"
+    )
+
+
+def by_score(reading: Reading, k, weight, misfit, told, jacobian, factor, broad) -> str:
+    """Score tests for a short between neighbouring lines and for a wrong r_par.
+
+    How far does the misfit lie along the change p that the fault would make in the readings, past
+    what the fit can hide: z = p.m / sqrt(p.p - q^T H^-1 q), q = J^T p. No second fit is needed.
+
+    Args:
+        k: inverse of the Laplacian (lines, lines) [ohm].
+        weight, misfit: (rows, cols), -d reading / d rho [1/ohm] and reading - model, both in
+            standard deviations.
+        told, jacobian, factor: of the fit over its unknowns, see map._Step.
+        broad: the level prior was used; its fit leans on r_par's pattern even when sound.
+    """
+    rows, cols = weight.shape
+    pairs = np.flatnonzero(np.concatenate([_alike(reading), _alike(reading, turned=True)]))
+    pairs += pairs >= rows - 1  # the last row and the first column are no neighbours
+    # current driven through a crossing puts this voltage between the two lines of a pair
+    apart = k[:, pairs] - k[:, pairs + 1]
+    across = (apart[:rows, None] - apart[None, rows:]).reshape(rows * cols, -1)[told]
+    pushed = weight.reshape(-1, 1)[told]
+    p = np.concatenate([np.square(across) * pushed, pushed], 1).astype(np.float32)
+    size = np.square(p).sum(0)
+    hidden = jacobian.T @ p
+    hidden = (hidden * lapack.spotrs(factor, hidden)[0]).sum(0)
+    score = p.T @ misfit.flat[told].astype(np.float32)
+    score /= np.sqrt(np.maximum(size - hidden, 1e-3 * size) + 1e-30)
+    if pairs.size and score[:-1].max() > _SHORT:
+        line = pairs[score[:-1].argmax()]
+        name, i = ("rows", line) if line < rows - 1 else ("columns", line - rows)
+        return f"{name} {i} and {i + 1} read alike, as if shorted"
+    if not broad and abs(score[-1]) > _R_PAR:
+        way = "low" if score[-1] < 0 else "high"
+        return f"readings lean as if r_par = {reading.circuit.r_par:g} ohm was too {way}"
+    return ""
+
+
+def _alike(reading: Reading, turned: bool = False) -> np.ndarray:
+    """(lines - 1,) bool: neighbouring lines whose readings differ by no more than noise."""
+    steps, known = reading.steps, reading.known
+    if turned:
+        steps, known = steps.T, known.T
+    pair = known[1:] & known[:-1]
+    n = np.maximum(pair.sum(1), 1)
+    apart = np.where(pair, np.square(np.diff(steps, axis=0)), 0.0).sum(1) / n
+    noise = max(reading.noise, ROUNDING_NOISE)
+    return apart < 2.0 * noise**2 * (1.0 + 3.0 * np.sqrt(2.0 / n))
