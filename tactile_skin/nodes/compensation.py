@@ -2,79 +2,112 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 
 import numpy as np
 
 from .. import network
 from ..config import circuit_of, curve_of, describe, geometry_of
-from ..msg import DiagnosticArray, Image, image, image_array
-from ..solvers import METHODS, compensate
+from ..msg import DiagnosticArray, Image, Trigger, image, image_array
+from ..solvers import METHODS, Estimate, compensate
 from . import QUEUE, diagnostics
+
+_WATCHED = 20  # frames: 0.2 s at 100 a second
+_ENTER, _LEAVE = 10, 5  # suspect ones among them that make, and that end, a fault
 
 
 class Compensation:
     """Publishes skin/pressure (32FC1, Pa, row-major) with the reading's stamp, and diagnostics once
-    a second and whenever the status changes. A frame that fails is not published.
+    a second and whenever the level changes: WARN for a suspect frame, ERROR, which stops the
+    robot, for a failed one and while half of the last frames are suspect. A frame that fails is
+    not published. The service `~/reset` forgets the last frame, from which the next one starts.
     """
 
     def __init__(self, node):
         self.node = node
         self.circuit, self.curve = circuit_of(node), curve_of(node)
         self.cell_area = geometry_of(node, self.circuit).cell_area
-        self.method = node.declare_parameter(
-            "method", "auto", describe(f"one of {', '.join(METHODS)}")
-        ).value
-        path = node.declare_parameter(
-            "weights", "", describe("file of the networks' weights")
-        ).value
-        if self.method not in METHODS:
-            raise ValueError(f"method = {self.method!r}: must be one of {', '.join(METHODS)}")
-        self.weights = network.load(path) if path else None
-        if self.weights:
-            self.weights.check(self.circuit, self.curve)
+
+        def value(name, default, *bounds):
+            return node.declare_parameter(name, default, describe(*bounds)).value
+
+        method = value("method", "auto", f"one of {', '.join(METHODS)}")
+        path = value("weights", "", "file of a network's weights; empty: the shipped ones")
+        threshold = value(
+            "threshold",
+            0.0,
+            "ADC steps up to which the board sends 0 or nothing true",
+            0.0,
+            65535.0,
+        )
+        time_limit = value("time_limit", 0.05, "after which a frame is given up [s]", 1e-4, 10.0)
+        self._stops = value("suspect_stops", True, "whether lasting suspicion stops the robot")
+        if method not in METHODS:
+            raise ValueError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
+        weights = network.load(path) if path else None
+        if weights:
+            weights.check(self.circuit, self.curve)
+        self._method = method
+        self._arguments = {
+            "weights": weights,
+            "threshold": threshold / self.circuit.full_scale,
+            "time_limit": time_limit,
+        }
         self._pressure = node.create_publisher(Image, "skin/pressure", 10)
         self._diagnostics = node.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
-        # Loads the weights, and says here, not in the first callback, that they do not fit.
-        self._compensate(np.full(self.circuit.shape, 0.05))
-        self._last = None  # the last sound frame: where the next one starts from
-        self._status, self._message, self._residual = "ok", "", 0.0
+        self._last: Estimate | None = None  # the last sound frame: where the next starts from
+        self._suspect: deque[bool] = deque(maxlen=_WATCHED)
+        self._fault = False
+        self._level, self._message, self._residual = diagnostics.OK, "ok", 0.0
         self._taken: Counter[str] = Counter()
         self._scale = 2 ** (16 - self.circuit.adc_bits) * self.circuit.full_scale
+        # Loads the weights, and says here, not in the first callback, that they do not fit.
+        self._compensate(np.full(self.circuit.shape, 0.05))
         node.create_subscription(Image, "skin/adc", self.on_adc, QUEUE)
+        node.create_service(Trigger, "~/reset", self.on_reset)
         node.create_timer(1.0, self.report)
 
-    def _compensate(self, adc, start=None):
+    def _compensate(self, adc) -> Estimate:
         return compensate(
-            adc, self.circuit, self.curve, self.method, weights=self.weights, start=start
+            adc, self.circuit, self.curve, self._method, start=self._last, **self._arguments
         )
 
     def on_adc(self, msg: Image) -> None:
         try:
             # The low-pass may round the largest reading up by less than a step.
             adc = np.minimum(image_array(msg) / self._scale, 1.0)
-            estimate = self._compensate(adc, self._last)
+            estimate = self._compensate(adc)
         except ValueError as error:
-            self._judge("failed", str(error), 0.0)
+            self._judge("failed", str(error))
             return
         self._last = estimate if estimate.status == "ok" else None
         self._taken[estimate.method] += 1
+        self._residual = estimate.residual
         if estimate.status != "failed":
             pressure = estimate.force / self.cell_area
             self._pressure.publish(image(pressure, "32FC1", msg.header))
-        self._judge(estimate.status, estimate.message, estimate.residual)
+        self._judge(estimate.status, estimate.message)
 
-    def _judge(self, status: str, message: str, residual: float) -> None:
-        changed = status != self._status
-        self._status, self._message, self._residual = status, message, residual
+    def on_reset(self, _, response):
+        self._last = None
+        self._suspect.clear()
+        response.success, response.message = True, "the last frame is forgotten"
+        return response
+
+    def _judge(self, status: str, message: str) -> None:
+        self._suspect.append(status == "suspect")
+        suspects = sum(self._suspect)
+        self._fault = suspects >= (_LEAVE if self._fault else _ENTER)
+        level = diagnostics.OK if status == "ok" else diagnostics.WARN
+        if status == "failed" or (self._fault and self._stops):
+            level = diagnostics.ERROR
+        if message or level == diagnostics.OK:
+            self._message = message or "ok"
+        changed, self._level = level != self._level, level
         if changed:
             self.report()
 
     def report(self) -> None:
-        levels = {"ok": diagnostics.OK, "suspect": diagnostics.WARN, "failed": diagnostics.ERROR}
-        values = {"residual": f"{self._residual:.3f}", "method": self.method}
+        values = {"residual": f"{self._residual:.3f}", "method": self._method}
         values |= {f"frames_{name}": n for name, n in self._taken.items()}
-        message = self._message or self._status
-        self._diagnostics.publish(
-            diagnostics.report(self.node, levels[self._status], message, values)
-        )
+        self._diagnostics.publish(diagnostics.report(self.node, self._level, self._message, values))
