@@ -31,6 +31,8 @@ class Compensation:
         if self.method not in METHODS:
             raise ValueError(f"method = {self.method!r}: must be one of {', '.join(METHODS)}")
         self.weights = network.load(path) if path else None
+        if self.weights:  # said here whatever the method: a file was named to be used
+            self.weights.check(self.circuit, self.curve)
         self._pressure = node.create_publisher(Image, "skin/pressure", 10)
         self._diagnostics = node.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
         # Loads the weights, and says here, not in the first callback, that they do not fit.
