@@ -29,7 +29,8 @@ setup(
     ],
     extras_require={
         "progress": ["tqdm>=4.66"],  # of training and benchmarks
-        "test": ["hypothesis>=6.100", "pytest>=8.0", "ruff>=0.15", "tqdm>=4.66"],
+        "charts": ["matplotlib>=3.8"],
+        "test": ["hypothesis>=6.100", "pytest>=8.0", "rosbags>=0.10", "ruff>=0.15", "tqdm>=4.66"],
     },
     entry_points={"console_scripts": ["tactile-skin = tactile_skin.cli:main"]},
     zip_safe=False,

@@ -151,7 +151,9 @@ def _pump(board: Board, master: int, running: Callable[[], bool], baud: int) -> 
             allowance, next_tick = 0.0, time.monotonic()
         if events & select.POLLIN:
             _read_away(master)
-        pending += board.scan()
+        frame = board.scan()
+        if not pending:  # a frame that is due while the last one still goes out is skipped
+            pending += frame
         allowance = min(allowance + bytes_per_tick, len(pending))
         n = int(allowance)
         if n:

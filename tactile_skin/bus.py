@@ -522,6 +522,8 @@ def _remap_rules(cli_args: list[str]) -> list[str]:
             continue
         if word not in ("-r", "--remap") or not rest or ":=" not in rest[0]:
             raise ValueError(f"cli_args: {word!r}: only '-r from:=to' is understood")
+        if rest[0].startswith("__"):
+            raise ValueError(f"cli_args: {rest[0]!r}: only topics and services can be remapped")
         rules.append(rest.pop(0))
     return rules
 

@@ -110,6 +110,13 @@ class Circuit:
         return hash((self.shape, self.r_ref, self.r_par, self.adc_bits))
 
 
+def circuit_from(description: dict) -> Circuit:
+    """The circuit of a `Circuit.describe()`."""
+    mask = description["mask"]
+    cells = None if mask is None else np.array([[c == "1" for c in row] for row in mask])
+    return Circuit(**description | {"mask": cells})
+
+
 def forward(circuit: Circuit, resistance) -> np.ndarray:
     """What the board reads, not quantised.
 

@@ -22,8 +22,6 @@ def main(argv: list[str] | None = None) -> int:
     logging.basicConfig(
         level=logging.INFO, format="%(levelname)s %(name)s: %(message)s", stream=sys.stderr
     )
-    from .training import TrainingDied
-
     try:
         return args.run(args)
     except KeyboardInterrupt:
@@ -31,9 +29,6 @@ def main(argv: list[str] | None = None) -> int:
     except (ValueError, OSError, ModuleNotFoundError) as error:
         print(f"tactile-skin {args.command}: error: {error}", file=sys.stderr)
         return 2
-    except TrainingDied as error:
-        print(f"tactile-skin {args.command}: {error}", file=sys.stderr)
-        return 1
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -110,7 +105,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     import dataclasses
 
-    from .training import TrainingConfig
+    from .dataset import TrainingConfig
 
     for item in dataclasses.fields(TrainingConfig):
         kind = {"int": int, "float": float, "str": str}[item.type]
@@ -183,21 +178,24 @@ def _train(args) -> int:
     import torch
 
     from . import training
+    from .dataset import TrainingConfig
 
     tqdm = _tqdm()
     if args.threads < 1:
         raise ValueError(f"--threads = {args.threads}: must be 1 or more")
     torch.set_num_threads(args.threads)
     circuit, curve = _skin_of(args.config)
-    names = [item.name for item in dataclasses.fields(training.TrainingConfig)]
-    config = training.TrainingConfig(**{name: getattr(args, name) for name in names})
+    names = [item.name for item in dataclasses.fields(TrainingConfig)]
+    config = TrainingConfig(**{name: getattr(args, name) for name in names})
 
     def track(items, desc):
         return tqdm(items, desc=desc, leave=False, disable=None)
 
-    path = training.train(
-        circuit, curve, config, args.out, not args.restart, track, lambda text: tqdm.write(text)
-    )
+    try:
+        path = training.train(circuit, curve, config, args.out, not args.restart, track, tqdm.write)
+    except training.TrainingDied as error:
+        print(f"tactile-skin train: {error}", file=sys.stderr)
+        return 1
     print(f"weights: {path}")
     return 0
 

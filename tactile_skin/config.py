@@ -75,14 +75,15 @@ class ParameterFile:
     """A ROS 2 parameter file: ``node_name: {ros__parameters: {...}}``, ``/**`` for every node.
 
     Raises:
-        ValueError: not such a file; the message names the file and the key.
-        OSError: it cannot be read.
+        ValueError: not such a file, or none; the message names the file and the key.
     """
 
     def __init__(self, path):
         self.path = Path(path)
         try:
             data = yaml.safe_load(self.path.read_text()) or {}
+        except OSError as error:
+            raise ValueError(f"parameter file {path}: {error.strerror}") from error
         except yaml.YAMLError as error:
             raise ValueError(f"{path}: {yaml_trouble(error)}") from error
         if not isinstance(data, dict):

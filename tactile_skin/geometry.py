@@ -58,6 +58,9 @@ def make_geometry(
     for name, value in (("pitch", pitch), ("cell_area", cell_area), ("radius", radius)):
         if not value > 0:
             raise ValueError(f"geometry: {name} = {value!r}: must be above 0")
+    for name, value in (("translation", translation), ("rpy", rpy)):
+        if len(value) != 3:
+            raise ValueError(f"geometry: {name} = {value!r}: must be three numbers")
     along = (np.arange(cols) - (cols - 1) / 2) * pitch  # (cols,)
     up = ((rows - 1) / 2 - np.arange(rows)) * pitch  # (rows,)
     if shape == "plane":

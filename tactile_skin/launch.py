@@ -293,6 +293,9 @@ class Skin:
                 self._processes.append(_start(command))
             for action in self._plan.nodes:
                 handle = self._handle(action)
+                name = handle.get_fully_qualified_name()
+                if any(name == other.get_fully_qualified_name() for other in self._handles):
+                    raise LaunchError(f"node {name}: there are two of this name")
                 self._handles.append(handle)
                 self._nodes.append(_node_class(action.executable)(handle))
             self._check_overrides()
@@ -366,6 +369,7 @@ class Skin:
                 last[:] = [now]
                 hook(*now)
 
+        on_status.__qualname__ = getattr(hook, "__qualname__", repr(hook))  # for its error log
         node.create_subscription(DiagnosticArray, STATUS_TOPIC, on_status, LATCHED)
         self._executor.add_node(node)
 
@@ -391,7 +395,8 @@ class Skin:
         """Refuse names in parameter files and launch files that no node knows."""
         declared = {name for handle in self._handles for name in handle.parameter_names()}
         names = {h.get_fully_qualified_name() for h in self._handles}
-        shipped = {f"/{name}" for name in NODES}
+        # One file may serve several launches: sections of nodes that this one does not start.
+        absent = {f"/{name}" for name in set(NODES) - {a.executable for a in self._plan.nodes}}
         for action, handle in zip(self._plan.nodes, self._handles, strict=True):
             own = set(handle.undeclared())
             for item in action.parameters:
@@ -401,8 +406,12 @@ class Skin:
                     continue
                 for section, values in item.sections.items():
                     full = "/" + section.lstrip("/")
-                    if section != "/**" and full not in names | shipped:
-                        raise LaunchError(f"{item.path}: {section}: no such node in this launch")
+                    if section != "/**" and full not in names | absent:
+                        there = ", ".join(sorted(name[1:] for name in names))
+                        raise LaunchError(
+                            f"{item.path}: {section}: no such node in this launch; "
+                            f"there are: {there}"
+                        )
                     mine = full == handle.get_fully_qualified_name()
                     allowed = declared if section == "/**" else set(handle.parameter_names())
                     unknown = sorted(set(values) - allowed)

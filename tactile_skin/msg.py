@@ -186,7 +186,8 @@ _ENCODINGS = {"16UC1": np.dtype("<u2"), "32FC1": np.dtype("<f4")}
 
 
 def image(array: np.ndarray, encoding: str, header: Header) -> Image:
-    """(rows, cols) array -> Image, row-major, little-endian."""
+    """(rows, cols) array -> Image, row-major, little-endian; encoding 16UC1 or 32FC1."""
+    _check_encoding(encoding)
     data = np.ascontiguousarray(array, _ENCODINGS[encoding])
     height, width = data.shape
     return Image(header, height, width, encoding, 0, width * data.itemsize, data.tobytes())
@@ -198,14 +199,18 @@ def image_array(msg: Image) -> np.ndarray:
     Raises:
         ValueError: an encoding other than 16UC1 and 32FC1, or data of another size.
     """
-    if msg.encoding not in _ENCODINGS:
-        raise ValueError(f"image encoding {msg.encoding!r}: must be one of {', '.join(_ENCODINGS)}")
+    _check_encoding(msg.encoding)
     dtype = _ENCODINGS[msg.encoding].newbyteorder(">" if msg.is_bigendian else "<")
     if len(msg.data) != msg.height * msg.width * dtype.itemsize:
         raise ValueError(
             f"image of {msg.height} x {msg.width} {msg.encoding} holds {len(msg.data)} bytes"
         )
     return np.frombuffer(msg.data, dtype).reshape(msg.height, msg.width)
+
+
+def _check_encoding(encoding: str) -> None:
+    if encoding not in _ENCODINGS:
+        raise ValueError(f"image encoding {encoding!r}: must be one of {', '.join(_ENCODINGS)}")
 
 
 def cloud(columns: dict[str, np.ndarray], header: Header) -> PointCloud2:

@@ -1,6 +1,9 @@
-"""The learned inverse at work: weights on disk, and one pass through the paper's network.
+"""The learned inverses at work: weights on disk, and one pass through a network.
 
-PyTorch trains it (training.py); here the pass is a handful of matrix products, which for one
+Two networks: the paper's, which sees the ADC picture alone, and one of the same size that is fed
+with what the circuit's physics says for a few microseconds (`physics_inputs`).
+
+PyTorch trains them (training.py); here the pass is a handful of matrix products, which for one
 frame takes a third of PyTorch's time and spares a robot the import. A test holds the two equal.
 """
 
@@ -14,20 +17,57 @@ from pathlib import Path
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from .circuit import Circuit
+from .circuit import Circuit, circuit_from, two_terminal_resistance
 from .curve import PressureCurve
 
 SHIPPED = Path(__file__).parent / "weights"
 DILATIONS = (1, 2, 3)  # of the parallel context convolutions (paper Fig. 7)
 _FORMAT = 1
 _FRAMES_AT_ONCE = 256  # bounds the memory of a pass over a recording
+NETWORKS = ("paper", "physics")
+PHYSICS_INPUTS = 5
+_STEPS = 6  # of the fixed point
+_OVERSHOOT = 1.5  # exponent of a step; 1 is the literature's, 2 the edge of stability
+
+
+def physics_inputs(adc: np.ndarray, circuit: Circuit, curve: PressureCurve) -> np.ndarray:
+    """What the circuit says of a reading, for the second network.
+
+    Args:
+        adc: (n, rows, cols) ADC ratio.
+
+    Returns:
+        (5, n, rows, cols) float32: log conductance as read, after 2 and after 6 steps of the
+        fixed point g <- g (rho(g) / rho_measured)^1.5 between the curve's ends, from 0 at rest
+        to 1 at its end; the force of the last, as a share of the curve's maximum; log10 of how
+        strongly the cell shows in its own reading.
+    """
+    low, high = 1.0 / curve.rest_resistance, 1.0 / curve.least_resistance
+    scale = 1.0 / np.log(high / low)
+    cells = circuit.populated
+    rho_measured = np.maximum(circuit.two_terminal(adc), 1.0)  # ohm; a short stays finite
+    out = np.empty((PHYSICS_INPUTS, *adc.shape), np.float32)
+    out[0] = np.log(np.clip(1.0 / rho_measured, low, high) / low) * scale
+    # Foster: the sum of g rho is lines - 1
+    share = (sum(circuit.shape) - 1) / np.count_nonzero(cells)
+    g = np.clip(share / rho_measured, low, high)
+    for step in range(_STEPS):
+        rho = two_terminal_resistance(g if circuit.mask is None else g * cells)
+        g = np.clip(g * (rho / rho_measured) ** _OVERSHOOT, low, high)
+        if step == 1:
+            out[1] = np.log(g / low) * scale
+    out[2] = np.log(g / low) * scale
+    out[3] = curve.force(1.0 / g) / curve.max_force
+    seen = g * np.square(circuit.ratio(rho) * rho)  # - R_ref d u / d log R
+    out[4] = np.log10(np.maximum(seen, 1e-6))
+    return out
 
 
 class Weights:
-    """A trained network of the paper's architecture, and what it was made for.
+    """A trained network, and what it was made for.
 
     Args:
-        state: arrays by PyTorch's names, as `training.PaperNet` has them.
+        state: arrays by PyTorch's names, as `training.PaperNet` and `PhysicsNet` have them.
         meta: "circuit" and "curve" as their `describe()`, and what the training says of itself.
         path: where it came from, for messages.
     """
@@ -35,10 +75,16 @@ class Weights:
     def __init__(self, state: dict[str, np.ndarray], meta: dict, path: Path):
         self.meta, self.path = meta, path
         self.rows, self.cols = meta["circuit"]["rows"], meta["circuit"]["cols"]
-        self._max_force = meta["curve"]["force"][-1]
-        self._mean, self._std = float(state["adc_mean"]), float(state["adc_std"])
-        self._row = state["row.weight"].reshape(self.cols), float(state["row.bias"][0])
-        self._col = state["col.weight"].reshape(self.rows), float(state["col.bias"][0])
+        self._circuit = circuit_from(meta["circuit"])
+        self._curve = PressureCurve(**meta["curve"])
+        self._mean, self._std = state["input_mean"], state["input_std"]  # (channels, 1, 1)
+        self.kind = "paper" if "row.weight" in state else "physics"
+        self._lines = None
+        if self.kind == "paper":
+            self._lines = (
+                (state["row.weight"].reshape(self.cols), float(state["row.bias"][0])),
+                (state["col.weight"].reshape(self.rows), float(state["col.bias"][0])),
+            )
         self._taps, context = _merge_dilations(state)
         heads = [
             (w.transpose(0, 2, 3, 1).reshape(len(w), -1), state[f"head.{k}.bias"][:, None])
@@ -88,14 +134,17 @@ class Weights:
         n = len(frames)
         if getattr(self._scratch, "n", None) != n:
             self._allocate(n)
-        scratch, inside = self._scratch, self._scratch.inside
-        x = ((frames - self._mean) / self._std).astype(np.float32)  # (n, rows, cols)
-        row = x @ self._row[0] + self._row[1]  # (n, rows)
-        col = self._col[0] @ x + self._col[1]  # (n, cols)
-        inside[0] = x
-        inside[1] = np.maximum(row, 0.0)[:, :, None]
-        inside[2] = np.maximum(col, 0.0)[:, None, :]
-        for k, window in enumerate(scratch.windows):  # (3, n, rows, cols) each
+        scratch, inside = self._scratch, self._scratch.inside  # (channels, n, rows, cols)
+        if self._lines is None:
+            inputs = physics_inputs(frames, self._circuit, self._curve)
+            np.divide(inputs - self._mean[:, None], self._std[:, None], out=inside)
+        else:
+            (row, row_bias), (col, col_bias) = self._lines
+            x = ((frames - self._mean) / self._std).astype(np.float32)  # (n, rows, cols)
+            inside[0] = x
+            inside[1] = np.maximum(x @ row + row_bias, 0.0)[:, :, None]
+            inside[2] = np.maximum(col @ x + col_bias, 0.0)[:, None, :]
+        for k, window in enumerate(scratch.windows):  # (channels, n, rows, cols) each
             scratch.tap_columns[k] = window
         h = self._context[0] @ scratch.tap_columns.reshape(-1, frames.size)  # (27, n * cells)
         h += self._context[1]
@@ -106,19 +155,20 @@ class Weights:
             columns[...] = taps
             h = weight @ columns.reshape(-1, frames.size)
             h += bias
-        return np.maximum(h, 0.0).reshape(frames.shape) * self._max_force
+        return np.maximum(h, 0.0).reshape(frames.shape) * self._curve.max_force
 
     def _allocate(self, n: int) -> None:
         """Zero-padded pictures and gathered columns for n frames; their padding stays zero."""
         rows, cols, pad = self.rows, self.cols, max(DILATIONS)
         scratch = self._scratch
-        picture = np.zeros((3, n, rows + 2 * pad, cols + 2 * pad), np.float32)
+        channels = self._context[0].shape[1] // len(self._taps)
+        picture = np.zeros((channels, n, rows + 2 * pad, cols + 2 * pad), np.float32)
         scratch.inside = picture[:, :, pad : pad + rows, pad : pad + cols]
         scratch.windows = [
             picture[:, :, pad + dy : pad + dy + rows, pad + dx : pad + dx + cols]
             for dy, dx in self._taps
         ]
-        scratch.tap_columns = np.empty((len(self._taps), 3, n, rows, cols), np.float32)
+        scratch.tap_columns = np.empty((len(self._taps), channels, n, rows, cols), np.float32)
         scratch.layers = []
         for weight, _ in self._heads:
             channels = weight.shape[1] // 9
@@ -140,7 +190,7 @@ def _merge_dilations(state: dict):
     """The three dilated 3x3 convolutions as one over the offsets that they look at.
 
     Returns:
-        list of (dy, dx), and (weight (27, offsets * 3), bias (27, 1)).
+        list of (dy, dx), and (weight (27, offsets * channels), bias (27, 1)).
     """
     steps = (-1, 0, 1)
     taps = sorted({(dy * d, dx * d) for d in DILATIONS for dy in steps for dx in steps})

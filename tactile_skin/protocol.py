@@ -214,6 +214,8 @@ class TextParser:
     def _frame(self, line: bytes) -> Frame | None:
         words = line.strip().rstrip(b",").split(b",")
         try:
+            if b"_" in line:  # Python would read 1_0 as 10
+                raise ValueError
             steps = np.array([float(w) for w in words])
         except ValueError:
             steps = np.empty(0)

@@ -89,6 +89,8 @@ class SerialReader:
                         self._read(port)
                 except (*PORT_ERRORS, ValueError) as error:  # ValueError: a baud it cannot do
                     self._lost(f"{name}: {_explain(error)}")
+                except Exception as error:  # of a subscriber's: reading goes on
+                    self._lost(f"{name}: {error!r}")
                 if self._stop.is_set():
                     return
             if not ports:

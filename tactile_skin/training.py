@@ -1,25 +1,20 @@
-"""Train the learned inverse on scenes pushed through the forward model (paper section V-B)."""
+"""Train a learned inverse on scenes pushed through the forward model (paper section V-B)."""
 
 from __future__ import annotations
 
 import csv
 import math
 import os
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
-import numpy as np
 import torch
 from torch import nn
 
-from . import network, scenes
-from .circuit import Circuit, forward
+from . import network
+from .circuit import Circuit
 from .curve import GRAM, PressureCurve
-
-_CHUNK = 2000  # scenes made at a time: bounds memory, and seeds each chunk by its number
-# Families of the chunks, in turn. In equal parts, random scenes would rule the loss: their error
-# is several times that of blobs.
-_MIX = ("blobs", "rects", "blobs", "random", "blobs", "rects")
+from .dataset import TrainingConfig, make_pairs
 
 
 class PaperNet(nn.Module):
@@ -29,114 +24,77 @@ class PaperNet(nn.Module):
     as channels; three dilated 3x3 convolutions look around; four plain ones compute the force.
     All neurons are ReLUs.
 
-    Args:
-        rows, cols: size of the skin in cells.
-        adc_mean, adc_std: input standardisation (fixed, not trained): without it a third of the
-            runs dies at once.
+    The input is standardised (fixed, not trained): without it a third of the runs dies at once.
     """
 
-    def __init__(self, rows: int, cols: int, adc_mean: float = 0.0, adc_std: float = 1.0):
+    def __init__(self, rows: int, cols: int):
         super().__init__()
-        self.register_buffer("adc_mean", torch.tensor(float(adc_mean)))
-        self.register_buffer("adc_std", torch.tensor(float(adc_std)))
+        _standardise(self, 1)
         self.row = nn.Conv2d(1, 1, (1, cols))
         self.col = nn.Conv2d(1, 1, (rows, 1))
-        self.context = nn.ModuleList(
-            nn.Conv2d(3, 9, 3, padding=d, dilation=d) for d in network.DILATIONS
-        )
-        self.head = nn.ModuleList(
-            nn.Conv2d(c_in, c_out, 3, padding=1)
-            for c_in, c_out in ((27, 9), (9, 9), (9, 9), (9, 1))
-        )
-
-    def initialise(self):
-        """He initialisation; the last bias starts above 0, so that the output ReLU is open."""
-        for module in self.modules():
-            if isinstance(module, nn.Conv2d):
-                nn.init.kaiming_normal_(module.weight, nonlinearity="relu")
-                nn.init.zeros_(module.bias)
-        nn.init.constant_(self.head[-1].bias, 0.1)
+        self.context, self.head = _stages(3)
 
     def forward(self, adc):
-        """(n, rows, cols) ADC ratio -> (n, rows, cols) force, as a share of the curve's maximum."""
-        x = ((adc - self.adc_mean) / self.adc_std).unsqueeze(1)
+        """(n, 1, rows, cols) ADC ratio -> (n, rows, cols) force, a share of the curve's maximum."""
+        x = (adc - self.input_mean) / self.input_std
         lines = [torch.relu(layer(x)).expand_as(x) for layer in (self.row, self.col)]
-        x = torch.cat([x, *lines], 1)  # (n, 3, rows, cols)
-        x = torch.relu(torch.cat([layer(x) for layer in self.context], 1))  # (n, 27, rows, cols)
-        for layer in self.head:
-            x = torch.relu(layer(x))
-        return x.squeeze(1)
+        return _through(torch.cat([x, *lines], 1), self.context, self.head)
+
+
+class PhysicsNet(nn.Module):
+    """What the physics says -> force picture: the paper's later stages, 4,996 parameters.
+
+    Its inputs, `network.physics_inputs`, hold what the paper's row and column kernels had to
+    guess.
+    """
+
+    def __init__(self):
+        super().__init__()
+        _standardise(self, network.PHYSICS_INPUTS)
+        self.context, self.head = _stages(network.PHYSICS_INPUTS)
+
+    def forward(self, inputs):
+        """(n, 5, rows, cols) -> (n, rows, cols) force, as a share of the curve's maximum."""
+        x = (inputs - self.input_mean) / self.input_std
+        return _through(x, self.context, self.head)
+
+
+def _standardise(net: nn.Module, channels: int) -> None:
+    net.register_buffer("input_mean", torch.zeros(channels, 1, 1))
+    net.register_buffer("input_std", torch.ones(channels, 1, 1))
+
+
+def _stages(channels: int) -> tuple[nn.ModuleList, nn.ModuleList]:
+    """The paper's dilated convolutions side by side, and the plain ones behind them."""
+    context = [nn.Conv2d(channels, 9, 3, padding=d, dilation=d) for d in network.DILATIONS]
+    sizes = ((27, 9), (9, 9), (9, 9), (9, 1))
+    head = [nn.Conv2d(a, b, 3, padding=1) for a, b in sizes]
+    return nn.ModuleList(context), nn.ModuleList(head)
+
+
+def _through(x, context, head):
+    x = torch.relu(torch.cat([layer(x) for layer in context], 1))  # (n, 27, rows, cols)
+    for layer in head:
+        x = torch.relu(layer(x))
+    return x.squeeze(1)
+
+
+def make_net(kind: str, rows: int, cols: int) -> nn.Module:
+    """A new network of `network.NETWORKS`, He-initialised from torch's global seed.
+
+    The last bias starts above 0, so that the output ReLU is open.
+    """
+    net = PaperNet(rows, cols) if kind == "paper" else PhysicsNet()
+    for module in net.modules():
+        if isinstance(module, nn.Conv2d):
+            nn.init.kaiming_normal_(module.weight, nonlinearity="relu")
+            nn.init.zeros_(module.bias)
+    nn.init.constant_(net.head[-1].bias, 0.1)
+    return net
 
 
 class TrainingDied(RuntimeError):
     """The run cannot recover: outputs all equal, no better than a constant, or not finite."""
-
-
-@dataclass(frozen=True)
-class TrainingConfig:
-    """What a run depends on besides circuit and curve; kept beside its weights.
-
-    Attributes:
-        pairs, validation: number of (reading, force) pairs to learn from and to pick the best
-            epoch by; half of them blobs, a third rects, a sixth random scenes.
-        epochs, batch: passes over the pairs, and pairs per step.
-        rate: highest learning rate; a short linear rise, then a cosine to 0.
-        loss: "mse" as the paper, or "l1", which fits the mean absolute error that is reported.
-        optimizer: "sgd" as the paper, or "adam".
-        readout: what the readings are like, see `scenes.read_out`.
-        seed: of scenes, initial weights and order.
-    """
-
-    pairs: int = 100_000
-    validation: int = 30_000
-    epochs: int = 100
-    batch: int = 128
-    rate: float = 1e-2
-    loss: str = "l1"
-    optimizer: str = "adam"
-    readout: str = "ideal"
-    seed: int = 0
-
-    def __post_init__(self):
-        for name in ("pairs", "validation", "epochs", "batch"):
-            if not isinstance(getattr(self, name), int) or getattr(self, name) < 1:
-                raise ValueError(
-                    f"{name} = {getattr(self, name)!r}: must be a whole number above 0"
-                )
-        for name, allowed in (
-            ("loss", ("l1", "mse")),
-            ("optimizer", ("adam", "sgd")),
-            ("readout", scenes.READOUTS),
-        ):
-            if getattr(self, name) not in allowed:
-                raise ValueError(f"{name} = {getattr(self, name)!r}: must be one of {allowed}")
-        if not self.rate > 0:
-            raise ValueError(f"rate = {self.rate!r}: must be above 0")
-
-
-def make_pairs(circuit, curve, n: int, readout: str, seed, track=lambda chunks: chunks):
-    """Draw n scenes of all families and their readings.
-
-    Args:
-        seed: an int or a tuple of them; chunks are seeded by number, so that the result does not
-            depend on how the work is divided.
-        track: wraps the iterable of chunks, for a progress bar.
-
-    Returns:
-        (n, rows, cols) ADC ratio, (n, rows, cols) force [N], both float32.
-    """
-    adc = np.empty((n, *circuit.shape), np.float32)
-    force = np.empty_like(adc)
-    for chunk in track(range(math.ceil(n / _CHUNK))):
-        rng = np.random.default_rng([*np.atleast_1d(seed), chunk])
-        family = _MIX[chunk % len(_MIX)]
-        here = slice(chunk * _CHUNK, min((chunk + 1) * _CHUNK, n))
-        truth = scenes.sample(family, here.stop - here.start, *circuit.shape, rng)
-        truth = np.minimum(truth, curve.max_force) * circuit.populated
-        reading = forward(circuit, curve.resistance(truth))
-        adc[here] = scenes.read_out(circuit, reading, readout, rng)
-        force[here] = truth
-    return adc, force
 
 
 def train(
@@ -148,7 +106,7 @@ def train(
     track=lambda items, **_: items,
     say=print,
 ) -> Path:
-    """Train the paper's net; returns the path of its weights, ``out / "cnn.npz"``.
+    """Train a network; returns the path of its weights, ``out / "NETWORK.npz"``.
 
     After each epoch ``out / "checkpoint.pt"`` holds the whole state: a run that was killed goes
     on from its last epoch to the same result. ``out / "history.csv"`` has a line per epoch.
@@ -174,13 +132,14 @@ def train(
     for which, n in (("train", config.pairs), ("validation", config.validation)):
         bar = lambda chunks, which=which: track(chunks, desc=f"{which} pairs")  # noqa: E731
         seed = (config.seed, which == "validation")
-        adc, force = make_pairs(circuit, curve, n, config.readout, seed, bar)
-        sets[which] = torch.from_numpy(adc), torch.from_numpy(force) / scale
-    adc, target = sets["train"]
+        pairs = make_pairs(circuit, curve, n, config.network, config.readout, seed, bar)
+        sets[which] = torch.from_numpy(pairs[0]), torch.from_numpy(pairs[1]) / scale
+    inputs, target = sets["train"]
     constant = _constant_loss(target, config.loss)
 
-    net = PaperNet(*circuit.shape, adc.mean().item(), adc.std().item())
-    net.initialise()
+    net = make_net(config.network, *circuit.shape)
+    net.input_mean.copy_(inputs.mean((0, 2, 3))[:, None, None])
+    net.input_std.copy_(inputs.std((0, 2, 3))[:, None, None])
     net = net.to(memory_format=torch.channels_last)
     optimizer = _optimizer(net, config)
     best = {"error": math.inf, "epoch": -1, "state": _copy_of(net)}
@@ -215,7 +174,7 @@ def train(
             for group in optimizer.param_groups:
                 group["lr"] = config.rate * _schedule(progress)
             optimizer.zero_grad(set_to_none=True)
-            loss = _loss(net(adc[pick]), target[pick], config.loss)
+            loss = _loss(net(inputs[pick]), target[pick], config.loss)
             loss.backward()
             torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
             optimizer.step()
@@ -242,7 +201,7 @@ def train(
             f"epoch {epoch + 1}/{config.epochs}: loss {train_loss:.5f}, "
             f"validation {error_g:.2f} g a cell, best {best['error']:.2f} (epoch {best['epoch']})"
         )
-    path = out / "cnn.npz"
+    path = out / f"{config.network}.npz"
     meta = run | {"epoch": best["epoch"], "validation_g": best["error"]}
     network.save(path, {k: v.numpy() for k, v in best["state"].items()}, meta)
     return path
@@ -272,10 +231,10 @@ def _constant_loss(target, kind: str) -> float:
 
 
 @torch.inference_mode()
-def _validate(net, adc, target) -> tuple[float, float]:
+def _validate(net, inputs, target) -> tuple[float, float]:
     """Mean absolute error, and the spread of the outputs (0: the net is dead)."""
     net.eval()
-    outputs = torch.cat([net(part) for part in adc.split(1000)])
+    outputs = torch.cat([net(part) for part in inputs.split(1000)])
     return (outputs - target).abs().mean().item(), outputs.std().item()
 
 

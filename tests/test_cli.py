@@ -97,8 +97,8 @@ def config_file(folder, changes: dict):
 
 def weights_of_another(folder) -> str:
     """The shipped weights, saying that they were made for another series resistance."""
-    shipped = network.shipped("cnn")
-    arrays = dict(np.load(network.SHIPPED / "cnn.npz"))
+    shipped = network.shipped("paper")
+    arrays = dict(np.load(network.SHIPPED / "paper.npz"))
     circuit = Circuit(r_par=100.0).describe()
     meta = shipped.meta | {"circuit": circuit}
     arrays["meta"] = np.array(json.dumps(meta))

@@ -317,7 +317,7 @@ def test_wrong_parameter_files_are_refused_by_name(with_config, wrong):
 
 
 def test_a_missing_parameter_file_is_named(write):
-    with pytest.raises(OSError, match=r"none\.yaml"):
+    with pytest.raises(ValueError, match=r"none\.yaml"):
         start(write(NODE % ", param: [{from: none.yaml}]"))
 
 

@@ -4,35 +4,59 @@ import numpy as np
 import pytest
 import torch
 
-from tactile_skin import Circuit, PressureCurve, network
-from tactile_skin.training import PaperNet
+from tactile_skin import Circuit, PressureCurve, forward, network
+from tactile_skin.training import make_net
 
 
-def random_weights(rows, cols, seed=0):
-    torch.manual_seed(seed)
-    net = PaperNet(rows, cols, adc_mean=0.3, adc_std=0.2)
-    net.initialise()
+def random_weights(rows, cols, kind="paper"):
+    torch.manual_seed(0)
+    net = make_net(kind, rows, cols)
     for parameter in net.parameters():  # biases too: the pass must not forget them
         parameter.data += 0.1 * torch.randn_like(parameter)
+    net.input_mean += 0.3
+    net.input_std *= 0.4
     state = {k: v.numpy() for k, v in net.state_dict().items()}
     meta = {"circuit": Circuit(rows, cols).describe(), "curve": PressureCurve().describe()}
     return net, state, meta
 
 
+def parameters(net):
+    return sum(p.numel() for p in net.parameters())
+
+
 def test_the_papers_network_has_4544_parameters():
-    assert sum(p.numel() for p in PaperNet(16, 16).parameters()) == 4544
+    assert parameters(make_net("paper", 16, 16)) == 4544
 
 
+def test_the_physics_fed_network_is_no_larger_than_agreed():
+    assert parameters(make_net("physics", 16, 16)) == 4996
+
+
+@pytest.mark.parametrize("kind", network.NETWORKS)
 @pytest.mark.parametrize("shape", [(16, 16), (5, 9), (12, 3)])
-def test_the_pass_equals_pytorchs(shape):
-    net, state, meta = random_weights(*shape)
+def test_the_pass_equals_pytorchs(kind, shape):
+    net, state, meta = random_weights(*shape, kind)
     weights = network.Weights(state, meta, "here")
-    adc = np.random.default_rng(1).random((7, *shape))
+    adc = np.random.default_rng(1).uniform(0.05, 0.8, (7, *shape))
+    inputs = adc[:, None]
+    if kind == "physics":
+        inputs = network.physics_inputs(adc, Circuit(*shape), PressureCurve()).swapaxes(0, 1)
     with torch.inference_mode():
-        expected = net(torch.from_numpy(adc).float()).numpy() * PressureCurve().max_force
+        expected = net(torch.from_numpy(inputs).float()).numpy() * PressureCurve().max_force
     assert expected.std() > 0.1
     for found in (weights.predict(adc), np.stack([weights.predict(a) for a in adc])):
         np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4)
+
+
+def test_physics_inputs_are_the_truth_where_the_touch_is_light():
+    """After six steps of the fixed point little is left for the network to do."""
+    circuit, curve = Circuit(), PressureCurve()
+    force = np.zeros((1, 16, 16))
+    force[0, 5, 5:8] = 0.3
+    inputs = network.physics_inputs(forward(circuit, curve.resistance(force)), circuit, curve)
+    assert inputs.shape == (5, 1, 16, 16) and np.isfinite(inputs).all()
+    np.testing.assert_allclose(inputs[3] * curve.max_force, force, atol=0.03)
+    assert np.abs(inputs[0] - inputs[2]).max() > 0.1
 
 
 def test_a_long_recording_equals_its_frames():
@@ -79,7 +103,7 @@ def test_a_missing_file_is_named(tmp_path):
 
 
 def test_shipped_weights_say_what_they_are():
-    weights = network.shipped("cnn")
+    weights = network.shipped("paper")
     weights.check(Circuit(), PressureCurve())
     assert weights.meta["config"]["pairs"] == 100_000
     assert weights.meta["config"]["validation"] == 30_000

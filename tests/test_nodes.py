@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from simulated import CIRCUIT, PATIENCE, serving
 
-from tactile_skin import Circuit, PressureCurve, board, forward, scenes
+from tactile_skin import Circuit, PressureCurve, board, compensate, forward, scenes
 from tactile_skin.bus import (
     Context,
     ManualClock,
@@ -58,6 +58,7 @@ class Chain:
         self.seen = defaultdict(list)
         self.observer = self.node("observer", {})
         for kind, topic, qos in (
+            (Image, "skin/adc", 100),
             (Image, "skin/pressure", 100),
             (WrenchStamped, "skin/wrench", 100),
             (Vector3Stamped, "skin/push_direction", 100),
@@ -403,12 +404,26 @@ def test_the_naive_method_shows_ghosts_where_the_network_does_not():
 
 
 def test_pressure_is_in_pascal(moving):
-    """12 N a finger, whose 24 N the network finds to a few percent."""
+    """The force that `compensate` finds on a cell, over the area of that cell that senses."""
     moving.scene = "two_fingers"
     moving.settle()
+    (frame,) = moving.seen["skin/adc"][-1:]
+    adc = image_array(frame) / 64 / 1023
+    force = compensate(adc, Circuit(), PressureCurve(), "cnn").force
+    assert force.max() > 1.0
     pressure = image_array(moving.seen["skin/pressure"][-1])
     assert pressure.dtype == np.float32
-    assert pressure.sum() * CELL_AREA == pytest.approx(24.0, rel=0.15)
+    np.testing.assert_allclose(pressure, force / CELL_AREA, rtol=1e-5)
+
+
+def test_the_chain_finds_the_force_of_two_fingers():
+    """12 N each, by a method that owes nothing to training."""
+    chain = Chain("fixed_point")
+    chain.scene = "two_fingers"
+    chain.settle()
+    force = cloud_columns(chain.seen["skin/contacts"][-1])["force"]
+    assert len(force) == 2
+    np.testing.assert_allclose(force, 12.0, rtol=0.15)
 
 
 def test_an_unknown_method_is_refused():

@@ -8,7 +8,8 @@ import pytest
 import torch
 
 from tactile_skin import Circuit, PressureCurve, network, training
-from tactile_skin.training import TrainingConfig, TrainingDied, train
+from tactile_skin.dataset import TrainingConfig, make_pairs
+from tactile_skin.training import TrainingDied, train
 
 torch.set_num_threads(1)  # these nets are too small to share
 CIRCUIT, CURVE = Circuit(6, 7), PressureCurve()
@@ -30,6 +31,12 @@ def test_the_same_seed_gives_the_same_weights_and_another_does_not(tmp_path):
     first, _ = run(tmp_path / "a")
     assert same(first, run(tmp_path / "b")[0])
     assert not same(first, run(tmp_path / "c", replace(TINY, seed=4))[0])
+
+
+def test_the_physics_fed_network_trains_too(tmp_path):
+    weights, _ = run(tmp_path, replace(TINY, network="physics", readout="board", epochs=6))
+    assert weights.path.name == "physics.npz"
+    assert weights.predict(np.full((6, 7), 0.2)).shape == (6, 7)
 
 
 def test_a_killed_run_resumes_to_the_same_result(tmp_path):
@@ -72,11 +79,15 @@ def test_it_learns_and_keeps_the_best_epoch(tmp_path):
 
 
 def test_dead_outputs_stop_the_run(tmp_path, monkeypatch):
-    def dead(self):
-        for parameter in self.parameters():
-            torch.nn.init.constant_(parameter, -0.1)
+    make_net = training.make_net
 
-    monkeypatch.setattr(training.PaperNet, "initialise", dead)
+    def dead(*args):
+        net = make_net(*args)
+        for parameter in net.parameters():
+            torch.nn.init.constant_(parameter, -0.1)
+        return net
+
+    monkeypatch.setattr(training, "make_net", dead)
     with pytest.raises(TrainingDied, match="epoch 1: all outputs are equal"):
         run(tmp_path)
 
@@ -106,9 +117,10 @@ def test_a_config_that_cannot_be_is_refused(change, message):
         replace(TINY, **change)
 
 
-def test_pairs_do_not_depend_on_how_many_are_made():
+@pytest.mark.parametrize("network_kind", network.NETWORKS)
+def test_pairs_do_not_depend_on_how_many_are_made(network_kind):
     """The first pairs of a larger set are those of a smaller one."""
-    few = training.make_pairs(CIRCUIT, CURVE, 2000, "scan", 5)
-    many = training.make_pairs(CIRCUIT, CURVE, 4000, "scan", 5)
+    few = make_pairs(CIRCUIT, CURVE, 2000, network_kind, "board", 5)
+    many = make_pairs(CIRCUIT, CURVE, 4000, network_kind, "board", 5)
     np.testing.assert_array_equal(few[0], many[0][:2000])
     np.testing.assert_array_equal(few[1], many[1][:2000])

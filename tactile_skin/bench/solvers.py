@@ -238,7 +238,7 @@ def main() -> None:
         for readout in scenes.READOUTS:
             for method in ("naive", "fixed_point", "newton", "map", "auto"):
                 row = accuracy(method, family, readout, 300 // share, args.seed)
-                show("auto against the others", {k: row[k] for k in list(row)[:5] + ["p50 y"]})
+                show("auto against the others", {k: row[k] for k in [*list(row)[:5], "p50 y"]})
     show("day", day(6000 // share, args.seed))
     show("growth", growth("newton", 20 // min(share, 4)))
     show("growth", growth("map", 20 // min(share, 4)))

@@ -10,7 +10,7 @@ from .. import network
 from ..config import circuit_of, curve_of, describe, geometry_of
 from ..msg import DiagnosticArray, Image, image, image_array
 from ..solvers import METHODS, compensate
-from . import diagnostics
+from . import QUEUE, diagnostics
 
 
 class Compensation:
@@ -31,7 +31,7 @@ class Compensation:
         if self.method not in METHODS:
             raise ValueError(f"method = {self.method!r}: must be one of {', '.join(METHODS)}")
         self.weights = network.load(path) if path else None
-        if self.weights:  # said here whatever the method: a file was named to be used
+        if self.weights:
             self.weights.check(self.circuit, self.curve)
         self._pressure = node.create_publisher(Image, "skin/pressure", 10)
         self._diagnostics = node.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
@@ -41,7 +41,7 @@ class Compensation:
         self._status, self._message, self._residual = "ok", "", 0.0
         self._taken: Counter[str] = Counter()
         self._scale = 2 ** (16 - self.circuit.adc_bits) * self.circuit.full_scale
-        node.create_subscription(Image, "skin/adc", self.on_adc, 5)
+        node.create_subscription(Image, "skin/adc", self.on_adc, QUEUE)
         node.create_timer(1.0, self.report)
 
     def _compensate(self, adc, start=None):

@@ -21,6 +21,7 @@ from ..msg import (
     cloud,
     image_array,
 )
+from . import QUEUE
 
 
 class GestureFeature:
@@ -41,7 +42,7 @@ class GestureFeature:
         self._confidence = node.create_publisher(Float32, "skin/push_confidence", 10)
         self._stroke = node.create_publisher(Vector3Stamped, "skin/stroke", 10)
         self._stroke_confidence = node.create_publisher(Float32, "skin/stroke_confidence", 10)
-        node.create_subscription(Image, "skin/pressure", self.on_pressure, 5)
+        node.create_subscription(Image, "skin/pressure", self.on_pressure, QUEUE)
 
     def on_pressure(self, msg: Image) -> None:
         header = msg.header

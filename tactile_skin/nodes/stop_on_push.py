@@ -13,7 +13,7 @@ from ..msg import (
     cloud_columns,
 )
 from ..stop import StopConfig, StopPolicy
-from . import diagnostics
+from . import QUEUE, diagnostics
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 STATUS_TOPIC = "skin/stop_status"
@@ -50,7 +50,7 @@ class StopOnPush:
         self._status = node.create_publisher(DiagnosticArray, STATUS_TOPIC, LATCHED)
         self._header = Header()
         self._force = 0.0
-        node.create_subscription(PointCloud2, "skin/contacts", self.on_contacts, 5)
+        node.create_subscription(PointCloud2, "skin/contacts", self.on_contacts, QUEUE)
         node.create_subscription(DiagnosticArray, diagnostics.TOPIC, self.on_diagnostics, 50)
         node.create_timer(HEARTBEAT, self.on_timer)
         self.on_timer()

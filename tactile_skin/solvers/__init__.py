@@ -1,7 +1,7 @@
 """From a reading to the force on each cell: one entry, `compensate`, and a file per method.
 
 reading.py      one checked frame           estimate.py   what comes out
-naive.py        the paper's naive method    learned.py    the paper's network
+naive.py        the paper's naive method    learned.py    the networks
 fixed_point.py  the literature's iteration  newton.py     the exact inverse
 map.py          noise-aware, with prior.py  auto.py       the cheapest that the frame allows
 laplacian.py    the network's algebra       suspect.py, judge.py   whether to believe it
@@ -14,7 +14,7 @@ from ..curve import PressureCurve
 from .auto import auto
 from .estimate import Estimate
 from .fixed_point import fixed_point
-from .learned import cnn
+from .learned import cnn, physics
 from .map import map_estimate
 from .naive import naive
 from .newton import newton
@@ -26,6 +26,7 @@ METHODS = {
     "newton": newton,
     "map": map_estimate,
     "cnn": cnn,
+    "physics": physics,
     "auto": auto,
 }
 
@@ -53,8 +54,9 @@ def compensate(
             that the crossing was not read.
         method: "naive" (paper section V: each reading taken for its own cell), "fixed_point" (the
             literature's g <- g * rho(g) / rho_measured), "newton" (the exact inverse), "map"
-            (least squares in ADC steps with a prior), "cnn" (the paper's network), or "auto" (the
-            cheapest that the frame allows; `Estimate.method` names it, "rest" if nothing touches).
+            (least squares in ADC steps with a prior), "cnn" (the paper's network), "physics" (one
+            that is fed with the circuit's physics), or "auto" (the cheapest that the frame
+            allows; `Estimate.method` names it, "rest" if nothing touches).
         weights: a `network.Weights` for the learned methods; None: those shipped with the package.
         start: the last frame's estimate, from which newton, map and auto then go on.
         prior: (mean, std) of each cell's force [N], arrays (rows, cols) or numbers, joined to the

@@ -26,10 +26,10 @@ def auto(reading: Reading, start: Estimate | None = None, prior=None, **_) -> Es
     circuit, curve = reading.circuit, reading.curve
     rest = rest_reading(circuit, curve)
     peak = np.abs(reading.misfit(rest)).max()
-    if prior is None and peak <= max(_IDLE_PEAK * reading.noise, _EXACTLY_IDLE):
-        if not reading.noise or not by_residual(reading, rest):
-            idle = _idle(circuit, curve, reading.noise)
-            return replace(idle, residual=reading.residual(rest))
+    at_rest = prior is None and peak <= max(_IDLE_PEAK * reading.noise, _EXACTLY_IDLE)
+    if at_rest and not (reading.noise and by_residual(reading, rest)):
+        idle = _idle(circuit, curve, reading.noise)
+        return replace(idle, residual=reading.residual(rest))
     if reading.noise == 0.0 and reading.whole and prior is None:
         estimate = newton(reading, start)
         if estimate.status == "ok":

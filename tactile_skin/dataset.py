@@ -1,0 +1,103 @@
+"""What the learned inverse learns from: scenes pushed through the forward model (paper V-B)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from . import network, scenes
+from .circuit import forward
+
+_CHUNK = 2000  # scenes made at a time: bounds memory, and seeds each chunk by its number
+# Families of the chunks, in turn. In equal parts, random scenes would rule the loss: their error
+# is several times that of blobs.
+_MIX = ("blobs", "rects", "blobs", "random", "blobs", "rects")
+# What a real board has, in turn: noise, noise with R_par and curve off, rounding alone, nothing.
+_BOARD = ("scan", "off", "adc10", "ideal")
+READOUTS = (*scenes.READOUTS, "board")
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """What a run depends on besides circuit and curve; kept beside its weights.
+
+    Attributes:
+        pairs, validation: number of (reading, force) pairs to learn from and to pick the best
+            epoch by; half of them blobs, a third rects, a sixth random scenes.
+        epochs, batch: passes over the pairs, and pairs per step.
+        rate: highest learning rate; a short linear rise, then a cosine to 0.
+        loss: "mse" as the paper, or "l1", which fits the mean absolute error that is reported.
+        optimizer: "sgd" as the paper, or "adam".
+        readout: what the readings are like, see `scenes.read_out`; "board": a mix of all, some
+            from boards whose R_par is off by up to 5 % and whose curve by up to 20 %.
+        network: "paper", or "physics": fed with what the circuit says, for noisy boards.
+        seed: of scenes, initial weights and order.
+    """
+
+    pairs: int = 100_000
+    validation: int = 30_000
+    epochs: int = 100
+    batch: int = 128
+    rate: float = 1e-2
+    loss: str = "l1"
+    optimizer: str = "adam"
+    readout: str = "ideal"
+    network: str = "paper"
+    seed: int = 0
+
+    def __post_init__(self):
+        for name in ("pairs", "validation", "epochs", "batch"):
+            if not isinstance(getattr(self, name), int) or getattr(self, name) < 1:
+                raise ValueError(
+                    f"{name} = {getattr(self, name)!r}: must be a whole number above 0"
+                )
+        for name, allowed in (
+            ("loss", ("l1", "mse")),
+            ("optimizer", ("adam", "sgd")),
+            ("readout", READOUTS),
+            ("network", network.NETWORKS),
+        ):
+            if getattr(self, name) not in allowed:
+                raise ValueError(f"{name} = {getattr(self, name)!r}: must be one of {allowed}")
+        if not self.rate > 0:
+            raise ValueError(f"rate = {self.rate!r}: must be above 0")
+
+
+def make_pairs(circuit, curve, n: int, network_kind: str, readout: str, seed, track=iter):
+    """Draw n scenes of all families, and what a network sees of them.
+
+    Args:
+        network_kind: of `network.NETWORKS`: what the inputs are.
+        readout: of `READOUTS`.
+        seed: an int or a tuple of them; chunks are seeded by number, so that the result does not
+            depend on how the work is divided.
+        track: wraps the iterable of chunks, for a progress bar.
+
+    Returns:
+        (n, channels, rows, cols) inputs, (n, rows, cols) force [N], both float32.
+    """
+    channels = 1 if network_kind == "paper" else network.PHYSICS_INPUTS
+    inputs = np.empty((n, channels, *circuit.shape), np.float32)
+    force = np.empty((n, *circuit.shape), np.float32)
+    for chunk in track(range(math.ceil(n / _CHUNK))):
+        rng = np.random.default_rng([*np.atleast_1d(seed), chunk])
+        here = slice(chunk * _CHUNK, min((chunk + 1) * _CHUNK, n))
+        family, kind = _MIX[chunk % len(_MIX)], readout
+        truth = scenes.sample(family, here.stop - here.start, *circuit.shape, rng)
+        truth = np.minimum(truth, curve.max_force) * circuit.populated
+        resistance, board = curve.resistance(truth), circuit
+        if readout == "board":
+            kind = _BOARD[chunk // len(_MIX) % len(_BOARD)]
+            if kind == "off":  # another board and fabric than the configuration says
+                resistance *= 1.0 + rng.uniform(-0.2, 0.2, (len(truth), 1, 1))
+                board = replace(circuit, r_par=circuit.r_par * (1.0 + rng.uniform(-0.05, 0.05)))
+                kind = "scan"
+        adc = scenes.read_out(circuit, forward(board, resistance), kind, rng)
+        if network_kind == "paper":
+            inputs[here, 0] = adc
+        else:
+            inputs[here] = network.physics_inputs(adc, circuit, curve).swapaxes(0, 1)
+        force[here] = truth
+    return inputs, force
