@@ -133,3 +133,13 @@ def test_the_network_beats_the_naive_method(family, share):
     if family != "random":
         assert 120.0 < naive < 220.0
     assert cnn < naive / share
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_fabric_that_is_not_connected_is_suspect(method):
+    """Readings below the untouched skin's: no force does that."""
+    assert compensate(np.zeros((16, 16)), CIRCUIT, CURVE, method).status != "ok"
+    adc = reading(one_touch())
+    adc[3] = 0.0
+    estimate = compensate(adc, CIRCUIT, CURVE, method)
+    assert estimate.status != "ok" and "row 3" in estimate.message

@@ -35,6 +35,26 @@ def by_residual(reading: Reading, adc: np.ndarray, floor: float = _EXACT_NOISE) 
     return f"residual of {residual:.2f} ADC steps, noise explains {noise:.2f}{where}"
 
 
+def by_rest(reading: Reading, rest: np.ndarray) -> str:
+    """Why a reading far below the untouched skin's cannot be; for methods that fit nothing.
+
+    Force only ever raises a reading. Half of the untouched one leaves room for fabrics that rest
+    at another resistance than the curve says.
+
+    Args:
+        rest: (rows, cols) ADC ratio of the untouched skin.
+    """
+    low = reading.known & (reading.adc < 0.5 * rest)
+    if not low.any():
+        return ""
+    row, col = low.sum(1), low.sum(0)
+    name, i = ("row", row.argmax()) if row.max() >= col.max() else ("column", col.argmax())
+    return (
+        f"{np.count_nonzero(low)} readings are below half of the untouched skin's, most of them in "
+        f"{name} {i}: open, or not connected?"
+    )
+
+
 def by_cost(reading: Reading, cost: float) -> str:
     """A load on the whole skin whose variation the level prior does not explain.
 
