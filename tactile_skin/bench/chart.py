@@ -61,9 +61,11 @@ def write(out: Path, name: str, data: dict, draw) -> None:
     path.write_text(json.dumps(data, indent=1) + "\n")
     figure = draw(json.loads(path.read_text()))
     machine = data["machine"]
+    line = 0.14 / figure.get_figheight()  # of the page, kept free for the text
+    figure.get_layout_engine().set(rect=(0.0, line, 1.0, 1.0 - line))
     figure.text(
         0.995,
-        0.003,
+        0.2 * line,
         f"seed {data['seed']}, {machine['processor']}, {machine['cores']} cores, "
         f"numpy {machine['numpy']}, scipy {machine['scipy']}" + ", quick" * data["quick"],
         ha="right",

@@ -75,6 +75,7 @@ def draw(data: dict):
         axis.set_yscale("log")
         axis.set_xticks(sizes, [f"{s}x{s}" for s in sizes], fontsize=9)
         axis.minorticks_off()
+        axis.yaxis.set_major_formatter("{x:g}")
         axis.set_ylabel(label, fontsize=10.5)
         axis.grid(alpha=0.25, linewidth=0.6)
     times.axhline(10.0, color="black", linewidth=0.8, linestyle=(0, (2, 3)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+from ..solvers import METHODS
 from . import cases, chart, growth, speed, stability, way
 from .measure import machine
 
@@ -15,8 +16,8 @@ PARTS = {  # name -> module, and the arguments of its `measure` in full and quic
     "growth": (growth, {"n": 60}, {"n": 4}),
     "way": (
         way,
-        {"seconds": 6.0, "long": 60.0, "skins": way.SKINS},
-        {"seconds": 0.5, "long": 0.5, "skins": (1,)},
+        {"methods": tuple(METHODS), "seconds": 6.0, "long": 60.0, "skins": way.SKINS},
+        {"methods": ("naive", "auto"), "seconds": 0.5, "long": 0.5, "skins": (2,)},
     ),
 }
 

@@ -34,11 +34,13 @@ def measure(n: int, seed: int, track=lambda items: items) -> dict:
     seen = {}
     for t, k in track(cases):
         trouble, strength = TROUBLES[t], TROUBLES[t].strengths[k]
-        rng = np.random.default_rng([seed, t, k])
+        # the same scenes, damage and noise throughout: a curve shows the strength alone
+        rng = np.random.default_rng(seed)
         circuit = Circuit(adc_bits=trouble.bits(strength))
         force = trouble.scene(n, strength, circuit, rng)
         skin = trouble.textile(strength)
-        adc = [read(skin, circuit, curve, frame, rng) for frame in force]
+        rngs = rng.spawn(n)
+        adc = [read(skin, circuit, curve, *pair) for pair in zip(force, rngs, strict=True)]
         for method in METHODS:
             seen[t, k, method] = judged(adc, force, circuit, curve, method)
     error, detection, fate = [], [], []
@@ -132,6 +134,7 @@ def _panels(data: dict, key: str, label: str, log: bool):
         axis.grid(alpha=0.25, linewidth=0.6)
         if log:
             axis.set_yscale("log")
+            axis.yaxis.set_major_formatter("{x:g}")
     spare = axes.flat[len(data["troubles"])]
     spare.set_axis_off()
     spare.legend(*axes.flat[0].get_legend_handles_labels(), loc="center", ncols=2, fontsize=10.5)

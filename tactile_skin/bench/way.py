@@ -18,7 +18,6 @@ import numpy as np
 from .. import scenes
 from ..circuit import Circuit
 from ..curve import PressureCurve
-from ..solvers import METHODS
 from . import chart
 
 RATES = (100, 390)  # frames a second: over USB serial, and each scan of the board
@@ -28,27 +27,31 @@ _PATIENCE = 120.0  # s, for the skins to start
 _SPAWN = multiprocessing.get_context("spawn")  # a fork would copy this process's threads half
 
 
-def measure(seconds: float, long: float, skins, seed: int, track=lambda items: items) -> dict:
-    """Each method at each rate for `seconds`, auto at 390 frames/s for `long`, many skins.
+def measure(
+    methods, seconds: float, long: float, skins, seed: int, track=lambda items: items
+) -> dict:
+    """Each of the methods at each rate for `seconds` (auto at 390 frames/s: `long`), many skins.
 
     Returns:
         the figure "way" as plain data: `methods`, a list of {method, rate, seconds} with
         `run_skins`' figures, and `skins`, the same for several at once with auto, up to the first
         number that misses frames.
     """
-    cases = [(m, r, seconds) for r in RATES for m in METHODS]
-    cases[cases.index(("auto", 390, seconds))] = ("auto", 390, long)
-    several = [n for n in skins]
-    methods, crowds = [], []
-    for case in track([*cases, *several]):
+    cases = [
+        (method, rate, long if (method, rate) == ("auto", RATES[-1]) else seconds)
+        for rate in RATES
+        for method in methods
+    ]
+    singles, crowds = [], []
+    for case in track([*cases, *skins]):
         if isinstance(case, tuple):
             method, rate, length = case
             found = run_skins(1, method, rate, length, seed)
-            methods.append({"method": method, "rate": rate, "seconds": length, **found})
+            singles.append({"method": method, "rate": rate, "seconds": length, **found})
         elif not crowds or crowds[-1]["missed"] == 0:
             found = run_skins(case, "auto", RATES[0], seconds, seed)
             crowds.append({"skins": case, "seconds": seconds, **found})
-    return {"way": {"methods": methods, "skins": crowds, "cores": os.cpu_count()}}
+    return {"way": {"methods": singles, "skins": crowds, "cores": os.cpu_count()}}
 
 
 def run_skins(n: int, method: str, rate: int, seconds: float, seed: int) -> dict:
@@ -154,6 +157,9 @@ def _skin(pipe, barrier, port: str, method: str, seconds: float) -> None:
 # --- picture -------------------------------------------------------------------------------------
 
 
+_TICKS = (0.5, 1, 2, 3, 5, 10, 20, 50, 100, 200, 500)  # ms
+
+
 def draw(data: dict):
     from matplotlib import pyplot as plt
 
@@ -164,7 +170,7 @@ def draw(data: dict):
     rates = sorted({entry["rate"] for entry in data["methods"]})
     for entry in data["methods"]:
         y = names.index(entry["method"]) + 0.32 * rates.index(entry["rate"]) - 0.16
-        look = chart.style(entry["method"]) | {"linestyle": "none"}
+        look = chart.style(entry["method"], size=5.5) | {"linestyle": "none"}
         if entry["rate"] != rates[0]:
             look |= {"markerfacecolor": "white", "markeredgecolor": look["color"]}
         line = [entry["p50_ms"], entry["p99_ms"]]
@@ -184,7 +190,8 @@ def draw(data: dict):
     latency.set_yticks(range(len(names)), names, fontsize=10.5)
     latency.invert_yaxis()
     latency.axvline(3.0, color="black", linewidth=0.8, linestyle=(0, (2, 3)))
-    latency.text(3.1, -0.62, "3 ms", fontsize=8.5, va="center")
+    latency.text(3.1, 0.01, "3 ms", fontsize=8.5, transform=latency.get_xaxis_transform())
+    latency.xaxis.set_major_formatter("{x:g}")
     latency.grid(alpha=0.25, linewidth=0.6, axis="x", which="both")
     latency.set_xlabel("last byte to stop hook [ms]: p50, line to p99, | max", fontsize=10)
     latency.set_title(f"filled {rates[0]}, hollow {rates[1]} frames/s", fontsize=10.5)
@@ -204,8 +211,10 @@ def draw(data: dict):
             fontsize=8.5,
         )
     crowd.set_yscale("log")
+    crowd.minorticks_off()
+    crowd.set_yticks(_TICKS, [f"{tick:g}" for tick in _TICKS])
+    crowd.set_ylim(0.7 * min(c["p50_ms"] for c in crowds), 1.6 * max(c["p99_ms"] for c in crowds))
     crowd.set_xticks(skins)
-    crowd.margins(y=0.15)
     crowd.grid(alpha=0.25, linewidth=0.6)
     crowd.set_xlabel(f"skins at {rates[0]} frames/s on {data['cores']} cores", fontsize=10)
     crowd.set_ylabel("last byte to stop hook [ms]", fontsize=10)
