@@ -133,3 +133,13 @@ def test_the_network_beats_the_naive_method(family, share):
     if family != "random":
         assert 120.0 < naive < 220.0
     assert cnn < naive / share
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("value", "word"), [(0.0, "open"), (1.0, "r_par")])
+def test_a_line_that_no_skin_can_read_is_suspect_whatever_the_method(method, value, word):
+    adc = np.full((16, 16), 0.3)
+    adc[5] = value
+    noisy = scenes.read_out(Circuit(), adc, "adc10", np.random.default_rng(0))
+    found = compensate(noisy, Circuit(), PressureCurve(), method)
+    assert found.status == "suspect" and word in found.message

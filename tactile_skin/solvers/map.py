@@ -70,7 +70,8 @@ def _fit(reading: Reading, g: np.ndarray, prior) -> Estimate:
         force = reading.curve.force(1.0 / point.g) * circuit.populated
     std = _spread(reading, point, step, force)
     residual = reading.residual(point.adc)
-    message = suspect.by_residual(reading, point.adc, ROUNDING_NOISE)
+    message = suspect.by_reading(reading)
+    message = message or suspect.by_residual(reading, point.adc, ROUNDING_NOISE)
     if not message and broad and prior is None:
         message = suspect.by_cost(reading, point.cost)
     if not message and step.jacobian is not None:
