@@ -26,6 +26,7 @@ setup(
         "torch>=2.1",
         "pyserial>=3.5",
         "pyyaml>=6.0",
+        "threadpoolctl>=3.0",
     ],
     extras_require={
         "progress": ["tqdm>=4.66"],  # of training and benchmarks

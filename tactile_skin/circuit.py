@@ -22,6 +22,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.linalg import lapack
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,11 +204,20 @@ def network_inverse(g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     fill = row_sum.sum(-1, keepdims=True)[..., None] / g.shape[-2] ** 2
     schur = fill - scaled @ g.swapaxes(-1, -2)
     _diagonal(schur)[...] += row_sum
-    a = np.linalg.inv(schur)
+    a = _inverse(schur) if g.ndim == 2 else np.linalg.inv(schur)
     c = a @ scaled
     d = scaled.swapaxes(-1, -2) @ c
     _diagonal(d)[...] += 1.0 / col_sum
     return a, c, d
+
+
+def _inverse(matrix: np.ndarray) -> np.ndarray:
+    """Inverse of one positive definite matrix, in half the time of `np.linalg.inv`."""
+    factor, info = lapack.dpotrf(matrix, lower=1, clean=1)
+    if info:  # to rounding: conductances many decades apart
+        return np.linalg.inv(matrix)
+    root = lapack.dtrtri(factor, lower=1, overwrite_c=1)[0]
+    return root.T @ root
 
 
 def rho_of(blocks: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:

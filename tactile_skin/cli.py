@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import os
-
-# The matrices are small: more threads would only wait for one another. Before NumPy is imported.
-os.environ.setdefault("OMP_NUM_THREADS", "1")
-
 import argparse
 import contextlib
 import logging
+import os
 import signal
 import sys
 import threading
 from pathlib import Path
+
+from threadpoolctl import threadpool_limits
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -23,7 +21,8 @@ def main(argv: list[str] | None = None) -> int:
         level=logging.INFO, format="%(levelname)s %(name)s: %(message)s", stream=sys.stderr
     )
     try:
-        return args.run(args)
+        with threadpool_limits(1):  # the matrices are small: more threads wait for one another
+            return args.run(args)
     except KeyboardInterrupt:
         return 130
     except (ValueError, OSError, ModuleNotFoundError) as error:

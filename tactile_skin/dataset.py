@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,11 +11,14 @@ from . import network, scenes
 from .circuit import forward
 
 _CHUNK = 2000  # scenes made at a time: bounds memory, and seeds each chunk by its number
-# Families of the chunks, in turn. In equal parts, random scenes would rule the loss: their error
-# is several times that of blobs.
-_MIX = ("blobs", "rects", "blobs", "random", "blobs", "rects")
+# Families of the chunks, in turn. For the paper's network, random scenes would rule the loss in
+# equal parts: their error is several times that of blobs.
+_MIX = {
+    "paper": ("blobs", "rects", "blobs", "random", "blobs", "rects"),
+    "physics": ("blobs", "rects", "random"),
+}
 # What a real board has, in turn: noise, noise with R_par and curve off, rounding alone, nothing.
-_BOARD = ("scan", "off", "adc10", "ideal")
+_BOARD = ("scan", "off", "scan", "adc10", "ideal")
 READOUTS = (*scenes.READOUTS, "board")
 
 
@@ -25,7 +28,7 @@ class TrainingConfig:
 
     Attributes:
         pairs, validation: number of (reading, force) pairs to learn from and to pick the best
-            epoch by; half of them blobs, a third rects, a sixth random scenes.
+            epoch by, of all scene families.
         epochs, batch: passes over the pairs, and pairs per step.
         rate: highest learning rate; a short linear rise, then a cosine to 0.
         loss: "mse" as the paper, or "l1", which fits the mean absolute error that is reported.
@@ -84,17 +87,21 @@ def make_pairs(circuit, curve, n: int, network_kind: str, readout: str, seed, tr
     for chunk in track(range(math.ceil(n / _CHUNK))):
         rng = np.random.default_rng([*np.atleast_1d(seed), chunk])
         here = slice(chunk * _CHUNK, min((chunk + 1) * _CHUNK, n))
-        family, kind = _MIX[chunk % len(_MIX)], readout
+        mix, kind = _MIX[network_kind], readout
+        family = mix[chunk % len(mix)]
         truth = scenes.sample(family, here.stop - here.start, *circuit.shape, rng)
         truth = np.minimum(truth, curve.max_force) * circuit.populated
-        resistance, board = curve.resistance(truth), circuit
+        resistance = curve.resistance(truth)
         if readout == "board":
-            kind = _BOARD[chunk // len(_MIX) % len(_BOARD)]
-            if kind == "off":  # another board and fabric than the configuration says
-                resistance *= 1.0 + rng.uniform(-0.2, 0.2, (len(truth), 1, 1))
-                board = replace(circuit, r_par=circuit.r_par * (1.0 + rng.uniform(-0.05, 0.05)))
-                kind = "scan"
-        adc = scenes.read_out(circuit, forward(board, resistance), kind, rng)
+            kind = _BOARD[chunk // len(mix) % len(_BOARD)]
+        if kind == "off":  # other boards and fabrics than the configuration says
+            resistance *= 1.0 + rng.uniform(-0.2, 0.2, (len(truth), 1, 1))
+        adc = forward(circuit, resistance)
+        if kind == "off":
+            rho = circuit.r_ref / adc - circuit.r_ref - circuit.r_par
+            r_par_error = circuit.r_par * rng.uniform(-0.05, 0.05, (len(truth), 1, 1))
+            adc, kind = circuit.ratio(rho + r_par_error), "scan"
+        adc = scenes.read_out(circuit, adc, kind, rng)
         if network_kind == "paper":
             inputs[here, 0] = adc
         else:

@@ -16,6 +16,7 @@ from scipy import ndimage
 from .geometry import Geometry
 
 _EIGHT_NEIGHBOURS = np.ones((3, 3))
+_RIM = 0.1  # of the threshold: what lies around a touched cell belongs to its contact
 
 
 class Contact(NamedTuple):
@@ -37,15 +38,30 @@ class Push(NamedTuple):
     confidence: float  # 0..1, of the direction
 
 
-def contacts(force: np.ndarray, geometry: Geometry, cell_threshold: float) -> list[Contact]:
-    """Patches of touching cells (8 neighbours), strongest first.
+def patches(force: np.ndarray, cell_threshold: float) -> tuple[np.ndarray, int]:
+    """Patches of cells that touch (8 neighbours), each with a cell above the threshold.
+
+    A patch reaches down to a tenth of the threshold: a fingertip has a third of its force on its
+    rim.
 
     Args:
         force: (rows, cols) [N].
-        cell_threshold: a cell with less [N] is not touched.
+        cell_threshold: a patch whose strongest cell has less [N] is no contact.
+
+    Returns:
+        (rows, cols) number of the patch, 1.. and 0 for none; number of patches.
     """
-    touched = force > cell_threshold
-    labels, n = ndimage.label(touched, _EIGHT_NEIGHBOURS)
+    labels, n = ndimage.label(force > _RIM * cell_threshold, _EIGHT_NEIGHBOURS)
+    peaks = ndimage.maximum(force, labels, np.arange(n + 1)) if n else np.zeros(1)
+    kept = np.flatnonzero(peaks[1:] > cell_threshold) + 1
+    number = np.zeros(n + 1, int)
+    number[kept] = np.arange(1, kept.size + 1)
+    return number[labels], kept.size
+
+
+def contacts(force: np.ndarray, geometry: Geometry, cell_threshold: float) -> list[Contact]:
+    """The `patches` as contacts, strongest first."""
+    labels, n = patches(force, cell_threshold)
     found = []
     for k in range(1, n + 1):
         cells = labels == k
@@ -62,7 +78,7 @@ def push(force: np.ndarray, geometry: Geometry, cell_threshold: float) -> Push:
     The confidence is |sum f n| / sum f, 1 where all touched cells face one way, 0 for a squeeze,
     times total / (total + 10 cell_threshold): a touch near the threshold says little.
     """
-    f = np.where(force > cell_threshold, force, 0.0)
+    f = np.where(patches(force, cell_threshold)[0] > 0, force, 0.0)
     total = f.sum()
     if total == 0.0:
         nothing = np.zeros(3)

@@ -22,6 +22,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import yaml
+from threadpoolctl import threadpool_limits
 
 from .bus import Context, MultiThreadedExecutor, Node, Parameter
 from .config import ParameterFile, yaml_trouble
@@ -285,6 +286,7 @@ class Skin:
         self._nodes: list = []
         self._processes: list[subprocess.Popen] = []
         self._hooks = 0
+        self._threads: threadpool_limits | None = None
         self.node = Node("user", context=self._context)
 
     def __enter__(self) -> Skin:
@@ -302,6 +304,9 @@ class Skin:
         except BaseException:
             self.__exit__()
             raise
+        # The matrices are small. More threads than one would spin beside it, and on a small
+        # computer keep the other nodes waiting for a tenth of a second.
+        self._threads = threadpool_limits(1)
         for handle in (*self._handles, self.node):
             self._executor.add_node(handle)
         return self
@@ -317,6 +322,8 @@ class Skin:
                     handle.get_logger().exception("close() raised")
                 self._executor.drain()
         self._executor.shutdown()
+        if self._threads is not None:
+            self._threads.restore_original_limits()
         for process in self._processes:
             process.terminate()
         for process in self._processes:

@@ -57,7 +57,7 @@ def test_contacts_are_patches_strongest_first():
     assert len(found) == 2
     assert found[0].force > found[1].force
     np.testing.assert_allclose(found[0].position[1:], [4.5 * 0.018, -3.5 * 0.018], atol=1e-4)
-    touched = np.count_nonzero(force[8:] > THRESHOLD)
+    touched = np.count_nonzero(force[8:] > 0.1 * THRESHOLD)
     assert found[0].area == pytest.approx(touched * PLANE.cell_area)
     assert found[0].peak == force.max()
 
@@ -83,3 +83,12 @@ def test_a_finger_that_stands_still_or_changes_is_no_stroke():
     jumped = features.contacts(finger(16, 16, 2.0, 13.0, 5.0), PLANE, 0.01)
     assert stroke.update(0.30, jumped) == (pytest.approx(np.zeros(3)), 0.0)
     assert stroke.update(0.31, jumped * 2)[1] == 0.0
+
+
+def test_a_contact_has_its_rim_and_noise_is_no_contact():
+    """A light fingertip keeps its whole force; cells that never reach the threshold are none."""
+    force = finger(16, 16, 5.0, 5.0, 4.0)
+    force[12, 12] = 0.9 * 0.2
+    (contact,) = features.contacts(force, PLANE, 0.2)
+    assert contact.force == pytest.approx(4.0, rel=0.03)
+    assert features.push(force, PLANE, 0.2).force[0] == pytest.approx(-contact.force)

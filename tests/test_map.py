@@ -160,3 +160,17 @@ def test_figures_on_300_frames_a_family():
         assert row["mean g"] < limit
         assert 0.60 < row["touched within 1 std"] < 0.76
         assert row["suspect"] <= 0.02
+
+
+def test_a_frame_like_the_last_one_keeps_its_estimate():
+    """A standing touch costs one look; one that grows by a tenth is fitted anew."""
+    rng = np.random.default_rng(21)
+    force = scenes.finger(16, 16, 7.0, 8.0, 12.0, width=1.3)
+
+    last = compensate(scan(force, rng), CIRCUIT, CURVE, "map")
+    held = [compensate(scan(force, rng), CIRCUIT, CURVE, "map", start=last) for _ in range(20)]
+    assert sum(e.force is last.force for e in held) >= 10
+    assert all(0.3 < e.residual < 0.8 for e in held)
+    grown = compensate(scan(1.1 * force, rng), CIRCUIT, CURVE, "map", start=last)
+    assert grown.iterations > 0
+    assert grown.force.sum() == pytest.approx(1.1 * 12.0, rel=0.05)

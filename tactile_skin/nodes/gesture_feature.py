@@ -32,7 +32,7 @@ class GestureFeature:
     def __init__(self, node):
         self.geometry = geometry_of(node, circuit_of(node))
         self.cell_threshold = node.declare_parameter(
-            "cell_threshold", 0.2, describe("force of a touched cell [N]", 1e-3, 10.0)
+            "cell_threshold", 0.2, describe("a contact has a cell with more [N]", 1e-3, 10.0)
         ).value
         self.stroke = features.Stroke()
         self._contacts = node.create_publisher(PointCloud2, "skin/contacts", 10)

@@ -8,11 +8,13 @@ by projected Gauss-Newton. The Jacobian is analytic, d u_a / d x_b = u_a^2 / R_r
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import blas, lapack
 
+from ..circuit import two_terminal_resistance
 from . import laplacian, suspect
 from . import prior as prior_terms
 from .conjugate_gradients import conjugate_gradients
@@ -29,6 +31,8 @@ _MEMORY = 4  # costs that a step may rise to: a bound met on the way costs heigh
 _DENSE = 600  # unknowns up to which a Cholesky factor beats conjugate gradients
 _CG_STEPS = 100
 _BOX_ROUNDS = 4
+_RIDGES = 1e-3, 1e-2, 1e-1, 1.0
+_SAME = 2.2  # standard deviations of chi^2 up to which a frame is like the last one
 _NEAR_REST = 1.5  # times the conductance at rest: a starting cell below it starts at rest
 _WIDEN = 1.12  # the prior's majorant is wider in curvature than the prior: measured coverage
 _BROAD = 0.1  # share of cells at rest below which the whole skin counts as loaded
@@ -42,13 +46,35 @@ def map_estimate(reading: Reading, start: Estimate | None = None, prior=None, **
             independent knowledge of each cell.
     """
     if start is not None:
-        estimate = _fit(reading, last_guess(reading, start), prior)
+        if prior is None and (held := _held(reading, start)) is not None:
+            return held
+        estimate = _fit(reading, last_guess(reading, start), prior, warm=True)
         if estimate.status == "ok":
             return estimate  # else the last frame may have led into a corner
     return _fit(reading, first_guess(reading), prior)
 
 
-def _fit(reading: Reading, g: np.ndarray, prior) -> Estimate:
+def _held(reading: Reading, start: Estimate) -> Estimate | None:
+    """The last frame's estimate if it explains this one as well: nothing has moved.
+
+    Of readings that nothing changed, the misfit to the last fit is noise, and a little more for
+    what that fit had taken of its own noise.
+    """
+    if start.method != "map" or start.status != "ok" or not reading.noise:
+        return None
+    g = reading.circuit.populated / reading.curve.resistance(start.force)
+    adc = reading.circuit.ratio(two_terminal_resistance(g))
+    n = np.count_nonzero(reading.known | reading.capped)
+    residual = reading.residual(adc)
+    if residual**2 > reading.noise**2 * (1.0 + _SAME * (2.0 / n) ** 0.5):
+        return None
+    return replace(start, residual=residual, iterations=0)
+
+
+def _fit(reading: Reading, g: np.ndarray, prior, warm: bool = False) -> Estimate:
+    """Args:
+    warm: g is next to the answer; a step that went as foretold is then the last one.
+    """
     circuit = reading.circuit
     g, steps = iterate(reading, g, START_STEPS, 2.0 * max(reading.noise, ROUNDING_NOISE))
     g = _fill(reading, g)
@@ -63,19 +89,26 @@ def _fit(reading: Reading, g: np.ndarray, prior) -> Estimate:
         step = _gauss_newton(reading, point)
         point = _descend(reading, point, step, broad, prior, max(costs[-_MEMORY:]))
         costs.append(point.cost)
-        if step.gain < _SETTLED or reading.late():
+        # What is left to gain is what the quadratic got wrong of this step. A load on the whole
+        # skin is judged by its cost, and so is fitted to the end.
+        left = 2.0 * abs(costs[-2] - costs[-1] - step.gain)
+        settled = step.gain < _SETTLED or (warm and not broad and left < _SETTLED)
+        if settled or reading.late():
             break
-    converged = step.gain < _SETTLED or iterations == STEPS
+    converged = settled or iterations == STEPS
     with np.errstate(divide="ignore"):
         force = reading.curve.force(1.0 / point.g) * circuit.populated
     std = _spread(reading, point, step, force)
     residual = reading.residual(point.adc)
     message = suspect.by_reading(reading)
     message = message or suspect.by_residual(reading, point.adc, ROUNDING_NOISE)
-    if not message and broad and prior is None:
-        message = suspect.by_cost(reading, point.cost)
     if not message and step.jacobian is not None:
-        message = suspect.by_score(
+        # The fit may stop short of the minimum; the tests are for the minimum.
+        rest = _downhill(point).flat[step.inside]
+        ahead = lapack.spotrs(step.factor, rest)[0]
+        if broad and prior is None:
+            message = suspect.by_cost(reading, point.cost - 0.5 * rest @ ahead)
+        message = message or suspect.by_score(
             reading,
             point.k,
             point.weight,
@@ -83,6 +116,7 @@ def _fit(reading: Reading, g: np.ndarray, prior) -> Estimate:
             step.told,
             step.jacobian,
             step.factor,
+            ahead,
             broad,
         )
     status = "suspect" if message else "ok"
@@ -152,12 +186,17 @@ class _Step(NamedTuple):
     jacobian: np.ndarray | None  # (told, inside), in standard deviations
 
 
+def _downhill(point: _Point) -> np.ndarray:
+    """- d cost / d x (rows, cols), for all cells at once in O(lines^3)."""
+    pull = laplacian.hessian_product(point.k, point.weight * point.misfit)
+    return point.g * pull - point.prior.gradient
+
+
 def _gauss_newton(reading: Reading, point: _Point) -> _Step:
     low, high = reading.bounds
     g, k = point.g, point.k
     rows = g.shape[0]
-    # Downhill, - d cost / d x, for all cells at once in O(lines^3)
-    slope = g * laplacian.hessian_product(k, point.weight * point.misfit) - point.prior.gradient
+    slope = _downhill(point)
     # A cell at rest joins if alone it would gain something, next to what the best would gain: a
     # moved touch leaves misfit along its lines in cells that the next step finds at rest.
     alone = np.square(point.weight * laplacian.two_point(k, rows) ** 2 * g)
@@ -181,6 +220,8 @@ def _gauss_newton(reading: Reading, point: _Point) -> _Step:
     dx, factor, inside = _solve_in_box(
         precision, b, low / g.flat[free] - 1, high / g.flat[free] - 1
     )
+    if factor is None:
+        return _Step(free, dx, 0.0, None, free, None, None)
     return _Step(free, dx, 0.5 * b @ dx, factor, free[inside], told, jacobian[:, inside])
 
 
@@ -194,16 +235,20 @@ def _solve_in_box(precision: np.ndarray, b: np.ndarray, low: np.ndarray, high: n
         precision: (n, n), upper triangle.
 
     Returns:
-        dx, the Cholesky factor over the unknowns inside, and which those are.
+        dx, the Cholesky factor over the unknowns inside (None: there is none), which those are.
     """
     inside = np.ones(b.size, bool)
     dx = np.zeros(b.size)
     matrix, pull = precision, b
     for rounds in range(_BOX_ROUNDS):
         factor, info = lapack.spotrf(matrix, lower=0, clean=0)
-        while info:  # not positive definite to single precision
-            matrix.T.flat[:: matrix.shape[0] + 1] *= 1.001
+        for ridge in _RIDGES if info else ():  # not positive definite to single precision
+            matrix.T.flat[:: matrix.shape[0] + 1] *= 1.0 + ridge
             factor, info = lapack.spotrf(matrix, lower=0, clean=0)
+            if not info:
+                break
+        if info:  # not even so: numbers beyond single precision
+            return np.zeros(b.size), None, inside
         dx[inside] = lapack.spotrs(factor, pull)[0]
         out = inside & ((dx < low) | (dx > high))
         if rounds + 1 == _BOX_ROUNDS or not out.any() or (out == inside).all():

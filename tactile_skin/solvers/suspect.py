@@ -71,7 +71,7 @@ def by_cost(reading: Reading, cost: float) -> str:
     )
 
 
-def by_score(reading: Reading, k, weight, misfit, told, jacobian, factor, broad) -> str:
+def by_score(reading: Reading, k, weight, misfit, told, jacobian, factor, ahead, broad) -> str:
     """Score tests for a short between neighbouring lines and for a wrong r_par.
 
     How far does the misfit lie along the change p that the fault would make in the readings, past
@@ -82,6 +82,7 @@ def by_score(reading: Reading, k, weight, misfit, told, jacobian, factor, broad)
         weight, misfit: (rows, cols), -d reading / d rho [1/ohm] and reading - model, both in
             standard deviations.
         told, jacobian, factor: of the fit over its unknowns, see map._Step.
+        ahead: what the unknowns still lack to the fit's minimum.
         broad: the level prior was used; its fit leans on r_par's pattern even when sound.
     """
     rows, cols = weight.shape
@@ -93,9 +94,9 @@ def by_score(reading: Reading, k, weight, misfit, told, jacobian, factor, broad)
     pushed = weight.reshape(-1, 1)[told]
     p = np.concatenate([np.square(across) * pushed, pushed], 1).astype(np.float32)
     size = np.square(p).sum(0)
-    hidden = jacobian.T @ p
-    hidden = (hidden * lapack.spotrs(factor, hidden)[0]).sum(0)
-    score = p.T @ misfit.flat[told].astype(np.float32)
+    along = jacobian.T @ p
+    hidden = (along * lapack.spotrs(factor, along)[0]).sum(0)
+    score = p.T @ misfit.flat[told].astype(np.float32) - along.T @ ahead
     score /= np.sqrt(np.maximum(size - hidden, 1e-3 * size) + 1e-30)
     if pairs.size and score[:-1].max() > _SHORT:
         line = pairs[score[:-1].argmax()]
