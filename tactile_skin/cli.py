@@ -128,13 +128,18 @@ def _parser() -> argparse.ArgumentParser:
     sub = command(
         "bench",
         _bench,
-        "measure every method: error, ghosts and time, on fresh frames of each scene family",
-        epilog="Times are multiples of y, one dense solve of 257 equations in the same run.\n"
-        "example:\n  tactile-skin bench --quick --json figures.json",
+        "measure every method and draw it: speed against accuracy, and where each method fails",
+        epilog="Each picture NAME.png stands beside NAME.json, which holds the numbers drawn.\n"
+        "parts: speed, cases, stability, growth, way (bytes in to stop hook); all of them take a\n"
+        "quarter of an hour, with --quick a minute. Times are best read on an idle machine.\n"
+        "examples:\n  tactile-skin bench --quick\n  tactile-skin bench speed growth --out figures",
     )
-    sub.add_argument("--quick", action="store_true", help="30 frames a case, not 300")
-    sub.add_argument("--seed", type=int, default=None, help="of the frames (default: a new one)")
-    sub.add_argument("--json", type=Path, help="file for the figures")
+    sub.add_argument("parts", nargs="*", metavar="PART", help="what to measure (default: all)")
+    sub.add_argument("--quick", action="store_true", help="few frames: all parts in a minute")
+    sub.add_argument("--seed", type=int, default=1, help="of scenes and noise (default 1)")
+    sub.add_argument(
+        "--out", type=Path, default=Path("bench"), help="folder for the pictures (default bench)"
+    )
     return parser
 
 
@@ -218,18 +223,17 @@ def _train(args) -> int:
 
 
 def _bench(args) -> int:
-    import json
+    from .bench import run, speed
 
-    from .bench import methods
-
-    seed = int.from_bytes(os.urandom(4), "little") if args.seed is None else args.seed
-    tqdm = _tqdm()
-    result = methods.measure(
-        30 if args.quick else 300, seed, lambda cases: tqdm(cases, desc="cases", disable=None)
-    )
-    print(methods.table(result))
-    if args.json:
-        args.json.write_text(json.dumps(result, indent=1))
+    unknown = [part for part in args.parts if part not in run.PARTS]
+    if unknown:
+        raise ValueError(f"part {unknown[0]!r}: must be one of {', '.join(run.PARTS)}")
+    if args.seed < 0:
+        raise ValueError(f"--seed = {args.seed}: must be 0 or more")
+    written = run.run(args.parts or run.PARTS, args.out, args.quick, args.seed, _tqdm())
+    if "speed" in written:
+        print(speed.table(written["speed"]))
+    print(f"pictures: {', '.join(str(args.out / f'{name}.png') for name in written)}")
     return 0
 
 

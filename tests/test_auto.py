@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward, scenes
-from tactile_skin.bench.solvers import moving_touch
+from tactile_skin.bench.measure import moving_touch
 from tactile_skin.curve import GRAM
 
 CIRCUIT, CURVE = Circuit(), PressureCurve()

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward, scenes
-from tactile_skin.bench.solvers import moving_touch
+from tactile_skin.bench.measure import moving_touch
 from tactile_skin.circuit import network_inverse, transfer_resistance, two_terminal_resistance
 from tactile_skin.curve import GRAM
 from tactile_skin.solvers import laplacian

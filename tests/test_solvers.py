@@ -143,3 +143,13 @@ def test_a_fabric_that_is_not_connected_is_suspect(method):
     adc[3] = 0.0
     estimate = compensate(adc, CIRCUIT, CURVE, method)
     assert estimate.status != "ok" and "row 3" in estimate.message
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("value", "word"), [(0.0, "open"), (1.0, "r_par")])
+def test_a_line_that_no_skin_can_read_is_suspect_whatever_the_method(method, value, word):
+    adc = np.full((16, 16), 0.3)
+    adc[5] = value
+    noisy = scenes.read_out(Circuit(), adc, "adc10", np.random.default_rng(0))
+    found = compensate(noisy, Circuit(), PressureCurve(), method)
+    assert found.status == "suspect" and word in found.message

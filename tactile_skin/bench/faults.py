@@ -1,44 +1,121 @@
-"""Readings that the solver's circuit does not explain: what breaks on real boards."""
+"""Troubles of growing strength, as `textile.Textile` has them, and the faults that must be told."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..circuit import Circuit, forward, two_terminal_resistance
+from .. import scenes
+from ..circuit import Circuit
+from ..curve import GRAM, PressureCurve
+from .textile import Textile, expose
 
-FAULTS = ("open", "short", "r_par +10 %", "r_par -10 %", "moving")
+# What every real skin has a little of: the ADC's noise, the paper's coupling of 0.5 %, 1 ohm of a
+# silver-coated stripe, cells that are not quite alike. At rest they are: that can be measured.
+EVERYDAY = Textile(noise=1.0, lateral=0.005, line=1.0, scatter=0.05)
+
+FAULTS = {
+    "open": Textile(open=1),
+    "short": Textile(short=1),
+    "r_par +10 %": Textile(r_par=1.1),
+    "r_par -10 %": Textile(r_par=0.9),
+    "moving": Textile(moving=1.0),
+}
 
 
 def faulty(circuit: Circuit, resistance: np.ndarray, fault: str, rng) -> np.ndarray:
-    """(rows, cols) ideal ADC ratio of a circuit with one fault.
-
-    open: one line is cut. short: two neighbouring lines touch. r_par: the true one differs from
-    the circuit's. moving: the contact moves by a column in the middle of the scan.
+    """(rows, cols) ADC ratio, not rounded, of a circuit with one of FAULTS and nothing else.
 
     Raises:
         ValueError: an unknown fault.
     """
     if fault not in FAULTS:
         raise ValueError(f"fault {fault!r}: must be one of {', '.join(FAULTS)}")
-    if fault.startswith("r_par"):
-        true = replace(circuit, r_par=circuit.r_par * (1.1 if "+" in fault else 0.9))
-        return forward(true, resistance)
-    if fault == "moving":
-        adc = forward(circuit, resistance)
-        half = rng.integers(1, circuit.rows)
-        adc[half:] = forward(circuit, np.roll(resistance, 1, axis=1))[half:]
-        return adc
-    turned = rng.random() < 0.5
-    r = np.array(resistance.T if turned else resistance)
-    if fault == "open":
-        r[rng.integers(r.shape[0])] = np.inf
-        return forward(circuit, r.T if turned else r)
-    i = rng.integers(r.shape[0] - 1)
-    g = 1.0 / r
-    merged = np.delete(g, i + 1, 0)
-    merged[i] += g[i + 1]
-    rho = two_terminal_resistance(merged)
-    rho = np.insert(rho, i + 1, rho[i], 0)
-    return circuit.ratio(rho.T if turned else rho)
+    curve = PressureCurve()
+    return expose(FAULTS[fault], circuit, curve, curve.force(resistance), rng)
+
+
+@dataclass(frozen=True)
+class Trouble:
+    """One thing that goes wrong, and how badly.
+
+    Attributes:
+        name, unit: of the strength, for figures.
+        strengths: rising in severity; `sound` is the one that is no trouble.
+        textile: strength -> what the skin is like.
+        scene: (n, strength, circuit, rng) -> (n, rows, cols) force [N].
+        bits: strength -> width of the ADC, which the solver knows.
+    """
+
+    name: str
+    unit: str
+    strengths: tuple[float, ...]
+    textile: Callable[[float], Textile] = lambda strength: EVERYDAY
+    scene: Callable = lambda n, strength, circuit, rng: touches(n, circuit, rng)
+    bits: Callable[[float], int] = lambda strength: 10
+    sound: float | None = 0.0
+
+
+def touches(n: int, circuit: Circuit, rng) -> np.ndarray:
+    """(n, rows, cols) force [N]: blobs and rectangles in turn."""
+    force = np.empty((n, *circuit.shape))
+    force[::2] = scenes.sample("blobs", -(-n // 2), *circuit.shape, rng)
+    force[1::2] = scenes.sample("rects", n // 2, *circuit.shape, rng)
+    return force
+
+
+def pressed(n: int, share: float, load: float, circuit: Circuit, rng) -> np.ndarray:
+    """(n, rows, cols) force [N]: `share` of the skin under `load` g a cell, give or take 30 %."""
+    rows, cols = circuit.shape
+    height = round(rows * share**0.5)
+    width = min(cols, round(share * rows * cols / height))
+    force = np.zeros((n, rows, cols))
+    for frame in force:
+        top, left = rng.integers(rows - height + 1), rng.integers(cols - width + 1)
+        cells = load * (1.0 + 0.3 * rng.standard_normal((height, width)))
+        frame[top : top + height, left : left + width] = np.clip(cells, 0.0, scenes.MAX_LOAD)
+    return force * GRAM
+
+
+def _with(field: str, scale: float = 1.0, offset: float = 0.0):
+    """strength -> EVERYDAY with one field at offset + scale * strength."""
+    kind = type(getattr(EVERYDAY, field))
+    return lambda strength: replace(EVERYDAY, **{field: kind(offset + scale * strength)})
+
+
+_OFF = (-20.0, -10.0, -5.0, 0.0, 5.0, 10.0, 20.0)  # %
+TROUBLES = (
+    Trouble("noise", "ADC steps", (0, 1, 2, 4, 8), _with("noise"), sound=1),
+    Trouble("ADC width", "bits", (14, 12, 10, 8), bits=int, sound=10),
+    Trouble("R_par off", "%", _OFF, _with("r_par", 0.01, 1.0)),
+    Trouble("R_ref off", "%", _OFF, _with("r_ref", 0.01, 1.0)),
+    Trouble("curve off", "% of R", (0, 10, 20, 35, 50), _with("curve", 0.01)),
+    Trouble("scatter at rest", "% of R", (0, 1, 2, 5, 20), _with("rest", 0.01)),
+    Trouble("line resistance", "ohm a stripe", (0, 1, 3, 10, 30), _with("line"), sound=1),
+    Trouble("lateral coupling", "%", (0, 0.5, 1, 2, 5), _with("lateral", 0.01), sound=0.5),
+    Trouble("moving contact", "cells a scan", (0, 1, 2, 4, 6), _with("moving")),
+    Trouble("open leads", "lines", (0, 1, 2, 3, 4), _with("open")),
+    Trouble("broken stripes", "lines", (0, 1, 2, 3, 4), _with("broken")),
+    Trouble("short", "pairs of lines", (0, 1, 2), _with("short")),
+    Trouble("stuck cells", "cells", (0, 1, 2, 4, 8), _with("stuck")),
+    Trouble(
+        "pressed area",
+        "% at 300 g",
+        (10, 25, 50, 75, 100),
+        scene=lambda n, strength, circuit, rng: pressed(n, strength / 100, 300.0, circuit, rng),
+        sound=None,
+    ),
+    Trouble(
+        "all pressed",
+        "g a cell",
+        (50, 100, 300, 600, 1000),
+        scene=lambda n, strength, circuit, rng: pressed(n, 1.0, strength, circuit, rng),
+        sound=None,
+    ),
+    Trouble(
+        "saturated ADC", "% of full scale", (100, 80, 70, 60, 40), _with("ceiling", 0.01), sound=100
+    ),
+    Trouble("lines at full scale", "lines", (0, 1, 2, 4), _with("full_scale")),
+)

@@ -9,60 +9,21 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import time
 
 import numpy as np
 
 from .. import Circuit, PressureCurve, compensate, forward, scenes
 from ..curve import GRAM
 from .faults import FAULTS, faulty
-
-_DENSE = np.random.default_rng(0).standard_normal((257, 258))
-
-
-class Clock:
-    """Times calls, each beside one dense solve of 257 equations.
-
-    In time of this thread on its processor: what else the machine does is left out.
-    """
-
-    def __init__(self):
-        self.calls, self.solves = [], []
-
-    def __call__(self, function, *args, **kwargs):
-        start = time.thread_time()
-        np.linalg.solve(_DENSE[:, :257], _DENSE[:, 257])
-        between = time.thread_time()
-        result = function(*args, **kwargs)
-        self.calls.append(time.thread_time() - between)
-        self.solves.append(between - start)
-        return result
-
-    @property
-    def y(self) -> float:
-        """Median time of one dense solve [s]."""
-        return float(np.median(self.solves))
-
-    def quantile(self, q: float) -> float:
-        return float(np.quantile(self.calls, q) / self.y)
-
-    @property
-    def mean(self) -> float:
-        return float(np.mean(self.calls) / np.mean(self.solves))
-
-
-def frames(family: str, readout: str, n: int, seed: int, circuit: Circuit, curve: PressureCurve):
-    """n scenes of one family and their readings: force [N], ADC ratio, each (n, rows, cols)."""
-    rng = np.random.default_rng(seed)
-    force = np.minimum(scenes.sample(family, n, *circuit.shape, rng), curve.max_force)
-    adc = forward(circuit, curve.resistance(force))
-    return force, scenes.read_out(circuit, adc, readout, rng)
+from .growth import exponent
+from .measure import GHOST, Clock, day, frames, moving_touch
 
 
 def accuracy(method, family, readout, n, seed=1, circuit=None, curve=None, **kwargs) -> dict:
     """Error, spread, status and time of one method from nothing on n fresh frames."""
     circuit, curve = circuit or Circuit(), curve or PressureCurve()
-    force, adc = frames(family, readout, n, seed, circuit, curve)
+    rng = np.random.default_rng(seed)
+    force, adc = frames(family, readout, n, rng, circuit, curve)
     for frame in adc[:3]:
         compensate(frame, circuit, curve, method, **kwargs)
     clock = Clock()
@@ -70,7 +31,7 @@ def accuracy(method, family, readout, n, seed=1, circuit=None, curve=None, **kwa
     error = np.abs(np.array([e.force for e in found]) - force)  # N
     touched = force > 0
     within = error <= np.array([e.std for e in found])
-    ghosts = (np.array([e.force for e in found]) > 20 * GRAM) & ~touched
+    ghosts = (np.array([e.force for e in found]) > GHOST * GRAM) & ~touched
     return {
         "method": method,
         "family": family,
@@ -88,21 +49,6 @@ def accuracy(method, family, readout, n, seed=1, circuit=None, curve=None, **kwa
         "p99 y": clock.quantile(0.99),
         "y us": clock.y * 1e6,
     }
-
-
-def moving_touch(n: int, rng, shape=(16, 16), speed: float = 0.3, rate: float = 100.0):
-    """(n, rows, cols) force [N]: a round touch of 25 mm wandering at `speed` m/s, 18 mm cells."""
-    y, x = np.arange(shape[0])[:, None], np.arange(shape[1])[None]
-    step = speed / rate / 0.018  # cells a frame
-    place = rng.uniform(4, np.array(shape) - 4)
-    heading, load = rng.uniform(0, 2 * np.pi), rng.uniform(100, 800)
-    force = np.empty((n, *shape))
-    for k in range(n):
-        heading += 0.1 * rng.standard_normal()
-        place = np.clip(place + step * np.array([np.sin(heading), np.cos(heading)]), 2, 13)
-        distance = np.hypot(y - place[0], x - place[1])
-        force[k] = load * np.maximum(1.0 - (distance / 2.2) ** 2, 0.0) ** 1.5
-    return force * GRAM
 
 
 def tracking(method: str, readout: str, touches: int, seed=1) -> dict:
@@ -162,36 +108,25 @@ def detection(n: int, seed=1) -> dict:
     return table
 
 
-def day(n: int, seed=1) -> dict:
-    """A day-like stream: 70 % of the frames idle, 20 % one moving touch, 10 % several (blobs)."""
+def stream(n: int, seed=1) -> dict:
+    """Time, error and ghosts over a day-like stream."""
     circuit, curve = Circuit(), PressureCurve()
-    rng = np.random.default_rng(seed)
-    scene = []
-    while len(scene) < n:
-        kind = rng.choice(3, p=(0.7, 0.2, 0.1))
-        if kind == 0:
-            scene += [np.zeros(circuit.shape)] * 50
-        elif kind == 1:
-            scene += list(moving_touch(50, rng))
-        else:
-            scene += list(np.minimum(sum(moving_touch(50, rng) for _ in range(3)), curve.max_force))
-    force = np.array(scene)
-    adc = scenes.read_out(circuit, forward(circuit, curve.resistance(force)), "scan", rng)
+    force, adc = day(n, np.random.default_rng(seed), circuit, curve)
     table = {}
     for name, method, keep in (
         ("auto", "auto", True),
         ("map, last frame", "map", True),
         ("map", "map", False),
     ):
-        clock, last, ghosts, errors, methods = Clock(), None, [], [], {}
+        clock, last, ghosts, means, methods = Clock(), None, [], [], {}
         for truth, frame in zip(force, adc, strict=True):
             last = clock(compensate, frame, circuit, curve, method, start=last if keep else None)
-            ghosts.append(((last.force > 20 * GRAM) & (truth == 0)).any())
-            errors.append(np.abs(last.force - truth).mean() / GRAM)
+            ghosts.append(((last.force > GHOST * GRAM) & (truth == 0)).any())
+            means.append(np.abs(last.force - truth).mean() / GRAM)
             methods[last.method] = methods.get(last.method, 0) + 1
         table[name] = {
             "mean y": clock.mean,
-            "mean g": float(np.mean(errors)),
+            "mean g": float(np.mean(means)),
             "frames with ghosts": float(np.mean(ghosts)),
             "methods": methods,
         }
@@ -212,8 +147,7 @@ def growth(method: str, n: int, sizes=(16, 32, 64), seed=1) -> dict:
                 key: row[key] for key in ("frames", "p50 y", "mean g", "worst g", "failed")
             }
         times.append(row["p50 y"])
-    slope = np.polyfit(np.log(np.square(sizes)), np.log(times), 1)[0]
-    return table | {"exponent in cells (random)": float(slope)}
+    return table | {"exponent in cells (random)": exponent(sizes, times)}
 
 
 def main() -> None:
@@ -239,7 +173,7 @@ def main() -> None:
             for method in ("naive", "fixed_point", "newton", "map", "auto"):
                 row = accuracy(method, family, readout, 300 // share, args.seed)
                 show("auto against the others", {k: row[k] for k in [*list(row)[:5], "p50 y"]})
-    show("day", day(6000 // share, args.seed))
+    show("day", stream(6000 // share, args.seed))
     show("growth", growth("newton", 20 // min(share, 4)))
     show("growth", growth("map", 20 // min(share, 4)))
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from ..circuit import two_terminal_resistance
 from .estimate import Estimate
-from .reading import Reading, rest_reading
-from .suspect import by_residual, by_rest
+from .reading import Reading
+from .suspect import by_reading, by_residual
 
 
 def judge(
@@ -16,8 +16,8 @@ def judge(
     """Spread and status from the misfit.
 
     How far would each cell's resistance have to move, alone, to meet its own reading
-    (d u / d log R = -g u^2 rho^2 / R_ref)? A misfit is suspect only after a method that fits;
-    after others, a reading that no force explains.
+    (d u / d log R = -g u^2 rho^2 / R_ref)? An impossible reading is always suspect, a misfit only
+    after a method that fits.
     """
     circuit, curve = reading.circuit, reading.curve
     resistance = curve.resistance(force)
@@ -28,10 +28,9 @@ def judge(
     shift = np.hypot(reading.misfit(model), max(reading.noise, 1e-9)) / np.maximum(slope, 1e-9)
     factor = np.exp(np.minimum(shift, 50.0))
     std = 0.5 * (curve.force(resistance / factor) - curve.force(resistance * factor))
-    if fitted:
+    message = by_reading(reading)
+    if fitted and not message:
         message = by_residual(reading, model)
-    else:
-        message = by_rest(reading, rest_reading(circuit, curve))
     status = "suspect" if message else "ok"
     if not converged:
         status, message = "failed", f"no convergence in {iterations} steps"

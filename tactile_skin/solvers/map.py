@@ -100,7 +100,8 @@ def _fit(reading: Reading, g: np.ndarray, prior, warm: bool = False) -> Estimate
         force = reading.curve.force(1.0 / point.g) * circuit.populated
     std = _spread(reading, point, step, force)
     residual = reading.residual(point.adc)
-    message = suspect.by_residual(reading, point.adc, ROUNDING_NOISE)
+    message = suspect.by_reading(reading)
+    message = message or suspect.by_residual(reading, point.adc, ROUNDING_NOISE)
     if not message and step.jacobian is not None:
         # The fit may stop short of the minimum; the tests are for the minimum.
         rest = _downhill(point).flat[step.inside]

@@ -5,14 +5,33 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import lapack
 
-from .reading import ROUNDING_NOISE, Reading
+from .reading import ROUNDING_NOISE, Reading, rest_reading
 
 # Thresholds in standard deviations. Chosen so that all tests together call less than 2 % of sound
 # frames suspect; a score's spread on sound frames is above 1, since the prior is not Gaussian.
 _RESIDUAL = 2.8
 _SHORT = 3.7
 _R_PAR = 5.5
+_BEYOND = 5.0  # of noise, past what no skin can read
+_OPEN = 0.5  # times the reading at rest: fabrics differ from the curve by less
 _EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
+
+
+def by_reading(reading: Reading) -> str:
+    """Readings that no skin can give, whatever presses on it; for methods that fit nothing too.
+
+    A load only raises a reading, from that at rest to that of a short circuit behind r_par.
+    """
+    circuit, steps, known = reading.circuit, reading.steps, reading.known
+    margin = _BEYOND * reading.noise + 1.0
+    rest = rest_reading(circuit, reading.curve) * circuit.full_scale
+    low = known & (steps < _OPEN * rest - margin)
+    high = known & (steps > circuit.ratio(0.0) * circuit.full_scale + margin)
+    for bad, way in ((low, "below an untouched skin's: a line open"), (high, "beyond r_par's")):
+        if bad.any():
+            row, col = np.argwhere(bad)[0]
+            return f"{np.count_nonzero(bad)} readings {way}? the first at row {row}, column {col}"
+    return ""
 
 
 def by_residual(reading: Reading, adc: np.ndarray, floor: float = _EXACT_NOISE) -> str:
@@ -33,26 +52,6 @@ def by_residual(reading: Reading, adc: np.ndarray, floor: float = _EXACT_NOISE) 
         if sums.max() > 0.5 * square.sum():
             where = f", most of it in {name} {sums.argmax()}: open, or not connected?"
     return f"residual of {residual:.2f} ADC steps, noise explains {noise:.2f}{where}"
-
-
-def by_rest(reading: Reading, rest: np.ndarray) -> str:
-    """Why a reading far below the untouched skin's cannot be; for methods that fit nothing.
-
-    Force only ever raises a reading. Half of the untouched one leaves room for fabrics that rest
-    at another resistance than the curve says.
-
-    Args:
-        rest: (rows, cols) ADC ratio of the untouched skin.
-    """
-    low = reading.known & (reading.adc < 0.5 * rest)
-    if not low.any():
-        return ""
-    row, col = low.sum(1), low.sum(0)
-    name, i = ("row", row.argmax()) if row.max() >= col.max() else ("column", col.argmax())
-    return (
-        f"{np.count_nonzero(low)} readings are below half of the untouched skin's, most of them in "
-        f"{name} {i}: open, or not connected?"
-    )
 
 
 def by_cost(reading: Reading, cost: float) -> str:

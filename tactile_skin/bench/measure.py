@@ -1,0 +1,124 @@
+"""What every part measures with: time in y, errors in grams, and the machine's name."""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from .. import scenes
+from ..circuit import Circuit, forward
+from ..curve import GRAM, PressureCurve
+
+GHOST = 20.0  # g on a cell that nothing touches
+_DENSE = np.random.default_rng(0).standard_normal((257, 258))
+
+
+class Clock:
+    """Times calls, each beside y: one dense solve of 257 equations, with one thread.
+
+    In time of this thread on its processor: what else the machine does is left out. Taking turns
+    lets a machine that slows down slow both.
+    """
+
+    def __init__(self):
+        self.calls, self.solves = [], []  # s
+
+    def __call__(self, function, *args, **kwargs):
+        start = time.thread_time()
+        np.linalg.solve(_DENSE[:, :257], _DENSE[:, 257])
+        between = time.thread_time()
+        result = function(*args, **kwargs)
+        self.calls.append(time.thread_time() - between)
+        self.solves.append(between - start)
+        return result
+
+    @property
+    def y(self) -> float:
+        """Median time of one dense solve [s]."""
+        return float(np.median(self.solves))
+
+    def quantile(self, q: float) -> float:
+        """Of the calls' times, in y."""
+        return float(np.quantile(self.calls, q) / self.y)
+
+    @property
+    def mean(self) -> float:
+        """Mean time of a call, in y."""
+        return float(np.mean(self.calls) / np.mean(self.solves))
+
+
+def errors(found: np.ndarray, truth: np.ndarray) -> dict[str, float]:
+    """How far (n, rows, cols) forces found [N] are from the true ones.
+
+    Returns:
+        mean_g, p95_g and worst_g over all cells [g]; sum_error, median relative error of a
+        frame's sum; ghosts, cells a frame with more than 20 g where nothing is.
+    """
+    error = np.abs(found - truth) / GRAM
+    total = truth.sum((1, 2))
+    ghosts = (found / GRAM > GHOST) & (truth == 0)
+    return {
+        "mean_g": float(error.mean()),
+        "p95_g": float(np.percentile(error, 95)),
+        "worst_g": float(error.max()),
+        "sum_error": float(np.median(np.abs(found.sum((1, 2)) - total) / np.maximum(total, 1e-9))),
+        "ghosts": float(ghosts.sum((1, 2)).mean()),
+    }
+
+
+def frames(family: str, readout: str, n: int, rng, circuit: Circuit, curve: PressureCurve):
+    """n scenes of one family and their readings: force [N], ADC ratio, each (n, rows, cols)."""
+    force = np.minimum(scenes.sample(family, n, *circuit.shape, rng), curve.max_force)
+    adc = forward(circuit, curve.resistance(force))
+    return force, scenes.read_out(circuit, adc, readout, rng)
+
+
+def moving_touch(n: int, rng, shape=(16, 16), speed: float = 0.3, rate: float = 100.0):
+    """(n, rows, cols) force [N]: a round touch of 25 mm wandering at `speed` m/s, 18 mm cells."""
+    y, x = np.arange(shape[0])[:, None], np.arange(shape[1])[None]
+    step = speed / rate / 0.018  # cells a frame
+    place = rng.uniform(4, np.array(shape) - 4)
+    heading, load = rng.uniform(0, 2 * np.pi), rng.uniform(100, 800)
+    force = np.empty((n, *shape))
+    for k in range(n):
+        heading += 0.1 * rng.standard_normal()
+        place = np.clip(place + step * np.array([np.sin(heading), np.cos(heading)]), 2, 13)
+        distance = np.hypot(y - place[0], x - place[1])
+        force[k] = load * np.maximum(1.0 - (distance / 2.2) ** 2, 0.0) ** 1.5
+    return force * GRAM
+
+
+def day(n: int, rng, circuit: Circuit, curve: PressureCurve):
+    """A day-like stream: 70 % of the frames idle, 20 % one moving touch, 10 % three.
+
+    Returns:
+        force [N] and `scan` readings, at least n frames, in runs of 50.
+    """
+    scene = []
+    while len(scene) < n:
+        touches = (0, 1, 3)[rng.choice(3, p=(0.7, 0.2, 0.1))]
+        total = sum((moving_touch(50, rng) for _ in range(touches)), np.zeros((50, *circuit.shape)))
+        scene += list(np.minimum(total, curve.max_force))
+    force = np.array(scene)
+    adc = forward(circuit, curve.resistance(force))
+    return force, scenes.read_out(circuit, adc, "scan", rng)
+
+
+def machine() -> dict[str, str]:
+    """Processor, cores and the versions that times depend on."""
+    model = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        lines = (line.split(":", 1) for line in info.read_text().splitlines() if ":" in line)
+        model = {key.strip(): value.strip() for key, value in lines}.get("model name", model)
+    libraries = {name: version(name) for name in ("numpy", "scipy", "matplotlib")}
+    return {
+        "processor": model,
+        "cores": str(os.cpu_count()),
+        "python": platform.python_version(),
+    } | libraries

@@ -1,0 +1,54 @@
+"""The parts in turn: measure, write the numbers, draw what was written."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from ..solvers import METHODS
+from . import cases, chart, growth, speed, stability, way
+from .measure import machine
+
+PARTS = {  # name -> module, and the arguments of its `measure` in full and quick
+    "speed": (speed, {"n": 300, "day_frames": 6000}, {"n": 6, "day_frames": 200}),
+    "cases": (cases, {"n": 4}, {"n": 1}),
+    "stability": (stability, {"n": 40}, {"n": 2}),
+    "growth": (growth, {"n": 60}, {"n": 4}),
+    "way": (
+        way,
+        {"methods": tuple(METHODS), "seconds": 6.0, "long": 60.0, "skins": way.SKINS},
+        {"methods": ("naive", "auto"), "seconds": 0.5, "long": 0.5, "skins": (2,)},
+    ),
+}
+
+
+def run(parts, out: Path, quick: bool, seed: int, tqdm) -> dict[str, dict]:
+    """Measure the parts and write NAME.json and NAME.png for each of their figures.
+
+    Args:
+        tqdm: progress bar, wraps a list.
+
+    Returns:
+        name -> what stands in its JSON.
+
+    Raises:
+        ModuleNotFoundError: matplotlib is not installed; nothing was measured.
+        OSError: the folder cannot be made.
+    """
+    chart.prepare()
+    out.mkdir(parents=True, exist_ok=True)
+    about = {"seed": seed, "quick": quick, "machine": machine()}
+    written = {}
+    for part in parts:
+        module, full, short = PARTS[part]
+
+        def track(items, part=part):
+            return tqdm(items, desc=f"{part:<9}", disable=None)
+
+        start = time.monotonic()
+        figures = module.measure(**(short if quick else full), seed=seed, track=track)
+        about_part = about | {"seconds": round(time.monotonic() - start, 1)}
+        for name, data in figures.items():
+            written[name] = about_part | data
+            chart.write(out, name, written[name], module.DRAW[name])
+    return written

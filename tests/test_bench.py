@@ -1,0 +1,341 @@
+"""The measurements measure what they say, and the pictures show what was measured."""
+
+import json
+
+import numpy as np
+import pytest
+from kirchhoff import adc_ratio
+
+from tactile_skin import Circuit, PressureCurve, cli, forward, scenes
+from tactile_skin.bench import cases, chart, growth, run, speed, stability, textile, way
+from tactile_skin.bench.faults import EVERYDAY, FAULTS, TROUBLES, faulty, pressed
+from tactile_skin.bench.measure import Clock, day, errors
+from tactile_skin.bench.textile import Textile
+from tactile_skin.curve import GRAM
+from tactile_skin.solvers import METHODS
+
+CIRCUIT, CURVE = Circuit(), PressureCurve()
+SMALL = Circuit(5, 4)
+
+
+@pytest.fixture(scope="module")
+def resistance():
+    force = scenes.sample("blobs", 3, 16, 16, np.random.default_rng(0))
+    return CURVE.resistance(force)
+
+
+def seen(skin: Textile, force, seed=0, circuit=CIRCUIT):
+    return textile.expose(skin, circuit, CURVE, force, np.random.default_rng(seed))
+
+
+# --- the richer model ---
+
+
+def test_a_skin_that_differs_in_nothing_is_the_solvers(resistance):
+    ratio = CIRCUIT.ratio(textile.two_terminal(resistance))
+    np.testing.assert_allclose(ratio, forward(CIRCUIT, resistance), rtol=1e-12)
+    force = CURVE.force(resistance[0])
+    np.testing.assert_allclose(seen(Textile(), force), forward(CIRCUIT, resistance[0]), rtol=1e-9)
+
+
+def test_the_model_meets_the_papers_equations():
+    resistance = np.random.default_rng(1).uniform(100, 5000, (5, 4))
+    rho = textile.two_terminal(resistance)
+    np.testing.assert_allclose(SMALL.ratio(rho), adc_ratio(resistance, 1780.0, 326.0), rtol=1e-10)
+
+
+def test_stripe_resistance_by_hand():
+    """The path is row, cell, column; two cells of a row share its first half."""
+    assert textile.two_terminal(np.array([[100.0]]), line=7.0) == pytest.approx(114.0)
+    near, far = textile.two_terminal(np.array([[100.0, 300.0]]), line=8.0)[0]
+    assert near == pytest.approx(4 + 100 + 8)  # half the row, the cell, the whole column
+    assert far == pytest.approx(8 + 300 + 8)
+
+
+def test_stripe_resistance_by_the_whole_network():
+    """Against a nodal solve with a node at each crossing of each stripe."""
+    rows, cols, line = 3, 4, 20.0
+    cell = np.random.default_rng(2).uniform(100, 2000, (rows, cols))
+    n = rows * cols
+    laplacian = np.zeros((2 * n + rows + cols,) * 2)  # row sides, column sides, leads
+
+    def resistor(a, b, ohm):
+        laplacian[[a, b], [a, b]] += 1 / ohm
+        laplacian[[a, b], [b, a]] -= 1 / ohm
+
+    for i in range(rows):
+        for j in range(cols):
+            k = i * cols + j
+            resistor(k, n + k, cell[i, j])
+            resistor(k, k - 1 if j else 2 * n + i, line / cols)
+            resistor(n + k, n + k - cols if i else 2 * n + rows + j, line / rows)
+    inverse = np.linalg.pinv(laplacian)
+    a, b = np.meshgrid(2 * n + np.arange(rows), 2 * n + rows + np.arange(cols), indexing="ij")
+    expected = inverse[a, a] + inverse[b, b] - 2 * inverse[a, b]
+    np.testing.assert_allclose(textile.two_terminal(cell, line), expected, rtol=1e-9)
+
+
+def test_a_cut_lead_reads_nothing_and_harms_no_other_line(resistance):
+    rho = textile.two_terminal(resistance[0], cuts={3: 0, 20: 0})
+    sound = textile.two_terminal(resistance[0])
+    assert np.isinf(rho[3]).all() and np.isinf(rho[:, 4]).all()
+    others = np.ix_(np.arange(16) != 3, np.arange(16) != 4)
+    np.testing.assert_allclose(rho[others], sound[others], rtol=1e-10)
+
+
+def test_a_broken_stripe_is_two_stripes(resistance):
+    """The far part has no lead: as a network of 17 rows of which the last is not read."""
+    rho = textile.two_terminal(resistance[0], cuts={3: 5})
+    split = np.full((17, 16), 1e12)
+    split[:16] = resistance[0]
+    split[16, 5:], split[3, 5:] = resistance[0, 3, 5:], 1e12
+    np.testing.assert_allclose(rho, textile.two_terminal(split)[:16], rtol=1e-6)
+
+
+def test_shorted_lines_read_nearly_alike(resistance):
+    rho = textile.two_terminal(resistance[0], shorts=[6, 16 + 9])
+    assert np.abs(rho[6] - rho[7]).max() < 1.0 and np.abs(rho[:, 9] - rho[:, 10]).max() < 1.0
+
+
+# --- troubles do what they say ---
+
+
+def test_every_trouble_has_its_sound_strength_and_a_field_of_the_skin():
+    for trouble in TROUBLES:
+        assert trouble.sound is None or trouble.sound in trouble.strengths, trouble.name
+        for strength in trouble.strengths:
+            assert isinstance(trouble.textile(strength), Textile)
+        if trouble.sound is not None:
+            assert trouble.textile(trouble.sound) == EVERYDAY, trouble.name
+
+
+def test_open_leads_and_lines_at_full_scale_are_as_many_as_asked():
+    force = np.zeros((16, 16))
+    for n in (1, 3):
+        adc = seen(Textile(open=n), force)
+        assert (adc == 0).all(1).sum() + (adc == 0).all(0).sum() == n
+        adc = seen(Textile(full_scale=n), force)
+        assert (adc == 1).all(1).sum() + (adc == 1).all(0).sum() == n
+
+
+def test_stuck_cells_conduct_without_a_load():
+    adc = seen(Textile(stuck=2), np.zeros((16, 16)))
+    rest = forward(CIRCUIT, np.full((16, 16), CURVE.rest_resistance))
+    assert (adc > 2 * rest).sum() >= 2
+
+
+def test_a_contact_that_moves_reads_otherwise():
+    force = scenes.finger(16, 16, 7.5, 7.5, 10.0)
+    still, moved = (seen(Textile(moving=m), force, seed=3) for m in (0.0, 6.0))
+    change = np.abs(moved - still).max(1)
+    assert change.max() > 20 / 1023
+    slow = seen(Textile(moving=0.01), force, seed=3)
+    assert np.abs(slow - still).max() < 3 / 1023
+
+
+def test_the_readout_saturates_and_has_the_noise_asked_for():
+    ratio = np.full((60, 60), 0.6)
+    circuit = Circuit(60, 60)
+    rng = np.random.default_rng(4)
+    assert textile.sample(Textile(ceiling=0.5), circuit, ratio, rng).max() <= 0.5005
+    steps = textile.sample(Textile(noise=4.0), circuit, ratio, rng) * 1023
+    assert steps.std() == pytest.approx(2.0, rel=0.1)  # the mean of four
+
+
+def test_coupling_leaks_into_neighbours_only():
+    force = np.zeros((16, 16))
+    force[8, 8] = 500 * GRAM
+    change = np.abs(seen(Textile(lateral=0.05), force) - seen(Textile(), force))
+    assert change[8, 9] > 5 / 1023 and change[8, 9] > 5 * change[2, 2]
+
+
+def test_pressed_areas_are_as_large_and_heavy_as_asked():
+    rng = np.random.default_rng(5)
+    for share in (0.1, 0.5, 1.0):
+        force = pressed(20, share, 300.0, CIRCUIT, rng)
+        assert (force > 0).mean() == pytest.approx(share, abs=0.03)
+        assert force[force > 0].mean() == pytest.approx(300 * GRAM, rel=0.05)
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_changes_the_reading(fault, resistance):
+    adc = faulty(CIRCUIT, resistance[0], fault, np.random.default_rng(6))
+    assert np.abs(adc - forward(CIRCUIT, resistance[0])).max() > 2 / 1023
+
+
+def test_an_unknown_fault_is_refused(resistance):
+    with pytest.raises(ValueError, match="must be one of open, short"):
+        faulty(CIRCUIT, resistance[0], "rust", np.random.default_rng(0))
+
+
+# --- what the figures are made of ---
+
+
+def test_the_front_holds_what_nothing_beats():
+    points = [(1.0, 9.0), (2.0, 5.0), (3.0, 6.0), (4.0, 1.0), (0.5, 9.0), (4.0, 2.0)]
+    assert speed.pareto(points) == [4, 1, 3]
+    assert speed.pareto([(1.0, 1.0)]) == [0]
+
+
+def test_errors_by_hand():
+    truth = np.zeros((1, 2, 2))
+    truth[0, 0, 0] = 100 * GRAM
+    found = truth + 0.0
+    found[0, 0, 0], found[0, 1, 1] = 90 * GRAM, 30 * GRAM
+    result = errors(found, truth)
+    assert result["mean_g"] == pytest.approx(10.0)
+    assert result["worst_g"] == pytest.approx(30.0)
+    assert result["sum_error"] == pytest.approx(0.2)
+    assert result["ghosts"] == 1.0
+
+
+def test_a_clock_counts_this_threads_work():
+    clock = Clock()
+    for _ in range(20):
+        assert clock(lambda x: x + 1, 1) == 2
+    assert 0.0 < clock.quantile(0.5) < 0.5 and clock.y > 0.0
+
+
+def test_a_power_law_has_its_exponent():
+    sizes = [8, 16, 32, 64]
+    assert growth.exponent(sizes, [9.0, *(s**3.0 for s in sizes[1:])]) == pytest.approx(1.5)
+    assert growth.exponent([16], [1.0]) is None
+
+
+def test_most_of_a_day_is_idle():
+    force, adc = day(2000, np.random.default_rng(7), CIRCUIT, CURVE)
+    assert force.shape == adc.shape
+    assert 0.4 < (force == 0).all((1, 2)).mean() < 0.9
+
+
+def test_objects_carry_their_load():
+    for name in cases.OBJECTS:
+        force = cases.pressed(name, 200.0)
+        assert force.shape == (16, 16) and force.max() == pytest.approx(200 * GRAM)
+        assert 8 < (force > 0).sum() < 160, name
+
+
+def test_a_scale_of_two_has_slope_two_and_no_spread():
+    truth = {"a": [1.0, 2.0], "b": [4.0]}
+    found = {"a": [2.0, 4.0], "b": [8.0]}
+    assert cases.scale(truth, found) == pytest.approx({"slope": 2.0, "spread": 0.0})
+
+
+FATES = {  # fails, told: of ten frames in trouble
+    "holds": (0, 0),
+    "doubts": (0, 5),
+    "loud": (8, 10),
+    "silent": (8, 2),
+}
+
+
+@pytest.mark.parametrize("fate", FATES)
+def test_a_verdict(fate):
+    fails, told = FATES[fate]
+    trouble = next(t for t in TROUBLES if t.name == "short")  # 0, 1 and 2 pairs
+    sound = {"fails": np.zeros(5, bool), "told": np.array([True] + [False] * 4)}
+    frames = {"fails": np.arange(5) < fails / 2, "told": np.arange(5) < told / 2}
+    result = stability.verdict(trouble, [sound, frames, frames])
+    assert result["fate"] == fate
+    assert result["false_alarms"] == pytest.approx(0.2)
+    assert result["silent"] == pytest.approx(max(fails - told, 0) / 10)
+
+
+def test_a_method_that_refuses_a_frame_fails_loudly():
+    force = np.zeros((1, 8, 8))
+    force[0, 2:6, 2:6] = 900 * GRAM
+    small = Circuit(8, 8)  # the shipped network is for 16 x 16
+    adc = [np.full((8, 8), 0.5)]
+    result = stability.judged(adc, force, small, CURVE, "cnn")
+    assert result["told"][0] and result["fails"][0]
+
+
+# --- the pictures ---
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    pytest.importorskip("matplotlib")
+    chart.prepare()
+
+
+def lines(figure) -> set[tuple]:
+    return {
+        tuple(np.round(line.get_ydata(), 9))
+        for axis in figure.axes
+        for line in axis.get_lines()
+        if len(line.get_ydata())
+    }
+
+
+def test_what_is_drawn_is_what_is_written(drawn, tmp_path):
+    """The growth picture's curves are the numbers of the JSON beside it."""
+    from matplotlib import pyplot as plt
+
+    data = growth.measure(4, 1, sizes=(8, 16))["growth"]
+    machine = {"processor": "p", "cores": 1, "numpy": "n", "scipy": "s"}
+    figures = []
+
+    def draw(read_back):
+        figures.append(growth.draw(read_back))
+        return figures[-1]
+
+    chart.write(tmp_path, "growth", data | {"seed": 1, "quick": True, "machine": machine}, draw)
+    written = json.loads((tmp_path / "growth.json").read_text())
+    assert (tmp_path / "growth.png").stat().st_size > 10_000
+    curves = lines(figures[0])
+    for entry in written["methods"].values():
+        for key in ("p50_ms", "mean_g"):
+            if entry[key]:
+                assert tuple(np.round(entry[key], 9)) in curves
+    plt.close("all")
+
+
+def test_the_speed_picture_shows_every_method(drawn):
+    from matplotlib import pyplot as plt
+
+    data = speed.measure(2, 50, 1)["speed"]
+    figure = speed.draw(data)
+    for axis, points in zip(figure.axes, data["readouts"].values(), strict=True):
+        shown = {line.get_label(): line.get_xdata()[0] for line in axis.get_lines()}
+        for point in points:
+            assert shown[point["method"]] == pytest.approx(point["p50_ms"])
+    assert [p["method"] for p in points] == list(METHODS)
+    plt.close(figure)
+
+
+def test_every_method_has_a_look_of_its_own():
+    assert set(chart.STYLES) == set(METHODS)
+    assert len({marker for _, marker, _ in chart.STYLES.values()}) == len(METHODS)
+
+
+def test_an_unknown_part_is_named(capsys, tmp_path):
+    assert cli.main(["bench", "colour", "--out", str(tmp_path / "out")]) == 2
+    assert "part 'colour': must be one of speed, cases" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_without_matplotlib_the_extra_is_named(monkeypatch, capsys, tmp_path):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert cli.main(["bench", "--quick", "--out", str(tmp_path / "out")]) == 2
+    assert "pip install 'tactile_skin[charts]'" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_whole_command(tmp_path):
+    pytest.importorskip("matplotlib")
+    assert cli.main(["bench", "--quick", "--out", str(tmp_path), "--seed", "3"]) == 0
+    names = {name for module, _, _ in run.PARTS.values() for name in module.DRAW}
+    assert {path.stem for path in tmp_path.glob("*.png")} == names
+    for name in names:
+        written = json.loads((tmp_path / f"{name}.json").read_text())
+        assert written["seed"] == 3 and written["machine"]["numpy"] == np.__version__
+
+
+@pytest.mark.slow
+def test_a_skin_decides_on_every_frame():
+    found = way.run_skins(1, "naive", 100, 3.0, 0)
+    assert found["frames"] >= 280 and found["missed"] == 0
+    assert 0.0 < found["p50_ms"] <= found["p99_ms"] <= found["max_ms"]
