@@ -1,13 +1,15 @@
 """The measurements measure what they say, and the pictures show what was measured."""
 
 import json
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from kirchhoff import adc_ratio
 
 from tactile_skin import Circuit, PressureCurve, cli, forward, scenes
-from tactile_skin.bench import cases, chart, growth, run, speed, stability, textile, way
+from tactile_skin.bench import cases, chart, choose, growth, run, speed, stability, textile, way
 from tactile_skin.bench.faults import EVERYDAY, FAULTS, TROUBLES, faulty, pressed
 from tactile_skin.bench.measure import Clock, day, errors
 from tactile_skin.bench.textile import Textile
@@ -304,6 +306,19 @@ def test_the_speed_picture_shows_every_method(drawn):
     plt.close(figure)
 
 
+@pytest.mark.parametrize("page", ["README.md", "docs/bench.md"])
+def test_the_pages_hold_the_lines_of_the_run_that_they_show(page):
+    root = Path(__file__).parents[1]
+    shown = json.loads((root / "docs/bench/speed.json").read_text())
+    text = " ".join((root / page).read_text().split())
+    for line in choose.lines(shown):
+        assert line in text
+    if page != "README.md":
+        shown = json.loads((root / "docs/bench/stability.json").read_text())
+        for line in choose.silent(shown):
+            assert line in text
+
+
 def test_every_method_has_a_look_of_its_own():
     assert set(chart.STYLES) == set(METHODS)
     assert len({marker for _, marker, _ in chart.STYLES.values()}) == len(METHODS)
@@ -316,8 +331,6 @@ def test_an_unknown_part_is_named(capsys, tmp_path):
 
 
 def test_without_matplotlib_the_extra_is_named(monkeypatch, capsys, tmp_path):
-    import sys
-
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert cli.main(["bench", "--quick", "--out", str(tmp_path / "out")]) == 2
     assert "pip install 'tactile_skin[charts]'" in capsys.readouterr().err
