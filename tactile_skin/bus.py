@@ -11,6 +11,7 @@ from __future__ import annotations
 import enum
 import itertools
 import logging
+import math
 import threading
 import time
 from collections import defaultdict, deque
@@ -277,6 +278,9 @@ def _checked(node: str, name: str, value, default, descriptor: ParameterDescript
     elif type(value) is not type(default):
         kind = type(default).__name__
         raise ParameterError(f"{where} = {value!r}: must be of type {kind}, as {default!r} is")
+    numbers = value if isinstance(value, list) else [value]
+    if any(isinstance(v, float) and not math.isfinite(v) for v in numbers):
+        raise ParameterError(f"{where} = {value!r}: must be finite")
     for bounds in (*descriptor.floating_point_range, *descriptor.integer_range):
         for v in value if isinstance(value, list) else [value]:
             if not bounds.from_value <= v <= bounds.to_value:
@@ -454,6 +458,7 @@ class Node:
             if due:
                 timer = min(due, key=lambda t: t._due)
                 timer._step(now)
+                self._in_callback = True
                 return timer.callback, (), None
             waiting = [s for s in (*self._subscriptions, *self._services) if s._queue]
             if not waiting:
@@ -485,7 +490,7 @@ class Node:
             if future is not None and not future.set_running_or_notify_cancel():
                 return  # nobody waits for the response any more
             result = callback(*arguments)
-        except Exception as error:
+        except (Exception, SystemExit) as error:  # a node's thread must not end silently
             self._report(callback, error)
             if future is not None:
                 future.set_exception(error)

@@ -25,6 +25,9 @@ def main(argv: list[str] | None = None) -> int:
             return args.run(args)
     except KeyboardInterrupt:
         return 130
+    except BrokenPipeError:  # "| head" has seen enough
+        sys.stdout = None
+        return 0
     except (ValueError, OSError, ModuleNotFoundError) as error:
         print(f"tactile-skin {args.command}: error: {error}", file=sys.stderr)
         return 2
@@ -90,11 +93,14 @@ def _parser() -> argparse.ArgumentParser:
     sub = command(
         "train",
         _train,
-        "train the paper's network for your board: its circuit and curve from a parameter file",
+        "train a network for your board: its circuit and curve from a parameter file",
         epilog="A run that was stopped goes on when started again with the same --out.\n"
         "examples:\n"
-        "  tactile-skin train --config config/skin.yaml --out my_weights\n"
-        "  tactile-skin launch launch/skin.launch.yaml config:=mine.yaml  # weights: in mine.yaml",
+        "  tactile-skin train --config mine.yaml --out my_weights\n"
+        "  tactile-skin train --config mine.yaml --out my_weights "
+        "--network physics --readout board\n"
+        "then, with `weights: my_weights/physics.npz` under compensation in mine.yaml:\n"
+        "  tactile-skin launch launch/skin.launch.yaml config:=mine.yaml method:=physics",
     )
     sub.add_argument("--config", type=Path, help="parameter file with circuit and curve")
     sub.add_argument("--out", type=Path, default=Path("weights"), help="folder (default weights)")
@@ -104,12 +110,19 @@ def _parser() -> argparse.ArgumentParser:
     )
     import dataclasses
 
-    from .dataset import TrainingConfig
+    from .dataset import CHOICES, TrainingConfig
 
     for item in dataclasses.fields(TrainingConfig):
         kind = {"int": int, "float": float, "str": str}[item.type]
+        allowed = CHOICES.get(item.name)
+        choice = f"one of {', '.join(allowed)}; " if allowed else ""
         sub.add_argument(
-            f"--{item.name}", type=kind, default=item.default, help=f"default {item.default}"
+            f"--{item.name}",
+            type=kind,
+            default=item.default,
+            choices=allowed,
+            help=f"{choice}default {item.default}",
+            metavar=item.name.upper(),
         )
 
     sub = command(
@@ -134,6 +147,9 @@ def _launch(args) -> int:
     from . import launch
 
     files = [word for word in args.words if ":=" not in word]
+    for word in files:
+        if "=" in word:
+            raise ValueError(f"{word!r}: arguments of a launch file are written name:=value")
     if len(files) > 1:
         raise ValueError(f"one launch file, not {len(files)}: {' '.join(files)}")
     arguments = dict(word.split(":=", 1) for word in args.words if ":=" in word)
@@ -143,7 +159,6 @@ def _launch(args) -> int:
             print(f"{argument.name}:={argument.default}\n    {argument.description}")
         return 0
     skin = launch.Skin(plan)
-    signal.signal(signal.SIGTERM, lambda *_: skin.shutdown())
     with skin, contextlib.suppress(KeyboardInterrupt):
         skin.spin()
     return 1 if skin.failed else 0
@@ -162,6 +177,9 @@ def _skin_of(config: Path | None):
 def _sim(args) -> int:
     from . import board, scenes
 
+    for name, value, low in (("--baud", args.baud, 300), ("--seed", args.seed, 0)):
+        if value < low:
+            raise ValueError(f"{name} = {value}: must be {low} or more")
     circuit, curve = _skin_of(args.config)
     scene = scenes.script(args.scene, *circuit.shape)
     simulated = board.Board(circuit, curve, scene, args.noise, args.rate, args.seed)

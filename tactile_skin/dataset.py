@@ -19,7 +19,12 @@ _MIX = {
 }
 # What a real board has, in turn: noise, noise with R_par and curve off, rounding alone, nothing.
 _BOARD = ("scan", "off", "scan", "adc10", "ideal")
-READOUTS = (*scenes.READOUTS, "board")
+CHOICES = {
+    "loss": ("l1", "mse"),
+    "optimizer": ("adam", "sgd"),
+    "readout": (*scenes.READOUTS, "board"),
+    "network": network.NETWORKS,
+}
 
 
 @dataclass(frozen=True)
@@ -56,12 +61,7 @@ class TrainingConfig:
                 raise ValueError(
                     f"{name} = {getattr(self, name)!r}: must be a whole number above 0"
                 )
-        for name, allowed in (
-            ("loss", ("l1", "mse")),
-            ("optimizer", ("adam", "sgd")),
-            ("readout", READOUTS),
-            ("network", network.NETWORKS),
-        ):
+        for name, allowed in CHOICES.items():
             if getattr(self, name) not in allowed:
                 raise ValueError(f"{name} = {getattr(self, name)!r}: must be one of {allowed}")
         if not self.rate > 0:
@@ -73,7 +73,7 @@ def make_pairs(circuit, curve, n: int, network_kind: str, readout: str, seed, tr
 
     Args:
         network_kind: of `network.NETWORKS`: what the inputs are.
-        readout: of `READOUTS`.
+        readout: of `CHOICES`.
         seed: an int or a tuple of them; chunks are seeded by number, so that the result does not
             depend on how the work is divided.
         track: wraps the iterable of chunks, for a progress bar.

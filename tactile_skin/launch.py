@@ -4,18 +4,21 @@
         skin.on_stop(lambda stop, reason: print(stop, reason))
         skin.spin()
 
-The grammar is the part of ROS 2's that the skin needs; `ros2 launch` reads the same files. What
-is not understood is refused by name.
+The grammar is the part of ROS 2's YAML launch format that the skin needs. What is not understood is
+refused by name.
 """
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import os
 import re
 import shlex
+import signal
 import subprocess
 import sys
+import threading
 import uuid
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -24,10 +27,18 @@ from pathlib import Path
 import yaml
 from threadpoolctl import threadpool_limits
 
-from .bus import Context, MultiThreadedExecutor, Node, Parameter
+from .bus import (
+    Context,
+    DurabilityPolicy,
+    MultiThreadedExecutor,
+    Node,
+    Parameter,
+    QoSProfile,
+)
 from .config import ParameterFile, yaml_trouble
+from .hooks import StopHook
 from .msg import DiagnosticArray, DiagnosticStatus
-from .nodes.stop_on_push import LATCHED, STATUS_TOPIC
+from .nodes.stop_on_push import STATUS_TOPIC
 
 PACKAGE = "tactile_skin"
 NODES = {  # exec -> class, imported when it is started
@@ -37,6 +48,9 @@ NODES = {  # exec -> class, imported when it is started
     "stop_on_push": "stop_on_push.StopOnPush",
     "monitor": "monitor.Monitor",
 }
+
+
+_SHARED = ("circuit", "curve", "geometry")  # parameters that several nodes read
 
 
 class LaunchError(ValueError):
@@ -285,7 +299,7 @@ class Skin:
         self._handles: list[Node] = []
         self._nodes: list = []
         self._processes: list[subprocess.Popen] = []
-        self._hooks = 0
+        self._hooks: list[StopHook] = []
         self._threads: threadpool_limits | None = None
         self.node = Node("user", context=self._context)
 
@@ -321,6 +335,8 @@ class Skin:
                 except Exception:  # a closed stdout, say: the others must still close
                     handle.get_logger().exception("close() raised")
                 self._executor.drain()
+        for stop_hook in self._hooks:
+            stop_hook.close()
         self._executor.shutdown()
         if self._threads is not None:
             self._threads.restore_original_limits()
@@ -361,23 +377,35 @@ class Skin:
         return any(getattr(node, "failed", False) for node in self._nodes)
 
     def on_stop(self, hook: Callable[[bool, str], None]) -> None:
-        """Call hook(stop, reason) now and at each change, in a thread of its own.
+        """Call hook(stop, reason) now and at each change, in a thread of its own: see hooks.py.
 
-        A hook that raises or hangs delays neither the stop nor other hooks.
+        With several stop nodes, any of them stops.
+
+        Raises:
+            LaunchError: the launch file starts no stop_on_push.
         """
-        self._hooks += 1
-        node = Node(f"stop_hook_{self._hooks}", context=self._context)
-        last: list[tuple[bool, str]] = []
+        topics = [
+            handle.resolve_topic_name(STATUS_TOPIC)
+            for action, handle in zip(self._plan.nodes, self._handles, strict=False)
+            if action.executable == "stop_on_push"
+        ]
+        if not topics:
+            raise LaunchError("on_stop: the launch file starts no stop_on_push")
+        stop_hook = StopHook(hook, topics)
+        self._hooks.append(stop_hook)
+        node = Node(f"stop_hook_{len(self._hooks)}", context=self._context)
 
-        def on_status(message: DiagnosticArray) -> None:
-            status = message.status[0]
-            now = (status.level != DiagnosticStatus.OK, status.message)
-            if last != [now]:
-                last[:] = [now]
-                hook(*now)
+        def listener(topic: str):
+            def on_status(message: DiagnosticArray) -> None:
+                status = message.status[0]
+                stop_hook.hear(topic, status.level != DiagnosticStatus.OK, status.message)
 
-        on_status.__qualname__ = getattr(hook, "__qualname__", repr(hook))  # for its error log
-        node.create_subscription(DiagnosticArray, STATUS_TOPIC, on_status, LATCHED)
+            return on_status
+
+        # deep enough for a stop that lasts one decision not to be pushed out by the next
+        qos = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        for topic in topics:
+            node.create_subscription(DiagnosticArray, topic, listener(topic), qos)
         self._executor.add_node(node)
 
     def _handle(self, action: NodeAction) -> Node:
@@ -412,6 +440,12 @@ class Skin:
                         raise _unknown("launch file", item[0], handle.parameter_names())
                     continue
                 for section, values in item.sections.items():
+                    shared = [k for k in values if k.split(".")[0] in _SHARED]
+                    if section != "/**" and shared:
+                        raise LaunchError(
+                            f"{item.path}: {section}: {shared[0]}: belongs under /**, since "
+                            "several nodes must agree on it"
+                        )
                     full = "/" + section.lstrip("/")
                     if section != "/**" and full not in names | absent:
                         there = ", ".join(sorted(name[1:] for name in names))
@@ -424,6 +458,19 @@ class Skin:
                     unknown = sorted(set(values) - allowed)
                     if unknown and (mine or section == "/**"):
                         raise _unknown(f"{item.path}: {section}", unknown[0], allowed)
+
+
+@contextlib.contextmanager
+def _terminated(then: Callable[[], None]):
+    """Let SIGTERM end the skin in order, with the stop as its last word."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # signals are the main thread's
+        return
+    before = signal.signal(signal.SIGTERM, lambda *_: then())
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _unknown(where: str, key: str, allowed) -> LaunchError:

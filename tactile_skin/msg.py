@@ -223,5 +223,7 @@ def cloud(columns: dict[str, np.ndarray], header: Header) -> PointCloud2:
 
 def cloud_columns(msg: PointCloud2) -> dict[str, np.ndarray]:
     """PointCloud2 of float32 fields, as `cloud` makes them -> named columns."""
+    if msg.is_bigendian or any(f.datatype != PointField.FLOAT32 for f in msg.fields):
+        raise ValueError("point cloud: must hold little-endian FLOAT32 fields")
     table = np.frombuffer(msg.data, "<f4").reshape(msg.width, msg.point_step // 4)
     return {f.name: table[:, f.offset // 4] for f in msg.fields}

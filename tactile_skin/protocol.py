@@ -60,7 +60,7 @@ class Counters:
 
     Attributes:
         frames: passed on.
-        corrupt: frames dropped for their CRC, or lines that are no frame.
+        corrupt: frames dropped for their CRC or a repeated number, or lines that are no frame.
         lost: frames that the sequence numbers say are missing.
         restarts: jumps of the sequence number that only a restarted board explains.
         skipped_bytes: bytes that belonged to no whole frame.
@@ -137,7 +137,8 @@ class BinaryParser:
                 continue
             del self._buffer[: size + _CRC.size]
             self._at_boundary = True
-            self._count(sequence)
+            if not self._count(sequence):
+                continue
             shift = 16 - adc_bits - fraction_bits
             frames.append(Frame(samples << shift, adc_bits, sequence, device_time))
 
@@ -164,7 +165,11 @@ class BinaryParser:
         self.counters.skipped_bytes += n
         self._at_boundary = False
 
-    def _count(self, sequence: int) -> None:
+    def _count(self, sequence: int) -> bool:
+        """Whether the frame is a new one: a board that repeats itself is frozen."""
+        if sequence == self._last_sequence:
+            self.counters.corrupt += 1
+            return False
         self.counters.frames += 1
         if self._last_sequence is not None:
             gap = (sequence - self._last_sequence - 1) % _SEQUENCES
@@ -173,6 +178,7 @@ class BinaryParser:
             else:
                 self.counters.lost += gap
         self._last_sequence = sequence
+        return True
 
 
 @dataclass

@@ -85,7 +85,9 @@ class SerialReader:
             ports = candidates() if self.port == "auto" else [self.port]
             for name in ports:
                 try:
-                    with serial.serial_for_url(name, self.baud, timeout=0.05) as port:
+                    # two readers of one port would each get half of the bytes
+                    alone = {"exclusive": True} if name.startswith("/") else {}
+                    with serial.serial_for_url(name, self.baud, timeout=0.05, **alone) as port:
                         self._read(port)
                 except (*PORT_ERRORS, ValueError) as error:  # ValueError: a baud it cannot do
                     self._lost(f"{name}: {_explain(error)}")
@@ -103,18 +105,20 @@ class SerialReader:
         self.parser = self._make_parser()  # half a frame of before is worth nothing
         self.parser.counters = counters
         port.reset_input_buffer()
-        last_frame = time.monotonic()
+        last_frame, before = time.monotonic(), counters.skipped_bytes
         while not self._stop.is_set():
             data = port.read(port.in_waiting or 1)
             frames = self.parser.feed(data) if data else []
             if frames:
-                last_frame = time.monotonic()
+                last_frame, before = time.monotonic(), counters.skipped_bytes
                 if self.connected_to is None:
                     self._found(port.name or port.portstr)
                 for frame in frames:
                     self._on_frame(frame)
             elif time.monotonic() - last_frame > self.watchdog:
-                self._lost(f"{port.name}: no frame for {self.watchdog:g} s, opening it anew")
+                skipped = self.parser.counters.skipped_bytes - before
+                heard = f"{skipped} bytes, but no frame" if skipped else "nothing"
+                self._lost(f"{port.name}: {heard} for {self.watchdog:g} s, opening it anew")
                 return
 
     def _found(self, name: str) -> None:
@@ -123,11 +127,11 @@ class SerialReader:
         self._say(f"frames arrive on {name}")
 
     def _lost(self, why: str) -> None:
-        was, self.connected_to = self.connected_to, None
-        if was is None and time.monotonic() < self._quiet_until:
+        if self.connected_to is None and time.monotonic() < self._quiet_until:
             return
-        if why != self.trouble:
-            self.trouble = why
+        new, self.trouble = why != self.trouble, why  # the reason first: others read both
+        self.connected_to = None
+        if new:
             self._say(why)
 
 

@@ -1,13 +1,17 @@
 """When the robot must stop: one page, no clock and no bus of its own.
 
-Whatever is not known to be safe stops: a push, readings that stay away, and whatever a stage of
-the skin reports as wrong.
+Whatever is not known to be safe stops: a push, readings that are old, stay away or make no sense,
+and whatever a stage of the skin reports as wrong.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
+
+_STEADY = 3  # readings in a row, none late, that end "stale"
+_FUTURE = 0.02  # s that a reading's stamp may lie ahead
 
 
 class Decision(NamedTuple):
@@ -20,6 +24,8 @@ class StopConfig:
     """Attributes:
     threshold: contact force that is a push [N].
     release: contact force below which a push is over [N]; at most the threshold.
+    peak: force on one cell that is a push [N]: a hard edge, whose cells end before they reach
+        the threshold together.
     debounce: how long the force must stay above the threshold [s]; 0: one reading is enough.
     hold: how long a push is held after the force fell below `release` [s].
     stale_after: how old the last reading may be [s].
@@ -27,12 +33,13 @@ class StopConfig:
 
     threshold: float = 15.0
     release: float = 10.0
+    peak: float = 9.0
     debounce: float = 0.01
     hold: float = 0.3
     stale_after: float = 0.1
 
     def __post_init__(self):
-        for name in ("threshold", "release", "stale_after"):
+        for name in ("threshold", "release", "peak", "stale_after"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"stop: {name} = {getattr(self, name)!r}: must be above 0")
         for name in ("debounce", "hold"):
@@ -49,27 +56,45 @@ class StopPolicy:
 
     def __init__(self, config: StopConfig):
         self.config = config
-        self._last_reading: float | None = None
+        self._newest = -math.inf  # stamp of the newest reading
+        self._in_time = 0  # readings in a row of which none was late
         self._above_since: float | None = None
         self._held_until: float | None = None  # a push is on while this is set
         self._faults: dict[str, str] = {}
 
-    def reading(self, t: float, force: float) -> Decision:
-        """A valid reading arrived at t with this total contact force [N]."""
+    def reading(
+        self, t: float, force: float, peak: float = 0.0, stamp: float | None = None
+    ) -> Decision:
+        """A reading arrived at t.
+
+        Args:
+            force: total contact force [N].
+            peak: largest force on one cell [N].
+            stamp: when it was taken, t by default. One that is no newer than the last, or lies
+                ahead of t, proves nothing, and so does not keep the robot moving.
+        """
+        stamp = t if stamp is None else stamp
+        if not (math.isfinite(force) and math.isfinite(peak) and force >= 0.0):
+            self.fault("reading", f"a force of {force} N, {peak} N on one cell")
+            return self.decide(t)
+        self.fault("reading", "")
+        if stamp <= self._newest or stamp > t + _FUTURE:
+            return self.decide(t)
         config = self.config
-        if self._last_reading is not None and t - self._last_reading > config.stale_after:
-            self._above_since = None  # nobody knows what the force did meanwhile
-        self._last_reading = t
-        if force >= config.threshold:
-            self._above_since = t if self._above_since is None else self._above_since
-            if t - self._above_since >= config.debounce:
-                self._held_until = t + config.hold
+        late = stamp - self._newest > config.stale_after or t - stamp > config.stale_after
+        self._in_time = 0 if late else self._in_time + 1
+        self._newest = stamp
+        if force >= config.threshold or peak >= config.peak:
+            self._above_since = stamp if self._above_since is None else self._above_since
+            # After a gap nobody knows how long it has lasted: it counts at once.
+            if late or stamp - self._above_since >= config.debounce:
+                self._held_until = stamp + config.hold
         else:
             self._above_since = None
         if self._held_until is not None:
             if force > config.release:
-                self._held_until = t + config.hold
-            elif t >= self._held_until:
+                self._held_until = stamp + config.hold
+            elif stamp >= self._held_until:
                 self._held_until = None
         return self.decide(t)
 
@@ -84,8 +109,10 @@ class StopPolicy:
         """What holds at t, also when no reading comes: call it on a timer."""
         reasons = ["push"] if self._held_until is not None else []
         reasons += [f"fault: {source}: {text}" for source, text in sorted(self._faults.items())]
-        if self._last_reading is None:
+        if self._newest == -math.inf:
             reasons.append("stale: no reading yet")
-        elif t - self._last_reading > self.config.stale_after:
+        elif t - self._newest > self.config.stale_after:
             reasons.append("stale: readings stay away")
+        elif self._in_time < _STEADY:
+            reasons.append("stale: readings only just came back")
         return Decision(bool(reasons), " + ".join(reasons))

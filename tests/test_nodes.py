@@ -146,7 +146,7 @@ def chain():
 @pytest.fixture
 def moving(chain):
     """The robot may move: idle frames arrive."""
-    chain.play(2)
+    chain.play(4)
     assert not chain.stopped
     return chain
 
@@ -161,7 +161,7 @@ def test_stopped_before_the_first_reading(chain):
 
 
 def test_idle_is_free(chain):
-    chain.play(1)
+    chain.play(4)
     assert not chain.stopped
     chain.play(100)
     assert not any(m.data for m in chain.seen["skin/stop"][-100:])
@@ -218,7 +218,7 @@ def test_a_stream_that_ends_stops_as_stale(moving):
         silent += 0.001
     assert silent > STOP["stale_after"] - HEARTBEAT
     assert moving.reason == "stale: readings stay away"
-    moving.play(1)
+    moving.play(4)
     assert not moving.stopped
 
 
@@ -228,7 +228,7 @@ def test_a_push_is_not_forgotten_while_the_stream_is_gone(moving):
     moving.frames_until(True)
     moving.wait(1.0)
     assert moving.reason == "push + stale: readings stay away"
-    moving.play(1)
+    moving.play(4)
     assert moving.reason == "push"
 
 

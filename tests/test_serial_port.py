@@ -167,7 +167,7 @@ class Dying:
 def test_a_silent_port_is_opened_anew(silent_port, heard, reading):
     """By the watchdog; that it never sent is said, and no connection is counted."""
     reader = reading(silent_port, watchdog=0.02)
-    heard.wait_for_line(f"{silent_port}: no frame for 0.02 s, opening it anew")
+    heard.wait_for_line(f"{silent_port}: nothing for 0.02 s, opening it anew")
     assert reader.connected_to is None
     assert reader.reconnects == -1
 

@@ -40,6 +40,9 @@ class Compensation:
             0.0,
             65535.0,
         )
+        noise = value(
+            "noise", 0.0, "RMS noise of a reading [ADC steps]; 0: told from the readings", 0.0, 1e3
+        )
         time_limit = value("time_limit", 0.05, "after which a frame is given up [s]", 1e-4, 10.0)
         self._stops = value("suspect_stops", True, "whether lasting suspicion stops the robot")
         if method not in METHODS:
@@ -52,6 +55,7 @@ class Compensation:
             "weights": weights,
             "threshold": threshold / self.circuit.full_scale,
             "time_limit": time_limit,
+            "noise": noise or None,
         }
         self._pressure = node.create_publisher(Image, "skin/pressure", 10)
         self._diagnostics = node.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)

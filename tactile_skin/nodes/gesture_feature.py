@@ -47,6 +47,11 @@ class GestureFeature:
     def on_pressure(self, msg: Image) -> None:
         header = msg.header
         force = image_array(msg).astype(float) * self.geometry.cell_area  # (rows, cols) [N]
+        shape = self.geometry.position.shape[:2]
+        if msg.encoding != "32FC1" or force.shape != shape or not (force >= 0.0).all():
+            raise ValueError(
+                f"skin/pressure is {msg.encoding} {force.shape}: must be 32FC1 {shape}, 0 or more"
+            )
         found = features.contacts(force, self.geometry, self.cell_threshold)
         self._contacts.publish(contact_cloud(found, header))  # first: the stop waits for it
         push = features.push(force, self.geometry, self.cell_threshold)

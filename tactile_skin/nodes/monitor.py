@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from collections import deque
 
@@ -141,12 +142,13 @@ class Monitor:
         if self.stops and self.stops[-1][1] is None:
             reason = self.stops[-1][2]
         line = (
-            f"{rate:5.1f} frames/s  drops {self.drops}  contacts {self._contacts}  "
-            f"{self._force:6.1f} N  {push:<26}  {'STOP ' + reason if reason else 'free'}"
+            f"{rate:5.1f}/s  drops {self.drops}  contacts {self._contacts} {self._force:6.1f} N  "
+            f"{push:<26} {'STOP ' + reason if reason else 'free'}"
         )
         line = "  ".join([line, *self._troubles.values()])
         if self.out.isatty():
-            print(f"\r\x1b[2K{line[:158]}", end="", file=self.out, flush=True)
+            width = shutil.get_terminal_size().columns - 1
+            print(f"\r\x1b[2K{line[:width]}", end="", file=self.out, flush=True)
         else:
             print(line, file=self.out, flush=True)
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from ..bus import DurabilityPolicy, QoSProfile
+import threading
+
+from ..bus import DurabilityPolicy, QoSProfile, Time
 from ..config import describe
 from ..msg import (
     Bool,
@@ -31,25 +33,26 @@ class StopOnPush:
         self.node = node
         default = StopConfig()
 
-        def value(name, text):
-            low, high = (0.0, 60.0) if "[s]" in text else (0.001, 10_000.0)
+        def value(name, text, low, high):
             return node.declare_parameter(
                 name, getattr(default, name), describe(text, low, high)
             ).value
 
         self.policy = StopPolicy(
             StopConfig(
-                threshold=value("threshold", "contact force that is a push [N]"),
-                release=value("release", "contact force below which a push is over [N]"),
-                debounce=value("debounce", "time above the threshold before it counts [s]"),
-                hold=value("hold", "time a stop is kept after the release [s]"),
-                stale_after=value("stale_after", "oldest reading that still counts [s]"),
+                threshold=value("threshold", "contact force that is a push [N]", 0.1, 500.0),
+                release=value("release", "force below which a push is over [N]", 0.1, 500.0),
+                peak=value("peak", "force on one cell that is a push [N]", 0.01, 500.0),
+                debounce=value("debounce", "time above it before it counts [s]", 0.0, 0.2),
+                hold=value("hold", "time a stop is kept after the release [s]", 0.0, 60.0),
+                stale_after=value("stale_after", "oldest reading that still counts [s]", 0.01, 1.0),
             )
         )
         self._stop = node.create_publisher(Bool, "skin/stop", LATCHED)
         self._status = node.create_publisher(DiagnosticArray, STATUS_TOPIC, LATCHED)
         self._header = Header()
         self._force = 0.0
+        self._closed = threading.Lock()  # held for good once the last word is said
         node.create_subscription(PointCloud2, "skin/contacts", self.on_contacts, QUEUE)
         node.create_subscription(DiagnosticArray, diagnostics.TOPIC, self.on_diagnostics, 50)
         node.create_timer(HEARTBEAT, self.on_timer)
@@ -60,8 +63,13 @@ class StopOnPush:
 
     def on_contacts(self, msg: PointCloud2) -> None:
         self._header = msg.header
-        self._force = float(cloud_columns(msg)["force"].sum())
-        self._publish(self.policy.reading(self._now(), self._force))
+        columns = cloud_columns(msg)
+        force, peak = columns["force"], columns["peak"]
+        # a negative force must not hide behind the others' sum
+        self._force = float(force.sum() if (force >= 0).all() else force.min())
+        stamp = Time.from_msg(msg.header.stamp).nanoseconds / 1e9
+        largest = float(peak.max(initial=0.0))
+        self._publish(self.policy.reading(self._now(), self._force, largest, stamp))
 
     def on_diagnostics(self, msg: DiagnosticArray) -> None:
         """A stage that reports ERROR stops the robot; WARN and OK do not."""
@@ -71,12 +79,19 @@ class StopOnPush:
                 and status.hardware_id == "tactile_skin"
             ):
                 bad = status.level >= DiagnosticStatus.ERROR
-                self.policy.fault(status.name, status.message if bad else "")
+                self.policy.fault(status.name, (status.message or "error") if bad else "")
 
     def on_timer(self) -> None:
         self._publish(self.policy.decide(self._now()))
 
     def _publish(self, decision) -> None:
+        if self._closed.acquire(blocking=False):
+            try:
+                self._say(decision)
+            finally:
+                self._closed.release()
+
+    def _say(self, decision) -> None:
         self._stop.publish(Bool(decision.stop))
         level = diagnostics.ERROR if decision.stop else diagnostics.OK
         values = {"force": f"{self._force:.2f}"}
@@ -86,5 +101,6 @@ class StopOnPush:
 
     def close(self) -> None:
         """The last word is stop: nobody watches the skin from here on."""
+        self._closed.acquire()
         self.policy.fault(diagnostics.name_of(self.node), "the skin shuts down")
-        self.on_timer()
+        self._say(self.policy.decide(self._now()))
