@@ -1,10 +1,19 @@
 """A run in words, with its numbers: what to choose when, and what fails without a word.
 
-README and docs/bench.md hold these lines for the run whose pictures they show; a test says when
-they do not.
+README and docs/bench.md hold these lines for the run whose pictures they show:
+
+    python -m tactile_skin.bench.choose docs/bench README.md docs/bench.md
+
+puts them there, between comments that name them; a test says when they are old.
 """
 
 from __future__ import annotations
+
+import json
+import re
+import sys
+import textwrap
+from pathlib import Path
 
 
 def lines(speed: dict) -> list[str]:
@@ -40,3 +49,38 @@ def silent(stability: dict, method: str = "auto") -> list[str]:
             where = f"{trouble['trouble']}, {trouble['strengths'][worst]:g} {trouble['unit']}"
             found.append((shares[worst], f"- {where}: {100 * shares[worst]:.0f} % of the frames"))
     return [line for _, line in sorted(found, key=lambda pair: -pair[0])]
+
+
+def blocks(run: Path) -> dict[str, str]:
+    """Name -> Markdown of what a page may hold of the run whose figures lie in a folder."""
+
+    def read(name: str) -> dict:
+        return json.loads((run / f"{name}.json").read_text())
+
+    def wrapped(items: list[str]) -> str:
+        wrap = textwrap.TextWrapper(
+            100, subsequent_indent="  ", break_on_hyphens=False, break_long_words=False
+        )
+        return "\n".join(wrap.fill(item) for item in items)
+
+    return {
+        "which method": wrapped(lines(read("speed"))),
+        "silent failures": wrapped(silent(read("stability"))),
+    }
+
+
+def fill(text: str, found: dict[str, str]) -> str:
+    """The page with each block between <!-- NAME --> and <!-- end --> replaced."""
+    for name, block in found.items():
+        between = re.compile(f"(<!-- {name} -->\n).*?(<!-- end -->)", re.DOTALL)
+        text = between.sub(lambda match, block=block: f"{match[1]}{block}\n{match[2]}", text)
+    return text
+
+
+def main(run: str, *pages: str) -> None:
+    for page in map(Path, pages):
+        page.write_text(fill(page.read_text(), blocks(Path(run))))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
