@@ -223,7 +223,7 @@ def _train(args) -> int:
 
 
 def _bench(args) -> int:
-    from .bench import run, speed
+    from .bench import choose, run, speed
 
     unknown = [part for part in args.parts if part not in run.PARTS]
     if unknown:
@@ -233,6 +233,9 @@ def _bench(args) -> int:
     written = run.run(args.parts or run.PARTS, args.out, args.quick, args.seed, _tqdm())
     if "speed" in written:
         print(speed.table(written["speed"]))
+        print("\n".join(["", *choose.lines(written["speed"]), ""]))
+    if "stability" in written:
+        print("auto, what fails silently:", *choose.silent(written["stability"]), "", sep="\n")
     print(f"pictures: {', '.join(str(args.out / f'{name}.png') for name in written)}")
     return 0
 

@@ -1,13 +1,15 @@
 """The measurements measure what they say, and the pictures show what was measured."""
 
 import json
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from kirchhoff import adc_ratio
 
 from tactile_skin import Circuit, PressureCurve, cli, forward, scenes
-from tactile_skin.bench import cases, chart, growth, run, speed, stability, textile, way
+from tactile_skin.bench import cases, chart, choose, growth, run, speed, stability, textile, way
 from tactile_skin.bench.faults import EVERYDAY, FAULTS, TROUBLES, faulty, pressed
 from tactile_skin.bench.measure import Clock, day, errors
 from tactile_skin.bench.textile import Textile
@@ -304,6 +306,21 @@ def test_the_speed_picture_shows_every_method(drawn):
     plt.close(figure)
 
 
+@pytest.mark.parametrize("page", ["README.md", "docs/bench.md"])
+def test_the_pages_hold_the_lines_of_the_run_that_they_show(page):
+    root = Path(__file__).parents[1]
+    text = (root / page).read_text()
+    assert "<!-- which method -->" in text
+    assert choose.fill(text, choose.blocks(root / "docs/bench")) == text
+
+
+def test_only_the_named_block_of_a_page_is_replaced():
+    page = "before\n<!-- a -->\nold\nlines\n<!-- end -->\nafter <!-- end -->\n"
+    assert choose.fill(page, {"a": "new", "b": "none"}) == (
+        "before\n<!-- a -->\nnew\n<!-- end -->\nafter <!-- end -->\n"
+    )
+
+
 def test_every_method_has_a_look_of_its_own():
     assert set(chart.STYLES) == set(METHODS)
     assert len({marker for _, marker, _ in chart.STYLES.values()}) == len(METHODS)
@@ -316,8 +333,6 @@ def test_an_unknown_part_is_named(capsys, tmp_path):
 
 
 def test_without_matplotlib_the_extra_is_named(monkeypatch, capsys, tmp_path):
-    import sys
-
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert cli.main(["bench", "--quick", "--out", str(tmp_path / "out")]) == 2
     assert "pip install 'tactile_skin[charts]'" in capsys.readouterr().err

@@ -5,6 +5,6 @@ stability.py  where each method fails          growth.py   8 x 8 to 64 x 64
 way.py        bytes in to stop hook            solvers.py  what the solvers promise, as numbers
 measure.py    time and error, once for all     chart.py    how figures look, and their JSON
 textile.py    a skin richer than any model     faults.py   its troubles, and their strengths
-run.py        the parts in turn              insole.py   real frames
-curves.py     training curves
+choose.py     which method when, in words      run.py      the parts in turn
+insole.py     real frames                      curves.py   training curves
 """

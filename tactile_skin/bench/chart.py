@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 # Colour, marker and line of each method; apart by marker and dashes also in grey.
@@ -58,7 +59,7 @@ def write(out: Path, name: str, data: dict, draw) -> None:
     from matplotlib import pyplot as plt
 
     path = out / f"{name}.json"
-    path.write_text(json.dumps(data, indent=1) + "\n")
+    path.write_text(_as_text(data))
     figure = draw(json.loads(path.read_text()))
     machine = data["machine"]
     line = 0.14 / figure.get_figheight()  # of the page, kept free for the text
@@ -74,3 +75,9 @@ def write(out: Path, name: str, data: dict, draw) -> None:
     )
     figure.savefig(out / f"{name}.png", dpi=_DPI)
     plt.close(figure)
+
+
+def _as_text(data: dict) -> str:
+    """JSON with each innermost list of numbers on one line."""
+    text = json.dumps(data, indent=1)
+    return re.sub(r"\[[^][{}\"]*\]", lambda m: " ".join(m[0].split()), text) + "\n"
