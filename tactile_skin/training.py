@@ -17,6 +17,9 @@ from .curve import GRAM, PressureCurve
 from .dataset import TrainingConfig, make_pairs
 
 
+_LEAK = 0.05
+
+
 class PaperNet(nn.Module):
     """ADC picture -> force picture, the paper's architecture with its 4,544 parameters.
 
@@ -38,7 +41,7 @@ class PaperNet(nn.Module):
         """(n, 1, rows, cols) ADC ratio -> (n, rows, cols) force, a share of the curve's maximum."""
         x = (adc - self.input_mean) / self.input_std
         lines = [torch.relu(layer(x)).expand_as(x) for layer in (self.row, self.col)]
-        return _through(torch.cat([x, *lines], 1), self.context, self.head)
+        return _through(torch.cat([x, *lines], 1), self.context, self.head, self.training)
 
 
 class PhysicsNet(nn.Module):
@@ -56,7 +59,7 @@ class PhysicsNet(nn.Module):
     def forward(self, inputs):
         """(n, 5, rows, cols) -> (n, rows, cols) force, as a share of the curve's maximum."""
         x = (inputs - self.input_mean) / self.input_std
-        return _through(x, self.context, self.head)
+        return _through(x, self.context, self.head, self.training)
 
 
 def _standardise(net: nn.Module, channels: int) -> None:
@@ -72,11 +75,15 @@ def _stages(channels: int) -> tuple[nn.ModuleList, nn.ModuleList]:
     return nn.ModuleList(context), nn.ModuleList(head)
 
 
-def _through(x, context, head):
+def _through(x, context, head, training: bool):
+    """While training the output ReLU leaks: most cells are at rest, so that the answer 0
+    everywhere is tempting, and a plain ReLU would never come back from it.
+    """
     x = torch.relu(torch.cat([layer(x) for layer in context], 1))  # (n, 27, rows, cols)
-    for layer in head:
+    *hidden, last = head
+    for layer in hidden:
         x = torch.relu(layer(x))
-    return x.squeeze(1)
+    return nn.functional.leaky_relu(last(x), _LEAK if training else 0.0).squeeze(1)
 
 
 def make_net(kind: str, rows: int, cols: int) -> nn.Module:

@@ -42,7 +42,7 @@ def test_the_pass_equals_pytorchs(kind, shape):
     if kind == "physics":
         inputs = network.physics_inputs(adc, Circuit(*shape), PressureCurve()).swapaxes(0, 1)
     with torch.inference_mode():
-        expected = net(torch.from_numpy(inputs).float()).numpy() * PressureCurve().max_force
+        expected = net.eval()(torch.from_numpy(inputs).float()).numpy() * PressureCurve().max_force
     assert expected.std() > 0.1
     for found in (weights.predict(adc), np.stack([weights.predict(a) for a in adc])):
         np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4)
