@@ -16,7 +16,6 @@ from .circuit import Circuit
 from .curve import GRAM, PressureCurve
 from .dataset import TrainingConfig, make_pairs
 
-
 _LEAK = 0.05
 
 
