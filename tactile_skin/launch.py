@@ -321,6 +321,9 @@ class Skin:
         # The matrices are small. More threads than one would spin beside it, and on a small
         # computer keep the other nodes waiting for a tenth of a second.
         self._threads = threadpool_limits(1)
+        # The default, 5 ms, is longer than a frame's whole way to the stop.
+        self._switch_interval = sys.getswitchinterval()
+        sys.setswitchinterval(0.0005)
         for handle in (*self._handles, self.node):
             self._executor.add_node(handle)
         return self
@@ -340,6 +343,7 @@ class Skin:
         self._executor.shutdown()
         if self._threads is not None:
             self._threads.restore_original_limits()
+            sys.setswitchinterval(self._switch_interval)
         for process in self._processes:
             process.terminate()
         for process in self._processes:

@@ -14,6 +14,7 @@ from . import QUEUE, diagnostics
 
 _WATCHED = 20  # frames: 0.2 s at 100 a second
 _ENTER, _LEAVE = 10, 5  # suspect ones among them that make, and that end, a fault
+_CORNER = 4  # suspect or failed frames in a row after which the last one is no start
 
 
 class Compensation:
@@ -59,7 +60,8 @@ class Compensation:
         }
         self._pressure = node.create_publisher(Image, "skin/pressure", 10)
         self._diagnostics = node.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
-        self._last: Estimate | None = None  # the last sound frame: where the next starts from
+        self._last: Estimate | None = None  # the last frame: where the next starts from
+        self._doubts = 0
         self._suspect: deque[bool] = deque(maxlen=_WATCHED)
         self._fault = False
         self._level, self._message, self._residual = diagnostics.OK, "ok", 0.0
@@ -84,7 +86,10 @@ class Compensation:
         except ValueError as error:
             self._judge("failed", str(error))
             return
-        self._last = estimate if estimate.status == "ok" else None
+        # A touch that comes or goes leaves a few suspect frames, as the board's low-pass mixes
+        # scans: they are next to the truth. More in a row may sit in a corner: start anew.
+        self._doubts = self._doubts + 1 if estimate.status != "ok" else 0
+        self._last = estimate if self._doubts < _CORNER else None
         self._taken[estimate.method] += 1
         self._residual = estimate.residual
         if estimate.status != "failed":
