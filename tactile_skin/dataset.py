@@ -11,12 +11,6 @@ from . import network, scenes
 from .circuit import forward
 
 _CHUNK = 2000  # scenes made at a time: bounds memory, and seeds each chunk by its number
-# Families of the chunks, in turn. For the paper's network, random scenes would rule the loss in
-# equal parts: their error is several times that of blobs.
-_MIX = {
-    "paper": ("blobs", "rects", "blobs", "random", "blobs", "rects"),
-    "physics": ("blobs", "rects", "random"),
-}
 # What a real board has, in turn: noise, noise with R_par and curve off, rounding alone, nothing.
 _BOARD = ("scan", "off", "scan", "adc10", "ideal")
 CHOICES = {
@@ -33,7 +27,7 @@ class TrainingConfig:
 
     Attributes:
         pairs, validation: number of (reading, force) pairs to learn from and to pick the best
-            epoch by, of all scene families.
+            epoch by; a third from each scene family.
         epochs, batch: passes over the pairs, and pairs per step.
         rate: highest learning rate; a short linear rise, then a cosine to 0.
         loss: "mse" as the paper, or "l1", which fits the mean absolute error that is reported.
@@ -87,13 +81,13 @@ def make_pairs(circuit, curve, n: int, network_kind: str, readout: str, seed, tr
     for chunk in track(range(math.ceil(n / _CHUNK))):
         rng = np.random.default_rng([*np.atleast_1d(seed), chunk])
         here = slice(chunk * _CHUNK, min((chunk + 1) * _CHUNK, n))
-        mix, kind = _MIX[network_kind], readout
-        family = mix[chunk % len(mix)]
+        families, kind = scenes.FAMILIES, readout
+        family = families[chunk % len(families)]
         truth = scenes.sample(family, here.stop - here.start, *circuit.shape, rng)
         truth = np.minimum(truth, curve.max_force) * circuit.populated
         resistance = curve.resistance(truth)
         if readout == "board":
-            kind = _BOARD[chunk // len(mix) % len(_BOARD)]
+            kind = _BOARD[chunk // len(families) % len(_BOARD)]
         if kind == "off":  # other boards and fabrics than the configuration says
             resistance *= 1.0 + rng.uniform(-0.2, 0.2, (len(truth), 1, 1))
         adc = forward(circuit, resistance)
