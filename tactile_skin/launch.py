@@ -359,17 +359,18 @@ class Skin:
         Raises:
             LaunchError: a command of the launch file ended by itself with an error.
         """
-        waited = 0.0
-        while timeout is None or waited < timeout:
-            step = 0.25 if timeout is None else min(0.25, timeout - waited)
-            if self._context.wait(step):
-                return
-            waited += step
-            for process in self._processes:
-                if process.poll() not in (None, 0):
-                    raise LaunchError(
-                        f"{shlex.join(process.args)}: ended with {process.returncode}"
-                    )
+        with _terminated(self.shutdown):
+            waited = 0.0
+            while timeout is None or waited < timeout:
+                step = 0.25 if timeout is None else min(0.25, timeout - waited)
+                if self._context.wait(step):
+                    return
+                waited += step
+                for process in self._processes:
+                    if process.poll() not in (None, 0):
+                        raise LaunchError(
+                            f"{shlex.join(process.args)}: ended with {process.returncode}"
+                        )
 
     def shutdown(self) -> None:
         """Make `spin` return."""

@@ -2,6 +2,7 @@
 
 import itertools
 import os
+import signal
 import sys
 import textwrap
 import threading
@@ -597,3 +598,27 @@ def test_a_hook_finds_the_stop_node_wherever_it_is(write, place):
 def test_a_hook_without_a_stop_node_is_refused(write):
     with launch(write("launch: []")) as skin, pytest.raises(LaunchError, match="no stop_on_push"):
         skin.on_stop(print)
+
+
+def test_sigterm_ends_the_skin_with_a_stop_as_its_last_word(write):
+    heard = Heard()
+    with launch(write(PATIENT_STOP)) as skin:
+        skin.on_stop(heard)
+        Robot(skin)
+        heard.wait_for((False, ""))
+        before = signal.signal(signal.SIGTERM, signal.SIG_IGN)  # one that comes too early
+        over = threading.Event()
+
+        def terminate():
+            while not over.wait(0.02):
+                os.kill(os.getpid(), signal.SIGTERM)
+
+        sender = threading.Thread(target=terminate)
+        sender.start()
+        skin.spin(PATIENCE)
+        over.set()
+        sender.join()
+        assert signal.signal(signal.SIGTERM, before) is signal.SIG_IGN
+        assert not skin._context.ok(), "the signal, not the timeout, ended it"
+    assert heard.calls[-1][0] is True
+    assert "the skin shuts down" in heard.calls[-1][1]
