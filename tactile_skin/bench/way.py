@@ -187,6 +187,8 @@ def draw(data: dict):
                 fontsize=8.5,
             )
     latency.set_xscale("log")
+    latency.set_xticks([2, 5, 10, 20, 50], ["2", "5", "10", "20", "50"])
+    latency.minorticks_off()
     latency.set_yticks(range(len(names)), names, fontsize=10.5)
     latency.invert_yaxis()
     latency.axvline(3.0, color="black", linewidth=0.8, linestyle=(0, (2, 3)))
