@@ -7,6 +7,8 @@ moves along the skin (`tracking.stroke`, over time). Each comes with a confidenc
 
 from __future__ import annotations
 
+import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -61,30 +63,30 @@ def look(force: np.ndarray, geometry: Geometry, cell_threshold: float) -> Frame:
     labels, n = segment(force, cell_threshold)
     if n == 0:
         return Frame(force, labels, [], _NOTHING)
-    cells = np.flatnonzero(labels)
-    f, owner = force.flat[cells], labels.flat[cells] - 1
+    cells = labels.ravel().nonzero()[0]  # (m,)
+    owner = labels.ravel()[cells] - 1
     own = np.zeros((n, cells.size))  # force of each cell, in the row of its contact
-    own[owner, np.arange(cells.size)] = f
-    moments = own @ geometry.lever[cells]  # (n, 9): force, torque, first moment
-    forces = own.sum(1)
-    areas = np.bincount(owner, geometry.cell_area.flat[cells], n)
-    centres = moments[:, 6:] / forces[:, None]
-    found = [*map(Contact, centres, forces.tolist(), areas.tolist(), own.max(1).tolist())]
-    total = moments.sum(0)
-    sum_of_forces = float(forces.sum())
-    length = float(np.sqrt(total[:3] @ total[:3]))
-    direction = total[:3] / length if length > 1e-6 * sum_of_forces else np.zeros(3)
-    confidence = length / (sum_of_forces + 10.0 * cell_threshold)
-    centre = total[6:] / sum_of_forces
-    return Frame(
-        force, labels, found, Push(total[:3], total[3:6], centre, direction, confidence)
-    )
+    own[owner, np.arange(cells.size)] = force.ravel()[cells]
+    moments = own @ geometry.lever[cells]  # (n, 10): force, torque, first moment, sum
+    forces = moments[:, 9].tolist()
+    centres = moments[:, 6:9] / moments[:, 9:]
+    areas = np.bincount(owner, geometry.cell_area.ravel()[cells]).tolist()
+    found = [*map(Contact, centres, forces, areas, own.max(1).tolist())]
+    if n == 1:
+        total, centre = moments[0], centres[0]
+    else:
+        total = moments.sum(0)
+        centre = total[6:9] / total[9]
+    length = math.hypot(*total[:3].tolist())
+    direction = total[:3] / length if length > 1e-6 * total[9] else np.zeros(3)
+    confidence = length / (float(total[9]) + 10.0 * cell_threshold)
+    return Frame(force, labels, found, Push(total[:3], total[3:6], centre, direction, confidence))
 
 
 def segment(force: np.ndarray, cell_threshold: float) -> tuple[np.ndarray, int]:
     """Which contact each cell belongs to, strongest contact first.
 
-    A contact is a hill of cells that touch (8 neighbours), each up to a tenth of the threshold: a
+    A contact is a hill of cells that touch (8 neighbours), each above a tenth of the threshold: a
     fingertip has a third of its force on its rim. Two hills that touch are two contacts where the
     highest way from one to the other falls below 0.6 of the lower peak, and both rise above the
     threshold: a free row between two fingers is seldom quite free in what was measured, and no
@@ -101,70 +103,70 @@ def segment(force: np.ndarray, cell_threshold: float) -> tuple[np.ndarray, int]:
     labels = np.zeros((rows, cols), int)
     if not force.max() > cell_threshold:
         return labels, 0
-    # A frame of idle cells around, so that every cell has eight neighbours.
+    # With idle cells around the skin every cell has eight neighbours.
     width = cols + 2
     flat = np.zeros((rows + 2) * width)
     flat.reshape(rows + 2, width)[1:-1, 1:-1] = force
-    cells = np.flatnonzero(flat > _RIM * cell_threshold)
-    cells = cells[np.argsort(flat[cells], kind="stable")]  # (m,) weakest first
+    cells = (flat > _RIM * cell_threshold).nonzero()[0]
+    cells = cells[flat[cells].argsort(kind="stable")]  # (m,) weakest first
     f = flat[cells]
-    place = np.zeros(flat.size, int)  # 1 + place in `cells`; equal forces get different ones
-    place[cells] = np.arange(1, cells.size + 1)
-    around = place[cells[:, None] + _nine(width)]  # (m, 9)
-    hill = around.max(1) - 1  # the way up from each cell,
-    while True:
-        higher = hill[hill]
-        if (higher == hill).all():
-            break
-        hill = higher  # to its top
-    top_of = _join(hill, around, f, cell_threshold)
-    owner = top_of[hill]  # (m,) place of each cell's top
-    tops, owner = np.unique(owner, return_inverse=True)
-    sums = np.where(f[tops] > cell_threshold, np.bincount(owner, f), 0.0)
-    n = np.count_nonzero(sums)
-    number = np.zeros(tops.size, int)
-    number[np.argsort(-sums, kind="stable")[:n]] = np.arange(1, n + 1)
-    row, col = np.divmod(cells, width)
-    labels[row - 1, col - 1] = number[owner]
-    return labels, n
+    place = np.full(flat.size, -1)  # in `cells`: equal forces have different ones
+    place[cells] = np.arange(cells.size)
+    around = place[cells[:, None] + _nine(width)]  # (m, 9), -1 for idle cells
+    hill = around.max(1).tolist()  # the steepest way up from each cell,
+    for k in range(cells.size - 1, -1, -1):
+        hill[k] = hill[hill[k]]  # to its top
+    owner = np.array(hill)
+    tops = sorted(set(hill))
+    if len(tops) > 1:
+        top_of = _join(tops, owner, around, f, cell_threshold)
+        owner = np.array([top_of[k] for k in hill])
+        tops = sorted(set(top_of.values()))
+    sums = np.bincount(owner, f).tolist()
+    tops = sorted((k for k in tops if f[k] > cell_threshold), key=lambda k: -sums[k])
+    number = np.zeros(cells.size, int)
+    number[tops] = range(1, len(tops) + 1)
+    flat_labels = np.zeros(flat.size, int)
+    flat_labels[cells] = number[owner]
+    return flat_labels.reshape(rows + 2, width)[1:-1, 1:-1].copy(), len(tops)
 
 
+@lru_cache(maxsize=8)
 def _nine(width: int) -> np.ndarray:
     """Offsets of a cell and its eight neighbours in a flattened picture."""
     return np.array([down * width + right for down in (-1, 0, 1) for right in (-1, 0, 1)])
 
 
-def _join(hill: np.ndarray, around: np.ndarray, f: np.ndarray, threshold: float) -> np.ndarray:
+def _join(tops: list[int], hill, around, f, threshold: float) -> dict[int, int]:
     """Which hills are one contact.
 
     Args:
-        hill: (m,) place of the top of each cell's hill; `around` (m, 9) places + 1 of each cell's
-            neighbours; `f` (m,) forces, rising.
+        tops: places of the hills' tops, rising.
+        hill: (m,) place of the top of each cell's hill.
+        around: (m, 9) places of each cell's neighbours, -1 for none.
+        f: (m,) forces, rising.
 
     Returns:
-        (m,) for the place of each top, the place of the top that stands for its contact.
+        for each top, the one that stands for its contact: the highest.
     """
-    top_of = np.arange(f.size)
-    if (hill == hill[-1]).all():
-        return top_of
-    other = np.where(around > 0, hill[around - 1], hill[:, None])
-    cell, neighbour = np.nonzero(other < hill[:, None])
-    first, second = hill[cell], other[cell, neighbour]  # the second's top is the lower one
-    saddle = np.minimum(f[cell], f[around[cell, neighbour] - 1])
-    highest = np.argsort(-saddle, kind="stable")
-    # of each pair of hills the highest saddle only
-    _, once = np.unique((first * f.size + second)[highest], return_index=True)
-    tops = top_of.tolist()
+    other = np.where(around < 0, -1, hill[around])
+    cell, side = ((other >= 0) & (other < hill[:, None])).nonzero()  # each border seen from above
+    saddle = np.minimum(f[cell], f[around[cell, side]])
+    highest = saddle.argsort()[::-1]
+    first, second = hill[cell[highest]].tolist(), other[cell, side][highest].tolist()
+    stands_for = {k: k for k in tops}
 
     def top(k):
-        while tops[k] != k:
-            k = tops[k]
+        while stands_for[k] != k:
+            k = stands_for[k]
         return k
 
-    for k in highest[np.sort(once)].tolist():
-        low, high = sorted((top(first[k]), top(second[k])))
-        if low != high and (saddle[k] >= _VALLEY * f[low] or f[low] <= threshold):
-            tops[low] = high
-    for k in set(hill.tolist()):
-        top_of[k] = top(k)
-    return top_of
+    seen = set()
+    for pair, height in zip(zip(first, second, strict=True), saddle[highest].tolist(), strict=True):
+        if pair in seen:
+            continue  # only the highest way between two hills matters
+        seen.add(pair)
+        low, high = sorted(map(top, pair))
+        if low != high and (height >= _VALLEY * f[low] or f[low] <= threshold):
+            stands_for[low] = high
+    return {k: top(k) for k in tops}

@@ -40,13 +40,15 @@ class Geometry:
 
     @cached_property
     def lever(self) -> np.ndarray:
-        """(rows * cols, 9): what 1 N on each cell adds to force, torque and first moment.
+        """(rows * cols, 10): what 1 N on each cell adds to all that is summed up.
 
-        Force [N] and torque about the base frame's origin [N m] on the robot, position [m].
+        That is force [N] and torque about the base frame's origin [N m] on the robot, position
+        [m], and 1.
         """
         inward = -self.normal.reshape(-1, 3)
         position = self.position.reshape(-1, 3)
-        return np.hstack([inward, np.cross(position, inward), position])
+        ones = np.ones((len(position), 1))
+        return np.hstack([inward, np.cross(position, inward), position, ones])
 
 
 def make_geometry(
@@ -188,10 +190,13 @@ def read_table(path, cells: np.ndarray, cell_area: float = CELL_AREA):
             for name, n in zip(("row", "col"), cells.shape, strict=True)
         )
         if cell in line_of:
-            raise ValueError(f"{where}: row {cell[0]}, col {cell[1]}: stands in line "
-                             f"{line_of[cell]} already")
+            raise ValueError(
+                f"{where}: row {cell[0]}, col {cell[1]}: stands in line {line_of[cell]} already"
+            )
         if not cells[cell]:
-            raise ValueError(f"{where}: row {cell[0]}, col {cell[1]}: circuit.mask has no such cell")
+            raise ValueError(
+                f"{where}: row {cell[0]}, col {cell[1]}: circuit.mask has no such cell"
+            )
         line_of[cell] = number
         position[cell] = [_number(values[name], name, where) for name in "xyz"]
         outward = np.array([_number(values[name], name, where) for name in ("nx", "ny", "nz")])

@@ -28,6 +28,7 @@ _FORESEEN = 0.3  # s for which a touch that is not seen by itself is thought to 
 _REMEMBERED = 2.0  # s that a touch is remembered after it joined another
 _PART_OF = 0.5  # of a contact's force that presses on a touch's cells: it is a part of that touch
 _STAYS = 0.3  # of a touch's force that presses on its cells still: it has not been lifted
+_STANDING = np.zeros(3)
 _IDS = 2**24  # a float32, as PointCloud2 carries it, tells so many apart
 
 
@@ -47,7 +48,7 @@ class _Track:
     def __init__(self, number: int, t: float):
         self.id, self.born = number, t
         self.members = [self]  # the touches that are one contact, this, the oldest, first
-        self.velocity, self.confidence = np.zeros(3), 0.0
+        self.velocity, self.confidence = _STANDING, 0.0
 
     def take(self, t: float, contact: Contact, members: list[_Track], pitch: float) -> None:
         """The touch is this contact at t; a centre that jumps says nothing of how it moves."""
@@ -57,27 +58,30 @@ class _Track:
             off = contact.position - self.foreseen(t)
             self.state, jumped = HELD, members != self.members or off @ off > pitch**2
         self.members, self.contact, self.seen = members, contact, t
-        here = np.array([[t, *contact.position]])
-        self.trail = here if jumped else np.vstack([self.trail, here])  # (m, 4)
-        self._fit(t)
+        if jumped:
+            self._times, self._places = [], []
+        self._times.append(t)
+        self._places.append(contact.position)
+        while self._times[0] < t - _WINDOW:
+            del self._times[0], self._places[0]
+        self._fit()
         if len(members) == 1:
             self.alone = t, contact.position, self.velocity
 
-    def _fit(self, t: float) -> None:
+    def _fit(self) -> None:
         """Velocity by a line through the last places."""
-        self.trail = trail = self.trail[self.trail[:, 0] >= t - _WINDOW]
-        self.velocity, self.confidence = np.zeros(3), 0.0
-        if len(trail) < _FEWEST:
+        times, n = self._times, len(self._times)
+        self.velocity, self.confidence = _STANDING, 0.0
+        mean = sum(times) / n
+        offsets = [t - mean for t in times]
+        spread = sum(dt * dt for dt in offsets)
+        if n < _FEWEST or spread == 0.0:
             return
-        offset = trail - trail.sum(0) / len(trail)
-        spread = offset[:, 0] @ offset[:, 0]
-        if spread == 0.0:
-            return
-        self.velocity = offset[:, 0] @ offset[:, 1:] / spread
-        span = t - trail[0, 0]
-        travelled2 = self.velocity @ self.velocity * span**2
+        self.velocity = np.array(offsets) @ np.array(self._places) / spread
+        span = times[-1] - times[0]
+        travelled2 = float(self.velocity @ self.velocity) * span**2
         filled = min(1.0, span / (0.8 * _WINDOW))
-        self.confidence = float(filled * travelled2 / (travelled2 + (3.0 * _NOISE) ** 2))
+        self.confidence = filled * travelled2 / (travelled2 + (3.0 * _NOISE) ** 2)
 
     def foreseen(self, t: float) -> np.ndarray:
         """Where the touch, with all that joined it, is likely to be."""
@@ -189,7 +193,9 @@ class Tracker:
         shape = len(self._tracks) + 1, len(frame.contacts) + 1
         cells = np.flatnonzero(frame.labels)
         pair = self._on.flat[cells] * shape[1] + frame.labels.flat[cells]
-        return np.bincount(pair, frame.force.flat[cells], shape[0] * shape[1]).reshape(shape)[1:, 1:]
+        return np.bincount(pair, frame.force.flat[cells], shape[0] * shape[1]).reshape(shape)[
+            1:, 1:
+        ]
 
 
 def stroke(touches: list[Touch]) -> tuple[np.ndarray, float]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from .. import features
 from ..bus import Time
 from ..config import circuit_of, describe, geometry_of
@@ -19,13 +17,14 @@ from ..msg import (
     Vector3Stamped,
     Wrench,
     WrenchStamped,
-    cloud,
+    cloud_of,
     image_array,
 )
 from ..tracking import RELEASED, STATES, Touch, Tracker, stroke
 from . import QUEUE
 
 _CONTACT = ("x", "y", "z", "force", "area", "peak", "id", "vx", "vy", "vz", "state")
+_CODE = {state: float(code) for code, state in enumerate(STATES)}
 _GESTURE = ("x", "y", "z", "id", "state", *Gesture._fields)
 
 
@@ -83,35 +82,27 @@ class GestureFeature:
 
 def contact_cloud(touches: list[Touch], header: Header) -> PointCloud2:
     """A point per touch that is there: x, y, z [m], force [N], area [m^2], peak [N on one cell],
-    id, vx, vy, vz [m/s], state (place in `tracking.STATES`).
+    id, vx, vy, vz [m/s], state (0 new, 1 held; 2 released, in skin/gestures).
 
     A released touch is no point: whoever takes points for obstacles would stop for it.
     """
-    return _cloud(
-        _CONTACT,
-        [
-            (*c.position, c.force, c.area, c.peak, number, *velocity, STATES.index(state))
-            for number, state, c, velocity, _ in touches
-            if state != RELEASED
-        ],
-        header,
-    )
+    rows = [
+        (*c.position.tolist(), c.force, c.area, c.peak, number, *velocity.tolist(), _CODE[state])
+        for number, state, c, velocity, _ in touches
+        if state != RELEASED
+    ]
+    return cloud_of(_CONTACT, rows, header)
 
 
 def gesture_cloud(touches: list[Touch], gestures: list[Gesture], header: Header) -> PointCloud2:
     """A point per touch, those just released included: x, y, z [m], id, state, and the fields of
     `gestures.Gesture`."""
     rows = [
-        (*touch.contact.position, touch.id, STATES.index(touch.state), *gesture)
+        (*touch.contact.position.tolist(), touch.id, _CODE[touch.state], *gesture)
         for touch, gesture in zip(touches, gestures, strict=True)
     ]
-    return _cloud(_GESTURE, rows, header)
+    return cloud_of(_GESTURE, rows, header)
 
 
-def _cloud(names: tuple[str, ...], rows: list[tuple], header: Header) -> PointCloud2:
-    table = np.array(rows, np.float32).reshape(-1, len(names))
-    return cloud(dict(zip(names, table.T, strict=True)), header)
-
-
-def _vector(v: np.ndarray) -> Vector3:
+def _vector(v) -> Vector3:
     return Vector3(*v.tolist())
