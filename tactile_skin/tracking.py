@@ -25,6 +25,7 @@ _REACH = 1.5  # pitches, and
 _FASTEST = 2.0  # m/s: how far from where it is foreseen a touch may be found
 _GRACE = 0.05  # s that a touch may be out of sight before it is released
 _FORESEEN = 0.3  # s for which a touch that is not seen by itself is thought to go on moving
+_FINGER = 1.5  # pitches: two touches are never nearer
 _REMEMBERED = 2.0  # s that a touch is remembered after it joined another
 _PART_OF = 0.5  # of a contact's force that presses on a touch's cells: it is a part of that touch
 _STAYS = 0.3  # of a touch's force that presses on its cells still: it has not been lifted
@@ -83,6 +84,15 @@ class _Track:
         filled = min(1.0, span / (0.8 * _WINDOW))
         self.confidence = filled * travelled2 / (travelled2 + (3.0 * _NOISE) ** 2)
 
+    def meets(self, other: _Track, t: float, closest: float) -> bool:
+        """Whether two that were seen alone run into each other, nearer than `closest` [m]."""
+        apart = other.foreseen_alone(t) - self.foreseen_alone(t)
+        velocity = other.alone[2] - self.alone[2]
+        speed2 = velocity @ velocity
+        if speed2 > 0.0:
+            apart = apart + velocity * max(-(apart @ velocity) / speed2, 0.0)
+        return bool(apart @ apart < closest**2)
+
     def foreseen(self, t: float) -> np.ndarray:
         """Where the touch, with all that joined it, is likely to be."""
         return self.contact.position + self.velocity * min(t - self.seen, _FORESEEN)
@@ -132,6 +142,8 @@ class Tracker:
         now = []
         for contact, claim in zip(found, claims, strict=True):
             members = sorted(claim, key=lambda track: track.born) or [self._new(t)]
+            if members[1:]:
+                self._stop_those_that_meet(t, members)
             members[0].take(t, contact, members, self.pitch)
             now.append(members[0])
         for track in now:
@@ -149,6 +161,16 @@ class Tracker:
     def _new(self, t: float) -> _Track:
         self._ids = self._ids % (_IDS - 1) + 1
         return _Track(self._ids, t)
+
+    def _stop_those_that_meet(self, t: float, members: list[_Track]) -> None:
+        """Fingers pass by each other, not through: those that run into each other go on as one."""
+        before = members[0].members
+        for other in (m for m in members if m not in before):
+            for one in before:
+                if one.meets(other, t, _FINGER * self.pitch):
+                    together = (one.alone[2] + other.alone[2]) / 2
+                    for track in (one, other):
+                        track.alone = (t, track.foreseen_alone(t), together)
 
     def _assign(self, t: float, frame: Frame, claims: list[list[_Track]]) -> list[int]:
         """Put the touches that each contact is into `claims`; returns the places of those lost."""
