@@ -1,10 +1,11 @@
 """What the skin says of touches, against the truth: force, centre, direction, number, ids.
 
-    python -m tactile_skin.bench.touch
+    python -m tactile_skin.bench.touch [--seed N] [--quick] [--out FOLDER]
 
-Simulated readings, `auto`, the features and the tracker that the nodes run. The truth does not
-know the cells: a pad's pressure is drawn at 12 x 12 points a cell; force, centre and direction come
-from those points, the cells feel their sums.
+Prints each figure beside its bound, and ends with 1 if one is missed. Simulated readings, `auto`,
+the features and the tracker that the nodes run. The truth does not know the cells: a pad's pressure
+is drawn at 12 x 12 points a cell; its force, centre and direction come from those points, and each
+cell feels the sum of its own.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -20,10 +22,12 @@ from .. import features, protocol
 from ..board import Board
 from ..circuit import Circuit, forward
 from ..curve import PressureCurve
-from ..geometry import Geometry, make_geometry
+from ..geometry import make_geometry
 from ..scenes import read_out
 from ..solvers import compensate
-from ..tracking import Touch, Tracker
+from ..tracking import RELEASED, Touch, Tracker
+from . import chart
+from .measure import machine
 
 CIRCUIT, CURVE = Circuit(), PressureCurve()
 ROWS, COLS = CIRCUIT.shape
@@ -134,19 +138,16 @@ def single_touches(n: int, rng, feel=cells, spread: float = 0.0, track=iter) -> 
         one += len(frame.contacts) == 1
         found["force"].append(newtons)
         if not frame.contacts:
-            for name, all_wrong in (
-                ("force_error", 1.0),
-                ("centre_mm", 1e3),
-                ("direction_deg", 180),
-            ):
-                found[name].append(all_wrong)
+            for name, wrong in (("force_error", 1.0), ("centre_mm", 1e3), ("direction_deg", 180.0)):
+                found[name].append(wrong)
             continue
         contact = frame.contacts[0]
         found["force_error"].append(abs(contact.force / newtons - 1.0))
         found["centre_mm"].append(1e3 * float(np.linalg.norm(contact.position - centre)))
         cosine = np.clip(frame.push.direction @ push, -1.0, 1.0)
         found["direction_deg"].append(float(np.degrees(np.arccos(cosine))))
-    return found | {"one": one / n}
+    rounded = {name: np.round(values, 5).tolist() for name, values in found.items()}
+    return rounded | {"one": one / n}
 
 
 # --- 2. how many touches -------------------------------------------------------------------------
@@ -259,7 +260,10 @@ def corner_stream(scenes: int, rng, track=iter) -> dict:
         touched = np.sum(fingers, 0) > 0
 
         def scene(t, fingers=fingers, starts=starts, ends=ends):
-            on = [np.clip(min(t - s, e - t) / 0.05, 0.0, 1.0) for s, e in zip(starts, ends)]
+            on = [
+                np.clip(min(t - s, e - t) / 0.05, 0.0, 1.0)
+                for s, e in zip(starts, ends, strict=True)
+            ]
             return np.tensordot(on, fingers, 1)
 
         for _, frame, _ in play(scene, 0.5, int(rng.integers(2**31))):
@@ -341,7 +345,7 @@ def passing_ids(rng, apart: float = 3.0) -> tuple[list[set[int]], float]:
         if not all(0.1 < t - d < f[2] - 0.1 for f, d in zip(fingers, late, strict=True)):
             continue  # not both of them are pressed
         both += 1
-        there = [touch for touch in touches if touch.state != "released"]
+        there = [touch for touch in touches if touch.state != RELEASED]
         joined += len(there) < 2
         if len(there) == 2:
             true = np.array([_on_skin(f[0](t - d)) for f, d in zip(fingers, late, strict=True)])
@@ -359,3 +363,170 @@ def _on_skin(place: np.ndarray) -> np.ndarray:
     azimuth = (col - (COLS - 1) / 2) * SKIN.pitch / RADIUS
     up = ((ROWS - 1) / 2 - row) * SKIN.pitch
     return np.array([RADIUS * np.cos(azimuth), RADIUS * np.sin(azimuth), up])
+
+
+# --- the command ---------------------------------------------------------------------------------
+
+FULL = {"singles": 2000, "neighbours": 1000, "corners": 2000, "streams": 40, "strokes": 60}
+QUICK = {"singles": 150, "neighbours": 60, "corners": 100, "streams": 3, "strokes": 3}
+LEAKS = (0.0, 0.02, 0.05)
+
+
+def measure(sizes: dict[str, int], seed: int, track=lambda items, what: items) -> dict:
+    """All figures as plain data; `track(items, what)` shows progress."""
+    rng = np.random.default_rng(seed)
+    n = sizes["singles"]
+    data: dict = {
+        "singles": single_touches(n, rng, track=lambda i: track(i, "single touches")),
+        "gaps": single_touches(n // 4, rng, sensed_cells),
+        "spread": single_touches(n // 4, rng, spread=0.1),
+        "neighbours": {
+            leak: neighbours(sizes["neighbours"], rng, leak, lambda i: track(i, "neighbours"))
+            for leak in LEAKS
+        },
+        "corners": corner_frames(sizes["corners"], rng, lambda i: track(i, "corners")),
+        "stream": corner_stream(sizes["streams"], rng, lambda i: track(i, "corners, moving")),
+    }
+    strokes = [stroke_ids(rng) for _ in track(range(sizes["strokes"]), "strokes")]
+    passes = [passing_ids(rng) for _ in track(range(sizes["strokes"]), "passes")]
+    kept = [all(len(own) == 1 for own in ids) and ids[0] != ids[1] for ids, _ in passes]
+    return data | {
+        "strokes": float(np.mean([len(told) == 1 for told in strokes])),
+        "passes": float(np.mean(kept)),
+        "joined": float(np.mean([joined for _, joined in passes])),
+        "sizes": sizes,
+    }
+
+
+class Line(NamedTuple):
+    """A figure and what it must be."""
+
+    what: str
+    value: float
+    bound: float | None  # None: for comparison only
+    unit: str
+    at_most: bool = True
+
+    @property
+    def met(self) -> bool:
+        if self.bound is None:
+            return True
+        return self.value <= self.bound if self.at_most else self.value >= self.bound
+
+    def __str__(self) -> str:
+        text = f"{self.what:<66}{self.value:8.4g} {self.unit}"
+        if self.bound is None:
+            return text
+        sign = "<=" if self.at_most else ">="
+        return f"{text:<80} {sign} {self.bound:g}" + ("" if self.met else "   MISSED")
+
+
+_ERRORS = (  # name, what, factor, unit, bounds of the median and of the 95th percentile
+    ("force_error", "force", 100.0, "%", 4.0, 12.0),
+    ("direction_deg", "direction", 1.0, "deg", 4.0, 12.0),
+    ("centre_mm", "centre", 1.0, "mm", 1.0, 4.0),
+)
+
+
+def lines(data: dict) -> list[Line]:
+    """What `measure` found, beside the bounds."""
+    found = []
+    for name, what, factor, unit, median, p95 in _ERRORS:
+        errors = factor * np.array(data["singles"][name])
+        for part, value, bound in (("median", 50, median), ("p95", 95, p95)):
+            text = f"{what} of one touch of 2 to 80 N, {part} error"
+            found.append(Line(text, float(np.percentile(errors, value)), bound, unit))
+    found.append(Line("one touch is one contact", 100.0 * data["singles"]["one"], None, "%"))
+    for key, trouble in (
+        ("gaps", "6 mm gaps that feel nothing"),
+        ("spread", "cells 10 % apart"),
+    ):
+        for name, what, factor, unit, *_ in _ERRORS:
+            p50, p95 = factor * np.percentile(data[key][name], (50, 95))
+            found.append(Line(f"  {trouble}: {what}, median error", float(p50), None, unit))
+            found.append(Line(f"  {trouble}: {what}, p95 error", float(p95), None, unit))
+    for leak, share in data["neighbours"].items():
+        text = f"two touches, {100 * leak:g} % of each cell leaks to the next: two contacts"
+        if not leak:
+            text = "two touches with one free row between are two contacts"
+        found.append(Line(text, 100.0 * share, 98.0, "%", at_most=False))
+    corners, stream = data["corners"], data["stream"]
+    frames = data["sizes"]["corners"]
+    found += [
+        Line(f"fingers at corners, {frames} frames: ghost contacts", corners["ghosts"], 0.0, ""),
+        Line("  naive: ghost contacts", corners["naive_ghosts"], None, ""),
+        Line("  as many contacts as fingers", 100.0 * corners["right"], None, "%"),
+        Line(f"  coming and going, {stream['frames']} frames", stream["ghosts"], 0.0, ""),
+        Line(
+            "strokes across the skin that keep their id", 100.0 * data["strokes"], 100.0, "%", False
+        ),
+        Line(
+            "passes at 3 cells' distance where both keep their ids",
+            100.0 * data["passes"],
+            100.0,
+            "%",
+            at_most=False,
+        ),
+        Line(
+            "  of the frames of these, both are one contact in", 100.0 * data["joined"], None, "%"
+        ),
+    ]
+    return found
+
+
+def draw(data: dict):
+    """Each single touch's errors over its force."""
+    from matplotlib import pyplot as plt
+
+    figure, axes = plt.subplots(1, 3, figsize=(9.0, 3.2), layout="constrained")
+    for axis, (name, what, factor, unit, median, p95) in zip(axes, _ERRORS, strict=True):
+        errors = factor * np.array(data["singles"][name])
+        axis.plot(data["singles"]["force"], errors, ".", markersize=2.5, color="#0072b2", alpha=0.4)
+        for bound, value, text in ((median, 50, "median"), (p95, 95, "95 %")):
+            axis.axhline(bound, color="#d55e00", linewidth=1.0, linestyle=(0, (4, 2)))
+            axis.text(80, bound * 1.08, f"{text} at most", fontsize=8, color="#d55e00", ha="right")
+            axis.axhline(np.percentile(errors, value), color="#111111", linewidth=1.0)
+        axis.set_xscale("log")
+        axis.set_yscale("log")
+        axis.set_xticks([2, 5, 10, 20, 40, 80], ["2", "5", "10", "20", "40", "80"])
+        axis.minorticks_off()
+        axis.set_ylim(bottom=np.percentile(errors, 1), top=2.5 * p95)
+        axis.yaxis.set_major_formatter("{x:g}")
+        axis.set_title(f"error of {what} [{unit}]", fontsize=11)
+    figure.supxlabel("force of the touch [N]", fontsize=10.5)
+    return figure
+
+
+def main(argv: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(
+        prog="python -m tactile_skin.bench.touch", description=__doc__.splitlines()[0]
+    )
+    parser.add_argument("--seed", type=int, default=1, help="of touches and noise (default 1)")
+    parser.add_argument("--quick", action="store_true", help="few touches: a quarter of a minute")
+    parser.add_argument("--out", type=Path, help="folder for touch.json and touch.png")
+    args = parser.parse_args(argv)
+    if args.seed < 0:
+        parser.error(f"--seed = {args.seed}: must be 0 or more")
+    if args.out:
+        chart.prepare()
+        args.out.mkdir(parents=True, exist_ok=True)
+
+    def track(items, what):
+        for k, item in enumerate(items):
+            if sys.stderr.isatty():
+                print(f"\r\x1b[2K{what} {k}", end="", file=sys.stderr, flush=True)
+            yield item
+        if sys.stderr.isatty():
+            print("\r\x1b[2K", end="", file=sys.stderr, flush=True)
+
+    data = measure(QUICK if args.quick else FULL, args.seed, track)
+    found = lines(data)
+    print(*found, sep="\n")
+    if args.out:
+        about = {"seed": args.seed, "quick": args.quick, "machine": machine()}
+        chart.write(args.out, "touch", about | data, draw)
+    return 0 if all(line.met for line in found) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
