@@ -138,3 +138,14 @@ def test_a_table_of_cells_is_a_geometry(tmp_path):
     found = skin.contacts()
     place = [float(found[name][0]) for name in "xyz"]
     np.testing.assert_allclose(place, [-0.16, 0.3, -0.1], atol=1e-3)
+
+
+@pytest.mark.parametrize("bad", [-1.0, np.nan, np.inf])
+def test_a_pressure_that_is_none_gives_no_contacts(bad):
+    """And so, as nothing is said, a stop."""
+    skin = Skin()
+    skin.feel(NOTHING)
+    with pytest.raises(AssertionError):
+        skin.feel(np.full((16, 16), bad))
+    assert skin.node.callback_errors == 1
+    assert len(skin.seen["skin/contacts"]) == 1

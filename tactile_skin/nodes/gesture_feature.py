@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from .. import features
 from ..bus import Time
 from ..config import circuit_of, describe, geometry_of
@@ -55,10 +57,11 @@ class GestureFeature:
         header = msg.header
         pressure = image_array(msg)
         shape = self.geometry.cell_area.shape
-        if msg.encoding != "32FC1" or pressure.shape != shape or not (pressure >= 0.0).all():
+        sound = ((pressure >= 0.0) & (pressure < np.inf)).all()
+        if msg.encoding != "32FC1" or pressure.shape != shape or not sound:
             raise ValueError(
                 f"skin/pressure is {msg.encoding} {pressure.shape}: "
-                f"must be 32FC1 {shape}, 0 or more"
+                f"must be 32FC1 {shape}, finite and 0 or more"
             )
         force = pressure * self.geometry.cell_area  # (rows, cols) [N], float64
         frame = features.look(force, self.geometry, self.cell_threshold)
