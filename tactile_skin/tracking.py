@@ -50,14 +50,22 @@ class _Track:
         self.id, self.born = number, t
         self.members = [self]  # the touches that are one contact, this, the oldest, first
         self.velocity, self.confidence = _STANDING, 0.0
+        # Where it is by itself among its members, by its last place alone and how it went on from
+        # there: velocity [m/s], once joined of what it moves apart from the others.
+        self.since, self.place, self.leaving = t, _STANDING, _STANDING
+        self.joined = t
 
     def take(self, t: float, contact: Contact, members: list[_Track], pitch: float) -> None:
         """The touch is this contact at t; a centre that jumps says nothing of how it moves."""
-        if self.born == t:
-            self.state, jumped = NEW, True
-        else:
+        self.state, jumped = NEW, True
+        if self.born < t:
             off = contact.position - self.foreseen(t)
             self.state, jumped = HELD, members != self.members or off @ off > pitch**2
+        if members[1:] and members != self.members:
+            _join(t, members, self.members, pitch)
+        elif members[1:]:
+            for member in members:  # they go where the whole goes
+                member.place = member.place + contact.position - self.contact.position
         self.members, self.contact, self.seen = members, contact, t
         if jumped:
             self._times, self._places = [], []
@@ -66,8 +74,8 @@ class _Track:
         while self._times[0] < t - _WINDOW:
             del self._times[0], self._places[0]
         self._fit()
-        if len(members) == 1:
-            self.alone = t, contact.position, self.velocity
+        if not members[1:]:
+            self.since, self.place, self.leaving = t, contact.position, self.velocity
 
     def _fit(self) -> None:
         """Velocity by a line through the last places."""
@@ -84,26 +92,38 @@ class _Track:
         filled = min(1.0, span / (0.8 * _WINDOW))
         self.confidence = filled * travelled2 / (travelled2 + (3.0 * _NOISE) ** 2)
 
-    def meets(self, other: _Track, t: float, closest: float) -> bool:
-        """Whether two that were seen alone run into each other, nearer than `closest` [m]."""
-        apart = other.foreseen_alone(t) - self.foreseen_alone(t)
-        velocity = other.alone[2] - self.alone[2]
-        speed2 = velocity @ velocity
-        if speed2 > 0.0:
-            apart = apart + velocity * max(-(apart @ velocity) / speed2, 0.0)
-        return bool(apart @ apart < closest**2)
-
     def foreseen(self, t: float) -> np.ndarray:
         """Where the touch, with all that joined it, is likely to be."""
         return self.contact.position + self.velocity * min(t - self.seen, _FORESEEN)
 
     def foreseen_alone(self, t: float) -> np.ndarray:
         """Where it would be without those that joined it."""
-        since, place, velocity = self.alone
-        return place + velocity * min(t - since, _FORESEEN)
+        return self.place + self.leaving * min(t - self.since, _FORESEEN)
 
     def told(self, state: str) -> Touch:
         return Touch(self.id, state, self.contact, self.velocity, self.confidence)
+
+
+def _join(t: float, members: list[_Track], before: list[_Track], pitch: float) -> None:
+    """Those of `members` that were not there `before` join the others.
+
+    Fingers pass by each other, not through: those that run into each other go on as one.
+    """
+    places = [member.foreseen_alone(t) for member in members]
+    leaving = [member.leaving for member in members]
+    for i, one in enumerate(members):
+        for k, other in enumerate(members):
+            if one in before and other not in before:
+                apart, velocity = places[k] - places[i], leaving[k] - leaving[i]
+                if (speed2 := velocity @ velocity) > 0.0:
+                    apart = apart + velocity * max(-(apart @ velocity) / speed2, 0.0)
+                if apart @ apart < (_FINGER * pitch) ** 2:  # where they are nearest
+                    leaving[i] = leaving[k] = (leaving[i] + leaving[k]) / 2
+    mean = sum(leaving) / len(members)
+    for member, place, velocity in zip(members, places, leaving, strict=True):
+        member.since, member.place, member.leaving = t, place, velocity - mean
+        if member not in before[1:]:
+            member.joined = t
 
 
 class Tracker:
@@ -142,12 +162,10 @@ class Tracker:
         now = []
         for contact, claim in zip(found, claims, strict=True):
             members = sorted(claim, key=lambda track: track.born) or [self._new(t)]
-            if members[1:]:
-                self._stop_those_that_meet(t, members)
             members[0].take(t, contact, members, self.pitch)
             now.append(members[0])
         for track in now:
-            released += [m for m in track.members[1:] if t - m.alone[0] > _REMEMBERED]
+            released += [m for m in track.members[1:] if t - m.joined > _REMEMBERED]
             track.members = [m for m in track.members if m not in released]
         hidden = []
         for j in lost:
@@ -161,16 +179,6 @@ class Tracker:
     def _new(self, t: float) -> _Track:
         self._ids = self._ids % (_IDS - 1) + 1
         return _Track(self._ids, t)
-
-    def _stop_those_that_meet(self, t: float, members: list[_Track]) -> None:
-        """Fingers pass by each other, not through: those that run into each other go on as one."""
-        before = members[0].members
-        for other in (m for m in members if m not in before):
-            for one in before:
-                if one.meets(other, t, _FINGER * self.pitch):
-                    together = (one.alone[2] + other.alone[2]) / 2
-                    for track in (one, other):
-                        track.alone = (t, track.foreseen_alone(t), together)
 
     def _assign(self, t: float, frame: Frame, claims: list[list[_Track]]) -> list[int]:
         """Put the touches that each contact is into `claims`; returns the places of those lost."""

@@ -182,6 +182,17 @@ def test_touches_that_part_again_have_their_ids_again(skin, pause):
     assert all(t.state == HELD for t in touches)
 
 
+def test_touches_that_go_far_as_one_part_as_who_they_were(skin):
+    """Two fingers side by side are drawn over the skin: the upper one stays the upper one."""
+    for apart in np.arange(5.0, 1.0, -0.1):
+        skin.feel((6, 3, 5.0), (6 + apart, 3, 5.0))
+    for k in range(100):
+        assert ids(skin.feel((6, 3 + 0.1 * k, 5.0), (7.1, 3 + 0.1 * k, 5.0))) == [1]
+    for apart in np.arange(1.1, 5.0, 0.1):
+        touches = skin.feel((6, 13, 5.0), (6 + apart, 13, 5.0))
+    assert {t.id: round(7.5 - t.contact.position[2] / PITCH) for t in touches} == {1: 6, 2: 11}
+
+
 def test_a_touch_that_joined_is_forgotten_after_two_seconds(skin):
     """And told as released; whoever parts then is a new touch."""
     join(skin, end=1.0)
