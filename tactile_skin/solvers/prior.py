@@ -56,7 +56,7 @@ class Differences:
         self._to_precision = sparse.csr_array(sparse.vstack([self.back.power(2), entries]))
 
     def precision(self, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """matrix^T diag(w) matrix: its diagonal (cells,), its entries between `here` and `there`."""
+        """Of matrix^T diag(w) matrix the diagonal (cells,) and what lies between here and there."""
         both = self._to_precision @ w
         return both[: self.cells], both[self.cells :]
 
