@@ -51,7 +51,7 @@ def iterate(reading: Reading, g, steps: int, target: float) -> tuple[np.ndarray,
     circuit = reading.circuit
     cells = circuit.populated & reading.known  # the others stay at rest
     cells = slice(None) if cells.all() else np.flatnonzero(cells)
-    low, high = np.log(reading.bounds)
+    low, high = (np.log(bound.ravel()[cells]) for bound in reading.bounds)
     g = g.copy()
     flat = g.reshape(-1)
     x = np.log(flat[cells])  # (cells,)

@@ -79,9 +79,10 @@ def _fit(reading: Reading, g: np.ndarray, prior, warm: bool = False) -> Estimate
     noise = max(reading.noise, ROUNDING_NOISE)
     g, steps = iterate(reading, g, WARM_STEPS if warm else START_STEPS, _NEAR * noise)
     g = _fill(reading, g)
-    at_rest = circuit.populated & (g < _NEAR_REST * reading.bounds[0])
+    low = reading.bounds[0]
+    at_rest = circuit.populated & (g < _NEAR_REST * low)
     broad = np.count_nonzero(at_rest) < _BROAD * np.count_nonzero(circuit.populated)
-    g[at_rest] = reading.bounds[0]
+    g = np.where(at_rest, low, g)
     point = _Point.at(reading, g, broad, prior)
     costs = [point.cost]
     iterations = 0
@@ -145,7 +146,8 @@ def _fill(reading: Reading, g: np.ndarray) -> np.ndarray:
 class _Point(NamedTuple):
     """All that follows from one g; pictures are (rows, cols)."""
 
-    g: np.ndarray  # S
+    g: np.ndarray  # S, the cells' conductance
+    gx: np.ndarray  # S, d g / d x: of it what follows the curve
     network: laplacian.Network
     adc: np.ndarray  # ratio
     misfit: np.ndarray  # reading - model, in standard deviations
@@ -166,27 +168,29 @@ class _Point(NamedTuple):
         if not reading.plain:
             weight *= reading.known | (misfit < 0)
         cells = circuit.populated
-        x = np.log(g if circuit.mask is None else np.where(cells, g, reading.bounds[0]))
+        gx = g if curve.offset is None else g - curve.offset * cells
+        at_rest = 1.0 / curve.points[0][1]
+        x = np.log(gx if circuit.mask is None else np.where(cells, gx, at_rest))
         if broad or extra is not None:
-            force = np.where(cells, curve.force(np.exp(-x)), 0.0)
+            force = np.where(cells, curve.force(1.0 / np.where(cells, g, 1.0)), 0.0)
             slope = -curve.slope(force)
         if broad:
             terms = prior_terms.level(force, slope, cells)
         else:
-            x_rest = np.log(reading.bounds[0])
-            terms = prior_terms.touches(x, x_rest, prior_terms.differences(circuit))
+            between = prior_terms.differences(circuit)
+            terms = prior_terms.touches(x, np.log(at_rest), between)
         if extra is not None:
             terms = prior_terms.add(terms, prior_terms.known(force, slope, *extra, cells))
         flat = misfit.ravel()
         cost = 0.5 * (flat @ flat) + terms.value
-        return cls(g, network, adc, misfit, weight, terms, float(cost))
+        return cls(g, gx, network, adc, misfit, weight, terms, float(cost))
 
     @property
     def curvature(self) -> np.ndarray:
         """(rows, cols) of the cost over each cell's x, from its own reading and prior alone."""
         own = self.network.rho**2
         own *= self.weight
-        own *= self.g
+        own *= self.gx
         own *= own
         own += self.prior.diagonal
         return own
@@ -205,14 +209,14 @@ class _Step(NamedTuple):
 def _downhill(point: _Point) -> np.ndarray:
     """- d cost / d x (rows, cols), for all cells at once in O(lines^3)."""
     pull = laplacian.hessian_product(point.network.k, point.weight * point.misfit)
-    pull *= point.g
+    pull *= point.gx
     pull -= point.prior.gradient
     return pull
 
 
 def _gauss_newton(reading: Reading, point: _Point) -> _Step:
     low, high = reading.bounds
-    g, circuit = point.g, reading.circuit
+    g, gx, circuit = point.g, point.gx, reading.circuit
     slope = _downhill(point)
     # A cell at rest joins if alone it would gain something, next to what the best would gain: a
     # moved touch leaves misfit along its lines in cells that the next step finds at rest.
@@ -234,14 +238,14 @@ def _gauss_newton(reading: Reading, point: _Point) -> _Step:
     jacobian = v[told] @ v[free].T  # (readings, n), t_ab
     jacobian *= jacobian
     jacobian *= point.weight.ravel()[told].astype(np.float32)[:, None]
-    jacobian *= g.ravel()[free].astype(np.float32)
+    jacobian *= gx.ravel()[free].astype(np.float32)
     precision = blas.ssyrk(1.0, jacobian.T)  # upper triangle
     precision.T.flat[:: free.size + 1] += point.prior.diagonal.ravel()[free]
     if point.prior.entries is not None:
         _join(precision, point.prior.entries, prior_terms.differences(circuit), free)
-    dx, factor, inside = _solve_in_box(
-        precision, b, low / g.flat[free] - 1, high / g.flat[free] - 1
-    )
+    here = g.ravel()[free]
+    ends = ((bound.ravel()[free] - here) / gx.ravel()[free] for bound in (low, high))
+    dx, factor, inside = _solve_in_box(precision, b, *ends)
     if factor is None:
         return _Step(free, dx, 0.0, None, free, None, None)
     return _Step(free, dx, 0.5 * b @ dx, factor, free[inside], told, jacobian[:, inside])
@@ -299,8 +303,8 @@ def _conjugate_gradients(point: _Point, between, free: np.ndarray, b: np.ndarray
 
     def product(p):
         picture.flat[free] = p
-        rho = laplacian.hessian_product(k, point.g * picture)
-        data = point.g * laplacian.hessian_product(k, point.weight**2 * rho)
+        rho = laplacian.hessian_product(k, point.gx * picture)
+        data = point.gx * laplacian.hessian_product(k, point.weight**2 * rho)
         return (data + prior_terms.product(point.prior, picture, between)).ravel()[free]
 
     return conjugate_gradients(product, diagonal, b, steps=_CG_STEPS, target=1e-2)
@@ -308,16 +312,16 @@ def _conjugate_gradients(point: _Point, between, free: np.ndarray, b: np.ndarray
 
 def _descend(reading: Reading, point: _Point, step: _Step, broad: bool, extra, ceiling) -> _Point:
     """Take the step, or as much of it as stays below `ceiling`; the old point if none does."""
-    low, high = reading.bounds
     if not step.free.size:
         return point
+    low, high = (bound.ravel()[step.free] for bound in reading.bounds)
     dx = step.dx
     for _ in range(6):
         # in g: the readings are closer to linear in g than in log g
-        factor = 1.0 + np.minimum(np.maximum(dx, -0.9), 3.0)
+        change = np.minimum(np.maximum(dx, -0.9), 3.0) * point.gx.ravel()[step.free]
         g = point.g.copy()
         flat = g.reshape(-1)
-        flat[step.free] = np.minimum(np.maximum(flat[step.free] * factor, low), high)
+        flat[step.free] = np.minimum(np.maximum(flat[step.free] + change, low), high)
         new = _Point.at(reading, g, broad, extra)
         if new.cost <= ceiling:
             return new

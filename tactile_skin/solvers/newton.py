@@ -102,7 +102,7 @@ def _climb(reading: Reading, g, network: laplacian.Network, step, gradient):
         new = np.where(cells, np.clip(g + step, np.maximum(low, 0.05 * g), high), 0.0)
         there = laplacian.solve(new)
         change = new - g
-        if np.abs(change).max() < 1e-2 * low:  # so near that phi's own rounding would decide
+        if np.abs(change).max() < 1e-2 * low.min():  # so near that phi's own rounding would decide
             break
         if height is None:
             height = _height(reading, g, network)

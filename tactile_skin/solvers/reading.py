@@ -63,10 +63,11 @@ class Reading:
         """(rows, cols) measured two-terminal resistance [ohm], kept finite and above 0."""
         return np.clip(self.circuit.two_terminal(self.adc), 1e-3, 1e12)
 
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """Conductance [S] of a cell at rest and of one at the curve's end."""
-        return 1.0 / self.curve.rest_resistance, 1.0 / self.curve.least_resistance
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """(rows, cols) conductance [S] of each cell at rest and at the curve's end."""
+        ends = self.curve.rest_resistance, self.curve.least_resistance
+        return np.full(self.adc.shape, 1.0 / ends[0]), np.full(self.adc.shape, 1.0 / ends[1])
 
     def late(self) -> bool:
         return time.monotonic() > self.deadline
