@@ -23,7 +23,8 @@ class Compensation:
     a second and whenever the level changes: WARN for a suspect frame, ERROR, which stops the
     robot, for a failed one and while half of the last frames are suspect. A frame that fails is
     not published. What the cells conduct at rest is measured between touches (`Tare`); until the
-    first time, a second after the start, a fabric whose cells differ is suspect. The service `~/reset` forgets the last frame, from which the next one starts.
+    first time, a second after the start, a fabric whose cells differ is suspect. The service
+    `~/reset` forgets the last frame, from which the next one starts.
     """
 
     def __init__(self, node):
