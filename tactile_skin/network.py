@@ -79,7 +79,7 @@ class Weights:
     """
 
     def __init__(self, state: dict[str, np.ndarray], meta: dict, path: Path):
-        self.meta, self.path = meta, path
+        self.state, self.meta, self.path = state, meta, path
         self.rows, self.cols = meta["circuit"]["rows"], meta["circuit"]["cols"]
         self._circuit = circuit_from(meta["circuit"])
         self._curve = PressureCurve(**meta["curve"])
