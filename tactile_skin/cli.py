@@ -126,6 +126,17 @@ def _parser() -> argparse.ArgumentParser:
         )
 
     sub = command(
+        "export",
+        _export,
+        "write a trained network as ONNX, for a runtime without Python",
+        epilog="examples:\n"
+        "  tactile-skin export my_weights/paper.npz skin.onnx\n"
+        "  tactile-skin export paper skin.onnx",
+    )
+    sub.add_argument("weights", help="file that `train` made, or the shipped ones: paper, physics")
+    sub.add_argument("out", type=Path, help="file to write")
+
+    sub = command(
         "bench",
         _bench,
         "measure every method and draw it: speed against accuracy, and where each method fails",
@@ -219,6 +230,16 @@ def _train(args) -> int:
         print(f"tactile-skin train: {error}", file=sys.stderr)
         return 1
     print(f"weights: {path}")
+    return 0
+
+
+def _export(args) -> int:
+    from . import export, network
+
+    shipped = args.weights in network.NETWORKS
+    weights = network.shipped(args.weights) if shipped else network.load(args.weights)
+    export.to_onnx(weights, args.out)
+    print(f"{args.out}: {weights.kind} network, {weights.rows} x {weights.cols}, force in newton")
     return 0
 
 

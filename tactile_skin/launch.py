@@ -50,6 +50,7 @@ NODES = {  # exec -> class, imported when it is started
 }
 
 
+_ONE_THREAD = ("compensation", "gesture_feature")  # each waits for the other's last word anyway
 _SHARED = ("circuit", "curve", "geometry")  # parameters that several nodes read
 
 
@@ -324,9 +325,22 @@ class Skin:
         # The default, 5 ms, is longer than a frame's whole way to the stop.
         self._switch_interval = sys.getswitchinterval()
         sys.setswitchinterval(0.0005)
-        for handle in (*self._handles, self.node):
-            self._executor.add_node(handle)
+        for handles in (*self._stages(), [self.node]):
+            self._executor.add_node(*handles)
         return self
+
+    def _stages(self) -> list[list[Node]]:
+        """The nodes by thread: a skin's compensation and its features share one."""
+        groups: dict = {}
+        for handle, action in zip(self._handles, self._plan.nodes, strict=True):
+            shared = action.executable in _ONE_THREAD
+            key = handle.get_namespace() if shared else handle.get_fully_qualified_name()
+            groups.setdefault((shared, key), []).append((action.executable, handle))
+        order = {name: k for k, name in enumerate(NODES)}
+        return [
+            [handle for _, handle in sorted(group, key=lambda item: order[item[0]])]
+            for group in groups.values()
+        ]
 
     def __exit__(self, *_) -> None:
         """Stop in the way of the data: what is on its way still arrives."""
