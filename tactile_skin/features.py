@@ -153,7 +153,7 @@ def _join(tops: list[int], hill, around, f, threshold: float) -> dict[int, int]:
     cell, side = ((other >= 0) & (other < hill[:, None])).nonzero()  # each border seen from above
     saddle = np.minimum(f[cell], f[around[cell, side]])
     highest = saddle.argsort()[::-1]
-    first, second = hill[cell[highest]].tolist(), other[cell, side][highest].tolist()
+    above, below = hill[cell[highest]].tolist(), other[cell, side][highest].tolist()
     stands_for = {k: k for k in tops}
 
     def top(k):
@@ -161,12 +161,8 @@ def _join(tops: list[int], hill, around, f, threshold: float) -> dict[int, int]:
             k = stands_for[k]
         return k
 
-    seen = set()
-    for pair, height in zip(zip(first, second, strict=True), saddle[highest].tolist(), strict=True):
-        if pair in seen:
-            continue  # only the highest way between two hills matters
-        seen.add(pair)
-        low, high = sorted(map(top, pair))
+    for one, another, height in zip(above, below, saddle[highest].tolist(), strict=True):
+        low, high = sorted((top(one), top(another)))
         if low != high and (height >= _VALLEY * f[low] or f[low] <= threshold):
             stands_for[low] = high
     return {k: top(k) for k in tops}

@@ -8,6 +8,7 @@ which name places on the sensor and not what the hand does.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -44,8 +45,9 @@ class Gestures:
     def __init__(self, geometry: Geometry):
         self._area, self._pitch = geometry.cell_area, geometry.pitch
         self._courses: dict[int, _Course] = {}
-        self._force = np.zeros(self._area.shape)  # (rows, cols) [N], of the last frame
-        self._owner = np.zeros(self._area.shape, int)  # (rows, cols) id of the touch, 0: none
+        # Of the last frame: force [N] on the cells, their contacts and the touches that these were.
+        self._force = np.zeros(self._area.shape)
+        self._labels, self._ids = np.zeros(self._area.shape, int), []
 
     def update(self, t: float, frame: Frame, touches: list[Touch]) -> list[Gesture]:
         """A gesture for each of `tracking.Tracker.update`'s touches, in their order.
@@ -55,22 +57,24 @@ class Gestures:
         """
         if not touches:
             return []
-        n = len(frame.contacts)
-        owner = np.array([0, *(touch.id for touch in touches[:n])])[frame.labels]
-        change = np.abs(frame.force - self._force)
+        labels, n = frame.labels, len(frame.contacts)
+        ids = [touch.id for touch in touches[:n]]
         # A cell that is touched no more changed by the touch that has left it.
-        changed_by = np.where(owner > 0, owner, self._owner)
+        label_now = {number: k for k, number in enumerate(ids, 1)}
+        left_by = np.array([0, *(label_now.get(number, 0) for number in self._ids)])
+        changed_by = np.where(labels > 0, labels, left_by[self._labels])
+        change = np.abs(frame.force - self._force)
+        changes = np.bincount(changed_by.ravel(), change.ravel(), n + 1).tolist()
         hardest = np.zeros(n + 1)
-        np.maximum.at(hardest, frame.labels, frame.force / self._area)
-        for k, touch in enumerate(touches[:n]):
+        np.maximum.at(hardest, labels.ravel(), (frame.force / self._area).ravel())
+        for k, (touch, peak) in enumerate(zip(touches, hardest[1:].tolist(), strict=False), 1):
             course = self._courses.setdefault(touch.id, _Course(t, touch.contact))
-            changed = change[changed_by == touch.id].sum()
-            course.take(t, touch.contact, float(hardest[k + 1]), float(changed), self._pitch)
+            course.take(t, touch.contact, peak, changes[k], self._pitch)
         gestures = [self._courses[touch.id].gesture() for touch in touches]
         for touch in touches:
             if touch.state == RELEASED:
                 del self._courses[touch.id]
-        self._force, self._owner = frame.force, owner
+        self._force, self._labels, self._ids = frame.force, labels, ids
         return gestures
 
 
@@ -79,7 +83,7 @@ class _Course:
 
     def __init__(self, t: float, contact: Contact):
         self.start = self.end = t
-        self.first = self.last = self.anchor = contact.position
+        self.first = self.last = self.anchor = contact.position.tolist()
         self.frames = self.peaks = 0
         self.above = False
         self.pressure = self.hardest = self.changed = self.area = self.way = 0.0
@@ -90,7 +94,7 @@ class _Course:
         hardest: pressure on one cell [Pa]; changed: sum of |change of force| [N]; jump: a
             centre that moves so far at once [m] did not move, the touch joined another.
         """
-        self.end, self.last = t, contact.position
+        self.end, self.last = t, contact.position.tolist()
         self.frames += 1
         self.pressure += contact.force / contact.area
         self.hardest = max(self.hardest, hardest)
@@ -101,7 +105,7 @@ class _Course:
         above = contact.force > (_FALLEN if self.above else _RISEN) * self.largest
         self.peaks += above and not self.above
         self.above = above
-        moved = float(np.linalg.norm(self.last - self.anchor))
+        moved = math.dist(self.last, self.anchor)
         if moved >= _STEP:
             self.way += moved if moved < jump else 0.0
             self.anchor = self.last
@@ -117,5 +121,5 @@ class _Course:
             max_pressure_contact_area=self.largest_area,
             peak_count=self.peaks,
             displacement=self.way,
-            net_displacement=float(np.linalg.norm(self.last - self.first)),
+            net_displacement=math.dist(self.last, self.first),
         )

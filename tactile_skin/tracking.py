@@ -188,10 +188,9 @@ class Tracker:
         stays = shared > _STAYS * np.array([[track.contact.force] for track in tracks])
         away = _distances([track.foreseen(t) for track in tracks], [c.position for c in found])
         reach = _REACH * self.pitch + _FASTEST * min(t - self._t, _GRACE)
-        may = (away < reach) | part_of | stays
         pieces: list[list[int]] = [[] for _ in tracks]  # the contacts that each touch is now
         unmatched = set(range(len(found)))
-        for j, k in _match(np.where(may, away, np.inf)):
+        for j, k in _match(np.where(away < reach, away, np.inf)):
             pieces[j].append(k)
             unmatched.discard(k)
         for k in unmatched:

@@ -89,6 +89,14 @@ def test_the_centres_noise_is_no_way():
     assert gesture.displacement < 0.005
 
 
+def test_a_centre_that_jumps_since_touches_join_did_not_go_there():
+    arm = np.zeros((8, 8))
+    arm[2:4, 2:8] = 1.0
+    _, gesture = play([patch(1.0)] * 10 + [arm] * 10)[-1]
+    assert gesture.net_displacement == pytest.approx(2 * PLANE.pitch)
+    assert gesture.displacement == 0.0
+
+
 def test_two_touches_have_a_gesture_each():
     frames = [patch(1.0) + patch(3.0 + k % 2, 5, 5) for k in range(11)]
     told = play(frames)[-2:]

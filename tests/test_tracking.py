@@ -148,6 +148,41 @@ def test_two_touches_that_pass_keep_their_ids(skin, apart):
     assert sorted(rows) == [1, 2]
 
 
+def palm(row, col, newtons=40.0, width=1.2):
+    return finger(16, 16, row, col, newtons, width)
+
+
+def test_two_palms_that_pass_as_one_contact_keep_their_ids(skin):
+    """Longer than it takes to be nearer to where the other was: they are thought to go on."""
+    rows, joined = {}, 0
+    for k in range(66):
+        skin.t += DT
+        touches = there(skin.look(palm(6.5, 1 + 0.2 * k) + palm(9, 14 - 0.2 * k)))
+        joined += len(touches) == 1
+        for touch in touches if len(touches) == 2 else ():
+            row = 7.5 - touch.contact.position[2] / PITCH
+            assert abs(row - rows.setdefault(touch.id, row)) < 0.5
+    assert joined * 0.2 > 2.5  # cells that each went meanwhile, as many as they are apart
+    assert sorted(rows) == [1, 2]
+
+
+def test_two_palms_joined_by_an_arm_between_keep_their_ids(skin):
+    """The centre of both is far from each: the cells tell."""
+    arm = np.zeros((16, 16))
+    arm[7:10, 4:13] = 3.0
+    for k in range(60):
+        skin.t += DT
+        both = palm(8, 3, 30.0) + palm(8, 13, 40.0)
+        touches = there(skin.look(np.maximum(both, arm if 20 <= k < 40 else 0.0)))
+        assert len(touches) == (1 if 20 <= k < 40 else 2)
+        if k == 0:
+            before = {touch.id: round(column(touch)) for touch in touches}
+        elif k >= 40:
+            assert {touch.id: round(column(touch)) for touch in touches} == before
+        elif k >= 20:
+            assert ids(touches) == [1]
+
+
 def join(skin, start=6.0, end=2.0):
     """Two fingers, set down one after the other, drawn together until they are one contact."""
     skin.feel((7, 5, 5.0))
@@ -183,14 +218,27 @@ def test_touches_that_part_again_have_their_ids_again(skin, pause):
 
 
 def test_touches_that_go_far_as_one_part_as_who_they_were(skin):
-    """Two fingers side by side are drawn over the skin: the upper one stays the upper one."""
+    """Two fingers, one behind the other, are drawn over the skin; then the first turns off."""
     for apart in np.arange(5.0, 1.0, -0.1):
-        skin.feel((6, 3, 5.0), (6 + apart, 3, 5.0))
-    for k in range(100):
-        assert ids(skin.feel((6, 3 + 0.1 * k, 5.0), (7.1, 3 + 0.1 * k, 5.0))) == [1]
-    for apart in np.arange(1.1, 5.0, 0.1):
-        touches = skin.feel((6, 13, 5.0), (6 + apart, 13, 5.0))
-    assert {t.id: round(7.5 - t.contact.position[2] / PITCH) for t in touches} == {1: 6, 2: 11}
+        skin.feel((6, 3, 5.0), (6, 3 + apart, 5.0))
+    for k in range(91):
+        assert ids(skin.feel((6, 3 + 0.1 * k, 5.0), (6, 4.1 + 0.1 * k, 5.0))) == [1]
+    for aside in np.arange(0.0, 5.0, 0.1):
+        touches = skin.feel((6, 12, 5.0), (6 + aside, 13.1, 5.0))
+    rows = {t.id: round(7.5 - t.contact.position[2] / PITCH) for t in touches}
+    assert rows == {1: 6, 2: 11}
+
+
+def test_touches_that_joined_on_their_way_and_then_stopped_part_as_who_they_were(skin):
+    """What both did together does not go on in each."""
+    for k in range(40):
+        skin.feel((6, 10 - 0.1 * k, 5.0), (6, 15 - 0.2 * k, 5.0))
+    for _ in range(40):
+        assert ids(skin.feel((6, 6, 5.0), (6, 7.1, 5.0))) == [1]
+    for aside in np.arange(0.0, 5.0, 0.1):
+        touches = skin.feel((6, 6, 5.0), (6 + aside, 7.1, 5.0))
+    rows = {t.id: round(7.5 - t.contact.position[2] / PITCH) for t in touches}
+    assert rows == {1: 6, 2: 11}
 
 
 def test_a_touch_that_joined_is_forgotten_after_two_seconds(skin):
