@@ -222,9 +222,8 @@ class Tracker:
         shape = len(self._tracks) + 1, len(frame.contacts) + 1
         cells = np.flatnonzero(frame.labels)
         pair = self._on.flat[cells] * shape[1] + frame.labels.flat[cells]
-        return np.bincount(pair, frame.force.flat[cells], shape[0] * shape[1]).reshape(shape)[
-            1:, 1:
-        ]
+        force = np.bincount(pair, frame.force.flat[cells], shape[0] * shape[1])
+        return force.reshape(shape)[1:, 1:]
 
 
 def stroke(touches: list[Touch]) -> tuple[np.ndarray, float]:

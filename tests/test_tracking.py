@@ -5,6 +5,7 @@ import pytest
 
 from tactile_skin import features, tracking
 from tactile_skin.geometry import make_geometry
+from tactile_skin.gestures import Gestures
 from tactile_skin.scenes import finger
 from tactile_skin.tracking import HELD, NEW, RELEASED, Tracker
 
@@ -25,7 +26,8 @@ class Skin:
         return self.look(sum((tip(*f) for f in fingers), np.zeros((16, 16))))
 
     def look(self, force):
-        return self.tracker.update(self.t, features.look(force, PLANE, 0.2))
+        self.frame = features.look(force, PLANE, 0.2)
+        return self.tracker.update(self.t, self.frame)
 
 
 def tip(row, col, newtons=5.0):
@@ -306,3 +308,43 @@ def test_ids_stay_exact_in_a_point_cloud(skin):
     assert ids(skin.feel((5, 5, 5.0))) == [2**24 - 1]
     assert sorted(ids(skin.feel((5, 5, 5.0), (12, 12, 5.0)))) == [1, 2**24 - 1]
     assert np.float32(2**24 - 1) != np.float32(2**24)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_whatever_fingers_do_each_touch_has_one_life(seed):
+    """New once, then held, released once and never told again; an id at a time is one touch's."""
+    rng = np.random.default_rng(seed)
+    skin, gestures, lives = Skin(), Gestures(PLANE), {}
+    fingers = [None, None, None, None]
+    for _ in range(400):
+        for k, where in enumerate(fingers):
+            if where is None and rng.random() < 0.05:
+                fingers[k] = rng.uniform(2, 13, 2), rng.normal(0, 0.4, 2), rng.uniform(1, 20)
+            elif where is not None:
+                place, speed, newtons = where
+                speed = 0.9 * speed + rng.normal(0, 0.15, 2) + 0.02 * (7.5 - place)
+                fingers[k] = (np.clip(place + speed, 1, 14), speed, newtons)
+                if rng.random() < 0.02:
+                    fingers[k] = None
+        pressed = [(*f[0], f[2]) for f in fingers if f is not None]
+        touches = skin.feel(*pressed, dt=0.2 if rng.random() < 0.01 else DT)
+        assert len(gestures.update(skin.t, skin.frame, touches)) == len(touches)
+        told = [touch.id for touch in touches]
+        assert len(set(told)) == len(told)
+        states = [touch.state for touch in touches]
+        assert states == sorted(states, key=RELEASED.__eq__)  # the released ones last
+        for touch in touches:
+            lives.setdefault(touch.id, []).append(touch.state)
+            assert np.isfinite(touch.velocity).all()
+    for _ in range(300):
+        touches = skin.feel()
+        gestures.update(skin.t, skin.frame, touches)
+        for touch in touches:
+            lives[touch.id].append(touch.state)
+    assert len(lives) > 10
+    for states in lives.values():
+        assert states[0] == NEW
+        assert set(states[1:-1]) <= {HELD}
+        assert states[-1] == RELEASED
+    assert not skin.tracker._tracks
+    assert not gestures._courses
