@@ -42,6 +42,7 @@ _FINE_SKIN = make_geometry(
     "cylinder", ROWS * _FINE, COLS * _FINE, pitch=SKIN.pitch / _FINE, radius=RADIUS
 )
 KINDS = ("gaussian", "sphere", "flat", "rect")
+SPREAD = 0.1  # of the logarithm of resistance, where cells are not alike
 _HARDEST = 9.5  # N on a cell; at 9.8 (1 kg) the curve ends, and more cannot be told
 
 
@@ -98,9 +99,16 @@ def random_pad(rng, sizes: tuple[float, float], middle=None) -> Pad:
     return Pad(kind, *middle, height, width, rng.uniform(0.0, np.pi))
 
 
-def found_in(force: np.ndarray, rng, method: str = METHOD) -> features.Frame:
-    """What the skin says of a force on each cell, `scan` reading."""
-    adc = read_out(CIRCUIT, forward(CIRCUIT, CURVE.resistance(force)), "scan", rng)
+def found_in(force: np.ndarray, rng, method: str = METHOD, spread: float = 0.0) -> features.Frame:
+    """What the skin says of a force on each cell, `scan` reading.
+
+    Args:
+        spread: standard deviation of the logarithm of each cell's resistance: no two cells of a
+            textile are alike.
+    """
+    resistance = CURVE.resistance(np.minimum(force, CURVE.max_force))
+    resistance *= np.exp(spread * rng.standard_normal(force.shape))
+    adc = read_out(CIRCUIT, forward(CIRCUIT, resistance), "scan", rng)
     estimate = compensate(adc, CIRCUIT, CURVE, method)
     return features.look(estimate.force, SKIN, CELL_THRESHOLD)
 
@@ -115,7 +123,7 @@ def single_touches(n: int, rng, feel=cells, spread: float = 0.0, track=iter) -> 
 
     Args:
         feel: what the cells feel of the points.
-        spread: standard deviation of the logarithm of each cell's resistance.
+        spread: as `found_in`'s.
 
     Returns:
         force [N], and errors: of force (relative), centre [mm], direction [degrees], lists of n;
@@ -129,10 +137,7 @@ def single_touches(n: int, rng, feel=cells, spread: float = 0.0, track=iter) -> 
             fine = random_pad(rng, (2.0, 7.0)).pressed(newtons)
             if 0.3 < cells(fine).max() < _HARDEST:
                 break
-        resistance = CURVE.resistance(np.minimum(feel(fine), CURVE.max_force))
-        resistance *= np.exp(spread * rng.standard_normal(resistance.shape))
-        adc = read_out(CIRCUIT, forward(CIRCUIT, resistance), "scan", rng)
-        frame = features.look(compensate(adc, CIRCUIT, CURVE, METHOD).force, SKIN, CELL_THRESHOLD)
+        frame = found_in(feel(fine), rng, spread=spread)
         true = fine.ravel() @ _FINE_SKIN.lever  # force, torque, first moment, sum
         centre, push = true[6:9] / true[9], true[:3] / np.linalg.norm(true[:3])
         one += len(frame.contacts) == 1
@@ -153,7 +158,7 @@ def single_touches(n: int, rng, feel=cells, spread: float = 0.0, track=iter) -> 
 # --- 2. how many touches -------------------------------------------------------------------------
 
 
-def neighbours(n: int, rng, leak: float = 0.0, track=iter) -> float:
+def neighbours(n: int, rng, leak: float = 0.0, spread: float = 0.0, track=iter) -> float:
     """Share of n frames in which two touches with one free row or column between are two contacts.
 
     Pads of 1.5 to 5 cells and 2 to 40 N each, their edges up to 0.3 cells from the free line.
@@ -161,10 +166,11 @@ def neighbours(n: int, rng, leak: float = 0.0, track=iter) -> float:
     Args:
         leak: share of each cell's force that a cover spreads to each of its four neighbours: then
             the free line is not quite free.
+        spread: as `found_in`'s.
     """
     right = 0
     for _ in track(range(n)):
-        right += len(found_in(_two_beside(rng, leak), rng).contacts) == 2
+        right += len(found_in(_two_beside(rng, leak), rng, spread=spread).contacts) == 2
     return right / n
 
 
@@ -216,9 +222,9 @@ def ghosts(frame: features.Frame, touched: np.ndarray) -> int:
 
 
 def corner_frames(n: int, rng, track=iter) -> dict:
-    """n frames of `corners`: ghost contacts of the method and of naive, and the share of frames
-    with as many contacts as fingers."""
-    count = {"ghosts": 0, "naive_ghosts": 0, "right": 0}
+    """n frames of `corners`: ghost contacts of the method, of naive and where cells are SPREAD apart,
+    and the share of frames with as many contacts as fingers."""
+    count = {"ghosts": 0, "naive_ghosts": 0, "spread_ghosts": 0, "right": 0}
     for _ in track(range(n)):
         fingers = corners(rng)
         force = np.sum(fingers, 0)
@@ -226,6 +232,7 @@ def corner_frames(n: int, rng, track=iter) -> dict:
         count["ghosts"] += ghosts(frame, force > 0)
         count["right"] += len(frame.contacts) == len(fingers)
         count["naive_ghosts"] += ghosts(found_in(force, rng, "naive"), force > 0)
+        count["spread_ghosts"] += ghosts(found_in(force, rng, spread=SPREAD), force > 0)
     return count | {"right": count["right"] / n}
 
 
@@ -379,11 +386,12 @@ def measure(sizes: dict[str, int], seed: int, track=lambda items, what: items) -
     data: dict = {
         "singles": single_touches(n, rng, track=lambda i: track(i, "single touches")),
         "gaps": single_touches(n // 4, rng, sensed_cells),
-        "spread": single_touches(n // 4, rng, spread=0.1),
+        "spread": single_touches(n // 4, rng, spread=SPREAD),
         "neighbours": {
-            leak: neighbours(sizes["neighbours"], rng, leak, lambda i: track(i, "neighbours"))
+            leak: neighbours(sizes["neighbours"], rng, leak, track=lambda i: track(i, "neighbours"))
             for leak in LEAKS
         },
+        "neighbours_spread": neighbours(sizes["neighbours"] // 2, rng, spread=SPREAD),
         "corners": corner_frames(sizes["corners"], rng, lambda i: track(i, "corners")),
         "stream": corner_stream(sizes["streams"], rng, lambda i: track(i, "corners, moving")),
     }
@@ -450,11 +458,14 @@ def lines(data: dict) -> list[Line]:
         if not leak:
             text = "two touches with one free row between are two contacts"
         found.append(Line(text, 100.0 * share, 98.0, "%", at_most=False))
+    share = 100.0 * data["neighbours_spread"]
+    found.append(Line("  cells 10 % apart: two contacts", share, None, "%"))
     corners, stream = data["corners"], data["stream"]
     frames = data["sizes"]["corners"]
     found += [
         Line(f"fingers at corners, {frames} frames: ghost contacts", corners["ghosts"], 0.0, ""),
         Line("  naive: ghost contacts", corners["naive_ghosts"], None, ""),
+        Line("  cells 10 % apart: ghost contacts", corners["spread_ghosts"], None, ""),
         Line("  as many contacts as fingers", 100.0 * corners["right"], None, "%"),
         Line(f"  coming and going, {stream['frames']} frames", stream["ghosts"], 0.0, ""),
         Line(
