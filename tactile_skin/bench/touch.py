@@ -222,7 +222,7 @@ def ghosts(frame: features.Frame, touched: np.ndarray) -> int:
 
 
 def corner_frames(n: int, rng, track=iter) -> dict:
-    """n frames of `corners`: ghost contacts of the method, of naive and where cells are SPREAD apart,
+    """n frames of `corners`: ghost contacts of the method, of naive and where cells are not alike;
     and the share of frames with as many contacts as fingers."""
     count = {"ghosts": 0, "naive_ghosts": 0, "spread_ghosts": 0, "right": 0}
     for _ in track(range(n)):
@@ -391,7 +391,7 @@ def measure(sizes: dict[str, int], seed: int, track=lambda items, what: items) -
             leak: neighbours(sizes["neighbours"], rng, leak, track=lambda i: track(i, "neighbours"))
             for leak in LEAKS
         },
-        "neighbours_spread": neighbours(sizes["neighbours"] // 2, rng, spread=SPREAD),
+        "neighbours_spread": neighbours((sizes["neighbours"] + 1) // 2, rng, spread=SPREAD),
         "corners": corner_frames(sizes["corners"], rng, lambda i: track(i, "corners")),
         "stream": corner_stream(sizes["streams"], rng, lambda i: track(i, "corners, moving")),
     }
