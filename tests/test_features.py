@@ -175,7 +175,7 @@ def test_every_touched_cell_is_in_one_contact_with_its_neighbours(force):
         assert contact.force == pytest.approx(force[own].sum())
         assert contact.peak == force[own].max() > 0.2
     forces = [c.force for c in frame.contacts]
-    assert forces == sorted(forces, reverse=True)
+    assert all(np.diff(forces) < 1e-9)  # strongest first
 
 
 @hypothesis.settings(max_examples=150, deadline=None)
