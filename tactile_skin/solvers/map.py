@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from ..circuit import two_terminal_resistance
 from . import laplacian, suspect
 from . import prior as prior_terms
 from .conjugate_gradients import conjugate_gradients
@@ -23,7 +22,9 @@ from .fixed_point import first_guess, iterate, last_guess
 from .reading import ROUNDING_NOISE, Reading
 
 STEPS = 12
-START_STEPS = 4
+START_STEPS = 6  # of the fixed point: a step costs an eighth of a Gauss-Newton step
+WARM_STEPS = 8  # the same from the last frame: a touch that moved misfits by far at its rim
+_NEAR = 1.5  # residual, in units of the noise, at which the fixed point has done its part
 _SETTLED = 4.0  # stop when a step gains less than this, in units of 1/2 chi^2
 _CAUSE = 6.0  # chi^2 that a cell at rest must gain alone to become an unknown
 _JOIN = 0.03  # share of the best cell's gain from which a cell at rest becomes an unknown
@@ -48,14 +49,15 @@ def map_estimate(reading: Reading, start: Estimate | None = None, prior=None, **
         prior: (mean, std), two (rows, cols) arrays or numbers [N], joined to the built-in prior as
             independent knowledge of each cell.
     """
-    if start is not None:
-        if prior is None and (held := _held(reading, start)) is not None:
-            return held
-        return _fit(reading, last_guess(reading, start), prior, warm=True)
-    return _fit(reading, first_guess(reading), prior)
+    if start is None:
+        return _fit(reading, first_guess(reading), prior)
+    g = last_guess(reading, start)
+    if prior is None and (held := _held(reading, start, g)) is not None:
+        return held
+    return _fit(reading, g, prior, warm=True)
 
 
-def _held(reading: Reading, start: Estimate) -> Estimate | None:
+def _held(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | None:
     """The last frame's estimate if it explains this one as well: nothing has moved.
 
     Of readings that nothing changed, the misfit to the last fit is noise, and a little more for
@@ -63,11 +65,8 @@ def _held(reading: Reading, start: Estimate) -> Estimate | None:
     """
     if start.method != "map" or start.status != "ok" or not reading.noise:
         return None
-    g = reading.circuit.populated / reading.curve.resistance(start.force)
-    adc = reading.circuit.ratio(two_terminal_resistance(g))
-    n = np.count_nonzero(reading.known | reading.capped)
-    residual = reading.residual(adc)
-    if residual**2 > reading.noise**2 * (1.0 + _SAME * (2.0 / n) ** 0.5):
+    residual = reading.residual(reading.circuit.ratio(laplacian.solve(g).rho))
+    if residual**2 > reading.noise**2 * (1.0 + _SAME * (2.0 / reading.told) ** 0.5):
         return None
     return replace(start, residual=residual, iterations=0)
 
@@ -77,11 +76,12 @@ def _fit(reading: Reading, g: np.ndarray, prior, warm: bool = False) -> Estimate
     warm: g is next to the answer; a step that went as foretold is then the last one.
     """
     circuit = reading.circuit
-    g, steps = iterate(reading, g, START_STEPS, 2.0 * max(reading.noise, ROUNDING_NOISE))
+    noise = max(reading.noise, ROUNDING_NOISE)
+    g, steps = iterate(reading, g, WARM_STEPS if warm else START_STEPS, _NEAR * noise)
     g = _fill(reading, g)
     at_rest = circuit.populated & (g < _NEAR_REST * reading.bounds[0])
     broad = np.count_nonzero(at_rest) < _BROAD * np.count_nonzero(circuit.populated)
-    g = np.where(at_rest, reading.bounds[0], g)
+    g[at_rest] = reading.bounds[0]
     point = _Point.at(reading, g, broad, prior)
     costs = [point.cost]
     iterations = 0
@@ -111,7 +111,7 @@ def _fit(reading: Reading, g: np.ndarray, prior, warm: bool = False) -> Estimate
             message = suspect.by_cost(reading, point.cost - 0.5 * rest @ ahead)
         message = message or suspect.by_score(
             reading,
-            point.k,
+            point.network.k,
             point.weight,
             point.misfit,
             step.told,
@@ -146,7 +146,7 @@ class _Point(NamedTuple):
     """All that follows from one g; pictures are (rows, cols)."""
 
     g: np.ndarray  # S
-    k: np.ndarray  # ohm, see laplacian
+    network: laplacian.Network
     adc: np.ndarray  # ratio
     misfit: np.ndarray  # reading - model, in standard deviations
     weight: np.ndarray  # d misfit / d rho [1/ohm]; 0 for readings that say nothing here
@@ -156,25 +156,40 @@ class _Point(NamedTuple):
     @classmethod
     def at(cls, reading: Reading, g: np.ndarray, broad: bool, extra) -> _Point:
         circuit, curve = reading.circuit, reading.curve
-        cells = circuit.populated
         noise = max(reading.noise, ROUNDING_NOISE)
-        k = laplacian.inverse(g)
-        adc = circuit.ratio(laplacian.two_point(k, circuit.rows))
-        misfit = reading.misfit(adc) / noise
-        speaks = reading.known | (misfit < 0)
-        weight = np.where(speaks, adc**2 * (circuit.full_scale / (circuit.r_ref * noise)), 0.0)
-        x = np.log(np.where(cells, g, reading.bounds[0]))
+        network = laplacian.solve(g)
+        adc = circuit.ratio(network.rho)
+        misfit = reading.misfit(adc)
+        misfit /= noise
+        weight = adc * adc
+        weight *= circuit.full_scale / (circuit.r_ref * noise)
+        if not reading.plain:
+            weight *= reading.known | (misfit < 0)
+        cells = circuit.populated
+        x = np.log(g if circuit.mask is None else np.where(cells, g, reading.bounds[0]))
         if broad or extra is not None:
             force = np.where(cells, curve.force(np.exp(-x)), 0.0)
             slope = -curve.slope(force)
         if broad:
             terms = prior_terms.level(force, slope, cells)
         else:
-            terms = prior_terms.touches(x, np.log(reading.bounds[0]), circuit.mask)
+            x_rest = np.log(reading.bounds[0])
+            terms = prior_terms.touches(x, x_rest, prior_terms.differences(circuit))
         if extra is not None:
             terms = prior_terms.add(terms, prior_terms.known(force, slope, *extra, cells))
-        cost = 0.5 * np.square(misfit).sum() + terms.value
-        return cls(g, k, adc, misfit, weight, terms, cost)
+        flat = misfit.ravel()
+        cost = 0.5 * (flat @ flat) + terms.value
+        return cls(g, network, adc, misfit, weight, terms, float(cost))
+
+    @property
+    def curvature(self) -> np.ndarray:
+        """(rows, cols) of the cost over each cell's x, from its own reading and prior alone."""
+        own = self.network.rho**2
+        own *= self.weight
+        own *= self.g
+        own *= own
+        own += self.prior.diagonal
+        return own
 
 
 class _Step(NamedTuple):
@@ -183,41 +198,47 @@ class _Step(NamedTuple):
     gain: float  # predicted, in units of 1/2 chi^2
     factor: np.ndarray | None  # upper Cholesky factor over `inside`; None: it was done without
     inside: np.ndarray  # flat indices of the unknowns that met no bound
-    told: np.ndarray | None  # flat indices of the readings that speak
+    told: np.ndarray | slice | None  # flat indices of the readings that speak
     jacobian: np.ndarray | None  # (told, inside), in standard deviations
 
 
 def _downhill(point: _Point) -> np.ndarray:
     """- d cost / d x (rows, cols), for all cells at once in O(lines^3)."""
-    pull = laplacian.hessian_product(point.k, point.weight * point.misfit)
-    return point.g * pull - point.prior.gradient
+    pull = laplacian.hessian_product(point.network.k, point.weight * point.misfit)
+    pull *= point.g
+    pull -= point.prior.gradient
+    return pull
 
 
 def _gauss_newton(reading: Reading, point: _Point) -> _Step:
     low, high = reading.bounds
-    g, k = point.g, point.k
-    rows = g.shape[0]
+    g, circuit = point.g, reading.circuit
     slope = _downhill(point)
     # A cell at rest joins if alone it would gain something, next to what the best would gain: a
     # moved touch leaves misfit along its lines in cells that the next step finds at rest.
-    alone = np.square(point.weight * laplacian.two_point(k, rows) ** 2 * g)
-    alone = np.square(slope) / (alone + point.prior.precision[0, 0] + 1e-9)
-    held = (g <= low) & ((slope <= 0) | (alone < max(_CAUSE, _JOIN * alone.max())))
-    held |= (g >= high) & (slope >= 0)
-    free = np.flatnonzero(reading.circuit.populated & ~held)
+    alone = slope * np.abs(slope)  # with the slope's sign
+    alone /= point.curvature + 1e-9
+    if circuit.mask is not None:
+        alone *= circuit.mask
+    gain = max(_CAUSE, _JOIN * max(alone.max(), -alone.min()))
+    moves = np.where(g <= low, alone >= gain, (g < high) | (slope < 0))
+    free = np.flatnonzero(moves if circuit.mask is None else moves & circuit.mask)
     if not free.size:
         return _Step(free, np.zeros(0), 0.0, None, free, None, None)
     b = slope.flat[free]
     if free.size > _DENSE:
-        dx = _conjugate_gradients(point, free, b)
+        dx = _conjugate_gradients(point, prior_terms.differences(circuit), free, b)
         return _Step(free, dx, 0.5 * b @ dx, None, free, None, None)
-    v = laplacian.crossing_factor(k, rows)
-    told = np.flatnonzero(point.weight)
-    jacobian = np.square(v[told] @ v[free].T)  # (readings, n), t_ab^2
-    jacobian *= point.weight.flat[told].astype(np.float32)[:, None]
-    jacobian *= g.flat[free].astype(np.float32)
+    v = laplacian.crossing_factor(point.network)
+    told = slice(None) if reading.plain else np.flatnonzero(point.weight)
+    jacobian = v[told] @ v[free].T  # (readings, n), t_ab
+    jacobian *= jacobian
+    jacobian *= point.weight.ravel()[told].astype(np.float32)[:, None]
+    jacobian *= g.ravel()[free].astype(np.float32)
     precision = blas.ssyrk(1.0, jacobian.T)  # upper triangle
-    _add_prior(precision, point.prior, free, g.size)
+    precision.T.flat[:: free.size + 1] += point.prior.diagonal.ravel()[free]
+    if point.prior.entries is not None:
+        _join(precision, point.prior.entries, prior_terms.differences(circuit), free)
     dx, factor, inside = _solve_in_box(
         precision, b, low / g.flat[free] - 1, high / g.flat[free] - 1
     )
@@ -255,34 +276,32 @@ def _solve_in_box(precision: np.ndarray, b: np.ndarray, low: np.ndarray, high: n
         if rounds + 1 == _BOX_ROUNDS or not out.any() or (out == inside).all():
             break
         inside &= ~out
-        dx = np.clip(dx, low, high)
+        dx = np.minimum(np.maximum(dx, low), high)
         pull = (b - blas.ssymv(1.0, precision, np.where(inside, 0.0, dx)))[inside]
-        matrix = precision[np.ix_(inside, inside)]  # upper triangle, as precision's
-    return np.clip(dx, low, high), factor, inside
+        matrix = precision[inside][:, inside]  # upper triangle, as precision's
+    return np.minimum(np.maximum(dx, low), high), factor, inside
 
 
-def _add_prior(precision: np.ndarray, terms, free: np.ndarray, cells: int) -> None:
-    """Add the prior's entries to the upper triangle over the free cells."""
-    place = np.full(2 * cells, -1)
+def _join(precision: np.ndarray, entries: np.ndarray, between, free: np.ndarray) -> None:
+    """Add the prior's entries off the diagonal to the upper triangle over the free cells."""
+    place = np.full(between.cells, -1)
     place[free] = np.arange(free.size)
-    for (down, right), entry in terms.precision.items():
-        other = place[free + down * entry.shape[1] + right]
-        here = np.flatnonzero((other >= 0) & (entry.flat[free] != 0.0))
-        precision[here, other[here]] += entry.flat[free[here]]
+    here, there = place[between.here], place[between.there]
+    both = np.flatnonzero((here >= 0) & (there >= 0))
+    precision[here[both], there[both]] += entries[both]
 
 
-def _conjugate_gradients(point: _Point, free: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _conjugate_gradients(point: _Point, between, free: np.ndarray, b: np.ndarray) -> np.ndarray:
     """The Gauss-Newton step without its matrix: a product costs O(lines^3)."""
-    rows = point.g.shape[0]
-    diagonal = np.square(point.weight * laplacian.two_point(point.k, rows) ** 2 * point.g)
-    diagonal = (diagonal + point.prior.precision[0, 0]).flat[free]
+    diagonal = point.curvature.ravel()[free]
     picture = np.zeros(point.g.shape)
+    k = point.network.k
 
     def product(p):
         picture.flat[free] = p
-        rho = laplacian.hessian_product(point.k, point.g * picture)
-        data = point.g * laplacian.hessian_product(point.k, point.weight**2 * rho)
-        return (data + prior_terms.product(point.prior, picture)).flat[free]
+        rho = laplacian.hessian_product(k, point.g * picture)
+        data = point.g * laplacian.hessian_product(k, point.weight**2 * rho)
+        return (data + prior_terms.product(point.prior, picture, between)).ravel()[free]
 
     return conjugate_gradients(product, diagonal, b, steps=_CG_STEPS, target=1e-2)
 
@@ -295,9 +314,10 @@ def _descend(reading: Reading, point: _Point, step: _Step, broad: bool, extra, c
     dx = step.dx
     for _ in range(6):
         # in g: the readings are closer to linear in g than in log g
-        factor = 1.0 + np.clip(dx, -0.9, 3.0)
+        factor = 1.0 + np.minimum(np.maximum(dx, -0.9), 3.0)
         g = point.g.copy()
-        g.flat[step.free] = np.clip(g.flat[step.free] * factor, low, high)
+        flat = g.reshape(-1)
+        flat[step.free] = np.minimum(np.maximum(flat[step.free] * factor, low), high)
         new = _Point.at(reading, g, broad, extra)
         if new.cost <= ceiling:
             return new
@@ -311,9 +331,7 @@ def _spread(reading: Reading, point: _Point, step: _Step, force) -> np.ndarray:
     Of the Gauss-Newton posterior for the free cells; from each one's own reading and prior alone
     for cells held at a bound.
     """
-    rows = point.g.shape[0]
-    own = np.square(point.weight * laplacian.two_point(point.k, rows) ** 2 * point.g)
-    std_x = 1.0 / np.sqrt(own + point.prior.precision[0, 0] + 1e-12)
+    std_x = 1.0 / np.sqrt(point.curvature + 1e-12)
     if step.factor is not None:
         covariance = lapack.spotri(step.factor, lower=0)[0]
         std_x.flat[step.inside] = np.sqrt(covariance.diagonal())

@@ -42,7 +42,7 @@ def by_residual(reading: Reading, adc: np.ndarray, floor: float = _EXACT_NOISE) 
         floor: noise [ADC steps] that the method supposes at least.
     """
     misfit = reading.misfit(adc)
-    n = max(np.count_nonzero(reading.known | reading.capped), 1)
+    n = max(reading.told, 1)
     noise = max(reading.noise, floor)
     square = np.square(misfit)
     if square.sum() <= n * noise**2 * (1.0 + _RESIDUAL * (2.0 / n) ** 0.5):
@@ -62,7 +62,7 @@ def by_cost(reading: Reading, cost: float) -> str:
     reading on a sound frame. A series resistance that the circuit does not have, of all faults,
     leaves no misfit: it makes the load look even.
     """
-    n = np.count_nonzero(reading.known | reading.capped)
+    n = reading.told
     if abs(2.0 * cost / n - 1.0) <= _RESIDUAL * (2.0 / n) ** 0.5:
         return ""
     kind = "evenly" if 2.0 * cost < n else "unevenly"
@@ -97,7 +97,7 @@ def by_score(reading: Reading, k, weight, misfit, told, jacobian, factor, ahead,
     size = np.square(p).sum(0)
     along = jacobian.T @ p
     hidden = (along * lapack.spotrs(factor, along)[0]).sum(0)
-    score = p.T @ misfit.flat[told].astype(np.float32) - along.T @ ahead
+    score = p.T @ misfit.ravel()[told].astype(np.float32) - along.T @ ahead
     score /= np.sqrt(np.maximum(size - hidden, _HIDDEN * size) + 1e-30)
     if pairs.size and score[:-1].max() > _SHORT:
         line = pairs[score[:-1].argmax()]
