@@ -179,7 +179,7 @@ def draw(frame: np.ndarray, row: np.ndarray, col: np.ndarray, path) -> None:
     ):
         pressure = force / _AREA / 1e3  # kPa
         image = np.where(row >= 0, pressure[row, col], np.nan)
-        shown = axis.imshow(image, vmin=0.0, vmax=float(np.nanquantile(image, 0.99)))
+        shown = axis.imshow(image, vmin=0.0, vmax=float(np.nanquantile(image, 0.95)))
         axis.set_title(title, fontsize=9)
         axis.set_axis_off()
         figure.colorbar(shown, ax=axis, shrink=0.6, label="pressure [kPa]")
