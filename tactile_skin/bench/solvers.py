@@ -113,7 +113,7 @@ def detection(n: int, seed=1) -> dict:
     table = {}
     for family in scenes.FAMILIES:
         for fault in FAULTS:
-            rng = np.random.default_rng([seed, FAULTS.index(fault)])
+            rng = np.random.default_rng([seed, list(FAULTS).index(fault)])
             force = scenes.sample(family, n, *circuit.shape, rng)
             seen = []
             for truth in force:
