@@ -131,7 +131,8 @@ def _fit(reading: Reading, g: np.ndarray, prior, warm: bool = False) -> Estimate
 
 def _level(reading: Reading, g: np.ndarray) -> bool:
     """Whether g may be of a load spread as the level prior says: no cell far above the mean."""
-    force = reading.curve.force(1.0 / g[reading.circuit.populated])
+    cells = reading.circuit.populated
+    force = reading.curve.force(1.0 / np.where(cells, g, 1.0))[cells]
     return bool(force.max() < _LEVEL * force.mean())
 
 
