@@ -23,6 +23,8 @@ _FRAMES = 40  # frames that it takes at least
 _PAUSE = 1.0  # s after a touch: the fabric recovers
 _SHARE = 0.5  # of a later measurement that is taken over
 _NEWS = 4.0  # times its noise by which a measurement differs from what is known
+_COMMON = 0.004  # by which all cells together may rest off the curve, at first
+_LINE = 0.2  # by which a whole line may rest off the others
 
 
 class Tare:
@@ -85,9 +87,33 @@ class Tare:
             self.message = f"no tare: more than fabric at rest, the first at {where}"
             return False
         now = 1.0 / self._range.resistance(found.force)  # S
+        self.message = self._wires(np.log(now * self.curve.points[0][1]), cells)
+        if self.message:
+            return False
         if self.curve.offset is not None:
             before = 1.0 / self.curve.rest_resistance
             now = before + _SHARE * (now - before)
         rest = np.where(cells, 1.0 / now, self.curve.points[0][1])
-        self.curve, self.message = self.curve.resting_at(rest), ""
+        self.curve = self.curve.resting_at(rest)
         return True
+
+    def _wires(self, off: np.ndarray, cells: np.ndarray) -> str:
+        """What is no fabric's doing, and would be hidden by a tare; empty if nothing.
+
+        Cells scatter; all of them, or all of a line, are off because of the circuit. A fabric warms
+        as a whole, but not before the first measurement.
+
+        Args:
+            off: (rows, cols) log of each cell's conductance over the curve's, at rest.
+        """
+        common = np.median(off[cells])
+        scatter = 1.5 * np.median(np.abs(off[cells] - common)) / np.count_nonzero(cells) ** 0.5
+        for name, axis in (("row", 1), ("column", 0)):
+            lines = np.ma.median(np.ma.array(off, mask=~cells), axis=axis).filled(common)
+            worst = np.abs(lines - common).argmax()
+            if abs(lines[worst] - common) > _LINE:
+                return f"{name} {worst} conducts {np.expm1(lines[worst] - common):+.0%} at rest"
+        if self.curve.offset is None and abs(common) > _COMMON + 4.0 * scatter:
+            much = f"{np.expm1(common):+.1%}"
+            return f"all cells conduct {much} at rest: is r_par, r_ref or the curve's start wrong?"
+        return ""

@@ -5,7 +5,7 @@ import pytest
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward, scenes
 from tactile_skin.bench.faults import FAULTS, faulty
-from tactile_skin.bench.solvers import accuracy
+from tactile_skin.bench.solvers import accuracy, with_net
 from tactile_skin.curve import GRAM
 from tactile_skin.solvers import prior
 from tactile_skin.solvers.map import _gauss_newton, _Point
@@ -179,3 +179,9 @@ def test_a_frame_like_the_last_one_keeps_its_estimate():
     grown = compensate(scan(1.1 * force, rng), CIRCUIT, CURVE, "map", start=last)
     assert grown.iterations > 0
     assert grown.force.sum() == pytest.approx(1.1 * 12.0, rel=0.05)
+
+
+def test_with_the_net_as_its_prior_it_beats_the_net():
+    for family in ("blobs", "rects"):
+        row = with_net(family, 40, seed=22)
+        assert row["map with the net's prior"] < 0.9 * row["physics"]

@@ -127,6 +127,31 @@ def test_a_cut_lead_is_no_rest():
     assert "row 3" in skin.tare.message
 
 
+@pytest.mark.parametrize("r_par", [293.0, 359.0])
+def test_a_wrong_circuit_is_not_tared_away(r_par):
+    """R_par off by a tenth costs 77 g a cell under a palm; at rest it looks like a warm fabric."""
+    skin = Skin(seed=9, circuit=Circuit(r_par=r_par))
+    skin.tare = Tare(CIRCUIT, CURVE)
+    adc = forward(skin.circuit, CURVE.resistance(IDLE))
+    for k in range(300):
+        reading = scenes.read_out(CIRCUIT, adc, "scan", skin.rng)
+        assert not skin.tare.update(k * 0.01, reading, IDLE)
+    assert "r_par" in skin.tare.message
+
+
+def test_a_short_is_not_tared_away():
+    g = scatter(0.03)
+    merged = np.delete(g, 7, 0)
+    merged[6] += g[7]
+    adc = np.insert(forward(Circuit(15, 16), 1.0 / merged), 7, 0.0, 0)
+    adc[7] = adc[6]
+    tare = Tare(CIRCUIT, CURVE)
+    rng = np.random.default_rng(10)
+    for k in range(300):
+        assert not tare.update(k * 0.01, scenes.read_out(CIRCUIT, adc, "scan", rng), IDLE)
+    assert tare.message.startswith("row 6") or tare.message.startswith("row 7")
+
+
 def test_cells_that_do_not_exist_stay_out_of_it():
     mask = np.ones((16, 16), bool)
     mask[:4, :4] = False

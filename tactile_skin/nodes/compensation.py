@@ -106,7 +106,7 @@ class Compensation:
                 self._last = None
             pressure = estimate.force / self.cell_area
             self._pressure.publish(image(pressure, "32FC1", msg.header))
-        self._judge(estimate.status, estimate.message)
+        self._judge(estimate.status, self._tare.message or estimate.message)
 
     def on_reset(self, _, response):
         self._last = None
@@ -118,7 +118,7 @@ class Compensation:
         self._suspect.append(status == "suspect")
         suspects = sum(self._suspect)
         self._fault = suspects >= (_LEAVE if self._fault else _ENTER)
-        level = diagnostics.OK if status == "ok" else diagnostics.WARN
+        level = diagnostics.OK if status == "ok" and not message else diagnostics.WARN
         if status == "failed" or (self._fault and self._stops):
             level = diagnostics.ERROR
         if message or level == diagnostics.OK:

@@ -36,6 +36,7 @@ _RIDGES = 1e-3, 1e-2, 1e-1, 1.0
 _SAME = 2.2  # standard deviations of chi^2 up to which a frame is like the last one
 _NEAR_REST = 1.5  # times the conductance at rest: a starting cell below it starts at rest
 _WIDEN = 1.12  # the prior's majorant is wider in curvature than the prior: measured coverage
+_LEVEL = 5.0  # times the mean force, which no cell of an even load on the whole skin reaches
 _BROAD = 0.1  # share of cells at rest below which the whole skin counts as loaded
 
 
@@ -82,6 +83,7 @@ def _fit(reading: Reading, g: np.ndarray, prior, warm: bool = False) -> Estimate
     low = reading.bounds[0]
     at_rest = circuit.populated & (g < _NEAR_REST * low)
     broad = np.count_nonzero(at_rest) < _BROAD * np.count_nonzero(circuit.populated)
+    broad = broad and _level(reading, g)
     g = np.where(at_rest, low, g)
     point = _Point.at(reading, g, broad, prior)
     costs = [point.cost]
@@ -125,6 +127,13 @@ def _fit(reading: Reading, g: np.ndarray, prior, warm: bool = False) -> Estimate
     if not converged:
         status, message = "failed", f"no time to converge: stopped after {iterations} steps"
     return Estimate(force, std, residual, status, message, "map", steps + iterations)
+
+
+def _level(reading: Reading, g: np.ndarray) -> bool:
+    """Whether g may be of a load spread as the level prior says: no cell far above the mean."""
+    cells = reading.circuit.populated
+    force = reading.curve.force(1.0 / np.where(cells, g, 1.0))[cells]
+    return bool(force.max() < _LEVEL * force.mean())
 
 
 def _fill(reading: Reading, g: np.ndarray) -> np.ndarray:
