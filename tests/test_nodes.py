@@ -443,6 +443,7 @@ def test_the_summary_counts_frames_stops_and_drops(chain, capsys):
     chain.scene = "idle"
     chain.frames_until(False)
     frames = len(chain.seen["skin/pressure"])
+    chain.clock.advance(FRAME)
     chain.publish(np.zeros((8, 8), np.uint16))  # refused by compensation
     chain.play(2)
     monitor.close()

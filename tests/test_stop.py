@@ -1,6 +1,10 @@
 """The robot stops for a push and for whatever it does not know, and goes on only when free."""
 
+import dataclasses
+
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tactile_skin.stop import StopConfig, StopPolicy
 
@@ -143,3 +147,107 @@ def test_a_fault_stops_until_it_is_taken_back():
 def test_settings_that_switch_the_stop_off_are_refused(kwargs, message):
     with pytest.raises(ValueError, match=message):
         StopConfig(**kwargs)
+
+
+# --- latch ---
+
+LATCHING = dataclasses.replace(CONFIG, latch=True)
+
+
+def free(config=LATCHING, until=0.5):
+    """A policy that has been free; its readings end at `until` [s]."""
+    policy = StopPolicy(config)
+    assert not feed(policy, 0.0, until, 0.0).stop
+    return policy
+
+
+def test_a_latched_push_lasts_until_the_reset():
+    policy = free()
+    assert feed(policy, 0.5, 0.1, 20.0).reason == "push + latched: push"
+    assert feed(policy, 0.6, 5.0, 0.0) == (True, "latched: push")
+    assert policy.reset(5.6) == ""
+    assert not policy.decide(5.6).stop
+    assert not feed(policy, 5.6, 1.0, 0.0).stop
+
+
+def test_a_reset_is_refused_while_the_cause_lasts_and_says_why():
+    """Also during the hold after a release; it is not kept for later."""
+    policy = free()
+    feed(policy, 0.5, 0.1, 20.0)
+    assert policy.reset(0.6) == "push"
+    feed(policy, 0.6, 0.2, 0.0)
+    assert policy.reset(0.8) == "push", "held"
+    assert feed(policy, 0.8, 1.0, 0.0) == (True, "latched: push")
+    policy.fault("compensation", "open line")
+    assert policy.reset(1.8) == "fault: compensation: open line"
+    policy.fault("compensation", "")
+    assert policy.reset(2.5) == "stale: readings stay away"
+    assert policy.decide(2.5).reason == "stale: readings stay away + latched: push"
+
+
+def test_a_latched_stop_names_its_first_cause():
+    policy = free()
+    policy.fault("compensation", "open line")
+    feed(policy, 0.5, 0.5, 20.0)
+    policy.fault("compensation", "")
+    assert feed(policy, 1.0, 1.0, 0.0).reason == "latched: fault: compensation: open line"
+
+
+def test_a_stream_that_came_back_stays_stopped_when_latched():
+    policy = free()
+    policy.decide(0.7)
+    assert feed(policy, 0.8, 1.0, 0.0) == (True, "latched: stale: readings stay away")
+
+
+def test_a_gap_that_no_timer_saw_latches_too():
+    policy = free()
+    assert feed(policy, 0.8, 1.0, 0.0).reason == "latched: stale: readings only just came back"
+
+
+def test_a_fault_shorter_than_the_timer_latches_too():
+    policy = free()
+    policy.fault("serial_driver", "unplugged")
+    policy.fault("serial_driver", "")
+    assert policy.reading(0.5, 0.0) == (True, "latched: fault: serial_driver: unplugged")
+
+
+def test_what_stops_a_robot_before_it_was_free_does_not_latch_but_a_push_does():
+    policy = StopPolicy(LATCHING)
+    policy.decide(0.0)
+    policy.fault("serial_driver", "not there yet")
+    policy.decide(0.1)
+    policy.fault("serial_driver", "")
+    assert not feed(policy, 0.2, 0.5, 0.0).stop
+    policy = StopPolicy(LATCHING)
+    feed(policy, 0.0, 0.5, 20.0)
+    assert feed(policy, 0.5, 1.0, 0.0) == (True, "latched: push")
+
+
+def test_a_reset_without_a_latch_frees_nothing_early():
+    policy = free(CONFIG)
+    feed(policy, 0.5, 0.1, 20.0)
+    assert policy.reset(0.6) == "push"
+    assert policy.reading(0.6, 0.0) == (True, "push")
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.floats(0.0, 0.3), st.sampled_from([0.0, 8.0, 20.0]), st.booleans(), st.booleans()
+        ),
+        max_size=60,
+    )
+)
+def test_no_latched_stop_ends_without_a_reset_that_was_granted(steps):
+    """Whatever readings, gaps and faults come: stop to free only right after a reset."""
+    policy, t, stopped = free(), 0.5, False
+    for dt, force, faulty, reset in steps:
+        t += dt
+        policy.fault("stage", "bad" if faulty else "")
+        now = policy.reading(t, force).stop
+        assert now or not stopped
+        stopped = now
+        if reset:
+            granted = policy.reset(t) == ""
+            stopped = policy.decide(t).stop
+            assert stopped is not granted
