@@ -11,6 +11,7 @@ import pytest
 import yaml
 
 from tactile_skin.bus import Context, Node, ParameterError
+from tactile_skin.hooks import EventHook
 from tactile_skin.launch import LaunchError, Skin, launch, read_plan, share_dir
 from tactile_skin.msg import Bool, Header, PointCloud2, cloud
 from tactile_skin.nodes.stop_on_push import LATCHED
@@ -622,3 +623,160 @@ def test_sigterm_ends_the_skin_with_a_stop_as_its_last_word(write):
         assert not skin._context.ok(), "the signal, not the timeout, ended it"
     assert heard.calls[-1][0] is True
     assert "the skin shuts down" in heard.calls[-1][1]
+
+
+# --- hooks for pushes, releases and strokes ---
+
+
+def test_a_push_and_its_release_are_told_to_hooks(write):
+    lasted, pushes, releases = [], threading.Event(), threading.Event()
+
+    def on_push(force, centre):
+        assert force.shape == centre.shape == (3,)
+        pushes.set()
+
+    def on_release(seconds):
+        lasted.append(seconds)
+        releases.set()
+
+    free = Heard()
+    with launch(write(PATIENT_STOP)) as skin:
+        skin.on_push(on_push)
+        skin.on_release(on_release)
+        skin.on_stop(free)
+        robot = Robot(skin)
+        free.wait_for((False, ""))
+        assert not pushes.is_set()
+        robot.force = 50.0
+        assert pushes.wait(PATIENCE)
+        assert not releases.is_set()
+        robot.force = 0.0
+        assert releases.wait(PATIENCE)
+    assert len(lasted) == 1 and lasted[0] > 0.0
+
+
+def test_event_hooks_that_raise_or_hang_delay_nobody(write, caplog):
+    """Neither the stop, nor another hook, nor their own next event."""
+    heard, hangs, release, twice = Heard(), threading.Event(), threading.Event(), threading.Event()
+    count = []
+
+    def hang(force, centre):
+        hangs.set()
+        release.wait(PATIENCE)
+
+    def fail(force, centre):
+        count.append(force)
+        if len(count) == 2:
+            twice.set()
+        raise RuntimeError("hook failed")
+
+    with launch(write(PATIENT_STOP)) as skin:
+        skin.on_push(hang)
+        skin.on_push(fail)
+        skin.on_stop(heard)
+        robot = Robot(skin)
+        heard.wait_for((False, ""))
+        robot.force = 50.0
+        assert hangs.wait(PATIENCE)
+        heard.wait_for((True, "push"))
+        heard.calls.clear()
+        robot.force = 0.0
+        heard.wait_for((False, ""))
+        robot.force = 50.0
+        heard.wait_for((True, "push"))
+        assert twice.wait(PATIENCE)
+        assert not release.is_set()
+        release.set()
+    assert "RuntimeError: hook failed" in caplog.text
+
+
+def test_a_busy_event_hook_misses_the_oldest_and_says_so(caplog):
+    seen, busy, go, done = [], threading.Event(), threading.Event(), threading.Event()
+
+    def hook(k):
+        seen.append(k)
+        busy.set()
+        assert go.wait(PATIENCE)
+        if k == 99:
+            done.set()
+
+    told = EventHook(hook)
+    told.tell(0)
+    assert busy.wait(PATIENCE)
+    for k in range(1, 100):
+        told.tell(k)
+    go.set()
+    assert done.wait(PATIENCE)
+    told.close()
+    assert seen == [0, *range(100 - (len(seen) - 1), 100)]
+    assert told.dropped == 100 - len(seen) > 0
+    assert f"missed {told.dropped} events" in caplog.text
+
+
+def test_event_hooks_find_their_topics_behind_remappings(write):
+    """As on_stop does; skin/wrench is the gesture node's to remap."""
+    entities = NODE % (
+        ", namespace: left, remap: [{from: skin/stop_status, to: halt}],"
+        " param: [{name: stale_after, value: 1.0}]"
+    )
+    with launch(write(entities)) as skin:
+        skin.on_push(print)
+        (node,) = [n for n in skin._executor._threads if n.get_name().startswith("pushed_hook")]
+        topics = {s.topic_name for s in node._subscriptions}
+        assert topics == {"/left/halt", "/left/skin/wrench", "/left/skin/centre"}
+
+
+@pytest.mark.parametrize("name", ["on_push", "on_release", "on_stroke", "reset_stop"])
+def test_what_needs_a_node_that_is_not_there_is_refused(write, name):
+    with launch(write("launch: []")) as skin, pytest.raises(LaunchError, match="starts no"):
+        getattr(skin, name)(*([] if name == "reset_stop" else [print]))
+
+
+# --- reset ---
+
+LATCHED_STOP = PATIENT_STOP.replace("param: [", "param: [{name: latch, value: true}, ")
+
+
+def test_a_latched_stop_is_reset_from_a_program(write):
+    heard = Heard()
+    with launch(write(LATCHED_STOP)) as skin:
+        skin.on_stop(heard)
+        robot = Robot(skin)
+        heard.wait_for((False, ""))
+        robot.force = 50.0
+        heard.wait_for((True, "push + latched: push"))
+        assert skin.reset_stop() == (False, "still stopped: push")
+        heard.calls.clear()
+        robot.force = 0.0
+        heard.wait_for((True, "latched: push"))
+        assert (False, "") not in heard.calls
+        assert skin.reset_stop() == (True, "free")
+        heard.wait_for((False, ""))
+
+
+def test_a_reset_may_be_asked_for_in_a_callback(write):
+    """The node behind skin.node has a thread of its own: it may wait for the stop node's answer."""
+    answers, done = [], threading.Event()
+
+    def on_stop(message):
+        answers.append(skin.reset_stop())
+        done.set()
+
+    with launch(write(LATCHED_STOP)) as skin:
+        skin.node.create_subscription(Bool, "skin/stop", on_stop, LATCHED)
+        assert done.wait(PATIENCE)
+    assert answers[0] == (False, "still stopped: stale: no reading yet")
+
+
+def test_a_stop_node_that_does_not_answer_is_named(write):
+    hangs, release = threading.Event(), threading.Event()
+    with launch(write(LATCHED_STOP)) as skin:
+
+        def hang():
+            hangs.set()
+            release.wait(PATIENCE)
+
+        skin._handles[0].create_timer(0.001, hang)
+        assert hangs.wait(PATIENCE)
+        assert skin.reset_stop(0.01) == (False, "/stop_on_push/reset does not answer")
+        release.set()

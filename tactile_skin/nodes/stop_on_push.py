@@ -20,6 +20,8 @@ from . import QUEUE, diagnostics
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 STATUS_TOPIC = "skin/stop_status"
+# deep enough for a stop that lasts one decision not to be pushed out by the next
+STATUS = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 HEARTBEAT = 0.02  # s, between decisions when no reading comes
 
 
