@@ -32,7 +32,7 @@ from .bus import Context, MultiThreadedExecutor, Node, Parameter
 from .config import ParameterFile, yaml_trouble
 from .events import Pushed, Released, Stroked
 from .hooks import EventHook, StopHook
-from .msg import DiagnosticArray, DiagnosticStatus, Trigger
+from .msg import DiagnosticArray, DiagnosticStatus, Trigger, Twist
 from .nodes.stop_on_push import STATUS, STATUS_TOPIC
 from .nodes.touch_events import PushListener, StrokeListener
 
@@ -42,6 +42,8 @@ NODES = {  # exec -> class, imported when it is started
     "compensation": "compensation.Compensation",
     "gesture_feature": "gesture_feature.GestureFeature",
     "stop_on_push": "stop_on_push.StopOnPush",
+    "cmd_vel_gate": "cmd_vel_gate.CmdVelGate",
+    "push_to_move": "push_to_move.PushToMove",
     "monitor": "monitor.Monitor",
 }
 
@@ -311,6 +313,7 @@ class Skin:
                 self._handles.append(handle)
                 self._nodes.append(_node_class(action.executable)(handle))
             self._check_overrides()
+            self._check_commands()
         except BaseException:
             self.__exit__()
             raise
@@ -527,6 +530,20 @@ class Skin:
                     unknown = sorted(set(values) - allowed)
                     if unknown and (mine or section == "/**"):
                         raise _unknown(f"{item.path}: {section}", unknown[0], allowed)
+
+    def _check_commands(self) -> None:
+        """Refuse two nodes that would command one base in turns."""
+        senders: dict[str, str] = {}
+        for handle in self._handles:
+            for publisher in handle._publishers:
+                if publisher.msg_type is Twist:
+                    topic, name = publisher.topic_name, handle.get_name()
+                    if topic in senders:
+                        raise LaunchError(
+                            f"{topic}: {senders[topic]} and {name} both publish it: start one of "
+                            "them, or remap each to an input of a multiplexer"
+                        )
+                    senders[topic] = name
 
 
 @contextlib.contextmanager

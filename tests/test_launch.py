@@ -13,7 +13,7 @@ import yaml
 from tactile_skin.bus import Context, Node, ParameterError
 from tactile_skin.hooks import EventHook
 from tactile_skin.launch import LaunchError, Skin, launch, read_plan, share_dir
-from tactile_skin.msg import Bool, Header, PointCloud2, cloud
+from tactile_skin.msg import Bool, Header, PointCloud2, Twist, cloud
 from tactile_skin.nodes.stop_on_push import LATCHED
 
 PATIENCE = 30.0  # s, for what must happen; how fast it does is not tested
@@ -723,7 +723,8 @@ def test_event_hooks_find_their_topics_behind_remappings(write):
         skin.on_push(print)
         (node,) = [n for n in skin._executor._threads if n.get_name().startswith("pushed_hook")]
         topics = {s.topic_name for s in node._subscriptions}
-        assert topics == {"/left/halt", "/left/skin/wrench", "/left/skin/centre"}
+        skin_topics = {f"/left/skin/{name}" for name in ("contacts", "wrench", "centre")}
+        assert topics == {"/left/halt", *skin_topics}
 
 
 @pytest.mark.parametrize("name", ["on_push", "on_release", "on_stroke", "reset_stop"])
@@ -780,3 +781,35 @@ def test_a_stop_node_that_does_not_answer_is_named(write):
         assert hangs.wait(PATIENCE)
         assert skin.reset_stop(0.01) == (False, "/stop_on_push/reset does not answer")
         release.set()
+
+
+# --- nodes that move the robot ---
+
+
+def node(executable: str, more: str = "") -> str:
+    return f"- node: {{pkg: tactile_skin, exec: {executable}{more}}}\n"
+
+
+def test_two_nodes_that_command_one_base_are_refused(write):
+    """Their velocities would take turns."""
+    both = node("cmd_vel_gate") + node("push_to_move")
+    with pytest.raises(LaunchError, match="/cmd_vel: cmd_vel_gate and push_to_move both publish"):
+        start(write(both))
+    start(write(node("cmd_vel_gate") + node("push_to_move", ", remap: [{from: cmd_vel, to: led}]")))
+    start(write(node("cmd_vel_gate") + node("push_to_move", ", namespace: arm")))
+
+
+@pytest.mark.parametrize("executable", ["cmd_vel_gate", "push_to_move"])
+def test_the_last_word_to_the_base_is_zero(write, executable):
+    seen, context = [], Context()
+    with launch(write(node(executable)), context) as skin:
+        skin.node.create_subscription(Twist, "cmd_vel", seen.append, 100)
+        skin.spin(0.1)
+    assert len(seen) >= 2
+    assert seen[-1] == Twist()
+
+
+@pytest.mark.parametrize("name", ["cmd_vel_gate", "push_to_move"])
+def test_the_shipped_launch_file_starts_them_when_asked(name):
+    found = read_plan(share_dir() / "launch" / "skin.launch.yaml", {name: "true"})
+    assert name in [n.executable for n in found.nodes]
