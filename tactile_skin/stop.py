@@ -29,7 +29,11 @@ class StopConfig:
     release: contact force below which a push is over [N]; at most the threshold.
     peak: force on one cell that is a push [N]: a hard edge, whose cells end before they reach
         the threshold together.
-    debounce: how long the force must stay above the threshold [s]; 0: one reading is enough.
+    debounce: how long the force must stay above the threshold [s]; 0: one reading is enough, which
+        is right where a checksum and a low-pass guard each reading.
+    lead: how far ahead a rising force is looked at [s]: it counts with what it gained since the
+        last reading, times lead over their distance in time, at most once. Makes up for the
+        board's low-pass and the wait for the next frame; 0: not at all.
     hold: how long a push is held after the force fell below `release` [s].
     stale_after: how old the last reading may be [s].
     latch: a stop lasts until `reset`, also once its cause is gone.
@@ -38,7 +42,8 @@ class StopConfig:
     threshold: float = 15.0
     release: float = 10.0
     peak: float = 9.0
-    debounce: float = 0.01
+    debounce: float = 0.0
+    lead: float = 0.01
     hold: float = 0.3
     stale_after: float = 0.1
     latch: bool = False
@@ -47,7 +52,7 @@ class StopConfig:
         for name in ("threshold", "release", "peak", "stale_after"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"stop: {name} = {getattr(self, name)!r}: must be above 0")
-        for name in ("debounce", "hold"):
+        for name in ("debounce", "lead", "hold"):
             if not getattr(self, name) >= 0:
                 raise ValueError(f"stop: {name} = {getattr(self, name)!r}: must be 0 or more")
         if self.release > self.threshold:
@@ -67,6 +72,7 @@ class StopPolicy:
     def __init__(self, config: StopConfig):
         self.config = config
         self._newest = -math.inf  # stamp of the newest reading
+        self._force = 0.0  # of the newest reading
         self._in_time = 0  # readings in a row of which none was late
         self._above_since: float | None = None
         self._held_until: float | None = None  # a push is on while this is set
@@ -95,10 +101,13 @@ class StopPolicy:
         config = self.config
         late = stamp - self._newest > config.stale_after or t - stamp > config.stale_after
         self._in_time = 0 if late else self._in_time + 1
-        self._newest = stamp
-        if force >= config.threshold or peak >= config.peak:
+        # After a gap nobody knows how fast it rose; frames that arrive in a burst rise too fast.
+        share = 0.0 if late else min(1.0, config.lead / (stamp - self._newest))
+        ahead = force + share * max(0.0, force - self._force)
+        self._newest, self._force = stamp, force
+        if ahead >= config.threshold or peak >= config.peak:
             self._above_since = stamp if self._above_since is None else self._above_since
-            # After a gap nobody knows how long it has lasted: it counts at once.
+            # Nor how long it has lasted: then it counts at once.
             if late or stamp - self._above_since >= config.debounce:
                 self._held_until = stamp + config.hold
         else:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from tactile_skin.stop import StopConfig, StopPolicy
 
-CONFIG = StopConfig(threshold=10.0, release=6.0, debounce=0.02, hold=0.3, stale_after=0.1)
+CONFIG = StopConfig(threshold=10.0, release=6.0, debounce=0.02, lead=0.0)
 
 
 def feed(policy, start, seconds, force, rate=100):
@@ -142,11 +142,46 @@ def test_a_fault_stops_until_it_is_taken_back():
         ({"stale_after": 0.0}, "stale_after = 0.0"),
         ({"debounce": -1.0}, "debounce = -1.0"),
         ({"hold": float("nan")}, "hold = nan"),
+        ({"lead": -0.01}, "lead = -0.01"),
     ],
 )
 def test_settings_that_switch_the_stop_off_are_refused(kwargs, message):
     with pytest.raises(ValueError, match=message):
         StopConfig(**kwargs)
+
+
+# --- lead ---
+
+LEADING = StopConfig(threshold=10.0, release=6.0, lead=0.01)
+
+
+def rising(forces, config=LEADING, dt=0.01):
+    """Decisions on readings of these forces, after half a second of nothing."""
+    policy = StopPolicy(config)
+    feed(policy, 0.0, 0.5, 0.0)
+    return [policy.reading(0.49 + (k + 1) * dt, force).stop for k, force in enumerate(forces)]
+
+
+def test_a_force_that_will_soon_exceed_the_threshold_counts():
+    assert rising([3.0, 6.4, 9.9]) == [False, False, True]
+    assert rising([3.0, 6.6, 9.9]) == [False, True, True]
+
+
+def test_a_force_that_rises_slowly_or_falls_counts_as_it_is():
+    assert not any(rising([k / 10 for k in range(99)]))
+    assert not any(rising([4.9, 7.4, 5.0, 7.4, 0.0]))
+
+
+def test_no_reading_counts_more_than_twice():
+    """Also one of a burst, a millisecond after the last."""
+    assert rising([4.9], dt=0.001) == [False]
+    assert rising([5.1], dt=0.001) == [True]
+
+
+def test_the_first_reading_after_a_gap_says_nothing_of_how_fast_it_rose():
+    policy = StopPolicy(LEADING)
+    feed(policy, 0.0, 0.5, 0.0)
+    assert "push" not in policy.reading(1.0, 9.0).reason
 
 
 # --- latch ---

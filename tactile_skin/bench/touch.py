@@ -1,0 +1,263 @@
+"""Touch to stop: from the scan that meets a push to the stop hook, and from a cut cable to it.
+
+One process plays the board in real time, as `tactile-skin sim` does: 390 scans a second, its
+low-pass, 100 frames a second at 1 Mbaud on a pseudo-terminal. Another runs launch/skin.launch.yaml
+with a stop hook. Both read one monotonic clock.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from .. import board, features, scenes
+from ..circuit import Circuit
+from ..curve import PressureCurve
+from ..geometry import make_geometry
+from ..solvers import compensate
+
+RISES = (0.0, 0.02, 0.05, 0.1)  # s, from the first touch to the whole force of a push
+LIMIT_MS, CUT_LIMIT_MS = 25.0, 150.0
+_THRESHOLD, _CELL = 30.0, 0.2  # N, of config/skin.yaml
+_LENGTH, _PERIOD = 0.2, 0.5  # s, of a push, and between two
+_START = 2.0  # s, for the skin to come free
+_KEPT = 60  # scans of each push that are looked at again
+_PATIENCE = 120.0  # s
+_SPAWN = multiprocessing.get_context("spawn")  # a fork would copy this process's threads half
+
+
+def measure(pushes: int, cuts: int, seed: int, track=lambda items: items) -> dict:
+    """So many pushes of each rise time, and cut cables of each kind.
+
+    Returns:
+        the figure "touch" as plain data. `rises`: for each rise time the times to the stop hook
+        [ms] of the pushes, `applied_ms` from the first scan made while the force exceeded the
+        threshold, `seen_ms` from the first scan whose low-passed samples hold a force above it;
+        `missed` pushes brought no stop. `cuts`: `closed_ms` from the moment the board's end of the
+        cable closes, `silent_ms` from the moment it sends nothing more.
+    """
+    rises = [rise for rise in RISES for _ in range(pushes)]
+    np.random.default_rng(seed).shuffle(rises)
+    log, calls = run(rises, cuts, seed)
+    found = {rise: {"rise_ms": 1e3 * rise, "applied_ms": [], "seen_ms": []} for rise in RISES}
+    missed = dict.fromkeys(RISES, 0)
+    for rise, scans in track(list(zip(rises, log["pushes"], strict=True))):
+        applied = next(t for t, force, _ in scans if force >= _THRESHOLD)
+        stop = _stop_after(calls, scans[0][0], applied + _LENGTH)
+        seen = _seen(scans)
+        if stop is None or seen is None:
+            missed[rise] += 1
+            continue
+        found[rise]["applied_ms"].append(1e3 * (stop - applied))
+        found[rise]["seen_ms"].append(1e3 * (stop - seen))
+    cut = {}
+    for kind in ("closed", "silent"):
+        stops = [_stop_after(calls, t, t + 1.0) for t in log[kind]]
+        times = zip(log[kind], stops, strict=True)
+        cut[f"{kind}_ms"] = [None if stop is None else 1e3 * (stop - t) for t, stop in times]
+    return {
+        "touch": {
+            "rises": [found[rise] | {"missed": missed[rise]} for rise in RISES],
+            "cuts": cut,
+        }
+    }
+
+
+def run(rises, cuts: int, seed: int, **stop) -> tuple[dict, list[tuple[float, bool, str]]]:
+    """Play pushes of these rise times and so many cuts of each kind.
+
+    Args:
+        stop: parameters of stop_on_push.
+
+    Returns:
+        what the board did: `pushes`, a list for each of its scans (time, force applied [N], samples
+        sent), `closed` and `silent`, times of the cuts; and the hook's calls (time, stop, reason).
+
+    Raises:
+        RuntimeError: the board or the skin ended early.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        link = str(Path(folder) / "skin")
+        ends, processes = [], []
+        for target, more in ((_board, (rises, cuts, seed)), (_skin, (stop,))):
+            mine, theirs = _SPAWN.Pipe()
+            ends.append(mine)
+            processes.append(_SPAWN.Process(target=target, args=(theirs, link, *more), daemon=True))
+            processes[-1].start()
+            theirs.close()
+        try:
+            board_end, skin_end = ends
+            length = len(rises) * _PERIOD + 6.0 * cuts + _PATIENCE
+            if not board_end.poll(length):
+                raise RuntimeError("the skin did not open the simulated board's port")
+            log = board_end.recv()
+            skin_end.send("end")
+            return log, skin_end.recv()
+        except EOFError as error:
+            raise RuntimeError("the simulated board or the skin ended early") from error
+        finally:
+            for process in processes:
+                process.join(5.0)
+                if process.is_alive():
+                    process.terminate()
+                    process.join()
+
+
+def _stop_after(calls, start: float, end: float) -> float | None:
+    """When the hook heard of a stop that began in this time."""
+    free = True
+    for t, stop, _ in calls:
+        if t < start:
+            free = not stop
+        elif stop and free:
+            return t if t < end else None
+    return None
+
+
+def _seen(scans) -> float | None:
+    """Time of the first scan in whose samples the skin finds the threshold exceeded."""
+    circuit, curve = Circuit(), PressureCurve()
+    geometry = make_geometry("cylinder", *circuit.shape)
+    for t, force, samples in scans:
+        if force == 0.0:
+            continue
+        adc = np.minimum(samples / (2 ** (16 - circuit.adc_bits) * circuit.full_scale), 1.0)
+        found = features.contacts(compensate(adc, circuit, curve).force, geometry, _CELL)
+        if sum(contact.force for contact in found) >= _THRESHOLD:
+            return t
+    return None
+
+
+# --- the board's process -------------------------------------------------------------------------
+
+
+class _Recorder(board.Board):
+    """A board that notes when it scanned what; silent while `mute`."""
+
+    def __init__(self, pushes, seed: int):
+        self.pushes = pushes  # (start, rise, (rows, cols) force), by start
+        self.scans: list[list] = [[] for _ in pushes]
+        self.mute, self.silent_since = False, None
+        super().__init__(Circuit(), PressureCurve(), self._feel, seed=seed)
+
+    def _feel(self, t: float) -> np.ndarray:
+        self._now, self._k, self._total = time.monotonic(), None, 0.0
+        for k, (start, rise, force) in enumerate(self.pushes):
+            if start <= t < start + _LENGTH:
+                share = min(1.0, (t - start) / rise) if rise else 1.0
+                level = 0.5 - 0.5 * np.cos(np.pi * share)
+                self._k, self._total = k, level * force.sum()
+                return level * force
+        return np.zeros(self.circuit.shape)
+
+    def scan(self) -> bytes:
+        frame = super().scan()
+        if self._k is not None and len(self.scans[self._k]) < _KEPT:
+            self.scans[self._k].append((self._now, float(self._total), self._filtered))
+        if self.mute and self.silent_since is None:
+            self.silent_since = self._now
+        return b"" if self.mute else frame
+
+
+def _board(pipe, link: str, rises, cuts: int, seed: int) -> None:
+    rng = np.random.default_rng(seed + 1)
+    pushes = []
+    for k, rise in enumerate(rises):
+        start = _START + k * _PERIOD + rng.uniform(0.0, 0.05)  # at any phase of a frame
+        place, newtons = rng.uniform(4.0, 11.0, 2), rng.uniform(40.0, 90.0)
+        force = scenes.finger(16, 16, *place, newtons, rng.uniform(1.6, 2.0))
+        pushes.append((start, rise, force))
+    recorder, path = _Recorder(pushes, seed), Path(link)
+    silent, closed = [], []
+
+    played = _START + len(pushes) * _PERIOD
+
+    def with_silences() -> bool:
+        t = recorder._scans / board.SCANS_PER_SECOND - played
+        was, recorder.mute = recorder.mute, t >= 0.0 and t % 1.5 < 0.5 and t < 1.5 * cuts
+        if was and not recorder.mute:
+            silent.append(recorder.silent_since)
+            recorder.silent_since = None
+        return t < 1.5 * cuts + 1.0
+
+    board.serve(recorder, path, with_silences)
+    recorder.pushes = []
+    for _ in range(cuts):
+        time.sleep(0.7)  # closed
+        scans = int(rng.uniform(1.5, 1.55) * board.SCANS_PER_SECOND)
+
+        def until_the_cut(scans=scans) -> bool:
+            closed[-1] = time.monotonic()  # the port closes when this says no
+            return recorder._scans < scans
+
+        recorder.restart()
+        closed.append(0.0)
+        board.serve(recorder, path, until_the_cut)
+    pipe.send({"pushes": recorder.scans, "silent": silent, "closed": closed})
+    pipe.close()
+
+
+# --- the skin's process --------------------------------------------------------------------------
+
+
+def _skin(pipe, link: str, stop: dict) -> None:
+    from ..launch import Skin, find, read_plan
+
+    plan = read_plan(find("skin.launch.yaml"), {"port": link, "wait_for_port": str(_PATIENCE)})
+    plan.nodes = [action for action in plan.nodes if action.executable != "monitor"]
+    for action in plan.nodes:
+        if action.executable == "stop_on_push":
+            action.parameters += [("hold", 0.05), *stop.items()]  # free again before the next
+    calls: list[tuple[float, bool, str]] = []
+    with Skin(plan) as skin:
+        skin.on_stop(lambda stop, reason: calls.append((time.monotonic(), stop, reason)))
+        while not pipe.poll(0.25):
+            skin.spin(0.0)
+        calls = list(calls)
+    pipe.send(calls)
+    pipe.close()
+
+
+# --- picture -------------------------------------------------------------------------------------
+
+
+def draw(data: dict):
+    from matplotlib import pyplot as plt
+
+    figure, (touch, cut) = plt.subplots(
+        1, 2, figsize=(9.0, 4.2), layout="constrained", width_ratios=(3, 2)
+    )
+    shades = ("#111111", "#0072b2", "#d55e00", "#009e73")
+    for entry, colour in zip(data["rises"], shades, strict=True):
+        for key, dashes in (("seen_ms", "-"), ("applied_ms", (0, (4, 2)))):
+            label = f"rises in {entry['rise_ms']:g} ms" if key == "seen_ms" else None
+            _share(touch, entry[key], color=colour, linestyle=dashes, label=label)
+    touch.axvline(LIMIT_MS, color="black", linewidth=0.8, linestyle=(0, (2, 3)))
+    touch.set_xlim(0.0, 45.0)
+    touch.set_xlabel("scan to stop hook [ms]: line seen, dashes applied", fontsize=10)
+    touch.set_ylabel("share of the pushes", fontsize=10)
+    touch.legend(fontsize=9, frameon=False, loc="lower right")
+    for kind, colour in (("closed", "#111111"), ("silent", "#d55e00")):
+        _share(cut, data["cuts"][f"{kind}_ms"], color=colour, label=f"cable {kind}")
+    cut.axvline(CUT_LIMIT_MS, color="black", linewidth=0.8, linestyle=(0, (2, 3)))
+    cut.set_xlim(0.0, 1.1 * CUT_LIMIT_MS)
+    cut.set_xlabel("cut to stop hook [ms]", fontsize=10)
+    cut.legend(fontsize=9, frameon=False, loc="center left")
+    for axis in (touch, cut):
+        axis.grid(alpha=0.25, linewidth=0.6)
+        axis.set_ylim(0.0, 1.0)
+    return figure
+
+
+def _share(axis, values, **look) -> None:
+    """Cumulative share; one that never came counts as never."""
+    times = np.sort([v for v in values if v is not None])
+    shares = np.arange(1, len(times) + 1) / max(1, len(values))
+    axis.plot(np.repeat(times, 2), np.repeat([0.0, *shares], 2)[1:-1], linewidth=1.3, **look)
+
+
+DRAW = {"touch": draw}
