@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 from test_nodes import FRAME, GEOMETRY, Chain
 
-from tactile_skin import scenes
+from tactile_skin import Circuit, PressureCurve, board, compensate, scenes
 from tactile_skin.events import Pushed, Released
 from tactile_skin.msg import DiagnosticStatus, Trigger, Twist, Vector3
 from tactile_skin.nodes.cmd_vel_gate import CmdVelGate
 from tactile_skin.nodes.push_to_move import PushToMove
 from tactile_skin.nodes.touch_events import PushListener, StrokeListener
+from tactile_skin.protocol import BinaryParser
+from tactile_skin.stop import StopConfig, StopPolicy
 
 ALL_AROUND = 2 * math.pi * 0.15 / 16  # m, pitch of 16 columns around the whole cylinder
 EIGHT = np.arange(8) * math.pi / 4
@@ -345,3 +347,44 @@ def test_strokes_are_told_once_each_way(robot):
     assert len(ways) == 2  # the way back begins after 2 s
     assert all(a != b for a, b in itertools.pairwise(ways))
     assert all(np.linalg.norm(event.velocity) > 0.02 for event in told)
+
+
+# --- how fast ---
+
+
+def test_a_push_is_decided_in_time_for_the_stop_hook():
+    """What does not depend on the machine: low-pass, wait for the frame, wire, decision.
+
+    From the scan made when the force exceeded the threshold, at any phase of a frame, with forces
+    that take 20 ms to rise: at most 18.5 ms of 25. The rest is for the solver and the threads:
+    bench/touch_to_stop.py measures it all.
+    """
+    rng = np.random.default_rng(4)
+    wire = 529 * 10 / board.BAUD  # s, a frame's bytes
+    late = []
+    for seed in range(25):
+        start, newtons = 0.1 + rng.uniform(0.0, 0.02), rng.uniform(40.0, 90.0)
+        felt = scenes.finger(16, 16, *rng.uniform(4.0, 11.0, 2), newtons, rng.uniform(1.6, 2.0))
+        applied = []
+
+        def feel(t, start=start, newtons=newtons, felt=felt, applied=applied):
+            level = 0.5 - 0.5 * math.cos(math.pi * min(1.0, max(0.0, t - start) / 0.02))
+            if level * newtons >= 30.0:
+                applied.append(t)
+            return level * felt
+
+        simulated = board.Board(Circuit(), PressureCurve(), feel, seed=seed)
+        parser, policy, estimate = BinaryParser(), StopPolicy(StopConfig(30.0, 20.0)), None
+        for k in range(board.SCANS_PER_SECOND // 4):
+            for frame in parser.feed(simulated.scan()):
+                t = k / board.SCANS_PER_SECOND + wire
+                adc = np.minimum(frame.samples / (64 * 1023), 1.0)
+                estimate = compensate(adc, Circuit(), PressureCurve(), start=estimate)
+                pushed = policy.reading(t, estimate.force.sum(), estimate.force.max()).reason
+                if pushed == "push":
+                    late.append(t - applied[0] if applied else 0.0)
+                    break
+            if len(late) > seed:
+                break
+    assert len(late) == 25
+    assert max(late) <= 0.0185

@@ -7,9 +7,12 @@ import sys
 import textwrap
 import threading
 
+import numpy as np
 import pytest
 import yaml
+from simulated import CIRCUIT, serving
 
+from tactile_skin import PressureCurve, board
 from tactile_skin.bus import Context, Node, ParameterError
 from tactile_skin.hooks import EventHook
 from tactile_skin.launch import LaunchError, Skin, launch, read_plan, share_dir
@@ -781,6 +784,51 @@ def test_a_stop_node_that_does_not_answer_is_named(write):
         assert hangs.wait(PATIENCE)
         assert skin.reset_stop(0.01) == (False, "/stop_on_push/reset does not answer")
         release.set()
+
+
+# --- a cable that is cut ---
+
+
+class Mute(board.Board):
+    """A board that can fall silent, as one whose cable is cut behind the adapter."""
+
+    mute = False
+
+    def scan(self) -> bytes:
+        return b"" if self.mute else super().scan()
+
+
+@pytest.mark.parametrize("cut", ["closed", "silent"])
+def test_a_cut_cable_stops(tmp_path, cut):
+    """A real device whose other end closes, or sends nothing more; and back again.
+
+    Within 150 ms, as bench/touch_to_stop.py measures; here it has to come.
+    """
+    circuit = {"circuit.rows": 4, "circuit.cols": 5, "circuit.r_ref": CIRCUIT.r_ref}
+    parameters = circuit | {"method": "naive", "suspect_stops": False, "port": str(tmp_path / "s")}
+    plan = read_plan(share_dir() / "launch" / "skin.launch.yaml", {"method": "naive"})
+    plan.nodes.pop()  # the monitor
+    for action in plan.nodes:
+        known = {"serial_driver": ("port", *circuit), "stop_on_push": ()}
+        names = known.get(action.executable, tuple(circuit))
+        action.parameters = [(name, parameters[name]) for name in names]
+        if action.executable == "compensation":
+            action.parameters += [(name, parameters[name]) for name in ("method", "suspect_stops")]
+        if action.executable == "stop_on_push":
+            action.parameters = [("stale_after", 0.5)]  # a busy machine
+    heard, simulated = Heard(), Mute(CIRCUIT, PressureCurve(), lambda t: np.zeros((4, 5)))
+    with serving(tmp_path / "s", simulated) as served, Skin(plan) as skin:
+        skin.on_stop(heard)
+        heard.wait_for((False, ""))
+        heard.calls.clear()
+        if cut == "closed":
+            served.unplug()
+            heard.wait_for_reason("fault: serial_driver: ")
+        else:
+            simulated.mute = True
+            heard.wait_for((True, "stale: readings stay away"))
+            simulated.mute = False
+            heard.wait_for((False, ""))
 
 
 # --- nodes that move the robot ---

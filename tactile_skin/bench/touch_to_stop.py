@@ -34,8 +34,8 @@ def measure(pushes: int, cuts: int, seed: int, track=lambda items: items) -> dic
     """So many pushes of each rise time, and cut cables of each kind.
 
     Returns:
-        the figure "touch" as plain data. `rises`: for each rise time the times to the stop hook
-        [ms] of the pushes, `applied_ms` from the first scan made while the force exceeded the
+        the figure "touch_to_stop" as plain data. `rises`: for each rise time the times to the stop
+        hook [ms] of the pushes, `applied_ms` from the first scan made while the force exceeded the
         threshold, `seen_ms` from the first scan whose low-passed samples hold a force above it;
         `missed` pushes brought no stop. `cuts`: `closed_ms` from the moment the board's end of the
         cable closes, `silent_ms` from the moment it sends nothing more.
@@ -60,7 +60,7 @@ def measure(pushes: int, cuts: int, seed: int, track=lambda items: items) -> dic
         times = zip(log[kind], stops, strict=True)
         cut[f"{kind}_ms"] = [None if stop is None else 1e3 * (stop - t) for t, stop in times]
     return {
-        "touch": {
+        "touch_to_stop": {
             "rises": [found[rise] | {"missed": missed[rise]} for rise in RISES],
             "cuts": cut,
         }
@@ -228,36 +228,44 @@ def _skin(pipe, link: str, stop: dict) -> None:
 def draw(data: dict):
     from matplotlib import pyplot as plt
 
-    figure, (touch, cut) = plt.subplots(
-        1, 2, figsize=(9.0, 4.2), layout="constrained", width_ratios=(3, 2)
+    figure, (seen, applied, cut) = plt.subplots(
+        1, 3, figsize=(9.0, 3.6), layout="constrained", sharey=True
     )
-    shades = ("#111111", "#0072b2", "#d55e00", "#009e73")
-    for entry, colour in zip(data["rises"], shades, strict=True):
-        for key, dashes in (("seen_ms", "-"), ("applied_ms", (0, (4, 2)))):
-            label = f"rises in {entry['rise_ms']:g} ms" if key == "seen_ms" else None
-            _share(touch, entry[key], color=colour, linestyle=dashes, label=label)
-    touch.axvline(LIMIT_MS, color="black", linewidth=0.8, linestyle=(0, (2, 3)))
-    touch.set_xlim(0.0, 45.0)
-    touch.set_xlabel("scan to stop hook [ms]: line seen, dashes applied", fontsize=10)
-    touch.set_ylabel("share of the pushes", fontsize=10)
-    touch.legend(fontsize=9, frameon=False, loc="lower right")
-    for kind, colour in (("closed", "#111111"), ("silent", "#d55e00")):
-        _share(cut, data["cuts"][f"{kind}_ms"], color=colour, label=f"cable {kind}")
+    colours = ("#111111", "#d55e00", "#0072b2", "#009e73")
+    dashes = ("-", (0, (3, 1)), (0, (5, 1, 1, 1)), (0, (1, 1)))
+    for entry, colour, dash in zip(data["rises"], colours, dashes, strict=True):
+        rise = entry["rise_ms"]
+        label = f"rises in {rise:g} ms" if rise else "rises within a scan"
+        for axis, key in ((seen, "seen_ms"), (applied, "applied_ms")):
+            times = entry[key] + [None] * entry["missed"]
+            _share(axis, times, color=colour, linestyle=dash, label=label)
+    for axis, text in ((seen, "scan that shows the push"), (applied, "scan made under the push")):
+        axis.axvline(LIMIT_MS, color="black", linewidth=0.8, linestyle=(0, (2, 3)))
+        axis.set_xlim(0.0, 35.0)
+        axis.set_xlabel("to stop hook [ms]", fontsize=10)
+        axis.set_title(f"from the first {text}", fontsize=9.5)
+    seen.legend(fontsize=8.5, frameon=False, loc="upper left", handlelength=2.5)
+    seen.set_ylabel("share", fontsize=10)
+    for (kind, text), colour in zip(
+        (("closed", "closes"), ("silent", "falls silent")), colours, strict=False
+    ):
+        _share(cut, data["cuts"][f"{kind}_ms"], color=colour, label=f"the port {text}")
     cut.axvline(CUT_LIMIT_MS, color="black", linewidth=0.8, linestyle=(0, (2, 3)))
     cut.set_xlim(0.0, 1.1 * CUT_LIMIT_MS)
-    cut.set_xlabel("cut to stop hook [ms]", fontsize=10)
-    cut.legend(fontsize=9, frameon=False, loc="center left")
-    for axis in (touch, cut):
+    cut.set_xlabel("to stop hook [ms]", fontsize=10)
+    cut.set_title("from a cut of the cable", fontsize=9.5)
+    cut.legend(fontsize=8.5, frameon=False, loc="center")
+    for axis in (seen, applied, cut):
         axis.grid(alpha=0.25, linewidth=0.6)
-        axis.set_ylim(0.0, 1.0)
+        axis.set_ylim(0.0, 1.02)
     return figure
 
 
 def _share(axis, values, **look) -> None:
-    """Cumulative share; one that never came counts as never."""
+    """Cumulative share of the times; None never came."""
     times = np.sort([v for v in values if v is not None])
-    shares = np.arange(1, len(times) + 1) / max(1, len(values))
-    axis.plot(np.repeat(times, 2), np.repeat([0.0, *shares], 2)[1:-1], linewidth=1.3, **look)
+    shares = np.arange(len(times) + 1) / max(1, len(values))
+    axis.step([0.0, *times], shares, where="post", linewidth=1.4, **look)
 
 
-DRAW = {"touch": draw}
+DRAW = {"touch_to_stop": draw}
