@@ -239,22 +239,22 @@ def draw(data: dict):
         for axis, key in ((seen, "seen_ms"), (applied, "applied_ms")):
             times = entry[key] + [None] * entry["missed"]
             _share(axis, times, color=colour, linestyle=dash, label=label)
-    for axis, text in ((seen, "scan that shows the push"), (applied, "scan made under the push")):
+    for axis, text in ((seen, "that shows a push"), (applied, "under a push")):
         axis.axvline(LIMIT_MS, color="black", linewidth=0.8, linestyle=(0, (2, 3)))
         axis.set_xlim(0.0, 35.0)
         axis.set_xlabel("to stop hook [ms]", fontsize=10)
-        axis.set_title(f"from the first {text}", fontsize=9.5)
-    seen.legend(fontsize=8.5, frameon=False, loc="upper left", handlelength=2.5)
+        axis.set_title(f"from the first scan {text}", fontsize=9.5)
+    seen.legend(fontsize=8, loc="lower right", handlelength=1.8, framealpha=1.0, edgecolor="none")
     seen.set_ylabel("share", fontsize=10)
     for (kind, text), colour in zip(
-        (("closed", "closes"), ("silent", "falls silent")), colours, strict=False
+        (("closed", "the port closes"), ("silent", "no more bytes")), colours, strict=False
     ):
-        _share(cut, data["cuts"][f"{kind}_ms"], color=colour, label=f"the port {text}")
+        _share(cut, data["cuts"][f"{kind}_ms"], color=colour, label=text)
     cut.axvline(CUT_LIMIT_MS, color="black", linewidth=0.8, linestyle=(0, (2, 3)))
     cut.set_xlim(0.0, 1.1 * CUT_LIMIT_MS)
     cut.set_xlabel("to stop hook [ms]", fontsize=10)
     cut.set_title("from a cut of the cable", fontsize=9.5)
-    cut.legend(fontsize=8.5, frameon=False, loc="center")
+    cut.legend(fontsize=8, frameon=False, loc="center left", handlelength=1.2)
     for axis in (seen, applied, cut):
         axis.grid(alpha=0.25, linewidth=0.6)
         axis.set_ylim(0.0, 1.02)
