@@ -15,6 +15,7 @@ from tactile_skin import Circuit, PressureCurve, board, compensate, scenes
 from tactile_skin.events import Pushed, Released
 from tactile_skin.msg import DiagnosticStatus, Trigger, Twist, Vector3
 from tactile_skin.nodes.cmd_vel_gate import CmdVelGate
+from tactile_skin.nodes.monitor import Monitor
 from tactile_skin.nodes.push_to_move import PushToMove
 from tactile_skin.nodes.touch_events import PushListener, StrokeListener
 from tactile_skin.protocol import BinaryParser
@@ -317,6 +318,15 @@ def test_a_stream_that_ends_while_led_is_zero_within_the_timeout():
     driven = robot.live(0.5, frames=False)
     assert np.count_nonzero(driven[:, 0]) * FRAME <= 0.12
     assert not driven[-1].any()
+
+
+def test_the_live_line_tells_where_it_is_led(capsys):
+    robot = Robot(PushToMove)
+    monitor = Monitor(robot.node("monitor", {}))
+    robot.felt = scenes.finger(16, 16, 7.5, 7.5, 60.0, 2.2)
+    robot.live(1.0)
+    monitor.live_line()
+    assert "STOP push  cmd_vel (-0.30 +0.00 m/s +0.00 rad/s)" in capsys.readouterr().out
 
 
 # --- events ---

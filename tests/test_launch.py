@@ -13,7 +13,9 @@ import yaml
 from simulated import CIRCUIT, serving
 
 from tactile_skin import PressureCurve, board
+from tactile_skin.admittance import ANGULAR, AdmittanceConfig
 from tactile_skin.bus import Context, Node, ParameterError
+from tactile_skin.gate import GateConfig
 from tactile_skin.hooks import EventHook
 from tactile_skin.launch import LaunchError, Skin, launch, read_plan, share_dir
 from tactile_skin.msg import Bool, Header, PointCloud2, Twist, cloud
@@ -861,3 +863,21 @@ def test_the_last_word_to_the_base_is_zero(write, executable):
 def test_the_shipped_launch_file_starts_them_when_asked(name):
     found = read_plan(share_dir() / "launch" / "skin.launch.yaml", {name: "true"})
     assert name in [n.executable for n in found.nodes]
+
+
+def test_the_shipped_parameters_are_the_defaults(write):
+    """And none is misspelt: of a node that is not started nobody would tell."""
+    config = share_dir() / "config" / "skin.yaml"
+    shipped = f", param: [{{from: {config}}}]"
+    entities = node("cmd_vel_gate", shipped)
+    entities += node("push_to_move", shipped + ", remap: [{from: cmd_vel, to: led}]")
+    entities += node("gesture_feature", shipped)  # circuit and geometry stand under /**
+    entities += node("compensation", shipped) + node("serial_driver", ", param: [{%s}]")
+    entities = entities.replace("{%s}", "{name: port, value: 'loop://'}")
+    with launch(write(entities)) as skin:
+        gate, led = skin._nodes[:2]
+        assert gate.gate.config == GateConfig()
+        assert led.admittance.config == AdmittanceConfig()
+    turning = ", param: [{name: turns, value: true}]"
+    with launch(write(node("push_to_move", turning))) as skin:
+        assert skin._nodes[0].admittance.config.angular == ANGULAR

@@ -2,13 +2,15 @@
 
 One process plays the board in real time, as `tactile-skin sim` does: 390 scans a second, its
 low-pass, 100 frames a second at 1 Mbaud on a pseudo-terminal. Another runs launch/skin.launch.yaml
-with a stop hook. Both read one monotonic clock.
+with a stop hook, beside one that hangs and one that raises. Both read one monotonic clock.
 """
 
 from __future__ import annotations
 
+import logging
 import multiprocessing
 import tempfile
+import threading
 import time
 from pathlib import Path
 
@@ -213,7 +215,17 @@ def _skin(pipe, link: str, stop: dict) -> None:
         if action.executable == "stop_on_push":
             action.parameters += [("hold", 0.05), *stop.items()]  # free again before the next
     calls: list[tuple[float, bool, str]] = []
+
+    def hang(stop: bool, reason: str) -> None:
+        threading.Event().wait()
+
+    def fail(stop: bool, reason: str) -> None:
+        raise RuntimeError("as it should")
+
+    logging.getLogger("tactile_skin.hook").setLevel(logging.CRITICAL)
     with Skin(plan) as skin:
+        for hook in (hang, fail):  # neither may delay the one that is measured
+            skin.on_stop(hook)
         skin.on_stop(lambda stop, reason: calls.append((time.monotonic(), stop, reason)))
         while not pipe.poll(0.25):
             skin.spin(0.0)
