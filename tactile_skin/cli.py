@@ -255,7 +255,7 @@ def _train(args) -> int:
 
 
 def _bench(args) -> int:
-    from .bench import choose, run, speed
+    from .bench import choose, run, speed, touch_to_stop
 
     unknown = [part for part in args.parts if part not in run.PARTS]
     if unknown:
@@ -268,6 +268,8 @@ def _bench(args) -> int:
         print("\n".join(["", *choose.lines(written["speed"]), ""]))
     if "stability" in written:
         print("auto, what fails silently:", *choose.silent(written["stability"]), "", sep="\n")
+    if "touch_to_stop" in written:
+        print(touch_to_stop.table(written["touch_to_stop"]), "", sep="\n")
     print(f"pictures: {', '.join(str(args.out / f'{name}.png') for name in written)}")
     return 0
 

@@ -422,6 +422,13 @@ def test_the_picture_shows_every_push_and_every_cut():
     plt.close(figure)
 
 
+def test_the_page_holds_the_table_of_the_run_that_it_shows():
+    root = Path(__file__).parents[1]
+    data = json.loads((root / "docs/bench/touch_to_stop.json").read_text())
+    assert sum(entry["missed"] for entry in data["rises"]) == 0
+    assert touch_to_stop.table(data) in (root / "docs/behaviours.md").read_text()
+
+
 @pytest.mark.slow
 def test_touch_to_stop_on_the_running_skin():
     """Typical times only: the tail is the machine's, see docs/behaviours.md."""
