@@ -241,14 +241,15 @@ def table(data: dict) -> str:
     """p50 / p99 [ms] of each rise time and of all pushes, as Markdown."""
     rows = [(f"{e['rise_ms']:g} ms", e) for e in data["rises"]]
     rows[0] = ("less than a scan", rows[0][1])
-    everything = {key: sum((e[key] for _, e in rows), []) for key in ("seen_ms", "applied_ms")}
+    keys = ("seen_ms", "applied_ms")
+    everything = {key: np.concatenate([e[key] for _, e in rows]) for key in keys}
     lines = [
         "| the force rises in | from the first scan that shows it above the threshold "
         "| from the first scan made while it was |",
         "|---|---|---|",
     ]
     for name, entry in [*rows, ("all pushes", everything)]:
-        cells = ["{:.1f} / {:.1f}".format(*np.percentile(entry[k], (50, 99))) for k in everything]
+        cells = ["{:.1f} / {:.1f}".format(*np.percentile(entry[k], (50, 99))) for k in keys]
         lines.append(f"| {name} | {cells[0]} | {cells[1]} |")
     return "\n".join(lines)
 
