@@ -88,6 +88,13 @@ class WrenchStamped:
     wrench: Wrench = field(default_factory=Wrench)
 
 
+@dataclass
+class Twist:
+    TYPE: ClassVar[str] = "geometry_msgs/msg/Twist"
+    linear: Vector3 = field(default_factory=Vector3)
+    angular: Vector3 = field(default_factory=Vector3)
+
+
 # --- sensor_msgs --------------------------------------------------------------------------------
 
 
