@@ -306,14 +306,14 @@ class Skin:
     def __enter__(self) -> Skin:
         try:
             for command in self._plan.commands:
-                self._processes.append(_start(command))
+                self._processes.append(start_command(command))
             for action in self._plan.nodes:
                 handle = self._handle(action)
                 name = handle.get_fully_qualified_name()
                 if any(name == other.get_fully_qualified_name() for other in self._handles):
                     raise LaunchError(f"node {name}: there are two of this name")
                 self._handles.append(handle)
-                self._nodes.append(_node_class(action.executable)(handle))
+                self._nodes.append(node_class(action.executable)(handle))
             self._check_overrides()
         except BaseException:
             self.__exit__()
@@ -344,14 +344,7 @@ class Skin:
         if self._threads is not None:
             self._threads.restore_original_limits()
             sys.setswitchinterval(self._switch_interval)
-        for process in self._processes:
-            process.terminate()
-        for process in self._processes:
-            try:
-                process.wait(3.0)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+        end_commands(self._processes)
 
     def spin(self, timeout: float | None = None) -> None:
         """Wait until a node ends the launch, a command fails, or `timeout` seconds went by.
@@ -484,12 +477,12 @@ def _unknown(where: str, key: str, allowed) -> LaunchError:
     )
 
 
-def _node_class(executable: str):
+def node_class(executable: str):
     module, name = NODES[executable].split(".")
     return getattr(importlib.import_module(f".nodes.{module}", __package__), name)
 
 
-def _start(command: list[str]) -> subprocess.Popen:
+def start_command(command: list[str]) -> subprocess.Popen:
     """Start a command; the tools of this Python's environment come first on its PATH."""
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     try:
@@ -497,6 +490,18 @@ def _start(command: list[str]) -> subprocess.Popen:
         return subprocess.Popen(command, env=os.environ | {"PATH": path}, start_new_session=True)
     except OSError as error:
         raise LaunchError(f"executable {shlex.join(command)}: {error.strerror}") from error
+
+
+def end_commands(processes: list[subprocess.Popen]) -> None:
+    """Ask them to end; those that do not within 3 s are killed."""
+    for process in processes:
+        process.terminate()
+    for process in processes:
+        try:
+            process.wait(3.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
 
 
 def launch(path=None, context: Context | None = None, **arguments) -> Skin:
