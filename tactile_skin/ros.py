@@ -426,6 +426,8 @@ def split_arguments(words: list[str]) -> tuple[list[str], RosArguments]:
             own.append(word)
             continue
         while rest and (word := rest.pop(0)) != "--":
+            if word == "--ros-args":
+                continue
             if word not in ("-r", "--remap", "-p", "--param", "--params-file"):
                 raise ValueError(
                     f"--ros-args: {word!r}: must be -r from:=to, -p name:=value or --params-file"
@@ -545,7 +547,14 @@ def __getattr__(name: str):
 
 def command(action: launch.NodeAction, version: int) -> list[str]:
     """The command line that starts a node of a launch file, as `ros2 launch` would."""
-    words = [sys.executable, "-m", f"{launch.PACKAGE}.ros", action.executable, "--ros", str(version)]
+    words = [
+        sys.executable,
+        "-m",
+        f"{launch.PACKAGE}.ros",
+        action.executable,
+        "--ros",
+        str(version),
+    ]
     words += ["--ros-args", "-r", f"__node:={action.name}"]
     words += ["-r", f"__ns:={action.namespace}"] if action.namespace else []
     for item in action.parameters:

@@ -69,10 +69,10 @@ def listener(topic, values):
         seen.append((topic, now, stamp, values(m)))
         if topic not in heard:
             heard.add(topic)
-            print("heard", topic, flush=True)
+            print(f"heard {topic}\n", end="", flush=True)
         if topic == "skin/stop_status" and m.status[0].message != reason[-1]:
             reason.append(m.status[0].message)
-            print("stop", reason[-1] or "free", flush=True)
+            print(f"stop {reason[-1] or 'free'}\n", end="", flush=True)
 
     return on_message
 

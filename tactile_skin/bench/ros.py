@@ -11,6 +11,7 @@ import argparse
 import contextlib
 import os
 import pickle
+import select
 import shutil
 import signal
 import socket
@@ -47,14 +48,16 @@ def record(frames: int, scene: str = "demo", seed: int = 0) -> list[bytes]:
 
 
 class Player:
-    """Plays recorded bytes on a pseudo-terminal, 100 frames a second.
+    """Plays recorded bytes on a pseudo-terminal.
 
     Attributes:
         port: what a serial driver opens.
+        rate: frames a second.
         written: when each frame's last byte was written [s, time of day].
     """
 
-    def __init__(self):
+    def __init__(self, rate: float = board.FRAMES_PER_SECOND):
+        self.rate = rate
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
@@ -67,11 +70,19 @@ class Player:
         for frame in frames:
             if not going():
                 return
-            tick += 1.0 / board.FRAMES_PER_SECOND
+            tick += 1.0 / self.rate
             time.sleep(max(0.0, tick - time.monotonic()))
-            with contextlib.suppress(BlockingIOError):  # nobody reads
-                os.write(self._master, frame)
+            self._write(frame)
             self.written.append(time.time())
+
+    def _write(self, frame: bytes) -> None:
+        """Whole, if a reader that is late makes room within a second."""
+        deadline = time.monotonic() + 1.0
+        while frame and time.monotonic() < deadline:
+            try:
+                frame = frame[os.write(self._master, frame) :]
+            except BlockingIOError:
+                select.select([], [self._master], [], 0.1)
 
     @contextlib.contextmanager
     def looping(self, frames: list[bytes]):
@@ -114,8 +125,8 @@ class Graph:
         self.env = os.environ | {
             "ROS_MASTER_URI": f"http://127.0.0.1:{self._port}",
             "ROS_IP": "127.0.0.1",
-            "ROS_HOME": str(self._folder),
-            "ROS_LOG_DIR": str(self._folder),
+            "ROS_HOME": str(self._folder / "ros"),
+            "ROS_LOG_DIR": str(self._folder / "ros"),
             "ROS_DOMAIN_ID": str(self._port % 100),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "OMP_NUM_THREADS": "1",
@@ -128,6 +139,8 @@ class Graph:
         return self
 
     def __exit__(self, *_) -> None:
+        for process in (p for n, p in self.processes.items() if n != "master"):
+            process.send_signal(signal.SIGTERM)
         for name in [n for n in self.processes if n != "master"]:
             self.stop(name)
         if "master" in self.processes:
