@@ -250,7 +250,8 @@ _SUBSTITUTION = re.compile(r"\$\(([\w-]+)((?:\s+[^()\s]+)*)\)")
 
 
 def _substitute(text: str, variables: dict, path: Path, anonymous: dict) -> str:
-    """Fill in $(var x), $(env X default), $(dirname), $(anon x), $(find-pkg-share pkg)."""
+    """Fill in $(var x), $(env X default), $(dirname), $(anon x), $(find-pkg-share pkg) and
+    $(exec-in-pkg x pkg)."""
 
     def value(match: re.Match) -> str:
         kind, words = match[1], match[2].split()
@@ -271,15 +272,23 @@ def _substitute(text: str, variables: dict, path: Path, anonymous: dict) -> str:
             return anonymous.setdefault(words[0], name)
         if kind == "find-pkg-share" and words == [PACKAGE]:
             return str(share_dir())
+        if kind == "exec-in-pkg" and len(words) == 2 and words[1] == PACKAGE:
+            return _executable(words[0])
         raise LaunchError(
             f"{path}: {match[0]}: not understood; must be $(var x), $(env X [default]), "
-            f"$(dirname), $(anon x) or $(find-pkg-share {PACKAGE})"
+            f"$(dirname), $(anon x), $(find-pkg-share {PACKAGE}) or $(exec-in-pkg x {PACKAGE})"
         )
 
     filled = _SUBSTITUTION.sub(value, text)
     if "$(" in filled:
         raise LaunchError(f"{path}: {text!r}: a substitution that is not understood")
     return filled
+
+
+def _executable(name: str) -> str:
+    """Where a program of the package is: lib/tactile_skin beside share, else on the PATH."""
+    built = share_dir().parents[1] / "lib" / PACKAGE / name
+    return str(built) if built.exists() else name
 
 
 # --- the running skin -----------------------------------------------------------------------------

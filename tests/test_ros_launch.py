@@ -1,0 +1,118 @@
+"""The shipped launch files in ROS 2's YAML grammar, as its documentation and its parser have it.
+
+launch, launch_yaml and launch_ros are in no package registry, so that `ros2 launch` itself cannot
+run here; `launch_yaml/README.md` of ros2/launch, the Launch-file-different-formats and
+Launch-files-migration-guide pages of the ROS 2 documentation (Humble) say what is allowed.
+"""
+
+import re
+
+import pytest
+import yaml
+
+from tactile_skin.launch import share_dir
+
+ACTION = {"if", "unless"}
+PROCESS = {"output", "cwd", "launch-prefix", "respawn", "respawn_delay", "shell", "env"} | ACTION
+KEYS = {  # entity -> (keys it must have, keys it may have)
+    "arg": ({"name"}, {"default", "description", "choice"} | ACTION),
+    "let": ({"name", "value"}, ACTION),
+    "executable": ({"cmd"}, {"name"} | PROCESS),
+    "node": (
+        {"pkg", "exec"},
+        {"name", "namespace", "args", "ros_args", "param", "remap"} | PROCESS - {"shell"},
+    ),
+    "include": ({"file"}, {"arg"} | ACTION),
+}
+NESTED = {  # (entity, key) -> keys of each map in its list
+    ("node", "param"): [{"from"}, {"from", "allow_substs"}, {"name", "value"}],
+    ("node", "remap"): [{"from", "to"}],
+    ("include", "arg"): [{"name", "value"}],
+}
+SUBSTITUTIONS = {  # name -> how many words may follow
+    "var": (1, 2),
+    "env": (1, 2),
+    "dirname": (0,),
+    "anon": (1,),
+    "find-pkg-share": (1,),
+    "find-pkg-prefix": (1,),
+    "exec-in-pkg": (2,),
+    "find-exec": (1,),
+}
+FILES = sorted(p.name for p in (share_dir() / "launch").glob("*.yaml"))
+
+
+def texts(value):
+    """Every scalar in it."""
+    if isinstance(value, dict):
+        value = list(value.values())
+    for item in value if isinstance(value, list) else []:
+        yield from texts(item)
+    if not isinstance(value, list):
+        yield value
+
+
+def check(name: str, text: str) -> None:
+    data = yaml.safe_load(text)
+    assert list(data) == ["launch"]
+    for entity in data["launch"]:
+        ((kind, body),) = entity.items()
+        assert kind in KEYS, f"{name}: {kind}"
+        must, may = KEYS[kind]
+        assert must <= set(body), f"{name}: {kind} lacks {must - set(body)}"
+        assert set(body) <= must | may, f"{name}: {kind} has {set(body) - must - may}"
+        for key, value in body.items():
+            if (kind, key) in NESTED:
+                assert all(set(item) in NESTED[kind, key] for item in value), f"{name}: {key}"
+            else:  # launch_yaml takes text alone: a bare number or true is an error there
+                assert isinstance(value, str), f"{name}: {kind}: {key} = {value!r}"
+        for value in texts(body):
+            if isinstance(value, str):
+                check_substitutions(name, value)
+
+
+def check_substitutions(name: str, text: str) -> None:
+    for found in re.finditer(r"\$\(([^()]*)\)", text):
+        kind, *words = found[1].split()
+        assert kind in SUBSTITUTIONS, f"{name}: {found[0]}"
+        assert len(words) in SUBSTITUTIONS[kind], f"{name}: {found[0]}"
+    assert "$(" not in re.sub(r"\$\([^()]*\)", "", text), f"{name}: {text}"
+
+
+def test_both_files_are_looked_at():
+    assert {"skin.launch.yaml", "demo.launch.yaml"} <= set(FILES)
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_shipped_launch_file_is_in_ros_2s_grammar(name):
+    check(name, (share_dir() / "launch" / name).read_text())
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "launch: [{arg: {name: a, default: 5}}]",
+        "launch: [{node: {pkg: a}}]",
+        "launch: [{node: {package: a, exec: b}}]",
+        "launch: [{node: {pkg: a, exec: b, param: [{name: c}]}}]",
+        "launch: [{executable: {cmd: $(arg a)}}]",
+        "launch: [{executable: {cmd: $(var)}}]",
+        "launch: [{executable: {cmd: $(var a}}]",
+        "launch: [{nodes: {}}]",
+    ],
+)
+def test_the_check_can_fail(text):
+    with pytest.raises(AssertionError):
+        check("x", text)
+
+
+def test_a_node_has_an_executable_of_its_name():
+    """`exec` is what setup.py installs to lib/tactile_skin."""
+    from tactile_skin.launch import NODES
+
+    for name in FILES:
+        data = yaml.safe_load((share_dir() / "launch" / name).read_text())
+        for entity in data["launch"]:
+            if "node" in entity:
+                assert entity["node"]["pkg"] == "tactile_skin"
+                assert entity["node"]["exec"] in NODES
