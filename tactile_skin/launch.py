@@ -47,6 +47,7 @@ NODES = {  # exec -> class, imported when it is started
     "gesture_feature": "gesture_feature.GestureFeature",
     "stop_on_push": "stop_on_push.StopOnPush",
     "monitor": "monitor.Monitor",
+    "push_arrow": "push_arrow.PushArrow",
 }
 
 

@@ -33,6 +33,7 @@ from threadpoolctl import threadpool_limits
 
 from . import bus, launch, msg
 from .config import ParameterFile
+from .nodes import QUEUE
 
 _SERVICE_WITHIN = 5.0  # s, for a node's answer
 _LAST_WORD = 0.5  # s, for messages under way when a process ends
@@ -217,10 +218,12 @@ class Ros1:
 
     def advertise(self, kind: type, topic: str, qos: bus.QoSProfile) -> Callable:
         latch = qos.durability is bus.DurabilityPolicy.TRANSIENT_LOCAL
-        # A queue, and so a thread, for each subscriber: a slow one delays nobody. And no Nagle:
+        # A queue, and so a thread, for each subscriber: a slow one delays nobody. Latched topics
+        # have a depth of 1, which is what is kept, not how many may be on their way. And no Nagle:
         # he would hold a message back until the last one is acknowledged, up to 40 ms.
+        size = max(qos.depth, QUEUE)
         return self._rospy.Publisher(
-            topic, kind, queue_size=qos.depth, latch=latch, tcp_nodelay=True
+            topic, kind, queue_size=size, latch=latch, tcp_nodelay=True
         ).publish
 
     def subscribe(self, kind: type, topic: str, callback, qos: bus.QoSProfile) -> None:

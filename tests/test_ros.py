@@ -560,8 +560,9 @@ def test_the_launched_demo_speaks_100_times_a_second(version, tmp_path):
         assert rate(during) == pytest.approx(100.0, rel=0.01), topic
     assert heard["skin/pressure"][-1][2][:6] == ("base_link", 16, 16, "32FC1", 0, 64)
     # a decision for each reading, and the heartbeat between them
-    stamps = {stamp for _, stamp, _ in heard["skin/stop_status"] if start <= stamp / 1e9 <= end}
-    assert len(stamps) / seconds == pytest.approx(100.0, rel=0.015)
+    readings = {stamp for _, stamp, _ in heard["skin/adc"] if start <= stamp / 1e9 <= end}
+    decided = {stamp for _, stamp, _ in heard["skin/stop_status"]} & readings
+    assert len(decided) >= 0.99 * len(readings)
     stops = [t for t, *_ in heard["skin/stop"] if start <= t <= end]
     assert 100.0 <= len(stops) / seconds < 160.0
     assert max(np.diff(stops)) < 0.1

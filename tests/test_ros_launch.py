@@ -113,6 +113,32 @@ def test_a_node_has_an_executable_of_its_name():
     for name in FILES:
         data = yaml.safe_load((share_dir() / "launch" / name).read_text())
         for entity in data["launch"]:
-            if "node" in entity:
-                assert entity["node"]["pkg"] == "tactile_skin"
-                assert entity["node"]["exec"] in NODES
+            node = entity.get("node", {})
+            assert node.get("exec") in NODES or node.get("pkg") != "tactile_skin"
+
+
+def test_rviz_shows_topics_that_the_nodes_publish():
+    """Each with a display for its type; the frame is the skin's."""
+    from tactile_skin import launch
+    from tactile_skin.bus import Context, Node
+
+    shown = yaml.safe_load((share_dir() / "config" / "skin.rviz").read_text())
+    manager = shown["Visualization Manager"]
+    config = yaml.safe_load((share_dir() / "config" / "skin.yaml").read_text())
+    frame = config["/**"]["ros__parameters"]["frame_id"]
+    assert manager["Global Options"]["Fixed Frame"] == frame
+    context = Context()
+    for name in ("compensation", "gesture_feature", "push_arrow"):
+        launch.node_class(name)(Node(name, context=context))
+    kinds = {"Image": "Image", "PointCloud2": "PointCloud2", "Wrench": "WrenchStamped"}
+    kinds["Polygon"] = "PolygonStamped"
+    drawn = {}
+    for display in manager["Displays"]:
+        plugin = display["Class"].removeprefix("rviz_default_plugins/")
+        if plugin in kinds:
+            topic = display["Topic"]["Value"]
+            drawn[topic] = context._topic_type[topic].__name__
+            assert drawn[topic] == kinds[plugin]
+    assert set(drawn) == {"/skin/pressure", "/skin/contacts", "/skin/wrench", "/skin/push_arrow"}
+    (contacts,) = [d for d in manager["Displays"] if d["Name"] == "Contacts"]
+    assert contacts["Channel Name"] == "force"
