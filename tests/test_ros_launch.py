@@ -117,6 +117,27 @@ def test_a_node_has_an_executable_of_its_name():
             assert node.get("exec") in NODES or node.get("pkg") != "tactile_skin"
 
 
+def test_the_pages_yaml_fits_the_skin():
+    """Topics and types that the nodes publish, and a lock that outlives a few lost heartbeats."""
+    from tactile_skin.nodes.stop_on_push import HEARTBEAT
+
+    page = (share_dir() / "docs" / "robot.md").read_text()
+    blocks = [yaml.safe_load(b) for b in re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)]
+    found = {name: block["ros__parameters"] for b in blocks for name, block in b.items()}
+    lock = found["twist_mux"]["locks"]["skin"]
+    assert lock["topic"] == "skin/stop"
+    assert 3 * HEARTBEAT < lock["timeout"] <= 0.2  # 0 would switch the fail-safe off
+    assert all(t["priority"] < lock["priority"] for t in found["twist_mux"]["topics"].values())
+    monitor = found["collision_monitor"]
+    source = monitor[monitor["observation_sources"][0]]
+    assert (source["type"], source["topic"]) == ("pointcloud", "skin/contacts")
+    assert 0.0 < monitor["source_timeout"] <= 0.5
+    (zone,) = monitor["polygons"]
+    config = yaml.safe_load((share_dir() / "config" / "skin.yaml").read_text())["/**"]
+    geometry = config["ros__parameters"]["geometry"]
+    assert monitor[zone]["radius"] > geometry["radius"] and monitor[zone]["min_points"] == 1
+
+
 def test_rviz_shows_topics_that_the_nodes_publish():
     """Each with a display for its type; the frame is the skin's."""
     from tactile_skin import launch
