@@ -511,7 +511,7 @@ def test_a_master_that_is_killed_and_restarted_is_rejoined(skin):
         old = graph.listen()
         graph.wait_until_heard(old)
         killed = time.time()
-        graph.stop("master", signal.SIGKILL)
+        graph.kill_master()
         time.sleep(1.5)
         graph.start_master()
         restarted = time.time()
@@ -526,6 +526,75 @@ def test_a_master_that_is_killed_and_restarted_is_rejoined(skin):
         arrivals = np.array([t for t, *_ in heard_old[topic] if t > killed])
         assert max(np.diff(arrivals)) < 0.5, f"{topic} went on without a master"
         assert rate(heard_new[topic]) == pytest.approx(player.rate, rel=0.02)
+
+
+WRONG = {
+    "unknown": (["-p", "treshold:=1.0"], ["'treshold' of node guard is unknown", "threshold"]),
+    "range": (["-p", "hold:=-1.0"], ["hold of node guard = -1.0", "from 0.0 to 60.0"]),
+    "type": (["-p", "hold:=long"], ["hold of node guard = 'long'", "float"]),
+}
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("wrong", WRONG)
+def test_a_wrong_parameter_is_one_clear_line(skin, wrong):
+    """Exit status 2, and the process ends, although ROS's threads run already."""
+    graph, _, _ = skin
+    words, named = WRONG[wrong]
+    command = [sys.executable, "-m", "tactile_skin.ros", "stop_on_push"]
+    command += ["--ros", str(graph.version), "--ros-args", "-r", "__node:=guard", *words]
+    done = subprocess.run(command, env=graph.env, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2, done.stderr
+    (line,) = [text for text in done.stderr.splitlines() if "error" in text]
+    for text in named:
+        assert text in line
+
+
+PARAMETERS = """
+import rclpy
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
+rclpy.init()
+node = rclpy.create_node("plain_client")
+client = AsyncParameterClient(node, "/stop_on_push")
+assert client.wait_for_services(20.0)
+def ask(future):
+    rclpy.spin_until_future_complete(node, future, timeout_sec=20.0)
+    return future.result()
+print(ask(client.get_parameters(["threshold"])).values[0].double_value)
+(described,) = ask(client.describe_parameters(["threshold"])).descriptors
+print(described.read_only, described.floating_point_range[0].to_value)
+print(ask(client.set_parameters([Parameter("threshold", value=1.0)])).results[0].successful)
+"""
+
+
+@pytest.mark.ros
+def test_parameters_are_shown_and_cannot_be_set(skin):
+    """They are read once, at the node's start: to accept another value would be a lie."""
+    graph, _, _ = skin
+    if graph.version == 1:
+        pytest.skip("ROS 1's nodes declare no parameters")
+    words = [sys.executable, "-c", PARAMETERS]
+    done = subprocess.run(words, env=graph.env, capture_output=True, text=True, timeout=90)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["30.0", "True", "500.0", "False"]
+
+
+@pytest.mark.ros
+def test_a_node_whose_name_is_taken_ends_with_a_stop(skin):
+    """ROS 1's master shuts the older of two nodes of one name down; the younger goes on."""
+    graph, player, plan = skin
+    if graph.version == 2:
+        pytest.skip("ROS 2 lets both live")
+    name = graph.listen()
+    with player.looping(record(200, IDLE)):
+        graph.wait_for(lambda: graph.hears(name, "stop free\n"), "the robot may move")
+        older = graph.processes.pop("stop_on_push")
+        graph.start_node(plan["stop_on_push"])
+        assert older.wait(30.0) == 0
+        graph.wait_for(lambda: graph.said(name).endswith("stop free\n"), "the younger goes on")
+    assert graph.hears(name, "the skin shuts down")
+    graph.heard(name)
 
 
 def rate(messages) -> float:

@@ -149,15 +149,24 @@ class Graph:
 
     def start_master(self) -> None:
         """ROS 1's master, on the port that the nodes know."""
+        if self._master_answers():
+            raise RuntimeError("a master answers already")
         self.start("master", ["roscore", "-p", str(self._port)])
+        self.wait_for(self._master_answers, "roscore answers")
 
-        def answers() -> bool:
-            with contextlib.suppress(OSError):
-                socket.create_connection(("127.0.0.1", self._port), 1.0).close()
-                return True
-            return False
+    def kill_master(self) -> None:
+        """roscore and what it has started, which are groups of their own, at once."""
+        pid = self.processes["master"].pid
+        for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
+            os.kill(int(child), signal.SIGKILL)
+        self.stop("master", signal.SIGKILL)
+        self.wait_for(lambda: not self._master_answers(), "the master is gone")
 
-        self.wait_for(answers, "roscore answers")
+    def _master_answers(self) -> bool:
+        with contextlib.suppress(OSError):
+            socket.create_connection(("127.0.0.1", self._port), 1.0).close()
+            return True
+        return False
 
     def start(self, name: str, words: list[str]) -> None:
         with open(self.log(name), "ab") as log:
