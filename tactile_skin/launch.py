@@ -317,14 +317,7 @@ class Skin:
         try:
             for command in self._plan.commands:
                 self._processes.append(start_command(command))
-            for action in self._plan.nodes:
-                handle = self._handle(action)
-                name = handle.get_fully_qualified_name()
-                if any(name == other.get_fully_qualified_name() for other in self._handles):
-                    raise LaunchError(f"node {name}: there are two of this name")
-                self._handles.append(handle)
-                self._nodes.append(node_class(action.executable)(handle))
-            self._check_overrides()
+            self.build()
         except BaseException:
             self.__exit__()
             raise
@@ -337,6 +330,21 @@ class Skin:
         for handle in (*self._handles, self.node):
             self._executor.add_node(handle)
         return self
+
+    def build(self) -> None:
+        """Make the nodes and check what they are given; nothing runs yet.
+
+        Raises:
+            ValueError: a name or a value that is wrong; the message names it.
+        """
+        for action in self._plan.nodes:
+            handle = self._handle(action)
+            name = handle.get_fully_qualified_name()
+            if any(name == other.get_fully_qualified_name() for other in self._handles):
+                raise LaunchError(f"node {name}: there are two of this name")
+            self._handles.append(handle)
+            self._nodes.append(node_class(action.executable)(handle))
+        self._check_overrides()
 
     def __exit__(self, *_) -> None:
         """Stop in the way of the data: what is on its way still arrives."""

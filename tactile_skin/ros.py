@@ -579,7 +579,11 @@ def launch_processes(plan: launch.Plan, version: int) -> int:
     """Start a launch file's commands and nodes as processes; end when a node ends by itself.
 
     A node that is killed ends nothing: the stop says so, as the robot's own launch would.
+
+    Raises:
+        ValueError: a mistake in the files; found before anything is started.
     """
+    launch.Skin(launch.Plan(nodes=plan.nodes)).build()
     asked = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: asked.set())

@@ -193,6 +193,62 @@ def test_a_parameter_survives_the_command_line(value):
     assert type(p.value) is type(value)
 
 
+@pytest.fixture
+def signals_stay():
+    kept = {s: signal.getsignal(s) for s in (signal.SIGTERM, signal.SIGINT)}
+    yield
+    for number, handler in kept.items():
+        signal.signal(number, handler)
+
+
+def started(monkeypatch, tmp_path, **programs) -> tuple[launch.Plan, Path]:
+    """A plan whose nodes are Python programs; each can write what it does to a file."""
+    log = tmp_path / "log"
+    plan = launch.Plan()
+    for name, code in programs.items():
+        plan.nodes.append(launch.NodeAction("monitor", name, "", [], []))
+        programs[name] = f"import os, signal, time; log = open({str(log)!r}, 'a', 1)\n{code}"
+    monkeypatch.setattr(ros, "command", lambda a, _: [sys.executable, "-c", programs[a.name]])
+    return plan, log
+
+
+ASKED = """
+def asked(*_):
+    log.write('asked\\n')
+    raise SystemExit
+signal.signal(signal.SIGTERM, asked)
+time.sleep(60)
+"""
+
+
+@pytest.mark.usefixtures("signals_stay")
+@pytest.mark.parametrize("status", [0, 2])
+def test_a_node_that_ends_by_itself_ends_the_launch(monkeypatch, tmp_path, status):
+    """As the monitor does after its duration, or a node with a mistake."""
+    ends = f"time.sleep(1.0); os._exit({status})"
+    plan, log = started(monkeypatch, tmp_path, a=ASKED, b=ends)
+    assert ros.launch_processes(plan, 1) == status
+    assert log.read_text() == "asked\n"
+
+
+@pytest.mark.usefixtures("signals_stay")
+def test_a_node_that_is_killed_does_not_end_the_launch(monkeypatch, tmp_path, capfd):
+    killed = "os.kill(os.getpid(), signal.SIGKILL)"
+    ends = "time.sleep(1.5); log.write('ends\\n')"
+    plan, log = started(monkeypatch, tmp_path, a=killed, b=ends)
+    assert ros.launch_processes(plan, 1) == 0
+    assert log.read_text() == "ends\n"
+    assert "a: ended by SIGKILL; the others go on" in capfd.readouterr().err
+
+
+def test_a_mistake_is_found_before_a_process_is_started(monkeypatch, tmp_path):
+    plan, _ = started(monkeypatch, tmp_path, a="pass")
+    plan.nodes[0].parameters.append(("durration", 1.0))
+    monkeypatch.setattr(launch, "start_command", lambda words: pytest.fail("started"))
+    with pytest.raises(launch.LaunchError, match="'durration' is unknown; there are: duration"):
+        ros.launch_processes(plan, 1)
+
+
 # --- with ROS ---
 
 
