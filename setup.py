@@ -1,8 +1,18 @@
+import ast
 from glob import glob
+from pathlib import Path
 
 from setuptools import find_packages, setup
 
 package_name = "tactile_skin"
+
+
+def nodes() -> list[str]:
+    """The names in launch.NODES, read without importing what may not be installed yet."""
+    tree = ast.parse(Path(package_name, "launch.py").read_text())
+    tables = {t.id: s.value for s in tree.body if isinstance(s, ast.Assign) for t in s.targets}
+    return list(ast.literal_eval(tables["NODES"]))
+
 
 setup(
     name=package_name,
@@ -18,7 +28,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
         (f"share/{package_name}/launch", sorted(glob("launch/*.yaml"))),
-        (f"share/{package_name}/config", sorted(glob("config/*.yaml"))),
+        (f"share/{package_name}/config", sorted(glob("config/*"))),
     ],
     install_requires=[
         "numpy>=1.26",
@@ -34,6 +44,11 @@ setup(
         "onnx": ["onnx>=1.16", "onnxscript>=0.2"],  # of trained networks, to be run elsewhere
         "test": ["hypothesis>=6.100", "pytest>=8.0", "rosbags>=0.10", "ruff>=0.15", "tqdm>=4.66"],
     },
-    entry_points={"console_scripts": ["tactile-skin = tactile_skin.cli:main"]},
+    entry_points={
+        "console_scripts": [
+            "tactile-skin = tactile_skin.cli:main",
+            *(f"{name} = tactile_skin.ros:{name}" for name in nodes()),
+        ]
+    },
     zip_safe=False,
 )

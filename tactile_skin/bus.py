@@ -87,7 +87,8 @@ class QoSProfile:
             raise ValueError(f"depth = {self.depth}: must be 1 or more")
 
 
-def _qos(profile: QoSProfile | int) -> QoSProfile:
+def as_qos(profile: QoSProfile | int) -> QoSProfile:
+    """A depth alone is a profile, as in rclpy."""
     return profile if isinstance(profile, QoSProfile) else QoSProfile(depth=profile)
 
 
@@ -148,7 +149,7 @@ class Publisher:
             self._kept.append(message)
             subscriptions = self._context._subscriptions[self.topic_name]
         for subscription in subscriptions:
-            subscription._push(message)
+            subscription.put(message)
 
     def get_subscription_count(self) -> int:
         return len(self._context._subscriptions[self.topic_name])
@@ -168,10 +169,11 @@ class Subscription:
             if qos.durability is DurabilityPolicy.TRANSIENT_LOCAL:
                 for publisher in context._publishers[topic]:
                     for message in publisher._kept:
-                        self._push(message)
+                        self.put(message)
             context._subscriptions[topic] += (self,)
 
-    def _push(self, message) -> None:
+    def put(self, message) -> None:
+        """A message has arrived, in whatever thread."""
         with self._node._lock:
             if len(self._queue) >= self.qos_profile.depth:
                 self._queue.popleft()
@@ -368,7 +370,7 @@ class Node:
     # what a node is made of
 
     def create_publisher(self, msg_type, topic: str, qos_profile: QoSProfile | int) -> Publisher:
-        publisher = Publisher(self, msg_type, self.resolve_topic_name(topic), _qos(qos_profile))
+        publisher = Publisher(self, msg_type, self.resolve_topic_name(topic), as_qos(qos_profile))
         self._publishers.append(publisher)
         return publisher
 
@@ -376,7 +378,7 @@ class Node:
         self, msg_type, topic: str, callback, qos_profile: QoSProfile | int
     ) -> Subscription:
         name = self.resolve_topic_name(topic)
-        subscription = Subscription(self, msg_type, name, callback, _qos(qos_profile))
+        subscription = Subscription(self, msg_type, name, callback, as_qos(qos_profile))
         with self._lock:
             self._subscriptions.append(subscription)
         self._wake.set()

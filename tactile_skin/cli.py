@@ -66,6 +66,12 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument(
         "words", nargs="*", metavar="FILE | NAME:=VALUE", help="launch file; arguments"
     )
+    sub.add_argument(
+        "--ros",
+        type=int,
+        choices=(1, 2),
+        help="each node in a process of its own, on ROS 1 or 2 (default: all in this one, no ROS)",
+    )
     sub.add_argument("-s", "--show-args", action="store_true", help="print its arguments and end")
 
     sub = command(
@@ -171,6 +177,10 @@ def _launch(args) -> int:
         for argument in plan.arguments.values():
             print(f"{argument.name}:={argument.default}\n    {argument.description}")
         return 0
+    if args.ros:
+        from . import ros
+
+        return ros.launch_processes(plan, ros.choose(args.ros))
     skin = launch.Skin(plan)
     with skin, contextlib.suppress(KeyboardInterrupt), _keys(skin.reset_stop):
         skin.spin()

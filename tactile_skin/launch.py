@@ -45,6 +45,7 @@ NODES = {  # exec -> class, imported when it is started
     "cmd_vel_gate": "cmd_vel_gate.CmdVelGate",
     "push_to_move": "push_to_move.PushToMove",
     "monitor": "monitor.Monitor",
+    "push_arrow": "push_arrow.PushArrow",
 }
 
 
@@ -249,7 +250,8 @@ _SUBSTITUTION = re.compile(r"\$\(([\w-]+)((?:\s+[^()\s]+)*)\)")
 
 
 def _substitute(text: str, variables: dict, path: Path, anonymous: dict) -> str:
-    """Fill in $(var x), $(env X default), $(dirname), $(anon x), $(find-pkg-share pkg)."""
+    """Fill in $(var x), $(env X default), $(dirname), $(anon x), $(find-pkg-share pkg) and
+    $(exec-in-pkg x pkg)."""
 
     def value(match: re.Match) -> str:
         kind, words = match[1], match[2].split()
@@ -270,15 +272,23 @@ def _substitute(text: str, variables: dict, path: Path, anonymous: dict) -> str:
             return anonymous.setdefault(words[0], name)
         if kind == "find-pkg-share" and words == [PACKAGE]:
             return str(share_dir())
+        if kind == "exec-in-pkg" and len(words) == 2 and words[1] == PACKAGE:
+            return _executable(words[0])
         raise LaunchError(
             f"{path}: {match[0]}: not understood; must be $(var x), $(env X [default]), "
-            f"$(dirname), $(anon x) or $(find-pkg-share {PACKAGE})"
+            f"$(dirname), $(anon x), $(find-pkg-share {PACKAGE}) or $(exec-in-pkg x {PACKAGE})"
         )
 
     filled = _SUBSTITUTION.sub(value, text)
     if "$(" in filled:
         raise LaunchError(f"{path}: {text!r}: a substitution that is not understood")
     return filled
+
+
+def _executable(name: str) -> str:
+    """Where a program of the package is: lib/tactile_skin beside share, else on the PATH."""
+    built = share_dir().parents[1] / "lib" / PACKAGE / name
+    return str(built) if built.exists() else name
 
 
 # --- the running skin -----------------------------------------------------------------------------
@@ -305,16 +315,8 @@ class Skin:
     def __enter__(self) -> Skin:
         try:
             for command in self._plan.commands:
-                self._processes.append(_start(command))
-            for action in self._plan.nodes:
-                handle = self._handle(action)
-                name = handle.get_fully_qualified_name()
-                if any(name == other.get_fully_qualified_name() for other in self._handles):
-                    raise LaunchError(f"node {name}: there are two of this name")
-                self._handles.append(handle)
-                self._nodes.append(_node_class(action.executable)(handle))
-            self._check_overrides()
-            self._check_commands()
+                self._processes.append(start_command(command))
+            self.build()
         except BaseException:
             self.__exit__()
             raise
@@ -341,6 +343,22 @@ class Skin:
             for group in groups.values()
         ]
 
+    def build(self) -> None:
+        """Make the nodes and check what they are given; nothing runs yet.
+
+        Raises:
+            ValueError: a name or a value that is wrong; the message names it.
+        """
+        for action in self._plan.nodes:
+            handle = self._handle(action)
+            name = handle.get_fully_qualified_name()
+            if any(name == other.get_fully_qualified_name() for other in self._handles):
+                raise LaunchError(f"node {name}: there are two of this name")
+            self._handles.append(handle)
+            self._nodes.append(node_class(action.executable)(handle))
+        self._check_overrides()
+        self._check_commands()
+
     def __exit__(self, *_) -> None:
         """Stop in the way of the data: what is on its way still arrives."""
         self._context.try_shutdown()
@@ -357,14 +375,7 @@ class Skin:
         if self._threads is not None:
             self._threads.restore_original_limits()
             sys.setswitchinterval(self._switch_interval)
-        for process in self._processes:
-            process.terminate()
-        for process in self._processes:
-            try:
-                process.wait(3.0)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+        end_commands(self._processes)
 
     def spin(self, timeout: float | None = None) -> None:
         """Wait until a node ends the launch, a command fails, or `timeout` seconds went by.
@@ -583,12 +594,12 @@ def _unknown(where: str, key: str, allowed) -> LaunchError:
     )
 
 
-def _node_class(executable: str):
+def node_class(executable: str):
     module, name = NODES[executable].split(".")
     return getattr(importlib.import_module(f".nodes.{module}", __package__), name)
 
 
-def _start(command: list[str]) -> subprocess.Popen:
+def start_command(command: list[str]) -> subprocess.Popen:
     """Start a command; the tools of this Python's environment come first on its PATH."""
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     try:
@@ -596,6 +607,18 @@ def _start(command: list[str]) -> subprocess.Popen:
         return subprocess.Popen(command, env=os.environ | {"PATH": path}, start_new_session=True)
     except OSError as error:
         raise LaunchError(f"executable {shlex.join(command)}: {error.strerror}") from error
+
+
+def end_commands(processes: list[subprocess.Popen]) -> None:
+    """Ask them to end; those that do not within 3 s are killed."""
+    for process in processes:
+        process.terminate()
+    for process in processes:
+        try:
+            process.wait(3.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
 
 
 def launch(path=None, context: Context | None = None, **arguments) -> Skin:

@@ -75,6 +75,27 @@ class PointStamped:
 
 
 @dataclass
+class Point32:
+    TYPE: ClassVar[str] = "geometry_msgs/msg/Point32"
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+
+
+@dataclass
+class Polygon:
+    TYPE: ClassVar[str] = "geometry_msgs/msg/Polygon"
+    points: list[Point32] = field(default_factory=list)
+
+
+@dataclass
+class PolygonStamped:
+    TYPE: ClassVar[str] = "geometry_msgs/msg/PolygonStamped"
+    header: Header = field(default_factory=Header)
+    polygon: Polygon = field(default_factory=Polygon)
+
+
+@dataclass
 class Wrench:
     TYPE: ClassVar[str] = "geometry_msgs/msg/Wrench"
     force: Vector3 = field(default_factory=Vector3)

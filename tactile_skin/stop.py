@@ -92,6 +92,8 @@ class StopPolicy:
                 ahead of t, proves nothing, and so does not keep the robot moving.
         """
         stamp = t if stamp is None else stamp
+        if self._newest > t + _FUTURE:  # the clock was set back: begin anew, stopped
+            self._newest, self._above_since, self._held_until = -math.inf, None, None
         if not (math.isfinite(force) and math.isfinite(peak) and force >= 0.0):
             self.fault("reading", f"a force of {force} N, {peak} N on one cell")
             return self.decide(t)
@@ -158,7 +160,7 @@ class StopPolicy:
         reasons += [f"fault: {source}: {text}" for source, text in sorted(self._faults.items())]
         if self._newest == -math.inf:
             reasons.append("stale: no reading yet")
-        elif t - self._newest > self.config.stale_after:
+        elif not -_FUTURE <= t - self._newest <= self.config.stale_after:
             reasons.append("stale: readings stay away")
         elif self._in_time < _STEADY:
             reasons.append("stale: readings only just came back")

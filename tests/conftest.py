@@ -6,6 +6,12 @@ import time
 import pytest
 
 
+def pytest_addoption(parser):
+    parser.addoption(
+        "--require-ros", action="store_true", help="fail, not skip, what needs ROS and finds none"
+    )
+
+
 def pytest_configure(config):
     # An exception that ends a thread fails the test that started the thread.
     config.addinivalue_line("filterwarnings", "error::pytest.PytestUnhandledThreadExceptionWarning")

@@ -89,6 +89,18 @@ def test_find_pkg_share(plan):
     ]
 
 
+def test_exec_in_pkg_is_a_program_of_the_package(plan, tmp_path, monkeypatch):
+    """By name from the PATH, or where colcon has put it."""
+    line = echoed("$(exec-in-pkg tactile-skin tactile_skin)")
+    assert words(plan(line)) == [["tactile-skin"]]
+    for folder in ("lib/tactile_skin", "share/tactile_skin"):
+        (tmp_path / folder).mkdir(parents=True)
+    built = tmp_path / "lib" / "tactile_skin" / "tactile-skin"
+    built.touch()
+    monkeypatch.setattr("tactile_skin.launch.share_dir", lambda: tmp_path / "share/tactile_skin")
+    assert words(plan(line)) == [[str(built)]]
+
+
 def test_anon_is_one_name_within_a_launch(write, plan):
     """The same in an included file, another in the next launch, one per name."""
     write(echoed("$(anon a)"), "inner.launch.yaml")
@@ -185,6 +197,7 @@ GRAMMAR = {  # what is wrong -> (entities, what the message must hold)
     ),
     "environment": (echoed("$(env SKIN_UNSET)"), ["$(env SKIN_UNSET)", "not set"]),
     "package": (echoed("$(find-pkg-share nav2)"), ["$(find-pkg-share nav2)", "tactile_skin"]),
+    "program": (echoed("$(exec-in-pkg a nav2)"), ["$(exec-in-pkg a nav2)", "tactile_skin"]),
     "argument without value": ("- arg: {name: a}\n", ["argument a has no default", "a:=value"]),
     "condition": (NODE % ", if: maybe", ["node: if = 'maybe'", "true or false"]),
     "node of another package": (

@@ -25,6 +25,8 @@ from tactile_skin.msg import (
     Header,
     Image,
     PointCloud2,
+    PointStamped,
+    PolygonStamped,
     Vector3Stamped,
     WrenchStamped,
     cloud_columns,
@@ -34,6 +36,7 @@ from tactile_skin.msg import (
 from tactile_skin.nodes.compensation import Compensation
 from tactile_skin.nodes.gesture_feature import GestureFeature
 from tactile_skin.nodes.monitor import Monitor
+from tactile_skin.nodes.push_arrow import PushArrow
 from tactile_skin.nodes.serial_driver import SerialDriver
 from tactile_skin.nodes.stop_on_push import HEARTBEAT, LATCHED, STATUS_TOPIC, StopOnPush
 from tactile_skin.protocol import BinaryParser
@@ -340,6 +343,26 @@ def test_every_message_has_the_readings_stamp_and_frame(moving):
     assert header.frame_id == "base_link"
     for topic in ("skin/wrench", "skin/push_direction", "skin/contacts"):
         assert moving.seen[topic][-1].header == header
+
+
+def test_the_arrow_shows_the_push_and_is_gone_without_one(moving):
+    """It ends at the centre of force, points where the push goes, and has its length."""
+    seen = moving.seen["skin/push_arrow"]
+    PushArrow(moving.node("push_arrow", {"length": 0.2}))
+    moving.observer.create_subscription(PolygonStamped, "skin/push_arrow", seen.append, 100)
+    centres = []
+    moving.observer.create_subscription(PointStamped, "skin/centre", centres.append, 100)
+    moving.play(1)
+    assert seen[-1].polygon.points == []
+    moving.scene = "push_left"
+    moving.settle()
+    tail, *_, tip, _, _ = ((p.x, p.y, p.z) for p in seen[-1].polygon.points)
+    direction = moving.seen["skin/push_direction"][-1].vector
+    centre = centres[-1].point
+    np.testing.assert_allclose(tip, (centre.x, centre.y, centre.z))
+    shaft = np.subtract(tip, tail)
+    np.testing.assert_allclose(shaft, 0.2 * np.array([direction.x, direction.y, direction.z]))
+    assert seen[-1].header == moving.seen["skin/push_direction"][-1].header
 
 
 # --- bad frames ---

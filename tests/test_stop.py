@@ -101,6 +101,19 @@ def test_old_readings_and_repeated_ones_do_not_keep_the_robot_moving():
     assert repeated.reason == "stale: readings stay away"
 
 
+def test_a_clock_that_is_set_back_stops_and_begins_anew():
+    """By an hour, as when a robot's time is set: not free for an hour on a reading of the past."""
+    policy = StopPolicy(StopConfig())
+    feed(policy, 5000.0, 1.0, 0.0)
+    assert not policy.decide(5001.0).stop
+    assert policy.decide(1400.0) == (True, "stale: readings stay away")
+    assert policy.reading(1400.01, 0.0) == (True, "stale: readings only just came back")
+    feed(policy, 1400.02, 0.1, 0.0)
+    assert not policy.decide(1400.12).stop
+    feed(policy, 1400.13, 0.1, 40.0)
+    assert policy.decide(1400.23) == (True, "push")
+
+
 def test_a_stamp_from_the_future_proves_nothing():
     policy = StopPolicy(CONFIG)
     for k in range(100):

@@ -104,6 +104,7 @@ class Monitor:
         if self._first is None or stamp < self._first:  # stopped, as it must be, before a reading
             self._waiting = reason
             return
+        self._waiting = ""
         t = (now - self._first) / 1e9
         if self.stops and self.stops[-1][1] is None:
             start, _, was = self.stops[-1]
@@ -144,7 +145,7 @@ class Monitor:
         push = "no push direction"
         if self._direction.any():
             push = "push ({:+.2f} {:+.2f} {:+.2f})".format(*self._direction)
-        reason = self._waiting if self._first is None else ""
+        reason = self._waiting
         if self.stops and self.stops[-1][1] is None:
             reason = self.stops[-1][2]
         line = (

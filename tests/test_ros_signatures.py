@@ -1,0 +1,80 @@
+"""Every call of rclpy fits the signatures that ROS 2 Humble, the oldest that is meant, documents.
+
+CI runs the same calls on Kilted (tests/test_ros.py). Source: docs.ros.org/en/humble/p/rclpy and
+rclpy's changelog: signal_handler_options and wait_for_all_acked came with 3.1; Humble has 3.3.
+"""
+
+import ast
+import inspect
+from pathlib import Path
+
+import pytest
+
+from tactile_skin import ros
+
+# fmt: off
+DOCUMENTED = {
+    # rclpy
+    "init": lambda *, args=None, context=None, domain_id=None, signal_handler_options=None: 0,
+    "create_node": lambda node_name, *, context=None, cli_args=None, namespace=None,
+        use_global_arguments=True, enable_rosout=True, start_parameter_services=True,
+        parameter_overrides=None, allow_undeclared_parameters=False,
+        automatically_declare_parameters_from_overrides=False: 0,
+    "try_shutdown": lambda *, context=None, uninstall_handlers=None: 0,
+    # rclpy.node.Node
+    "create_publisher": lambda msg_type, topic, qos_profile, *, callback_group=None,
+        event_callbacks=None, qos_overriding_options=None, publisher_class=None: 0,
+    "create_subscription": lambda msg_type, topic, callback, qos_profile, *, callback_group=None,
+        event_callbacks=None, qos_overriding_options=None, raw=False: 0,
+    "create_service": lambda srv_type, srv_name, callback, *, qos_profile=None,
+        callback_group=None: 0,
+    "declare_parameter": lambda name, value=None, descriptor=None, ignore_override=False: 0,
+    "get_logger": lambda: 0,
+    # rclpy.publisher.Publisher, rclpy.executors.SingleThreadedExecutor
+    "wait_for_all_acked": lambda timeout=None: 0,
+    "SingleThreadedExecutor": lambda *, context=None: 0,
+    "add_node": lambda node: 0,
+    "shutdown": lambda timeout_sec=None: 0,
+    # rclpy.impl.rcutils_logger.RcutilsLogger
+    "error": lambda message, **kwargs: 0,
+    "warning": lambda message, **kwargs: 0,
+    "info": lambda message, **kwargs: 0,
+    "debug": lambda message, **kwargs: 0,
+    # rclpy.qos, rclpy.duration
+    "QoSProfile": lambda *, history=None, depth=None, reliability=None, durability=None,
+        lifespan=None, deadline=None, liveliness=None, liveliness_lease_duration=None,
+        avoid_ros_namespace_conventions=None: 0,
+    "Duration": lambda *, seconds=0, nanoseconds=0: 0,
+    # rcl_interfaces.msg: a field each
+    "ParameterDescriptor": lambda *, name="", type=0, description="", additional_constraints="",
+        read_only=False, dynamic_typing=False, floating_point_range=(), integer_range=(): 0,
+    "FloatingPointRange": lambda *, from_value=0.0, to_value=0.0, step=0.0: 0,
+    "IntegerRange": lambda *, from_value=0, to_value=0, step=0: 0,
+}
+# fmt: on
+PYTHON = {"Thread", "start", "is_alive", "append", "monotonic", "max", "_qos"}
+
+
+def calls() -> list[ast.Call]:
+    tree = ast.parse(Path(ros.__file__).read_text())
+    (found,) = [n for n in tree.body if isinstance(n, ast.ClassDef) and n.name == "Ros2"]
+    return [n for n in ast.walk(found) if isinstance(n, ast.Call)]
+
+
+def name_of(call: ast.Call) -> str:
+    return call.func.attr if isinstance(call.func, ast.Attribute) else call.func.id
+
+
+def test_nothing_undocumented_is_called():
+    assert {name_of(call) for call in calls()} <= DOCUMENTED.keys() | PYTHON
+    assert len([call for call in calls() if name_of(call) in DOCUMENTED]) >= 15
+
+
+@pytest.mark.parametrize(
+    "call",
+    [c for c in calls() if name_of(c) not in PYTHON],
+    ids=lambda c: f"{name_of(c)}_{c.lineno}",
+)
+def test_a_call_fits_what_is_documented(call):
+    named = {k.arg: None for k in call.keywords}
+    inspect.signature(DOCUMENTED[name_of(call)]).bind(*call.args, **named)
