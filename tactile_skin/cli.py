@@ -107,6 +107,8 @@ def _parser() -> argparse.ArgumentParser:
         "  tactile-skin train --config mine.yaml --out my_weights\n"
         "  tactile-skin train --config mine.yaml --out my_weights "
         "--network physics --readout board\n"
+        "  tactile-skin train --config mine.yaml --out my_weights --start paper --rate 0.003 "
+        "--epochs 20\n"
         "then, with `weights: my_weights/physics.npz` under compensation in mine.yaml:\n"
         "  tactile-skin launch launch/skin.launch.yaml config:=mine.yaml method:=physics",
     )

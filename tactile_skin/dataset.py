@@ -36,6 +36,8 @@ class TrainingConfig:
             from boards whose R_par is off by up to 5 % and whose curve by up to 20 %.
         network: "paper", or "physics": fed with what the circuit says, for noisy boards.
         seed: of scenes, initial weights and order.
+        start: weights to go on from, a file or one of `network.NETWORKS` for the shipped ones;
+            empty: new ones. A lower rate suits.
     """
 
     pairs: int = 100_000
@@ -48,6 +50,7 @@ class TrainingConfig:
     readout: str = "ideal"
     network: str = "paper"
     seed: int = 0
+    start: str = ""
 
     def __post_init__(self):
         for name in ("pairs", "validation", "epochs", "batch"):

@@ -8,6 +8,7 @@ import os
 from dataclasses import asdict
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch import nn
 
@@ -147,8 +148,11 @@ def train(
     constant = _constant_loss(target, config.loss)
 
     net = make_net(config.network, *circuit.shape)
-    net.input_mean.copy_(inputs.mean((0, 2, 3))[:, None, None])
-    net.input_std.copy_(inputs.std((0, 2, 3))[:, None, None])
+    if config.start:
+        net.load_state_dict(_state_of(config, circuit.shape))
+    else:
+        net.input_mean.copy_(inputs.mean((0, 2, 3))[:, None, None])
+        net.input_std.copy_(inputs.std((0, 2, 3))[:, None, None])
     net = net.to(device, memory_format=torch.channels_last)
     optimizer = _optimizer(net, config)
     best = {"error": math.inf, "epoch": -1, "state": _copy_of(net)}
@@ -214,6 +218,20 @@ def train(
     meta = run | {"epoch": best["epoch"], "validation_g": best["error"]}
     network.save(path, {k: v.cpu().numpy() for k, v in best["state"].items()}, meta)
     return path
+
+
+def _state_of(config: TrainingConfig, shape: tuple[int, int]) -> dict:
+    """The state of the weights to start from; ValueError if they are of another network."""
+    start = config.start
+    weights = network.shipped(start) if start in network.NETWORKS else network.load(start)
+    if weights.kind != config.network:
+        raise ValueError(f"start = {start!r}: of a {weights.kind} network, not {config.network!r}")
+    if weights.kind == "paper" and (weights.rows, weights.cols) != shape:
+        raise ValueError(
+            f"start = {start!r}: a paper network's lines are those of its skin, "
+            f"{weights.rows} x {weights.cols}, not {shape[0]} x {shape[1]}"
+        )
+    return {name: torch.from_numpy(np.array(array)) for name, array in weights.state.items()}
 
 
 def _schedule(progress: float, rise: float = 0.03) -> float:

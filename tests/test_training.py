@@ -124,3 +124,16 @@ def test_pairs_do_not_depend_on_how_many_are_made(network_kind):
     many = make_pairs(CIRCUIT, CURVE, 4000, network_kind, "board", 5)
     np.testing.assert_array_equal(few[0], many[0][:2000])
     np.testing.assert_array_equal(few[1], many[1][:2000])
+
+
+def test_a_run_goes_on_from_weights_that_are_there(tmp_path):
+    weights, _ = run(tmp_path / "first", replace(TINY, epochs=8))
+    _, anew = run(tmp_path / "anew", replace(TINY, epochs=1))
+    more = replace(TINY, epochs=1, rate=1e-3, start=str(weights.path))
+    _, further = run(tmp_path / "further", more)
+    error = [float(lines[-1].split("best ")[1].split()[0]) for lines in (anew, further)]
+    assert error[1] < 0.9 * error[0]
+    with pytest.raises(ValueError, match="of a paper network, not 'physics'"):
+        run(tmp_path / "kind", replace(more, network="physics"))
+    with pytest.raises(ValueError, match="16 x 16, not 6 x 7"):
+        run(tmp_path / "shape", replace(more, start="paper"))
