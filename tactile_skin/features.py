@@ -16,7 +16,9 @@ import numpy as np
 from .geometry import Geometry
 
 _RIM = 0.1  # of the threshold: what lies around a touched cell belongs to its contact
-_SOFT = 50.0  # times the threshold: force of a touch that is soft all over (10 N at 20 g)
+# Times the threshold: force of a touch that is soft all over, 40 N at 20 g. Less would make a touch
+# of the 35 N that the naive method sees on an idle skin.
+_SOFT = 200.0
 _VALLEY = 0.6  # of the lower of two peaks: two touches where the force between them falls below
 
 
@@ -96,7 +98,7 @@ def segment(force: np.ndarray, cell_threshold: float) -> tuple[np.ndarray, int]:
     Args:
         force: (rows, cols) [N].
         cell_threshold: a hill whose strongest cell has no more [N] is no contact, unless all its
-            cells have 50 times as much together: a body that leans on many cells is soft on each.
+            cells have 200 times as much together: a body that leans on many cells is soft on each.
 
     Returns:
         (rows, cols) number of the contact, 1.. and 0 for none; number of contacts.
