@@ -11,8 +11,9 @@ whatever the base can drive. It is
 - zero while the direction of the push is not known: nobody told it, or it comes from several sides
   (a squeeze).
 
-The touched point moves at v + w x p, so a rotation that turns the skin into the hand is blocked,
-and one that turns it away is not.
+A touched point moves at v + w x p, so a rotation that turns the skin into the hand is blocked, and
+one that turns it away is not; with two hands on one side the point that goes most against them
+counts.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ class Gate:
         self._command = (-math.inf, np.zeros(3), np.zeros(3))
         self._stop = (-math.inf, Decision(True, ""))
         self._seen, self._total = -math.inf, 0.0  # stamp and force of the newest touch
-        self._push: tuple[np.ndarray, np.ndarray] | None = None  # direction, centre
+        self._push: tuple[np.ndarray, np.ndarray] | None = None  # direction, (n, 3) places
         self._trouble = "its direction is not known"  # why there is no `_push`
 
     def command(self, t: float, linear, angular) -> None:
@@ -81,24 +82,24 @@ class Gate:
         self._stop = t, decision
         self._forget_what_is_over()
 
-    def touch(self, stamp: float, total: float, force, centre) -> None:
+    def touch(self, stamp: float, total: float, force, places) -> None:
         """What a reading says of the touch, in the base frame.
 
         Args:
             total: sum of the cells' forces [N].
             force: (3,) sum of their vectors [N], on the robot.
-            centre: (3,) centre of force [m].
+            places: (3,) or (n, 3) centres of force of its contacts [m].
         """
         if not stamp > self._seen:
             return
         self._seen, self._total = stamp, total
-        force, centre = np.asarray(force, float), np.asarray(centre, float)
-        if not (np.isfinite(force).all() and np.isfinite(centre).all() and math.isfinite(total)):
+        force, places = np.asarray(force, float), np.array(places, float, ndmin=2)
+        if not (np.isfinite(force).all() and np.isfinite(places).all() and math.isfinite(total)):
             self._push, self._trouble = None, "its force is not finite"
         elif total >= self.config.touch:
             length = float(np.linalg.norm(force))
             if length >= self.config.alignment * total:
-                self._push = force / length, centre
+                self._push = force / length, places
             else:
                 self._push, self._trouble = None, "it comes from several sides"
         self._forget_what_is_over()
@@ -121,13 +122,14 @@ class Gate:
             return zero("push: nobody tells its direction")
         if self._push is None:
             return zero(f"push: {self._trouble}")
-        direction, centre = self._push
-        velocity = linear + np.cross(angular, centre)  # (3,) of the touched point
-        speed = float(np.linalg.norm(velocity))
-        into = -float(velocity @ direction)
-        if into <= 1e-9 * speed:
+        direction, places = self._push
+        velocity = linear + np.cross(angular, places)  # (n, 3) of the touched points
+        speed = np.linalg.norm(velocity, axis=1)
+        into = -(velocity @ direction)
+        against = into > 1e-9 * speed
+        if not against.any():
             return Motion(linear, angular, "")
-        share = max(0.0, 1.0 - into / (_EDGE * speed))
+        share = max(0.0, 1.0 - float((into[against] / speed[against]).max()) / _EDGE)
         return Motion(share * linear, share * angular, "push: against it")
 
     def _forget_what_is_over(self) -> None:

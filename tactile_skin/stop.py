@@ -10,7 +10,8 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-_STEADY = 3  # readings in a row, none late, that end "stale"
+_STEADY = 3  # readings in a row, none late, that end "stale",
+_STEADY_FOR = 0.02  # s that they take: what was kept in a buffer meanwhile comes in one burst
 _FUTURE = 0.02  # s that a reading's stamp may lie ahead
 PUSH = "push"  # the whole reason of a stop that nothing but a push asks for
 
@@ -74,6 +75,7 @@ class StopPolicy:
         self._newest = -math.inf  # stamp of the newest reading
         self._force = 0.0  # of the newest reading
         self._in_time = 0  # readings in a row of which none was late
+        self._late = -math.inf  # stamp of the last one that was
         self._above_since: float | None = None
         self._held_until: float | None = None  # a push is on while this is set
         self._faults: dict[str, str] = {}
@@ -102,7 +104,7 @@ class StopPolicy:
             return self.decide(t)
         config = self.config
         late = stamp - self._newest > config.stale_after or t - stamp > config.stale_after
-        self._in_time = 0 if late else self._in_time + 1
+        self._in_time, self._late = (0, stamp) if late else (self._in_time + 1, self._late)
         # After a gap nobody knows how fast it rose; frames that arrive in a burst rise too fast.
         share = 0.0 if late else min(1.0, config.lead / (stamp - self._newest))
         ahead = force + share * max(0.0, force - self._force)
@@ -162,6 +164,6 @@ class StopPolicy:
             reasons.append("stale: no reading yet")
         elif not -_FUTURE <= t - self._newest <= self.config.stale_after:
             reasons.append("stale: readings stay away")
-        elif self._in_time < _STEADY:
+        elif self._in_time < _STEADY or self._newest - self._late < _STEADY_FOR:
             reasons.append("stale: readings only just came back")
         return reasons

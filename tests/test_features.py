@@ -191,3 +191,20 @@ def test_contacts_that_touch_have_a_valley_between_them(force):
         above = frame.labels[high == place]
         rivals = [frame.contacts[j - 1].peak for j in set(above.tolist()) - {0, k}]
         assert not any(peak >= contact.peak for peak in rivals)
+
+
+# --- what is soft all over ---
+
+
+def test_a_body_that_leans_on_many_cells_is_a_touch_although_each_feels_little():
+    """A torso against a large skin: 98 N, and no cell has the threshold of 20 g."""
+    y, x = np.mgrid[:32, :32] - 16.0
+    force = 0.18 * np.exp(-(y**2 + x**2) / 16.0**2)
+    (contact,) = contacts(force, make_geometry("plane", 32, 32), 0.2)
+    assert contact.force == pytest.approx(force.sum(), rel=0.05)
+
+
+def test_a_skin_that_reads_a_little_everywhere_is_not_touched():
+    assert contacts(np.full((16, 16), 0.137), PLANE, 0.2) == []  # the naive method's idle skin
+    large = make_geometry("plane", 64, 64)
+    assert contacts(np.full((64, 64), 0.015), large, 0.2) == []  # what a tare may leave

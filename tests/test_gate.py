@@ -72,6 +72,16 @@ def test_a_rotation_that_turns_the_skin_into_the_hand_is_blocked(turn, passes):
     assert is_zero(motion) is not passes
 
 
+@pytest.mark.parametrize("turn", [1.0, -1.0])
+def test_a_rotation_between_two_hands_turns_the_skin_into_one_of_them(turn):
+    """Both on the front: the centre of force, between them, moves along the skin."""
+    gate = Gate(CONFIG)
+    gate.stop(10.0, PUSH)
+    gate.touch(10.0, 60.0, (-60.0, 0.0, 0.0), [(0.3, 0.2, 0.0), (0.3, -0.2, 0.0)])
+    assert is_zero(ask(gate, angular=(0.0, 0.0, turn)))
+    assert ask(gate, (-0.3, 0.0, 0.0), (0.0, 0.0, turn)).reason == ""  # faster away than it turns
+
+
 def test_a_rotation_about_a_cylinders_axis_moves_along_the_skin():
     assert ask(pushed(0.7), angular=(0.0, 0.0, 1.0)).angular[2] == 1.0
 

@@ -305,6 +305,8 @@ def test_a_squeeze_stops_although_its_wrench_is_nothing(moving):
         ({"stale_after": 0.0}, "stale_after"),
         ({"release": 31.0}, "release"),
         ({"hold": "long"}, "hold"),
+        ({"peak": 9.5}, "peak = 9.5 N: the curve ends at 9.80665 N"),
+        ({"curve.force": [0.0, 5.0], "curve.resistance": [40000.0, 85.0]}, "at most 4.75 N"),
     ],
 )
 def test_bad_stop_parameters_are_refused_by_name(bad, named):

@@ -153,3 +153,16 @@ def test_a_line_that_no_skin_can_read_is_suspect_whatever_the_method(method, val
     noisy = scenes.read_out(Circuit(), adc, "adc10", np.random.default_rng(0))
     found = compensate(noisy, Circuit(), PressureCurve(), method)
     assert found.status == "suspect" and word in found.message
+
+
+@pytest.mark.parametrize("method", sorted(set(METHODS) - {"naive", "newton", "fixed_point"}))
+@pytest.mark.parametrize("cells", [(1, 1), (1, 2)])
+@pytest.mark.parametrize("place", [(0, 0), (0, 7), (8, 8), (15, 14)])
+def test_a_hard_edge_reaches_its_force_wherever_it_presses(method, cells, place):
+    """10 kg on one cell or two: all that a stop knows of it is that a cell is at its end."""
+    force = np.zeros((16, 16))
+    force[place[0] : place[0] + cells[0], place[1] : place[1] + cells[1]] = 98.0 / np.prod(cells)
+    adc = scenes.read_out(CIRCUIT, reading(force), "scan", np.random.default_rng(3))
+    found = compensate(adc, CIRCUIT, CURVE, method).force
+    assert found.max() > 9.0, "config/skin.yaml's peak"
+    assert found[force == 0].sum() < 10.0

@@ -75,6 +75,16 @@ def test_a_push_is_not_forgotten_while_readings_stay_away():
     assert not feed(policy, 5.02, 0.05, 0.0).stop
 
 
+def test_a_burst_after_a_gap_frees_nothing():
+    """What lay in a port's buffer while the computer hung is parsed, and stamped, in a moment."""
+    policy = StopPolicy(CONFIG)
+    feed(policy, 0.0, 0.5, 0.0)
+    for k in range(10):
+        assert policy.reading(5.0 + k * 1e-4, 0.0).stop
+    assert policy.reading(5.01, 0.0).stop
+    assert not policy.reading(5.021, 0.0).stop
+
+
 def test_a_push_after_a_gap_counts_at_once():
     policy = StopPolicy(CONFIG)
     feed(policy, 0.0, 0.1, 0.0)

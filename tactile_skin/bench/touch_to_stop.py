@@ -128,8 +128,8 @@ def _seen(scans) -> float | None:
         if force == 0.0:
             continue
         adc = np.minimum(samples / (2 ** (16 - circuit.adc_bits) * circuit.full_scale), 1.0)
-        found = features.contacts(compensate(adc, circuit, curve).force, geometry, _CELL)
-        if sum(contact.force for contact in found) >= _THRESHOLD:
+        found = features.look(compensate(adc, circuit, curve).force, geometry, _CELL)
+        if sum(contact.force for contact in found.contacts) >= _THRESHOLD:
             return t
     return None
 

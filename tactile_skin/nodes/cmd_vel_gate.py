@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..config import describe
 from ..gate import Gate, GateConfig
 from ..msg import Twist
@@ -37,7 +39,8 @@ class CmdVelGate:
         node.create_subscription(Twist, "cmd_vel_in", self.on_command, 1)
 
     def on_touch(self, touch: Touch) -> None:
-        self.gate.touch(touch.stamp, touch.total, touch.force, touch.centre)
+        places = np.vstack([touch.centre, touch.places])
+        self.gate.touch(touch.stamp, touch.total, touch.force, places)
 
     def on_command(self, msg: Twist) -> None:
         self.gate.command(self._cmd_vel.now(), xyz(msg.linear), xyz(msg.angular))

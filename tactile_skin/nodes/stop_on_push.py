@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 
 from ..bus import DurabilityPolicy, QoSProfile, Time
-from ..config import describe
+from ..config import curve_of, describe
 from ..msg import (
     Bool,
     DiagnosticArray,
@@ -23,6 +23,7 @@ STATUS_TOPIC = "skin/stop_status"
 # deep enough for a stop that lasts one decision not to be pushed out by the next
 STATUS = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 HEARTBEAT = 0.02  # s, between decisions when no reading comes
+_END = 0.95  # of the curve's last force, which noise keeps a cell from reading quite
 
 
 class StopOnPush:
@@ -56,6 +57,12 @@ class StopOnPush:
                 ).value,
             )
         )
+        peak, end = self.policy.config.peak, curve_of(node).max_force
+        if peak > _END * end:
+            raise ValueError(
+                f"stop: peak = {peak:g} N: the curve ends at {end:g} N, so that no cell would ever "
+                f"reach it: must be at most {_END * end:.3g} N"
+            )
         self._stop = node.create_publisher(Bool, "skin/stop", LATCHED)
         self._status = node.create_publisher(DiagnosticArray, STATUS_TOPIC, LATCHED)
         self._header = Header()

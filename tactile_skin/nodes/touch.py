@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+import numpy as np
+
 from ..bus import Time
 from ..msg import PointCloud2, PointStamped, WrenchStamped, cloud_columns
 from . import QUEUE
@@ -18,6 +20,7 @@ class Touch(NamedTuple):
     force: tuple[float, float, float]  # sum of their vectors, on the robot [N]
     torque: tuple[float, float, float]  # about the base frame's origin [N m]
     centre: tuple[float, float, float]  # centre of force [m]
+    places: np.ndarray  # (n, 3) centres of force of its contacts [m]
 
 
 def on_touch(node, callback: Callable[[Touch], None]) -> None:
@@ -32,10 +35,13 @@ def on_touch(node, callback: Callable[[Touch], None]) -> None:
         parts[name] = stamp, value
         if len(parts) == 3 and all(other == stamp for other, _ in parts.values()):
             force, torque = parts["wrench"][1]
-            callback(Touch(stamp / 1e9, parts["total"][1], force, torque, parts["centre"][1]))
+            total, places = parts["contacts"][1]
+            callback(Touch(stamp / 1e9, total, force, torque, parts["centre"][1], places))
 
     def on_contacts(msg: PointCloud2) -> None:
-        take("total", msg, float(cloud_columns(msg)["force"].sum()))
+        columns = cloud_columns(msg)
+        places = np.stack([columns[axis] for axis in "xyz"], 1)
+        take("contacts", msg, (float(columns["force"].sum()), places))
 
     def on_wrench(msg: WrenchStamped) -> None:
         take("wrench", msg, (xyz(msg.wrench.force), xyz(msg.wrench.torque)))
