@@ -41,6 +41,7 @@ setup(
     extras_require={
         "progress": ["tqdm>=4.66"],  # of training and benchmarks
         "charts": ["matplotlib>=3.8"],
+        "onnx": ["onnx>=1.16", "onnxscript>=0.2"],  # of trained networks, to be run elsewhere
         "test": ["hypothesis>=6.100", "pytest>=8.0", "rosbags>=0.10", "ruff>=0.15", "tqdm>=4.66"],
     },
     entry_points={

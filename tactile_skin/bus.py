@@ -576,25 +576,34 @@ class SingleThreadedExecutor:
 
 
 class MultiThreadedExecutor:
-    """A thread per node: its callbacks never overlap, and nodes never wait for each other."""
+    """A thread per node: its callbacks never overlap, and nodes never wait for each other.
+
+    Stages of one way may share a thread: waking another one for each frame costs more than some
+    stages do. The later stage goes first, so that a frame on its way is not kept by the next.
+    """
 
     def __init__(self):
         self._threads: dict[Node, threading.Thread] = {}
         self._stop = threading.Event()
 
-    def add_node(self, node: Node) -> None:
-        """Start to run the node's callbacks."""
+    def add_node(self, node: Node, *later: Node) -> None:
+        """Start to run the node's callbacks, and those of later stages in the same thread."""
+        nodes = (node, *later)
         thread = threading.Thread(
-            target=self._run, args=(node,), name=f"node {node.get_name()}", daemon=True
+            target=self._run, args=(nodes,), name=f"node {node.get_name()}", daemon=True
         )
-        self._threads[node] = thread
+        for each in nodes:
+            each._wake = node._wake
+            self._threads[each] = thread
         thread.start()
 
-    def _run(self, node: Node) -> None:
+    def _run(self, nodes: tuple[Node, ...]) -> None:
+        wake = nodes[0]._wake
         while not self._stop.is_set():
-            node._wake.clear()
-            if not node._run_ready() and not self._stop.is_set():
-                node._wake.wait(_until_due(node))
+            wake.clear()
+            if not _turn(nodes) and not self._stop.is_set():
+                waits = [wait for node in nodes if (wait := _until_due(node)) is not None]
+                wake.wait(min(waits, default=None))
 
     def drain(self, timeout_sec: float = 0.5) -> None:
         """Wait until no message is on its way, at most so long."""
@@ -611,6 +620,15 @@ class MultiThreadedExecutor:
         for thread in self._threads.values():
             thread.join(max(0.0, deadline - time.monotonic()))
         return not any(thread.is_alive() for thread in self._threads.values())
+
+
+def _turn(nodes: tuple[Node, ...]) -> bool:
+    """Call one thing that is due, of the latest stage that has any; whether there was one."""
+    for node in reversed(nodes):
+        if (job := node._take()) is not None:
+            node._call(*job)
+            return True
+    return False
 
 
 def _until_due(node: Node) -> float | None:

@@ -20,6 +20,7 @@ of ``rows*cols + 1`` equations per reading instead; it stands in the tests as th
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import lapack
@@ -70,10 +71,14 @@ class Circuit:
     def shape(self) -> tuple[int, int]:
         return self.rows, self.cols
 
-    @property
+    @cached_property
     def populated(self) -> np.ndarray:
-        """(rows, cols) bool, which crossings carry a cell."""
-        return np.ones(self.shape, bool) if self.mask is None else self.mask
+        """(rows, cols) bool, which crossings carry a cell; read-only."""
+        if self.mask is not None:
+            return self.mask
+        everywhere = np.ones(self.shape, bool)
+        everywhere.setflags(write=False)
+        return everywhere
 
     @property
     def full_scale(self) -> int:
@@ -156,11 +161,11 @@ def two_terminal_resistance(conductance: np.ndarray) -> np.ndarray:
     """
     g = np.asarray(conductance, dtype=float)
     if (g > 0).all():
-        return _rho(g)
+        return connected_rho(g)
     frames = g.reshape(-1, *g.shape[-2:])
     rho = np.full(frames.shape, np.inf)
     whole = _connected(frames > 0)
-    rho[whole] = _rho(frames[whole])
+    rho[whole] = connected_rho(frames[whole])
     for k in np.flatnonzero(~whole):
         rho[k] = _rho_in_parts(frames[k])
     return rho.reshape(g.shape)
@@ -204,20 +209,37 @@ def network_inverse(g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     fill = row_sum.sum(-1, keepdims=True)[..., None] / g.shape[-2] ** 2
     schur = fill - scaled @ g.swapaxes(-1, -2)
     _diagonal(schur)[...] += row_sum
-    a = _inverse(schur) if g.ndim == 2 else np.linalg.inv(schur)
+    a = np.linalg.inv(schur)
     c = a @ scaled
     d = scaled.swapaxes(-1, -2) @ c
     _diagonal(d)[...] += 1.0 / col_sum
     return a, c, d
 
 
-def _inverse(matrix: np.ndarray) -> np.ndarray:
-    """Inverse of one positive definite matrix, in half the time of `np.linalg.inv`."""
-    factor, info = lapack.dpotrf(matrix, lower=1, clean=1)
-    if info:  # to rounding: conductances many decades apart
-        return np.linalg.inv(matrix)
-    root = lapack.dtrtri(factor, lower=1, overwrite_c=1)[0]
-    return root.T @ root
+def reduced_root(g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What `network_inverse` needs of one frame, in a third of its time.
+
+    Args:
+        g: (rows, cols) conductances [S] of a connected network.
+
+    Returns:
+        R (rows, rows) with A = R R^T, its triangle's ends on the diagonal; g D_c^-1 (rows, cols);
+        D_c (cols,).
+    """
+    rows, cols = g.shape
+    ones = np.ones(max(rows, cols))
+    col_sum, row_sum = ones[:rows] @ g, g @ ones[:cols]  # faster than sum() at this size
+    scaled = g / col_sum
+    schur = scaled @ g.T
+    np.subtract(float(row_sum @ ones[:rows]) / rows**2, schur, out=schur)
+    schur.reshape(-1)[:: rows + 1] += row_sum
+    factor, info = lapack.dpotrf(schur.T, lower=0, clean=1)
+    if not info:
+        return lapack.dtrtri(factor, lower=0, overwrite_c=1)[0], scaled, col_sum
+    # Singular to rounding: conductances many decades apart.
+    values, vectors = np.linalg.eigh(schur)
+    half = vectors / np.sqrt(np.maximum(values, 1e-15 * values[-1]))
+    return np.linalg.qr(half.T, mode="r").T, scaled, col_sum
 
 
 def rho_of(blocks: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
@@ -237,8 +259,21 @@ def transfer_resistance(blocks: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np
     return a[:, None, :, None] + d[None, :, None, :] - c[:, None, None, :] - c.T[None, :, :, None]
 
 
-def _rho(g: np.ndarray) -> np.ndarray:
-    return rho_of(network_inverse(g))
+def connected_rho(g: np.ndarray) -> np.ndarray:
+    """`two_terminal_resistance` of connected networks, which it does not check."""
+    if g.ndim > 2:
+        return rho_of(network_inverse(g))
+    if g.shape[0] > g.shape[1]:
+        return connected_rho(g.T).T
+    root, scaled, col_sum = reduced_root(g)
+    a = root @ root.T
+    rho = a @ scaled  # C
+    d = np.einsum("ij,ij->j", scaled, rho)
+    d += 1.0 / col_sum
+    rho *= -2.0
+    rho += a.diagonal()[:, None]
+    rho += d
+    return rho
 
 
 def _row_reach(present: np.ndarray) -> np.ndarray:
@@ -265,5 +300,5 @@ def _rho_in_parts(g: np.ndarray) -> np.ndarray:
         cols = np.flatnonzero(present[rows].any(0)) if rows.size else rows
         if cols.size:
             part = np.ix_(rows, cols)
-            rho[part] = _rho(g[part])
+            rho[part] = connected_rho(g[part])
     return rho

@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import logging
 import os
+import select
 import signal
 import sys
 import threading
@@ -59,7 +60,8 @@ def _parser() -> argparse.ArgumentParser:
         "  tactile-skin launch duration:=20\n"
         "  tactile-skin launch launch/skin.launch.yaml port:=/dev/ttyUSB0\n"
         "  tactile-skin launch scene:=two_fingers method:=naive\n"
-        "  tactile-skin launch --show-args launch/skin.launch.yaml",
+        "  tactile-skin launch --show-args launch/skin.launch.yaml\n"
+        "On a terminal, r and Enter reset a latched stop.",
     )
     sub.add_argument(
         "words", nargs="*", metavar="FILE | NAME:=VALUE", help="launch file; arguments"
@@ -132,12 +134,23 @@ def _parser() -> argparse.ArgumentParser:
         )
 
     sub = command(
+        "export",
+        _export,
+        "write a trained network as ONNX, for a runtime without Python",
+        epilog="examples:\n"
+        "  tactile-skin export my_weights/paper.npz skin.onnx\n"
+        "  tactile-skin export paper skin.onnx",
+    )
+    sub.add_argument("weights", help="file that `train` made, or the shipped ones: paper, physics")
+    sub.add_argument("out", type=Path, help="file to write")
+
+    sub = command(
         "bench",
         _bench,
         "measure every method and draw it: speed against accuracy, and where each method fails",
         epilog="Each picture NAME.png stands beside NAME.json, which holds the numbers drawn.\n"
-        "parts: speed, cases, stability, growth, way (bytes in to stop hook); all of them take a\n"
-        "quarter of an hour, with --quick a minute. Times are best read on an idle machine.\n"
+        "parts: speed, cases, stability, growth, way (bytes in to stop hook), touch_to_stop; all\n"
+        "of them take twenty minutes, with --quick two. Times are best read on an idle machine.\n"
         "examples:\n  tactile-skin bench --quick\n  tactile-skin bench speed growth --out figures",
     )
     sub.add_argument("parts", nargs="*", metavar="PART", help="what to measure (default: all)")
@@ -169,9 +182,39 @@ def _launch(args) -> int:
 
         return ros.launch_processes(plan, ros.choose(args.ros))
     skin = launch.Skin(plan)
-    with skin, contextlib.suppress(KeyboardInterrupt):
+    with skin, contextlib.suppress(KeyboardInterrupt), _keys(skin.reset_stop):
         skin.spin()
     return 1 if skin.failed else 0
+
+
+@contextlib.contextmanager
+def _keys(reset):
+    """On a terminal, r and Enter ask for the reset of a latched stop."""
+    if os.name != "posix" or not sys.stdin.isatty():
+        yield
+        return
+    over = threading.Event()
+
+    def read():
+        while not over.is_set():
+            if not select.select([sys.stdin], [], [], 0.2)[0]:
+                continue
+            line = os.read(sys.stdin.fileno(), 1024)
+            if not line:
+                return  # its end
+            try:
+                if line.strip() == b"r":
+                    print(f"reset: {reset()[1]}", file=sys.stderr)
+            except (ValueError, RuntimeError) as error:
+                print(f"reset: {error}", file=sys.stderr)
+
+    reader = threading.Thread(target=read, name="keys", daemon=True)
+    reader.start()
+    try:
+        yield
+    finally:
+        over.set()
+        reader.join()
 
 
 def _skin_of(config: Path | None):
@@ -232,8 +275,18 @@ def _train(args) -> int:
     return 0
 
 
+def _export(args) -> int:
+    from . import export, network
+
+    shipped = args.weights in network.NETWORKS
+    weights = network.shipped(args.weights) if shipped else network.load(args.weights)
+    export.to_onnx(weights, args.out)
+    print(f"{args.out}: {weights.kind} network, {weights.rows} x {weights.cols}, force in newton")
+    return 0
+
+
 def _bench(args) -> int:
-    from .bench import choose, run, speed
+    from .bench import choose, run, speed, touch_to_stop
 
     unknown = [part for part in args.parts if part not in run.PARTS]
     if unknown:
@@ -246,6 +299,8 @@ def _bench(args) -> int:
         print("\n".join(["", *choose.lines(written["speed"]), ""]))
     if "stability" in written:
         print("auto, what fails silently:", *choose.silent(written["stability"]), "", sep="\n")
+    if "touch_to_stop" in written:
+        print(touch_to_stop.table(written["touch_to_stop"]), "", sep="\n")
     print(f"pictures: {', '.join(str(args.out / f'{name}.png') for name in written)}")
     return 0
 

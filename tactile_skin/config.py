@@ -10,7 +10,7 @@ import yaml
 from .bus import FloatingPointRange, IntegerRange, Node, Parameter, ParameterDescriptor
 from .circuit import Circuit
 from .curve import PressureCurve
-from .geometry import Geometry, make_geometry
+from .geometry import CELL_AREA, PITCH, SHAPES, Geometry, make_geometry
 
 
 def describe(text: str, low=None, high=None) -> ParameterDescriptor:
@@ -60,14 +60,16 @@ def geometry_of(node: Node, circuit: Circuit) -> Geometry:
         return node.declare_parameter(f"geometry.{name}", default, describe(*bounds)).value
 
     return make_geometry(
-        value("shape", "plane", "plane or cylinder"),
+        value("shape", "plane", f"one of {', '.join(SHAPES)}"),
         circuit.rows,
         circuit.cols,
-        value("pitch", 0.018, "between neighbouring cells [m]", 1e-4, 1.0),
-        value("cell_area", 0.012**2, "that senses, of one cell [m^2]", 1e-8, 1.0),
-        value("radius", 0.15, "of the cylinder [m]", 1e-3, 100.0),
+        value("pitch", PITCH, "between neighbouring cells [m]", 1e-4, 1.0),
+        value("cell_area", CELL_AREA, "that senses, of one cell [m^2]", 1e-8, 1.0),
+        value("radius", 0.15, "of the cylinder or sphere [m]", 1e-3, 100.0),
         value("translation", [0.0, 0.0, 0.0], "of the skin in the base frame [m]"),
         value("rpy", [0.0, 0.0, 0.0], "of the skin in the base frame [rad]"),
+        value("table", "", "CSV file of the cells' positions and normals, of shape: table"),
+        circuit.populated,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,11 @@ class PressureCurve:
         force: (n,) [N] per cell, rising, the first 0.
         resistance: (n,) [ohm] at those forces, falling, above 0.
 
+    Attributes:
+        points: the given (force, resistance).
+        offset: (rows, cols) conductance [S] that each cell has on top of the curve's, see
+            `resting_at`; None: none.
+
     Raises:
         ValueError: fewer than two points, or points out of order or range.
     """
@@ -49,6 +55,7 @@ class PressureCurve:
                 f"curve: resistance = {resistance.tolist()} ohm: must fall, be finite and above 0"
             )
         self.points = tuple(map(tuple, np.stack([force, resistance], 1).tolist()))
+        self.offset = None
         root = np.sqrt(force)
         # The given points stay in the table: the curve passes through them exactly.
         self._root = np.union1d(np.linspace(0.0, root[-1], self._TABLE_POINTS), root)
@@ -75,25 +82,46 @@ class PressureCurve:
         except (TypeError, ValueError) as error:
             raise ValueError(f"{path}: {error}") from error
 
+    def resting_at(self, resistance) -> PressureCurve:
+        """The curve of cells that rest at (rows, cols) resistances [ohm] of their own.
+
+        What a cell conducts more or less than the curve at rest, it does under any load: a tare.
+        A pressed cell conducts a hundred times as much and hardly feels it.
+        """
+        resistance = np.asarray(resistance, dtype=float)
+        if not (resistance > self.points[-1][1]).all() or not np.isfinite(resistance).all():
+            bad = resistance[~((resistance > self.points[-1][1]) & np.isfinite(resistance))]
+            raise ValueError(
+                f"curve: a cell that rests at {bad.flat[0]} ohm: must be finite and above the "
+                f"curve's end, {self.points[-1][1]:g} ohm"
+            )
+        tared = copy.copy(self)
+        tared.offset = 1.0 / resistance - 1.0 / self.points[0][1]
+        tared.offset.setflags(write=False)
+        return tared
+
     @property
     def max_force(self) -> float:
         """Largest force that the curve tells from a larger one [N per cell]."""
         return self.points[-1][0]
 
     @property
-    def rest_resistance(self) -> float:
-        """Resistance of an untouched cell [ohm]."""
-        return self.points[0][1]
+    def rest_resistance(self):
+        """Resistance of an untouched cell [ohm]; (rows, cols) with an offset."""
+        return self._with_offset(self.points[0][1])
 
     @property
-    def least_resistance(self) -> float:
-        """Resistance at `max_force` [ohm]."""
-        return self.points[-1][1]
+    def least_resistance(self):
+        """Resistance at `max_force` [ohm]; (rows, cols) with an offset."""
+        return self._with_offset(self.points[-1][1])
+
+    def _with_offset(self, resistance):
+        return resistance if self.offset is None else 1.0 / (1.0 / resistance + self.offset)
 
     def resistance(self, force) -> np.ndarray:
         """Force on a cell [N] -> its resistance [ohm]; arrays; clipped to the curve."""
         root = np.sqrt(np.maximum(force, 0.0))
-        return np.exp(np.interp(root, self._root, self._log_r))
+        return self._with_offset(np.exp(np.interp(root, self._root, self._log_r)))
 
     def force(self, resistance) -> np.ndarray:
         """Resistance of a cell [ohm] -> force on it [N]; clipped to [0, max_force].
@@ -101,27 +129,36 @@ class PressureCurve:
         0 ohm and infinity are allowed: a short reads as `max_force`, an open cell as 0.
         """
         with np.errstate(divide="ignore"):
+            if self.offset is not None:
+                resistance = 1.0 / np.maximum(1.0 / resistance - self.offset, 0.0)
             log_r = np.log(resistance)
         return np.interp(log_r, self._log_r_rising, self._root_falling) ** 2
 
     def slope(self, force) -> np.ndarray:
-        """d force / d log(resistance) [N]: what a relative error of R does to the force."""
+        """d force / d log(resistance) [N], of the curve without its offset."""
         root = np.sqrt(np.clip(force, 0.0, self.max_force))
         k = np.clip(np.searchsorted(self._root, root, side="right"), 1, self._root.size - 1)
         d_root = (self._root[k] - self._root[k - 1]) / (self._log_r[k] - self._log_r[k - 1])
         return 2.0 * root * d_root
 
     def describe(self) -> dict:
-        """The curve's points as plain lists, as kept beside trained weights and read by `load`."""
+        """The curve's points as plain lists, as kept beside trained weights and read by `load`.
+
+        The offset, which belongs to one skin and day, is left out.
+        """
         force, resistance = zip(*self.points, strict=True)
         return {"force": list(force), "resistance": list(resistance)}
 
     def __eq__(self, other):
-        return isinstance(other, PressureCurve) and self.points == other.points
+        if not isinstance(other, PressureCurve) or self.points != other.points:
+            return False
+        if self.offset is None or other.offset is None:
+            return self.offset is other.offset
+        return np.array_equal(self.offset, other.offset)
 
     def __hash__(self):
         return hash(self.points)
 
     def __repr__(self):
-        top, rest, least = self.max_force, self.rest_resistance, self.least_resistance
+        top, rest, least = self.max_force, self.points[0][1], self.points[-1][1]
         return f"PressureCurve(0..{top:.3g} N -> {rest:.3g}..{least:.3g} ohm)"

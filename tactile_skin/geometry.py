@@ -7,12 +7,19 @@ the robot's front (REP 103: x forward, y left, z up) and its high columns are on
 
 from __future__ import annotations
 
+import csv
+import math
 from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-SHAPES = ("plane", "cylinder")
+SHAPES = ("plane", "cylinder", "sphere", "table")
+PITCH = 0.018  # m: the paper's stripes are 12 mm wide with gaps of 6 mm
+CELL_AREA = 0.012**2  # m^2
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,66 +28,231 @@ class Geometry:
 
     Attributes:
         position: (rows, cols, 3) [m].
-        normal: (rows, cols, 3) unit vectors, out of the robot.
-        cell_area: area that senses, of one cell [m^2]; pressure = force / cell_area.
-        pitch: distance between neighbouring cells [m].
+        normal: (rows, cols, 3) unit vectors, out of the robot; 0 where there is no cell.
+        cell_area: (rows, cols) area that senses, of each cell [m^2]; pressure = force / cell_area.
+        pitch: distance between neighbouring cells [m]; of a table, the median.
     """
 
     position: np.ndarray
     normal: np.ndarray
-    cell_area: float
+    cell_area: np.ndarray
     pitch: float
+
+    @cached_property
+    def lever(self) -> np.ndarray:
+        """(rows * cols, 10): what 1 N on each cell adds to all that is summed up.
+
+        That is force [N] and torque about the base frame's origin [N m] on the robot, position
+        [m], and 1.
+        """
+        inward = -self.normal.reshape(-1, 3)
+        position = self.position.reshape(-1, 3)
+        ones = np.ones((len(position), 1))
+        return np.hstack([inward, np.cross(position, inward), position, ones])
 
 
 def make_geometry(
     shape: str,
     rows: int,
     cols: int,
-    pitch: float = 0.018,
-    cell_area: float = 0.012**2,
+    pitch: float = PITCH,
+    cell_area: float = CELL_AREA,
     radius: float = 0.15,
     translation=(0.0, 0.0, 0.0),
     rpy=(0.0, 0.0, 0.0),
+    table: str | Path = "",
+    cells: np.ndarray | None = None,
 ) -> Geometry:
-    """Cells on a plane, or on an upright cylinder with columns around it.
+    """Cells on a plane, an upright cylinder with columns around it, a sphere, or from a table.
 
     Args:
-        shape: "plane" (its middle in the skin frame's origin) or "cylinder" (its axis there).
-        pitch: between neighbouring cells [m]; the paper's stripes are 12 mm wide with 6 mm gaps.
-        radius: of the cylinder [m].
+        shape: "plane" (its middle in the skin frame's origin), "cylinder" (its axis there),
+            "sphere" (its centre there; the cloth lies so that distances from its middle are kept)
+            or "table".
+        pitch: between neighbouring cells [m].
+        cell_area: that senses, of one cell [m^2]; of a table, where it names none.
+        radius: of the cylinder or sphere [m].
         translation, rpy: pose of the skin frame in the base frame [m, rad]; roll, pitch, yaw about
             fixed axes.
+        table: CSV file of a "table", see `read_table`.
+        cells: (rows, cols) bool, which cells exist and so must stand in the table; None: all.
 
     Raises:
-        ValueError: an unknown shape, a length that is not above 0, or a cylinder whose columns go
-            around it more than once.
+        ValueError: an unknown shape, a length that is not above 0, a cloth that does not fit around
+            its cylinder or sphere, or a table that is none.
+        OSError: the table cannot be read.
     """
     for name, value in (("pitch", pitch), ("cell_area", cell_area), ("radius", radius)):
-        if not value > 0:
-            raise ValueError(f"geometry: {name} = {value!r}: must be above 0")
+        if not (value > 0 and math.isfinite(value)):
+            raise ValueError(f"geometry: {name} = {value!r}: must be finite and above 0")
     for name, value in (("translation", translation), ("rpy", rpy)):
-        if len(value) != 3:
-            raise ValueError(f"geometry: {name} = {value!r}: must be three numbers")
-    along = (np.arange(cols) - (cols - 1) / 2) * pitch  # (cols,)
-    up = ((rows - 1) / 2 - np.arange(rows)) * pitch  # (rows,)
-    if shape == "plane":
-        position = np.stack(np.broadcast_arrays(0.0, along[None, :], up[:, None]), -1)
-        normal = np.broadcast_to([1.0, 0.0, 0.0], position.shape)
-    elif shape == "cylinder":
-        azimuth = along / radius
-        if cols * pitch > 2 * np.pi * radius:
-            raise ValueError(
-                f"geometry: {cols} columns of {pitch} m do not fit around a radius of {radius} m"
-            )
-        outward = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(cols)], -1)  # (cols, 3)
-        normal = np.broadcast_to(outward, (rows, cols, 3))
-        position = radius * normal + up[:, None, None] * np.array([0.0, 0.0, 1.0])
+        if len(value) != 3 or not np.isfinite(value).all():
+            raise ValueError(f"geometry: {name} = {value!r}: must be three finite numbers")
+    if table and shape != "table":
+        raise ValueError(f"geometry: table = {str(table)!r}: is read only with shape: table")
+    area = np.full((rows, cols), cell_area)
+    if shape == "table":
+        cells = np.ones((rows, cols), bool) if cells is None else cells
+        position, normal, area = read_table(table, cells, cell_area)
+        pitch = _median_pitch(position[cells]) or pitch
+    elif shape in SHAPES:
+        along = (np.arange(cols) - (cols - 1) / 2) * pitch  # (cols,)
+        up = ((rows - 1) / 2 - np.arange(rows)) * pitch  # (rows,)
+        position, normal = _SURFACES[shape](along[None, :], up[:, None], radius, pitch)
     else:
         raise ValueError(f"geometry: shape {shape!r}: must be one of {', '.join(SHAPES)}")
     rotation = Rotation.from_euler("xyz", rpy).as_matrix()
     return Geometry(
-        position @ rotation.T + np.asarray(translation, float),
-        normal @ rotation.T,
-        cell_area,
-        pitch,
+        position @ rotation.T + np.asarray(translation, float), normal @ rotation.T, area, pitch
     )
+
+
+def _plane(along, up, radius, pitch):
+    position = np.stack(np.broadcast_arrays(0.0, along, up), -1)
+    return position, np.broadcast_to([1.0, 0.0, 0.0], position.shape)
+
+
+def _cylinder(along, up, radius, pitch):
+    if along.size * pitch > 2 * np.pi * radius:
+        raise ValueError(
+            f"geometry: {along.size} columns of {pitch} m do not fit around a radius of {radius} m"
+        )
+    azimuth = along / radius
+    normal = np.stack(np.broadcast_arrays(np.cos(azimuth), np.sin(azimuth), 0.0 * up), -1)
+    return radius * normal + up[..., None] * np.array([0.0, 0.0, 1.0]), normal
+
+
+def _sphere(along, up, radius, pitch):
+    """Azimuthal equidistant: each cell as far from the middle, and in the direction, as flat."""
+    distance = np.hypot(along, up)
+    if distance.max() >= np.pi * radius:
+        raise ValueError(
+            f"geometry: a corner {distance.max():.3g} m from the middle does not fit on a sphere "
+            f"of {radius} m"
+        )
+    angle = distance / radius
+    sideways = np.sinc(angle / np.pi) / radius  # sin(angle) / distance
+    normal = np.stack([np.cos(angle), sideways * along, sideways * up], -1)
+    return radius * normal, normal
+
+
+_SURFACES = {"plane": _plane, "cylinder": _cylinder, "sphere": _sphere}
+
+
+# --- a table of cells ----------------------------------------------------------------------------
+
+_NEEDED = ("row", "col", "x", "y", "z", "nx", "ny", "nz")
+
+
+def read_table(path, cells: np.ndarray, cell_area: float = CELL_AREA):
+    """Read a CSV file with a line per cell, as a spreadsheet or a CAD script writes it.
+
+    Columns, in any order: row, col (from 0), x, y, z [m] in the skin frame, nx, ny, nz (outward
+    normal of any length), and, if wanted, area [m^2]. Empty lines and lines that start with # are
+    passed over.
+
+    Args:
+        cells: (rows, cols) bool, which cells exist: each must be there once.
+        cell_area: of cells without an area [m^2].
+
+    Returns:
+        position (rows, cols, 3), unit normal (rows, cols, 3), area (rows, cols); where no cell
+        exists position and normal are 0.
+
+    Raises:
+        ValueError: no such file content; the message names the file, the line and the value.
+        OSError: the file cannot be read.
+    """
+    if not str(path):
+        raise ValueError("geometry: shape: table needs the name of a file: table")
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")  # spreadsheets put a mark in front
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path}: is no text file: {error}") from error
+    position = np.zeros((*cells.shape, 3))
+    normal = np.zeros((*cells.shape, 3))
+    area = np.full(cells.shape, float(cell_area))
+    names: list[str] | None = None
+    line_of: dict[tuple[int, int], int] = {}
+    for number, line in enumerate(text.splitlines(), 1):
+        if not line.strip(" ,\t") or line.lstrip().startswith("#"):
+            continue
+        where = f"{path}: line {number}"
+        words = [word.strip() for word in next(csv.reader([line]))]
+        if names is None:
+            names = _header(words, where)
+            continue
+        if len(words) != len(names):
+            raise ValueError(f"{where}: {len(words)} values: must be {len(names)}")
+        values = dict(zip(names, words, strict=True))
+        cell = tuple(
+            _index(values[name], name, n, where)
+            for name, n in zip(("row", "col"), cells.shape, strict=True)
+        )
+        if cell in line_of:
+            raise ValueError(
+                f"{where}: row {cell[0]}, col {cell[1]}: stands in line {line_of[cell]} already"
+            )
+        if not cells[cell]:
+            raise ValueError(
+                f"{where}: row {cell[0]}, col {cell[1]}: circuit.mask has no such cell"
+            )
+        line_of[cell] = number
+        position[cell] = [_number(values[name], name, where) for name in "xyz"]
+        outward = np.array([_number(values[name], name, where) for name in ("nx", "ny", "nz")])
+        length = np.linalg.norm(outward)
+        if not length > 1e-9:
+            raise ValueError(f"{where}: nx, ny, nz = {outward.tolist()}: must not be all 0")
+        normal[cell] = outward / length
+        if "area" in values:
+            area[cell] = _number(values["area"], "area", where)
+            if not area[cell] > 0:
+                raise ValueError(f"{where}: area = {values['area']}: must be above 0 m^2")
+    if names is None:
+        raise ValueError(f"{path}: is empty: must start with {','.join(_NEEDED)}")
+    absent = [cell for cell in map(tuple, np.argwhere(cells).tolist()) if cell not in line_of]
+    if absent:
+        raise ValueError(
+            f"{path}: row {absent[0][0]}, col {absent[0][1]}: no line for this cell"
+            + (f", nor for {len(absent) - 1} others" if len(absent) > 1 else "")
+        )
+    return position, normal, area
+
+
+def _header(words: list[str], where: str) -> list[str]:
+    missing = [name for name in _NEEDED if name not in words]
+    unknown = [word for word in words if word not in (*_NEEDED, "area")]
+    if missing or unknown or len(set(words)) != len(words):
+        raise ValueError(
+            f"{where}: column names {','.join(words)}: must be {','.join(_NEEDED)} and, "
+            "if wanted, area, each once"
+        )
+    return words
+
+
+def _index(word: str, name: str, n: int, where: str) -> int:
+    try:
+        value = int(word)
+    except ValueError:
+        value = -1
+    if not 0 <= value < n:
+        raise ValueError(f"{where}: {name} = {word!r}: must be a whole number from 0 to {n - 1}")
+    return value
+
+
+def _number(word: str, name: str, where: str) -> float:
+    try:
+        value = float(word)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f"{where}: {name} = {word!r}: must be a finite number")
+    return value
+
+
+def _median_pitch(places: np.ndarray) -> float:
+    """Median distance [m] of (n, 3) cells to their nearest neighbour; 0 of a single cell."""
+    if len(places) < 2:
+        return 0.0
+    distance, _ = cKDTree(places).query(places, k=2)
+    return float(np.median(distance[:, 1]))

@@ -1,14 +1,19 @@
-"""Hooks: a robot's own function, called when the skin says stop and when it says free."""
+"""Hooks: a robot's own functions, called when the skin says stop, and when somebody touches it.
+
+Each has a thread of its own: one that raises or hangs delays neither the others nor the stop.
+"""
 
 from __future__ import annotations
 
 import logging
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 
 _SILENCE = 0.25  # s without a word from the stop node, which speaks every 0.02 s, that mean stop
 _RETRY = 0.1  # s before a hook that raised is called again
+_WAITING = 32  # events kept for a hook that is busy
 
 
 class StopHook:
@@ -28,9 +33,7 @@ class StopHook:
         self._heard = dict.fromkeys(topics, time.monotonic())
         self._missed: str | None = None  # reason of a stop since the last call
         self._closed = False
-        name = getattr(hook, "__qualname__", repr(hook))
-        self._log = logging.getLogger(f"tactile_skin.hook.{name}")
-        self._thread = threading.Thread(target=self._run, name=f"hook {name}", daemon=True)
+        self._log, self._thread = _named(hook, self._run)
         self._thread.start()
 
     def hear(self, topic: str, stop: bool, reason: str) -> None:
@@ -83,3 +86,59 @@ class StopHook:
                     if self._closed:
                         return
                     self._changed.wait(_RETRY)
+
+
+class EventHook:
+    """Calls hook(*arguments) for each event, in their order, in a thread of its own.
+
+    An exception is logged, and the next event told: an event, unlike a stop, is soon of the past.
+    While the hook is busy the oldest events that wait are dropped, counted in `dropped`.
+    """
+
+    def __init__(self, hook: Callable):
+        self._hook = hook
+        self._events: deque[tuple] = deque()
+        self._changed = threading.Condition()
+        self._closed = False
+        self.dropped = 0
+        self._log, self._thread = _named(hook, self._run)
+        self._thread.start()
+
+    def tell(self, *arguments) -> None:
+        """An event happened; returns at once."""
+        with self._changed:
+            if len(self._events) >= _WAITING:
+                self._events.popleft()
+                self.dropped += 1
+            self._events.append(arguments)
+            self._changed.notify()
+
+    def close(self) -> None:
+        """End; what was told before is still passed on, unless the hook hangs."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify()
+        self._thread.join(1.0)
+
+    def _run(self) -> None:
+        reported = 0
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._events or self._closed)
+                if not self._events:
+                    return
+                arguments, dropped = self._events.popleft(), self.dropped
+            if dropped > reported:
+                self._log.warning("was busy and missed %d events", dropped - reported)
+                reported = dropped
+            try:
+                self._hook(*arguments)
+            except BaseException:  # its thread must live on
+                self._log.exception("raised")
+
+
+def _named(hook: Callable, run: Callable[[], None]) -> tuple[logging.Logger, threading.Thread]:
+    """Log and thread of a hook, both named after it."""
+    name = getattr(hook, "__qualname__", repr(hook))
+    thread = threading.Thread(target=run, name=f"hook {name}", daemon=True)
+    return logging.getLogger(f"tactile_skin.hook.{name}"), thread

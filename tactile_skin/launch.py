@@ -10,6 +10,7 @@ refused by name.
 
 from __future__ import annotations
 
+import concurrent.futures
 import contextlib
 import importlib
 import os
@@ -27,18 +28,13 @@ from pathlib import Path
 import yaml
 from threadpoolctl import threadpool_limits
 
-from .bus import (
-    Context,
-    DurabilityPolicy,
-    MultiThreadedExecutor,
-    Node,
-    Parameter,
-    QoSProfile,
-)
+from .bus import Context, MultiThreadedExecutor, Node, Parameter
 from .config import ParameterFile, yaml_trouble
-from .hooks import StopHook
-from .msg import DiagnosticArray, DiagnosticStatus
-from .nodes.stop_on_push import STATUS_TOPIC
+from .events import Pushed, Released, Stroked
+from .hooks import EventHook, StopHook
+from .msg import DiagnosticArray, DiagnosticStatus, Trigger, Twist
+from .nodes.stop_on_push import STATUS, STATUS_TOPIC
+from .nodes.touch_events import PushListener, StrokeListener
 
 PACKAGE = "tactile_skin"
 NODES = {  # exec -> class, imported when it is started
@@ -46,11 +42,14 @@ NODES = {  # exec -> class, imported when it is started
     "compensation": "compensation.Compensation",
     "gesture_feature": "gesture_feature.GestureFeature",
     "stop_on_push": "stop_on_push.StopOnPush",
+    "cmd_vel_gate": "cmd_vel_gate.CmdVelGate",
+    "push_to_move": "push_to_move.PushToMove",
     "monitor": "monitor.Monitor",
     "push_arrow": "push_arrow.PushArrow",
 }
 
 
+_ONE_THREAD = ("compensation", "gesture_feature")  # each waits for the other's last word anyway
 _SHARED = ("circuit", "curve", "geometry")  # parameters that several nodes read
 
 
@@ -309,7 +308,7 @@ class Skin:
         self._handles: list[Node] = []
         self._nodes: list = []
         self._processes: list[subprocess.Popen] = []
-        self._hooks: list[StopHook] = []
+        self._hooks: list[StopHook | EventHook] = []
         self._threads: threadpool_limits | None = None
         self.node = Node("user", context=self._context)
 
@@ -327,9 +326,22 @@ class Skin:
         # The default, 5 ms, is longer than a frame's whole way to the stop.
         self._switch_interval = sys.getswitchinterval()
         sys.setswitchinterval(0.0005)
-        for handle in (*self._handles, self.node):
-            self._executor.add_node(handle)
+        for handles in (*self._stages(), [self.node]):
+            self._executor.add_node(*handles)
         return self
+
+    def _stages(self) -> list[list[Node]]:
+        """The nodes by thread: a skin's compensation and its features share one."""
+        groups: dict = {}
+        for handle, action in zip(self._handles, self._plan.nodes, strict=True):
+            shared = action.executable in _ONE_THREAD
+            key = handle.get_namespace() if shared else handle.get_fully_qualified_name()
+            groups.setdefault((shared, key), []).append((action.executable, handle))
+        order = {name: k for k, name in enumerate(NODES)}
+        return [
+            [handle for _, handle in sorted(group, key=lambda item: order[item[0]])]
+            for group in groups.values()
+        ]
 
     def build(self) -> None:
         """Make the nodes and check what they are given; nothing runs yet.
@@ -345,6 +357,7 @@ class Skin:
             self._handles.append(handle)
             self._nodes.append(node_class(action.executable)(handle))
         self._check_overrides()
+        self._check_commands()
 
     def __exit__(self, *_) -> None:
         """Stop in the way of the data: what is on its way still arrives."""
@@ -401,12 +414,8 @@ class Skin:
             LaunchError: the launch file starts no stop_on_push.
         """
         topics = [
-            handle.resolve_topic_name(STATUS_TOPIC)
-            for action, handle in zip(self._plan.nodes, self._handles, strict=False)
-            if action.executable == "stop_on_push"
+            handle.resolve_topic_name(STATUS_TOPIC) for handle in self._started("stop_on_push")
         ]
-        if not topics:
-            raise LaunchError("on_stop: the launch file starts no stop_on_push")
         stop_hook = StopHook(hook, topics)
         self._hooks.append(stop_hook)
         node = Node(f"stop_hook_{len(self._hooks)}", context=self._context)
@@ -418,11 +427,84 @@ class Skin:
 
             return on_status
 
-        # deep enough for a stop that lasts one decision not to be pushed out by the next
-        qos = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         for topic in topics:
-            node.create_subscription(DiagnosticArray, topic, listener(topic), qos)
+            node.create_subscription(DiagnosticArray, topic, listener(topic), STATUS)
         self._executor.add_node(node)
+
+    def on_push(self, hook: Callable) -> None:
+        """Call hook(force, centre) when a push begins, in a thread of its own: see events.py.
+
+        force: (3,) [N], on the robot; centre: (3,) [m]; both in the base frame.
+
+        Raises:
+            LaunchError: the launch file starts no stop_on_push.
+        """
+        self._on_event(hook, Pushed, PushListener, "stop_on_push")
+
+    def on_release(self, hook: Callable) -> None:
+        """Call hook(seconds) when a push is over, with how long it lasted; else as `on_push`."""
+        self._on_event(hook, Released, PushListener, "stop_on_push")
+
+    def on_stroke(self, hook: Callable) -> None:
+        """Call hook(velocity, confidence) when a stroke along the skin begins.
+
+        velocity: (3,) [m/s], in the base frame; confidence: 0 to 1.
+
+        Raises:
+            LaunchError: the launch file starts no gesture_feature.
+        """
+        self._on_event(hook, Stroked, StrokeListener, "gesture_feature")
+
+    def _on_event(self, hook: Callable, kind: type, listener, executable: str) -> None:
+        nodes = self._started(executable)
+        event_hook = EventHook(hook)
+        self._hooks.append(event_hook)
+
+        def tell(event):
+            if isinstance(event, kind):
+                event_hook.tell(*event)
+
+        for handle in nodes:
+            here = handle.get_namespace().strip("/")
+            pairs = [
+                pair
+                for action in self._plan.nodes
+                if action.namespace.strip("/") == here
+                for pair in action.remappings
+            ]
+            name = f"{kind.__name__.lower()}_hook_{len(self._hooks)}"
+            node = Node(name, context=self._context, namespace=here, cli_args=_remaps(pairs))
+            listener(node, tell)
+            self._executor.add_node(node)
+
+    def reset_stop(self, timeout: float = 1.0) -> tuple[bool, str]:
+        """Ask every stop node to end its latched stop: whether all did, and what they say.
+
+        A stop whose cause lasts stays. Waits `timeout` [s] for each answer.
+
+        Raises:
+            LaunchError: the launch file starts no stop_on_push.
+        """
+        answers = []
+        for handle in self._started("stop_on_push"):
+            name = f"{handle.get_fully_qualified_name()}/reset"
+            future = self.node.create_client(Trigger, name).call_async(Trigger.Request())
+            try:
+                answers.append(future.result(timeout))
+            except concurrent.futures.TimeoutError:
+                answers.append(Trigger.Response(False, f"{name} does not answer"))
+        return all(a.success for a in answers), "; ".join(a.message for a in answers)
+
+    def _started(self, executable: str) -> list[Node]:
+        """The nodes of a kind, of which there must be one."""
+        found = [
+            handle
+            for action, handle in zip(self._plan.nodes, self._handles, strict=False)
+            if action.executable == executable
+        ]
+        if not found:
+            raise LaunchError(f"the launch file starts no {executable}")
+        return found
 
     def _handle(self, action: NodeAction) -> Node:
         full_name = f"{action.namespace}/{action.name}"
@@ -433,11 +515,10 @@ class Skin:
             else:
                 found = [Parameter(*item)]
             values |= {p.name: p for p in found}
-        remap = [word for pair in action.remappings for word in ("-r", ":=".join(pair))]
         return Node(
             action.name,
             context=self._context,
-            cli_args=remap,
+            cli_args=_remaps(action.remappings),
             namespace=action.namespace,
             parameter_overrides=list(values.values()),
         )
@@ -475,6 +556,20 @@ class Skin:
                     if unknown and (mine or section == "/**"):
                         raise _unknown(f"{item.path}: {section}", unknown[0], allowed)
 
+    def _check_commands(self) -> None:
+        """Refuse two nodes that would command one base in turns."""
+        senders: dict[str, str] = {}
+        for handle in self._handles:
+            for publisher in handle._publishers:
+                if publisher.msg_type is Twist:
+                    topic, name = publisher.topic_name, handle.get_name()
+                    if topic in senders:
+                        raise LaunchError(
+                            f"{topic}: {senders[topic]} and {name} both publish it: start one of "
+                            "them, or remap each to an input of a multiplexer"
+                        )
+                    senders[topic] = name
+
 
 @contextlib.contextmanager
 def _terminated(then: Callable[[], None]):
@@ -487,6 +582,10 @@ def _terminated(then: Callable[[], None]):
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+def _remaps(pairs: list[tuple[str, str]]) -> list[str]:
+    return [word for pair in pairs for word in ("-r", ":=".join(pair))]
 
 
 def _unknown(where: str, key: str, allowed) -> LaunchError:

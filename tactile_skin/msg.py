@@ -7,6 +7,7 @@ ROS 2 name of each. A published message is shared by all its subscribers: treat 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -106,6 +107,13 @@ class WrenchStamped:
     TYPE: ClassVar[str] = "geometry_msgs/msg/WrenchStamped"
     header: Header = field(default_factory=Header)
     wrench: Wrench = field(default_factory=Wrench)
+
+
+@dataclass
+class Twist:
+    TYPE: ClassVar[str] = "geometry_msgs/msg/Twist"
+    linear: Vector3 = field(default_factory=Vector3)
+    angular: Vector3 = field(default_factory=Vector3)
 
 
 # --- sensor_msgs --------------------------------------------------------------------------------
@@ -236,10 +244,20 @@ def _check_encoding(encoding: str) -> None:
 
 def cloud(columns: dict[str, np.ndarray], header: Header) -> PointCloud2:
     """Named columns of n values each -> PointCloud2 of n points, float32 fields."""
-    table = np.stack([np.asarray(c, "<f4") for c in columns.values()], 1)
-    fields = [PointField(name, 4 * k, PointField.FLOAT32, 1) for k, name in enumerate(columns)]
+    return cloud_of(tuple(columns), np.stack([np.asarray(c) for c in columns.values()], 1), header)
+
+
+def cloud_of(names: tuple[str, ...], table, header: Header) -> PointCloud2:
+    """(n, len(names)) table -> PointCloud2 of n points, float32 fields."""
+    table = np.array(table, "<f4").reshape(-1, len(names))
     n, width = table.shape
+    fields = list(_fields(names))
     return PointCloud2(header, 1, n, fields, False, 4 * width, 4 * width * n, table.tobytes(), True)
+
+
+@lru_cache(maxsize=16)
+def _fields(names: tuple[str, ...]) -> tuple[PointField, ...]:
+    return tuple(PointField(name, 4 * k, PointField.FLOAT32, 1) for k, name in enumerate(names))
 
 
 def cloud_columns(msg: PointCloud2) -> dict[str, np.ndarray]:

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from .circuit import Circuit, circuit_from, two_terminal_resistance
+from .circuit import Circuit, circuit_from, connected_rho, two_terminal_resistance
 from .curve import PressureCurve
 
 SHIPPED = Path(__file__).parent / "weights"
@@ -27,7 +27,6 @@ _FRAMES_AT_ONCE = 256  # bounds the memory of a pass over a recording
 NETWORKS = ("paper", "physics")
 PHYSICS_INPUTS = 5
 _STEPS = 6  # of the fixed point
-_OVERSHOOT = 1.5  # exponent of a step; 1 is the literature's, 2 the edge of stability
 
 
 def physics_inputs(adc: np.ndarray, circuit: Circuit, curve: PressureCurve) -> np.ndarray:
@@ -51,9 +50,16 @@ def physics_inputs(adc: np.ndarray, circuit: Circuit, curve: PressureCurve) -> n
     # Foster: the sum of g rho is lines - 1
     share = (sum(circuit.shape) - 1) / np.count_nonzero(cells)
     g = np.clip(share / rho_measured, low, high)
+    one = len(adc) == 1 and circuit.mask is None
     for step in range(_STEPS):
-        rho = two_terminal_resistance(g if circuit.mask is None else g * cells)
-        g = np.clip(g * (rho / rho_measured) ** _OVERSHOOT, low, high)
+        if one:
+            rho = connected_rho(g[0])[None]
+        else:
+            rho = two_terminal_resistance(g if circuit.mask is None else g * cells)
+        ratio = rho / rho_measured
+        g *= ratio
+        g *= np.sqrt(ratio)  # to the power of 1.5; 1 is the literature's, 2 the edge of stability
+        np.minimum(np.maximum(g, low, out=g), high, out=g)
         if step == 1:
             out[1] = np.log(g / low) * scale
     out[2] = np.log(g / low) * scale
@@ -73,7 +79,7 @@ class Weights:
     """
 
     def __init__(self, state: dict[str, np.ndarray], meta: dict, path: Path):
-        self.meta, self.path = meta, path
+        self.state, self.meta, self.path = state, meta, path
         self.rows, self.cols = meta["circuit"]["rows"], meta["circuit"]["cols"]
         self._circuit = circuit_from(meta["circuit"])
         self._curve = PressureCurve(**meta["curve"])

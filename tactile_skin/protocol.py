@@ -108,6 +108,12 @@ class BinaryParser:
         self._buffer = bytearray()
         self._last_sequence: int | None = None
         self._at_boundary = False  # the buffer starts right behind a good frame
+        self._length = 1  # of the last frame [bytes]
+
+    @property
+    def wanted(self) -> int:
+        """Bytes that a frame like the last one still lacks, at least 1."""
+        return max(1, self._length - len(self._buffer))
 
     def feed(self, data: bytes) -> list[Frame]:
         """Take a chunk; returns the frames that it completes, oldest first."""
@@ -137,6 +143,7 @@ class BinaryParser:
                 continue
             del self._buffer[: size + _CRC.size]
             self._at_boundary = True
+            self._length = size + _CRC.size
             if not self._count(sequence):
                 continue
             shift = 16 - adc_bits - fraction_bits
@@ -197,6 +204,8 @@ class TextParser:
         self._buffer = bytearray()
         self._in_line = False  # what comes before the first line end is the rest of a line
         self._longest = 12 * self.rows * self.cols + 2
+
+    wanted = 1  # a line's length is not known before its end
 
     def feed(self, data: bytes) -> list[Frame]:
         """Take a chunk; returns the frames that it completes, oldest first."""

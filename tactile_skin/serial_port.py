@@ -107,7 +107,8 @@ class SerialReader:
         port.reset_input_buffer()
         last_frame, before = time.monotonic(), counters.skipped_bytes
         while not self._stop.is_set():
-            data = port.read(port.in_waiting or 1)
+            # the rest of a frame at once: each read costs more than the parsing of one
+            data = port.read(max(port.in_waiting, self.parser.wanted))
             frames = self.parser.feed(data) if data else []
             if frames:
                 last_frame, before = time.monotonic(), counters.skipped_bytes

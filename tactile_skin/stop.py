@@ -1,7 +1,7 @@
 """When the robot must stop: one page, no clock and no bus of its own.
 
 Whatever is not known to be safe stops: a push, readings that are old, stay away or make no sense,
-and whatever a stage of the skin reports as wrong.
+and whatever a stage of the skin reports as wrong. With `latch` a stop also outlives its cause.
 """
 
 from __future__ import annotations
@@ -12,11 +12,14 @@ from typing import NamedTuple
 
 _STEADY = 3  # readings in a row, none late, that end "stale"
 _FUTURE = 0.02  # s that a reading's stamp may lie ahead
+PUSH = "push"  # the whole reason of a stop that nothing but a push asks for
 
 
 class Decision(NamedTuple):
     stop: bool
-    reason: str  # "push", "stale: ...", "fault: ...", joined by " + "; empty while free to move
+    # "push", "stale: ...", "fault: ...", "latched: the first of these", joined by " + "; empty
+    # while free to move
+    reason: str
 
 
 @dataclass(frozen=True)
@@ -26,23 +29,30 @@ class StopConfig:
     release: contact force below which a push is over [N]; at most the threshold.
     peak: force on one cell that is a push [N]: a hard edge, whose cells end before they reach
         the threshold together.
-    debounce: how long the force must stay above the threshold [s]; 0: one reading is enough.
+    debounce: how long the force must stay above the threshold [s]; 0: one reading is enough, which
+        is right where a checksum and a low-pass guard each reading.
+    lead: how far ahead a rising force is looked at [s]: it counts with what it gained since the
+        last reading, times lead over their distance in time, at most once. Makes up for the
+        board's low-pass and the wait for the next frame; 0: not at all.
     hold: how long a push is held after the force fell below `release` [s].
     stale_after: how old the last reading may be [s].
+    latch: a stop lasts until `reset`, also once its cause is gone.
     """
 
     threshold: float = 15.0
     release: float = 10.0
     peak: float = 9.0
-    debounce: float = 0.01
+    debounce: float = 0.0
+    lead: float = 0.01
     hold: float = 0.3
     stale_after: float = 0.1
+    latch: bool = False
 
     def __post_init__(self):
         for name in ("threshold", "release", "peak", "stale_after"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"stop: {name} = {getattr(self, name)!r}: must be above 0")
-        for name in ("debounce", "hold"):
+        for name in ("debounce", "lead", "hold"):
             if not getattr(self, name) >= 0:
                 raise ValueError(f"stop: {name} = {getattr(self, name)!r}: must be 0 or more")
         if self.release > self.threshold:
@@ -52,15 +62,23 @@ class StopConfig:
 
 
 class StopPolicy:
-    """Hysteresis, debounce and the fail-safe; all times are of one monotonic clock [s]."""
+    """Hysteresis, debounce, latch and the fail-safe; all times are of one monotonic clock [s].
+
+    What latches: every stop of a robot that was free before, whatever its cause. A cable that comes
+    loose and makes contact again must not send the robot off by itself, and a push least of all.
+    Before it was free for the first time only a push latches: a start is no incident.
+    """
 
     def __init__(self, config: StopConfig):
         self.config = config
         self._newest = -math.inf  # stamp of the newest reading
+        self._force = 0.0  # of the newest reading
         self._in_time = 0  # readings in a row of which none was late
         self._above_since: float | None = None
         self._held_until: float | None = None  # a push is on while this is set
         self._faults: dict[str, str] = {}
+        self._was_free = False
+        self._latched = ""  # the reason of the stop that waits for a reset
 
     def reading(
         self, t: float, force: float, peak: float = 0.0, stamp: float | None = None
@@ -85,10 +103,13 @@ class StopPolicy:
         config = self.config
         late = stamp - self._newest > config.stale_after or t - stamp > config.stale_after
         self._in_time = 0 if late else self._in_time + 1
-        self._newest = stamp
-        if force >= config.threshold or peak >= config.peak:
+        # After a gap nobody knows how fast it rose; frames that arrive in a burst rise too fast.
+        share = 0.0 if late else min(1.0, config.lead / (stamp - self._newest))
+        ahead = force + share * max(0.0, force - self._force)
+        self._newest, self._force = stamp, force
+        if ahead >= config.threshold or peak >= config.peak:
             self._above_since = stamp if self._above_since is None else self._above_since
-            # After a gap nobody knows how long it has lasted: it counts at once.
+            # Nor how long it has lasted: then it counts at once.
             if late or stamp - self._above_since >= config.debounce:
                 self._held_until = stamp + config.hold
         else:
@@ -104,12 +125,38 @@ class StopPolicy:
         """A stage reports itself as wrong, or as sound again with an empty message."""
         if message:
             self._faults[source] = message
+            self._latch(f"fault: {source}: {message}")  # it may be gone before the next decision
         else:
             self._faults.pop(source, None)
 
+    @property
+    def pushed(self) -> bool:
+        """Whether a push is on, whatever else stops the robot."""
+        return self._held_until is not None
+
     def decide(self, t: float) -> Decision:
         """What holds at t, also when no reading comes: call it on a timer."""
-        reasons = ["push"] if self._held_until is not None else []
+        reasons = self._causes(t)
+        self._was_free = self._was_free or not reasons
+        if reasons:
+            self._latch(reasons[0])
+        if self._latched:
+            reasons.append(f"latched: {self._latched}")
+        return Decision(bool(reasons), " + ".join(reasons))
+
+    def reset(self, t: float) -> str:
+        """Free a latched stop; while a cause of it lasts it stays, and the causes are returned."""
+        causes = self._causes(t)
+        if not causes:
+            self._latched = ""
+        return " + ".join(causes)
+
+    def _latch(self, reason: str) -> None:
+        if self.config.latch and not self._latched and (self._was_free or reason == PUSH):
+            self._latched = reason
+
+    def _causes(self, t: float) -> list[str]:
+        reasons = [PUSH] if self.pushed else []
         reasons += [f"fault: {source}: {text}" for source, text in sorted(self._faults.items())]
         if self._newest == -math.inf:
             reasons.append("stale: no reading yet")
@@ -117,4 +164,4 @@ class StopPolicy:
             reasons.append("stale: readings stay away")
         elif self._in_time < _STEADY:
             reasons.append("stale: readings only just came back")
-        return Decision(bool(reasons), " + ".join(reasons))
+        return reasons

@@ -112,7 +112,7 @@ def train(
     track=lambda items, **_: items,
     say=print,
 ) -> Path:
-    """Train a network; returns the path of its weights, ``out / "NETWORK.npz"``.
+    """Train a network, on a GPU where there is one; returns its weights, ``out / "NETWORK.npz"``.
 
     After each epoch ``out / "checkpoint.pt"`` holds the whole state: a run that was killed goes
     on from its last epoch to the same result. ``out / "history.csv"`` has a line per epoch.
@@ -126,7 +126,9 @@ def train(
         ValueError: the checkpoint in `out` belongs to another run.
     """
     out.mkdir(parents=True, exist_ok=True)
+    os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")  # a GPU's sums in a fixed order
     torch.use_deterministic_algorithms(True)
+    device = "cuda" if torch.cuda.is_available() else "cpu"
     torch.manual_seed(config.seed)
     run = {
         "config": asdict(config),
@@ -139,20 +141,21 @@ def train(
         bar = lambda chunks, which=which: track(chunks, desc=f"{which} pairs")  # noqa: E731
         seed = (config.seed, which == "validation")
         pairs = make_pairs(circuit, curve, n, config.network, config.readout, seed, bar)
-        sets[which] = torch.from_numpy(pairs[0]), torch.from_numpy(pairs[1]) / scale
+        pairs = torch.from_numpy(pairs[0]), torch.from_numpy(pairs[1]) / scale
+        sets[which] = tuple(part.to(device) for part in pairs)
     inputs, target = sets["train"]
     constant = _constant_loss(target, config.loss)
 
     net = make_net(config.network, *circuit.shape)
     net.input_mean.copy_(inputs.mean((0, 2, 3))[:, None, None])
     net.input_std.copy_(inputs.std((0, 2, 3))[:, None, None])
-    net = net.to(memory_format=torch.channels_last)
+    net = net.to(device, memory_format=torch.channels_last)
     optimizer = _optimizer(net, config)
     best = {"error": math.inf, "epoch": -1, "state": _copy_of(net)}
     history: list[dict] = []
     checkpoint = out / "checkpoint.pt"
     if resume and checkpoint.exists():
-        state = torch.load(checkpoint, weights_only=True)
+        state = torch.load(checkpoint, weights_only=True, map_location=device)
         if state["run"] != run:
             changed = [
                 k for k in run["config"] if state["run"]["config"].get(k) != run["config"][k]
@@ -209,7 +212,7 @@ def train(
         )
     path = out / f"{config.network}.npz"
     meta = run | {"epoch": best["epoch"], "validation_g": best["error"]}
-    network.save(path, {k: v.numpy() for k, v in best["state"].items()}, meta)
+    network.save(path, {k: v.cpu().numpy() for k, v in best["state"].items()}, meta)
     return path
 
 

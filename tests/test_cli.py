@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 
 import numpy as np
 import pytest
@@ -254,3 +255,57 @@ def test_the_shipped_config_says_what_the_defaults_are(tmp_path):
     """Circuit and curve of config/skin.yaml are those that the shipped weights were made for."""
     assert cli._skin_of(share_dir() / "config" / "skin.yaml") == (Circuit(), PressureCurve())
     assert cli._skin_of(None) == (Circuit(), PressureCurve())
+
+
+# --- keys on a terminal ---
+
+
+@pytest.fixture
+def terminal(monkeypatch):
+    """The keyboard's end of a terminal that is the standard input."""
+    keyboard, slave = os.openpty()
+    with os.fdopen(slave) as stdin:
+        monkeypatch.setattr(sys, "stdin", stdin)
+        yield keyboard
+    os.close(keyboard)
+
+
+def test_r_and_enter_reset_a_latched_stop(terminal, capsys):
+    asked = threading.Semaphore(0)
+
+    def reset():
+        asked.release()
+        return False, "still stopped: push"
+
+    with cli._keys(reset):
+        os.write(terminal, b"x\n")
+        os.write(terminal, b"r\n")
+        assert asked.acquire(timeout=20.0)
+    assert not asked.acquire(blocking=False)
+    assert capsys.readouterr().err == "reset: still stopped: push\n"
+
+
+def test_a_reset_without_a_stop_node_is_one_line(terminal, capsys):
+    told = threading.Event()
+
+    def reset():
+        told.set()
+        raise ValueError("the launch file starts no stop_on_push")
+
+    with cli._keys(reset):
+        os.write(terminal, b"r\n")
+        assert told.wait(20.0)
+    assert capsys.readouterr().err == "reset: the launch file starts no stop_on_push\n"
+
+
+def test_a_terminal_that_is_left_ends_nothing(terminal):
+    with cli._keys(lambda: pytest.fail("nobody asked")):
+        os.write(terminal, b"\x04")  # Ctrl-D
+
+
+def test_without_a_terminal_nobody_reads_the_input(monkeypatch):
+    with open(os.devnull) as stdin:
+        monkeypatch.setattr(sys, "stdin", stdin)
+        before = threading.active_count()
+        with cli._keys(None):
+            assert threading.active_count() == before

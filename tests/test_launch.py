@@ -7,12 +7,18 @@ import sys
 import textwrap
 import threading
 
+import numpy as np
 import pytest
 import yaml
+from simulated import CIRCUIT, serving
 
+from tactile_skin import PressureCurve, board
+from tactile_skin.admittance import ANGULAR, AdmittanceConfig
 from tactile_skin.bus import Context, Node, ParameterError
+from tactile_skin.gate import GateConfig
+from tactile_skin.hooks import EventHook
 from tactile_skin.launch import LaunchError, Skin, launch, read_plan, share_dir
-from tactile_skin.msg import Bool, Header, PointCloud2, cloud
+from tactile_skin.msg import Bool, Header, PointCloud2, Twist, cloud
 from tactile_skin.nodes.stop_on_push import LATCHED
 
 PATIENCE = 30.0  # s, for what must happen; how fast it does is not tested
@@ -635,3 +641,256 @@ def test_sigterm_ends_the_skin_with_a_stop_as_its_last_word(write):
         assert not skin._context.ok(), "the signal, not the timeout, ended it"
     assert heard.calls[-1][0] is True
     assert "the skin shuts down" in heard.calls[-1][1]
+
+
+# --- hooks for pushes, releases and strokes ---
+
+
+def test_a_push_and_its_release_are_told_to_hooks(write):
+    lasted, pushes, releases = [], threading.Event(), threading.Event()
+
+    def on_push(force, centre):
+        assert force.shape == centre.shape == (3,)
+        pushes.set()
+
+    def on_release(seconds):
+        lasted.append(seconds)
+        releases.set()
+
+    free = Heard()
+    with launch(write(PATIENT_STOP)) as skin:
+        skin.on_push(on_push)
+        skin.on_release(on_release)
+        skin.on_stop(free)
+        robot = Robot(skin)
+        free.wait_for((False, ""))
+        assert not pushes.is_set()
+        robot.force = 50.0
+        assert pushes.wait(PATIENCE)
+        assert not releases.is_set()
+        robot.force = 0.0
+        assert releases.wait(PATIENCE)
+    assert len(lasted) == 1 and lasted[0] > 0.0
+
+
+def test_event_hooks_that_raise_or_hang_delay_nobody(write, caplog):
+    """Neither the stop, nor another hook, nor their own next event."""
+    heard, hangs, release, twice = Heard(), threading.Event(), threading.Event(), threading.Event()
+    count = []
+
+    def hang(force, centre):
+        hangs.set()
+        release.wait(PATIENCE)
+
+    def fail(force, centre):
+        count.append(force)
+        if len(count) == 2:
+            twice.set()
+        raise RuntimeError("hook failed")
+
+    with launch(write(PATIENT_STOP)) as skin:
+        skin.on_push(hang)
+        skin.on_push(fail)
+        skin.on_stop(heard)
+        robot = Robot(skin)
+        heard.wait_for((False, ""))
+        robot.force = 50.0
+        assert hangs.wait(PATIENCE)
+        heard.wait_for((True, "push"))
+        heard.calls.clear()
+        robot.force = 0.0
+        heard.wait_for((False, ""))
+        robot.force = 50.0
+        heard.wait_for((True, "push"))
+        assert twice.wait(PATIENCE)
+        assert not release.is_set()
+        release.set()
+    assert "RuntimeError: hook failed" in caplog.text
+
+
+def test_a_busy_event_hook_misses_the_oldest_and_says_so(caplog):
+    seen, busy, go, done = [], threading.Event(), threading.Event(), threading.Event()
+
+    def hook(k):
+        seen.append(k)
+        busy.set()
+        assert go.wait(PATIENCE)
+        if k == 99:
+            done.set()
+
+    told = EventHook(hook)
+    told.tell(0)
+    assert busy.wait(PATIENCE)
+    for k in range(1, 100):
+        told.tell(k)
+    go.set()
+    assert done.wait(PATIENCE)
+    told.close()
+    assert seen == [0, *range(100 - (len(seen) - 1), 100)]
+    assert told.dropped == 100 - len(seen) > 0
+    assert f"missed {told.dropped} events" in caplog.text
+
+
+def test_event_hooks_find_their_topics_behind_remappings(write):
+    """As on_stop does; skin/wrench is the gesture node's to remap."""
+    entities = NODE % (
+        ", namespace: left, remap: [{from: skin/stop_status, to: halt}],"
+        " param: [{name: stale_after, value: 1.0}]"
+    )
+    with launch(write(entities)) as skin:
+        skin.on_push(print)
+        (node,) = [n for n in skin._executor._threads if n.get_name().startswith("pushed_hook")]
+        topics = {s.topic_name for s in node._subscriptions}
+        skin_topics = {f"/left/skin/{name}" for name in ("contacts", "wrench", "centre")}
+        assert topics == {"/left/halt", *skin_topics}
+
+
+@pytest.mark.parametrize("name", ["on_push", "on_release", "on_stroke", "reset_stop"])
+def test_what_needs_a_node_that_is_not_there_is_refused(write, name):
+    with launch(write("launch: []")) as skin, pytest.raises(LaunchError, match="starts no"):
+        getattr(skin, name)(*([] if name == "reset_stop" else [print]))
+
+
+# --- reset ---
+
+LATCHED_STOP = PATIENT_STOP.replace("param: [", "param: [{name: latch, value: true}, ")
+
+
+def test_a_latched_stop_is_reset_from_a_program(write):
+    heard = Heard()
+    with launch(write(LATCHED_STOP)) as skin:
+        skin.on_stop(heard)
+        robot = Robot(skin)
+        heard.wait_for((False, ""))
+        robot.force = 50.0
+        heard.wait_for((True, "push + latched: push"))
+        assert skin.reset_stop() == (False, "still stopped: push")
+        heard.calls.clear()
+        robot.force = 0.0
+        heard.wait_for((True, "latched: push"))
+        assert (False, "") not in heard.calls
+        assert skin.reset_stop() == (True, "free")
+        heard.wait_for((False, ""))
+
+
+def test_a_reset_may_be_asked_for_in_a_callback(write):
+    """The node behind skin.node has a thread of its own: it may wait for the stop node's answer."""
+    answers, done = [], threading.Event()
+
+    def on_stop(message):
+        answers.append(skin.reset_stop())
+        done.set()
+
+    with launch(write(LATCHED_STOP)) as skin:
+        skin.node.create_subscription(Bool, "skin/stop", on_stop, LATCHED)
+        assert done.wait(PATIENCE)
+    assert answers[0] == (False, "still stopped: stale: no reading yet")
+
+
+def test_a_stop_node_that_does_not_answer_is_named(write):
+    hangs, release = threading.Event(), threading.Event()
+    with launch(write(LATCHED_STOP)) as skin:
+
+        def hang():
+            hangs.set()
+            release.wait(PATIENCE)
+
+        skin._handles[0].create_timer(0.001, hang)
+        assert hangs.wait(PATIENCE)
+        assert skin.reset_stop(0.01) == (False, "/stop_on_push/reset does not answer")
+        release.set()
+
+
+# --- a cable that is cut ---
+
+
+class Mute(board.Board):
+    """A board that can fall silent, as one whose cable is cut behind the adapter."""
+
+    mute = False
+
+    def scan(self) -> bytes:
+        return b"" if self.mute else super().scan()
+
+
+@pytest.mark.parametrize("cut", ["closed", "silent"])
+def test_a_cut_cable_stops(tmp_path, cut):
+    """A real device whose other end closes, or sends nothing more; and back again.
+
+    Within 150 ms, as bench/touch_to_stop.py measures; here it has to come.
+    """
+    circuit = {"circuit.rows": 4, "circuit.cols": 5, "circuit.r_ref": CIRCUIT.r_ref}
+    parameters = circuit | {"method": "naive", "suspect_stops": False, "port": str(tmp_path / "s")}
+    plan = read_plan(share_dir() / "launch" / "skin.launch.yaml", {"method": "naive"})
+    plan.nodes.pop()  # the monitor
+    for action in plan.nodes:
+        known = {"serial_driver": ("port", *circuit), "stop_on_push": ()}
+        names = known.get(action.executable, tuple(circuit))
+        action.parameters = [(name, parameters[name]) for name in names]
+        if action.executable == "compensation":
+            action.parameters += [(name, parameters[name]) for name in ("method", "suspect_stops")]
+        if action.executable == "stop_on_push":
+            action.parameters = [("stale_after", 0.5)]  # a busy machine
+    heard, simulated = Heard(), Mute(CIRCUIT, PressureCurve(), lambda t: np.zeros((4, 5)))
+    with serving(tmp_path / "s", simulated) as served, Skin(plan) as skin:
+        skin.on_stop(heard)
+        heard.wait_for((False, ""))
+        heard.calls.clear()
+        if cut == "closed":
+            served.unplug()
+            heard.wait_for_reason("fault: serial_driver: ")
+        else:
+            simulated.mute = True
+            heard.wait_for((True, "stale: readings stay away"))
+            simulated.mute = False
+            heard.wait_for((False, ""))
+
+
+# --- nodes that move the robot ---
+
+
+def node(executable: str, more: str = "") -> str:
+    return f"- node: {{pkg: tactile_skin, exec: {executable}{more}}}\n"
+
+
+def test_two_nodes_that_command_one_base_are_refused(write):
+    """Their velocities would take turns."""
+    both = node("cmd_vel_gate") + node("push_to_move")
+    with pytest.raises(LaunchError, match="/cmd_vel: cmd_vel_gate and push_to_move both publish"):
+        start(write(both))
+    start(write(node("cmd_vel_gate") + node("push_to_move", ", remap: [{from: cmd_vel, to: led}]")))
+    start(write(node("cmd_vel_gate") + node("push_to_move", ", namespace: arm")))
+
+
+@pytest.mark.parametrize("executable", ["cmd_vel_gate", "push_to_move"])
+def test_the_last_word_to_the_base_is_zero(write, executable):
+    seen, context = [], Context()
+    with launch(write(node(executable)), context) as skin:
+        skin.node.create_subscription(Twist, "cmd_vel", seen.append, 100)
+        skin.spin(0.1)
+    assert len(seen) >= 2
+    assert seen[-1] == Twist()
+
+
+@pytest.mark.parametrize("name", ["cmd_vel_gate", "push_to_move"])
+def test_the_shipped_launch_file_starts_them_when_asked(name):
+    found = read_plan(share_dir() / "launch" / "skin.launch.yaml", {name: "true"})
+    assert name in [n.executable for n in found.nodes]
+
+
+def test_the_shipped_parameters_are_the_defaults(write):
+    """And none is misspelt: of a node that is not started nobody would tell."""
+    config = share_dir() / "config" / "skin.yaml"
+    shipped = f", param: [{{from: {config}}}]"
+    entities = node("cmd_vel_gate", shipped)
+    entities += node("push_to_move", shipped + ", remap: [{from: cmd_vel, to: led}]")
+    entities += node("gesture_feature", shipped)  # circuit and geometry stand under /**
+    entities += node("compensation", shipped) + node("serial_driver", ", param: [{%s}]")
+    entities = entities.replace("{%s}", "{name: port, value: 'loop://'}")
+    with launch(write(entities)) as skin:
+        gate, led = skin._nodes[:2]
+        assert gate.gate.config == GateConfig()
+        assert led.admittance.config == AdmittanceConfig()
+    turning = ", param: [{name: turns, value: true}]"
+    with launch(write(node("push_to_move", turning))) as skin:
+        assert skin._nodes[0].admittance.config.angular == ANGULAR

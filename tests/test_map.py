@@ -5,7 +5,7 @@ import pytest
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward, scenes
 from tactile_skin.bench.faults import FAULTS, faulty
-from tactile_skin.bench.solvers import accuracy
+from tactile_skin.bench.solvers import accuracy, with_net
 from tactile_skin.curve import GRAM
 from tactile_skin.solvers import prior
 from tactile_skin.solvers.map import _gauss_newton, _Point
@@ -23,11 +23,12 @@ def test_the_priors_gradient_is_that_of_its_value(holes):
     rng = np.random.default_rng(0)
     x = rng.normal(1.0, 0.5, (5, 6))
     cells = rng.random((5, 6)) >= holes if holes else None
-    gradient = prior.touches(x, -1.0, cells).gradient
+    between = prior.Differences((5, 6), cells)
+    gradient = prior.touches(x, -1.0, between).gradient
     for i in np.ndindex(x.shape):
         step = np.zeros(x.shape)
         step[i] = 1e-6
-        up, down = (prior.touches(x + s, -1.0, cells).value for s in (step, -step))
+        up, down = (prior.touches(x + s, -1.0, between).value for s in (step, -step))
         assert (up - down) / 2e-6 == pytest.approx(gradient[i], abs=1e-6)
 
 
@@ -35,11 +36,13 @@ def test_the_priors_majorant_lies_above_it():
     """What makes every full step of the prior alone go down."""
     rng = np.random.default_rng(1)
     x = rng.normal(1.0, 0.5, (5, 6))
-    at_x = prior.touches(x, -1.0, None)
+    between = prior.Differences((5, 6))
+    at_x = prior.touches(x, -1.0, between)
     for scale in (1e-3, 0.1, 0.5):
         d = scale * rng.uniform(-1.0, 1.0, x.shape)
-        bound = at_x.value + (at_x.gradient * d).sum() + 0.5 * (d * prior.product(at_x, d)).sum()
-        assert prior.touches(x + d, -1.0, None).value <= bound + 1e-9
+        curvature = (d * prior.product(at_x, d, between)).sum()
+        bound = at_x.value + (at_x.gradient * d).sum() + 0.5 * curvature
+        assert prior.touches(x + d, -1.0, between).value <= bound + 1e-9
 
 
 def test_separable_footprints_pay_for_no_twist():
@@ -47,7 +50,9 @@ def test_separable_footprints_pay_for_no_twist():
     y, x = np.arange(8)[:, None], np.arange(8)[None]
     blob = -0.1 * ((y - 3.5) ** 2 + (x - 3.5) ** 2)
     sheared = -0.1 * ((y - 3.5) ** 2 + (x - 3.5 - 0.5 * (y - 3.5)) ** 2)
-    assert prior.touches(blob, -10.0, None).value < prior.touches(sheared, -10.0, None).value
+    between = prior.Differences((8, 8))
+    of_blob, of_sheared = (prior.touches(x_, -10.0, between) for x_ in (blob, sheared))
+    assert of_blob.value < of_sheared.value
 
 
 def test_the_step_goes_down_the_true_cost():
@@ -174,3 +179,9 @@ def test_a_frame_like_the_last_one_keeps_its_estimate():
     grown = compensate(scan(1.1 * force, rng), CIRCUIT, CURVE, "map", start=last)
     assert grown.iterations > 0
     assert grown.force.sum() == pytest.approx(1.1 * 12.0, rel=0.05)
+
+
+def test_with_the_net_as_its_prior_it_beats_the_net():
+    for family in ("blobs", "rects"):
+        row = with_net(family, 40, seed=22)
+        assert row["map with the net's prior"] < 0.9 * row["physics"]

@@ -164,3 +164,18 @@ def test_defaults_have_the_type_of_their_field(message):
     for f in dataclasses.fields(message):
         expected = typing.get_origin(hints[f.name]) or hints[f.name]
         assert type(getattr(made, f.name)) is expected
+
+
+def test_the_service_is_ross_own():
+    """std_srvs/srv/Trigger, whose definition is an empty request and these two lines."""
+    typesys = pytest.importorskip("rosbags.typesys")
+    (fields,) = typesys.get_types_from_msg(
+        "bool success # indicate successful run of triggered service\n"
+        "string message # informational, e.g. for error messages\n",
+        "std_srvs/msg/Trigger",
+    ).values()
+    hints = typing.get_type_hints(msg.Trigger.Response)
+    ours = [(f.name, hints[f.name]) for f in dataclasses.fields(msg.Trigger.Response)]
+    assert ours == [(name, python_type(definition)) for name, definition in fields[1]]
+    assert not dataclasses.fields(msg.Trigger.Request)
+    assert msg.Trigger.TYPE == "std_srvs/srv/Trigger"

@@ -43,7 +43,8 @@ from tactile_skin.protocol import BinaryParser
 
 CELL_AREA = 1.44e-4  # m^2
 GEOMETRY = {"geometry.shape": "cylinder", "geometry.cell_area": CELL_AREA}
-STOP = {"threshold": 30.0, "release": 20.0, "debounce": 0.05, "hold": 0.3, "stale_after": 0.1}
+STOP = {"threshold": 30.0, "release": 20.0, "hold": 0.3, "stale_after": 0.1}
+STOP |= {"debounce": 0.05, "lead": 0.0}
 FRAME = 1.0 / board.FRAMES_PER_SECOND  # s
 
 
@@ -466,6 +467,7 @@ def test_the_summary_counts_frames_stops_and_drops(chain, capsys):
     chain.scene = "idle"
     chain.frames_until(False)
     frames = len(chain.seen["skin/pressure"])
+    chain.clock.advance(FRAME)
     chain.publish(np.zeros((8, 8), np.uint16))  # refused by compensation
     chain.play(2)
     monitor.close()

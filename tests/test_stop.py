@@ -1,10 +1,14 @@
 """The robot stops for a push and for whatever it does not know, and goes on only when free."""
 
+import dataclasses
+
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tactile_skin.stop import StopConfig, StopPolicy
 
-CONFIG = StopConfig(threshold=10.0, release=6.0, debounce=0.02, hold=0.3, stale_after=0.1)
+CONFIG = StopConfig(threshold=10.0, release=6.0, debounce=0.02, lead=0.0)
 
 
 def feed(policy, start, seconds, force, rate=100):
@@ -151,8 +155,147 @@ def test_a_fault_stops_until_it_is_taken_back():
         ({"stale_after": 0.0}, "stale_after = 0.0"),
         ({"debounce": -1.0}, "debounce = -1.0"),
         ({"hold": float("nan")}, "hold = nan"),
+        ({"lead": -0.01}, "lead = -0.01"),
     ],
 )
 def test_settings_that_switch_the_stop_off_are_refused(kwargs, message):
     with pytest.raises(ValueError, match=message):
         StopConfig(**kwargs)
+
+
+# --- lead ---
+
+LEADING = StopConfig(threshold=10.0, release=6.0, lead=0.01)
+
+
+def rising(forces, config=LEADING, dt=0.01):
+    """Decisions on readings of these forces, after half a second of nothing."""
+    policy = StopPolicy(config)
+    feed(policy, 0.0, 0.5, 0.0)
+    return [policy.reading(0.49 + (k + 1) * dt, force).stop for k, force in enumerate(forces)]
+
+
+def test_a_force_that_will_soon_exceed_the_threshold_counts():
+    assert rising([3.0, 6.4, 9.9]) == [False, False, True]
+    assert rising([3.0, 6.6, 9.9]) == [False, True, True]
+
+
+def test_a_force_that_rises_slowly_or_falls_counts_as_it_is():
+    assert not any(rising([k / 10 for k in range(99)]))
+    assert not any(rising([4.9, 7.4, 5.0, 7.4, 0.0]))
+
+
+def test_no_reading_counts_more_than_twice():
+    """Also one of a burst, a millisecond after the last."""
+    assert rising([4.9], dt=0.001) == [False]
+    assert rising([5.1], dt=0.001) == [True]
+
+
+def test_the_first_reading_after_a_gap_says_nothing_of_how_fast_it_rose():
+    policy = StopPolicy(LEADING)
+    feed(policy, 0.0, 0.5, 0.0)
+    assert "push" not in policy.reading(1.0, 9.0).reason
+
+
+# --- latch ---
+
+LATCHING = dataclasses.replace(CONFIG, latch=True)
+
+
+def free(config=LATCHING, until=0.5):
+    """A policy that has been free; its readings end at `until` [s]."""
+    policy = StopPolicy(config)
+    assert not feed(policy, 0.0, until, 0.0).stop
+    return policy
+
+
+def test_a_latched_push_lasts_until_the_reset():
+    policy = free()
+    assert feed(policy, 0.5, 0.1, 20.0).reason == "push + latched: push"
+    assert feed(policy, 0.6, 5.0, 0.0) == (True, "latched: push")
+    assert policy.reset(5.6) == ""
+    assert not policy.decide(5.6).stop
+    assert not feed(policy, 5.6, 1.0, 0.0).stop
+
+
+def test_a_reset_is_refused_while_the_cause_lasts_and_says_why():
+    """Also during the hold after a release; it is not kept for later."""
+    policy = free()
+    feed(policy, 0.5, 0.1, 20.0)
+    assert policy.reset(0.6) == "push"
+    feed(policy, 0.6, 0.2, 0.0)
+    assert policy.reset(0.8) == "push", "held"
+    assert feed(policy, 0.8, 1.0, 0.0) == (True, "latched: push")
+    policy.fault("compensation", "open line")
+    assert policy.reset(1.8) == "fault: compensation: open line"
+    policy.fault("compensation", "")
+    assert policy.reset(2.5) == "stale: readings stay away"
+    assert policy.decide(2.5).reason == "stale: readings stay away + latched: push"
+
+
+def test_a_latched_stop_names_its_first_cause():
+    policy = free()
+    policy.fault("compensation", "open line")
+    feed(policy, 0.5, 0.5, 20.0)
+    policy.fault("compensation", "")
+    assert feed(policy, 1.0, 1.0, 0.0).reason == "latched: fault: compensation: open line"
+
+
+def test_a_stream_that_came_back_stays_stopped_when_latched():
+    policy = free()
+    policy.decide(0.7)
+    assert feed(policy, 0.8, 1.0, 0.0) == (True, "latched: stale: readings stay away")
+
+
+def test_a_gap_that_no_timer_saw_latches_too():
+    policy = free()
+    assert feed(policy, 0.8, 1.0, 0.0).reason == "latched: stale: readings only just came back"
+
+
+def test_a_fault_shorter_than_the_timer_latches_too():
+    policy = free()
+    policy.fault("serial_driver", "unplugged")
+    policy.fault("serial_driver", "")
+    assert policy.reading(0.5, 0.0) == (True, "latched: fault: serial_driver: unplugged")
+
+
+def test_what_stops_a_robot_before_it_was_free_does_not_latch_but_a_push_does():
+    policy = StopPolicy(LATCHING)
+    policy.decide(0.0)
+    policy.fault("serial_driver", "not there yet")
+    policy.decide(0.1)
+    policy.fault("serial_driver", "")
+    assert not feed(policy, 0.2, 0.5, 0.0).stop
+    policy = StopPolicy(LATCHING)
+    feed(policy, 0.0, 0.5, 20.0)
+    assert feed(policy, 0.5, 1.0, 0.0) == (True, "latched: push")
+
+
+def test_a_reset_without_a_latch_frees_nothing_early():
+    policy = free(CONFIG)
+    feed(policy, 0.5, 0.1, 20.0)
+    assert policy.reset(0.6) == "push"
+    assert policy.reading(0.6, 0.0) == (True, "push")
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.floats(0.0, 0.3), st.sampled_from([0.0, 8.0, 20.0]), st.booleans(), st.booleans()
+        ),
+        max_size=60,
+    )
+)
+def test_no_latched_stop_ends_without_a_reset_that_was_granted(steps):
+    """Whatever readings, gaps and faults come: stop to free only right after a reset."""
+    policy, t, stopped = free(), 0.5, False
+    for dt, force, faulty, reset in steps:
+        t += dt
+        policy.fault("stage", "bad" if faulty else "")
+        now = policy.reading(t, force).stop
+        assert now or not stopped
+        stopped = now
+        if reset:
+            granted = policy.reset(t) == ""
+            stopped = policy.decide(t).stop
+            assert stopped is not granted

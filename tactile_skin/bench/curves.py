@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import argparse
 import csv
-import sys
 from pathlib import Path
 
 _STYLES = ("-", "--", ":", "-.")
@@ -38,10 +38,17 @@ def draw(histories: dict[str, Path], out: Path) -> None:
     plt.close(figure)
 
 
-def main(words: list[str]) -> None:
-    out, *runs = words
-    draw({name: Path(path) for name, path in (run.split("=", 1) for run in runs)}, Path(out))
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("out", type=Path, metavar="OUT.png", help="picture to draw")
+    parser.add_argument("runs", nargs="+", metavar="NAME=history.csv", help="a run of `train`")
+    args = parser.parse_args()
+    runs = [run.partition("=") for run in args.runs]
+    for name, equals, path in runs:
+        if not equals or not Path(path).is_file():
+            parser.error(f"{name}{equals}{path}: must be NAME=FILE, the history.csv of a run")
+    draw({name: Path(path) for name, _, path in runs}, args.out)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()

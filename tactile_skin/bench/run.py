@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 from ..solvers import METHODS
-from . import cases, chart, growth, speed, stability, way
+from . import cases, chart, growth, speed, stability, touch_to_stop, way
 from .measure import machine
 
 PARTS = {  # name -> module, and the arguments of its `measure` in full and quick
@@ -19,6 +19,7 @@ PARTS = {  # name -> module, and the arguments of its `measure` in full and quic
         {"methods": tuple(METHODS), "seconds": 6.0, "long": 60.0, "skins": way.SKINS},
         {"methods": ("naive", "auto"), "seconds": 0.5, "long": 0.5, "skins": (2,)},
     ),
+    "touch_to_stop": (touch_to_stop, {"pushes": 40, "cuts": 10}, {"pushes": 1, "cuts": 1}),
 }
 
 

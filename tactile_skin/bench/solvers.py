@@ -12,7 +12,7 @@ import os
 
 import numpy as np
 
-from .. import Circuit, PressureCurve, compensate, forward, scenes
+from .. import Circuit, PressureCurve, compensate, forward, network, scenes
 from ..curve import GRAM
 from .faults import FAULTS, faulty
 from .growth import exponent
@@ -51,6 +51,36 @@ def accuracy(method, family, readout, n, seed=1, circuit=None, curve=None, **kwa
     }
 
 
+def with_net(family, n, seed=1) -> dict:
+    """Error on `scan` [g] of the physics-fed net, of map, and of map with the net as its prior.
+
+    The net's error grows with the force: it is told to map as 0.05 N + 0.15 sqrt(f) + 0.1 f.
+    """
+    circuit, curve = Circuit(), PressureCurve()
+    force, adc = frames(family, "scan", n, np.random.default_rng(seed), circuit, curve)
+    total = dict.fromkeys(("physics", "map", "map with the net's prior"), 0.0)
+    for truth, frame in zip(force, adc, strict=True):
+        net = compensate(frame, circuit, curve, "physics").force
+        prior = (net, 0.05 + 0.15 * np.sqrt(net) + 0.1 * net)
+        alone, joined = (
+            compensate(frame, circuit, curve, "map", prior=p).force for p in (None, prior)
+        )
+        for name, found in zip(total, (net, alone, joined), strict=True):
+            total[name] += np.abs(found - truth).mean() / GRAM / n
+    return {"family": family, "frames": n} | total
+
+
+def batches(kind: str, n: int, seed=1) -> dict:
+    """Frames a second of a network on a recording, in one call."""
+    circuit, curve = Circuit(), PressureCurve()
+    _, adc = frames("blobs", "scan", n, np.random.default_rng(seed), circuit, curve)
+    weights = network.shipped(kind)
+    weights.predict(adc[:200])
+    clock = Clock()
+    clock(weights.predict, adc)
+    return {"network": kind, "frames": n, "frames a second": n / clock.calls[0]}
+
+
 def tracking(method: str, readout: str, touches: int, seed=1) -> dict:
     """Time and error from the last frame of a moving touch, 50 frames each."""
     circuit, curve = Circuit(), PressureCurve()
@@ -83,7 +113,7 @@ def detection(n: int, seed=1) -> dict:
     table = {}
     for family in scenes.FAMILIES:
         for fault in FAULTS:
-            rng = np.random.default_rng([seed, FAULTS.index(fault)])
+            rng = np.random.default_rng([seed, list(FAULTS).index(fault)])
             force = scenes.sample(family, n, *circuit.shape, rng)
             seen = []
             for truth in force:
@@ -166,6 +196,10 @@ def main() -> None:
     show("newton, last frame", tracking("newton", "ideal", 40 // share, args.seed))
     for family in scenes.FAMILIES:
         show("map", accuracy("map", family, "scan", 300 // share, args.seed))
+    for family in scenes.FAMILIES:
+        show("the net as a prior", with_net(family, 300 // share, args.seed))
+    for kind in network.NETWORKS:
+        show("batches", batches(kind, 2000, args.seed))
     show("map, last frame", tracking("map", "scan", 40 // share, args.seed))
     show("detection", detection(300 // share, args.seed))
     for family in scenes.FAMILIES:

@@ -10,6 +10,7 @@ from .. import network
 from ..config import circuit_of, curve_of, describe, geometry_of
 from ..msg import DiagnosticArray, Image, Trigger, image, image_array
 from ..solvers import METHODS, Estimate, compensate
+from ..tare import Tare
 from . import QUEUE, diagnostics
 
 _WATCHED = 20  # frames: 0.2 s at 100 a second
@@ -21,12 +22,15 @@ class Compensation:
     """Publishes skin/pressure (32FC1, Pa, row-major) with the reading's stamp, and diagnostics once
     a second and whenever the level changes: WARN for a suspect frame, ERROR, which stops the
     robot, for a failed one and while half of the last frames are suspect. A frame that fails is
-    not published. The service `~/reset` forgets the last frame, from which the next one starts.
+    not published. What the cells conduct at rest is measured between touches (`Tare`); until the
+    first time, a second after the start, a fabric whose cells differ is suspect. The service
+    `~/reset` forgets the last frame, from which the next one starts.
     """
 
     def __init__(self, node):
         self.node = node
-        self.circuit, self.curve = circuit_of(node), curve_of(node)
+        self.circuit, curve = circuit_of(node), curve_of(node)
+        self._tare = Tare(self.circuit, curve)
         self.cell_area = geometry_of(node, self.circuit).cell_area
 
         def value(name, default, *bounds):
@@ -45,12 +49,16 @@ class Compensation:
             "noise", 0.0, "RMS noise of a reading [ADC steps]; 0: told from the readings", 0.0, 1e3
         )
         time_limit = value("time_limit", 0.05, "after which a frame is given up [s]", 1e-4, 10.0)
+        # Where the board keeps readings to itself, rest cannot be measured.
+        self._follows = (
+            value("tare", True, "whether to follow what the cells read at rest") and not threshold
+        )
         self._stops = value("suspect_stops", True, "whether lasting suspicion stops the robot")
         if method not in METHODS:
             raise ValueError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
         weights = network.load(path) if path else None
         if weights:
-            weights.check(self.circuit, self.curve)
+            weights.check(self.circuit, curve)
         self._method = method
         self._arguments = {
             "weights": weights,
@@ -75,7 +83,7 @@ class Compensation:
 
     def _compensate(self, adc) -> Estimate:
         return compensate(
-            adc, self.circuit, self.curve, self._method, start=self._last, **self._arguments
+            adc, self.circuit, self._tare.curve, self._method, start=self._last, **self._arguments
         )
 
     def on_adc(self, msg: Image) -> None:
@@ -93,9 +101,12 @@ class Compensation:
         self._taken[estimate.method] += 1
         self._residual = estimate.residual
         if estimate.status != "failed":
+            t = msg.header.stamp.sec + 1e-9 * msg.header.stamp.nanosec
+            if self._follows and self._tare.update(t, adc, estimate.force):
+                self._last = None
             pressure = estimate.force / self.cell_area
             self._pressure.publish(image(pressure, "32FC1", msg.header))
-        self._judge(estimate.status, estimate.message)
+        self._judge(estimate.status, self._tare.message or estimate.message)
 
     def on_reset(self, _, response):
         self._last = None
@@ -107,7 +118,7 @@ class Compensation:
         self._suspect.append(status == "suspect")
         suspects = sum(self._suspect)
         self._fault = suspects >= (_LEAVE if self._fault else _ENTER)
-        level = diagnostics.OK if status == "ok" else diagnostics.WARN
+        level = diagnostics.OK if status == "ok" and not message else diagnostics.WARN
         if status == "failed" or (self._fault and self._stops):
             level = diagnostics.ERROR
         if message or level == diagnostics.OK:
@@ -118,5 +129,6 @@ class Compensation:
 
     def report(self) -> None:
         values = {"residual": f"{self._residual:.3f}", "method": self._method}
+        values["tare"] = self._tare.message or ("ok" if self._follows else "off")
         values |= {f"frames_{name}": n for name, n in self._taken.items()}
         self._diagnostics.publish(diagnostics.report(self.node, self._level, self._message, values))

@@ -1,4 +1,4 @@
-"""gesture_feature: skin/pressure -> contacts, wrench, push direction, stroke."""
+"""gesture_feature: skin/pressure -> contacts, wrench, push direction, stroke, gestures."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import numpy as np
 from .. import features
 from ..bus import Time
 from ..config import circuit_of, describe, geometry_of
+from ..gestures import Gesture, Gestures
 from ..msg import (
     Float32,
     Header,
@@ -18,15 +19,21 @@ from ..msg import (
     Vector3Stamped,
     Wrench,
     WrenchStamped,
-    cloud,
+    cloud_of,
     image_array,
 )
+from ..tracking import RELEASED, STATES, Touch, Tracker, stroke
 from . import QUEUE
+
+_CONTACT = ("x", "y", "z", "force", "area", "peak", "id", "vx", "vy", "vz", "state")
+_CODE = {state: float(code) for code, state in enumerate(STATES)}
+_GESTURE = ("x", "y", "z", "id", "state", *Gesture._fields)
 
 
 class GestureFeature:
     """Publishes per frame, in the base frame: skin/contacts, skin/wrench, skin/centre,
-    skin/push_direction with skin/push_confidence, skin/stroke [m/s] with skin/stroke_confidence.
+    skin/push_direction with skin/push_confidence, skin/stroke [m/s] with skin/stroke_confidence;
+    and skin/gestures while something touches and at its release.
     """
 
     def __init__(self, node):
@@ -34,7 +41,8 @@ class GestureFeature:
         self.cell_threshold = node.declare_parameter(
             "cell_threshold", 0.2, describe("a contact has a cell with more [N]", 1e-3, 10.0)
         ).value
-        self.stroke = features.Stroke()
+        self.tracker = Tracker(self.geometry.pitch)
+        self.gestures = Gestures(self.geometry)
         self._contacts = node.create_publisher(PointCloud2, "skin/contacts", 10)
         self._wrench = node.create_publisher(WrenchStamped, "skin/wrench", 10)
         self._centre = node.create_publisher(PointStamped, "skin/centre", 10)
@@ -42,40 +50,62 @@ class GestureFeature:
         self._confidence = node.create_publisher(Float32, "skin/push_confidence", 10)
         self._stroke = node.create_publisher(Vector3Stamped, "skin/stroke", 10)
         self._stroke_confidence = node.create_publisher(Float32, "skin/stroke_confidence", 10)
+        self._gestures = node.create_publisher(PointCloud2, "skin/gestures", 10)
         node.create_subscription(Image, "skin/pressure", self.on_pressure, QUEUE)
 
     def on_pressure(self, msg: Image) -> None:
         header = msg.header
-        force = image_array(msg).astype(float) * self.geometry.cell_area  # (rows, cols) [N]
-        shape = self.geometry.position.shape[:2]
-        if msg.encoding != "32FC1" or force.shape != shape or not (force >= 0.0).all():
+        pressure = image_array(msg)
+        shape = self.geometry.cell_area.shape
+        sound = ((pressure >= 0.0) & (pressure < np.inf)).all()
+        if msg.encoding != "32FC1" or pressure.shape != shape or not sound:
             raise ValueError(
-                f"skin/pressure is {msg.encoding} {force.shape}: must be 32FC1 {shape}, 0 or more"
+                f"skin/pressure is {msg.encoding} {pressure.shape}: "
+                f"must be 32FC1 {shape}, finite and 0 or more"
             )
-        found = features.contacts(force, self.geometry, self.cell_threshold)
-        self._contacts.publish(contact_cloud(found, header))  # first: the stop waits for it
-        push = features.push(force, self.geometry, self.cell_threshold)
+        force = pressure * self.geometry.cell_area  # (rows, cols) [N], float64
+        frame = features.look(force, self.geometry, self.cell_threshold)
+        t = Time.from_msg(header.stamp).nanoseconds / 1e9
+        touches = self.tracker.update(t, frame)
+        self._contacts.publish(contact_cloud(touches, header))  # first: the stop waits for it
+        push = frame.push
         self._wrench.publish(
             WrenchStamped(header, Wrench(_vector(push.force), _vector(push.torque)))
         )
-        self._centre.publish(PointStamped(header, Point(*map(float, push.centre))))
+        self._centre.publish(PointStamped(header, Point(*push.centre.tolist())))
         self._direction.publish(Vector3Stamped(header, _vector(push.direction)))
         self._confidence.publish(Float32(push.confidence))
-        velocity, confidence = self.stroke.update(
-            Time.from_msg(header.stamp).nanoseconds / 1e9, found
-        )
+        velocity, confidence = stroke(touches)
         self._stroke.publish(Vector3Stamped(header, _vector(velocity)))
         self._stroke_confidence.publish(Float32(confidence))
+        if touches:
+            gestures = self.gestures.update(t, frame, touches)
+            self._gestures.publish(gesture_cloud(touches, gestures, header))
 
 
-def contact_cloud(found: list[features.Contact], header: Header) -> PointCloud2:
-    """A point per contact: x, y, z [m], force [N], area [m^2], peak [N on one cell]."""
-    position = np.array([c.position for c in found]).reshape(-1, 3)
-    columns = dict(zip("xyz", position.T, strict=True))
-    for name in ("force", "area", "peak"):
-        columns[name] = np.array([getattr(c, name) for c in found])
-    return cloud(columns, header)
+def contact_cloud(touches: list[Touch], header: Header) -> PointCloud2:
+    """A point per touch that is there: x, y, z [m], force [N], area [m^2], peak [N on one cell],
+    id, vx, vy, vz [m/s], state (0 new, 1 held; 2 released, in skin/gestures).
+
+    A released touch is no point: whoever takes points for obstacles would stop for it.
+    """
+    rows = [
+        (*c.position.tolist(), c.force, c.area, c.peak, number, *velocity.tolist(), _CODE[state])
+        for number, state, c, velocity, _ in touches
+        if state != RELEASED
+    ]
+    return cloud_of(_CONTACT, rows, header)
+
+
+def gesture_cloud(touches: list[Touch], gestures: list[Gesture], header: Header) -> PointCloud2:
+    """A point per touch, those just released included: x, y, z [m], id, state, and the fields of
+    `gestures.Gesture`."""
+    rows = [
+        (*touch.contact.position.tolist(), touch.id, _CODE[touch.state], *gesture)
+        for touch, gesture in zip(touches, gestures, strict=True)
+    ]
+    return cloud_of(_GESTURE, rows, header)
 
 
 def _vector(v) -> Vector3:
-    return Vector3(float(v[0]), float(v[1]), float(v[2]))
+    return Vector3(*v.tolist())

@@ -15,6 +15,7 @@ from ..msg import (
     DiagnosticStatus,
     Image,
     PointCloud2,
+    Twist,
     Vector3Stamped,
     cloud_columns,
 )
@@ -51,6 +52,7 @@ class Monitor:
         self._troubles: dict[str, str] = {}
         self._contacts, self._force = 0, 0.0
         self._direction = np.zeros(3)
+        self._cmd_vel: Twist | None = None  # while a node of the skin moves the robot
         self._waiting = "no decision yet"
         self._spoke = False  # a live line was printed
         self._start = self._now()
@@ -58,6 +60,7 @@ class Monitor:
         node.create_subscription(Image, "skin/adc", self.on_adc, 100)
         node.create_subscription(PointCloud2, "skin/contacts", self.on_contacts, 100)
         node.create_subscription(Vector3Stamped, "skin/push_direction", self.on_direction, 100)
+        node.create_subscription(Twist, "cmd_vel", self.on_cmd_vel, 1)
         node.create_subscription(DiagnosticArray, STATUS_TOPIC, self.on_status, _EVERY_DECISION)
         node.create_subscription(DiagnosticArray, diagnostics.TOPIC, self.on_diagnostics, 100)
         node.create_timer(0.2 if self.out.isatty() else 1.0, self.live_line)
@@ -81,6 +84,9 @@ class Monitor:
 
     def on_direction(self, msg: Vector3Stamped) -> None:
         self._direction = np.array([msg.vector.x, msg.vector.y, msg.vector.z])
+
+    def on_cmd_vel(self, msg: Twist) -> None:
+        self._cmd_vel = msg
 
     def on_status(self, msg: DiagnosticArray) -> None:
         """The stop hook: every decision, with the stamp of the reading it rests on."""
@@ -146,6 +152,9 @@ class Monitor:
             f"{rate:5.1f}/s  drops {self.drops}  contacts {self._contacts} {self._force:6.1f} N  "
             f"{push:<26} {'STOP ' + reason if reason else 'free'}"
         )
+        if self._cmd_vel is not None:
+            linear, turn = self._cmd_vel.linear, self._cmd_vel.angular.z
+            line += f"  cmd_vel ({linear.x:+.2f} {linear.y:+.2f} m/s {turn:+.2f} rad/s)"
         line = "  ".join([line, *self._troubles.values()])
         if self.out.isatty():
             width = shutil.get_terminal_size().columns - 1

@@ -12,13 +12,16 @@ from ..msg import (
     DiagnosticStatus,
     Header,
     PointCloud2,
+    Trigger,
     cloud_columns,
 )
-from ..stop import StopConfig, StopPolicy
+from ..stop import Decision, StopConfig, StopPolicy
 from . import QUEUE, diagnostics
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 STATUS_TOPIC = "skin/stop_status"
+# deep enough for a stop that lasts one decision not to be pushed out by the next
+STATUS = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 HEARTBEAT = 0.02  # s, between decisions when no reading comes
 
 
@@ -26,7 +29,8 @@ class StopOnPush:
     """Publishes skin/stop (Bool, latched, with every decision: a heartbeat) and skin/stop_status
     (DiagnosticArray with the stamp of the reading that it rests on; ERROR and the reason while
     stopped). The sum of the contacts' forces decides, so that a squeeze from both sides, whose
-    wrench is nothing, stops as well.
+    wrench is nothing, stops as well. The service `~/reset` frees a latched stop, and refuses while
+    its cause lasts.
     """
 
     def __init__(self, node):
@@ -44,17 +48,23 @@ class StopOnPush:
                 release=value("release", "force below which a push is over [N]", 0.1, 500.0),
                 peak=value("peak", "force on one cell that is a push [N]", 0.01, 500.0),
                 debounce=value("debounce", "time above it before it counts [s]", 0.0, 0.2),
+                lead=value("lead", "how far ahead a rising force is looked at [s]", 0.0, 0.05),
                 hold=value("hold", "time a stop is kept after the release [s]", 0.0, 60.0),
                 stale_after=value("stale_after", "oldest reading that still counts [s]", 0.01, 1.0),
+                latch=node.declare_parameter(
+                    "latch", default.latch, describe("a stop lasts until ~/reset is called")
+                ).value,
             )
         )
         self._stop = node.create_publisher(Bool, "skin/stop", LATCHED)
         self._status = node.create_publisher(DiagnosticArray, STATUS_TOPIC, LATCHED)
         self._header = Header()
         self._force = 0.0
+        self._said: Decision | None = None
         self._closed = threading.Lock()  # held for good once the last word is said
         node.create_subscription(PointCloud2, "skin/contacts", self.on_contacts, QUEUE)
         node.create_subscription(DiagnosticArray, diagnostics.TOPIC, self.on_diagnostics, 50)
+        node.create_service(Trigger, "~/reset", self.on_reset)
         node.create_timer(HEARTBEAT, self.on_timer)
         self.on_timer()
 
@@ -80,6 +90,16 @@ class StopOnPush:
             ):
                 bad = status.level >= DiagnosticStatus.ERROR
                 self.policy.fault(status.name, (status.message or "error") if bad else "")
+        decision = self.policy.decide(self._now())
+        if decision != self._said:  # a fault need not wait for the timer
+            self._publish(decision)
+
+    def on_reset(self, _, response):
+        causes = self.policy.reset(self._now())
+        response.success = not causes
+        response.message = f"still stopped: {causes}" if causes else "free"
+        self.on_timer()
+        return response
 
     def on_timer(self) -> None:
         self._publish(self.policy.decide(self._now()))
@@ -92,9 +112,10 @@ class StopOnPush:
                 self._closed.release()
 
     def _say(self, decision) -> None:
+        self._said = decision
         self._stop.publish(Bool(decision.stop))
         level = diagnostics.ERROR if decision.stop else diagnostics.OK
-        values = {"force": f"{self._force:.2f}"}
+        values = {"force": f"{self._force:.2f}", "push": str(self.policy.pushed).lower()}
         self._status.publish(
             diagnostics.report(self.node, level, decision.reason, values, self._header)
         )

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import lapack
 
-from ..circuit import network_inverse, rho_of
+from ..circuit import connected_rho
 from .estimate import Estimate
 from .judge import judge
 from .reading import Reading
@@ -49,32 +50,35 @@ def iterate(reading: Reading, g, steps: int, target: float) -> tuple[np.ndarray,
     """
     circuit = reading.circuit
     cells = circuit.populated & reading.known  # the others stay at rest
-    low, high = np.log(reading.bounds)
-    x = np.log(g[cells])  # (cells,)
-    rho_measured = reading.rho[cells]
-    adc = circuit.ratio(rho_measured)
-    d_misfit = np.zeros((_HISTORY, x.size))
-    d_image = np.zeros((_HISTORY, x.size))
+    cells = slice(None) if cells.all() else np.flatnonzero(cells)
+    low, high = (np.log(bound.ravel()[cells]) for bound in reading.bounds)
     g = g.copy()
+    flat = g.reshape(-1)
+    x = np.log(flat[cells])  # (cells,)
+    rho_measured = reading.rho.ravel()[cells]
+    adc = circuit.ratio(rho_measured)
+    goal = x.size * (target / circuit.full_scale) ** 2
+    d_misfit = np.empty((_HISTORY, x.size))
+    d_image = np.empty((_HISTORY, x.size))
     last_misfit, last_image = None, None
     for step in range(steps):
-        rho = rho_of(network_inverse(g))[cells]
-        error = (circuit.ratio(rho) - adc) * circuit.full_scale
-        if error @ error <= error.size * target**2 or reading.late():
+        rho = connected_rho(g).ravel()[cells]
+        error = circuit.ratio(rho) - adc
+        if error @ error <= goal or reading.late():
             return g, step
         misfit = np.log(rho / rho_measured)
         image = x + misfit  # the plain step
         new = image
         if step:
-            d_misfit[step % _HISTORY] = misfit - last_misfit
-            d_image[step % _HISTORY] = image - last_image
+            slot = (step - 1) % _HISTORY
+            np.subtract(misfit, last_misfit, out=d_misfit[slot])
+            np.subtract(image, last_image, out=d_image[slot])
             used = min(step, _HISTORY)
-            rows = d_misfit if used == _HISTORY else d_misfit[1 : used + 1]
-            images = d_image if used == _HISTORY else d_image[1 : used + 1]
-            gram = rows @ rows.T
+            gram = d_misfit[:used] @ d_misfit[:used].T
             gram.flat[:: used + 1] += 1e-10 * gram.trace() + 1e-30
-            new = image - np.linalg.solve(gram, rows @ misfit) @ images
+            share = lapack.dposv(gram, d_misfit[:used] @ misfit)[1]
+            new = image - share @ d_image[:used]
         last_misfit, last_image = misfit, image
-        x = np.clip(new, low, high)
-        g[cells] = np.exp(x)
+        x = np.minimum(np.maximum(new, low), high)
+        flat[cells] = np.exp(x)
     return g, steps

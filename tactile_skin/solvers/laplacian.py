@@ -6,31 +6,53 @@ Laplacian: rho_ij = (e_i - e_j)^T K (e_i - e_j), for row line i and column line 
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from ..circuit import network_inverse
+from ..circuit import reduced_root
 
 
-def inverse(g: np.ndarray) -> np.ndarray:
-    """K [ohm], (lines, lines), of conductances g (rows, cols) [S]."""
-    a, c, d = network_inverse(g)
-    rows = a.shape[0]
-    k = np.empty((rows + d.shape[0],) * 2)
-    k[:rows, :rows], k[:rows, rows:], k[rows:, :rows], k[rows:, rows:] = a, c, c.T, d
-    return k
+class Network(NamedTuple):
+    """All that follows from the conductances of one frame.
+
+    Attributes:
+        root: (lines, lines) W with K = W W^T [sqrt(ohm)]; det W is the product of its diagonal.
+        k: (lines, lines) K [ohm].
+        rho: (rows, cols) two-terminal resistances [ohm].
+    """
+
+    root: np.ndarray
+    k: np.ndarray
+    rho: np.ndarray
+
+
+def solve(g: np.ndarray) -> Network:
+    """The network of conductances g (rows, cols) [S] (docs/derivation.md: K = W W^T in blocks)."""
+    rows, cols = g.shape
+    reduced, scaled, col_sum = reduced_root(g)
+    root = np.zeros((rows + cols, rows + cols))
+    root[:rows, :rows] = reduced
+    np.matmul(scaled.T, reduced, out=root[rows:, :rows])
+    root.reshape(-1)[rows * (rows + cols + 1) :: rows + cols + 1] = col_sum**-0.5
+    k = root @ root.T
+    return Network(root, k, two_point(k, rows))
 
 
 def two_point(k: np.ndarray, rows: int) -> np.ndarray:
-    """(e_i - e_j)^T K (e_i - e_j) for each crossing, (rows, cols); for `inverse` this is rho."""
+    """(e_i - e_j)^T K (e_i - e_j) for each crossing, (rows, cols)."""
     diagonal = k.diagonal()
-    return diagonal[:rows, None] + diagonal[rows:] - 2.0 * k[:rows, rows:]
+    between = k[:rows, rows:] * -2.0
+    between += diagonal[:rows, None]
+    between += diagonal[rows:]
+    return between
 
 
-def crossing_factor(k: np.ndarray, rows: int) -> np.ndarray:
+def crossing_factor(network: Network) -> np.ndarray:
     """V (rows * cols, lines) with t_ab = v_a . v_b: the transfer resistance of two crossings."""
-    factor = np.linalg.cholesky(k).astype(np.float32)
-    lines = k.shape[0]
-    return (factor[:rows, None] - factor[None, rows:]).reshape(-1, lines)
+    rows, _ = network.rho.shape
+    root = network.root.astype(np.float32)
+    return (root[:rows, None] - root[None, rows:]).reshape(-1, len(root))
 
 
 def hessian_product(k: np.ndarray, p: np.ndarray) -> np.ndarray:
@@ -39,10 +61,10 @@ def hessian_product(k: np.ndarray, p: np.ndarray) -> np.ndarray:
     L(p) is the Laplacian of a network with conductances p, (rows, cols), of either sign.
     """
     rows = p.shape[0]
-    weighted = np.concatenate(
-        [
-            p.sum(1)[:, None] * k[:rows] - p @ k[rows:],
-            p.sum(0)[:, None] * k[rows:] - p.T @ k[:rows],
-        ]
-    )  # L(p) K
-    return two_point(k @ weighted, rows)
+    weighted = np.empty_like(k)
+    np.matmul(p, k[rows:], out=weighted[:rows])
+    np.matmul(p.T, k[:rows], out=weighted[rows:])
+    ones = np.ones(max(p.shape))
+    sums = np.concatenate([p @ ones[: p.shape[1]], ones[:rows] @ p])
+    weighted -= k * sums[:, None]  # - L(p) K
+    return -two_point(k @ weighted, rows)

@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from ..circuit import two_terminal_resistance
 from . import laplacian, suspect
 from . import prior as prior_terms
 from .conjugate_gradients import conjugate_gradients
@@ -23,7 +22,9 @@ from .fixed_point import first_guess, iterate, last_guess
 from .reading import ROUNDING_NOISE, Reading
 
 STEPS = 12
-START_STEPS = 4
+START_STEPS = 6  # of the fixed point: a step costs an eighth of a Gauss-Newton step
+WARM_STEPS = 8  # the same from the last frame: a touch that moved misfits by far at its rim
+_NEAR = 1.5  # residual, in units of the noise, at which the fixed point has done its part
 _SETTLED = 4.0  # stop when a step gains less than this, in units of 1/2 chi^2
 _CAUSE = 6.0  # chi^2 that a cell at rest must gain alone to become an unknown
 _JOIN = 0.03  # share of the best cell's gain from which a cell at rest becomes an unknown
@@ -35,6 +36,7 @@ _RIDGES = 1e-3, 1e-2, 1e-1, 1.0
 _SAME = 2.2  # standard deviations of chi^2 up to which a frame is like the last one
 _NEAR_REST = 1.5  # times the conductance at rest: a starting cell below it starts at rest
 _WIDEN = 1.12  # the prior's majorant is wider in curvature than the prior: measured coverage
+_LEVEL = 5.0  # times the mean force, which no cell of an even load on the whole skin reaches
 _BROAD = 0.1  # share of cells at rest below which the whole skin counts as loaded
 
 
@@ -48,14 +50,15 @@ def map_estimate(reading: Reading, start: Estimate | None = None, prior=None, **
         prior: (mean, std), two (rows, cols) arrays or numbers [N], joined to the built-in prior as
             independent knowledge of each cell.
     """
-    if start is not None:
-        if prior is None and (held := _held(reading, start)) is not None:
-            return held
-        return _fit(reading, last_guess(reading, start), prior, warm=True)
-    return _fit(reading, first_guess(reading), prior)
+    if start is None:
+        return _fit(reading, first_guess(reading), prior)
+    g = last_guess(reading, start)
+    if prior is None and (held := _held(reading, start, g)) is not None:
+        return held
+    return _fit(reading, g, prior, warm=True)
 
 
-def _held(reading: Reading, start: Estimate) -> Estimate | None:
+def _held(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | None:
     """The last frame's estimate if it explains this one as well: nothing has moved.
 
     Of readings that nothing changed, the misfit to the last fit is noise, and a little more for
@@ -63,11 +66,8 @@ def _held(reading: Reading, start: Estimate) -> Estimate | None:
     """
     if start.method != "map" or start.status != "ok" or not reading.noise:
         return None
-    g = reading.circuit.populated / reading.curve.resistance(start.force)
-    adc = reading.circuit.ratio(two_terminal_resistance(g))
-    n = np.count_nonzero(reading.known | reading.capped)
-    residual = reading.residual(adc)
-    if residual**2 > reading.noise**2 * (1.0 + _SAME * (2.0 / n) ** 0.5):
+    residual = reading.residual(reading.circuit.ratio(laplacian.solve(g).rho))
+    if residual**2 > reading.noise**2 * (1.0 + _SAME * (2.0 / reading.told) ** 0.5):
         return None
     return replace(start, residual=residual, iterations=0)
 
@@ -77,11 +77,14 @@ def _fit(reading: Reading, g: np.ndarray, prior, warm: bool = False) -> Estimate
     warm: g is next to the answer; a step that went as foretold is then the last one.
     """
     circuit = reading.circuit
-    g, steps = iterate(reading, g, START_STEPS, 2.0 * max(reading.noise, ROUNDING_NOISE))
+    noise = max(reading.noise, ROUNDING_NOISE)
+    g, steps = iterate(reading, g, WARM_STEPS if warm else START_STEPS, _NEAR * noise)
     g = _fill(reading, g)
-    at_rest = circuit.populated & (g < _NEAR_REST * reading.bounds[0])
+    low = reading.bounds[0]
+    at_rest = circuit.populated & (g < _NEAR_REST * low)
     broad = np.count_nonzero(at_rest) < _BROAD * np.count_nonzero(circuit.populated)
-    g = np.where(at_rest, reading.bounds[0], g)
+    broad = broad and _level(reading, g)
+    g = np.where(at_rest, low, g)
     point = _Point.at(reading, g, broad, prior)
     costs = [point.cost]
     iterations = 0
@@ -111,7 +114,7 @@ def _fit(reading: Reading, g: np.ndarray, prior, warm: bool = False) -> Estimate
             message = suspect.by_cost(reading, point.cost - 0.5 * rest @ ahead)
         message = message or suspect.by_score(
             reading,
-            point.k,
+            point.network.k,
             point.weight,
             point.misfit,
             step.told,
@@ -124,6 +127,13 @@ def _fit(reading: Reading, g: np.ndarray, prior, warm: bool = False) -> Estimate
     if not converged:
         status, message = "failed", f"no time to converge: stopped after {iterations} steps"
     return Estimate(force, std, residual, status, message, "map", steps + iterations)
+
+
+def _level(reading: Reading, g: np.ndarray) -> bool:
+    """Whether g may be of a load spread as the level prior says: no cell far above the mean."""
+    cells = reading.circuit.populated
+    force = reading.curve.force(1.0 / np.where(cells, g, 1.0))[cells]
+    return bool(force.max() < _LEVEL * force.mean())
 
 
 def _fill(reading: Reading, g: np.ndarray) -> np.ndarray:
@@ -145,8 +155,9 @@ def _fill(reading: Reading, g: np.ndarray) -> np.ndarray:
 class _Point(NamedTuple):
     """All that follows from one g; pictures are (rows, cols)."""
 
-    g: np.ndarray  # S
-    k: np.ndarray  # ohm, see laplacian
+    g: np.ndarray  # S, the cells' conductance
+    gx: np.ndarray  # S, d g / d x: of it what follows the curve
+    network: laplacian.Network
     adc: np.ndarray  # ratio
     misfit: np.ndarray  # reading - model, in standard deviations
     weight: np.ndarray  # d misfit / d rho [1/ohm]; 0 for readings that say nothing here
@@ -156,25 +167,42 @@ class _Point(NamedTuple):
     @classmethod
     def at(cls, reading: Reading, g: np.ndarray, broad: bool, extra) -> _Point:
         circuit, curve = reading.circuit, reading.curve
-        cells = circuit.populated
         noise = max(reading.noise, ROUNDING_NOISE)
-        k = laplacian.inverse(g)
-        adc = circuit.ratio(laplacian.two_point(k, circuit.rows))
-        misfit = reading.misfit(adc) / noise
-        speaks = reading.known | (misfit < 0)
-        weight = np.where(speaks, adc**2 * (circuit.full_scale / (circuit.r_ref * noise)), 0.0)
-        x = np.log(np.where(cells, g, reading.bounds[0]))
+        network = laplacian.solve(g)
+        adc = circuit.ratio(network.rho)
+        misfit = reading.misfit(adc)
+        misfit /= noise
+        weight = adc * adc
+        weight *= circuit.full_scale / (circuit.r_ref * noise)
+        if not reading.plain:
+            weight *= reading.known | (misfit < 0)
+        cells = circuit.populated
+        gx = g if curve.offset is None else g - curve.offset * cells
+        at_rest = 1.0 / curve.points[0][1]
+        x = np.log(gx if circuit.mask is None else np.where(cells, gx, at_rest))
         if broad or extra is not None:
-            force = np.where(cells, curve.force(np.exp(-x)), 0.0)
+            force = np.where(cells, curve.force(1.0 / np.where(cells, g, 1.0)), 0.0)
             slope = -curve.slope(force)
         if broad:
             terms = prior_terms.level(force, slope, cells)
         else:
-            terms = prior_terms.touches(x, np.log(reading.bounds[0]), circuit.mask)
+            between = prior_terms.differences(circuit)
+            terms = prior_terms.touches(x, np.log(at_rest), between)
         if extra is not None:
             terms = prior_terms.add(terms, prior_terms.known(force, slope, *extra, cells))
-        cost = 0.5 * np.square(misfit).sum() + terms.value
-        return cls(g, k, adc, misfit, weight, terms, cost)
+        flat = misfit.ravel()
+        cost = 0.5 * (flat @ flat) + terms.value
+        return cls(g, gx, network, adc, misfit, weight, terms, float(cost))
+
+    @property
+    def curvature(self) -> np.ndarray:
+        """(rows, cols) of the cost over each cell's x, from its own reading and prior alone."""
+        own = self.network.rho**2
+        own *= self.weight
+        own *= self.gx
+        own *= own
+        own += self.prior.diagonal
+        return own
 
 
 class _Step(NamedTuple):
@@ -183,44 +211,50 @@ class _Step(NamedTuple):
     gain: float  # predicted, in units of 1/2 chi^2
     factor: np.ndarray | None  # upper Cholesky factor over `inside`; None: it was done without
     inside: np.ndarray  # flat indices of the unknowns that met no bound
-    told: np.ndarray | None  # flat indices of the readings that speak
+    told: np.ndarray | slice | None  # flat indices of the readings that speak
     jacobian: np.ndarray | None  # (told, inside), in standard deviations
 
 
 def _downhill(point: _Point) -> np.ndarray:
     """- d cost / d x (rows, cols), for all cells at once in O(lines^3)."""
-    pull = laplacian.hessian_product(point.k, point.weight * point.misfit)
-    return point.g * pull - point.prior.gradient
+    pull = laplacian.hessian_product(point.network.k, point.weight * point.misfit)
+    pull *= point.gx
+    pull -= point.prior.gradient
+    return pull
 
 
 def _gauss_newton(reading: Reading, point: _Point) -> _Step:
     low, high = reading.bounds
-    g, k = point.g, point.k
-    rows = g.shape[0]
+    g, gx, circuit = point.g, point.gx, reading.circuit
     slope = _downhill(point)
     # A cell at rest joins if alone it would gain something, next to what the best would gain: a
     # moved touch leaves misfit along its lines in cells that the next step finds at rest.
-    alone = np.square(point.weight * laplacian.two_point(k, rows) ** 2 * g)
-    alone = np.square(slope) / (alone + point.prior.precision[0, 0] + 1e-9)
-    held = (g <= low) & ((slope <= 0) | (alone < max(_CAUSE, _JOIN * alone.max())))
-    held |= (g >= high) & (slope >= 0)
-    free = np.flatnonzero(reading.circuit.populated & ~held)
+    alone = slope * np.abs(slope)  # with the slope's sign
+    alone /= point.curvature + 1e-9
+    if circuit.mask is not None:
+        alone *= circuit.mask
+    gain = max(_CAUSE, _JOIN * max(alone.max(), -alone.min()))
+    moves = np.where(g <= low, alone >= gain, (g < high) | (slope < 0))
+    free = np.flatnonzero(moves if circuit.mask is None else moves & circuit.mask)
     if not free.size:
         return _Step(free, np.zeros(0), 0.0, None, free, None, None)
     b = slope.flat[free]
     if free.size > _DENSE:
-        dx = _conjugate_gradients(point, free, b)
+        dx = _conjugate_gradients(point, prior_terms.differences(circuit), free, b)
         return _Step(free, dx, 0.5 * b @ dx, None, free, None, None)
-    v = laplacian.crossing_factor(k, rows)
-    told = np.flatnonzero(point.weight)
-    jacobian = np.square(v[told] @ v[free].T)  # (readings, n), t_ab^2
-    jacobian *= point.weight.flat[told].astype(np.float32)[:, None]
-    jacobian *= g.flat[free].astype(np.float32)
+    v = laplacian.crossing_factor(point.network)
+    told = slice(None) if reading.plain else np.flatnonzero(point.weight)
+    jacobian = v[told] @ v[free].T  # (readings, n), t_ab
+    jacobian *= jacobian
+    jacobian *= point.weight.ravel()[told].astype(np.float32)[:, None]
+    jacobian *= gx.ravel()[free].astype(np.float32)
     precision = blas.ssyrk(1.0, jacobian.T)  # upper triangle
-    _add_prior(precision, point.prior, free, g.size)
-    dx, factor, inside = _solve_in_box(
-        precision, b, low / g.flat[free] - 1, high / g.flat[free] - 1
-    )
+    precision.T.flat[:: free.size + 1] += point.prior.diagonal.ravel()[free]
+    if point.prior.entries is not None:
+        _join(precision, point.prior.entries, prior_terms.differences(circuit), free)
+    here = g.ravel()[free]
+    ends = ((bound.ravel()[free] - here) / gx.ravel()[free] for bound in (low, high))
+    dx, factor, inside = _solve_in_box(precision, b, *ends)
     if factor is None:
         return _Step(free, dx, 0.0, None, free, None, None)
     return _Step(free, dx, 0.5 * b @ dx, factor, free[inside], told, jacobian[:, inside])
@@ -255,49 +289,48 @@ def _solve_in_box(precision: np.ndarray, b: np.ndarray, low: np.ndarray, high: n
         if rounds + 1 == _BOX_ROUNDS or not out.any() or (out == inside).all():
             break
         inside &= ~out
-        dx = np.clip(dx, low, high)
+        dx = np.minimum(np.maximum(dx, low), high)
         pull = (b - blas.ssymv(1.0, precision, np.where(inside, 0.0, dx)))[inside]
-        matrix = precision[np.ix_(inside, inside)]  # upper triangle, as precision's
-    return np.clip(dx, low, high), factor, inside
+        matrix = precision[inside][:, inside]  # upper triangle, as precision's
+    return np.minimum(np.maximum(dx, low), high), factor, inside
 
 
-def _add_prior(precision: np.ndarray, terms, free: np.ndarray, cells: int) -> None:
-    """Add the prior's entries to the upper triangle over the free cells."""
-    place = np.full(2 * cells, -1)
+def _join(precision: np.ndarray, entries: np.ndarray, between, free: np.ndarray) -> None:
+    """Add the prior's entries off the diagonal to the upper triangle over the free cells."""
+    place = np.full(between.cells, -1)
     place[free] = np.arange(free.size)
-    for (down, right), entry in terms.precision.items():
-        other = place[free + down * entry.shape[1] + right]
-        here = np.flatnonzero((other >= 0) & (entry.flat[free] != 0.0))
-        precision[here, other[here]] += entry.flat[free[here]]
+    here, there = place[between.here], place[between.there]
+    both = np.flatnonzero((here >= 0) & (there >= 0))
+    precision[here[both], there[both]] += entries[both]
 
 
-def _conjugate_gradients(point: _Point, free: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _conjugate_gradients(point: _Point, between, free: np.ndarray, b: np.ndarray) -> np.ndarray:
     """The Gauss-Newton step without its matrix: a product costs O(lines^3)."""
-    rows = point.g.shape[0]
-    diagonal = np.square(point.weight * laplacian.two_point(point.k, rows) ** 2 * point.g)
-    diagonal = (diagonal + point.prior.precision[0, 0]).flat[free]
+    diagonal = point.curvature.ravel()[free]
     picture = np.zeros(point.g.shape)
+    k = point.network.k
 
     def product(p):
         picture.flat[free] = p
-        rho = laplacian.hessian_product(point.k, point.g * picture)
-        data = point.g * laplacian.hessian_product(point.k, point.weight**2 * rho)
-        return (data + prior_terms.product(point.prior, picture)).flat[free]
+        rho = laplacian.hessian_product(k, point.gx * picture)
+        data = point.gx * laplacian.hessian_product(k, point.weight**2 * rho)
+        return (data + prior_terms.product(point.prior, picture, between)).ravel()[free]
 
     return conjugate_gradients(product, diagonal, b, steps=_CG_STEPS, target=1e-2)
 
 
 def _descend(reading: Reading, point: _Point, step: _Step, broad: bool, extra, ceiling) -> _Point:
     """Take the step, or as much of it as stays below `ceiling`; the old point if none does."""
-    low, high = reading.bounds
     if not step.free.size:
         return point
+    low, high = (bound.ravel()[step.free] for bound in reading.bounds)
     dx = step.dx
     for _ in range(6):
         # in g: the readings are closer to linear in g than in log g
-        factor = 1.0 + np.clip(dx, -0.9, 3.0)
+        change = np.minimum(np.maximum(dx, -0.9), 3.0) * point.gx.ravel()[step.free]
         g = point.g.copy()
-        g.flat[step.free] = np.clip(g.flat[step.free] * factor, low, high)
+        flat = g.reshape(-1)
+        flat[step.free] = np.minimum(np.maximum(flat[step.free] + change, low), high)
         new = _Point.at(reading, g, broad, extra)
         if new.cost <= ceiling:
             return new
@@ -311,9 +344,7 @@ def _spread(reading: Reading, point: _Point, step: _Step, force) -> np.ndarray:
     Of the Gauss-Newton posterior for the free cells; from each one's own reading and prior alone
     for cells held at a bound.
     """
-    rows = point.g.shape[0]
-    own = np.square(point.weight * laplacian.two_point(point.k, rows) ** 2 * point.g)
-    std_x = 1.0 / np.sqrt(own + point.prior.precision[0, 0] + 1e-12)
+    std_x = 1.0 / np.sqrt(point.curvature + 1e-12)
     if step.factor is not None:
         covariance = lapack.spotri(step.factor, lower=0)[0]
         std_x.flat[step.inside] = np.sqrt(covariance.diagonal())

@@ -55,13 +55,12 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
         g, the number of steps, whether it converged.
     """
     cells = reading.circuit.populated
-    rows = reading.circuit.rows
     low, high = reading.bounds
     rho_measured = reading.rho
-    k = laplacian.inverse(g)
-    rho = laplacian.two_point(k, rows)
+    network = laplacian.solve(g)
     free, solve, last, join = None, None, np.inf, _TOUCH
     for iteration in range(STEPS):
+        rho = network.rho
         gradient = np.where(cells, rho - rho_measured, 0.0)
         # A cell on its bound is held there if the gradient pushes outwards. One at rest joins the
         # unknowns if its own reading asks for a touch; once the others are settled, for anything.
@@ -76,13 +75,13 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
         misfit = np.abs(gradient.flat[now] / rho.flat[now]).max()
         if solve is None or misfit > 0.05 * last or not np.array_equal(free, now):
             free = now
-            solve = _step_solver(k, g, free, rows)
+            solve = _step_solver(network, g, free)
         last = misfit
         # rho log(rho / rho_measured) is the gradient to first order, and closer to linear far off
         pull = rho.flat[free] * np.log(rho.flat[free] / rho_measured.flat[free])
         step = np.zeros(g.shape)
         step.flat[free] = solve(pull)
-        new, k, rho = _climb(reading, g, k, step, np.where(held, 0.0, gradient), rho)
+        new, network = _climb(reading, g, network, step, np.where(held, 0.0, gradient))
         moved = np.abs(new.flat[free] / g.flat[free] - 1.0).max()
         g = new
         if moved < _DONE:
@@ -94,43 +93,43 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
     return g, iteration + 1, False
 
 
-def _climb(reading: Reading, g, k, step, gradient, rho):
-    """Take the step, or as much of it as gains height; returns the new g, K and rho."""
+def _climb(reading: Reading, g, network: laplacian.Network, step, gradient):
+    """Take the step, or as much of it as gains height; returns the new g and its network."""
     low, high = reading.bounds
     cells = reading.circuit.populated
-    rows = g.shape[0]
     height = None
     for halving in range(40):
         new = np.where(cells, np.clip(g + step, np.maximum(low, 0.05 * g), high), 0.0)
-        new_k = laplacian.inverse(new)
+        there = laplacian.solve(new)
         change = new - g
-        if np.abs(change).max() < 1e-2 * low:  # so near that phi's own rounding would decide
+        if np.abs(change).max() < 1e-2 * low.min():  # so near that phi's own rounding would decide
             break
         if height is None:
-            height = _height(reading, g, k)
-        if _height(reading, new, new_k) >= height + 1e-4 * (gradient * change).sum():
+            height = _height(reading, g, network)
+        if _height(reading, new, there) >= height + 1e-4 * (gradient * change).sum():
             break
         if halving == 3:  # past the bounds' corners only the gradient is sure to climb
-            step = 8.0 * gradient / np.square(rho)
+            step = 8.0 * gradient / np.square(network.rho)
         step = 0.5 * step
-    return new, new_k, laplacian.two_point(new_k, rows)
+    return new, there
 
 
-def _height(reading: Reading, g: np.ndarray, k: np.ndarray) -> float:
+def _height(reading: Reading, g: np.ndarray, network: laplacian.Network) -> float:
     """phi(g) but for a constant; det K is 1 / (det L_reduced * total conductance)."""
     populated_rho = np.where(reading.circuit.populated, reading.rho, 0.0)
-    return -np.linalg.slogdet(k)[1] - np.log(g.sum()) - (populated_rho * g).sum()
+    log_det = 2.0 * np.log(np.abs(network.root.diagonal())).sum()
+    return -log_det - np.log(g.sum()) - (populated_rho * g).sum()
 
 
-def _step_solver(k: np.ndarray, g: np.ndarray, free: np.ndarray, rows: int):
+def _step_solver(network: laplacian.Network, g: np.ndarray, free: np.ndarray):
     """A function that solves (t_ab^2) x = b over the free cells, to single precision.
 
     Scaled by sqrt(g) on both sides the matrix has a diagonal (g rho)^2 <= 1.
     """
     scale = np.sqrt(g.flat[free]).astype(np.float32)
     if free.size > _DENSE:
-        return _matrix_free_solver(k, g, free, rows)
-    v = laplacian.crossing_factor(k, rows)[free]
+        return _matrix_free_solver(network, g, free)
+    v = laplacian.crossing_factor(network)[free]
     v *= np.sqrt(scale)[:, None]
     squared = np.square(v @ v.T)
     factor, info = lapack.spotrf(squared.T, lower=0, overwrite_a=True, clean=0)
@@ -142,13 +141,13 @@ def _step_solver(k: np.ndarray, g: np.ndarray, free: np.ndarray, rows: int):
     return lambda b: scale * lapack.spotrs(factor, scale * b)[0]
 
 
-def _matrix_free_solver(k: np.ndarray, g: np.ndarray, free: np.ndarray, rows: int):
+def _matrix_free_solver(network: laplacian.Network, g: np.ndarray, free: np.ndarray):
     """The same without the matrix: a product costs O(lines^3), the diagonal is rho^2."""
     picture = np.zeros(g.shape)
 
     def product(p):
         picture.flat[free] = p
-        return laplacian.hessian_product(k, picture).flat[free]
+        return laplacian.hessian_product(network.k, picture).flat[free]
 
-    diagonal = np.square(laplacian.two_point(k, rows).flat[free])
+    diagonal = np.square(network.rho.flat[free])
     return lambda b: conjugate_gradients(product, diagonal, b, steps=300, target=1e-4)

@@ -5,9 +5,11 @@ Works in x = log conductance, in which a relative error of a cell's resistance i
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy import sparse
 
 # Spread and weight of the two kinds of differences, chosen on 40 scenes of blobs and rects each.
 _STEP = 0.5, 0.1  # weight, spread of x_i - x_j between direct neighbours
@@ -15,19 +17,69 @@ _TWIST = 1.5, 0.15  # of x_ij - x_i+1,j - x_i,j+1 + x_i+1,j+1, the mixed second 
 _REST = 1.0, 0.3  # of x - x_rest, one-sided: at rest unless the reading says otherwise
 
 
-class Quadratic(NamedTuple):
-    """A prior's quadratic majorant at some x: value, gradient (rows, cols) and sparse precision.
+class Differences:
+    """The differences between cells that the prior looks at: d = matrix @ x, x flat.
 
-    `precision` maps an offset (down, right) to the (rows, cols) entry between a cell and the one
-    at that offset, 0 where there is none; (0, 0) is the diagonal. The rest follows by symmetry.
+    Attributes:
+        cells: number of crossings.
+        matrix: (differences, cells) sparse; back: its transpose.
+        weight, square: (differences,) of each one's cost weight/2 log(square + d^2).
+        here, there: (entries,) flat cells, here < there, that some difference joins.
+    """
+
+    def __init__(self, shape: tuple[int, int], cells: np.ndarray | None = None):
+        self.cells = shape[0] * shape[1]
+        number = np.arange(self.cells).reshape(shape)
+        upper, lower, left, right = number[:-1], number[1:], number[:, :-1], number[:, 1:]
+        corners = upper[:, :-1], upper[:, 1:], lower[:, :-1], lower[:, 1:]
+        blocks, weight, square = [], [], []
+        for ends, signs, (w, spread) in (
+            ((left, right), (-1.0, 1.0), _STEP),
+            ((upper, lower), (-1.0, 1.0), _STEP),
+            (corners, (1.0, -1.0, -1.0, 1.0), _TWIST),
+        ):
+            ends = np.stack([end.ravel() for end in ends], 1)  # (n, 2 or 4)
+            if cells is not None:
+                ends = ends[cells.ravel()[ends].all(1)]
+            values = np.broadcast_to(signs, ends.shape).ravel()
+            first = np.arange(ends.shape[0] + 1) * ends.shape[1]
+            size = (ends.shape[0], self.cells)
+            blocks.append(sparse.csr_array((values, ends.ravel(), first), size))
+            weight.append(np.full(ends.shape[0], w))
+            square.append(np.full(ends.shape[0], spread**2))
+        self.matrix = sparse.csr_array(sparse.vstack(blocks))
+        self.back = sparse.csr_array(self.matrix.T)
+        self.weight, self.square = np.concatenate(weight), np.concatenate(square)
+        pattern = sparse.triu(abs(self.back) @ abs(self.matrix), 1, format="coo")
+        self.here, self.there = pattern.row, pattern.col
+        entries = self.back[self.here].multiply(self.back[self.there])
+        self._to_precision = sparse.csr_array(sparse.vstack([self.back.power(2), entries]))
+
+    def precision(self, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Of matrix^T diag(w) matrix the diagonal (cells,) and what lies between here and there."""
+        both = self._to_precision @ w
+        return both[: self.cells], both[self.cells :]
+
+
+@lru_cache(maxsize=16)
+def differences(circuit) -> Differences:
+    """Between a circuit's cells."""
+    return Differences(circuit.shape, circuit.mask)
+
+
+class Quadratic(NamedTuple):
+    """A prior's quadratic majorant at some x; pictures are (rows, cols).
+
+    The precision's entries off the diagonal lie where `Differences` says; None: there are none.
     """
 
     value: float
     gradient: np.ndarray
-    precision: dict[tuple[int, int], np.ndarray]
+    diagonal: np.ndarray
+    entries: np.ndarray | None
 
 
-def touches(x: np.ndarray, x_rest: float, cells: np.ndarray | None) -> Quadratic:
+def touches(x: np.ndarray, x_rest: float, between: Differences) -> Quadratic:
     """Most cells are at rest; touched patches are flat or separable, with sharp edges.
 
     Each difference d has the cost w/2 log(s^2 + d^2): small ones are drawn together, a large one,
@@ -37,58 +89,19 @@ def touches(x: np.ndarray, x_rest: float, cells: np.ndarray | None) -> Quadratic
     there that noise alone would lift.
 
     Args:
-        cells: (rows, cols) bool, which exist; None: all of them.
+        x: (rows, cols), of cells that do not exist x_rest.
     """
-    beside, below, all_four = None, None, None
-    if cells is not None:
-        x = np.where(cells, x, x_rest)
-        beside, below = cells[:, :-1] & cells[:, 1:], cells[:-1] & cells[1:]
-        all_four = below[:, :-1] & below[:, 1:]
-    across = x[:, 1:] - x[:, :-1]
-    down = x[1:] - x[:-1]
-    value_a, w_a, slope_a = _cost(across, *_STEP, beside)
-    value_d, w_d, slope_d = _cost(down, *_STEP, below)
-    value_t, w_t, slope_t = _cost(down[:, 1:] - down[:, :-1], *_TWIST, all_four)
-
+    d = between.matrix @ x.ravel()
+    square = d * d
+    square += between.square
+    w = between.weight / square
     weight, spread = _REST
-    above = x - (x_rest - spread)
-    value = value_a + value_d + value_t + weight * np.log(above / spread).sum()
-    gradient = weight / above
-    slope_d[:, 1:] += slope_t  # the twist is the difference of two vertical differences
-    slope_d[:, :-1] -= slope_t
-    gradient[:, 1:] += slope_a
-    gradient[:, :-1] -= slope_a
-    gradient[1:] += slope_d
-    gradient[:-1] -= slope_d
-
-    diagonal, right, lower, lower_right, lower_left = np.zeros((5, *x.shape))
-    diagonal[:, 1:] = w_a
-    diagonal[:, :-1] += w_a
-    diagonal[1:] += w_d
-    diagonal[:-1] += w_d
-    right[:, :-1] = -w_a
-    right[:-1, :-1] -= w_t
-    right[1:, :-1] -= w_t
-    lower[:-1] = -w_d
-    lower[:-1, :-1] -= w_t
-    lower[:-1, 1:] -= w_t
-    lower_right[:-1, :-1] = w_t
-    lower_left[:-1, 1:] = w_t
-    for corner in (diagonal[:-1, :-1], diagonal[:-1, 1:], diagonal[1:, :-1], diagonal[1:, 1:]):
-        corner += w_t
-    if cells is not None:
-        gradient *= cells
-    return Quadratic(
-        float(value),
-        gradient,
-        {
-            (0, 0): diagonal,
-            (0, 1): right,
-            (1, 0): lower,
-            (1, 1): lower_right,
-            (1, -1): lower_left,
-        },
-    )
+    above = (x - (x_rest - spread)) / spread
+    value = 0.5 * (between.weight @ np.log(square)) + weight * np.log(above).sum()
+    gradient = (weight / spread) / above
+    gradient += (between.back @ (w * d)).reshape(x.shape)
+    diagonal, entries = between.precision(w)
+    return Quadratic(float(value), gradient, diagonal.reshape(x.shape), entries)
 
 
 def level(force: np.ndarray, slope: np.ndarray, cells: np.ndarray) -> Quadratic:
@@ -107,37 +120,20 @@ def known(force, slope, mean, std, cells) -> Quadratic:
     """Independent knowledge of each force, mean and std [N]: a network's, say."""
     off = np.where(cells, (force - mean) / std, 0.0)
     rate = np.where(cells, slope / std, 0.0)
-    return Quadratic(0.5 * np.square(off).sum(), off * rate, {(0, 0): np.square(rate)})
+    return Quadratic(0.5 * np.square(off).sum(), off * rate, np.square(rate), None)
 
 
 def add(one: Quadratic, other: Quadratic) -> Quadratic:
-    precision = dict(one.precision)
-    for offset, entry in other.precision.items():
-        precision[offset] = precision.get(offset, 0.0) + entry
-    return Quadratic(one.value + other.value, one.gradient + other.gradient, precision)
+    """Both at once, of which at most the first joins cells."""
+    value, gradient = one.value + other.value, one.gradient + other.gradient
+    return Quadratic(value, gradient, one.diagonal + other.diagonal, one.entries)
 
 
-def product(terms: Quadratic, x: np.ndarray) -> np.ndarray:
+def product(terms: Quadratic, x: np.ndarray, between: Differences) -> np.ndarray:
     """The precision times x, (rows, cols)."""
-    flat = x.ravel()
-    total = np.zeros(flat.size)
-    for (down, right), entry in terms.precision.items():
-        apart = down * x.shape[1] + right
-        n = flat.size - apart
-        values = entry.ravel()[:n]
-        total[:n] += values * flat[apart:]
-        if apart:
-            total[apart:] += values * flat[:n]
-    return total.reshape(x.shape)
-
-
-def _cost(d, weight, spread, present):
-    """Summed cost, its curvature as a majorant, and its slope, of differences d."""
-    square = d * d
-    square += spread**2
-    if present is not None:
-        square = np.where(present, square, 1.0)
-    w = weight / square
-    if present is not None:
-        w *= present
-    return 0.5 * weight * np.log(square).sum(), w, w * d
+    total = terms.diagonal * x
+    if terms.entries is not None:
+        for one, other in ((between.here, between.there), (between.there, between.here)):
+            joined = np.bincount(one, terms.entries * x.ravel()[other], x.size)
+            total += joined.reshape(x.shape)
+    return total

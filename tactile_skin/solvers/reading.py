@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -38,25 +38,36 @@ class Reading:
     circuit: Circuit
     curve: PressureCurve
 
-    @property
+    @cached_property
     def steps(self) -> np.ndarray:
         """(rows, cols) the reading in ADC steps."""
         return self.adc * self.circuit.full_scale
 
-    @property
+    @cached_property
+    def plain(self) -> bool:
+        """Whether each crossing of the matrix was read."""
+        return bool(self.known.all())
+
+    @cached_property
     def whole(self) -> bool:
         """Whether each cell's own crossing was read."""
-        return bool((self.known | ~self.circuit.populated).all())
+        return self.plain or bool((self.known | ~self.circuit.populated).all())
 
-    @property
+    @cached_property
+    def told(self) -> int:
+        """Number of readings that say something."""
+        return np.count_nonzero(self.known | self.capped)
+
+    @cached_property
     def rho(self) -> np.ndarray:
         """(rows, cols) measured two-terminal resistance [ohm], kept finite and above 0."""
         return np.clip(self.circuit.two_terminal(self.adc), 1e-3, 1e12)
 
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """Conductance [S] of a cell at rest and of one at the curve's end."""
-        return 1.0 / self.curve.rest_resistance, 1.0 / self.curve.least_resistance
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """(rows, cols) conductance [S] of each cell at rest and at the curve's end."""
+        ends = self.curve.rest_resistance, self.curve.least_resistance
+        return np.full(self.adc.shape, 1.0 / ends[0]), np.full(self.adc.shape, 1.0 / ends[1])
 
     def late(self) -> bool:
         return time.monotonic() > self.deadline
@@ -64,7 +75,9 @@ class Reading:
     def misfit(self, adc) -> np.ndarray:
         """(rows, cols) reading minus model in ADC steps; 0 where nothing contradicts the model."""
         full_scale = self.circuit.full_scale
-        misfit = np.where(self.known, (self.adc - adc) * full_scale, 0.0)
+        misfit = (self.adc - adc) * full_scale
+        if not self.plain:
+            misfit *= self.known
         if self.threshold:
             over = np.minimum((self.threshold - adc) * full_scale, 0.0)
             misfit = np.where(self.capped, over, misfit)
@@ -72,8 +85,8 @@ class Reading:
 
     def residual(self, adc) -> float:
         """RMS of `misfit` over the readings that say something."""
-        n = np.count_nonzero(self.known | self.capped)
-        return float(np.sqrt(np.square(self.misfit(adc)).sum() / max(n, 1)))
+        misfit = self.misfit(adc).ravel()
+        return float((misfit @ misfit / max(self.told, 1)) ** 0.5)
 
     def need_whole(self, method: str) -> None:
         """ValueError unless every cell was read: only `map` can do without."""

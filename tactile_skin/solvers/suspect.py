@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import lapack
+from scipy.linalg import cho_factor, cho_solve, lapack
 
 from .reading import ROUNDING_NOISE, Reading, rest_reading
 
@@ -15,6 +15,7 @@ _R_PAR = 5.5
 _BEYOND = 5.0  # of noise, past what no skin can read
 _OPEN = 0.5  # times the reading at rest: fabrics differ from the curve by less
 _EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
+_HIDDEN = 1e-3  # share of a fault's pattern, squared, below which the cells can take all of it
 
 
 def by_reading(reading: Reading) -> str:
@@ -41,7 +42,7 @@ def by_residual(reading: Reading, adc: np.ndarray, floor: float = _EXACT_NOISE) 
         floor: noise [ADC steps] that the method supposes at least.
     """
     misfit = reading.misfit(adc)
-    n = max(np.count_nonzero(reading.known | reading.capped), 1)
+    n = max(reading.told, 1)
     noise = max(reading.noise, floor)
     square = np.square(misfit)
     if square.sum() <= n * noise**2 * (1.0 + _RESIDUAL * (2.0 / n) ** 0.5):
@@ -61,7 +62,7 @@ def by_cost(reading: Reading, cost: float) -> str:
     reading on a sound frame. A series resistance that the circuit does not have, of all faults,
     leaves no misfit: it makes the load look even.
     """
-    n = np.count_nonzero(reading.known | reading.capped)
+    n = reading.told
     if abs(2.0 * cost / n - 1.0) <= _RESIDUAL * (2.0 / n) ** 0.5:
         return ""
     kind = "evenly" if 2.0 * cost < n else "unevenly"
@@ -96,16 +97,30 @@ def by_score(reading: Reading, k, weight, misfit, told, jacobian, factor, ahead,
     size = np.square(p).sum(0)
     along = jacobian.T @ p
     hidden = (along * lapack.spotrs(factor, along)[0]).sum(0)
-    score = p.T @ misfit.flat[told].astype(np.float32) - along.T @ ahead
-    score /= np.sqrt(np.maximum(size - hidden, 1e-3 * size) + 1e-30)
+    score = p.T @ misfit.ravel()[told].astype(np.float32) - along.T @ ahead
+    score /= np.sqrt(np.maximum(size - hidden, _HIDDEN * size) + 1e-30)
     if pairs.size and score[:-1].max() > _SHORT:
         line = pairs[score[:-1].argmax()]
         name, i = ("rows", line) if line < rows - 1 else ("columns", line - rows)
         return f"{name} {i} and {i + 1} read alike, as if shorted"
-    if not broad and abs(score[-1]) > _R_PAR:
+    if not broad and abs(score[-1]) > _R_PAR and _can_tell(jacobian, p[:, -1]):
         way = "low" if score[-1] < 0 else "high"
         return f"readings lean as if r_par = {reading.circuit.r_par:g} ohm was too {way}"
     return ""
+
+
+def _can_tell(jacobian: np.ndarray, p: np.ndarray) -> bool:
+    """Whether the readings alone, without the prior, tell the pattern p from a change of the cells.
+
+    With about as many cells loaded as readings known they cannot: the misfit is then the prior's
+    doing, and where the load is rougher than the prior expects it leans on a sound circuit too.
+    """
+    jacobian = jacobian.astype(float)
+    precision = jacobian.T @ jacobian
+    ridge = 1e-6 * precision.diagonal()  # the readings may leave a combination of cells open
+    along = jacobian.T @ p
+    hidden = along @ cho_solve(cho_factor(precision + np.diag(ridge)), along)
+    return bool(p @ p - hidden > _HIDDEN * (p @ p))
 
 
 def _alike(reading: Reading, turned: bool = False) -> np.ndarray:

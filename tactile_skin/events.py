@@ -1,0 +1,80 @@
+"""When a push begins and ends, and when a stroke begins: what hooks are called for.
+
+Pure, like stop.py: stamps come in, events come out.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+_STROKE_BEGINS, _STROKE_ENDS = 0.8, 0.4  # confidence
+
+
+class Pushed(NamedTuple):
+    force: np.ndarray  # (3,) [N], on the robot, in the base frame; zero while it is not known
+    centre: np.ndarray  # (3,) [m], centre of force
+
+
+class Released(NamedTuple):
+    seconds: float  # that the push lasted, its hold included
+
+
+class Stroked(NamedTuple):
+    velocity: np.ndarray  # (3,) [m/s], along the skin, in the base frame
+    confidence: float  # 0..1
+
+
+class PushEvents:
+    """Pairs what the stop says with where the touch is.
+
+    A push is what stop_on_push calls one: its threshold, hysteresis, debounce and hold. The stop
+    may speak before the wrench of the same reading is there: the event waits for it, but not
+    longer than until the stop speaks again.
+    """
+
+    def __init__(self):
+        self._touch: tuple[float, Pushed] | None = None  # newest, with its stamp
+        self._since: float | None = None  # stamp of the reading that began the push
+        self._told = False
+
+    def touch(self, stamp: float, force, centre) -> list[Pushed | Released]:
+        """Wrench and centre of the reading of this stamp."""
+        self._touch = stamp, Pushed(np.asarray(force, float), np.asarray(centre, float))
+        return self._begin() if self._here() else []
+
+    def stop(self, stamp: float, pushed: bool) -> list[Pushed | Released]:
+        """The stop decided on the reading of this stamp: whether a push is on."""
+        began = pushed and self._since is None
+        if began:
+            self._since, self._told = stamp, False
+        if self._since is None:
+            return []
+        events = self._begin() if self._here() or not began else []
+        if not pushed:
+            events.append(Released(max(0.0, stamp - self._since)))
+            self._since = None
+        return events
+
+    def _here(self) -> bool:
+        return self._touch is not None and self._since is not None and self._touch[0] >= self._since
+
+    def _begin(self) -> list[Pushed | Released]:
+        if self._told:
+            return []
+        self._told = True
+        return [self._touch[1] if self._here() else Pushed(np.zeros(3), np.zeros(3))]
+
+
+class StrokeEvents:
+    """One event a stroke: when its confidence has risen, and again only after it has sunk."""
+
+    def __init__(self):
+        self._on = False
+
+    def update(self, velocity, confidence: float) -> list[Stroked]:
+        """Velocity (3,) [m/s] of the touch along the skin, with its confidence 0..1."""
+        begins = not self._on and confidence >= _STROKE_BEGINS
+        self._on = begins or (self._on and confidence >= _STROKE_ENDS)
+        return [Stroked(np.asarray(velocity, float), confidence)] if begins else []

@@ -1,0 +1,141 @@
+"""Which motions a robot may make: the velocity gate. One page, no clock and no bus of its own.
+
+What comes out is the command, the command slowed, or zero: never a motion that nobody asked for,
+whatever the base can drive. It is
+
+- zero for every stop but a push, when the stop or the command falls silent, and for a command that
+  is no number;
+- while a push is on: the command as it is if it moves the touched point with the push or along the
+  skin; zero if it moves it against the push by more than 0.1 rad; in between it is slowed, so that
+  noise of the direction does not make a robot stutter that drives along the skin;
+- zero while the direction of the push is not known: nobody told it, or it comes from several sides
+  (a squeeze).
+
+The touched point moves at v + w x p, so a rotation that turns the skin into the hand is blocked,
+and one that turns it away is not.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from .stop import PUSH, Decision
+
+_EDGE = math.sin(0.1)  # sine of the angle into the contact at which a motion is blocked
+_FUTURE = 0.02  # s that a reading's stamp may lie ahead
+
+
+class Motion(NamedTuple):
+    linear: np.ndarray  # (3,) [m/s], in the base frame
+    angular: np.ndarray  # (3,) [rad/s]
+    reason: str  # why it is less than what was asked for; empty when it is not less
+
+
+@dataclass(frozen=True)
+class GateConfig:
+    """Attributes:
+    command_timeout: how old the last command may be [s]: the dead man's switch.
+    stop_timeout: how long the stop may be silent [s].
+    touch_timeout: how old the reading with the push's direction may be [s].
+    touch: contact force below which a touch tells no direction [N]; the last one holds until the
+        push is over.
+    alignment: |sum of the cells' force vectors| / sum of their forces, from which on a push has one
+        direction: 1 for a finger, 0.9 for two equal pushes 52 degrees apart, 0 for a squeeze.
+    """
+
+    command_timeout: float = 0.25
+    stop_timeout: float = 0.15
+    touch_timeout: float = 0.1
+    touch: float = 5.0
+    alignment: float = 0.9
+
+    def __post_init__(self):
+        for name in ("command_timeout", "stop_timeout", "touch_timeout", "touch"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"gate: {name} = {getattr(self, name)!r}: must be above 0")
+        if not 0.0 < self.alignment <= 1.0:
+            raise ValueError(f"gate: alignment = {self.alignment!r}: must be above 0, at most 1")
+
+
+class Gate:
+    """Takes commands, touches and the stop's word as they come; all times are of one clock [s]."""
+
+    def __init__(self, config: GateConfig):
+        self.config = config
+        self._command = (-math.inf, np.zeros(3), np.zeros(3))
+        self._stop = (-math.inf, Decision(True, ""))
+        self._seen, self._total = -math.inf, 0.0  # stamp and force of the newest touch
+        self._push: tuple[np.ndarray, np.ndarray] | None = None  # direction, centre
+        self._trouble = "its direction is not known"  # why there is no `_push`
+
+    def command(self, t: float, linear, angular) -> None:
+        """A velocity is asked for: (3,) [m/s] and (3,) [rad/s], in the base frame."""
+        self._command = t, np.asarray(linear, float), np.asarray(angular, float)
+
+    def stop(self, t: float, decision: Decision) -> None:
+        """The stop's word."""
+        self._stop = t, decision
+        self._forget_what_is_over()
+
+    def touch(self, stamp: float, total: float, force, centre) -> None:
+        """What a reading says of the touch, in the base frame.
+
+        Args:
+            total: sum of the cells' forces [N].
+            force: (3,) sum of their vectors [N], on the robot.
+            centre: (3,) centre of force [m].
+        """
+        if not stamp > self._seen:
+            return
+        self._seen, self._total = stamp, total
+        force, centre = np.asarray(force, float), np.asarray(centre, float)
+        if not (np.isfinite(force).all() and np.isfinite(centre).all() and math.isfinite(total)):
+            self._push, self._trouble = None, "its force is not finite"
+        elif total >= self.config.touch:
+            length = float(np.linalg.norm(force))
+            if length >= self.config.alignment * total:
+                self._push = force / length, centre
+            else:
+                self._push, self._trouble = None, "it comes from several sides"
+        self._forget_what_is_over()
+
+    def decide(self, t: float) -> Motion:
+        """What the robot may do at t, also when nothing comes: call it on a timer."""
+        since, linear, angular = self._command
+        heard, decision = self._stop
+        if not 0.0 <= t - heard <= self.config.stop_timeout:
+            return zero("the stop is silent")
+        if decision.stop and decision.reason != PUSH:
+            return zero(decision.reason or "stop")
+        if not 0.0 <= t - since <= self.config.command_timeout:
+            return zero("no command")
+        if not (np.isfinite(linear).all() and np.isfinite(angular).all()):
+            return zero("the command is not finite")
+        if not decision.stop:
+            return Motion(linear, angular, "")
+        if not -_FUTURE <= t - self._seen <= self.config.touch_timeout:
+            return zero("push: nobody tells its direction")
+        if self._push is None:
+            return zero(f"push: {self._trouble}")
+        direction, centre = self._push
+        velocity = linear + np.cross(angular, centre)  # (3,) of the touched point
+        speed = float(np.linalg.norm(velocity))
+        into = -float(velocity @ direction)
+        if into <= 1e-9 * speed:
+            return Motion(linear, angular, "")
+        share = max(0.0, 1.0 - into / (_EDGE * speed))
+        return Motion(share * linear, share * angular, "push: against it")
+
+    def _forget_what_is_over(self) -> None:
+        """A push keeps its last direction while it is held after the release, and no longer."""
+        if not self._stop[1].stop and self._total < self.config.touch:
+            self._push, self._trouble = None, "its direction is not known"
+
+
+def zero(reason: str) -> Motion:
+    """No motion, and why."""
+    return Motion(np.zeros(3), np.zeros(3), reason)

@@ -1,0 +1,70 @@
+"""What the nodes that move the robot have in common: the stop's word in, cmd_vel out."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from ..gate import Motion
+from ..msg import DiagnosticArray, DiagnosticStatus, Twist, Vector3
+from ..stop import Decision
+from . import diagnostics
+from .stop_on_push import STATUS, STATUS_TOPIC
+
+PERIOD = 0.02  # s, between two velocities at most
+
+
+class CmdVel:
+    """Publishes cmd_vel at least 50 times a second, zeros included: a base that keeps its last
+    command stops. The last word is zero.
+
+    It tells on diagnostics why the robot is held back, always at level OK: an error there would be
+    a stop of its own.
+
+    Args:
+        decide: time [s] -> Motion.
+        take_stop: told (time [s], Decision) for each word of the stop.
+    """
+
+    def __init__(self, node, decide: Callable, take_stop: Callable):
+        self._node, self._decide, self._take_stop = node, decide, take_stop
+        self._word: Decision | None = None
+        self._reason: str | None = None
+        self._closed = threading.Lock()  # held for good once the last word is said
+        self._cmd_vel = node.create_publisher(Twist, "cmd_vel", 1)
+        self._diagnostics = node.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
+        node.create_subscription(DiagnosticArray, STATUS_TOPIC, self.on_status, STATUS)
+        node.create_timer(PERIOD, self.publish)
+        node.create_timer(1.0, self.report)
+
+    def now(self) -> float:
+        return self._node.get_clock().now().nanoseconds / 1e9
+
+    def on_status(self, msg: DiagnosticArray) -> None:
+        status = msg.status[0]
+        stop = status.level != DiagnosticStatus.OK
+        word = Decision(stop, status.message if stop else "")
+        self._take_stop(self.now(), word)
+        if word != self._word:  # a stop need not wait for the timer
+            self._word = word
+            self.publish()
+
+    def publish(self) -> None:
+        if self._closed.acquire(blocking=False):
+            try:
+                motion: Motion = self._decide(self.now())
+                vectors = (Vector3(*map(float, v)) for v in (motion.linear, motion.angular))
+                self._cmd_vel.publish(Twist(*vectors))
+            finally:
+                self._closed.release()
+            if motion.reason != self._reason:
+                self._reason = motion.reason
+                self.report()
+
+    def report(self) -> None:
+        text = f"held back: {self._reason}" if self._reason else "ok"
+        self._diagnostics.publish(diagnostics.report(self._node, diagnostics.OK, text, {}))
+
+    def close(self) -> None:
+        self._closed.acquire()
+        self._cmd_vel.publish(Twist())

@@ -1,0 +1,47 @@
+"""cmd_vel_gate: cmd_vel_in, the stop's word and the touch -> cmd_vel."""
+
+from __future__ import annotations
+
+from ..config import describe
+from ..gate import Gate, GateConfig
+from ..msg import Twist
+from .cmd_vel import CmdVel
+from .touch import Touch, on_touch, xyz
+
+
+class CmdVelGate:
+    """Publishes cmd_vel with every command, and at least 50 times a second: gate.py, cmd_vel.py.
+
+    Positions, forces and velocities must be in one base frame.
+    """
+
+    def __init__(self, node):
+        default = GateConfig()
+
+        def value(name, text, low, high):
+            return node.declare_parameter(
+                name, getattr(default, name), describe(text, low, high)
+            ).value
+
+        self.gate = Gate(
+            GateConfig(
+                command_timeout=value("command_timeout", "oldest command that counts [s]", 0.02, 2),
+                stop_timeout=value("stop_timeout", "longest silence of the stop [s]", 0.05, 1.0),
+                touch_timeout=value("touch_timeout", "oldest push direction [s]", 0.02, 1.0),
+                touch=value("touch", "force from which on a touch has a direction [N]", 0.1, 500),
+                alignment=value("alignment", "|sum of forces| / sum of |forces|", 0.5, 1.0),
+            )
+        )
+        self._cmd_vel = CmdVel(node, self.gate.decide, self.gate.stop)
+        on_touch(node, self.on_touch)
+        node.create_subscription(Twist, "cmd_vel_in", self.on_command, 1)
+
+    def on_touch(self, touch: Touch) -> None:
+        self.gate.touch(touch.stamp, touch.total, touch.force, touch.centre)
+
+    def on_command(self, msg: Twist) -> None:
+        self.gate.command(self._cmd_vel.now(), xyz(msg.linear), xyz(msg.angular))
+        self._cmd_vel.publish()
+
+    def close(self) -> None:
+        self._cmd_vel.close()

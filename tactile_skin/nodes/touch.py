@@ -1,0 +1,53 @@
+"""The touch of one reading from the three topics that hold its parts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from ..bus import Time
+from ..msg import PointCloud2, PointStamped, WrenchStamped, cloud_columns
+from . import QUEUE
+
+
+class Touch(NamedTuple):
+    """In the base frame; all zero without a contact."""
+
+    stamp: float  # of the reading [s]
+    total: float  # sum of the contacts' forces [N]
+    force: tuple[float, float, float]  # sum of their vectors, on the robot [N]
+    torque: tuple[float, float, float]  # about the base frame's origin [N m]
+    centre: tuple[float, float, float]  # centre of force [m]
+
+
+def on_touch(node, callback: Callable[[Touch], None]) -> None:
+    """skin/contacts, skin/wrench, skin/centre -> callback(touch), once a reading.
+
+    Parts of one reading have one stamp; they may come in any order, on real ROS.
+    """
+    parts: dict[str, tuple] = {}  # name -> stamp [ns], value
+
+    def take(name: str, msg, value) -> None:
+        stamp = Time.from_msg(msg.header.stamp).nanoseconds
+        parts[name] = stamp, value
+        if len(parts) == 3 and all(other == stamp for other, _ in parts.values()):
+            force, torque = parts["wrench"][1]
+            callback(Touch(stamp / 1e9, parts["total"][1], force, torque, parts["centre"][1]))
+
+    def on_contacts(msg: PointCloud2) -> None:
+        take("total", msg, float(cloud_columns(msg)["force"].sum()))
+
+    def on_wrench(msg: WrenchStamped) -> None:
+        take("wrench", msg, (xyz(msg.wrench.force), xyz(msg.wrench.torque)))
+
+    def on_centre(msg: PointStamped) -> None:
+        take("centre", msg, xyz(msg.point))
+
+    node.create_subscription(PointCloud2, "skin/contacts", on_contacts, QUEUE)
+    node.create_subscription(WrenchStamped, "skin/wrench", on_wrench, QUEUE)
+    node.create_subscription(PointStamped, "skin/centre", on_centre, QUEUE)
+
+
+def xyz(v) -> tuple[float, float, float]:
+    """A Vector3 or Point as numbers."""
+    return v.x, v.y, v.z

@@ -1,0 +1,249 @@
+"""Contacts over time: touches with an id that stays while they move, join and part.
+
+A frame's contact is the touch that it is nearest to, where that one was foreseen (linear
+assignment within a gate), or whose cells it lies on. Where the contacts of two touches join, both
+are one with the id of the older; the younger is remembered a while and has its id again when the
+contact parts.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from .features import Contact, Frame
+
+NEW, HELD, RELEASED = "new", "held", "released"
+STATES = (NEW, HELD, RELEASED)
+
+_WINDOW = 0.15  # s, how far back the line through a touch's places looks
+_FEWEST = 4  # places that make a line
+_NOISE = 0.001  # m, RMS error of a centre that counts as standing still
+_REACH = 1.5  # pitches, and
+_FASTEST = 2.0  # m/s: how far from where it is foreseen a touch may be found
+_GRACE = 0.05  # s that a touch may be out of sight before it is released
+_FORESEEN = 0.3  # s for which a touch that is not seen by itself is thought to go on moving
+_FINGER = 1.5  # pitches: two touches are never nearer
+_REMEMBERED = 2.0  # s that a touch is remembered after it joined another
+_PART_OF = 0.5  # of a contact's force that presses on a touch's cells: it is a part of that touch
+_STAYS = 0.3  # of a touch's force that presses on its cells still: it has not been lifted
+_STANDING = np.zeros(3)
+_IDS = 2**24  # a float32, as PointCloud2 carries it, tells so many apart
+
+
+class Touch(NamedTuple):
+    """One touch as it is at a frame."""
+
+    id: int  # from 1
+    state: str  # "new" (its first frame), "held", or "released" (told once, with its last contact)
+    contact: Contact
+    velocity: np.ndarray  # (3,) [m/s] of the centre; zero until it is known
+    confidence: float  # 0..1, that it moves: near 0 for a touch that stands still
+
+
+class _Track:
+    """What is known of one touch."""
+
+    def __init__(self, number: int, t: float):
+        self.id, self.born = number, t
+        self.members = [self]  # the touches that are one contact, this, the oldest, first
+        self.velocity, self.confidence = _STANDING, 0.0
+        # Where it is by itself among its members, by its last place alone and how it went on from
+        # there: velocity [m/s], once joined of what it moves apart from the others.
+        self.since, self.place, self.leaving = t, _STANDING, _STANDING
+        self.joined = t
+
+    def take(self, t: float, contact: Contact, members: list[_Track], pitch: float) -> None:
+        """The touch is this contact at t; a centre that jumps says nothing of how it moves."""
+        self.state, jumped = NEW, True
+        if self.born < t:
+            off = contact.position - self.foreseen(t)
+            self.state, jumped = HELD, members != self.members or off @ off > pitch**2
+        if members[1:] and members != self.members:
+            _join(t, members, self.members, pitch)
+        elif members[1:]:
+            for member in members:  # they go where the whole goes
+                member.place = member.place + contact.position - self.contact.position
+        self.members, self.contact, self.seen = members, contact, t
+        if jumped:
+            self._times, self._places = [], []
+        self._times.append(t)
+        self._places.append(contact.position)
+        while self._times[0] < t - _WINDOW:
+            del self._times[0], self._places[0]
+        self._fit()
+        if not members[1:]:
+            self.since, self.place, self.leaving = t, contact.position, self.velocity
+
+    def _fit(self) -> None:
+        """Velocity by a line through the last places."""
+        times, n = self._times, len(self._times)
+        self.velocity, self.confidence = _STANDING, 0.0
+        mean = sum(times) / n
+        offsets = [t - mean for t in times]
+        spread = sum(dt * dt for dt in offsets)
+        if n < _FEWEST or spread == 0.0:
+            return
+        self.velocity = np.array(offsets) @ np.array(self._places) / spread
+        span = times[-1] - times[0]
+        travelled2 = float(self.velocity @ self.velocity) * span**2
+        filled = min(1.0, span / (0.8 * _WINDOW))
+        self.confidence = filled * travelled2 / (travelled2 + (3.0 * _NOISE) ** 2)
+
+    def foreseen(self, t: float) -> np.ndarray:
+        """Where the touch, with all that joined it, is likely to be."""
+        return self.contact.position + self.velocity * min(t - self.seen, _FORESEEN)
+
+    def foreseen_alone(self, t: float) -> np.ndarray:
+        """Where it would be without those that joined it."""
+        return self.place + self.leaving * min(t - self.since, _FORESEEN)
+
+    def told(self, state: str) -> Touch:
+        return Touch(self.id, state, self.contact, self.velocity, self.confidence)
+
+
+def _join(t: float, members: list[_Track], before: list[_Track], pitch: float) -> None:
+    """Those of `members` that were not there `before` join the others.
+
+    Fingers pass by each other, not through: those that run into each other go on as one.
+    """
+    places = [member.foreseen_alone(t) for member in members]
+    leaving = [member.leaving for member in members]
+    for i, one in enumerate(members):
+        for k, other in enumerate(members):
+            if one in before and other not in before:
+                apart, velocity = places[k] - places[i], leaving[k] - leaving[i]
+                if (speed2 := velocity @ velocity) > 0.0:
+                    apart = apart + velocity * max(-(apart @ velocity) / speed2, 0.0)
+                if apart @ apart < (_FINGER * pitch) ** 2:  # where they are nearest
+                    leaving[i] = leaving[k] = (leaving[i] + leaving[k]) / 2
+    mean = sum(leaving) / len(members)
+    for member, place, velocity in zip(members, places, leaving, strict=True):
+        member.since, member.place, member.leaving = t, place, velocity - mean
+        if member not in before[1:]:
+            member.joined = t
+
+
+class Tracker:
+    """Gives the contacts of one skin, frame by frame, their ids.
+
+    Args:
+        pitch: of the cells [m].
+    """
+
+    def __init__(self, pitch: float):
+        self.pitch = pitch
+        self._tracks: list[_Track] = []
+        self._on = None  # (rows, cols) int, 1 + place in `_tracks` at the last frame
+        self._t = -np.inf
+        self._ids = 0
+
+    def update(self, t: float, frame: Frame) -> list[Touch]:
+        """The touches of a frame.
+
+        Args:
+            t: when it was taken [s].
+
+        Returns:
+            One touch for each of the frame's contacts, in their order, then those released. One
+            that was out of sight for less than 0.05 s, or joined another, is not told.
+        """
+        released: list[_Track] = []
+        if t < self._t:  # the clock was set back: what was seen has no place in time
+            released = [member for track in self._tracks for member in track.members]
+            self._tracks = []
+        tracks, found = self._tracks, frame.contacts
+        claims: list[list[_Track]] = [[] for _ in found]  # the touches that each contact is
+        lost = list(range(len(tracks)))
+        if tracks and found:
+            lost = self._assign(t, frame, claims)
+        now = []
+        for contact, claim in zip(found, claims, strict=True):
+            members = sorted(claim, key=lambda track: track.born) or [self._new(t)]
+            members[0].take(t, contact, members, self.pitch)
+            now.append(members[0])
+        for track in now:
+            released += [m for m in track.members[1:] if t - m.joined > _REMEMBERED]
+            track.members = [m for m in track.members if m not in released]
+        hidden = []
+        for j in lost:
+            if t - tracks[j].seen > _GRACE:
+                released += tracks[j].members
+            else:
+                hidden.append(tracks[j])
+        self._tracks, self._on, self._t = now + hidden, frame.labels, t
+        return [track.told(track.state) for track in now] + [r.told(RELEASED) for r in released]
+
+    def _new(self, t: float) -> _Track:
+        self._ids = self._ids % (_IDS - 1) + 1
+        return _Track(self._ids, t)
+
+    def _assign(self, t: float, frame: Frame, claims: list[list[_Track]]) -> list[int]:
+        """Put the touches that each contact is into `claims`; returns the places of those lost."""
+        tracks, found = self._tracks, frame.contacts
+        shared = self._shared_force(frame)  # (tracks, contacts) [N]
+        part_of = shared > _PART_OF * np.array([c.force for c in found])
+        stays = shared > _STAYS * np.array([[track.contact.force] for track in tracks])
+        away = _distances([track.foreseen(t) for track in tracks], [c.position for c in found])
+        reach = _REACH * self.pitch + _FASTEST * min(t - self._t, _GRACE)
+        pieces: list[list[int]] = [[] for _ in tracks]  # the contacts that each touch is now
+        unmatched = set(range(len(found)))
+        for j, k in _match(np.where(away < reach, away, np.inf)):
+            pieces[j].append(k)
+            unmatched.discard(k)
+        for k in unmatched:
+            if part_of[:, k].any():
+                pieces[int(part_of[:, k].argmax())].append(k)
+        lost = []
+        for j, track in enumerate(tracks):
+            if not pieces[j] and stays[j].any():  # it joined another
+                pieces[j].append(int(shared[j].argmax()))
+            if len(pieces[j]) == 1:
+                claims[pieces[j][0]] += track.members
+            elif pieces[j]:
+                self._part(t, track, pieces[j], found, claims)
+            else:
+                lost.append(j)
+        return lost
+
+    def _part(self, t, track: _Track, pieces: list[int], found, claims) -> None:
+        """A touch is several contacts now: who of those that joined it is which."""
+        members = track.members
+        alone = [m.foreseen_alone(t) for m in members] if members[1:] else [track.foreseen(t)]
+        away = _distances(alone, [found[k].position for k in pieces])
+        which = dict(_match(away))
+        for i, member in enumerate(members):
+            claims[pieces[which.get(i, int(away[i].argmin()))]].append(member)
+
+    def _shared_force(self, frame: Frame) -> np.ndarray:
+        """(tracks, contacts) force [N] of each contact on the cells of each track's last one."""
+        shape = len(self._tracks) + 1, len(frame.contacts) + 1
+        cells = np.flatnonzero(frame.labels)
+        pair = self._on.flat[cells] * shape[1] + frame.labels.flat[cells]
+        force = np.bincount(pair, frame.force.flat[cells], shape[0] * shape[1])
+        return force.reshape(shape)[1:, 1:]
+
+
+def stroke(touches: list[Touch]) -> tuple[np.ndarray, float]:
+    """Velocity (3,) [m/s] of a single touch along the skin, and the confidence 0..1 that it moves.
+
+    Two touches at once, or none, make no stroke.
+    """
+    held = [touch for touch in touches if touch.state != RELEASED]
+    if len(held) != 1:
+        return np.zeros(3), 0.0
+    return held[0].velocity, held[0].confidence
+
+
+def _distances(a: list[np.ndarray], b: list[np.ndarray]) -> np.ndarray:
+    """(len(a), len(b)) [m]."""
+    return np.sqrt(np.square(np.array(a)[:, None] - np.array(b)).sum(-1))
+
+
+def _match(cost: np.ndarray) -> list[tuple[int, int]]:
+    """Pairs of least total cost, none of infinite cost."""
+    barred = ~np.isfinite(cost)
+    pairs = zip(*linear_sum_assignment(np.where(barred, 1e6, cost)), strict=True)
+    return [(int(j), int(k)) for j, k in pairs if not barred[j, k]]
