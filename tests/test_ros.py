@@ -373,7 +373,7 @@ def skin(version):
     plan = plan_of(
         player.port,
         serial_driver={"watchdog": 60.0},
-        compensation={"time_limit": 10.0},
+        compensation={"time_limit": 10.0, "tare": False},  # a tare remembers what came before
         stop_on_push={"stale_after": 0.5},
     )
     with Graph(version) as graph:
