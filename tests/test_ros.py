@@ -636,6 +636,20 @@ def test_parameters_are_shown_and_cannot_be_set(skin):
 
 
 @pytest.mark.ros
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_node_that_waits_for_a_master_can_be_ended(version, number):
+    if version == 2:
+        pytest.skip("ROS 2 has no master")
+    words = [sys.executable, "-m", "tactile_skin.ros", "stop_on_push", "--ros", "1"]
+    env = os.environ | {"ROS_MASTER_URI": "http://127.0.0.1:9", "PYTHONUNBUFFERED": "1"}
+    both = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    with subprocess.Popen(words, env=env, text=True, **both) as process:
+        assert "master may not be running yet" in process.stdout.readline()
+        process.send_signal(number)
+        assert process.wait(15.0) in (130, -number)
+
+
+@pytest.mark.ros
 def test_a_node_whose_name_is_taken_ends(skin):
     """ROS 1's master shuts the older of two nodes of one name down; the younger goes on."""
     graph, player, plan = skin
