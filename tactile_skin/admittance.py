@@ -147,6 +147,8 @@ class Admittance:
     def step(self, t: float) -> Motion:
         """The velocity from now on; call it on a timer, and with each reading if you like."""
         config = self.config
+        if self._seen > t + _FUTURE:  # the clock was set back: what was seen is of no time
+            self._seen = -math.inf
         # after a longer pause than that the touch is too old to say what happened meanwhile
         dt = 0.0 if self._t is None else min(max(0.0, t - self._t), config.touch_timeout)
         self._t = t

@@ -106,6 +106,8 @@ class Gate:
 
     def decide(self, t: float) -> Motion:
         """What the robot may do at t, also when nothing comes: call it on a timer."""
+        if self._seen > t + _FUTURE:  # the clock was set back: what was seen is of no time
+            self._seen = -math.inf
         since, linear, angular = self._command
         heard, decision = self._stop
         if not 0.0 <= t - heard <= self.config.stop_timeout:

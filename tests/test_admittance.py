@@ -315,3 +315,12 @@ def test_settings_that_switch_the_fail_safe_off_are_refused(kwargs, message):
         AdmittanceConfig(**kwargs)
     with pytest.raises(ValueError, match=r"dead_band = -1\.0"):
         dataclasses.replace(LINEAR, dead_band=-1.0)
+
+
+def test_a_clock_that_is_set_back_does_not_make_it_deaf_to_touches():
+    led = Led(start=5000.0)
+    led.hold(1.0, (40.0, 0.0, 0.0))
+    led.t = 1400.0
+    led.policy.stop(led.t, PUSH)
+    assert is_zero(led.policy.step(led.t))
+    assert led.hold(1.0, (40.0, 0.0, 0.0)).linear[0] > 0.1

@@ -288,3 +288,12 @@ def test_a_push_has_its_direction_at_once():
 def test_settings_that_open_the_gate_for_good_are_refused(kwargs, message):
     with pytest.raises(ValueError, match=message):
         GateConfig(**kwargs)
+
+
+def test_a_clock_that_is_set_back_does_not_make_it_deaf_to_touches():
+    """Zero until a touch of the new time tells the direction."""
+    gate = pushed(math.pi / 2, t=5000.0)
+    gate.stop(1400.0, PUSH)
+    assert is_zero(ask(gate, (1.0, 0.0, 0.0), t=1400.0))
+    gate.touch(1400.01, 40.0, -40.0 * unit(math.pi), RADIUS * unit(math.pi))
+    assert ask(gate, (1.0, 0.0, 0.0), t=1400.01).linear[0] == 1.0

@@ -254,6 +254,19 @@ def test_the_stop_is_latched(moving):
     assert [m.data for m in seen] == [True]
 
 
+def test_a_clock_that_is_set_back_stops_for_a_few_frames(moving):
+    """On ROS stamps are the time of day, which may be set while the robot moves."""
+    moving.clock.advance(-3600.0)
+    moving.play(1)
+    assert moving.stopped
+    assert moving.reason == "stale: readings only just came back"
+    moving.play(3)
+    assert not moving.stopped
+    moving.scene = "push_left"
+    moving.frames_until(True, 30)
+    assert moving.reason == "push"
+
+
 def test_a_fault_stops_and_its_end_frees(moving):
     moving.report(DiagnosticStatus.ERROR, "on fire")
     moving.play(1)

@@ -373,7 +373,7 @@ def skin(version):
     plan = plan_of(
         player.port,
         serial_driver={"watchdog": 60.0},
-        compensation={"time_limit": 10.0},
+        compensation={"time_limit": 10.0, "tare": False},  # a tare remembers what came before
         stop_on_push={"stale_after": 0.5},
     )
     with Graph(version) as graph:
@@ -633,6 +633,20 @@ def test_parameters_are_shown_and_cannot_be_set(skin):
     done = subprocess.run(words, env=graph.env, capture_output=True, text=True, timeout=90)
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == ["30.0", "True", "500.0", "False"]
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_node_that_waits_for_a_master_can_be_ended(version, number):
+    if version == 2:
+        pytest.skip("ROS 2 has no master")
+    words = [sys.executable, "-m", "tactile_skin.ros", "stop_on_push", "--ros", "1"]
+    env = os.environ | {"ROS_MASTER_URI": "http://127.0.0.1:9", "PYTHONUNBUFFERED": "1"}
+    both = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    with subprocess.Popen(words, env=env, text=True, **both) as process:
+        assert "master may not be running yet" in process.stdout.readline()
+        process.send_signal(number)
+        assert process.wait(15.0) in (130, -number)
 
 
 @pytest.mark.ros

@@ -1,6 +1,6 @@
 """A subscriber with plain rclpy, as a user would write it: it knows nothing of tactile_skin.
 
-    python listen_rclpy.py FILE
+    python listen_rclpy.py FILE [TOPIC ...]
 
 Notes what arrives until SIGTERM, then pickles [(topic, arrival [s], stamp [ns], values), ...].
 """
@@ -78,7 +78,8 @@ def listener(topic, values):
     return on_message
 
 
-for name, (kind, values) in TOPICS.items():
+for name in sys.argv[2:] or TOPICS:
+    kind, values = TOPICS[name]
     node.create_subscription(kind, name, listener(name, values), QoSProfile(depth=100))
 executor = EventsExecutor()  # the ordinary one is slow: 850 messages a second
 executor.add_node(node)

@@ -1,6 +1,6 @@
 """A subscriber with plain rospy, as a user would write it: it knows nothing of tactile_skin.
 
-    python listen_rospy.py FILE
+    python listen_rospy.py FILE [TOPIC ...]
 
 Notes what arrives until SIGTERM, then pickles [(topic, arrival [s], stamp [ns], values), ...].
 """
@@ -72,7 +72,8 @@ def listener(topic, values):
     return on_message
 
 
-for name, (kind, values) in TOPICS.items():
+for name in sys.argv[2:] or TOPICS:
+    kind, values = TOPICS[name]
     rospy.Subscriber(name, kind, listener(name, values), queue_size=100, tcp_nodelay=True)
 done.wait()
 rospy.signal_shutdown("done")

@@ -206,13 +206,14 @@ class Graph:
                 raise RuntimeError(f"not: {what}; ended: {ended}\n{said}")
             time.sleep(0.02)
 
-    def listen(self) -> str:
-        """Start the plain subscriber; its name."""
+    def listen(self, *topics: str) -> str:
+        """Start a plain subscriber, to all topics if none are named; its name."""
         script = {1: "listen_rospy.py", 2: "listen_rclpy.py"}[self.version]
         self._count += 1
         name = f"listener_{self._count}"
         path = self._folder / f"{name}.pickle"
-        self.start(name, [sys.executable, str(Path(__file__).with_name(script)), str(path)])
+        words = [sys.executable, str(Path(__file__).with_name(script)), str(path), *topics]
+        self.start(name, words)
         return name
 
     def hears(self, name: str, *words: str) -> bool:
@@ -258,21 +259,24 @@ def latencies(written: list[float], frames: list[bytes], heard: list[tuple]) -> 
     return {topic: np.array(list(values.values())) for topic, values in found.items()}
 
 
-def measure(version: int, seconds: float, seed: int = 0) -> dict:
+def measure(version: int, seconds: float, topics: list[str], seed: int = 0) -> dict:
     """Latencies of a run of `seconds`, as `latencies` gives them, and the number of frames."""
     frames = record(round((seconds + WARM_UP) * board.FRAMES_PER_SECOND), seed=seed)
     player = Player()
     with Graph(version) as graph:
         for action in plan_of(player.port).values():
             graph.start_node(action)
-        name = graph.listen()
+        # another that tells which frame has which stamp
+        stamps, name = graph.listen("skin/adc"), graph.listen(*topics)
         with player.looping(record(50, "idle", seed + 1)):
-            graph.wait_until_heard(name)
+            graph.wait_until_heard(stamps, "skin/adc")
+            graph.wait_until_heard(name, *topics)
         time.sleep(1.0)
         player.written.clear()
         player.play(frames)
         time.sleep(0.5)
-        found = latencies(player.written, frames, graph.heard(name))
+        heard = [note for note in graph.heard(name) if note[0] != "skin/adc"]
+        found = latencies(player.written, frames, graph.heard(stamps) + heard)
     player.close()
     skip = round(WARM_UP * board.FRAMES_PER_SECOND)
     return {"frames": len(frames) - skip, "latency": {t: v[skip:] for t, v in found.items()}}
@@ -282,9 +286,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="tactile_skin.bench.ros", description=__doc__)
     parser.add_argument("--ros", type=int, choices=(1, 2))
     parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument(
+        "topics", nargs="*", metavar="TOPIC", help="that the subscriber hears (default: all)"
+    )
     args = parser.parse_args()
     version = ros.choose(args.ros)
-    found = measure(version, args.seconds)
+    found = measure(version, args.seconds, args.topics)
     print(f"ROS {version}: {found['frames']} frames, board's last byte to a plain subscriber")
     for topic, values in found["latency"].items():
         p50, p99, worst = np.percentile(values, (50, 99, 100)) * 1e3
