@@ -156,7 +156,7 @@ def _parser() -> argparse.ArgumentParser:
         "examples:\n  tactile-skin bench --quick\n  tactile-skin bench speed growth --out figures",
     )
     sub.add_argument("parts", nargs="*", metavar="PART", help="what to measure (default: all)")
-    sub.add_argument("--quick", action="store_true", help="few frames: all parts in a minute")
+    sub.add_argument("--quick", action="store_true", help="few frames, for a look")
     sub.add_argument("--seed", type=int, default=1, help="of scenes and noise (default 1)")
     sub.add_argument(
         "--out", type=Path, default=Path("bench"), help="folder for the pictures (default bench)"

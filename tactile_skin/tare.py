@@ -3,7 +3,7 @@
 A fabric's cells differ at rest, and drift. `PressureCurve.resting_at` tells that to the solvers;
 here it is measured, in the pauses between touches. A standing touch is never tared away: nothing
 is learnt while one is felt, nor shortly after, and never more than `LEAST` presses on a cell,
-whatever was read.
+whatever was read. A line that falls is no fabric's doing, and is not followed.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ _SHARE = 0.5  # of a later measurement that is taken over
 _NEWS = 4.0  # times its noise by which a measurement differs from what is known
 _COMMON = 0.004  # by which all cells together may rest off the curve, at first
 _LINE = 0.2  # by which a whole line may rest off the others
+_FALL = 0.05  # by which a whole line may conduct less than at the first measurement
 
 
 class Tare:
@@ -37,6 +38,7 @@ class Tare:
 
     def __init__(self, circuit: Circuit, curve: PressureCurve):
         self.curve, self.message = curve, ""
+        self._first: np.ndarray | None = None  # (rows, cols) [S] that was measured first
         self._circuit = circuit
         # Between its ends newton finds whatever a skin at rest may be; its forces mean nothing.
         ends = _MOST * curve.points[0][1], float(curve.resistance(LEAST))
@@ -90,7 +92,12 @@ class Tare:
         self.message = self._wires(np.log(now * self.curve.points[0][1]), cells)
         if self.message:
             return False
-        if self.curve.offset is not None:
+        if self._first is None:
+            self._first = now
+        else:
+            self.message = self._leads(np.log(now / self._first), cells)
+            if self.message:
+                return False
             before = 1.0 / self.curve.rest_resistance
             now = before + _SHARE * (now - before)
         rest = np.where(cells, 1.0 / now, self.curve.points[0][1])
@@ -106,14 +113,46 @@ class Tare:
         Args:
             off: (rows, cols) log of each cell's conductance over the curve's, at rest.
         """
-        common = np.median(off[cells])
-        scatter = 1.5 * np.median(np.abs(off[cells] - common)) / np.count_nonzero(cells) ** 0.5
-        for name, axis in (("row", 1), ("column", 0)):
-            lines = np.ma.median(np.ma.array(off, mask=~cells), axis=axis).filled(common)
+        common, spread = _middle(off[cells])
+        for name, lines, _ in _lines(off, cells, common):
             worst = np.abs(lines - common).argmax()
             if abs(lines[worst] - common) > _LINE:
                 return f"{name} {worst} conducts {np.expm1(lines[worst] - common):+.0%} at rest"
-        if self.curve.offset is None and abs(common) > _COMMON + 4.0 * scatter:
+        if (
+            self.curve.offset is None
+            and abs(common) > _COMMON + 4.0 * spread / np.count_nonzero(cells) ** 0.5
+        ):
             much = f"{np.expm1(common):+.1%}"
             return f"all cells conduct {much} at rest: is r_par, r_ref or the curve's start wrong?"
         return ""
+
+    def _leads(self, change: np.ndarray, cells: np.ndarray) -> str:
+        """A lead that breaks puts a resistance before its whole line, which hides most of a push.
+
+        Fabric changes cell by cell, or as a whole. A line must have fallen both by itself and
+        against the others: where a palm lay, cells conduct more for a while.
+
+        Args:
+            change: (rows, cols) log of each cell's conductance over that measured first.
+        """
+        common, spread = _middle(change[cells])
+        for name, lines, count in _lines(change, cells, common):
+            fall = np.maximum(lines, lines - common)
+            worst = fall.argmin()
+            if fall[worst] < -_FALL - 4.0 * spread / count[worst] ** 0.5:
+                much = f"{np.expm1(fall[worst]):+.0%}"
+                return f"{name} {worst} conducts {much} since the start: is its lead breaking?"
+        return ""
+
+
+def _middle(values: np.ndarray) -> tuple[float, float]:
+    """Median of (n,) values, and how far they scatter: 1.5 times the median of the deviations."""
+    middle = np.median(values)
+    return middle, 1.5 * np.median(np.abs(values - middle))
+
+
+def _lines(values: np.ndarray, cells: np.ndarray, empty: float):
+    """(name, medians, numbers of cells) of all rows, then of all columns."""
+    for name, axis in (("row", 1), ("column", 0)):
+        median = np.ma.median(np.ma.array(values, mask=~cells), axis=axis)
+        yield name, median.filled(empty), np.maximum(cells.sum(axis), 1)
