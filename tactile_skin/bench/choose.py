@@ -33,7 +33,7 @@ def lines(speed: dict) -> list[str]:
         f"- `newton` for exact readings, from a simulation or a laboratory's meter: the truth in "
         f"{exact['newton']['p50_ms']:.1f} ms; on a noisy board {at['newton']['mean_g']:.0f} g.",
         f"- `physics` where a millisecond counts: {of('physics')}; it needs weights for your "
-        "board, and notices only lines that read what no skin can.",
+        "board, and notices only lines that read what no skin can: for a picture, not for a stop.",
         f"- `cnn` ({of('cnn')}), `fixed_point` ({of('fixed_point')}) and `naive` "
         f"({at['naive']['mean_g']:.0f} g) to compare with.",
     ]

@@ -106,7 +106,8 @@ class Compensation:
                 self._last = None
             pressure = estimate.force / self.cell_area
             self._pressure.publish(image(pressure, "32FC1", msg.header))
-        self._judge(estimate.status, self._tare.message or estimate.message)
+        words = estimate.message, self._tare.message
+        self._judge(estimate.status, "; ".join(word for word in words if word))
 
     def on_reset(self, _, response):
         self._last = None
