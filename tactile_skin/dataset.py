@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from . import network, scenes
 from .circuit import forward
+from .curve import GRAM
 
 _CHUNK = 2000  # scenes made at a time: bounds memory, and seeds each chunk by its number
 # What a real board has, in turn: noise, noise with R_par and curve off, rounding alone, nothing.
 _BOARD = ("scan", "off", "scan", "adc10", "ideal")
+_FAMILIES = (*scenes.FAMILIES, "fingers")  # the last so that pairs of touches leave no ghosts
 CHOICES = {
     "loss": ("l1", "mse"),
     "optimizer": ("adam", "sgd"),
@@ -27,7 +30,7 @@ class TrainingConfig:
 
     Attributes:
         pairs, validation: number of (reading, force) pairs to learn from and to pick the best
-            epoch by; a third from each scene family.
+            epoch by; a quarter each of blobs, rects, random and fingers.
         epochs, batch: passes over the pairs, and pairs per step.
         rate: highest learning rate; a short linear rise, then a cosine to 0.
         loss: "mse" as the paper, or "l1", which fits the mean absolute error that is reported.
@@ -84,13 +87,13 @@ def make_pairs(circuit, curve, n: int, network_kind: str, readout: str, seed, tr
     for chunk in track(range(math.ceil(n / _CHUNK))):
         rng = np.random.default_rng([*np.atleast_1d(seed), chunk])
         here = slice(chunk * _CHUNK, min((chunk + 1) * _CHUNK, n))
-        families, kind = scenes.FAMILIES, readout
-        family = families[chunk % len(families)]
-        truth = scenes.sample(family, here.stop - here.start, *circuit.shape, rng)
+        family, kind = _FAMILIES[chunk % len(_FAMILIES)], readout
+        sample = _fingers if family == "fingers" else partial(scenes.sample, family)
+        truth = sample(here.stop - here.start, *circuit.shape, rng)
         truth = np.minimum(truth, curve.max_force) * circuit.populated
         resistance = curve.resistance(truth)
         if readout == "board":
-            kind = _BOARD[chunk // len(families) % len(_BOARD)]
+            kind = _BOARD[chunk // len(_FAMILIES) % len(_BOARD)]
         if kind == "off":  # other boards and fabrics than the configuration says
             resistance *= 1.0 + rng.uniform(-0.2, 0.2, (len(truth), 1, 1))
         adc = forward(circuit, resistance)
@@ -105,3 +108,20 @@ def make_pairs(circuit, curve, n: int, network_kind: str, readout: str, seed, tr
             inputs[here] = network.physics_inputs(adc, circuit, curve).swapaxes(0, 1)
         force[here] = truth
     return inputs, force
+
+
+def _fingers(n: int, rows: int, cols: int, rng) -> np.ndarray:
+    """(n, rows, cols) force [N] of 2 to 4 fingertips of 2 to 20 N each, anywhere."""
+    y, x = np.arange(rows)[:, None], np.arange(cols)
+    force = np.zeros((n, rows, cols))
+    count = rng.integers(2, 5, n)
+    for k in range(4):
+        row, col, width, load = (
+            rng.uniform(low, high, (n, 1, 1))
+            for low, high in ((0.0, rows - 1.0), (0.0, cols - 1.0), (0.6, 1.6), (2.0, 20.0))
+        )
+        distance2 = ((y - row) ** 2 + (x - col) ** 2) / width**2
+        tip = np.where(distance2 < 9.0, np.exp(-0.5 * distance2), 0.0)
+        tip *= load / tip.sum((1, 2), keepdims=True)
+        force += np.where(count[:, None, None] > k, tip, 0.0)
+    return np.minimum(force, scenes.MAX_LOAD * GRAM)
