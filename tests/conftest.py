@@ -1,9 +1,14 @@
 """What holds for every test."""
 
+import os
 import threading
 import time
 
 import pytest
+
+# The matrices are small: BLAS's threads would wait for one another. Before NumPy is imported.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def pytest_addoption(parser):
