@@ -25,7 +25,8 @@ def judge(
     rho = two_terminal_resistance(g)
     model = circuit.ratio(rho)
     slope = g * np.square(model * rho) / circuit.r_ref * circuit.full_scale  # steps per log R
-    shift = np.hypot(reading.misfit(model), max(reading.noise, 1e-9)) / np.maximum(slope, 1e-9)
+    misfit = reading.misfit(model)
+    shift = np.sqrt(misfit**2 + max(reading.noise, 1e-9) ** 2) / np.maximum(slope, 1e-9)
     factor = np.exp(np.minimum(shift, 50.0))
     std = 0.5 * (curve.force(resistance / factor) - curve.force(resistance * factor))
     message = by_reading(reading)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from .. import network
@@ -42,11 +44,22 @@ def _with_hard_edges(force: np.ndarray, reading: Reading) -> np.ndarray:
     sees it, need not be known well.
     """
     curve, cells = reading.curve, reading.circuit.populated
-    g = np.where(cells, 1.0 / curve.resistance(force), 0.0)
     read = 1.0 / reading.rho
+    # More flows around a cell the more is pressed: where even an untouched skin's flow around it is
+    # too much, there is nothing to find.
+    if not (read * (1.0 - _ALONE) > _around_at_rest(reading.circuit, curve)).any():
+        return force
+    g = np.where(cells, 1.0 / curve.resistance(force), 0.0)
     own = read - (1.0 / two_terminal_resistance(g) - g)
     alone = cells & (own > _ALONE * read)
     if not alone.any():
         return force
     pressed = curve.force(1.0 / np.where(alone, own, 1.0))
     return np.where(alone, np.maximum(force, pressed), force)
+
+
+@lru_cache(maxsize=16)
+def _around_at_rest(circuit, curve) -> np.ndarray:
+    """(rows, cols) conductance [S] of an untouched skin's crossings, but for their own cell."""
+    g = circuit.populated / curve.rest_resistance
+    return 1.0 / two_terminal_resistance(g) - g
