@@ -152,7 +152,7 @@ def _parser() -> argparse.ArgumentParser:
         "measure every method and draw it: speed against accuracy, and where each method fails",
         epilog="Each picture NAME.png stands beside NAME.json, which holds the numbers drawn.\n"
         "parts: speed, cases, stability, growth, way (bytes in to stop hook), touch_to_stop; all\n"
-        "of them take twenty minutes, with --quick two. Times are best read on an idle machine.\n"
+        "of them take nine minutes, with --quick one. Times are best read on an idle machine.\n"
         "examples:\n  tactile-skin bench --quick\n  tactile-skin bench speed growth --out figures",
     )
     sub.add_argument("parts", nargs="*", metavar="PART", help="what to measure (default: all)")
