@@ -32,11 +32,12 @@ def _learned(reading: Reading, weights, method: str, kind: str) -> Estimate:
         raise ValueError(f"weights {weights.path}: of a {weights.kind} network, not for {method!r}")
     weights.check(reading.circuit, reading.curve)
     force = weights.predict(reading.adc) * reading.circuit.populated
-    return judge(_with_hard_edges(force, reading), reading, method)
+    force, rho = _with_hard_edges(force, reading)
+    return judge(force, reading, method, rho=rho)
 
 
-def _with_hard_edges(force: np.ndarray, reading: Reading) -> np.ndarray:
-    """Cells that the reading gives away without a network.
+def _with_hard_edges(force: np.ndarray, reading: Reading):
+    """Cells that the reading gives away without a network; and rho of the result, if known.
 
     The networks learnt from touches of several cells: a corner of 10 kg on one cell they take for
     half of it, or for nothing at the skin's rim, and a stop would not come. Through such a cell
@@ -48,14 +49,15 @@ def _with_hard_edges(force: np.ndarray, reading: Reading) -> np.ndarray:
     # More flows around a cell the more is pressed: where even an untouched skin's flow around it is
     # too much, there is nothing to find.
     if not (read * (1.0 - _ALONE) > _around_at_rest(reading.circuit, curve)).any():
-        return force
+        return force, None
     g = np.where(cells, 1.0 / curve.resistance(force), 0.0)
-    own = read - (1.0 / two_terminal_resistance(g) - g)
+    rho = two_terminal_resistance(g)
+    own = read - (1.0 / rho - g)
     alone = cells & (own > _ALONE * read)
     if not alone.any():
-        return force
+        return force, rho
     pressed = curve.force(1.0 / np.where(alone, own, 1.0))
-    return np.where(alone, np.maximum(force, pressed), force)
+    return np.where(alone, np.maximum(force, pressed), force), None
 
 
 @lru_cache(maxsize=16)
