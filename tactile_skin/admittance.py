@@ -21,10 +21,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from .gate import Motion, zero
-from .stop import PUSH, Decision
+from .stop import AHEAD, PUSH, Decision
 
 _REST = 1e-3  # m/s, rad/s: slower than this, and not pushed, is at rest
-_FUTURE = 0.02  # s that a reading's stamp may lie ahead
 
 
 @dataclass(frozen=True)
@@ -147,7 +146,7 @@ class Admittance:
     def step(self, t: float) -> Motion:
         """The velocity from now on; call it on a timer, and with each reading if you like."""
         config = self.config
-        if self._seen > t + _FUTURE:  # the clock was set back: what was seen is of no time
+        if self._seen > t + AHEAD:  # the clock was set back: what was seen is of no time
             self._seen = -math.inf
         # after a longer pause than that the touch is too old to say what happened meanwhile
         dt = 0.0 if self._t is None else min(max(0.0, t - self._t), config.touch_timeout)
@@ -158,7 +157,7 @@ class Admittance:
             reason = "the stop is silent"
         elif decision.stop and decision.reason != PUSH:
             reason = decision.reason or "stop"
-        elif not -_FUTURE <= t - self._seen <= config.touch_timeout:
+        elif not -AHEAD <= t - self._seen <= config.touch_timeout:
             reason = "no reading"
         elif self._trouble:
             reason = self._trouble

@@ -24,10 +24,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .stop import PUSH, Decision
+from .stop import AHEAD, PUSH, Decision
 
 _EDGE = math.sin(0.1)  # sine of the angle into the contact at which a motion is blocked
-_FUTURE = 0.02  # s that a reading's stamp may lie ahead
 
 
 class Motion(NamedTuple):
@@ -106,7 +105,7 @@ class Gate:
 
     def decide(self, t: float) -> Motion:
         """What the robot may do at t, also when nothing comes: call it on a timer."""
-        if self._seen > t + _FUTURE:  # the clock was set back: what was seen is of no time
+        if self._seen > t + AHEAD:  # the clock was set back: what was seen is of no time
             self._seen = -math.inf
         since, linear, angular = self._command
         heard, decision = self._stop
@@ -120,7 +119,7 @@ class Gate:
             return zero("the command is not finite")
         if not decision.stop:
             return Motion(linear, angular, "")
-        if not -_FUTURE <= t - self._seen <= self.config.touch_timeout:
+        if not -AHEAD <= t - self._seen <= self.config.touch_timeout:
             return zero("push: nobody tells its direction")
         if self._push is None:
             return zero(f"push: {self._trouble}")

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 _STEADY = 3  # readings in a row, none late, that end "stale",
 _STEADY_FOR = 0.02  # s that they take: what was kept in a buffer meanwhile comes in one burst
-_FUTURE = 0.02  # s that a reading's stamp may lie ahead
+AHEAD = 0.02  # s that a reading's stamp may lie ahead of the clock
 PUSH = "push"  # the whole reason of a stop that nothing but a push asks for
 
 
@@ -94,13 +94,13 @@ class StopPolicy:
                 ahead of t, proves nothing, and so does not keep the robot moving.
         """
         stamp = t if stamp is None else stamp
-        if self._newest > t + _FUTURE:  # the clock was set back: begin anew, stopped
+        if self._newest > t + AHEAD:  # the clock was set back: begin anew, stopped
             self._newest, self._above_since, self._held_until = -math.inf, None, None
         if not (math.isfinite(force) and math.isfinite(peak) and force >= 0.0):
             self.fault("reading", f"a force of {force} N, {peak} N on one cell")
             return self.decide(t)
         self.fault("reading", "")
-        if stamp <= self._newest or stamp > t + _FUTURE:
+        if stamp <= self._newest or stamp > t + AHEAD:
             return self.decide(t)
         config = self.config
         late = stamp - self._newest > config.stale_after or t - stamp > config.stale_after
@@ -162,7 +162,7 @@ class StopPolicy:
         reasons += [f"fault: {source}: {text}" for source, text in sorted(self._faults.items())]
         if self._newest == -math.inf:
             reasons.append("stale: no reading yet")
-        elif not -_FUTURE <= t - self._newest <= self.config.stale_after:
+        elif not -AHEAD <= t - self._newest <= self.config.stale_after:
             reasons.append("stale: readings stay away")
         elif self._in_time < _STEADY or self._newest - self._late < _STEADY_FOR:
             reasons.append("stale: readings only just came back")
