@@ -207,14 +207,16 @@ class Ros1:
         import rospy
 
         rospy.init_node(name, argv=[], disable_signals=True)
-        self._rospy = rospy
+        self._rospy, self._closed = rospy, threading.Event()
+        # a shutdown that the master asks for lets the node say its last word first
+        rospy.on_shutdown(lambda: self._closed.wait(2 * _LAST_WORD))
 
     def start(self) -> None:
         threading.Thread(target=self._stay_registered, name="rospy", daemon=True).start()
 
     def ok(self) -> bool:
         """False once another node has taken this one's name."""
-        return not self._rospy.is_shutdown()
+        return not self._rospy.core.is_shutdown_requested()
 
     def advertise(self, kind: type, topic: str, qos: bus.QoSProfile) -> Callable:
         latch = qos.durability is bus.DurabilityPolicy.TRANSIENT_LOCAL
@@ -247,6 +249,7 @@ class Ros1:
 
     def close(self) -> None:
         time.sleep(_LAST_WORD / 2)  # for the subscribers' queues; rospy cannot be asked
+        self._closed.set()
         self._rospy.signal_shutdown("the node ends")
 
     def _stay_registered(self) -> None:
@@ -254,10 +257,14 @@ class Ros1:
 
         name, master = self._rospy.get_name(), rosgraph.Master(self._rospy.get_name())
         lost = False
-        while not self._rospy.is_shutdown():
+        while self.ok():
             time.sleep(1.0)
             try:
                 missing = self._missing(name, master.getSystemState())
+                if missing and self._taken(name, master):
+                    # to register anew would end the other one too
+                    self._rospy.signal_shutdown("another node has taken this one's name")
+                    return
                 if missing and not lost:
                     self.log(logging.WARNING, "the master has forgotten this node: it registers")
                 self._register(missing)
@@ -266,6 +273,16 @@ class Ros1:
                 if not lost:
                     self.log(logging.WARNING, "the master does not answer")
                 lost = True
+
+    def _taken(self, name: str, master) -> bool:
+        """Whether the master knows another node by this one's name."""
+        import rosgraph
+
+        try:
+            other = master.lookupNode(name) != self._rospy.get_node_uri()
+        except rosgraph.MasterError:  # it knows none
+            other = False
+        return other or not self.ok()  # one that is ending is forgotten as well
 
     @staticmethod
     def _missing(name: str, state) -> list[tuple[str, str, str]]:
