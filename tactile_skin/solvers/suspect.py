@@ -87,7 +87,7 @@ def by_score(reading: Reading, k, weight, misfit, told, jacobian, factor, ahead,
         ahead: what the unknowns still lack to the fit's minimum.
         broad: the level prior was used; its fit leans on r_par's pattern even when sound.
     """
-    rows, cols = weight.shape
+    rows = weight.shape[0]
     pairs = np.flatnonzero(np.concatenate([_alike(reading), _alike(reading, turned=True)]))
     pairs += pairs >= rows - 1  # the last row and the first column are no neighbours
     # a short is a conductance between the two lines of a pair, r_par one before every reading
