@@ -235,7 +235,128 @@ VECTORISED static void sensitivity(int rows, int cols, const double *restrict k,
     }
 }
 
+/* --- the fixed point --------------------------------------------------------------------------- */
+
+enum { HISTORY = 6 }; /* fixed_point._HISTORY */
+
+/* Solve the (n, n) system s x = b, both overwritten; rows of s are HISTORY apart. */
+static void solve_small(double *s, double *b, int n)
+{
+    for (int i = 0; i < n; i++)
+        for (int j = i + 1; j < n; j++) {
+            double factor = s[j * HISTORY + i] / s[i * HISTORY + i];
+            for (int k = i; k < n; k++)
+                s[j * HISTORY + k] -= factor * s[i * HISTORY + k];
+            b[j] -= factor * b[i];
+        }
+    for (int i = n - 1; i >= 0; i--) {
+        for (int k = i + 1; k < n; k++)
+            b[i] -= s[i * HISTORY + k] * b[k];
+        b[i] /= s[i * HISTORY + i];
+    }
+}
+
+/* fixed_point.iterate over the n cells `at`: g becomes the last point. Returns the steps taken, -1
+ * if the network is singular to rounding. Vectors of n: x, then what is kept of the steps. */
+VECTORISED static int iterate(int rows, int cols, double *restrict g, const int *restrict at,
+                              Py_ssize_t n, const double *restrict measured,
+                              const double *restrict low, const double *restrict high,
+                              double r_ref, double r_par, double goal, int steps,
+                              double *restrict space, Network *restrict network)
+{
+    double *restrict x = space, *restrict misfit = space + n, *restrict last = space + 2 * n;
+    double *restrict d_misfit = space + 3 * n, *restrict d_image = d_misfit + HISTORY * n;
+    double rho[CELLS];
+
+    for (Py_ssize_t i = 0; i < n; i++)
+        x[i] = log(g[at[i]]);
+    for (int step = 0; step < steps; step++) {
+        if (reduced_root(g, rows, cols, network) < 0)
+            return -1;
+        blocks(rows, cols, network);
+        two_terminal(rows, cols, network, rho);
+        double error = 0.0;
+        for (Py_ssize_t i = 0; i < n; i++) {
+            double off = r_ref / (r_ref + r_par + rho[at[i]]) - r_ref / (r_ref + r_par + measured[i]);
+            error += off * off;
+        }
+        if (error <= goal)
+            return step;
+        int slot = (step + HISTORY - 1) % HISTORY, used = step < HISTORY ? step : HISTORY;
+        for (Py_ssize_t i = 0; i < n; i++) {
+            misfit[i] = log(rho[at[i]] / measured[i]);
+            /* after d_image stands the last image, which is x + misfit */
+            d_misfit[slot * n + i] = misfit[i] - last[i];
+            d_image[slot * n + i] = x[i] + misfit[i] - d_image[HISTORY * n + i];
+            d_image[HISTORY * n + i] = x[i] + misfit[i];
+            last[i] = misfit[i];
+        }
+        double gram[HISTORY * HISTORY], share[HISTORY], trace = 0.0;
+        for (int a = 0; a < used; a++) {
+            for (int b = 0; b <= a; b++) {
+                double sum = 0.0;
+                for (Py_ssize_t i = 0; i < n; i++)
+                    sum += d_misfit[a * n + i] * d_misfit[b * n + i];
+                gram[a * HISTORY + b] = gram[b * HISTORY + a] = sum;
+            }
+            trace += gram[a * HISTORY + a];
+            share[a] = 0.0;
+            for (Py_ssize_t i = 0; i < n; i++)
+                share[a] += d_misfit[a * n + i] * misfit[i];
+        }
+        for (int a = 0; a < used; a++)
+            gram[a * HISTORY + a] += 1e-10 * trace + 1e-30;
+        solve_small(gram, share, used);
+        for (Py_ssize_t i = 0; i < n; i++) {
+            double new = x[i] + misfit[i];
+            for (int a = 0; a < used; a++)
+                new -= share[a] * d_image[a * n + i];
+            x[i] = fmin(fmax(new, low[i]), high[i]);
+            g[at[i]] = exp(x[i]);
+        }
+    }
+    return steps;
+}
+
 /* --- a step in a box --------------------------------------------------------------------------- */
+
+/* J^T J into the upper triangle of s, (n, n), for J (m, n). */
+VECTORISED static void square(const float *restrict jacobian, Py_ssize_t m, Py_ssize_t n,
+                              float *restrict s)
+{
+    memset(s, 0, n * n * sizeof *s);
+    for (; m >= 4; m -= 4, jacobian += 4 * n) /* four rows at once: fewer ways to memory */
+        for (Py_ssize_t i = 0; i < n; i++) {
+            const float *restrict j = jacobian;
+            float a = j[i], b = j[n + i], c = j[2 * n + i], d = j[3 * n + i];
+            float *restrict row = s + i * n;
+            for (Py_ssize_t k = i; k < n; k++)
+                row[k] += a * j[k] + b * j[n + k] + c * j[2 * n + k] + d * j[3 * n + k];
+        }
+    for (; m > 0; m--, jacobian += n)
+        for (Py_ssize_t i = 0; i < n; i++)
+            for (Py_ssize_t k = i; k < n; k++)
+                s[i * n + k] += jacobian[i] * jacobian[k];
+}
+
+/* The diagonal of (U^T U)^-1: the squared length of each row of U^-1. */
+VECTORISED static void inverse_diagonal(const float *restrict u, Py_ssize_t n,
+                                        float *restrict row, double *restrict diagonal)
+{
+    for (Py_ssize_t i = 0; i < n; i++) {
+        double sum = 0.0;
+        for (Py_ssize_t k = i; k < n; k++)
+            row[k] = 0.0f;
+        row[i] = 1.0f;
+        for (Py_ssize_t j = i; j < n; j++) {
+            float value = row[j] / u[j * n + j];
+            sum += value * value;
+            for (Py_ssize_t k = j + 1; k < n; k++)
+                row[k] -= value * u[j * n + k];
+        }
+        diagonal[i] = sum;
+    }
+}
 
 /* S = U^T U, both (n, n) in the upper triangle of s; -1 if S is not positive definite. */
 VECTORISED static int cholesky(float *restrict s, Py_ssize_t n)
@@ -601,28 +722,88 @@ static PyObject *py_solve_in_box(PyObject *self, PyObject *const *args, Py_ssize
     return found;
 }
 
-/* Add the prior's precision to that over the free cells, (n, n) upper. */
-static PyObject *py_join(PyObject *self, PyObject *const *args, Py_ssize_t count)
+static PyObject *py_inverse_diagonal(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
     Views views = {.count = 0};
     PyObject *done = NULL;
-    float *precision;
-    double *entries;
-    int *place, *here, *there;
+    float *u, *row;
+    double *diagonal;
 
-    if (count != 6) {
-        PyErr_Format(PyExc_TypeError, "kernel: 6 arguments are due, got %zd", count);
+    if (count != 2) {
+        PyErr_Format(PyExc_TypeError, "kernel: 2 arguments are due, got %zd", count);
         return NULL;
     }
-    Py_ssize_t n = PyLong_AsSsize_t(args[1]), n_entries = size_of(args[3]);
-    Py_ssize_t cells = size_of(args[2]);
+    Py_ssize_t n = size_of(args[1]);
+    if (n < 0)
+        return NULL;
+    if (!(row = PyMem_Malloc((n + 1) * sizeof *row)))
+        PyErr_NoMemory();
+    else if ((u = take(&views, args[0], 'f', n * n, 0))
+             && (diagonal = take(&views, args[1], 'd', n, 1))) {
+        inverse_diagonal(u, n, row, diagonal);
+        done = Py_NewRef(Py_None);
+    }
+    release(&views);
+    PyMem_Free(row);
+    return done;
+}
+
+static PyObject *py_iterate(PyObject *self, PyObject *const *args, Py_ssize_t count)
+{
+    Views views = {.count = 0};
+    Network network;
+    PyObject *steps = NULL;
+    int rows, cols, *at;
+    double *g, *measured, *low, *high;
+
+    if (!size(args, count, 11, &rows, &cols))
+        return NULL;
+    double r_ref = PyFloat_AsDouble(args[7]), r_par = PyFloat_AsDouble(args[8]);
+    double goal = PyFloat_AsDouble(args[9]);
+    long most = PyLong_AsLong(args[10]);
+    Py_ssize_t n = size_of(args[3]);
     if (PyErr_Occurred())
         return NULL;
-    if ((precision = take(&views, args[0], 'f', n * n, 1))
+    double *space = PyMem_Calloc((2 * HISTORY + 4) * n + 1, sizeof *space);
+    if (!space)
+        PyErr_NoMemory();
+    else if ((g = take(&views, args[2], 'd', rows * cols, 1)) && (at = take(&views, args[3], 'i', n, 0))
+             && (measured = take(&views, args[4], 'd', n, 0))
+             && (low = take(&views, args[5], 'd', n, 0)) && (high = take(&views, args[6], 'd', n, 0)))
+        steps = PyLong_FromLong(iterate(rows, cols, g, at, n, measured, low, high, r_ref, r_par,
+                                        goal, (int)most, space, &network));
+    release(&views);
+    PyMem_Free(space);
+    return steps;
+}
+
+/* The precision over the unknowns, (n, n) upper: J^T J and the prior's. */
+static PyObject *py_precision(PyObject *self, PyObject *const *args, Py_ssize_t count)
+{
+    Views views = {.count = 0};
+    PyObject *done = NULL;
+    float *precision, *jacobian;
+    double *entries, *diagonal;
+    int *place, *here, *there;
+
+    if (count != 7) {
+        PyErr_Format(PyExc_TypeError, "kernel: 7 arguments are due, got %zd", count);
+        return NULL;
+    }
+    Py_ssize_t n = size_of(args[1]), n_entries = size_of(args[3]), cells = size_of(args[2]);
+    Py_ssize_t m = n > 0 ? size_of(args[0]) / n : 0;
+    if (PyErr_Occurred())
+        return NULL;
+    if ((jacobian = take(&views, args[0], 'f', m * n, 0))
+        && (diagonal = take(&views, args[1], 'd', n, 0))
         && (place = take(&views, args[2], 'i', cells, 0))
         && (entries = take(&views, args[3], 'd', n_entries, 0))
         && (here = take(&views, args[4], 'i', n_entries, 0))
-        && (there = take(&views, args[5], 'i', n_entries, 0))) {
+        && (there = take(&views, args[5], 'i', n_entries, 0))
+        && (precision = take(&views, args[6], 'f', n * n, 1))) {
+        square(jacobian, m, n, precision);
+        for (Py_ssize_t i = 0; i < n; i++)
+            precision[i * n + i] += (float)diagonal[i];
         for (Py_ssize_t e = 0; e < n_entries; e++) {
             int i = place[here[e]], k = place[there[e]];
             if (i >= 0 && k >= 0)
@@ -672,7 +853,10 @@ static PyMethodDef methods[] = {
     FAST(hessian_product, "(rows, cols, k, p, out); fills out"),
     FAST(sensitivity, "(rows, cols, k, weight, told, one, other, out); fills out (told, one)"),
     FAST(solve_in_box, "(s, b, low, high, rounds, dx, inside, u) -> m, or -1; fills the last three"),
-    FAST(join, "(precision, n, place, entries, here, there); adds to precision"),
+    FAST(precision, "(jacobian, diagonal, place, entries, here, there, precision); fills the last"),
+    FAST(inverse_diagonal, "(u, diagonal); fills diagonal"),
+    FAST(iterate, "(rows, cols, g, at, measured, low, high, r_ref, r_par, goal, steps) -> steps taken, "
+                  "or -1; changes g"),
     FAST(touches, "(x, x_rest, ends2, joins2, ends4, joins4, spreads, gradient, diagonal, entries) "
                   "-> value; fills the last three"),
     {NULL, NULL, 0, NULL},

@@ -249,10 +249,7 @@ def _gauss_newton(reading: Reading, point: _Point) -> _Step:
     col += circuit.rows
     jacobian = laplacian.sensitivity(point.network.k, point.weight, told, row, col)
     jacobian *= gx.ravel()[free].astype(np.float32)
-    precision = blas.ssyrk(1.0, jacobian.T, lower=1).T  # upper triangle
-    precision.reshape(-1)[:: free.size + 1] += point.prior.diagonal.ravel()[free]
-    if point.prior.entries is not None:
-        _join(precision, point.prior.entries, prior_terms.differences(circuit), free)
+    precision = _precision(jacobian, point.prior, prior_terms.differences(circuit), free)
     here = g.ravel()[free]
     ends = ((bound.ravel()[free] - here) / gx.ravel()[free] for bound in (low, high))
     dx, factor, inside = _solve_in_box(precision, b, *ends)
@@ -303,16 +300,32 @@ def _solve_in_box(precision: np.ndarray, b: np.ndarray, low: np.ndarray, high: n
     return np.minimum(np.maximum(dx, low), high), factor, inside
 
 
-def _join(precision: np.ndarray, entries: np.ndarray, between, free: np.ndarray) -> None:
-    """Add the prior's entries off the diagonal to the upper triangle over the free cells."""
+def _precision(jacobian, prior: prior_terms.Quadratic, between, free: np.ndarray) -> np.ndarray:
+    """(n, n) of the cost over the n free cells, upper triangle: J^T J and the prior's."""
     place = np.full(between.cells, -1, np.int32)
     place[free] = np.arange(free.size)
+    diagonal = prior.diagonal.ravel()[free]
+    entries = np.zeros(between.here.size) if prior.entries is None else prior.entries
     if kernel:
-        kernel.join(precision, free.size, place, entries, between.here, between.there)
-        return
+        precision = np.empty((free.size, free.size), np.float32)
+        ends = between.here, between.there
+        kernel.precision(jacobian, diagonal, place, entries, *ends, precision)
+        return precision
+    precision = blas.ssyrk(1.0, jacobian.T, lower=1).T
+    precision.reshape(-1)[:: free.size + 1] += diagonal
     here, there = place[between.here], place[between.there]
     both = np.flatnonzero((here >= 0) & (there >= 0))
     precision[here[both], there[both]] += entries[both]
+    return precision
+
+
+def _inverse_diagonal(factor: np.ndarray) -> np.ndarray:
+    """Of (U^T U)^-1, U (n, n)."""
+    if kernel:
+        diagonal = np.empty(len(factor))
+        kernel.inverse_diagonal(factor, diagonal)
+        return diagonal
+    return lapack.spotri(factor.T, lower=1)[0].diagonal()
 
 
 def _conjugate_gradients(point: _Point, between, free: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -357,8 +370,7 @@ def _spread(reading: Reading, point: _Point, step: _Step, force) -> np.ndarray:
     """
     std_x = 1.0 / np.sqrt(point.curvature + 1e-12)
     if step.factor is not None:
-        covariance = lapack.spotri(step.factor.T, lower=1)[0]
-        std_x.flat[step.inside] = np.sqrt(covariance.diagonal())
+        std_x.flat[step.inside] = np.sqrt(_inverse_diagonal(step.factor))
     std_x = np.minimum(_WIDEN * std_x, 10.0)
     curve = reading.curve
     resistance = curve.resistance(force)
