@@ -168,7 +168,7 @@ def test_estimates_are_numpys(both, family, method):
         close = 1e-2 if method == "map" else 1e-6
         np.testing.assert_allclose(compiled.force, plain.force, rtol=close, atol=0.1 * close)
         # a cell that rounding keeps at rest, or not, has another spread
-        assert np.median(np.abs(compiled.std - plain.std)) < 1e-6
+        assert np.median(np.abs(compiled.std - plain.std)) < 1e-5
 
 
 @pytest.mark.parametrize(
