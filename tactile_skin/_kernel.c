@@ -320,24 +320,7 @@ VECTORISED static int iterate(int rows, int cols, double *restrict g, const int 
 
 /* --- a step in a box --------------------------------------------------------------------------- */
 
-/* J^T J into the upper triangle of s, (n, n), for J (m, n). */
-VECTORISED static void square(const float *restrict jacobian, Py_ssize_t m, Py_ssize_t n,
-                              float *restrict s)
-{
-    memset(s, 0, n * n * sizeof *s);
-    for (; m >= 4; m -= 4, jacobian += 4 * n) /* four rows at once: fewer ways to memory */
-        for (Py_ssize_t i = 0; i < n; i++) {
-            const float *restrict j = jacobian;
-            float a = j[i], b = j[n + i], c = j[2 * n + i], d = j[3 * n + i];
-            float *restrict row = s + i * n;
-            for (Py_ssize_t k = i; k < n; k++)
-                row[k] += a * j[k] + b * j[n + k] + c * j[2 * n + k] + d * j[3 * n + k];
-        }
-    for (; m > 0; m--, jacobian += n)
-        for (Py_ssize_t i = 0; i < n; i++)
-            for (Py_ssize_t k = i; k < n; k++)
-                s[i * n + k] += jacobian[i] * jacobian[k];
-}
+enum { BLOCK = 4 }; /* rows taken at once: fewer ways to memory */
 
 /* The diagonal of (U^T U)^-1: the squared length of each row of U^-1. */
 VECTORISED static void inverse_diagonal(const float *restrict u, Py_ssize_t n,
@@ -348,11 +331,19 @@ VECTORISED static void inverse_diagonal(const float *restrict u, Py_ssize_t n,
         for (Py_ssize_t k = i; k < n; k++)
             row[k] = 0.0f;
         row[i] = 1.0f;
-        for (Py_ssize_t j = i; j < n; j++) {
-            float value = row[j] / u[j * n + j];
-            sum += value * value;
-            for (Py_ssize_t k = j + 1; k < n; k++)
-                row[k] -= value * u[j * n + k];
+        for (Py_ssize_t j = i; j < n; j += BLOCK) {
+            Py_ssize_t end = j + BLOCK < n ? j + BLOCK : n;
+            float v[BLOCK] = {0.0f};
+            for (Py_ssize_t l = j; l < end; l++) {
+                v[l - j] = row[l] / u[l * n + l];
+                sum += v[l - j] * v[l - j];
+                for (Py_ssize_t k = l + 1; k < end; k++)
+                    row[k] -= v[l - j] * u[l * n + k];
+            }
+            const float *restrict u0 = u + j * n;
+            for (Py_ssize_t k = end; k < n; k++)
+                row[k] -= v[0] * u0[k] + v[1] * u0[n + k] + v[2] * u0[2 * n + k]
+                          + v[3] * u0[3 * n + k];
         }
         diagonal[i] = sum;
     }
@@ -361,18 +352,25 @@ VECTORISED static void inverse_diagonal(const float *restrict u, Py_ssize_t n,
 /* S = U^T U, both (n, n) in the upper triangle of s; -1 if S is not positive definite. */
 VECTORISED static int cholesky(float *restrict s, Py_ssize_t n)
 {
-    for (Py_ssize_t i = 0; i < n; i++) {
-        float *restrict row = s + i * n;
-        if (!(row[i] > 0.0f))
-            return -1;
-        float scale = 1.0f / sqrtf(row[i]);
-        for (Py_ssize_t k = i; k < n; k++)
-            row[k] *= scale;
-        for (Py_ssize_t j = i + 1; j < n; j++) {
+    for (Py_ssize_t i = 0; i < n; i += BLOCK) {
+        Py_ssize_t end = i + BLOCK < n ? i + BLOCK : n;
+        for (Py_ssize_t l = i; l < end; l++) {
+            float *restrict row = s + l * n;
+            for (Py_ssize_t j = i; j < l; j++)
+                for (Py_ssize_t k = l; k < n; k++)
+                    row[k] -= s[j * n + l] * s[j * n + k];
+            if (!(row[l] > 0.0f))
+                return -1;
+            float scale = 1.0f / sqrtf(row[l]);
+            for (Py_ssize_t k = l; k < n; k++)
+                row[k] *= scale;
+        }
+        const float *restrict r = s + i * n;
+        for (Py_ssize_t j = end; j < n; j++) { /* only reached by whole blocks */
             float *restrict other = s + j * n;
-            float factor = row[j];
+            float a = r[j], b = r[n + j], c = r[2 * n + j], d = r[3 * n + j];
             for (Py_ssize_t k = j; k < n; k++)
-                other[k] -= factor * row[k];
+                other[k] -= a * r[k] + b * r[n + k] + c * r[2 * n + k] + d * r[3 * n + k];
         }
     }
     return 0;
@@ -777,33 +775,28 @@ static PyObject *py_iterate(PyObject *self, PyObject *const *args, Py_ssize_t co
     return steps;
 }
 
-/* The precision over the unknowns, (n, n) upper: J^T J and the prior's. */
-static PyObject *py_precision(PyObject *self, PyObject *const *args, Py_ssize_t count)
+/* Add the prior's precision to that over the n unknowns, (n, n) upper. */
+static PyObject *py_join(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
     Views views = {.count = 0};
     PyObject *done = NULL;
-    float *precision, *jacobian;
-    double *entries, *diagonal;
+    float *precision;
+    double *entries;
     int *place, *here, *there;
 
-    if (count != 7) {
-        PyErr_Format(PyExc_TypeError, "kernel: 7 arguments are due, got %zd", count);
+    if (count != 6) {
+        PyErr_Format(PyExc_TypeError, "kernel: 6 arguments are due, got %zd", count);
         return NULL;
     }
-    Py_ssize_t n = size_of(args[1]), n_entries = size_of(args[3]), cells = size_of(args[2]);
-    Py_ssize_t m = n > 0 ? size_of(args[0]) / n : 0;
+    Py_ssize_t n = PyLong_AsSsize_t(args[1]), n_entries = size_of(args[3]);
+    Py_ssize_t cells = size_of(args[2]);
     if (PyErr_Occurred())
         return NULL;
-    if ((jacobian = take(&views, args[0], 'f', m * n, 0))
-        && (diagonal = take(&views, args[1], 'd', n, 0))
+    if ((precision = take(&views, args[0], 'f', n * n, 1))
         && (place = take(&views, args[2], 'i', cells, 0))
         && (entries = take(&views, args[3], 'd', n_entries, 0))
         && (here = take(&views, args[4], 'i', n_entries, 0))
-        && (there = take(&views, args[5], 'i', n_entries, 0))
-        && (precision = take(&views, args[6], 'f', n * n, 1))) {
-        square(jacobian, m, n, precision);
-        for (Py_ssize_t i = 0; i < n; i++)
-            precision[i * n + i] += (float)diagonal[i];
+        && (there = take(&views, args[5], 'i', n_entries, 0))) {
         for (Py_ssize_t e = 0; e < n_entries; e++) {
             int i = place[here[e]], k = place[there[e]];
             if (i >= 0 && k >= 0)
@@ -853,7 +846,7 @@ static PyMethodDef methods[] = {
     FAST(hessian_product, "(rows, cols, k, p, out); fills out"),
     FAST(sensitivity, "(rows, cols, k, weight, told, one, other, out); fills out (told, one)"),
     FAST(solve_in_box, "(s, b, low, high, rounds, dx, inside, u) -> m, or -1; fills the last three"),
-    FAST(precision, "(jacobian, diagonal, place, entries, here, there, precision); fills the last"),
+    FAST(join, "(precision, n, place, entries, here, there); adds to precision"),
     FAST(inverse_diagonal, "(u, diagonal); fills diagonal"),
     FAST(iterate, "(rows, cols, g, at, measured, low, high, r_ref, r_par, goal, steps) -> steps taken, "
                   "or -1; changes g"),

@@ -93,7 +93,7 @@ def definite(rng, n: int) -> np.ndarray:
     return (a @ a.T / n + 0.1 * np.eye(n)).astype(np.float32)
 
 
-@pytest.mark.parametrize("n", [1, 2, 17, 130])
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 17, 130])
 def test_a_step_in_a_box_is_numpys(both, rng, n):
     met = 0
     for _ in range(20):
@@ -131,7 +131,7 @@ def test_the_precision_is_numpys(both, rng, told):
         np.testing.assert_allclose(np.triu(compiled), np.triu(plain), rtol=1e-4, atol=1e-5)
 
 
-@pytest.mark.parametrize("n", [1, 2, 17, 130])
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 17, 130])
 def test_the_diagonal_of_an_inverse_is_numpys(both, rng, n):
     s = definite(rng, n)
     compiled, plain = both(map._inverse_diagonal, np.linalg.cholesky(s).T.copy())
@@ -181,7 +181,7 @@ def test_estimates_are_numpys(both, family, method):
         ("two_terminal", (2, 2, np.ones(4, int), np.ones(4)), "an array of 4 'd' is due"),
         ("touches", (1, 2), "10 arguments are due, got 2"),
         ("solve_in_box", (1, 2), "8 arguments are due, got 2"),
-        ("precision", (1, 2), "7 arguments are due, got 2"),
+        ("join", (1, 2), "6 arguments are due, got 2"),
         ("inverse_diagonal", (1,), "2 arguments are due, got 1"),
         ("iterate", (2, 2, np.ones((2, 2))), "11 arguments are due, got 3"),
     ],

@@ -23,7 +23,7 @@ from .fixed_point import first_guess, iterate, last_guess
 from .reading import ROUNDING_NOISE, Reading
 
 STEPS = 12
-START_STEPS = 6  # of the fixed point: a step costs an eighth of a Gauss-Newton step
+START_STEPS = 10  # of the fixed point: a step costs a twentieth of a Gauss-Newton step
 WARM_STEPS = 8  # the same from the last frame: a touch that moved misfits by far at its rim
 _NEAR = 1.5  # residual, in units of the noise, at which the fixed point has done its part
 _SETTLED = 4.0  # stop when a step gains less than this, in units of 1/2 chi^2
@@ -302,20 +302,18 @@ def _solve_in_box(precision: np.ndarray, b: np.ndarray, low: np.ndarray, high: n
 
 def _precision(jacobian, prior: prior_terms.Quadratic, between, free: np.ndarray) -> np.ndarray:
     """(n, n) of the cost over the n free cells, upper triangle: J^T J and the prior's."""
+    precision = blas.ssyrk(1.0, jacobian.T, lower=1).T
+    precision.reshape(-1)[:: free.size + 1] += prior.diagonal.ravel()[free]
+    if prior.entries is None:
+        return precision
     place = np.full(between.cells, -1, np.int32)
     place[free] = np.arange(free.size)
-    diagonal = prior.diagonal.ravel()[free]
-    entries = np.zeros(between.here.size) if prior.entries is None else prior.entries
     if kernel:
-        precision = np.empty((free.size, free.size), np.float32)
-        ends = between.here, between.there
-        kernel.precision(jacobian, diagonal, place, entries, *ends, precision)
+        kernel.join(precision, free.size, place, prior.entries, between.here, between.there)
         return precision
-    precision = blas.ssyrk(1.0, jacobian.T, lower=1).T
-    precision.reshape(-1)[:: free.size + 1] += diagonal
     here, there = place[between.here], place[between.there]
     both = np.flatnonzero((here >= 0) & (there >= 0))
-    precision[here[both], there[both]] += entries[both]
+    precision[here[both], there[both]] += prior.entries[both]
     return precision
 
 
