@@ -286,7 +286,7 @@ def test_what_is_drawn_is_what_is_written(drawn, tmp_path):
     from matplotlib import pyplot as plt
 
     data = growth.measure(4, 1, sizes=(8, 16))["growth"]
-    machine = {"processor": "p", "cores": 1, "numpy": "n", "scipy": "s"}
+    machine = {"processor": "p", "cores": 1, "numpy": "n", "scipy": "s", "kernel": "k"}
     figures = []
 
     def draw(read_back):

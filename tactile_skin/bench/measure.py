@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from .. import scenes
-from ..circuit import Circuit, forward
+from ..circuit import Circuit, forward, kernel
 from ..curve import GRAM, PressureCurve
 
 GHOST = 20.0  # g on a cell that nothing touches
@@ -121,4 +121,5 @@ def machine() -> dict[str, str]:
         "processor": model,
         "cores": str(os.cpu_count()),
         "python": platform.python_version(),
+        "kernel": "compiled" if kernel else "in NumPy",
     } | libraries
