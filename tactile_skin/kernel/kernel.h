@@ -11,13 +11,14 @@
 #ifndef TACTILE_SKIN_KERNEL_H
 #define TACTILE_SKIN_KERNEL_H
 
+#include <limits.h> /* defines __GLIBC__ where it is the C library */
 #include <stddef.h>
 
 #define LINES 64
 #define CELLS (LINES * LINES / 4)
 
-/* AVX2 where the processor has it: the package is built for any. */
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
+/* AVX2 where the processor has it: the package is built for any. The loader chooses. */
+#if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
 #define VECTORISED __attribute__((target_clones("avx2,fma", "default")))
 #else
 #define VECTORISED
