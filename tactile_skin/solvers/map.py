@@ -24,8 +24,8 @@ from .reading import ROUNDING_NOISE, Reading
 
 STEPS = 12
 START_STEPS = 10  # of the fixed point: a step costs a twentieth of a Gauss-Newton step
-WARM_STEPS = 8  # the same from the last frame: a touch that moved misfits by far at its rim
-_NEAR = 1.5  # residual, in units of the noise, at which the fixed point has done its part
+WARM_STEPS = 12  # the same from the last frame: a touch that moved misfits by far at its rim
+_NEAR = 1.2  # residual, in units of the noise, at which the fixed point has done its part
 _SETTLED = 4.0  # stop when a step gains less than this, in units of 1/2 chi^2
 _CAUSE = 6.0  # chi^2 that a cell at rest must gain alone to become an unknown
 _JOIN = 0.03  # share of the best cell's gain from which a cell at rest becomes an unknown
