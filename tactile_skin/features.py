@@ -48,6 +48,8 @@ class Frame(NamedTuple):
     labels: np.ndarray  # (rows, cols) int, 1 + place in `contacts`; 0: no contact
     contacts: list[Contact]  # strongest first
     push: Push
+    cells: np.ndarray  # (m,) places of the touched cells in the flattened picture
+    own: np.ndarray  # (contacts, m) force of each of them [N], in the row of its contact
 
 
 _NOTHING = Push(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), 0.0)
@@ -63,12 +65,14 @@ def look(force: np.ndarray, geometry: Geometry, cell_threshold: float) -> Frame:
         force: (rows, cols) on each cell [N], 0 or more.
         cell_threshold: a contact has a cell with more [N].
     """
-    labels, n = segment(force, cell_threshold)
-    if n == 0:
-        return Frame(force, labels, [], _NOTHING)
-    cells = labels.ravel().nonzero()[0]  # (m,)
-    owner = labels.ravel()[cells] - 1
-    own = np.zeros((n, cells.size))  # force of each cell, in the row of its contact
+    cells, owner = segment(force, cell_threshold)
+    labels = np.zeros(force.size, int)
+    labels[cells] = owner + 1
+    labels = labels.reshape(force.shape)
+    if cells.size == 0:
+        return Frame(force, labels, [], _NOTHING, cells, np.empty((0, 0)))
+    n = int(owner.max()) + 1
+    own = np.zeros((n, cells.size))
     own[owner, np.arange(cells.size)] = force.ravel()[cells]
     moments = own @ geometry.lever[cells]  # (n, 10): force, torque, first moment, sum
     forces = moments[:, 9].tolist()
@@ -83,11 +87,12 @@ def look(force: np.ndarray, geometry: Geometry, cell_threshold: float) -> Frame:
     length = math.hypot(*total[:3].tolist())
     direction = total[:3] / length if length > 1e-6 * total[9] else np.zeros(3)
     confidence = length / (float(total[9]) + 10.0 * cell_threshold)
-    return Frame(force, labels, found, Push(total[:3], total[3:6], centre, direction, confidence))
+    push = Push(total[:3], total[3:6], centre, direction, confidence)
+    return Frame(force, labels, found, push, cells, own)
 
 
-def segment(force: np.ndarray, cell_threshold: float) -> tuple[np.ndarray, int]:
-    """Which contact each cell belongs to, strongest contact first.
+def segment(force: np.ndarray, cell_threshold: float) -> tuple[np.ndarray, np.ndarray]:
+    """Which cells are touched, and which contact each belongs to, strongest contact first.
 
     A contact is a hill of cells that touch (8 neighbours), each above a tenth of the threshold: a
     fingertip has a third of its force on its rim. Two hills that touch are two contacts where the
@@ -101,47 +106,49 @@ def segment(force: np.ndarray, cell_threshold: float) -> tuple[np.ndarray, int]:
             cells have 200 times as much together: a body that leans on many cells is soft on each.
 
     Returns:
-        (rows, cols) number of the contact, 1.. and 0 for none; number of contacts.
+        (m,) places of the touched cells in the flattened picture; (m,) each one's contact, from 0.
     """
-    rows, cols = force.shape
-    labels = np.zeros((rows, cols), int)
+    flat, nothing = force.ravel(), np.zeros(0, int)
     soft = _SOFT * cell_threshold
     rim = _RIM * cell_threshold
-    if not (force.max() > cell_threshold or force[force > rim].sum() > soft):
-        return labels, 0
-    # With idle cells around the skin every cell has eight neighbours.
-    width = cols + 2
-    flat = np.zeros((rows + 2) * width)
-    flat.reshape(rows + 2, width)[1:-1, 1:-1] = force
+    highest = flat.max()
+    if highest <= rim:
+        return nothing, nothing
     cells = (flat > rim).nonzero()[0]
-    cells = cells[flat[cells].argsort(kind="stable")]  # (m,) weakest first
     f = flat[cells]
-    place = np.full(flat.size, -1)  # in `cells`: equal forces have different ones
-    place[cells] = np.arange(cells.size)
-    around = place[cells[:, None] + _nine(width)]  # (m, 9), -1 for idle cells
-    hill = around.max(1).tolist()  # the steepest way up from each cell,
-    for k in range(cells.size - 1, -1, -1):
+    if not (highest > cell_threshold or f.sum() > soft):
+        return nothing, nothing
+    weakest_first = f.argsort(kind="stable")
+    cells, f = cells[weakest_first], f[weakest_first]  # (m,)
+    m = cells.size
+    place = np.full(flat.size + 1, -1)  # in `cells`: equal forces have different ones
+    place[cells] = np.arange(m)
+    around = place[_neighbours(*force.shape)[cells]]  # (m, 9), -1 for idle cells
+    hill = around.max(1)  # the steepest way up from each cell,
+    tops = (hill == np.arange(m)).nonzero()[0].tolist()
+    if len(tops) == 1:
+        return cells, np.zeros(m, int)
+    hill = hill.tolist()
+    for k in range(m - 1, -1, -1):
         hill[k] = hill[hill[k]]  # to its top
-    owner = np.array(hill)
-    tops = sorted(set(hill))
-    if len(tops) > 1:
-        top_of = _join(tops, owner, around, f, cell_threshold)
-        owner = np.array([top_of[k] for k in hill])
-        tops = sorted(set(top_of.values()))
+    top_of = _join(tops, np.array(hill), around, f, cell_threshold)
+    owner = np.array([top_of[k] for k in hill])
     sums = np.bincount(owner, f).tolist()
-    felt = (k for k in tops if f[k] > cell_threshold or sums[k] > soft)
-    tops = sorted(felt, key=lambda k: -sums[k])
-    number = np.zeros(cells.size, int)
-    number[tops] = range(1, len(tops) + 1)
-    flat_labels = np.zeros(flat.size, int)
-    flat_labels[cells] = number[owner]
-    return flat_labels.reshape(rows + 2, width)[1:-1, 1:-1].copy(), len(tops)
+    felt = [k for k in set(top_of.values()) if f[k] > cell_threshold or sums[k] > soft]
+    number = np.full(m, -1)
+    number[sorted(felt, key=lambda k: (-sums[k], k))] = range(len(felt))
+    contact = number[owner]
+    touched = contact >= 0
+    return cells[touched], contact[touched]
 
 
 @lru_cache(maxsize=8)
-def _nine(width: int) -> np.ndarray:
-    """Offsets of a cell and its eight neighbours in a flattened picture."""
-    return np.array([down * width + right for down in (-1, 0, 1) for right in (-1, 0, 1)])
+def _neighbours(rows: int, cols: int) -> np.ndarray:
+    """(rows * cols, 9) places of each cell and its neighbours; -1 beyond the edge."""
+    places = np.full((rows + 2, cols + 2), -1)
+    places[1:-1, 1:-1] = np.arange(rows * cols).reshape(rows, cols)
+    windows = np.lib.stride_tricks.sliding_window_view(places, (3, 3))
+    return windows.reshape(rows * cols, 9)
 
 
 def _join(tops: list[int], hill, around, f, threshold: float) -> dict[int, int]:
