@@ -8,7 +8,6 @@ slow subscriber delays nobody but itself.
 
 from __future__ import annotations
 
-import contextlib
 import enum
 import logging
 import math
@@ -563,8 +562,10 @@ class _Wake:
 
     def set(self) -> None:
         if self._unset.locked():
-            with contextlib.suppress(RuntimeError):  # another thread was faster
+            try:
                 self._unset.release()
+            except RuntimeError:
+                return  # another thread was faster
 
     def clear(self) -> None:
         self._unset.acquire(blocking=False)

@@ -65,13 +65,11 @@ def look(force: np.ndarray, geometry: Geometry, cell_threshold: float) -> Frame:
         force: (rows, cols) on each cell [N], 0 or more.
         cell_threshold: a contact has a cell with more [N].
     """
-    cells, owner = segment(force, cell_threshold)
-    labels = np.zeros(force.size, int)
-    labels[cells] = owner + 1
-    labels = labels.reshape(force.shape)
-    if cells.size == 0:
-        return Frame(force, labels, [], _NOTHING, cells, np.empty((0, 0)))
-    n = int(owner.max()) + 1
+    cells, owner, n = segment(force, cell_threshold)
+    labels = np.zeros(force.shape, int)
+    if n == 0:
+        return Frame(force, labels, [], _NOTHING, cells, np.zeros((0, 0)))
+    labels.ravel()[cells] = owner + 1
     own = np.zeros((n, cells.size))
     own[owner, np.arange(cells.size)] = force.ravel()[cells]
     moments = own @ geometry.lever[cells]  # (n, 10): force, torque, first moment, sum
@@ -91,7 +89,7 @@ def look(force: np.ndarray, geometry: Geometry, cell_threshold: float) -> Frame:
     return Frame(force, labels, found, push, cells, own)
 
 
-def segment(force: np.ndarray, cell_threshold: float) -> tuple[np.ndarray, np.ndarray]:
+def segment(force: np.ndarray, cell_threshold: float) -> tuple[np.ndarray, np.ndarray, int]:
     """Which cells are touched, and which contact each belongs to, strongest contact first.
 
     A contact is a hill of cells that touch (8 neighbours), each above a tenth of the threshold: a
@@ -106,18 +104,19 @@ def segment(force: np.ndarray, cell_threshold: float) -> tuple[np.ndarray, np.nd
             cells have 200 times as much together: a body that leans on many cells is soft on each.
 
     Returns:
-        (m,) places of the touched cells in the flattened picture; (m,) each one's contact, from 0.
+        (m,) places of the touched cells in the flattened picture; (m,) each one's contact, from 0;
+        number of contacts.
     """
     flat, nothing = force.ravel(), np.zeros(0, int)
     soft = _SOFT * cell_threshold
     rim = _RIM * cell_threshold
     highest = flat.max()
     if highest <= rim:
-        return nothing, nothing
+        return nothing, nothing, 0
     cells = (flat > rim).nonzero()[0]
     f = flat[cells]
     if not (highest > cell_threshold or f.sum() > soft):
-        return nothing, nothing
+        return nothing, nothing, 0
     weakest_first = f.argsort(kind="stable")
     cells, f = cells[weakest_first], f[weakest_first]  # (m,)
     m = cells.size
@@ -127,19 +126,19 @@ def segment(force: np.ndarray, cell_threshold: float) -> tuple[np.ndarray, np.nd
     hill = around.max(1)  # the steepest way up from each cell,
     tops = (hill == np.arange(m)).nonzero()[0].tolist()
     if len(tops) == 1:
-        return cells, np.zeros(m, int)
-    hill = hill.tolist()
-    for k in range(m - 1, -1, -1):
-        hill[k] = hill[hill[k]]  # to its top
-    top_of = _join(tops, np.array(hill), around, f, cell_threshold)
-    owner = np.array([top_of[k] for k in hill])
+        return cells, np.zeros(m, int), 1
+    for _ in range(m.bit_length()):
+        hill = hill[hill]  # twice as far up, to its top
+    top_of = np.arange(m)
+    top_of[tops] = _join(tops, hill, around, f, cell_threshold)
+    owner = top_of[hill]
     sums = np.bincount(owner, f).tolist()
-    felt = [k for k in set(top_of.values()) if f[k] > cell_threshold or sums[k] > soft]
+    felt = [k for k in sorted(set(owner.tolist())) if f[k] > cell_threshold or sums[k] > soft]
     number = np.full(m, -1)
-    number[sorted(felt, key=lambda k: (-sums[k], k))] = range(len(felt))
+    number[sorted(felt, key=lambda k: -sums[k])] = range(len(felt))
     contact = number[owner]
     touched = contact >= 0
-    return cells[touched], contact[touched]
+    return cells[touched], contact[touched], len(felt)
 
 
 @lru_cache(maxsize=8)
@@ -151,7 +150,7 @@ def _neighbours(rows: int, cols: int) -> np.ndarray:
     return windows.reshape(rows * cols, 9)
 
 
-def _join(tops: list[int], hill, around, f, threshold: float) -> dict[int, int]:
+def _join(tops: list[int], hill, around, f, threshold: float) -> list[int]:
     """Which hills are one contact.
 
     Args:
@@ -163,11 +162,12 @@ def _join(tops: list[int], hill, around, f, threshold: float) -> dict[int, int]:
     Returns:
         for each top, the one that stands for its contact: the highest.
     """
-    other = np.where(around < 0, -1, hill[around])
-    cell, side = ((other >= 0) & (other < hill[:, None])).nonzero()  # each border seen from above
-    saddle = np.minimum(f[cell], f[around[cell, side]])
+    # each border seen from above
+    cell, side = ((around >= 0) & (hill[around] < hill[:, None])).nonzero()
+    beside = around[cell, side]
+    saddle = np.minimum(f[cell], f[beside])
     highest = saddle.argsort()[::-1]
-    above, below = hill[cell[highest]].tolist(), other[cell, side][highest].tolist()
+    above, below = hill[cell[highest]].tolist(), hill[beside[highest]].tolist()
     stands_for = {k: k for k in tops}
 
     def top(k):
@@ -179,4 +179,4 @@ def _join(tops: list[int], hill, around, f, threshold: float) -> dict[int, int]:
         low, high = sorted((top(one), top(another)))
         if low != high and (height >= _VALLEY * f[low] or f[low] <= threshold):
             stands_for[low] = high
-    return {k: top(k) for k in tops}
+    return [top(k) for k in tops]

@@ -8,7 +8,6 @@ contact parts.
 
 from __future__ import annotations
 
-import math
 from operator import mul
 from typing import NamedTuple
 
@@ -88,7 +87,9 @@ class _Track:
         spread = sum(map(mul, offsets, offsets))
         if n < _FEWEST or spread == 0.0:
             return
-        velocity = [sum(map(mul, offsets, axis)) / spread for axis in zip(*self._places)]
+        velocity = [
+            sum(map(mul, offsets, axis)) / spread for axis in zip(*self._places, strict=True)
+        ]
         self.velocity = np.array(velocity)
         span = times[-1] - times[0]
         travelled2 = sum(map(mul, velocity, velocity)) * span**2
@@ -246,5 +247,6 @@ def _distances(a: list[np.ndarray], b: list[np.ndarray]) -> np.ndarray:
 
 def _match(cost: np.ndarray, limit: float) -> list[tuple[int, int]]:
     """Pairs of least total cost, each below the limit."""
-    pairs = np.stack(linear_sum_assignment(np.where(cost < limit, cost, 1e6)), 1).tolist()
+    rows, cols = linear_sum_assignment(np.where(cost < limit, cost, 1e6))
+    pairs = zip(rows.tolist(), cols.tolist(), strict=True)
     return [(j, k) for j, k in pairs if cost[j, k] < limit]

@@ -77,7 +77,7 @@ class Monitor:
 
     def on_contacts(self, msg: PointCloud2) -> None:
         self._contacts = msg.width
-        self._force = float(cloud_columns(msg)["force"].sum())
+        self._force = float(cloud_columns(msg, "force")["force"].sum())
         self.most_contacts = max(self.most_contacts, self._contacts)
         self.largest_force = max(self.largest_force, self._force)
         self.touched_frames += self._contacts > 0

@@ -80,12 +80,12 @@ class StopOnPush:
 
     def on_contacts(self, msg: PointCloud2) -> None:
         self._header = msg.header
-        columns = cloud_columns(msg)
-        force, peak = columns["force"], columns["peak"]
+        columns = cloud_columns(msg, "force", "peak")
+        force, largest = columns["force"], float(columns["peak"].max(initial=0.0))
+        lowest = float(force.min(initial=0.0))
         # a negative force must not hide behind the others' sum
-        self._force = float(force.sum() if (force >= 0).all() else force.min())
+        self._force = lowest if lowest < 0.0 else float(force.sum())
         stamp = Time.from_msg(msg.header.stamp).nanoseconds / 1e9
-        largest = float(peak.max(initial=0.0))
         self._publish(self.policy.reading(self._now(), self._force, largest, stamp))
 
     def on_diagnostics(self, msg: DiagnosticArray) -> None:
