@@ -11,6 +11,7 @@ from __future__ import annotations
 import enum
 import logging
 import math
+import operator
 import threading
 import time
 from collections import defaultdict, deque
@@ -198,16 +199,19 @@ class Timer:
     def reset(self) -> None:
         """Start anew: the next call comes one period from now."""
         with self._node._lock:
-            self._due: int | None = self._node.context.clock.now().nanoseconds + self._period
+            self._due: float = self._node.context.clock.now().nanoseconds + self._period
         self._node._wake.set()
 
     def cancel(self) -> None:
         with self._node._lock:
-            self._due = None
+            self._due = math.inf
 
     def _step(self, now: int) -> None:
         """Set the next call; ticks that were missed are skipped, the beat is kept."""
         self._due += self._period * max(1, -(-(now - self._due + 1) // self._period))
+
+
+_DUE = operator.attrgetter("_due")  # of a timer [ns]; infinite once it is cancelled
 
 
 class Service:
@@ -468,19 +472,17 @@ class Node:
     def _until_due(self) -> float | None:
         """How long until the next timer is due [s], if there is one."""
         with self._lock:
-            dues = [timer._due for timer in self._timers if timer._due is not None]
-        if not dues:
+            due = min(map(_DUE, self._timers), default=math.inf)
+        if due == math.inf:
             return None
-        return max(0.0, (min(dues) - self.context.clock.now().nanoseconds) / 1e9)
+        return max(0.0, (due - self.context.clock.now().nanoseconds) / 1e9)
 
     def _take(self):
         """The next thing to call, as (callback, arguments, future); None: nothing is due."""
         with self._lock:
             if self._timers:
-                now = self.context.clock.now().nanoseconds
-                due = [t for t in self._timers if t._due is not None and t._due <= now]
-                if due:
-                    timer = min(due, key=lambda t: t._due)
+                timer, now = min(self._timers, key=_DUE), self.context.clock.now().nanoseconds
+                if timer._due <= now:
                     timer._step(now)
                     self._in_callback = True
                     return timer.callback, (), None

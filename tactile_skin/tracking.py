@@ -87,9 +87,8 @@ class _Track:
         spread = sum(map(mul, offsets, offsets))
         if n < _FEWEST or spread == 0.0:
             return
-        velocity = [
-            sum(map(mul, offsets, axis)) / spread for axis in zip(*self._places, strict=True)
-        ]
+        axes = zip(*self._places, strict=True)
+        velocity = [sum(map(mul, offsets, axis)) / spread for axis in axes]
         self.velocity = np.array(velocity)
         span = times[-1] - times[0]
         travelled2 = sum(map(mul, velocity, velocity)) * span**2

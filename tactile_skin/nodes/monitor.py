@@ -64,7 +64,8 @@ class Monitor:
         node.create_subscription(DiagnosticArray, STATUS_TOPIC, self.on_status, _EVERY_DECISION)
         node.create_subscription(DiagnosticArray, diagnostics.TOPIC, self.on_diagnostics, 100)
         node.create_timer(0.2 if self.out.isatty() else 1.0, self.live_line)
-        node.create_timer(0.02, self.on_timer)
+        if self.duration > 0.0:
+            node.create_timer(0.02, self.on_timer)
 
     def _now(self) -> int:
         return self.node.get_clock().now().nanoseconds
@@ -126,7 +127,7 @@ class Monitor:
 
     def on_timer(self) -> None:
         now = self._now()
-        if self.duration == 0.0 or not self.node.context.ok():
+        if not self.node.context.ok():
             return
         if self._first is None:
             over = now - self._start > (_FIRST_FRAME_WITHIN + self.duration) * 1e9

@@ -72,7 +72,7 @@ class StopOnPush:
         node.create_subscription(PointCloud2, "skin/contacts", self.on_contacts, QUEUE)
         node.create_subscription(DiagnosticArray, diagnostics.TOPIC, self.on_diagnostics, 50)
         node.create_service(Trigger, "~/reset", self.on_reset)
-        node.create_timer(HEARTBEAT, self.on_timer)
+        self._heartbeat = node.create_timer(HEARTBEAT, self.on_timer)
         self.on_timer()
 
     def _now(self) -> float:
@@ -87,6 +87,7 @@ class StopOnPush:
         self._force = lowest if lowest < 0.0 else float(force.sum())
         stamp = Time.from_msg(msg.header.stamp).nanoseconds / 1e9
         self._publish(self.policy.reading(self._now(), self._force, largest, stamp))
+        self._heartbeat.reset()
 
     def on_diagnostics(self, msg: DiagnosticArray) -> None:
         """A stage that reports ERROR stops the robot; WARN and OK do not."""
