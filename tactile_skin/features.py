@@ -70,8 +70,8 @@ def look(force: np.ndarray, geometry: Geometry, cell_threshold: float) -> Frame:
     if n == 0:
         return Frame(force, labels, [], _NOTHING, cells, np.zeros((0, 0)))
     labels.ravel()[cells] = owner + 1
-    own = np.zeros((n, cells.size))
-    own[owner, np.arange(cells.size)] = force.ravel()[cells]
+    f = force.ravel()[cells]
+    own = f[None] if n == 1 else np.where(owner == np.arange(n)[:, None], f, 0.0)
     moments = own @ geometry.lever[cells]  # (n, 10): force, torque, first moment, sum
     forces = moments[:, 9].tolist()
     centres = moments[:, 6:9] / moments[:, 9:]

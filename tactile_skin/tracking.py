@@ -8,6 +8,7 @@ contact parts.
 
 from __future__ import annotations
 
+import math
 from operator import mul
 from typing import NamedTuple
 
@@ -241,7 +242,8 @@ def stroke(touches: list[Touch]) -> tuple[np.ndarray, float]:
 
 def _distances(a: list[np.ndarray], b: list[np.ndarray]) -> np.ndarray:
     """(len(a), len(b)) [m]."""
-    return np.sqrt(np.square(np.array(a)[:, None] - np.array(b)).sum(-1))
+    ends = [q.tolist() for q in b]
+    return np.array([[math.dist(p.tolist(), q) for q in ends] for p in a])
 
 
 def _match(cost: np.ndarray, limit: float) -> list[tuple[int, int]]:
