@@ -9,9 +9,9 @@ slow subscriber delays nobody but itself.
 from __future__ import annotations
 
 import enum
-import itertools
 import logging
 import math
+import operator
 import threading
 import time
 from collections import defaultdict, deque
@@ -162,7 +162,7 @@ class Subscription:
         self.topic_name, self.msg_type, self.qos_profile = topic, msg_type, qos
         self.callback, self.dropped = callback, 0
         self._node = node
-        self._queue: deque[tuple[int, Any]] = deque()
+        self._queue: deque = deque()
         context = node.context
         with context._lock:
             context._claim(topic, msg_type)
@@ -174,12 +174,21 @@ class Subscription:
 
     def put(self, message) -> None:
         """A message has arrived, in whatever thread."""
-        with self._node._lock:
+        node = self._node
+        with node._lock:
+            if node._gone:
+                return
             if len(self._queue) >= self.qos_profile.depth:
                 self._queue.popleft()
+                node._inbox.remove(self)
                 self.dropped += 1
-            self._queue.append((next(self._node._arrival), message))
-        self._node._wake.set()
+            self._queue.append(message)
+            node._inbox.append(self)
+        node._wake.set()
+
+    def _next(self):
+        """The oldest message's call, as (callback, arguments, future)."""
+        return self.callback, (self._queue.popleft(),), None
 
 
 class Timer:
@@ -190,27 +199,35 @@ class Timer:
     def reset(self) -> None:
         """Start anew: the next call comes one period from now."""
         with self._node._lock:
-            self._due: int | None = self._node.context.clock.now().nanoseconds + self._period
+            self._due: float = self._node.context.clock.now().nanoseconds + self._period
         self._node._wake.set()
 
     def cancel(self) -> None:
         with self._node._lock:
-            self._due = None
+            self._due = math.inf
 
     def _step(self, now: int) -> None:
         """Set the next call; ticks that were missed are skipped, the beat is kept."""
         self._due += self._period * max(1, -(-(now - self._due + 1) // self._period))
 
 
+_DUE = operator.attrgetter("_due")  # of a timer [ns]; infinite once it is cancelled
+
+
 class Service:
     def __init__(self, node: Node, srv_type: type, name: str, callback):
         self.srv_type, self.srv_name, self.callback = srv_type, name, callback
         self._node = node
-        self._queue: deque[tuple[int, Any, Future]] = deque()
+        self._queue: deque[tuple[Any, Future]] = deque()
         with node.context._lock:
             if name in node.context._services:
                 raise ValueError(f"service {name} is offered already")
             node.context._services[name] = self
+
+    def _next(self):
+        """The oldest request's call, as (callback, arguments, future)."""
+        request, future = self._queue.popleft()
+        return self.callback, (request, self.srv_type.Response()), future
 
 
 class Client:
@@ -228,7 +245,8 @@ class Client:
             if service is None:
                 raise RuntimeError(f"service {self.srv_name} is not offered by any node")
             with service._node._lock:
-                service._queue.append((next(service._node._arrival), request, future))
+                service._queue.append((request, future))
+                service._node._inbox.append(service)
         service._node._wake.set()
         return future
 
@@ -321,8 +339,10 @@ class Node:
         self._overrides = {p.name: p.value for p in parameter_overrides or []}
         self._parameters: dict[str, Parameter] = {}
         self._lock = threading.RLock()
-        self._wake = threading.Event()
-        self._arrival = itertools.count()
+        self._wake = _Wake()
+        # Whose message or request comes next, in the order of their arrival, one entry for each.
+        self._inbox: deque[Subscription | Service] = deque()
+        self._gone = False
         self._subscriptions: list[Subscription] = []
         self._timers: list[Timer] = []
         self._services: list[Service] = []
@@ -438,40 +458,38 @@ class Node:
                 self.context._publishers[p.topic_name].remove(p)
             for service in self._services:
                 del self.context._services[service.srv_name]
-                for _, _, future in service._queue:
+                for _, future in service._queue:
                     if future.set_running_or_notify_cancel():
                         future.set_exception(RuntimeError(f"{service.srv_name}: its node is gone"))
             for kept in (self._subscriptions, self._publishers, self._timers, self._services):
                 kept.clear()
+            self._inbox.clear()
+            self._gone = True
         self._wake.set()
 
     # what an executor does with it
 
-    def _next_due(self) -> int | None:
-        """When the next timer is due [ns], if there is one."""
+    def _until_due(self) -> float | None:
+        """How long until the next timer is due [s], if there is one."""
         with self._lock:
-            return min((t._due for t in self._timers if t._due is not None), default=None)
+            due = min(map(_DUE, self._timers), default=math.inf)
+        if due == math.inf:
+            return None
+        return max(0.0, (due - self.context.clock.now().nanoseconds) / 1e9)
 
     def _take(self):
         """The next thing to call, as (callback, arguments, future); None: nothing is due."""
         with self._lock:
-            now = self.context.clock.now().nanoseconds
-            due = [t for t in self._timers if t._due is not None and t._due <= now]
-            if due:
-                timer = min(due, key=lambda t: t._due)
-                timer._step(now)
-                self._in_callback = True
-                return timer.callback, (), None
-            waiting = [s for s in (*self._subscriptions, *self._services) if s._queue]
-            if not waiting:
+            if self._timers:
+                timer, now = min(self._timers, key=_DUE), self.context.clock.now().nanoseconds
+                if timer._due <= now:
+                    timer._step(now)
+                    self._in_callback = True
+                    return timer.callback, (), None
+            if not self._inbox:
                 return None
-            first = min(waiting, key=lambda s: s._queue[0][0])
             self._in_callback = True
-            if isinstance(first, Service):
-                _, request, future = first._queue.popleft()
-                return first.callback, (request, first.srv_type.Response()), future
-            _, message = first._queue.popleft()
-            return first.callback, (message,), None
+            return self._inbox.popleft()._next()
 
     def _run_ready(self) -> bool:
         """Call everything that is due; whether there was anything."""
@@ -484,8 +502,7 @@ class Node:
     def _idle(self) -> bool:
         """Whether no message waits and no callback runs."""
         with self._lock:
-            waiting = any(s._queue for s in (*self._subscriptions, *self._services))
-            return not waiting and not self._in_callback
+            return not self._inbox and not self._in_callback
 
     def _call(self, callback, arguments, future: Future | None) -> None:
         try:
@@ -538,12 +555,34 @@ def _remap_rules(cli_args: list[str]) -> list[str]:
 # --- executors ----------------------------------------------------------------------------------
 
 
+class _Wake:
+    """An Event for the one thread that waits on it: a lock does, and costs less."""
+
+    def __init__(self):
+        self._unset = threading.Lock()
+        self._unset.acquire()
+
+    def set(self) -> None:
+        if self._unset.locked():
+            try:
+                self._unset.release()
+            except RuntimeError:
+                return  # another thread was faster
+
+    def clear(self) -> None:
+        self._unset.acquire(blocking=False)
+
+    def wait(self, timeout_sec: float | None) -> None:
+        """Wait until set, and clear it."""
+        self._unset.acquire(timeout=-1 if timeout_sec is None else timeout_sec)
+
+
 class SingleThreadedExecutor:
     """Runs the callbacks of its nodes in the calling thread."""
 
     def __init__(self):
         self._nodes: list[Node] = []
-        self._wake = threading.Event()
+        self._wake = _Wake()
         self._stop = False
 
     def add_node(self, node: Node) -> None:
@@ -559,9 +598,7 @@ class SingleThreadedExecutor:
         """Call what is due; wait for it at most so long."""
         self._wake.clear()
         if not any([node._run_ready() for node in self._nodes]):
-            waits = [w for w in map(_until_due, self._nodes) if w is not None]
-            waits += [] if timeout_sec is None else [timeout_sec]
-            self._wake.wait(min(waits, default=None))
+            self._wake.wait(_soonest(self._nodes, timeout_sec))
             for node in self._nodes:
                 node._run_ready()
 
@@ -599,11 +636,12 @@ class MultiThreadedExecutor:
 
     def _run(self, nodes: tuple[Node, ...]) -> None:
         wake = nodes[0]._wake
-        while not self._stop.is_set():
+        while True:
             wake.clear()
-            if not _turn(nodes) and not self._stop.is_set():
-                waits = [wait for node in nodes if (wait := _until_due(node)) is not None]
-                wake.wait(min(waits, default=None))
+            if self._stop.is_set():
+                return
+            if not _turn(nodes):
+                wake.wait(_soonest(nodes))
 
     def drain(self, timeout_sec: float = 0.5) -> None:
         """Wait until no message is on its way, at most so long."""
@@ -631,6 +669,7 @@ def _turn(nodes: tuple[Node, ...]) -> bool:
     return False
 
 
-def _until_due(node: Node) -> float | None:
-    due = node._next_due()
-    return None if due is None else max(0.0, (due - node.context.clock.now().nanoseconds) / 1e9)
+def _soonest(nodes, timeout: float | None = None) -> float | None:
+    """How long until a timer of the nodes is due [s], at most `timeout`; None: there is none."""
+    waits = [wait for node in nodes if (wait := node._until_due()) is not None]
+    return min(waits if timeout is None else [*waits, timeout], default=None)

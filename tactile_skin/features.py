@@ -48,6 +48,8 @@ class Frame(NamedTuple):
     labels: np.ndarray  # (rows, cols) int, 1 + place in `contacts`; 0: no contact
     contacts: list[Contact]  # strongest first
     push: Push
+    cells: np.ndarray  # (m,) places of the touched cells in the flattened picture
+    own: np.ndarray  # (contacts, m) force of each of them [N], in the row of its contact
 
 
 _NOTHING = Push(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), 0.0)
@@ -63,13 +65,13 @@ def look(force: np.ndarray, geometry: Geometry, cell_threshold: float) -> Frame:
         force: (rows, cols) on each cell [N], 0 or more.
         cell_threshold: a contact has a cell with more [N].
     """
-    labels, n = segment(force, cell_threshold)
+    cells, owner, n = segment(force, cell_threshold)
+    labels = np.zeros(force.shape, int)
     if n == 0:
-        return Frame(force, labels, [], _NOTHING)
-    cells = labels.ravel().nonzero()[0]  # (m,)
-    owner = labels.ravel()[cells] - 1
-    own = np.zeros((n, cells.size))  # force of each cell, in the row of its contact
-    own[owner, np.arange(cells.size)] = force.ravel()[cells]
+        return Frame(force, labels, [], _NOTHING, cells, np.zeros((0, 0)))
+    labels.ravel()[cells] = owner + 1
+    f = force.ravel()[cells]
+    own = f[None] if n == 1 else np.where(owner == np.arange(n)[:, None], f, 0.0)
     moments = own @ geometry.lever[cells]  # (n, 10): force, torque, first moment, sum
     forces = moments[:, 9].tolist()
     centres = moments[:, 6:9] / moments[:, 9:]
@@ -83,11 +85,12 @@ def look(force: np.ndarray, geometry: Geometry, cell_threshold: float) -> Frame:
     length = math.hypot(*total[:3].tolist())
     direction = total[:3] / length if length > 1e-6 * total[9] else np.zeros(3)
     confidence = length / (float(total[9]) + 10.0 * cell_threshold)
-    return Frame(force, labels, found, Push(total[:3], total[3:6], centre, direction, confidence))
+    push = Push(total[:3], total[3:6], centre, direction, confidence)
+    return Frame(force, labels, found, push, cells, own)
 
 
-def segment(force: np.ndarray, cell_threshold: float) -> tuple[np.ndarray, int]:
-    """Which contact each cell belongs to, strongest contact first.
+def segment(force: np.ndarray, cell_threshold: float) -> tuple[np.ndarray, np.ndarray, int]:
+    """Which cells are touched, and which contact each belongs to, strongest contact first.
 
     A contact is a hill of cells that touch (8 neighbours), each above a tenth of the threshold: a
     fingertip has a third of its force on its rim. Two hills that touch are two contacts where the
@@ -101,50 +104,53 @@ def segment(force: np.ndarray, cell_threshold: float) -> tuple[np.ndarray, int]:
             cells have 200 times as much together: a body that leans on many cells is soft on each.
 
     Returns:
-        (rows, cols) number of the contact, 1.. and 0 for none; number of contacts.
+        (m,) places of the touched cells in the flattened picture; (m,) each one's contact, from 0;
+        number of contacts.
     """
-    rows, cols = force.shape
-    labels = np.zeros((rows, cols), int)
+    flat, nothing = force.ravel(), np.zeros(0, int)
     soft = _SOFT * cell_threshold
     rim = _RIM * cell_threshold
-    if not (force.max() > cell_threshold or force[force > rim].sum() > soft):
-        return labels, 0
-    # With idle cells around the skin every cell has eight neighbours.
-    width = cols + 2
-    flat = np.zeros((rows + 2) * width)
-    flat.reshape(rows + 2, width)[1:-1, 1:-1] = force
+    highest = flat.max()
+    if highest <= rim:
+        return nothing, nothing, 0
     cells = (flat > rim).nonzero()[0]
-    cells = cells[flat[cells].argsort(kind="stable")]  # (m,) weakest first
     f = flat[cells]
-    place = np.full(flat.size, -1)  # in `cells`: equal forces have different ones
-    place[cells] = np.arange(cells.size)
-    around = place[cells[:, None] + _nine(width)]  # (m, 9), -1 for idle cells
-    hill = around.max(1).tolist()  # the steepest way up from each cell,
-    for k in range(cells.size - 1, -1, -1):
-        hill[k] = hill[hill[k]]  # to its top
-    owner = np.array(hill)
-    tops = sorted(set(hill))
-    if len(tops) > 1:
-        top_of = _join(tops, owner, around, f, cell_threshold)
-        owner = np.array([top_of[k] for k in hill])
-        tops = sorted(set(top_of.values()))
+    if not (highest > cell_threshold or f.sum() > soft):
+        return nothing, nothing, 0
+    weakest_first = f.argsort(kind="stable")
+    cells, f = cells[weakest_first], f[weakest_first]  # (m,)
+    m = cells.size
+    place = np.full(flat.size + 1, -1)  # in `cells`: equal forces have different ones
+    place[cells] = np.arange(m)
+    around = place[_neighbours(*force.shape)[cells]]  # (m, 9), -1 for idle cells
+    hill = around.max(1)  # the steepest way up from each cell,
+    tops = (hill == np.arange(m)).nonzero()[0].tolist()
+    if len(tops) == 1:
+        return cells, np.zeros(m, int), 1
+    for _ in range(m.bit_length()):
+        hill = hill[hill]  # twice as far up, to its top
+    top_of = np.arange(m)
+    top_of[tops] = _join(tops, hill, around, f, cell_threshold)
+    owner = top_of[hill]
     sums = np.bincount(owner, f).tolist()
-    felt = (k for k in tops if f[k] > cell_threshold or sums[k] > soft)
-    tops = sorted(felt, key=lambda k: -sums[k])
-    number = np.zeros(cells.size, int)
-    number[tops] = range(1, len(tops) + 1)
-    flat_labels = np.zeros(flat.size, int)
-    flat_labels[cells] = number[owner]
-    return flat_labels.reshape(rows + 2, width)[1:-1, 1:-1].copy(), len(tops)
+    felt = [k for k in sorted(set(owner.tolist())) if f[k] > cell_threshold or sums[k] > soft]
+    number = np.full(m, -1)
+    number[sorted(felt, key=lambda k: -sums[k])] = range(len(felt))
+    contact = number[owner]
+    touched = contact >= 0
+    return cells[touched], contact[touched], len(felt)
 
 
 @lru_cache(maxsize=8)
-def _nine(width: int) -> np.ndarray:
-    """Offsets of a cell and its eight neighbours in a flattened picture."""
-    return np.array([down * width + right for down in (-1, 0, 1) for right in (-1, 0, 1)])
+def _neighbours(rows: int, cols: int) -> np.ndarray:
+    """(rows * cols, 9) places of each cell and its neighbours; -1 beyond the edge."""
+    places = np.full((rows + 2, cols + 2), -1)
+    places[1:-1, 1:-1] = np.arange(rows * cols).reshape(rows, cols)
+    windows = np.lib.stride_tricks.sliding_window_view(places, (3, 3))
+    return windows.reshape(rows * cols, 9)
 
 
-def _join(tops: list[int], hill, around, f, threshold: float) -> dict[int, int]:
+def _join(tops: list[int], hill, around, f, threshold: float) -> list[int]:
     """Which hills are one contact.
 
     Args:
@@ -156,11 +162,12 @@ def _join(tops: list[int], hill, around, f, threshold: float) -> dict[int, int]:
     Returns:
         for each top, the one that stands for its contact: the highest.
     """
-    other = np.where(around < 0, -1, hill[around])
-    cell, side = ((other >= 0) & (other < hill[:, None])).nonzero()  # each border seen from above
-    saddle = np.minimum(f[cell], f[around[cell, side]])
+    # each border seen from above
+    cell, side = ((around >= 0) & (hill[around] < hill[:, None])).nonzero()
+    beside = around[cell, side]
+    saddle = np.minimum(f[cell], f[beside])
     highest = saddle.argsort()[::-1]
-    above, below = hill[cell[highest]].tolist(), other[cell, side][highest].tolist()
+    above, below = hill[cell[highest]].tolist(), hill[beside[highest]].tolist()
     stands_for = {k: k for k in tops}
 
     def top(k):
@@ -172,4 +179,4 @@ def _join(tops: list[int], hill, around, f, threshold: float) -> dict[int, int]:
         low, high = sorted((top(one), top(another)))
         if low != high and (height >= _VALLEY * f[low] or f[low] <= threshold):
             stands_for[low] = high
-    return {k: top(k) for k in tops}
+    return [top(k) for k in tops]

@@ -43,11 +43,11 @@ class Gestures:
     """
 
     def __init__(self, geometry: Geometry):
-        self._area, self._pitch = geometry.cell_area, geometry.pitch
+        self._area, self._pitch = geometry.cell_area.ravel(), geometry.pitch
         self._courses: dict[int, _Course] = {}
         # Of the last frame: force [N] on the cells, their contacts and the touches that these were.
-        self._force = np.zeros(self._area.shape)
-        self._labels, self._ids = np.zeros(self._area.shape, int), []
+        self._force = np.zeros(geometry.cell_area.shape)
+        self._labels, self._ids = np.zeros(geometry.cell_area.shape, int), []
 
     def update(self, t: float, frame: Frame, touches: list[Touch]) -> list[Gesture]:
         """A gesture for each of `tracking.Tracker.update`'s touches, in their order.
@@ -60,15 +60,18 @@ class Gestures:
         labels, n = frame.labels, len(frame.contacts)
         ids = [touch.id for touch in touches[:n]]
         # A cell that is touched no more changed by the touch that has left it.
-        label_now = {number: k for k, number in enumerate(ids, 1)}
-        left_by = np.array([0, *(label_now.get(number, 0) for number in self._ids)])
-        changed_by = np.where(labels > 0, labels, left_by[self._labels])
+        left_by = self._labels
+        if ids != self._ids:
+            label_now = {number: k for k, number in enumerate(ids, 1)}
+            left_by = np.array([0, *(label_now.get(number, 0) for number in self._ids)])[left_by]
+        changed_by = np.where(labels, labels, left_by)
         change = np.abs(frame.force - self._force)
         changes = np.bincount(changed_by.ravel(), change.ravel(), n + 1).tolist()
-        hardest = np.zeros(n + 1)
-        np.maximum.at(hardest, labels.ravel(), (frame.force / self._area).ravel())
-        for k, (touch, peak) in enumerate(zip(touches, hardest[1:].tolist(), strict=False), 1):
-            course = self._courses.setdefault(touch.id, _Course(t, touch.contact))
+        hardest = (frame.own / self._area[frame.cells]).max(1, initial=0.0).tolist()
+        for k, (touch, peak) in enumerate(zip(touches, hardest, strict=False), 1):
+            course = self._courses.get(touch.id)
+            if course is None:
+                course = self._courses[touch.id] = _Course(t, touch.contact)
             course.take(t, touch.contact, peak, changes[k], self._pitch)
         gestures = [self._courses[touch.id].gesture() for touch in touches]
         for touch in touches:

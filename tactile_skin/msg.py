@@ -260,9 +260,13 @@ def _fields(names: tuple[str, ...]) -> tuple[PointField, ...]:
     return tuple(PointField(name, 4 * k, PointField.FLOAT32, 1) for k, name in enumerate(names))
 
 
-def cloud_columns(msg: PointCloud2) -> dict[str, np.ndarray]:
-    """PointCloud2 of float32 fields, as `cloud` makes them -> named columns."""
-    if msg.is_bigendian or any(f.datatype != PointField.FLOAT32 for f in msg.fields):
-        raise ValueError("point cloud: must hold little-endian FLOAT32 fields")
+def cloud_columns(msg: PointCloud2, *names: str) -> dict[str, np.ndarray]:
+    """PointCloud2 of float32 fields, as `cloud` makes them -> columns of these names, or all."""
     table = np.frombuffer(msg.data, "<f4").reshape(msg.width, msg.point_step // 4)
-    return {f.name: table[:, f.offset // 4] for f in msg.fields}
+    columns = {}
+    for f in msg.fields:
+        if msg.is_bigendian or f.datatype != PointField.FLOAT32:
+            raise ValueError("point cloud: must hold little-endian FLOAT32 fields")
+        if not names or f.name in names:
+            columns[f.name] = table[:, f.offset // 4]
+    return columns

@@ -147,7 +147,8 @@ class BinaryParser:
             if not self._count(sequence):
                 continue
             shift = 16 - adc_bits - fraction_bits
-            frames.append(Frame(samples << shift, adc_bits, sequence, device_time))
+            samples = samples << shift if shift else samples
+            frames.append(Frame(samples, adc_bits, sequence, device_time))
 
     def _header(self):
         """The header's fields behind version; None if it is damaged or out of range."""

@@ -136,10 +136,11 @@ class Ros2:
     def ok(self) -> bool:
         return self._thread.is_alive()
 
-    def advertise(self, kind: type, topic: str, qos: bus.QoSProfile) -> Callable:
+    def advertise(self, kind: type, topic: str, qos: bus.QoSProfile) -> tuple[Callable, Callable]:
+        """What sends a message, and what counts the subscribers."""
         publisher = self._node.create_publisher(kind, topic, self._qos(qos))
         self._publishers.append(publisher)
-        return publisher.publish
+        return publisher.publish, publisher.get_subscription_count
 
     def subscribe(self, kind: type, topic: str, callback, qos: bus.QoSProfile) -> None:
         self._node.create_subscription(kind, topic, callback, self._qos(qos))
@@ -218,15 +219,17 @@ class Ros1:
         """False once another node has taken this one's name."""
         return not self._rospy.core.is_shutdown_requested()
 
-    def advertise(self, kind: type, topic: str, qos: bus.QoSProfile) -> Callable:
+    def advertise(self, kind: type, topic: str, qos: bus.QoSProfile) -> tuple[Callable, Callable]:
+        """What sends a message, and what counts the subscribers."""
         latch = qos.durability is bus.DurabilityPolicy.TRANSIENT_LOCAL
         # A queue, and so a thread, for each subscriber: a slow one delays nobody. Latched topics
         # have a depth of 1, which is what is kept, not how many may be on their way. And no Nagle:
         # he would hold a message back until the last one is acknowledged, up to 40 ms.
         size = max(qos.depth, QUEUE)
-        return self._rospy.Publisher(
+        publisher = self._rospy.Publisher(
             topic, kind, queue_size=size, latch=latch, tcp_nodelay=True
-        ).publish
+        )
+        return publisher.publish, publisher.get_num_connections
 
     def subscribe(self, kind: type, topic: str, callback, qos: bus.QoSProfile) -> None:
         self._rospy.Subscriber(topic, kind, callback, queue_size=qos.depth, tcp_nodelay=True)
@@ -344,8 +347,9 @@ class _WallClock:
 
 
 class _Publisher:
-    def __init__(self, msg_type: type, topic: str, send: Callable):
+    def __init__(self, msg_type: type, topic: str, send: Callable, count: Callable):
         self.msg_type, self.topic_name, self._send = msg_type, topic, send
+        self.get_subscription_count = count
 
     def publish(self, message) -> None:
         if type(message) is not self.msg_type:
@@ -367,8 +371,7 @@ class RosNode(bus.Node):
 
     def create_publisher(self, msg_type, topic: str, qos_profile: bus.QoSProfile | int):
         name, qos = self.resolve_topic_name(topic), bus.as_qos(qos_profile)
-        send = self._ros.advertise(ros_class(msg_type), name, qos)
-        return _Publisher(msg_type, name, send)
+        return _Publisher(msg_type, name, *self._ros.advertise(ros_class(msg_type), name, qos))
 
     def create_subscription(self, msg_type, topic: str, callback, qos_profile):
         subscription = super().create_subscription(msg_type, topic, callback, qos_profile)

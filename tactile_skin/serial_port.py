@@ -108,7 +108,8 @@ class SerialReader:
         last_frame, before = time.monotonic(), counters.skipped_bytes
         while not self._stop.is_set():
             # the rest of a frame at once: each read costs more than the parsing of one
-            data = port.read(max(port.in_waiting, self.parser.wanted))
+            wanted = self.parser.wanted
+            data = port.read(wanted if wanted > 1 else max(1, port.in_waiting))
             frames = self.parser.feed(data) if data else []
             if frames:
                 last_frame, before = time.monotonic(), counters.skipped_bytes

@@ -8,6 +8,8 @@ contact parts.
 
 from __future__ import annotations
 
+import math
+from operator import mul
 from typing import NamedTuple
 
 import numpy as np
@@ -70,7 +72,7 @@ class _Track:
         if jumped:
             self._times, self._places = [], []
         self._times.append(t)
-        self._places.append(contact.position)
+        self._places.append(contact.position.tolist())
         while self._times[0] < t - _WINDOW:
             del self._times[0], self._places[0]
         self._fit()
@@ -83,12 +85,14 @@ class _Track:
         self.velocity, self.confidence = _STANDING, 0.0
         mean = sum(times) / n
         offsets = [t - mean for t in times]
-        spread = sum(dt * dt for dt in offsets)
+        spread = sum(map(mul, offsets, offsets))
         if n < _FEWEST or spread == 0.0:
             return
-        self.velocity = np.array(offsets) @ np.array(self._places) / spread
+        axes = zip(*self._places, strict=True)
+        velocity = [sum(map(mul, offsets, axis)) / spread for axis in axes]
+        self.velocity = np.array(velocity)
         span = times[-1] - times[0]
-        travelled2 = float(self.velocity @ self.velocity) * span**2
+        travelled2 = sum(map(mul, velocity, velocity)) * span**2
         filled = min(1.0, span / (0.8 * _WINDOW))
         self.confidence = filled * travelled2 / (travelled2 + (3.0 * _NOISE) ** 2)
 
@@ -183,23 +187,25 @@ class Tracker:
     def _assign(self, t: float, frame: Frame, claims: list[list[_Track]]) -> list[int]:
         """Put the touches that each contact is into `claims`; returns the places of those lost."""
         tracks, found = self._tracks, frame.contacts
-        shared = self._shared_force(frame)  # (tracks, contacts) [N]
-        part_of = shared > _PART_OF * np.array([c.force for c in found])
-        stays = shared > _STAYS * np.array([[track.contact.force] for track in tracks])
         away = _distances([track.foreseen(t) for track in tracks], [c.position for c in found])
         reach = _REACH * self.pitch + _FASTEST * min(t - self._t, _GRACE)
         pieces: list[list[int]] = [[] for _ in tracks]  # the contacts that each touch is now
         unmatched = set(range(len(found)))
-        for j, k in _match(np.where(away < reach, away, np.inf)):
+        for j, k in _match(away, reach):
             pieces[j].append(k)
             unmatched.discard(k)
-        for k in unmatched:
-            if part_of[:, k].any():
-                pieces[int(part_of[:, k].argmax())].append(k)
+        if unmatched or not all(pieces):
+            shared = self._shared_force(frame)  # (tracks, contacts) [N]
+            part_of = shared > _PART_OF * np.array([c.force for c in found])
+            stays = shared > _STAYS * np.array([[track.contact.force] for track in tracks])
+            for k in unmatched:
+                if part_of[:, k].any():
+                    pieces[int(part_of[:, k].argmax())].append(k)
+            for j in range(len(tracks)):
+                if not pieces[j] and stays[j].any():  # it joined another
+                    pieces[j].append(int(shared[j].argmax()))
         lost = []
         for j, track in enumerate(tracks):
-            if not pieces[j] and stays[j].any():  # it joined another
-                pieces[j].append(int(shared[j].argmax()))
             if len(pieces[j]) == 1:
                 claims[pieces[j][0]] += track.members
             elif pieces[j]:
@@ -213,17 +219,14 @@ class Tracker:
         members = track.members
         alone = [m.foreseen_alone(t) for m in members] if members[1:] else [track.foreseen(t)]
         away = _distances(alone, [found[k].position for k in pieces])
-        which = dict(_match(away))
+        which = dict(_match(away, np.inf))
         for i, member in enumerate(members):
             claims[pieces[which.get(i, int(away[i].argmin()))]].append(member)
 
     def _shared_force(self, frame: Frame) -> np.ndarray:
         """(tracks, contacts) force [N] of each contact on the cells of each track's last one."""
-        shape = len(self._tracks) + 1, len(frame.contacts) + 1
-        cells = np.flatnonzero(frame.labels)
-        pair = self._on.flat[cells] * shape[1] + frame.labels.flat[cells]
-        force = np.bincount(pair, frame.force.flat[cells], shape[0] * shape[1])
-        return force.reshape(shape)[1:, 1:]
+        on = self._on.ravel()[frame.cells]  # (m,)
+        return (on == np.arange(1, len(self._tracks) + 1)[:, None]) @ frame.own.T
 
 
 def stroke(touches: list[Touch]) -> tuple[np.ndarray, float]:
@@ -239,11 +242,12 @@ def stroke(touches: list[Touch]) -> tuple[np.ndarray, float]:
 
 def _distances(a: list[np.ndarray], b: list[np.ndarray]) -> np.ndarray:
     """(len(a), len(b)) [m]."""
-    return np.sqrt(np.square(np.array(a)[:, None] - np.array(b)).sum(-1))
+    ends = [q.tolist() for q in b]
+    return np.array([[math.dist(p.tolist(), q) for q in ends] for p in a])
 
 
-def _match(cost: np.ndarray) -> list[tuple[int, int]]:
-    """Pairs of least total cost, none of infinite cost."""
-    barred = ~np.isfinite(cost)
-    pairs = zip(*linear_sum_assignment(np.where(barred, 1e6, cost)), strict=True)
-    return [(int(j), int(k)) for j, k in pairs if not barred[j, k]]
+def _match(cost: np.ndarray, limit: float) -> list[tuple[int, int]]:
+    """Pairs of least total cost, each below the limit."""
+    rows, cols = linear_sum_assignment(np.where(cost < limit, cost, 1e6))
+    pairs = zip(rows.tolist(), cols.tolist(), strict=True)
+    return [(j, k) for j, k in pairs if cost[j, k] < limit]

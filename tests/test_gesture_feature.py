@@ -149,3 +149,19 @@ def test_a_pressure_that_is_none_gives_no_contacts(bad):
         skin.feel(np.full((16, 16), bad))
     assert skin.node.callback_errors == 1
     assert len(skin.seen["skin/contacts"]) == 1
+
+
+def test_who_comes_late_hears_of_the_whole_touch():
+    """A topic that nobody hears is not published, but what it tells goes on being followed."""
+    early, late = Skin(), Skin()
+    heard = late.node.context._subscriptions
+    later = {topic: heard.pop(topic) for topic in ("/skin/gestures", "/skin/stroke")}
+    for k in range(20):
+        heard |= later if k == 10 else {}
+        for skin in (early, late):
+            skin.feel(finger(16, 16, 7.5, 3.0 + 0.2 * k, 5.0))
+    assert len(early.seen["skin/gestures"]) == len(early.seen["skin/stroke"]) == 20
+    assert len(late.seen["skin/gestures"]) == len(late.seen["skin/stroke"]) == 10
+    for name, values in early.gestures().items():
+        np.testing.assert_array_equal(late.gestures()[name], values)
+    assert early.gestures()["displacement"] > 0.03

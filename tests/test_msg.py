@@ -77,6 +77,7 @@ def test_cloud_round_trip(n):
     assert list(read) == list(columns)
     for name, column in columns.items():
         np.testing.assert_array_equal(read[name], column)
+    assert list(msg.cloud_columns(made, "force", "y")) == ["y", "force"]
 
 
 def test_cloud_fields_say_where_each_value_is():

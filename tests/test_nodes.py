@@ -244,6 +244,15 @@ def test_the_stop_is_a_heartbeat(moving):
     assert len(moving.seen["skin/stop"]) - before == 50
 
 
+def test_readings_are_heartbeats_too(moving):
+    """One decision each: the timer speaks only where they leave a gap."""
+    before = len(moving.seen["skin/stop"])
+    moving.play(50)
+    assert len(moving.seen["skin/stop"]) - before == 50
+    moving.wait(HEARTBEAT)
+    assert len(moving.seen["skin/stop"]) - before == 51
+
+
 def test_the_stop_is_latched(moving):
     """Whoever subscribes late knows at once."""
     moving.wait(1.0)

@@ -334,7 +334,7 @@ def test_fields_and_constants_are_those_of_the_installed_ros(kind, version):
 
 @pytest.mark.ros
 def test_a_message_of_another_type_is_refused(version):
-    publisher = ros._Publisher(msg.Bool, "/skin/stop", print)
+    publisher = ros._Publisher(msg.Bool, "/skin/stop", print, lambda: 1)
     with pytest.raises(TypeError, match=r"skin/stop carries std_msgs/msg/Bool, not Float32"):
         publisher.publish(msg.Float32(1.0))
 

@@ -107,7 +107,7 @@ class Compensation:
             pressure = estimate.force / self.cell_area
             self._pressure.publish(image(pressure, "32FC1", msg.header))
         words = estimate.message, self._tare.message
-        self._judge(estimate.status, "; ".join(word for word in words if word))
+        self._judge(estimate.status, "; ".join(filter(None, words)))
 
     def on_reset(self, _, response):
         self._last = None

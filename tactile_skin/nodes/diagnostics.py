@@ -18,4 +18,4 @@ def report(node, level: int, message: str, values: dict, header: Header | None =
 
 def name_of(node) -> str:
     """The node's name in diagnostics: with its namespace, so that two skins do not mix."""
-    return f"{node.get_namespace().strip('/')}/{node.get_name()}".lstrip("/")
+    return node.get_fully_qualified_name().lstrip("/")

@@ -57,8 +57,11 @@ class GestureFeature:
         header = msg.header
         pressure = image_array(msg)
         shape = self.geometry.cell_area.shape
-        sound = ((pressure >= 0.0) & (pressure < np.inf)).all()
-        if msg.encoding != "32FC1" or pressure.shape != shape or not sound:
+        if (
+            msg.encoding != "32FC1"
+            or pressure.shape != shape
+            or not (pressure.min() >= 0.0 and pressure.max() < np.inf)  # False for NaN
+        ):
             raise ValueError(
                 f"skin/pressure is {msg.encoding} {pressure.shape}: "
                 f"must be 32FC1 {shape}, finite and 0 or more"
@@ -69,18 +72,28 @@ class GestureFeature:
         touches = self.tracker.update(t, frame)
         self._contacts.publish(contact_cloud(touches, header))  # first: the stop waits for it
         push = frame.push
-        self._wrench.publish(
-            WrenchStamped(header, Wrench(_vector(push.force), _vector(push.torque)))
-        )
-        self._centre.publish(PointStamped(header, Point(*push.centre.tolist())))
-        self._direction.publish(Vector3Stamped(header, _vector(push.direction)))
-        self._confidence.publish(Float32(push.confidence))
+        if heard(self._wrench):
+            wrench = Wrench(_vector(push.force), _vector(push.torque))
+            self._wrench.publish(WrenchStamped(header, wrench))
+        if heard(self._centre):
+            self._centre.publish(PointStamped(header, Point(*push.centre.tolist())))
+        if heard(self._direction):
+            self._direction.publish(Vector3Stamped(header, _vector(push.direction)))
+        if heard(self._confidence):
+            self._confidence.publish(Float32(push.confidence))
         velocity, confidence = stroke(touches)
-        self._stroke.publish(Vector3Stamped(header, _vector(velocity)))
-        self._stroke_confidence.publish(Float32(confidence))
-        if touches:
-            gestures = self.gestures.update(t, frame, touches)
+        if heard(self._stroke):
+            self._stroke.publish(Vector3Stamped(header, _vector(velocity)))
+        if heard(self._stroke_confidence):
+            self._stroke_confidence.publish(Float32(confidence))
+        gestures = self.gestures.update(t, frame, touches)  # also unheard: it sums up
+        if touches and heard(self._gestures):
             self._gestures.publish(gesture_cloud(touches, gestures, header))
+
+
+def heard(publisher) -> bool:
+    """Whether a message would reach anybody: most topics are for the few who ask for them."""
+    return publisher.get_subscription_count() > 0
 
 
 def contact_cloud(touches: list[Touch], header: Header) -> PointCloud2:

@@ -21,6 +21,7 @@ from ..msg import (
 )
 from . import diagnostics
 from .stop_on_push import STATUS_TOPIC
+from .touch import xyz
 
 _FIRST_FRAME_WITHIN = 20.0  # s, before a run of limited duration gives up
 _KEPT = 200_000  # latencies
@@ -51,7 +52,7 @@ class Monitor:
         self._driver: dict[str, str] = {}
         self._troubles: dict[str, str] = {}
         self._contacts, self._force = 0, 0.0
-        self._direction = np.zeros(3)
+        self._direction = (0.0, 0.0, 0.0)
         self._cmd_vel: Twist | None = None  # while a node of the skin moves the robot
         self._waiting = "no decision yet"
         self._spoke = False  # a live line was printed
@@ -64,7 +65,8 @@ class Monitor:
         node.create_subscription(DiagnosticArray, STATUS_TOPIC, self.on_status, _EVERY_DECISION)
         node.create_subscription(DiagnosticArray, diagnostics.TOPIC, self.on_diagnostics, 100)
         node.create_timer(0.2 if self.out.isatty() else 1.0, self.live_line)
-        node.create_timer(0.02, self.on_timer)
+        if self.duration > 0.0:
+            node.create_timer(0.02, self.on_timer)
 
     def _now(self) -> int:
         return self.node.get_clock().now().nanoseconds
@@ -77,13 +79,13 @@ class Monitor:
 
     def on_contacts(self, msg: PointCloud2) -> None:
         self._contacts = msg.width
-        self._force = float(cloud_columns(msg)["force"].sum())
+        self._force = sum(cloud_columns(msg, "force")["force"].tolist())
         self.most_contacts = max(self.most_contacts, self._contacts)
         self.largest_force = max(self.largest_force, self._force)
         self.touched_frames += self._contacts > 0
 
     def on_direction(self, msg: Vector3Stamped) -> None:
-        self._direction = np.array([msg.vector.x, msg.vector.y, msg.vector.z])
+        self._direction = xyz(msg.vector)
 
     def on_cmd_vel(self, msg: Twist) -> None:
         self._cmd_vel = msg
@@ -126,7 +128,7 @@ class Monitor:
 
     def on_timer(self) -> None:
         now = self._now()
-        if self.duration == 0.0 or not self.node.context.ok():
+        if not self.node.context.ok():
             return
         if self._first is None:
             over = now - self._start > (_FIRST_FRAME_WITHIN + self.duration) * 1e9
@@ -143,7 +145,7 @@ class Monitor:
         self._rate_mark = (now, self.frames)
         rate = (self.frames - frames) / max((now - since) / 1e9, 1e-9)
         push = "no push direction"
-        if self._direction.any():
+        if any(self._direction):
             push = "push ({:+.2f} {:+.2f} {:+.2f})".format(*self._direction)
         reason = self._waiting
         if self.stops and self.stops[-1][1] is None:

@@ -72,7 +72,7 @@ class StopOnPush:
         node.create_subscription(PointCloud2, "skin/contacts", self.on_contacts, QUEUE)
         node.create_subscription(DiagnosticArray, diagnostics.TOPIC, self.on_diagnostics, 50)
         node.create_service(Trigger, "~/reset", self.on_reset)
-        node.create_timer(HEARTBEAT, self.on_timer)
+        self._heartbeat = node.create_timer(HEARTBEAT, self.on_timer)
         self.on_timer()
 
     def _now(self) -> float:
@@ -80,13 +80,14 @@ class StopOnPush:
 
     def on_contacts(self, msg: PointCloud2) -> None:
         self._header = msg.header
-        columns = cloud_columns(msg)
-        force, peak = columns["force"], columns["peak"]
+        columns = cloud_columns(msg, "force", "peak")
+        force, largest = columns["force"], float(columns["peak"].max(initial=0.0))
+        lowest = float(force.min(initial=0.0))
         # a negative force must not hide behind the others' sum
-        self._force = float(force.sum() if (force >= 0).all() else force.min())
+        self._force = lowest if lowest < 0.0 else float(force.sum())
         stamp = Time.from_msg(msg.header.stamp).nanoseconds / 1e9
-        largest = float(peak.max(initial=0.0))
         self._publish(self.policy.reading(self._now(), self._force, largest, stamp))
+        self._heartbeat.reset()
 
     def on_diagnostics(self, msg: DiagnosticArray) -> None:
         """A stage that reports ERROR stops the robot; WARN and OK do not."""

@@ -39,7 +39,7 @@ def on_touch(node, callback: Callable[[Touch], None]) -> None:
             callback(Touch(stamp / 1e9, total, force, torque, parts["centre"][1], places))
 
     def on_contacts(msg: PointCloud2) -> None:
-        columns = cloud_columns(msg)
+        columns = cloud_columns(msg, "x", "y", "z", "force")
         places = np.stack([columns[axis] for axis in "xyz"], 1)
         take("contacts", msg, (float(columns["force"].sum()), places))
 
