@@ -16,12 +16,18 @@ _BEYOND = 5.0  # of noise, past what no skin can read
 _OPEN = 0.5  # times the reading at rest: fabrics differ from the curve by less
 _EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
 _HIDDEN = 1e-3  # share of a fault's pattern, squared, below which the cells can take all of it
+_SHORT_OF = 1.01  # ADC steps below a ceiling to which noise lets a saturated reading fall
+_GAP = 3.0  # times that: how far below the largest readings others are looked for
+_PILE = 6, 1.0  # readings at the largest, others below for each: a ceiling, or a flat touch
+_CEILING = 30, 0.25  # the same: more than noise leaves of a flat touch
+_UNEQUAL = 0.4  # ADC steps of noise that makes equal readings differ
 
 
 def by_reading(reading: Reading) -> str:
     """Readings that no skin can give, whatever presses on it; for methods that fit nothing too.
 
-    A load only raises a reading, from that at rest to that of a short circuit behind r_par.
+    A load only raises a reading, from that at rest to that of a short circuit behind r_par. Noise
+    keeps even a flat touch's readings apart.
     """
     circuit, steps, known = reading.circuit, reading.steps, reading.known
     margin = _BEYOND * reading.noise + 1.0
@@ -32,18 +38,35 @@ def by_reading(reading: Reading) -> str:
         if bad.any():
             row, col = np.argwhere(bad)[0]
             return f"{np.count_nonzero(bad)} readings {way}? the first at row {row}, column {col}"
-    return ""
+    touched = steps.max() > rest.max() + margin
+    return piled(reading, *_CEILING) if touched and reading.noise > _UNEQUAL else ""
 
 
-def by_residual(reading: Reading, adc: np.ndarray, floor: float = _EXACT_NOISE) -> str:
+def piled(reading: Reading, least: int = _PILE[0], others: float = _PILE[1]) -> str:
+    """Whether the largest readings stand at one height, with few below: a saturated input?
+
+    A flat touch reads like that too: only the circuit tells whether there are cells that read so.
+    """
+    top = reading.steps.max()
+    below = (top - reading.steps)[reading.known]
+    at_top = np.count_nonzero(below < _SHORT_OF)
+    if at_top < least or np.count_nonzero(below < _GAP * _SHORT_OF) > (1.0 + others) * at_top:
+        return ""
+    return f"{at_top} readings stand at {top:.0f} ADC steps: is the input saturated?"
+
+
+def by_residual(
+    reading: Reading, adc: np.ndarray, floor: float = _EXACT_NOISE, slack: float = 1.0
+) -> str:
     """Why the misfit to the model's ADC ratio (rows, cols) is beyond noise; empty if it is not.
 
     Args:
         floor: noise [ADC steps] that the method supposes at least.
+        slack: times the noise by which the method may miss a sound reading.
     """
     misfit = reading.misfit(adc)
     n = max(reading.told, 1)
-    noise = max(reading.noise, floor)
+    noise = slack * max(reading.noise, floor)
     square = np.square(misfit)
     if square.sum() <= n * noise**2 * (1.0 + _RESIDUAL * (2.0 / n) ** 0.5):
         return ""
@@ -52,6 +75,7 @@ def by_residual(reading: Reading, adc: np.ndarray, floor: float = _EXACT_NOISE) 
     for name, sums in (("row", square.sum(1)), ("column", square.sum(0))):
         if sums.max() > 0.5 * square.sum():
             where = f", most of it in {name} {sums.argmax()}: open, or not connected?"
+    where = where or (f", {why}" if (why := piled(reading)) else "")
     return f"residual of {residual:.2f} ADC steps, noise explains {noise:.2f}{where}"
 
 
