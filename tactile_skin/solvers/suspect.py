@@ -15,7 +15,10 @@ _R_PAR = 5.5
 _BEYOND = 5.0  # of noise, past what no skin can read
 _OPEN = 0.5  # times the reading at rest: fabrics differ from the curve by less
 _EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
-_HIDDEN = 1e-3  # share of a fault's pattern, squared, below which the cells can take all of it
+# Share of a fault's pattern, squared, below which the fit can take all of it: each short's, r_par's.
+_HIDDEN = 1e-3, 1e-4
+_TOLD = 1e-3  # the same, above which the readings alone tell a wrong r_par from the touched cells'
+_LIFTED = 5.0  # times its conductance at rest: a cell below it is as good as untouched
 _SHORT_OF = 1.01  # ADC steps below a ceiling to which noise lets a saturated reading fall
 _GAP = 3.0  # times that: how far below the largest readings others are looked for
 _PILE = 6, 1.0  # readings at the largest, others below for each: a ceiling, or a flat touch
@@ -96,7 +99,7 @@ def by_cost(reading: Reading, cost: float) -> str:
     )
 
 
-def by_score(reading: Reading, k, weight, misfit, told, jacobian, factor, ahead, broad) -> str:
+def by_score(reading: Reading, k, weight, misfit, told, jacobian, factor, ahead, g, broad) -> str:
     """Score tests for a short between neighbouring lines and for a wrong r_par.
 
     How far does the misfit lie along the change p that the fault would make in the readings, past
@@ -108,6 +111,7 @@ def by_score(reading: Reading, k, weight, misfit, told, jacobian, factor, ahead,
             standard deviations.
         told, jacobian, factor: of the fit over its unknowns, see map._Step.
         ahead: what the unknowns still lack to the fit's minimum.
+        g: conductances of the unknowns [S].
         broad: the level prior was used; its fit leans on r_par's pattern even when sound.
     """
     rows, cols = weight.shape
@@ -122,12 +126,14 @@ def by_score(reading: Reading, k, weight, misfit, told, jacobian, factor, ahead,
     along = jacobian.T @ p
     hidden = (along * lapack.spotrs(factor, along)[0]).sum(0)
     score = p.T @ misfit.ravel()[told].astype(np.float32) - along.T @ ahead
-    score /= np.sqrt(np.maximum(size - hidden, _HIDDEN * size) + 1e-30)
+    least = np.append(np.full(pairs.size, _HIDDEN[0]), _HIDDEN[1])
+    score /= np.sqrt(np.maximum(size - hidden, least * size) + 1e-30)
     if pairs.size and score[:-1].max() > _SHORT:
         line = pairs[score[:-1].argmax()]
         name, i = ("rows", line) if line < rows - 1 else ("columns", line - rows)
         return f"{name} {i} and {i + 1} read alike, as if shorted"
-    if not broad and abs(score[-1]) > _R_PAR and _can_tell(jacobian, p[:, -1]):
+    touched = g > _LIFTED / reading.curve.points[0][1]
+    if not broad and abs(score[-1]) > _R_PAR and _can_tell(jacobian[:, touched], p[:, -1]):
         way = "low" if score[-1] < 0 else "high"
         return f"readings lean as if r_par = {reading.circuit.r_par:g} ohm was too {way}"
     return ""
@@ -136,15 +142,16 @@ def by_score(reading: Reading, k, weight, misfit, told, jacobian, factor, ahead,
 def _can_tell(jacobian: np.ndarray, p: np.ndarray) -> bool:
     """Whether the readings alone, without the prior, tell the pattern p from a change of the cells.
 
-    With about as many cells loaded as readings known they cannot: the misfit is then the prior's
+    With about as many cells touched as readings known they cannot: the misfit is then the prior's
     doing, and where the load is rougher than the prior expects it leans on a sound circuit too.
+    Cells that are all but untouched do not count: a wrong r_par is what lifts them.
     """
     jacobian = jacobian.astype(float)
     precision = jacobian.T @ jacobian
     ridge = 1e-6 * precision.diagonal()  # the readings may leave a combination of cells open
     along = jacobian.T @ p
     hidden = along @ cho_solve(cho_factor(precision + np.diag(ridge)), along)
-    return bool(p @ p - hidden > _HIDDEN * (p @ p))
+    return bool(p @ p - hidden > _TOLD * (p @ p))
 
 
 def _alike(reading: Reading, turned: bool = False) -> np.ndarray:
