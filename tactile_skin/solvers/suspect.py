@@ -15,7 +15,7 @@ _R_PAR = 5.5
 _BEYOND = 5.0  # of noise, past what no skin can read
 _OPEN = 0.5  # times the reading at rest: fabrics differ from the curve by less
 _EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
-# Share of a fault's pattern, squared, below which the fit can take all of it: each short's, r_par's.
+# Share of a fault's pattern, squared, below which the fit can take all of it: a short's, r_par's.
 _HIDDEN = 1e-3, 1e-4
 _TOLD = 1e-3  # the same, above which the readings alone tell a wrong r_par from the touched cells'
 _LIFTED = 5.0  # times its conductance at rest: a cell below it is as good as untouched
