@@ -21,7 +21,7 @@ _TOLD = 1e-3  # the same, above which the readings alone tell a wrong r_par from
 _LIFTED = 5.0  # times its conductance at rest: a cell below it is as good as untouched
 _SHORT_OF = 1.01  # ADC steps below a ceiling to which noise lets a saturated reading fall
 _GAP = 3.0  # times that: how far below the largest readings others are looked for
-_PILE = 6, 1.0  # readings at the largest, others below for each: a ceiling, or a flat touch
+_PILE = 8, 0.5  # readings at the largest, others below for each: a ceiling, or a flat touch
 _CEILING = 30, 0.25  # the same: more than noise leaves of a flat touch
 _UNEQUAL = 0.4  # ADC steps of noise that makes equal readings differ
 
