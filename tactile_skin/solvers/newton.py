@@ -27,7 +27,7 @@ _BOUND = 1.0 + 1e-9  # a cell this near a bound is on it, but for rounding
 _TOUCH = 0.2  # relative rise of a cell's conductance from rest that makes it an unknown
 _ANYTHING = 1e-8  # the same, in the end
 # Times its noise by which a sound reading is missed: where a bound acts, this is the best fit in
-# another measure than ADC steps. One in 1,000 exceeds 2.3.
+# another measure than ADC steps. 2 in 1,000 exceed 2, 1 in 10,000 exceeds 2.5.
 _NOISY = 2.2
 _TRIES = 16  # steps of the fixed point
 _DENSE = 400  # unknowns up to which a Cholesky factor beats conjugate gradients
