@@ -1,7 +1,8 @@
-"""Speed against accuracy of the solvers: `python -m tactile_skin.bench.solvers [--quick] [--faults]`.
+"""Speed against accuracy of the solvers: `python -m tactile_skin.bench.solvers [--quick]`.
 
 Times are multiples of y, one `numpy.linalg.solve` of 257 dense equations with one thread,
-measured between the frames they are compared with. Errors are grams a cell.
+measured between the frames they are compared with. Errors are grams a cell. `--faults`: only how
+often `map` tells a fault, in two minutes.
 """
 
 from __future__ import annotations
