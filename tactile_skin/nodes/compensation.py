@@ -16,7 +16,7 @@ from . import QUEUE, diagnostics
 
 _WATCHED = 20  # frames: 0.2 s at 100 a second
 _ENTER, _LEAVE = 10, 5  # suspect ones among them that make, and that end, a fault
-_IDLE = 10.0 * GRAM  # N on a cell: below it nothing touches
+_IDLE = 15.0 * GRAM  # N on a cell: below it nothing touches; lines shorted at rest read as 13 g
 _CORNER = 4  # suspect or failed frames in a row after which the last one is no start
 
 
