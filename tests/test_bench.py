@@ -19,6 +19,7 @@ from tactile_skin.bench import (
     stability,
     textile,
     touch_to_stop,
+    watch,
     way,
 )
 from tactile_skin.bench.faults import EVERYDAY, FAULTS, TROUBLES, faulty, pressed
@@ -438,3 +439,13 @@ def test_touch_to_stop_on_the_running_skin():
         assert np.median(entry["seen_ms"]) <= touch_to_stop.LIMIT_MS
     for times in found["cuts"].values():
         assert len(times) == 2 and max(times) <= touch_to_stop.CUT_LIMIT_MS
+
+
+# --- a fault that lasts ---
+
+
+def test_a_short_that_comes_under_a_touch_is_reported_and_a_sound_skin_is_not():
+    for name in ("sound", "one short"):
+        seen = watch.watched("strokes", watch.SKINS[name], False, 1, 1)
+        assert seen["fault"].any() == (name != "sound")
+        assert seen["doubted"].mean() < 0.2 if name == "sound" else seen["fault"].argmax() <= 20

@@ -40,6 +40,7 @@ from tactile_skin.nodes.push_arrow import PushArrow
 from tactile_skin.nodes.serial_driver import SerialDriver
 from tactile_skin.nodes.stop_on_push import HEARTBEAT, LATCHED, STATUS_TOPIC, StopOnPush
 from tactile_skin.protocol import BinaryParser
+from tactile_skin.solvers import Estimate
 
 CELL_AREA = 1.44e-4  # m^2
 GEOMETRY = {"geometry.shape": "cylinder", "geometry.cell_area": CELL_AREA}
@@ -428,6 +429,29 @@ def test_the_largest_sample_is_a_reading(moving):
     before = len(moving.seen["skin/pressure"])
     moving.publish(np.full((16, 16), 65_535, np.uint16))
     assert len(moving.seen["skin/pressure"]) == before + 1
+
+
+def test_a_fault_seen_at_rest_is_not_healed_by_a_touch_that_hides_it(monkeypatch):
+    """Two shorted lines read off at rest, and alike under a touch that lies on both."""
+    chain = Chain("naive")
+    touch = np.zeros((16, 16))
+    touch[5, 5] = 1.0  # N
+
+    def feel(frames, force, status):
+        found = Estimate(force, 0.1 + 0.0 * force, 0.0, status, status.strip("ok"), "naive", 0)
+        monkeypatch.setattr("tactile_skin.nodes.compensation.compensate", lambda *a, **k: found)
+        for _ in range(frames):
+            chain.publish(np.full((16, 16), 16_000, np.uint16))
+        chain.wait(1.0)  # for a report
+        return last_report(chain).level
+
+    rest, bad = np.zeros((16, 16)), DiagnosticStatus.ERROR
+    feel(30, touch, "ok")
+    assert feel(30, touch, "suspect") == bad
+    assert feel(30, touch, "ok") == DiagnosticStatus.OK, "what only touches show passes with them"
+    assert feel(15, rest, "suspect") == bad
+    assert feel(100, touch, "ok") == bad
+    assert feel(30, rest, "ok") == DiagnosticStatus.OK
 
 
 # --- the pressure picture ---

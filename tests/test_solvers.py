@@ -155,6 +155,23 @@ def test_a_line_that_no_skin_can_read_is_suspect_whatever_the_method(method, val
     assert found.status == "suspect" and word in found.message
 
 
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("grams", [300.0, 900.0])
+def test_a_saturated_input_is_suspect_whatever_the_method_and_a_flat_touch_is_not(method, grams):
+    """Both read alike in many cells; only of a flat touch are there cells that read so."""
+    force = one_touch(grams)
+    force[9:14, 2:7] = 0.6 * grams * GRAM
+    rng = np.random.default_rng(1)
+    adc = reading(force * (1.0 + 0.05 * rng.standard_normal(force.shape)))
+    sound = scenes.read_out(CIRCUIT, adc, "scan", rng)
+    assert compensate(sound, CIRCUIT, CURVE, method).status == "ok"
+    # the amplifier's end: nothing, noise included, comes out higher
+    samples = [np.minimum(np.rint(adc * 1023 + rng.normal(size=adc.shape)), 614) for _ in range(4)]
+    for steps in (samples[0], np.mean(samples, 0)):
+        found = compensate(steps / 1023, CIRCUIT, CURVE, method)
+        assert found.status == "suspect" and found.message
+
+
 @pytest.mark.parametrize("method", sorted(set(METHODS) - {"naive", "newton", "fixed_point"}))
 @pytest.mark.parametrize("cells", [(1, 1), (1, 2)])
 @pytest.mark.parametrize("place", [(0, 0), (0, 7), (8, 8), (15, 14)])

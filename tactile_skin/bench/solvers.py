@@ -1,7 +1,8 @@
 """Speed against accuracy of the solvers: `python -m tactile_skin.bench.solvers [--quick]`.
 
 Times are multiples of y, one `numpy.linalg.solve` of 257 dense equations with one thread,
-measured between the frames they are compared with. Errors are grams a cell.
+measured between the frames they are compared with. Errors are grams a cell. `--faults`: only how
+often `map` tells a fault, in two minutes.
 """
 
 from __future__ import annotations
@@ -183,6 +184,7 @@ def growth(method: str, n: int, sizes=(16, 32, 64), seed=1) -> dict:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="a twentieth of the frames")
+    parser.add_argument("--faults", action="store_true", help="only how faults are told")
     parser.add_argument("--seed", type=int, default=int.from_bytes(os.urandom(3)))
     args = parser.parse_args()
     share = 20 if args.quick else 1
@@ -191,6 +193,9 @@ def main() -> None:
     def show(name, result):
         print(name, json.dumps(result, indent=1), flush=True)
 
+    if args.faults:
+        show("detection", detection(300 // share, args.seed))
+        return
     for family in scenes.FAMILIES:
         show("newton", accuracy("newton", family, "ideal", 10_000 // share, args.seed))
     show("newton, last frame", tracking("newton", "ideal", 40 // share, args.seed))

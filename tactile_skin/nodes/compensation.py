@@ -8,6 +8,7 @@ import numpy as np
 
 from .. import network
 from ..config import circuit_of, curve_of, describe, geometry_of
+from ..curve import GRAM
 from ..msg import DiagnosticArray, Image, Trigger, image, image_array
 from ..solvers import METHODS, Estimate, compensate
 from ..tare import Tare
@@ -15,16 +16,18 @@ from . import QUEUE, diagnostics
 
 _WATCHED = 20  # frames: 0.2 s at 100 a second
 _ENTER, _LEAVE = 10, 5  # suspect ones among them that make, and that end, a fault
+_IDLE = 15.0 * GRAM  # N on a cell: below it nothing touches; lines shorted at rest read as 13 g
 _CORNER = 4  # suspect or failed frames in a row after which the last one is no start
 
 
 class Compensation:
     """Publishes skin/pressure (32FC1, Pa, row-major) with the reading's stamp, and diagnostics once
     a second and whenever the level changes: WARN for a suspect frame, ERROR, which stops the
-    robot, for a failed one and while half of the last frames are suspect. A frame that fails is
-    not published. What the cells conduct at rest is measured between touches (`Tare`); until the
-    first time, a second after the start, a fabric whose cells differ is suspect. The service
-    `~/reset` forgets the last frame, from which the next one starts.
+    robot, for a failed one and while half of the last frames are suspect; where nothing touched
+    when they were, until nothing touches and they no longer are. A frame that fails is not
+    published. What the cells conduct at rest is measured between touches (`Tare`); until the first
+    time, a second after the start, a fabric whose cells differ is suspect. The service `~/reset`
+    forgets the fault, and the last frame, from which the next one starts.
     """
 
     def __init__(self, node):
@@ -72,6 +75,7 @@ class Compensation:
         self._doubts = 0
         self._suspect: deque[bool] = deque(maxlen=_WATCHED)
         self._fault = False
+        self._at_rest, self._lasting = 0, False  # suspect frames with nothing touching
         self._level, self._message, self._residual = diagnostics.OK, "ok", 0.0
         self._taken: Counter[str] = Counter()
         self._scale = 2 ** (16 - self.circuit.adc_bits) * self.circuit.full_scale
@@ -106,12 +110,19 @@ class Compensation:
                 self._last = None
             pressure = estimate.force / self.cell_area
             self._pressure.publish(image(pressure, "32FC1", msg.header))
+        if estimate.force.max() < _IDLE:
+            # What is wrong at rest stays wrong under a touch, though that may hide it: a short.
+            self._at_rest += 1 if estimate.status == "suspect" else -1
+            self._at_rest = min(max(self._at_rest, 0), _ENTER)
+            if self._at_rest in (0, _ENTER):
+                self._lasting = self._at_rest > 0
         words = estimate.message, self._tare.message
         self._judge(estimate.status, "; ".join(filter(None, words)))
 
     def on_reset(self, _, response):
         self._last = None
         self._suspect.clear()
+        self._at_rest, self._lasting = 0, False
         response.success, response.message = True, "the last frame is forgotten"
         return response
 
@@ -120,7 +131,7 @@ class Compensation:
         suspects = sum(self._suspect)
         self._fault = suspects >= (_LEAVE if self._fault else _ENTER)
         level = diagnostics.OK if status == "ok" and not message else diagnostics.WARN
-        if status == "failed" or (self._fault and self._stops):
+        if status == "failed" or ((self._fault or self._lasting) and self._stops):
             level = diagnostics.ERROR
         if message or level == diagnostics.OK:
             self._message = message or "ok"

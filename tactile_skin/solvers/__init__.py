@@ -9,6 +9,8 @@ laplacian.py    the network's algebra       suspect.py, judge.py   whether to be
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ..circuit import Circuit
 from ..curve import PressureCurve
 from .auto import auto
@@ -17,8 +19,9 @@ from .fixed_point import fixed_point
 from .learned import cnn, physics
 from .map import map_estimate
 from .naive import naive
-from .newton import newton
+from .newton import explained, newton
 from .reading import check_reading
+from .suspect import piled
 
 METHODS = {
     "naive": naive,
@@ -29,6 +32,8 @@ METHODS = {
     "physics": physics,
     "auto": auto,
 }
+
+_UNFITTED = "naive", "fixed_point", "cnn", "physics"
 
 __all__ = ["METHODS", "Estimate", "check_reading", "compensate"]
 
@@ -86,4 +91,10 @@ def compensate(
         noise=noise,
         time_limit=time_limit,
     )
-    return METHODS[method](reading, weights=weights, start=start, prior=prior)
+    estimate = METHODS[method](reading, weights=weights, start=start, prior=prior)
+    if estimate.status == "ok" and method in _UNFITTED and reading.whole:
+        # By how much these methods miss a reading says little.
+        doubt = piled(reading)
+        if doubt and not explained(reading):
+            return replace(estimate, status="suspect", message=doubt)
+    return estimate

@@ -11,7 +11,7 @@ from .suspect import by_reading, by_residual
 
 
 def judge(
-    force, reading: Reading, method: str, iterations=0, *, converged=True, fitted=False, rho=None
+    force, reading: Reading, method: str, iterations=0, *, converged=True, slack=None, rho=None
 ) -> Estimate:
     """Spread and status from the misfit.
 
@@ -20,6 +20,8 @@ def judge(
     after a method that fits.
 
     Args:
+        slack: times the noise by which a method that fits may miss a sound reading; None: it does
+            not fit.
         rho: (rows, cols) two-terminal resistances [ohm] of `force` where they are known already.
     """
     circuit, curve = reading.circuit, reading.curve
@@ -35,8 +37,8 @@ def judge(
     ends = curve.force(resistance * np.stack([1.0 / factor, factor]))  # both at once: half the time
     std = 0.5 * (ends[0] - ends[1])
     message = by_reading(reading)
-    if fitted and not message:
-        message = by_residual(reading, model)
+    if slack and not message:
+        message = by_residual(reading, model, slack=slack)
     status = "suspect" if message else "ok"
     if not converged:
         status, message = "failed", f"no convergence in {iterations} steps"

@@ -122,6 +122,7 @@ def _fit(reading: Reading, g: np.ndarray, prior, warm: bool = False) -> Estimate
             step.jacobian,
             step.factor,
             ahead,
+            point.g.flat[step.inside],
             broad,
         )
     status = "suspect" if message else "ok"

@@ -16,13 +16,22 @@ _R_PAR = 5.5
 _BEYOND = 5.0  # of noise, past what no skin can read
 _OPEN = 0.5  # times the reading at rest: fabrics differ from the curve by less
 _EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
-_HIDDEN = 1e-3  # share of a fault's pattern, squared, below which the cells can take all of it
+# Share of a fault's pattern, squared, below which the fit can take all of it: a short's, r_par's.
+_HIDDEN = 1e-3, 1e-4
+_TOLD = 1e-3  # the same, above which the readings alone tell a wrong r_par from the touched cells'
+_LIFTED = 5.0  # times its conductance at rest: a cell below it is as good as untouched
+_SHORT_OF = 1.01  # ADC steps below a ceiling to which noise lets a saturated reading fall
+_GAP = 3.0  # times that: how far below the largest readings others are looked for
+_PILE = 8, 0.5  # readings at the largest, others below for each: a ceiling, or a flat touch
+_CEILING = 30, 0.25  # the same: more than noise leaves of a flat touch
+_UNEQUAL = 0.4  # ADC steps of noise that makes equal readings differ
 
 
 def by_reading(reading: Reading) -> str:
     """Readings that no skin can give, whatever presses on it; for methods that fit nothing too.
 
-    A load only raises a reading, from that at rest to that of a short circuit behind r_par.
+    A load only raises a reading, from that at rest to that of a short circuit behind r_par. Noise
+    keeps even a flat touch's readings apart.
     """
     circuit, steps, known = reading.circuit, reading.steps, reading.known
     margin = _BEYOND * reading.noise + 1.0
@@ -33,18 +42,35 @@ def by_reading(reading: Reading) -> str:
         if bad.any():
             row, col = np.argwhere(bad)[0]
             return f"{np.count_nonzero(bad)} readings {way}? the first at row {row}, column {col}"
-    return ""
+    touched = steps.max() > rest.max() + margin
+    return piled(reading, *_CEILING) if touched and reading.noise > _UNEQUAL else ""
 
 
-def by_residual(reading: Reading, adc: np.ndarray, floor: float = _EXACT_NOISE) -> str:
+def piled(reading: Reading, least: int = _PILE[0], others: float = _PILE[1]) -> str:
+    """Whether the largest readings stand at one height, with few below: a saturated input?
+
+    A flat touch reads like that too: only the circuit tells whether there are cells that read so.
+    """
+    top = reading.steps.max()
+    below = (top - reading.steps)[reading.known]
+    at_top = np.count_nonzero(below < _SHORT_OF)
+    if at_top < least or np.count_nonzero(below < _GAP * _SHORT_OF) > (1.0 + others) * at_top:
+        return ""
+    return f"{at_top} readings stand at {top:.0f} ADC steps: is the input saturated?"
+
+
+def by_residual(
+    reading: Reading, adc: np.ndarray, floor: float = _EXACT_NOISE, slack: float = 1.0
+) -> str:
     """Why the misfit to the model's ADC ratio (rows, cols) is beyond noise; empty if it is not.
 
     Args:
         floor: noise [ADC steps] that the method supposes at least.
+        slack: times the noise by which the method may miss a sound reading.
     """
     misfit = reading.misfit(adc)
     n = max(reading.told, 1)
-    noise = max(reading.noise, floor)
+    noise = slack * max(reading.noise, floor)
     square = np.square(misfit)
     if square.sum() <= n * noise**2 * (1.0 + _RESIDUAL * (2.0 / n) ** 0.5):
         return ""
@@ -53,6 +79,7 @@ def by_residual(reading: Reading, adc: np.ndarray, floor: float = _EXACT_NOISE) 
     for name, sums in (("row", square.sum(1)), ("column", square.sum(0))):
         if sums.max() > 0.5 * square.sum():
             where = f", most of it in {name} {sums.argmax()}: open, or not connected?"
+    where = where or (f", {why}" if (why := piled(reading)) else "")
     return f"residual of {residual:.2f} ADC steps, noise explains {noise:.2f}{where}"
 
 
@@ -73,7 +100,7 @@ def by_cost(reading: Reading, cost: float) -> str:
     )
 
 
-def by_score(reading: Reading, k, weight, misfit, told, jacobian, factor, ahead, broad) -> str:
+def by_score(reading: Reading, k, weight, misfit, told, jacobian, factor, ahead, g, broad) -> str:
     """Score tests for a short between neighbouring lines and for a wrong r_par.
 
     How far does the misfit lie along the change p that the fault would make in the readings, past
@@ -85,6 +112,7 @@ def by_score(reading: Reading, k, weight, misfit, told, jacobian, factor, ahead,
             standard deviations.
         told, jacobian, factor: of the fit over its unknowns, see map._Step.
         ahead: what the unknowns still lack to the fit's minimum.
+        g: conductances of the unknowns [S].
         broad: the level prior was used; its fit leans on r_par's pattern even when sound.
     """
     rows = weight.shape[0]
@@ -99,12 +127,14 @@ def by_score(reading: Reading, k, weight, misfit, told, jacobian, factor, ahead,
     along = jacobian.T @ p
     hidden = (along * lapack.spotrs(factor.T, along, lower=1)[0]).sum(0)
     score = p.T @ misfit.ravel()[told].astype(np.float32) - along.T @ ahead
-    score /= np.sqrt(np.maximum(size - hidden, _HIDDEN * size) + 1e-30)
+    least = np.append(np.full(pairs.size, _HIDDEN[0]), _HIDDEN[1])
+    score /= np.sqrt(np.maximum(size - hidden, least * size) + 1e-30)
     if pairs.size and score[:-1].max() > _SHORT:
         line = pairs[score[:-1].argmax()]
         name, i = ("rows", line) if line < rows - 1 else ("columns", line - rows)
         return f"{name} {i} and {i + 1} read alike, as if shorted"
-    if not broad and abs(score[-1]) > _R_PAR and _can_tell(jacobian, p[:, -1]):
+    touched = g > _LIFTED / reading.curve.points[0][1]
+    if not broad and abs(score[-1]) > _R_PAR and _can_tell(jacobian[:, touched], p[:, -1]):
         way = "low" if score[-1] < 0 else "high"
         return f"readings lean as if r_par = {reading.circuit.r_par:g} ohm was too {way}"
     return ""
@@ -113,15 +143,16 @@ def by_score(reading: Reading, k, weight, misfit, told, jacobian, factor, ahead,
 def _can_tell(jacobian: np.ndarray, p: np.ndarray) -> bool:
     """Whether the readings alone, without the prior, tell the pattern p from a change of the cells.
 
-    With about as many cells loaded as readings known they cannot: the misfit is then the prior's
+    With about as many cells touched as readings known they cannot: the misfit is then the prior's
     doing, and where the load is rougher than the prior expects it leans on a sound circuit too.
+    Cells that are all but untouched do not count: a wrong r_par is what lifts them.
     """
     jacobian = jacobian.astype(float)
     precision = jacobian.T @ jacobian
     ridge = 1e-6 * precision.diagonal()  # the readings may leave a combination of cells open
     along = jacobian.T @ p
     hidden = along @ cho_solve(cho_factor(precision + np.diag(ridge)), along)
-    return bool(p @ p - hidden > _HIDDEN * (p @ p))
+    return bool(p @ p - hidden > _TOLD * (p @ p))
 
 
 def _alike(reading: Reading, turned: bool = False) -> np.ndarray:
