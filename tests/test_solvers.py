@@ -183,3 +183,14 @@ def test_a_hard_edge_reaches_its_force_wherever_it_presses(method, cells, place)
     found = compensate(adc, CIRCUIT, CURVE, method).force
     assert found.max() > 9.0, "config/skin.yaml's peak"
     assert found[force == 0].sum() < 10.0
+
+
+@pytest.mark.parametrize("bits", [10, 14])
+def test_rounding_alone_makes_few_sound_frames_suspect(bits):
+    """Readings that are alike are rounded alike, which looks like a fault's pattern."""
+    board = Circuit(adc_bits=bits)
+    rng = np.random.default_rng(21)
+    force = np.concatenate([scenes.sample(f, 30, 16, 16, rng) for f in ("blobs", "rects")])
+    adc = np.rint(forward(board, CURVE.resistance(force)) * board.full_scale) / board.full_scale
+    suspect = [compensate(frame, board, CURVE, "map").status == "suspect" for frame in adc]
+    assert np.mean(suspect) < 0.1

@@ -104,7 +104,7 @@ def tracking(method: str, readout: str, touches: int, seed=1) -> dict:
     }
 
 
-def detection(n: int, seed=1) -> dict:
+def detection(n: int, seed=1, readout="scan") -> dict:
     """Share of frames that `map` calls suspect: sound ones, and those spoilt by a fault.
 
     Spoilt: the mean error exceeds 30 g and, on the same scene and noise, exceeds that of the sound
@@ -121,7 +121,7 @@ def detection(n: int, seed=1) -> dict:
                 r = curve.resistance(truth)
                 noise = rng.integers(1 << 31)
                 for adc in (forward(circuit, r), faulty(circuit, r, fault, rng)):
-                    adc = scenes.read_out(circuit, adc, "scan", np.random.default_rng(noise))
+                    adc = scenes.read_out(circuit, adc, readout, np.random.default_rng(noise))
                     estimate = compensate(adc, circuit, curve, "map")
                     seen.append(
                         (np.abs(estimate.force - truth).mean() / GRAM, estimate.status == "suspect")

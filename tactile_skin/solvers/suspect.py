@@ -13,6 +13,9 @@ from .reading import ROUNDING_NOISE, Reading, rest_reading
 _RESIDUAL = 2.8
 _SHORT = 3.7
 _R_PAR = 5.5
+# Where readings are rounded to whole steps those that are alike err alike, and do not average out:
+# times by which a score, and a residual, may then be larger.
+_ROUNDED = 2.8, 1.2
 _BEYOND = 5.0  # of noise, past what no skin can read
 _OPEN = 0.5  # times the reading at rest: fabrics differ from the curve by less
 _EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
@@ -70,7 +73,7 @@ def by_residual(
     """
     misfit = reading.misfit(adc)
     n = max(reading.told, 1)
-    noise = slack * max(reading.noise, floor)
+    noise = slack * max(reading.noise, floor) * (_ROUNDED[1] if _rounded(reading) else 1.0)
     square = np.square(misfit)
     if square.sum() <= n * noise**2 * (1.0 + _RESIDUAL * (2.0 / n) ** 0.5):
         return ""
@@ -129,6 +132,7 @@ def by_score(reading: Reading, k, weight, misfit, told, jacobian, factor, ahead,
     score = p.T @ misfit.ravel()[told].astype(np.float32) - along.T @ ahead
     least = np.append(np.full(pairs.size, _HIDDEN[0]), _HIDDEN[1])
     score /= np.sqrt(np.maximum(size - hidden, least * size) + 1e-30)
+    score /= _ROUNDED[0] if _rounded(reading) else 1.0
     if pairs.size and score[:-1].max() > _SHORT:
         line = pairs[score[:-1].argmax()]
         name, i = ("rows", line) if line < rows - 1 else ("columns", line - rows)
@@ -153,6 +157,11 @@ def _can_tell(jacobian: np.ndarray, p: np.ndarray) -> bool:
     along = jacobian.T @ p
     hidden = along @ cho_solve(cho_factor(precision + np.diag(ridge)), along)
     return bool(p @ p - hidden > _TOLD * (p @ p))
+
+
+def _rounded(reading: Reading) -> bool:
+    """Whether nothing but rounding to whole steps is known to trouble the readings."""
+    return 0.0 < reading.noise <= ROUNDING_NOISE
 
 
 def _alike(reading: Reading, turned: bool = False) -> np.ndarray:
