@@ -2,7 +2,7 @@ import ast
 from glob import glob
 from pathlib import Path
 
-from setuptools import find_packages, setup
+from setuptools import Extension, find_packages, setup
 
 package_name = "tactile_skin"
 
@@ -24,6 +24,16 @@ setup(
     python_requires=">=3.10",
     packages=find_packages(include=[package_name, f"{package_name}.*"]),
     package_data={package_name: ["weights/*"]},
+    # optional: without a compiler NumPy does the same, in twice the time
+    ext_modules=[
+        Extension(
+            f"{package_name}._kernel",
+            sorted(glob(f"{package_name}/kernel/*.c")),
+            depends=[f"{package_name}/kernel/kernel.h"],
+            extra_compile_args=["-O3"],
+            optional=True,
+        )
+    ],
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),

@@ -25,6 +25,11 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import lapack
 
+try:  # the inner loops for small skins, where setup.py found a C compiler
+    from . import _kernel as kernel
+except ImportError:
+    kernel = None
+
 
 @dataclass(frozen=True, eq=False)
 class Circuit:
@@ -263,6 +268,10 @@ def connected_rho(g: np.ndarray) -> np.ndarray:
     """`two_terminal_resistance` of connected networks, which it does not check."""
     if g.ndim > 2:
         return rho_of(network_inverse(g))
+    if kernel and sum(g.shape) <= kernel.LINES:
+        rho = np.empty(g.shape)
+        if kernel.two_terminal(*g.shape, np.ascontiguousarray(g), rho):
+            return rho
     if g.shape[0] > g.shape[1]:
         return connected_rho(g.T).T
     root, scaled, col_sum = reduced_root(g)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import lapack
 
-from ..circuit import connected_rho
+from ..circuit import connected_rho, kernel
 from .estimate import Estimate
 from .judge import judge
 from .reading import Reading
@@ -50,14 +50,22 @@ def iterate(reading: Reading, g, steps: int, target: float) -> tuple[np.ndarray,
     """
     circuit = reading.circuit
     cells = circuit.populated & reading.known  # the others stay at rest
-    cells = slice(None) if cells.all() else np.flatnonzero(cells)
+    cells = np.flatnonzero(cells)
     low, high = (np.log(bound.ravel()[cells]) for bound in reading.bounds)
+    rho_measured = reading.rho.ravel()[cells]
+    goal = cells.size * (target / circuit.full_scale) ** 2
+    if kernel and sum(circuit.shape) <= kernel.LINES:
+        there, at = g.copy(), cells.astype(np.int32)
+        divider = circuit.r_ref, circuit.r_par
+        taken = kernel.iterate(
+            *circuit.shape, there, at, rho_measured, low, high, *divider, goal, steps
+        )
+        if taken >= 0:
+            return there, taken
     g = g.copy()
     flat = g.reshape(-1)
     x = np.log(flat[cells])  # (cells,)
-    rho_measured = reading.rho.ravel()[cells]
     adc = circuit.ratio(rho_measured)
-    goal = x.size * (target / circuit.full_scale) ** 2
     d_misfit = np.empty((_HISTORY, x.size))
     d_image = np.empty((_HISTORY, x.size))
     last_misfit, last_image = None, None

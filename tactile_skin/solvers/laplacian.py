@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..circuit import reduced_root
+from ..circuit import kernel, reduced_root
 
 
 class Network(NamedTuple):
@@ -30,11 +30,16 @@ class Network(NamedTuple):
 def solve(g: np.ndarray) -> Network:
     """The network of conductances g (rows, cols) [S] (docs/derivation.md: K = W W^T in blocks)."""
     rows, cols = g.shape
+    lines = rows + cols
+    if kernel and lines <= kernel.LINES:
+        root, k, rho = np.empty((lines, lines)), np.empty((lines, lines)), np.empty(g.shape)
+        if kernel.network(rows, cols, np.ascontiguousarray(g), root, k, rho):
+            return Network(root, k, rho)
     reduced, scaled, col_sum = reduced_root(g)
-    root = np.zeros((rows + cols, rows + cols))
+    root = np.zeros((lines, lines))
     root[:rows, :rows] = reduced
     np.matmul(scaled.T, reduced, out=root[rows:, :rows])
-    root.reshape(-1)[rows * (rows + cols + 1) :: rows + cols + 1] = col_sum**-0.5
+    root.reshape(-1)[rows * (lines + 1) :: lines + 1] = col_sum**-0.5
     k = root @ root.T
     return Network(root, k, two_point(k, rows))
 
@@ -55,12 +60,39 @@ def crossing_factor(network: Network) -> np.ndarray:
     return (root[:rows, None] - root[None, rows:]).reshape(-1, len(root))
 
 
+def sensitivity(k: np.ndarray, weight: np.ndarray, told, one, other) -> np.ndarray:
+    """weight_a * across_ab^2: how reading a follows a conductance put between two lines b.
+
+    Args:
+        k: (lines, lines) K [ohm].
+        weight: (rows, cols) of each reading.
+        told: (m,) int32, flat, which readings; one, other: (n,) int32, the lines.
+
+    Returns:
+        (m, n) float32.
+    """
+    rows, cols = weight.shape
+    if kernel and rows + cols <= kernel.LINES:
+        out = np.empty((told.size, one.size), np.float32)
+        kernel.sensitivity(rows, cols, k, weight, told, one, other, out)
+        return out
+    apart = k[:, one] - k[:, other]
+    across = apart[told // cols] - apart[rows + told % cols]
+    across *= across
+    across *= weight.ravel()[told, None]
+    return across.astype(np.float32)
+
+
 def hessian_product(k: np.ndarray, p: np.ndarray) -> np.ndarray:
     """sum_b t_ab^2 p_b (rows, cols), in O(lines^3): it is K L(p) K between a's two lines.
 
     L(p) is the Laplacian of a network with conductances p, (rows, cols), of either sign.
     """
-    rows = p.shape[0]
+    rows, cols = p.shape
+    if kernel and rows + cols <= kernel.LINES:
+        product = np.empty(p.shape)
+        kernel.hessian_product(rows, cols, k, np.ascontiguousarray(p), product)
+        return product
     weighted = np.empty_like(k)
     np.matmul(p, k[rows:], out=weighted[:rows])
     np.matmul(p.T, k[:rows], out=weighted[rows:])

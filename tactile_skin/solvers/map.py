@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import blas, lapack
 
+from ..circuit import kernel
 from . import laplacian, suspect
 from . import prior as prior_terms
 from .conjugate_gradients import conjugate_gradients
@@ -22,7 +23,7 @@ from .fixed_point import first_guess, iterate, last_guess
 from .reading import ROUNDING_NOISE, Reading
 
 STEPS = 12
-START_STEPS = 6  # of the fixed point: a step costs an eighth of a Gauss-Newton step
+START_STEPS = 10  # of the fixed point: a step costs a twentieth of a Gauss-Newton step
 WARM_STEPS = 8  # the same from the last frame: a touch that moved misfits by far at its rim
 _NEAR = 1.5  # residual, in units of the noise, at which the fixed point has done its part
 _SETTLED = 4.0  # stop when a step gains less than this, in units of 1/2 chi^2
@@ -109,7 +110,7 @@ def _fit(reading: Reading, g: np.ndarray, prior, warm: bool = False) -> Estimate
     if not message and step.jacobian is not None:
         # The fit may stop short of the minimum; the tests are for the minimum.
         rest = _downhill(point).flat[step.inside]
-        ahead = lapack.spotrs(step.factor, rest)[0]
+        ahead = lapack.spotrs(step.factor.T, rest, lower=1)[0]
         if broad and prior is None:
             message = suspect.by_cost(reading, point.cost - 0.5 * rest @ ahead)
         message = message or suspect.by_score(
@@ -209,9 +210,9 @@ class _Step(NamedTuple):
     free: np.ndarray  # (n,) flat indices of the unknowns
     dx: np.ndarray  # (n,) change of log g
     gain: float  # predicted, in units of 1/2 chi^2
-    factor: np.ndarray | None  # upper Cholesky factor over `inside`; None: it was done without
+    factor: np.ndarray | None  # U of U^T U = precision over `inside`; None: it was done without
     inside: np.ndarray  # flat indices of the unknowns that met no bound
-    told: np.ndarray | slice | None  # flat indices of the readings that speak
+    told: np.ndarray | None  # flat indices of the readings that speak
     jacobian: np.ndarray | None  # (told, inside), in standard deviations
 
 
@@ -242,16 +243,13 @@ def _gauss_newton(reading: Reading, point: _Point) -> _Step:
     if free.size > _DENSE:
         dx = _conjugate_gradients(point, prior_terms.differences(circuit), free, b)
         return _Step(free, dx, 0.5 * b @ dx, None, free, None, None)
-    v = laplacian.crossing_factor(point.network)
-    told = slice(None) if reading.plain else np.flatnonzero(point.weight)
-    jacobian = v[told] @ v[free].T  # (readings, n), t_ab
-    jacobian *= jacobian
-    jacobian *= point.weight.ravel()[told].astype(np.float32)[:, None]
+    told = np.arange(g.size) if reading.plain else np.flatnonzero(point.weight)
+    told = told.astype(np.int32)
+    row, col = np.divmod(free.astype(np.int32), np.int32(circuit.cols))
+    col += circuit.rows
+    jacobian = laplacian.sensitivity(point.network.k, point.weight, told, row, col)
     jacobian *= gx.ravel()[free].astype(np.float32)
-    precision = blas.ssyrk(1.0, jacobian.T)  # upper triangle
-    precision.T.flat[:: free.size + 1] += point.prior.diagonal.ravel()[free]
-    if point.prior.entries is not None:
-        _join(precision, point.prior.entries, prior_terms.differences(circuit), free)
+    precision = _precision(jacobian, point.prior, prior_terms.differences(circuit), free)
     here = g.ravel()[free]
     ends = ((bound.ravel()[free] - here) / gx.ravel()[free] for bound in (low, high))
     dx, factor, inside = _solve_in_box(precision, b, *ends)
@@ -274,11 +272,18 @@ def _solve_in_box(precision: np.ndarray, b: np.ndarray, low: np.ndarray, high: n
     """
     inside = np.ones(b.size, bool)
     dx = np.zeros(b.size)
+    if kernel:
+        space = np.empty(precision.shape, np.float32)
+        m = kernel.solve_in_box(precision, b, low, high, _BOX_ROUNDS, dx, inside, space)
+        if m < 0:
+            return np.zeros(b.size), None, inside
+        return dx, space.reshape(-1)[: m * m].reshape(m, m), inside
     matrix, pull = precision, b
     for rounds in range(_BOX_ROUNDS):
         factor, info = lapack.spotrf(matrix, lower=0, clean=0)
         for ridge in _RIDGES if info else ():  # not positive definite to single precision
-            matrix.T.flat[:: matrix.shape[0] + 1] *= 1.0 + ridge
+            matrix = matrix.copy()
+            matrix.reshape(-1)[:: matrix.shape[0] + 1] *= 1.0 + ridge
             factor, info = lapack.spotrf(matrix, lower=0, clean=0)
             if not info:
                 break
@@ -290,18 +295,35 @@ def _solve_in_box(precision: np.ndarray, b: np.ndarray, low: np.ndarray, high: n
             break
         inside &= ~out
         dx = np.minimum(np.maximum(dx, low), high)
-        pull = (b - blas.ssymv(1.0, precision, np.where(inside, 0.0, dx)))[inside]
+        pull = (b - blas.ssymv(1.0, precision.T, np.where(inside, 0.0, dx), lower=1))[inside]
         matrix = precision[inside][:, inside]  # upper triangle, as precision's
     return np.minimum(np.maximum(dx, low), high), factor, inside
 
 
-def _join(precision: np.ndarray, entries: np.ndarray, between, free: np.ndarray) -> None:
-    """Add the prior's entries off the diagonal to the upper triangle over the free cells."""
-    place = np.full(between.cells, -1)
+def _precision(jacobian, prior: prior_terms.Quadratic, between, free: np.ndarray) -> np.ndarray:
+    """(n, n) of the cost over the n free cells, upper triangle: J^T J and the prior's."""
+    precision = blas.ssyrk(1.0, jacobian.T, lower=1).T
+    precision.reshape(-1)[:: free.size + 1] += prior.diagonal.ravel()[free]
+    if prior.entries is None:
+        return precision
+    place = np.full(between.cells, -1, np.int32)
     place[free] = np.arange(free.size)
+    if kernel:
+        kernel.join(precision, free.size, place, prior.entries, between.here, between.there)
+        return precision
     here, there = place[between.here], place[between.there]
     both = np.flatnonzero((here >= 0) & (there >= 0))
-    precision[here[both], there[both]] += entries[both]
+    precision[here[both], there[both]] += prior.entries[both]
+    return precision
+
+
+def _inverse_diagonal(factor: np.ndarray) -> np.ndarray:
+    """Of (U^T U)^-1, U (n, n)."""
+    if kernel:
+        diagonal = np.empty(len(factor))
+        kernel.inverse_diagonal(factor, diagonal)
+        return diagonal
+    return lapack.spotri(factor.T, lower=1)[0].diagonal()
 
 
 def _conjugate_gradients(point: _Point, between, free: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -346,8 +368,7 @@ def _spread(reading: Reading, point: _Point, step: _Step, force) -> np.ndarray:
     """
     std_x = 1.0 / np.sqrt(point.curvature + 1e-12)
     if step.factor is not None:
-        covariance = lapack.spotri(step.factor, lower=0)[0]
-        std_x.flat[step.inside] = np.sqrt(covariance.diagonal())
+        std_x.flat[step.inside] = np.sqrt(_inverse_diagonal(step.factor))
     std_x = np.minimum(_WIDEN * std_x, 10.0)
     curve = reading.curve
     resistance = curve.resistance(force)

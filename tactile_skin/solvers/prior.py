@@ -11,10 +11,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse
 
+from ..circuit import kernel
+
 # Spread and weight of the two kinds of differences, chosen on 40 scenes of blobs and rects each.
 _STEP = 0.5, 0.1  # weight, spread of x_i - x_j between direct neighbours
 _TWIST = 1.5, 0.15  # of x_ij - x_i+1,j - x_i,j+1 + x_i+1,j+1, the mixed second difference
 _REST = 1.0, 0.3  # of x - x_rest, one-sided: at rest unless the reading says otherwise
+_SPREADS = np.array([*_STEP, *_TWIST, *_REST])
 
 
 class Differences:
@@ -25,6 +28,7 @@ class Differences:
         matrix: (differences, cells) sparse; back: its transpose.
         weight, square: (differences,) of each one's cost weight/2 log(square + d^2).
         here, there: (entries,) flat cells, here < there, that some difference joins.
+        joined: the same differences as the kernel takes them.
     """
 
     def __init__(self, shape: tuple[int, int], cells: np.ndarray | None = None):
@@ -32,7 +36,7 @@ class Differences:
         number = np.arange(self.cells).reshape(shape)
         upper, lower, left, right = number[:-1], number[1:], number[:, :-1], number[:, 1:]
         corners = upper[:, :-1], upper[:, 1:], lower[:, :-1], lower[:, 1:]
-        blocks, weight, square = [], [], []
+        blocks, weight, square, all_ends = [], [], [], []
         for ends, signs, (w, spread) in (
             ((left, right), (-1.0, 1.0), _STEP),
             ((upper, lower), (-1.0, 1.0), _STEP),
@@ -41,6 +45,7 @@ class Differences:
             ends = np.stack([end.ravel() for end in ends], 1)  # (n, 2 or 4)
             if cells is not None:
                 ends = ends[cells.ravel()[ends].all(1)]
+            all_ends.append(ends)
             values = np.broadcast_to(signs, ends.shape).ravel()
             first = np.arange(ends.shape[0] + 1) * ends.shape[1]
             size = (ends.shape[0], self.cells)
@@ -51,9 +56,16 @@ class Differences:
         self.back = sparse.csr_array(self.matrix.T)
         self.weight, self.square = np.concatenate(weight), np.concatenate(square)
         pattern = sparse.triu(abs(self.back) @ abs(self.matrix), 1, format="coo")
-        self.here, self.there = pattern.row, pattern.col
+        number = np.sort(pattern.row.astype(np.int64) * self.cells + pattern.col)
+        self.here, self.there = (n.astype(np.int32) for n in np.divmod(number, self.cells))
         entries = self.back[self.here].multiply(self.back[self.there])
         self._to_precision = sparse.csr_array(sparse.vstack([self.back.power(2), entries]))
+        self.joined = []
+        for ends in (np.concatenate(all_ends[:2]), all_ends[2]):
+            first, second = np.triu_indices(ends.shape[1], 1)
+            pair = ends[:, first] * self.cells + ends[:, second]
+            at = np.searchsorted(number, pair)
+            self.joined += [np.ascontiguousarray(ends, np.int32), at.astype(np.int32)]
 
     def precision(self, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Of matrix^T diag(w) matrix the diagonal (cells,) and what lies between here and there."""
@@ -91,6 +103,13 @@ def touches(x: np.ndarray, x_rest: float, between: Differences) -> Quadratic:
     Args:
         x: (rows, cols), of cells that do not exist x_rest.
     """
+    if kernel:
+        gradient, diagonal = np.empty(x.shape), np.empty(x.shape)
+        entries = np.empty(between.here.size)
+        value = kernel.touches(
+            np.ascontiguousarray(x), x_rest, *between.joined, _SPREADS, gradient, diagonal, entries
+        )
+        return Quadratic(value, gradient, diagonal, entries)
     d = between.matrix @ x.ravel()
     square = d * d
     square += between.square

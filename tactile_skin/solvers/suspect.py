@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, lapack
 
+from . import laplacian
 from .reading import ROUNDING_NOISE, Reading, rest_reading
 
 # Thresholds in standard deviations. Chosen so that all tests together call less than 2 % of sound
@@ -86,17 +87,17 @@ def by_score(reading: Reading, k, weight, misfit, told, jacobian, factor, ahead,
         ahead: what the unknowns still lack to the fit's minimum.
         broad: the level prior was used; its fit leans on r_par's pattern even when sound.
     """
-    rows, cols = weight.shape
+    rows = weight.shape[0]
     pairs = np.flatnonzero(np.concatenate([_alike(reading), _alike(reading, turned=True)]))
     pairs += pairs >= rows - 1  # the last row and the first column are no neighbours
-    # current driven through a crossing puts this voltage between the two lines of a pair
-    apart = k[:, pairs] - k[:, pairs + 1]
-    across = (apart[:rows, None] - apart[None, rows:]).reshape(rows * cols, -1)[told]
-    pushed = weight.reshape(-1, 1)[told]
-    p = np.concatenate([np.square(across) * pushed, pushed], 1).astype(np.float32)
+    # a short is a conductance between the two lines of a pair, r_par one before every reading
+    p = np.empty((told.size, pairs.size + 1), np.float32)
+    lines = pairs.astype(np.int32)
+    p[:, :-1] = laplacian.sensitivity(k, weight, told, lines, lines + np.int32(1))
+    p[:, -1] = weight.ravel()[told]
     size = np.square(p).sum(0)
     along = jacobian.T @ p
-    hidden = (along * lapack.spotrs(factor, along)[0]).sum(0)
+    hidden = (along * lapack.spotrs(factor.T, along, lower=1)[0]).sum(0)
     score = p.T @ misfit.ravel()[told].astype(np.float32) - along.T @ ahead
     score /= np.sqrt(np.maximum(size - hidden, _HIDDEN * size) + 1e-30)
     if pairs.size and score[:-1].max() > _SHORT:
