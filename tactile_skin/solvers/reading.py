@@ -121,18 +121,27 @@ def check_reading(
         raise ValueError(f"noise = {noise!r} ADC steps: must be 0 or more, below full scale")
     if time_limit is not None and not time_limit > 0:
         raise ValueError(f"time_limit = {time_limit!r} s: must be above 0")
-    known, capped = np.ones(circuit.shape, bool), np.zeros(circuit.shape, bool)
+    known, capped = _all_known(circuit.shape)
     if not (adc.min() >= 0.0 and adc.max() <= 1.0):  # NaN is neither
         known = _known(adc, circuit, missing)
+        adc = np.where(known, adc, 0.0)
     if threshold:
         capped = known & (adc <= threshold)
-        known &= ~capped
-    if not known.all():
+        known = known & ~capped
         adc = np.where(known, adc, 0.0)
     if noise is None:
         noise = _noise_of(adc * circuit.full_scale)
     deadline = np.inf if time_limit is None else time.monotonic() + time_limit
     return Reading(adc, known, capped, float(threshold), noise, deadline, circuit, curve)
+
+
+@lru_cache(maxsize=16)
+def _all_known(shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """`known` and `capped` of a frame that was read as a whole; read-only."""
+    flags = np.ones(shape, bool), np.zeros(shape, bool)
+    for array in flags:
+        array.setflags(write=False)
+    return flags
 
 
 def _known(adc: np.ndarray, circuit: Circuit, missing: bool) -> np.ndarray:
