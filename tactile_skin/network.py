@@ -153,8 +153,8 @@ class Weights:
             np.divide(inputs - self._mean[:, None], self._std[:, None], out=inside)
         else:
             (row, row_bias), (col, col_bias) = self._lines
-            x = ((frames - self._mean) / self._std).astype(np.float32)  # (n, rows, cols)
-            inside[0] = x
+            x = inside[0]  # (n, rows, cols)
+            np.divide(frames - self._mean, self._std, out=x, casting="same_kind")
             inside[1] = np.maximum(x @ row + row_bias, 0.0)[:, :, None]
             inside[2] = np.maximum(col @ x + col_bias, 0.0)[:, None, :]
         for gathered, window in scratch.context:  # (3, 3, channels, n, rows, cols) each
