@@ -23,7 +23,7 @@ from .curve import PressureCurve
 SHIPPED = Path(__file__).parent / "weights"
 DILATIONS = (1, 2, 3)  # of the parallel context convolutions (paper Fig. 7)
 _FORMAT = 1
-_FRAMES_AT_ONCE = 32  # of a recording: what a pass holds stays in the cache
+_FRAMES_AT_ONCE = 16  # of a recording: what a pass holds stays in the cache
 NETWORKS = ("paper", "physics")
 PHYSICS_INPUTS = 5
 _STEPS = 6  # of the fixed point

@@ -250,6 +250,11 @@ def main() -> None:
     rows = [("newton", accuracy, "newton", f, "ideal", 10_000 // share) for f in scenes.FAMILIES]
     rows += [("newton, last frame", tracking, "newton", "ideal", 40 // share)]
     rows += [("map", accuracy, "map", f, "scan", 300 // share) for f in scenes.FAMILIES]
+    rows += [
+        ("the networks", accuracy, method, family, readout, 300 // share)
+        for method, readout in (("cnn", "ideal"), ("physics", "scan"))
+        for family in scenes.FAMILIES
+    ]
     rows += [("the net as a prior", with_net, f, 300 // share) for f in scenes.FAMILIES]
     rows += [
         ("another board", other_board, f, off, 300 // share)
