@@ -59,8 +59,7 @@ class PressureCurve:
         root = np.sqrt(force)
         # The given points stay in the table: the curve passes through them exactly.
         self._root = np.union1d(np.linspace(0.0, root[-1], self._TABLE_POINTS), root)
-        self._log_r = PchipInterpolator(root, np.log(resistance))(self._root)
-        self._log_r_rising, self._root_falling = self._log_r[::-1].copy(), self._root[::-1].copy()
+        self._log_g = -PchipInterpolator(root, np.log(resistance))(self._root)
 
     @classmethod
     def load(cls, path) -> PressureCurve:
@@ -121,7 +120,7 @@ class PressureCurve:
     def resistance(self, force) -> np.ndarray:
         """Force on a cell [N] -> its resistance [ohm]; arrays; clipped to the curve."""
         root = np.sqrt(np.maximum(force, 0.0))
-        return self._with_offset(np.exp(np.interp(root, self._root, self._log_r)))
+        return self._with_offset(np.exp(-np.interp(root, self._root, self._log_g)))
 
     def force(self, resistance) -> np.ndarray:
         """Resistance of a cell [ohm] -> force on it [N]; clipped to [0, max_force].
@@ -129,16 +128,20 @@ class PressureCurve:
         0 ohm and infinity are allowed: a short reads as `max_force`, an open cell as 0.
         """
         with np.errstate(divide="ignore"):
-            if self.offset is not None:
-                resistance = 1.0 / np.maximum(1.0 / resistance - self.offset, 0.0)
-            log_r = np.log(resistance)
-        return np.interp(log_r, self._log_r_rising, self._root_falling) ** 2
+            return self.force_at(-np.log(resistance))
+
+    def force_at(self, log_g) -> np.ndarray:
+        """log of a cell's conductance [S] -> force on it [N], as `force`."""
+        if self.offset is not None:
+            with np.errstate(divide="ignore"):
+                log_g = np.log(np.maximum(np.exp(log_g) - self.offset, 0.0))
+        return np.square(np.interp(log_g, self._log_g, self._root))
 
     def slope(self, force) -> np.ndarray:
         """d force / d log(resistance) [N], of the curve without its offset."""
         root = np.sqrt(np.clip(force, 0.0, self.max_force))
         k = np.clip(np.searchsorted(self._root, root, side="right"), 1, self._root.size - 1)
-        d_root = (self._root[k] - self._root[k - 1]) / (self._log_r[k] - self._log_r[k - 1])
+        d_root = (self._root[k] - self._root[k - 1]) / (self._log_g[k - 1] - self._log_g[k])
         return 2.0 * root * d_root
 
     def describe(self) -> dict:

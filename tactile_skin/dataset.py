@@ -45,8 +45,8 @@ class TrainingConfig:
 
     pairs: int = 100_000
     validation: int = 30_000
-    epochs: int = 100
-    batch: int = 128
+    epochs: int = 60
+    batch: int = 64
     rate: float = 1e-2
     loss: str = "l1"
     optimizer: str = "adam"

@@ -15,7 +15,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
+from numpy.lib.stride_tricks import as_strided, sliding_window_view
 
 from .circuit import Circuit, circuit_from, connected_rho, two_terminal_resistance
 from .curve import PressureCurve
@@ -23,7 +23,7 @@ from .curve import PressureCurve
 SHIPPED = Path(__file__).parent / "weights"
 DILATIONS = (1, 2, 3)  # of the parallel context convolutions (paper Fig. 7)
 _FORMAT = 1
-_FRAMES_AT_ONCE = 256  # bounds the memory of a pass over a recording
+_FRAMES_AT_ONCE = 16  # of a recording: what a pass holds stays in the cache
 NETWORKS = ("paper", "physics")
 PHYSICS_INPUTS = 5
 _STEPS = 6  # of the fixed point
@@ -91,12 +91,15 @@ class Weights:
                 (state["row.weight"].reshape(self.cols), float(state["row.bias"][0])),
                 (state["col.weight"].reshape(self.rows), float(state["col.bias"][0])),
             )
-        self._taps, context = _merge_dilations(state)
-        heads = [
-            (w.transpose(0, 2, 3, 1).reshape(len(w), -1), state[f"head.{k}.bias"][:, None])
-            for k, w in enumerate(_layers(state, "head"))
-        ]  # (out, 9 * in): taps outermost, as the gathered columns are
-        self._context, self._heads = context, [tuple(map(_contiguous, pair)) for pair in heads]
+        # Taps outermost, as the gathered columns are; the last column holds the biases, which
+        # meet a channel of ones.
+        self._context = np.stack(
+            [
+                np.hstack([w.transpose(0, 2, 3, 1).reshape(len(w), -1), bias[:, None]])
+                for w, bias in _layers(state, "context")
+            ]
+        )  # (dilations, 9, 9 * channels + 1)
+        self._heads = [_by_tap(w, bias) for w, bias in _layers(state, "head")]
         self._fits = None, None  # circuit and curve that were found to fit
         self._scratch = threading.local()  # several skins may share the weights
 
@@ -150,73 +153,85 @@ class Weights:
             np.divide(inputs - self._mean[:, None], self._std[:, None], out=inside)
         else:
             (row, row_bias), (col, col_bias) = self._lines
-            x = ((frames - self._mean) / self._std).astype(np.float32)  # (n, rows, cols)
-            inside[0] = x
+            x = inside[0]  # (n, rows, cols)
+            np.divide(frames - self._mean, self._std, out=x, casting="same_kind")
             inside[1] = np.maximum(x @ row + row_bias, 0.0)[:, :, None]
             inside[2] = np.maximum(col @ x + col_bias, 0.0)[:, None, :]
-        for k, window in enumerate(scratch.windows):  # (channels, n, rows, cols) each
-            scratch.tap_columns[k] = window
-        h = self._context[0] @ scratch.tap_columns.reshape(-1, frames.size)  # (27, n * cells)
-        h += self._context[1]
-        for (weight, bias), (middle, taps, columns) in zip(
+        for gathered, window in scratch.context:  # (3, 3, channels, n, rows, cols) each
+            gathered[...] = window
+        h = np.matmul(self._context, scratch.columns, out=scratch.looked)
+        h = h.reshape(-1, *frames.shape)  # (27, n, rows, cols)
+        for weight, (inner, padded, taps, shifted, flat, summed) in zip(
             self._heads, scratch.layers, strict=True
         ):
-            np.maximum(h.reshape(middle.shape), 0.0, out=middle)
-            columns[...] = taps
-            h = weight @ columns.reshape(-1, frames.size)
-            h += bias
-        return np.maximum(h, 0.0).reshape(frames.shape) * self._curve.max_force
+            np.maximum(h, 0.0, out=inner)
+            np.matmul(weight, padded, out=taps)
+            np.add.reduce(shifted, (0, 1), out=flat)
+            h = summed
+        return np.maximum(h[0], 0.0) * self._curve.max_force
 
     def _allocate(self, n: int) -> None:
-        """Zero-padded pictures and gathered columns for n frames; their padding stays zero."""
+        """Buffers for n frames, and views of them; padding stays 0, and channels of ones 1."""
         rows, cols, pad = self.rows, self.cols, max(DILATIONS)
         scratch = self._scratch
-        channels = self._context[0].shape[1] // len(self._taps)
+        channels = self._context.shape[2] // 9
         picture = np.zeros((channels, n, rows + 2 * pad, cols + 2 * pad), np.float32)
         scratch.inside = picture[:, :, pad : pad + rows, pad : pad + cols]
-        scratch.windows = [
-            picture[:, :, pad + dy : pad + dy + rows, pad + dx : pad + dx + cols]
-            for dy, dx in self._taps
+        windows = sliding_window_view(picture, (rows, cols), (2, 3))
+        windows = windows.transpose(2, 3, 0, 1, 4, 5)  # (7, 7, channels, n, rows, cols)
+        columns = np.ones((len(DILATIONS), 9 * channels + 1, n * rows * cols), np.float32)
+        scratch.columns = columns
+        scratch.context = [
+            (
+                columns[k, :-1].reshape(3, 3, channels, n, rows, cols),
+                windows[pad - d : pad + d + 1 : d, pad - d : pad + d + 1 : d],
+            )
+            for k, d in enumerate(DILATIONS)
         ]
-        scratch.tap_columns = np.empty((len(self._taps), channels, n, rows, cols), np.float32)
+        scratch.looked = np.empty((*self._context.shape[:2], n * rows * cols), np.float32)
+        # A 3x3 convolution of a zero-padded picture kept flat: one product gives what each of the
+        # nine taps adds, and each lies at an offset of its own.
+        wide, size = cols + 2, n * (rows + 2) * (cols + 2)
+        used = size - 2 * wide - 2
         scratch.layers = []
-        for weight, _ in self._heads:
-            channels = weight.shape[1] // 9
-            padded = np.zeros((channels, n, rows + 2, cols + 2), np.float32)
-            taps = sliding_window_view(padded, (rows, cols), (2, 3))  # (channels, n, 3, 3, ...)
-            taps = taps.transpose(2, 3, 0, 1, 4, 5)  # (3, 3, channels, n, rows, cols)
-            columns = np.empty(taps.shape, np.float32)
-            scratch.layers.append((padded[:, :, 1:-1, 1:-1], taps, columns))
+        for weight in self._heads:
+            channels, out = weight.shape[1] - 1, len(weight) // 9
+            padded = np.zeros((channels + 1, n, rows + 2, wide), np.float32)
+            padded[-1] = 1.0
+            taps = np.empty((9 * out, size), np.float32)
+            line, item = taps.strides
+            shifted = as_strided(
+                taps,
+                (3, 3, out, used),
+                (3 * out * line + wide * item, out * line + item, line, item),
+                writeable=False,
+            )
+            flat = np.zeros((out, size), np.float32)
+            summed = flat.reshape(out, n, rows + 2, wide)[:, :, :rows, :cols]
+            inner = padded[:-1, :, 1:-1, 1:-1]
+            scratch.layers.append(
+                (inner, padded.reshape(-1, size), taps, shifted, flat[:, :used], summed)
+            )
         scratch.n = n
 
 
-def _layers(state: dict, name: str) -> list[np.ndarray]:
-    """Weights of the numbered layers of one name, in order."""
-    found = [state[f"{name}.{k}.weight"] for k in range(100) if f"{name}.{k}.weight" in state]
-    return [w.astype(np.float32) for w in found]
+def _layers(state: dict, name: str) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Weights (out, in, 3, 3) and biases (out,) of the numbered layers of one name, in order."""
+    count = sum(key.startswith(name) and key.endswith("weight") for key in state)
+    names = [f"{name}.{k}" for k in range(count)]
+    return [
+        (state[f"{key}.weight"].astype(np.float32), state[f"{key}.bias"].astype(np.float32))
+        for key in names
+    ]
 
 
-def _merge_dilations(state: dict):
-    """The three dilated 3x3 convolutions as one over the offsets that they look at.
-
-    Returns:
-        list of (dy, dx), and (weight (27, offsets * channels), bias (27, 1)).
-    """
-    steps = (-1, 0, 1)
-    taps = sorted({(dy * d, dx * d) for d in DILATIONS for dy in steps for dx in steps})
-    weights, biases = [], []
-    for k, (dilation, w) in enumerate(zip(DILATIONS, _layers(state, "context"), strict=True)):
-        merged = np.zeros((len(w), len(taps), w.shape[1]), np.float32)
-        for a, dy in enumerate(steps):
-            for b, dx in enumerate(steps):
-                merged[:, taps.index((dy * dilation, dx * dilation))] = w[:, :, a, b]
-        weights.append(merged.reshape(len(w), -1))
-        biases.append(state[f"context.{k}.bias"][:, None])
-    return taps, (_contiguous(np.concatenate(weights)), _contiguous(np.concatenate(biases)))
-
-
-def _contiguous(array: np.ndarray) -> np.ndarray:
-    return np.ascontiguousarray(array, np.float32)
+def _by_tap(weight: np.ndarray, bias: np.ndarray) -> np.ndarray:
+    """(9 * out, in + 1) of a 3x3 convolution: taps outermost, the biases at its middle one."""
+    out, channels = weight.shape[:2]
+    stacked = np.zeros((3, 3, out, channels + 1), np.float32)
+    stacked[..., :-1] = weight.transpose(2, 3, 0, 1)
+    stacked[1, 1, :, -1] = bias
+    return stacked.reshape(9 * out, channels + 1)
 
 
 def save(path, state: dict[str, np.ndarray], meta: dict) -> None:

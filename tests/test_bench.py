@@ -24,6 +24,7 @@ from tactile_skin.bench import (
 )
 from tactile_skin.bench.faults import EVERYDAY, FAULTS, TROUBLES, faulty, pressed
 from tactile_skin.bench.measure import Clock, day, errors
+from tactile_skin.bench.solvers import other_board, r_par_told
 from tactile_skin.bench.textile import Textile
 from tactile_skin.curve import GRAM
 from tactile_skin.solvers import METHODS
@@ -109,6 +110,26 @@ def test_a_broken_stripe_is_two_stripes(resistance):
 def test_shorted_lines_read_nearly_alike(resistance):
     rho = textile.two_terminal(resistance[0], shorts=[6, 16 + 9])
     assert np.abs(rho[6] - rho[7]).max() < 1.0 and np.abs(rho[:, 9] - rho[:, 10]).max() < 1.0
+
+
+# --- boards that are not as the solver is told ---
+
+
+def test_what_an_exact_inverse_misses_by_is_the_boards_doing():
+    row = other_board("blobs", "R_par", 6, seed=1)
+    force = scenes.sample("blobs", 6, 16, 16, np.random.default_rng(1))
+    load = np.abs(force).mean() / GRAM
+    assert 0.02 * load < row["newton"] < load
+    assert row["physics"] < 2.0 * row["newton"]
+    both = other_board("blobs", "both", 6, seed=1)
+    curve = other_board("blobs", "curve", 6, seed=1)
+    assert curve["newton"] < both["newton"]
+
+
+def test_a_frame_tells_r_par_less_where_the_rest_is_not_known():
+    row = r_par_told("rects", 4, seed=1)
+    known, alike = row["rest known"][0], row["rest alike"][0]
+    assert 0.3 < known < alike < 16.3, "5 % of 326 ohm"
 
 
 # --- troubles do what they say ---

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from tactile_skin import Circuit, PressureCurve, forward, network
+from tactile_skin import Circuit, PressureCurve, compensate, forward, network, scenes
+from tactile_skin.bench.measure import GHOST, frames
+from tactile_skin.curve import GRAM
 from tactile_skin.training import make_net
 
 
@@ -109,3 +111,41 @@ def test_shipped_weights_say_what_they_are():
     assert weights.meta["config"]["validation"] == 30_000
     assert {"seed", "epochs", "loss"} <= set(weights.meta["config"])
     assert weights.meta["epoch"] >= 1 and weights.meta["validation_g"] > 0
+
+
+# --- what the shipped ones must do, on scenes that they have not seen -----------------------------
+
+
+def error(kind, family, readout, n=900):
+    """Mean error [g a cell] of a shipped network; scenes, readings [N, ADC ratio]."""
+    rng = np.random.default_rng(20261)
+    force, adc = frames(family, readout, n, rng, Circuit(), PressureCurve())
+    return np.abs(network.shipped(kind).predict(adc) - force).mean() / GRAM, force, adc
+
+
+@pytest.mark.parametrize(("family", "most"), [("blobs", 11), ("rects", 30), ("random", 52)])
+def test_the_papers_network_errs_no_more_than_the_papers(family, most):
+    assert error("paper", family, "ideal")[0] < most
+
+
+@pytest.mark.parametrize(("family", "most"), [("blobs", 6), ("rects", 13)])
+def test_the_physics_fed_network_on_noisy_scans(family, most):
+    assert error("physics", family, "scan")[0] < most
+
+
+def test_the_physics_fed_network_is_near_the_noise_limit_under_a_load_everywhere():
+    """There the noise leaves little to know: the error goes with the load, and `map` is no better.
+
+    Both on the same frames, whose mean load is anything.
+    """
+    found, force, adc = error("physics", "random", "scan", 40)
+    best = np.array([compensate(a, Circuit(), PressureCurve(), "map").force for a in adc])
+    assert found < 1.04 * np.abs(best - force).mean() / GRAM
+
+
+@pytest.mark.parametrize("kind", network.NETWORKS)
+def test_two_fingers_leave_no_ghost(kind):
+    force = scenes.script("two_fingers", 16, 16)(0.0)
+    adc = forward(Circuit(), PressureCurve().resistance(force))
+    found = network.shipped(kind).predict(adc)
+    assert found[force == 0].max() < GHOST * GRAM

@@ -137,3 +137,15 @@ def test_a_run_goes_on_from_weights_that_are_there(tmp_path):
         run(tmp_path / "kind", replace(more, network="physics"))
     with pytest.raises(ValueError, match="16 x 16, not 6 x 7"):
         run(tmp_path / "shape", replace(more, start="paper"))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_line_kernels_start_open(seed):
+    """There is one of each: dead, the network would not know of its lines."""
+    torch.manual_seed(seed)
+    net = training.make_net("paper", *CIRCUIT.shape)
+    inputs = torch.from_numpy(make_pairs(CIRCUIT, CURVE, 300, "paper", "ideal", seed)[0])
+    inputs = (inputs - inputs.mean()) / inputs.std()
+    with torch.inference_mode():
+        for line in (net.row, net.col):
+            assert (line(inputs) > 0).float().mean() > 0.7

@@ -56,12 +56,12 @@ class Reading:
     @cached_property
     def told(self) -> int:
         """Number of readings that say something."""
-        return np.count_nonzero(self.known | self.capped)
+        return self.known.size if self.plain else np.count_nonzero(self.known | self.capped)
 
     @cached_property
     def rho(self) -> np.ndarray:
         """(rows, cols) measured two-terminal resistance [ohm], kept finite and above 0."""
-        return np.clip(self.circuit.two_terminal(self.adc), 1e-3, 1e12)
+        return np.minimum(np.maximum(self.circuit.two_terminal(self.adc), 1e-3), 1e12)
 
     @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -85,7 +85,10 @@ class Reading:
 
     def residual(self, adc) -> float:
         """RMS of `misfit` over the readings that say something."""
-        misfit = self.misfit(adc).ravel()
+        return self.rms(self.misfit(adc))
+
+    def rms(self, misfit: np.ndarray) -> float:
+        misfit = misfit.ravel()
         return float((misfit @ misfit / max(self.told, 1)) ** 0.5)
 
     def need_whole(self, method: str) -> None:
@@ -118,6 +121,31 @@ def check_reading(
         raise ValueError(f"noise = {noise!r} ADC steps: must be 0 or more, below full scale")
     if time_limit is not None and not time_limit > 0:
         raise ValueError(f"time_limit = {time_limit!r} s: must be above 0")
+    known, capped = _all_known(circuit.shape)
+    if not (adc.min() >= 0.0 and adc.max() <= 1.0):  # NaN is neither
+        known = _known(adc, circuit, missing)
+        adc = np.where(known, adc, 0.0)
+    if threshold:
+        capped = known & (adc <= threshold)
+        known = known & ~capped
+        adc = np.where(known, adc, 0.0)
+    if noise is None:
+        noise = _noise_of(adc * circuit.full_scale)
+    deadline = np.inf if time_limit is None else time.monotonic() + time_limit
+    return Reading(adc, known, capped, float(threshold), noise, deadline, circuit, curve)
+
+
+@lru_cache(maxsize=16)
+def _all_known(shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """`known` and `capped` of a frame that was read as a whole; read-only."""
+    flags = np.ones(shape, bool), np.zeros(shape, bool)
+    for array in flags:
+        array.setflags(write=False)
+    return flags
+
+
+def _known(adc: np.ndarray, circuit: Circuit, missing: bool) -> np.ndarray:
+    """(rows, cols) bool, what is not NaN; ValueError if anything is there that may not be."""
     unread = np.isnan(adc)
     allowed = unread if missing else unread & ~circuit.populated
     bad = ~((adc >= 0.0) & (adc <= 1.0)) & ~allowed
@@ -128,15 +156,7 @@ def check_reading(
             f"reading: {np.count_nonzero(bad)} of {adc.size} values are not in [0, 1], "
             f"the first {adc[row, col]} at row {row}, column {col}{hint}"
         )
-    known = ~unread
-    capped = known & (adc <= threshold) if threshold else np.zeros(circuit.shape, bool)
-    known &= ~capped
-    if unread.any() or threshold:
-        adc = np.where(known, adc, 0.0)
-    if noise is None:
-        noise = _noise_of(adc * circuit.full_scale)
-    deadline = np.inf if time_limit is None else time.monotonic() + time_limit
-    return Reading(adc, known, capped, float(threshold), noise, deadline, circuit, curve)
+    return ~unread
 
 
 def _noise_of(steps: np.ndarray) -> float:
