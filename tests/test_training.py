@@ -11,9 +11,17 @@ from tactile_skin import Circuit, PressureCurve, network, training
 from tactile_skin.dataset import TrainingConfig, make_pairs
 from tactile_skin.training import TrainingDied, train
 
-torch.set_num_threads(1)  # these nets are too small to share
 CIRCUIT, CURVE = Circuit(6, 7), PressureCurve()
 TINY = TrainingConfig(pairs=600, validation=90, epochs=4, batch=50, rate=5e-3, seed=3)
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    """The runs are tiny: two threads would wait for one another, long where a core is busy."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
 
 
 def run(out, config=TINY, **kwargs):
