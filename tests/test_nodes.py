@@ -17,6 +17,7 @@ from tactile_skin.bus import (
     Parameter,
     ParameterError,
     SingleThreadedExecutor,
+    Time,
 )
 from tactile_skin.msg import (
     Bool,
@@ -524,6 +525,21 @@ def test_the_summary_counts_frames_stops_and_drops(chain, capsys):
     assert "drops       1 (0 lost on the wire, 1 on the way)" in summary
     assert '"push"' in summary
     assert "p50 0.00 ms, p99 0.00 ms" in summary  # the clock stands while callbacks run
+
+
+def test_a_decision_that_comes_before_its_reading_is_no_drop(chain):
+    """The driver tells one subscriber after the other, and may be held up in between."""
+    monitor = Monitor(chain.node("monitor", {}))
+    for stamp in (1, 2, 3):
+        header = Header(Time(nanoseconds=stamp * 10**7).to_msg(), "base_link")
+        reading = Image(header=header)
+        decision = DiagnosticArray(header, [DiagnosticStatus(name="stop_on_push")])
+        first, second = (monitor.on_adc, reading), (monitor.on_status, decision)
+        for callback, message in (second, first) if stamp == 2 else (first, second):
+            callback(message)
+        monitor.on_status(decision)  # a heartbeat
+    assert monitor.frames == len(monitor.latencies) == 3
+    assert monitor.dropped == 0
 
 
 def test_the_monitor_ends_the_run_after_its_duration(chain):

@@ -48,6 +48,7 @@ class Monitor:
         self.touched_frames = 0
         self.largest_force = 0.0
         self._pending: deque[int] = deque(maxlen=1000)  # stamps without a decision yet [ns]
+        self._decided = 0, 0  # stamp of the last decision that came before its reading, when [ns]
         self._first: int | None = None
         self._driver: dict[str, str] = {}
         self._troubles: dict[str, str] = {}
@@ -75,7 +76,10 @@ class Monitor:
         stamp = Time.from_msg(msg.header.stamp).nanoseconds
         self._first = stamp if self._first is None else self._first
         self.frames += 1
-        self._pending.append(stamp)
+        if stamp == self._decided[0]:  # the driver was held up while it told its subscribers
+            self.latencies.append((self._decided[1] - stamp) / 1e9)
+        else:
+            self._pending.append(stamp)
 
     def on_contacts(self, msg: PointCloud2) -> None:
         self._contacts = msg.width
@@ -99,6 +103,8 @@ class Monitor:
         if self._pending and self._pending[0] == stamp:
             self._pending.popleft()
             self.latencies.append((now - stamp) / 1e9)
+        elif stamp != self._decided[0]:
+            self._decided = stamp, now
         if not self.node.context.ok():  # the stop that a shutdown brings is none of the run's
             return
         status = msg.status[0]
