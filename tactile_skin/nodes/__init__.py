@@ -3,6 +3,6 @@
 Each is a class that takes a Node handle, so that the same code runs in-process and on real ROS.
 """
 
-# Frames that a stage may lag behind: 0.1 s, after which the stop calls them stale, of all scans that
-# the board can do, 390 a second. A machine that stutters loses none.
+# Frames that a stage may lag behind: 0.1 s, after which the stop calls them stale, of all the scans
+# that a board can do, 390 a second. A machine that stutters loses none.
 QUEUE = 40
