@@ -21,6 +21,7 @@ _TOUCH = 10.0 * GRAM  # N on a cell, felt: a touch
 _WINDOW = 1.0  # s that a measurement takes
 _FRAMES = 40  # frames that it takes at least
 _PAUSE = 1.0  # s after a touch: the fabric recovers
+_WAIT = 0.1  # s that must follow a measurement without a touch: its onset is too weak to be felt
 _SHARE = 0.5  # of a later measurement that is taken over
 _NEWS = 4.0  # times its noise by which a measurement differs from what is known
 _COMMON = 0.004  # by which all cells together may rest off the curve, at first
@@ -46,7 +47,7 @@ class Tare:
         self._begin(-np.inf)
 
     def _begin(self, after: float) -> None:
-        self._after, self._since = after, np.inf
+        self._after, self._since, self._until = after, np.inf, np.inf
         self._sum, self._frames = np.zeros(self._circuit.shape), 0
 
     def update(self, t: float, adc: np.ndarray, force: np.ndarray) -> bool:
@@ -65,9 +66,12 @@ class Tare:
         if t < self._after:
             return False
         self._since = min(self._since, t)
-        self._sum += adc
-        self._frames += 1
-        if t - self._since < _WINDOW or self._frames < _FRAMES:
+        if self._until == np.inf:
+            self._sum += adc
+            self._frames += 1
+            if t - self._since >= _WINDOW and self._frames >= _FRAMES:
+                self._until = t
+        if t - self._until < _WAIT:
             return False
         mean, frames = self._sum / self._frames, self._frames
         self._begin(t)
