@@ -706,12 +706,12 @@ def test_the_launched_demo_speaks_100_times_a_second(version, tmp_path):
     assert rates[best] == pytest.approx([100.0] * 5, rel=0.01)
     window = slice(best, best + 8.0)
     assert heard["skin/pressure"][-1][2][:6] == ("base_link", 16, 16, "32FC1", 0, 64)
-    # a decision for each reading, and the heartbeat between them
+    # a decision for each reading; the heartbeat only fills gaps
     readings = {stamp for _, stamp, _ in taken_in(heard["skin/adc"], window)}
     decided = {stamp for _, stamp, _ in heard["skin/stop_status"]} & readings
     assert len(decided) >= 0.99 * len(readings)
     stops = [t for t, *_ in heard["skin/stop"] if window.start <= t <= window.stop]
-    assert 100.0 <= len(stops) / 8.0 < 160.0
+    assert 99.0 <= len(stops) / 8.0 < 160.0
     reports = defaultdict(list)
     for t, _, ((node, level, _, hardware, values),) in heard["diagnostics"]:
         if start + 2.0 <= t <= end:
