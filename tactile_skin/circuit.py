@@ -31,6 +31,11 @@ except ImportError:
     kernel = None
 
 
+def compiled(shape: tuple[int, int]):
+    """The compiled kernel, if there is one and it takes skins of this many (rows, cols)."""
+    return kernel if kernel and sum(shape) <= kernel.LINES else None
+
+
 @dataclass(frozen=True, eq=False)
 class Circuit:
     """The read-out circuit of one skin (paper section III-B); the defaults are the paper's.
@@ -268,9 +273,9 @@ def connected_rho(g: np.ndarray) -> np.ndarray:
     """`two_terminal_resistance` of connected networks, which it does not check."""
     if g.ndim > 2:
         return rho_of(network_inverse(g))
-    if kernel and sum(g.shape) <= kernel.LINES:
+    if fast := compiled(g.shape):
         rho = np.empty(g.shape)
-        if kernel.two_terminal(*g.shape, np.ascontiguousarray(g), rho):
+        if fast.two_terminal(*g.shape, np.ascontiguousarray(g), rho):
             return rho
     if g.shape[0] > g.shape[1]:
         return connected_rho(g.T).T

@@ -69,8 +69,7 @@ def write(out: Path, name: str, data: dict, draw) -> None:
         0.2 * line,
         f"seed {data['seed']}, {machine['processor']}, {machine['cores']} cores, "
         f"numpy {machine['numpy']}, scipy {machine['scipy']}, kernel {machine['kernel']}"
-        + ", quick"
-        * data["quick"],
+        f"{', quick' * data['quick']}",
         ha="right",
         fontsize=6.5,
         color="#777777",

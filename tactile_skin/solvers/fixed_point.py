@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import lapack
 
-from ..circuit import connected_rho, kernel
+from ..circuit import compiled, connected_rho
 from .estimate import Estimate
 from .judge import judge
 from .reading import Reading
@@ -54,10 +54,10 @@ def iterate(reading: Reading, g, steps: int, target: float) -> tuple[np.ndarray,
     low, high = (np.log(bound.ravel()[cells]) for bound in reading.bounds)
     rho_measured = reading.rho.ravel()[cells]
     goal = cells.size * (target / circuit.full_scale) ** 2
-    if kernel and sum(circuit.shape) <= kernel.LINES:
+    if fast := compiled(circuit.shape):
         there, at = g.copy(), cells.astype(np.int32)
         divider = circuit.r_ref, circuit.r_par
-        taken = kernel.iterate(
+        taken = fast.iterate(
             *circuit.shape, there, at, rho_measured, low, high, *divider, goal, steps
         )
         if taken >= 0:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..circuit import kernel, reduced_root
+from ..circuit import compiled, reduced_root
 
 
 class Network(NamedTuple):
@@ -31,9 +31,9 @@ def solve(g: np.ndarray) -> Network:
     """The network of conductances g (rows, cols) [S] (docs/derivation.md: K = W W^T in blocks)."""
     rows, cols = g.shape
     lines = rows + cols
-    if kernel and lines <= kernel.LINES:
+    if fast := compiled(g.shape):
         root, k, rho = np.empty((lines, lines)), np.empty((lines, lines)), np.empty(g.shape)
-        if kernel.network(rows, cols, np.ascontiguousarray(g), root, k, rho):
+        if fast.network(rows, cols, np.ascontiguousarray(g), root, k, rho):
             return Network(root, k, rho)
     reduced, scaled, col_sum = reduced_root(g)
     root = np.zeros((lines, lines))
@@ -72,9 +72,9 @@ def sensitivity(k: np.ndarray, weight: np.ndarray, told, one, other) -> np.ndarr
         (m, n) float32.
     """
     rows, cols = weight.shape
-    if kernel and rows + cols <= kernel.LINES:
+    if fast := compiled(weight.shape):
         out = np.empty((told.size, one.size), np.float32)
-        kernel.sensitivity(rows, cols, k, weight, told, one, other, out)
+        fast.sensitivity(rows, cols, k, weight, told, one, other, out)
         return out
     apart = k[:, one] - k[:, other]
     across = apart[told // cols] - apart[rows + told % cols]
@@ -89,9 +89,9 @@ def hessian_product(k: np.ndarray, p: np.ndarray) -> np.ndarray:
     L(p) is the Laplacian of a network with conductances p, (rows, cols), of either sign.
     """
     rows, cols = p.shape
-    if kernel and rows + cols <= kernel.LINES:
+    if fast := compiled(p.shape):
         product = np.empty(p.shape)
-        kernel.hessian_product(rows, cols, k, np.ascontiguousarray(p), product)
+        fast.hessian_product(rows, cols, k, np.ascontiguousarray(p), product)
         return product
     weighted = np.empty_like(k)
     np.matmul(p, k[rows:], out=weighted[:rows])
