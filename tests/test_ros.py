@@ -539,11 +539,13 @@ def test_a_killed_node_stops_the_robot_and_rejoins(skin):
         stale = time.time() - killed
         gone = time.time()
         time.sleep(0.5)
-        lines = graph.said(name).count("stop free\n")
+        said = ("stop free\n", "heard skin/pressure\n")
+        counts = [graph.said(name).count(words) for words in said]
         for other in plan:
             assert other == "compensation" or graph.processes[other].poll() is None
         graph.start_node(plan["compensation"])
-        graph.wait_for(lambda: graph.said(name).count("stop free\n") > lines, "it rejoins")
+        for words, count in zip(said, counts, strict=True):  # each finds it in its own time
+            graph.wait_for(lambda w=words, n=count: graph.said(name).count(w) > n, "it rejoins")
         back = time.time()
         time.sleep(3.0)
         heard = by_topic(graph.heard(name))

@@ -3,6 +3,7 @@
     python listen_rclpy.py FILE [TOPIC ...]
 
 Notes what arrives until SIGTERM, then pickles [(topic, arrival [s], stamp [ns], values), ...].
+Says at once which topic it hears for the first time, or again after a silence.
 """
 
 import os
@@ -21,6 +22,7 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Bool
 
+SILENCE = 0.4  # s
 sys.setswitchinterval(0.0005)
 
 
@@ -58,7 +60,7 @@ done = threading.Event()
 signal.signal(signal.SIGTERM, lambda *_: done.set())
 rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
 node = rclpy.create_node(f"plain_listener_{os.getpid()}")
-seen, heard, reason = [], set(), [None]
+seen, arrived, reason = [], {}, [None]
 
 
 def listener(topic, values):
@@ -68,9 +70,9 @@ def listener(topic, values):
         if hasattr(m, "header"):
             stamp = m.header.stamp.sec * 10**9 + m.header.stamp.nanosec
         seen.append((topic, now, stamp, values(m)))
-        if topic not in heard:
-            heard.add(topic)
+        if now - arrived.get(topic, 0.0) > SILENCE:
             print(f"heard {topic}\n", end="", flush=True)
+        arrived[topic] = now
         if topic == "skin/stop_status" and m.status[0].message != reason[-1]:
             reason.append(m.status[0].message)
             print(f"stop {reason[-1] or 'free'}\n", end="", flush=True)

@@ -3,6 +3,7 @@
     python listen_rospy.py FILE [TOPIC ...]
 
 Notes what arrives until SIGTERM, then pickles [(topic, arrival [s], stamp [ns], values), ...].
+Says at once which topic it hears for the first time, or again after a silence.
 """
 
 import os
@@ -18,6 +19,7 @@ from geometry_msgs.msg import Vector3Stamped, WrenchStamped
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Bool
 
+SILENCE = 0.4  # s
 sys.setswitchinterval(0.0005)
 
 
@@ -54,7 +56,7 @@ TOPICS = {
 done = threading.Event()
 signal.signal(signal.SIGTERM, lambda *_: done.set())
 rospy.init_node(f"plain_listener_{os.getpid()}", disable_signals=True)
-seen, heard, reason = [], set(), [None]
+seen, arrived, reason = [], {}, [None]
 
 
 def listener(topic, values):
@@ -62,9 +64,9 @@ def listener(topic, values):
         now = time.time()
         stamp = m.header.stamp.to_nsec() if hasattr(m, "header") else None
         seen.append((topic, now, stamp, values(m)))
-        if topic not in heard:
-            heard.add(topic)
+        if now - arrived.get(topic, 0.0) > SILENCE:
             print(f"heard {topic}\n", end="", flush=True)
+        arrived[topic] = now
         if topic == "skin/stop_status" and m.status[0].message != reason[-1]:
             reason.append(m.status[0].message)
             print(f"stop {reason[-1] or 'free'}\n", end="", flush=True)
