@@ -37,7 +37,7 @@ def test_shuffled_cells_and_a_wrong_wiring_are_suspect_but_a_sound_twin_is_not()
 
 def test_a_sound_sole_loaded_throughout_is_not_called_wrong():
     """With a cell to move for each reading, a lean of the misfit is the prior's, not r_par's."""
-    frames = np.concatenate([frames_of(STANDING_LEFT), frames_of(STANDING_RIGHT)])
+    frames = np.concatenate([frames_of(STANDING_LEFT), frames_of(STANDING_RIGHT)] * 3)
     result = insole.summary(insole.twins(frames, SKIN), SKIN)
     assert result["ok"] >= 0.93, result["why"]
 
