@@ -65,10 +65,10 @@ class Axis:
         decay = math.exp(-self.damping * dt / self.mass)
         target = decay * velocity + (1.0 - decay) * force / self.damping
         target = _within(target, self.max_speed)
-        velocity = velocity + _within(target - velocity, self.max_acceleration * dt)
-        slow = min(_REST, self.max_acceleration * dt)
-        at_rest = not force.any() and np.linalg.norm(velocity) < slow
-        return np.zeros_like(velocity) if at_rest else velocity
+        most = self.max_acceleration * dt
+        new = velocity + _within(target - velocity, most)
+        slow = np.linalg.norm(new) < _REST and np.linalg.norm(velocity) <= most
+        return np.zeros_like(new) if slow and not force.any() else new
 
 
 def _within(vector: np.ndarray, length: float) -> np.ndarray:

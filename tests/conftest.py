@@ -5,10 +5,18 @@ import threading
 import time
 
 import pytest
+from hypothesis import settings
 
 # The matrices are small: BLAS's threads would wait for one another. Before NumPy is imported.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
+# The same examples on every run, so that a change is what fails; look for new ones by
+# `pytest --hypothesis-profile=search`.
+settings.register_profile("same", derandomize=True, deadline=None)
+settings.register_profile("search", deadline=None, max_examples=1000)
+settings.load_profile("same")
 
 
 def pytest_addoption(parser):

@@ -128,7 +128,7 @@ def test_the_energy_is_bounded_and_only_a_push_raises_it(axis, steps):
         held = max(0.0, size - axis.dead_band) / axis.damping
         new = axis.step(v, force, dt)
         before, after = np.linalg.norm(v), np.linalg.norm(new)
-        assert after <= max(before, held) * (1 + 1e-9)
+        assert after <= max(before, held) * (1 + 1e-9) + 1e-12  # m/s, of rounding
         if size <= axis.dead_band:
             assert after < before or before == 0.0 or dt * axis.damping / axis.mass < 1e-9
         v = new
