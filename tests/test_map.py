@@ -1,5 +1,7 @@
 """The noise-aware inverse: its prior, its accuracy, its spread, its doubts."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from tactile_skin.solvers.map import _gauss_newton, _Point
 from tactile_skin.solvers.reading import check_reading
 
 CIRCUIT, CURVE = Circuit(), PressureCurve()
+R_PAR_OFF = [fault for fault in FAULTS if fault.startswith("r_par")]
 
 
 def scan(force, rng, circuit=CIRCUIT):
@@ -128,7 +131,7 @@ def test_readings_may_be_missing_or_capped():
             compensate(reading, CIRCUIT, CURVE, "newton", **arguments)
 
 
-@pytest.mark.parametrize("fault", [f for f in FAULTS if f != "short"])
+@pytest.mark.parametrize("fault", [f for f in FAULTS if f not in ("short", *R_PAR_OFF)])
 def test_a_fault_that_spoils_the_answer_is_suspect(fault):
     rng = np.random.default_rng(8)
     spoilt, suspect = 0, 0
@@ -139,6 +142,44 @@ def test_a_fault_that_spoils_the_answer_is_suspect(fault):
             spoilt += 1
             suspect += found.status == "suspect" and found.message != ""
     assert spoilt >= 10 and suspect >= 0.9 * spoilt
+
+
+@pytest.mark.parametrize("fault", R_PAR_OFF)
+def test_a_wrong_r_par_is_told_and_found(fault):
+    """The force is then right, though the circuit that the solver was given is not."""
+    rng = np.random.default_rng(8)
+    force = scenes.sample("rects", 25, 16, 16, rng)
+    right = CIRCUIT.r_par * (1.1 if "+" in fault else 0.9)
+    errors, trusting, found = [], [], []
+    for truth in force:
+        adc = faulty(CIRCUIT, CURVE.resistance(truth), fault, rng)
+        estimate = compensate(scenes.read_out(CIRCUIT, adc, "scan", rng), CIRCUIT, CURVE, "map")
+        errors.append(np.abs(estimate.force - truth).mean())
+        exact = compensate(adc, CIRCUIT, CURVE, "newton").force
+        trusting.append(np.abs(exact - truth).mean())
+        if estimate.r_par is not None:
+            assert estimate.status == "suspect" and f"{estimate.r_par:.0f}" in estimate.message
+            found.append(estimate.r_par)
+    assert len(found) >= 18
+    assert np.median(np.abs(np.subtract(found, right))) < 4.0  # ohm
+    assert np.mean(errors) < 0.4 * np.mean(trusting)
+
+
+def test_a_stream_with_a_wrong_r_par_goes_on_from_the_one_found():
+    """And lets go of it where the circuit's own explains the reading."""
+    other = dataclasses.replace(CIRCUIT, r_par=1.08 * CIRCUIT.r_par)
+    rng = np.random.default_rng(9)
+    force = np.zeros((16, 16))
+    force[4:9, 5:9] = 250 * GRAM
+    last = None
+    for k in range(5):
+        adc = forward(other, CURVE.resistance((1.0 + 0.02 * k) * force))
+        adc = scenes.read_out(CIRCUIT, adc, "scan", rng)
+        last = compensate(adc, CIRCUIT, CURVE, "auto", start=last)
+        assert last.r_par == pytest.approx(other.r_par, abs=6.0)
+        assert np.abs(last.force - (1.0 + 0.02 * k) * force).max() < 60 * GRAM
+    sound = compensate(scan(force, rng), CIRCUIT, CURVE, "auto", start=last)
+    assert (sound.status, sound.r_par) == ("ok", None)
 
 
 def test_two_lines_that_touch_are_named():

@@ -99,8 +99,10 @@ class Compensation:
             self._judge("failed", str(error))
             return
         # A touch that comes or goes leaves a few suspect frames, as the board's low-pass mixes
-        # scans: they are next to the truth. More in a row may sit in a corner: start anew.
-        self._doubts = self._doubts + 1 if estimate.status != "ok" else 0
+        # scans: they are next to the truth. More in a row may sit in a corner: start anew, unless
+        # it is known what is wrong.
+        in_doubt = estimate.status != "ok" and estimate.r_par is None
+        self._doubts = self._doubts + 1 if in_doubt else 0
         self._last = estimate if self._doubts < _CORNER else None
         self._taken[estimate.method] += 1
         self._residual = estimate.residual

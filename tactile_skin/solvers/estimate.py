@@ -19,6 +19,8 @@ class Estimate:
         message: why, for a person; empty when ok.
         method: the method that was used ("auto" names its choice).
         iterations: steps that it took; 0 for a closed form.
+        r_par: series resistance [ohm] with which `force` explains the reading, where the circuit's
+            does not; None: it does, or none was sought.
     """
 
     force: np.ndarray
@@ -28,3 +30,4 @@ class Estimate:
     message: str
     method: str
     iterations: int
+    r_par: float | None = None

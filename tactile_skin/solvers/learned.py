@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 
 from .. import network
 from ..circuit import connected_rho
+from . import series
 from .estimate import Estimate
 from .judge import judge, network_of
 from .reading import Reading
@@ -21,7 +23,10 @@ def cnn(reading: Reading, weights=None, **_) -> Estimate:
 
 
 def physics(reading: Reading, weights=None, **_) -> Estimate:
-    """A network of the same size, fed with a few steps of the fixed point."""
+    """A network of the same size, fed with a few steps of the fixed point.
+
+    If its answer shows the board's r_par to be another than the circuit's, it looks again.
+    """
     return _learned(reading, weights, "physics", "physics")
 
 
@@ -34,8 +39,15 @@ def _learned(reading: Reading, weights, method: str, kind: str) -> Estimate:
     force = weights.predict(reading.adc)
     if reading.circuit.mask is not None:
         force *= reading.circuit.populated
-    force, network_there = _with_hard_edges(force, reading)
-    return judge(force, reading, method, network=network_there)
+    r_par = series.guess(reading, force) if kind == "physics" else None
+    if r_par is None:
+        force, network_there = _with_hard_edges(force, reading)
+        return judge(force, reading, method, network=network_there)
+    told = series.as_read_by_the_circuit(reading, r_par)
+    force = weights.predict(told.adc) * reading.circuit.populated
+    force, network_there = _with_hard_edges(force, told)
+    estimate = judge(force, reading, method, network=network_there)
+    return series.named(replace(estimate, r_par=r_par), reading)
 
 
 def _with_hard_edges(force: np.ndarray, reading: Reading):

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from ..circuit import kernel
-from . import laplacian, suspect
+from . import laplacian, series, suspect
 from . import prior as prior_terms
 from .conjugate_gradients import conjugate_gradients
 from .estimate import Estimate
@@ -51,12 +51,19 @@ def map_estimate(reading: Reading, start: Estimate | None = None, prior=None, **
         prior: (mean, std), two (rows, cols) arrays or numbers [N], joined to the built-in prior as
             independent knowledge of each cell.
     """
-    if start is None:
-        return _fit(reading, first_guess(reading), prior)
-    g = last_guess(reading, start)
-    if prior is None and (held := _held(reading, start, g)) is not None:
+    warm = start is not None
+    g = last_guess(reading, start) if warm else first_guess(reading)
+    if warm and prior is None and (held := _held(reading, start, g)) is not None:
         return held
-    return _fit(reading, g, prior, warm=True)
+
+    def fit(reading, g, warm=True):
+        return _fit(reading, g, prior, warm)
+
+    if warm and start.r_par is not None:
+        found = series.follow(reading, fit, g, start.r_par)
+        if found is not None and found.status == "ok":
+            return series.named(found, reading)
+    return series.seek(reading, fit, fit(reading, g, warm))
 
 
 def _held(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | None:

@@ -15,14 +15,14 @@ _SHORT = 3.7
 _R_PAR = 5.5
 # Where readings are rounded to whole steps those that are alike err alike, and do not average out:
 # times by which a score, and a residual, may then be larger.
-_ROUNDED = 2.8, 1.2
+ROUNDED = 2.8, 1.2
 _BEYOND = 5.0  # of noise, past what no skin can read
 _OPEN = 0.5  # times the reading at rest: fabrics differ from the curve by less
 _EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
 # Share of a fault's pattern, squared, below which the fit can take all of it: a short's, r_par's.
 _HIDDEN = 1e-3, 1e-4
 _TOLD = 1e-3  # the same, above which the readings alone tell a wrong r_par from the touched cells'
-_LIFTED = 5.0  # times its conductance at rest: a cell below it is as good as untouched
+LIFTED = 5.0  # times its conductance at rest: a cell below it is as good as untouched
 _SHORT_OF = 1.01  # ADC steps below a ceiling to which noise lets a saturated reading fall
 _GAP = 3.0  # times that: how far below the largest readings others are looked for
 _PILE = 8, 0.5  # readings at the largest, others below for each: a ceiling, or a flat touch
@@ -73,7 +73,7 @@ def by_residual(
     """
     misfit = reading.misfit(adc)
     n = max(reading.told, 1)
-    noise = slack * max(reading.noise, floor) * (_ROUNDED[1] if _rounded(reading) else 1.0)
+    noise = slack * max(reading.noise, floor) * (ROUNDED[1] if rounded(reading) else 1.0)
     square = np.square(misfit)
     if square.sum() <= n * noise**2 * (1.0 + _RESIDUAL * (2.0 / n) ** 0.5):
         return ""
@@ -132,12 +132,12 @@ def by_score(reading: Reading, k, weight, misfit, told, jacobian, factor, ahead,
     score = p.T @ misfit.ravel()[told].astype(np.float32) - along.T @ ahead
     least = np.append(np.full(pairs.size, _HIDDEN[0]), _HIDDEN[1])
     score /= np.sqrt(np.maximum(size - hidden, least * size) + 1e-30)
-    score /= _ROUNDED[0] if _rounded(reading) else 1.0
+    score /= ROUNDED[0] if rounded(reading) else 1.0
     if pairs.size and score[:-1].max() > _SHORT:
         line = pairs[score[:-1].argmax()]
         name, i = ("rows", line) if line < rows - 1 else ("columns", line - rows)
         return f"{name} {i} and {i + 1} read alike, as if shorted"
-    touched = g > _LIFTED / reading.curve.points[0][1]
+    touched = g > LIFTED / reading.curve.points[0][1]
     if not broad and abs(score[-1]) > _R_PAR and _can_tell(jacobian[:, touched], p[:, -1]):
         way = "low" if score[-1] < 0 else "high"
         return f"readings lean as if r_par = {reading.circuit.r_par:g} ohm was too {way}"
@@ -159,7 +159,7 @@ def _can_tell(jacobian: np.ndarray, p: np.ndarray) -> bool:
     return bool(p @ p - hidden > _TOLD * (p @ p))
 
 
-def _rounded(reading: Reading) -> bool:
+def rounded(reading: Reading) -> bool:
     """Whether nothing but rounding to whole steps is known to trouble the readings."""
     return 0.0 < reading.noise <= ROUNDING_NOISE
 

@@ -1,0 +1,212 @@
+"""A series resistance that is not the circuit's: the cells that nothing touches give it away.
+
+r_par lies before every reading. A wrong one moves each cell of a hard touch; at the cells at rest
+it shows: too low, they would have to read less than nothing, too high, and all of them seem a
+little touched, which a fit then believes. Held at rest, they leave r_par nowhere to hide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import blas, lapack
+
+from . import laplacian
+from .estimate import Estimate
+from .judge import network_of
+from .reading import ROUNDING_NOISE, Reading
+from .suspect import LIFTED, ROUNDED, rounded
+
+_STEPS = 4
+_TOLERANCE = 0.25  # share of r_par that it may be off; more is another fault
+_SURE = 5.5  # standard deviations: another r_par is told from the circuit's own
+_UPRIGHT = 3.5  # the same, which a right one may leave
+_ALONE = 30.0  # chi^2 a reading that the circuit's nonlinearity may leave beside a wrong r_par
+_CLEAR = 4.0  # the same beside a network's force, which no further fit will check
+_SEEN = 1.5  # times its conductance at rest: a cell above it a network means to be touched
+_TOLD = 1e-3  # share of r_par's pattern, squared, that the touched cells cannot take
+_RIDGE = 1e-4  # of the touched cells' precision: the readings may leave a combination open
+_SEEMS = 1.02  # times its conductance at rest: a cell above it seems touched
+_MANY = 2  # cells that seem hardly touched: from here on r_par may be the cause
+
+Fit = Callable[[Reading, np.ndarray], Estimate]
+
+
+class Lean(NamedTuple):
+    """By how much r_par would have to be larger, as if the readings followed it linearly.
+
+    Attributes:
+        shift, std: [ohm].
+        left: chi^2 a reading that is left then.
+    """
+
+    shift: float
+    std: float
+    left: float
+
+    def beyond(self, limit: float) -> bool:
+        return abs(self.shift) > limit * self.std
+
+
+def lean(reading: Reading, g: np.ndarray, touched: float = LIFTED) -> Lean | None:
+    """Of a frame with conductances g (rows, cols) [S]; None: the readings cannot tell.
+
+    Cells below `touched` times their conductance at rest are held at rest.
+
+    Newton's step for r_par, past what the touched cells take of its pattern p: with the readings'
+    misfit m and Jacobian J of the touched cells, both in standard deviations, and R = 1 - J J^+,
+    it is - p.R m / p.R p.
+    """
+    circuit = reading.circuit
+    free = (g >= touched * reading.bounds[0]) & circuit.populated
+    g = np.where(free, g, reading.bounds[0]) * circuit.populated
+    network = laplacian.solve(g)
+    adc = circuit.ratio(network.rho)
+    noise = max(reading.noise, ROUNDING_NOISE)
+    misfit = reading.misfit(adc).ravel() / noise
+    weight = adc * adc * (circuit.full_scale / (circuit.r_ref * noise)) * reading.known
+    pattern = weight.ravel()
+    both = np.array([pattern, misfit])
+    gram = both @ both.T
+    size = gram[0, 0]
+    free = np.flatnonzero(free).astype(np.int32)
+    if free.size >= reading.told:
+        return None
+    if free.size:
+        row, col = np.divmod(free, np.int32(circuit.cols))
+        told = np.arange(g.size, dtype=np.int32)
+        jacobian = laplacian.sensitivity(network.k, weight, told, row, col + np.int32(circuit.rows))
+        jacobian *= g.ravel()[free].astype(np.float32)
+        precision = blas.ssyrk(1.0, jacobian.T, lower=1).astype(float)
+        diagonal = precision.reshape(-1)[:: free.size + 1]
+        diagonal *= 1.0 + _RIDGE
+        diagonal += 1e-12
+        pull = both.astype(np.float32) @ jacobian
+        factor, bad = lapack.dpotrf(precision, lower=1, clean=0)
+        if bad:
+            return None
+        gram -= pull @ lapack.dpotrs(factor, pull.T.astype(float), lower=1)[0]
+    (left, score), (_, chi) = gram.tolist()
+    if left <= _TOLD * size:
+        return None
+    slack = ROUNDED[0] if rounded(reading) else 1.0
+    return Lean(-score / left, slack * left**-0.5, (chi - score**2 / left) / reading.told)
+
+
+def seek(reading: Reading, fit: Fit, nominal: Estimate) -> Estimate:
+    """The frame with another r_par, if that explains it better than the circuit's own.
+
+    Args:
+        fit: the estimate of a reading from conductances (rows, cols) [S].
+        nominal: what it finds with the circuit's r_par, and what is returned if nothing is found.
+    """
+    g = _conductance(reading, nominal)
+    before = _hardly_touched(reading, g)
+    if nominal.status == "failed" or (nominal.status == "ok" and before < _MANY):
+        return nominal
+    own, most, first = reading.circuit.r_par, _most(reading), lean(reading, g)
+    if first is not None and first.beyond(_SURE) and first.left < _ALONE:
+        r_par = own + first.shift
+    elif most < own:
+        r_par = most
+    else:
+        return nominal
+    found = follow(reading, fit, g, r_par)
+    if found is None:
+        return nominal
+    if nominal.status == "ok":  # what that explains, the other must explain with fewer cells
+        after = _hardly_touched(reading, _conductance(reading, found))
+        better = found.status == "ok" and 2 * after < before
+    else:
+        better = found.status == "ok" or 2 * _excess(reading, found) < _excess(reading, nominal)
+    if not better:
+        return nominal
+    found = replace(found, iterations=nominal.iterations + found.iterations)
+    return named(found, reading)
+
+
+def follow(reading: Reading, fit: Fit, g: np.ndarray, r_par: float) -> Estimate | None:
+    """The frame with an r_par near a guess [ohm], as a board with that r_par would see it.
+
+    None: no r_par there fits best, or the circuit's own does as well.
+
+    Args:
+        g: (rows, cols) conductance [S] of each cell from which to begin.
+    """
+    circuit, low, iterations = reading.circuit, reading.bounds[0], 0
+    for _ in range(_STEPS):
+        r_par = min(r_par, _most(reading))
+        if abs(r_par - circuit.r_par) > _TOLERANCE * circuit.r_par:
+            return None
+        trial = replace(reading, circuit=replace(circuit, r_par=r_par))
+        estimate = fit(trial, np.where(g < LIFTED * low, low, g) * circuit.populated)
+        iterations += estimate.iterations
+        g = _conductance(reading, estimate)
+        left = lean(trial, g)
+        if left is None or reading.late():
+            return None
+        if not left.beyond(_UPRIGHT):
+            break
+        r_par += left.shift
+    off = left._replace(shift=r_par + left.shift - circuit.r_par)
+    if left.beyond(_UPRIGHT) or not off.beyond(_SURE):
+        return None
+    return replace(estimate, iterations=iterations, r_par=r_par)
+
+
+def named(estimate: Estimate, reading: Reading) -> Estimate:
+    """The estimate that an r_par other than the circuit's explains, as one that says so."""
+    circuit = reading.circuit
+    _, _, rho = network_of(estimate.force, reading)
+    message = f"r_par = {circuit.r_par:g} ohm explains it less well than {estimate.r_par:.0f} would"
+    return replace(
+        estimate,
+        residual=reading.residual(circuit.ratio(rho)),
+        status="suspect",
+        message="; ".join(filter(None, (message, estimate.message))),
+    )
+
+
+def guess(reading: Reading, force) -> float | None:
+    """The r_par [ohm] that a reading leans to beside a force (rows, cols) [N] known in part.
+
+    None: the circuit's own, or it cannot be told.
+    """
+    g = reading.circuit.populated / reading.curve.resistance(force)
+    found = lean(reading, g, _SEEN)
+    if found is None or not found.beyond(_SURE) or found.left > _CLEAR:
+        return None
+    off = abs(found.shift) > _TOLERANCE * reading.circuit.r_par
+    return None if off else reading.circuit.r_par + found.shift
+
+
+def as_read_by_the_circuit(reading: Reading, r_par: float) -> Reading:
+    """What a board with the circuit's r_par would read, from one whose r_par is another [ohm]."""
+    circuit = reading.circuit
+    with np.errstate(divide="ignore"):
+        adc = circuit.r_ref / (circuit.r_ref / reading.adc + circuit.r_par - r_par)
+    return replace(reading, adc=np.minimum(adc, 1.0))
+
+
+def _most(reading: Reading) -> float:
+    """What the largest reading leaves for r_par [ohm]."""
+    r_ref = reading.circuit.r_ref
+    return r_ref / max(reading.adc.max(), 1e-9) - r_ref
+
+
+def _conductance(reading: Reading, estimate: Estimate) -> np.ndarray:
+    return reading.circuit.populated / reading.curve.resistance(estimate.force)
+
+
+def _excess(reading: Reading, estimate: Estimate) -> float:
+    """chi^2 a reading past what noise explains."""
+    return (estimate.residual / max(reading.noise, ROUNDING_NOISE)) ** 2 - 1.0
+
+
+def _hardly_touched(reading: Reading, g: np.ndarray) -> int:
+    """Number of cells that seem touched, but so lightly that a wrong r_par could be why."""
+    low = reading.bounds[0]
+    return np.count_nonzero((g > _SEEMS * low) & (g < LIFTED * low))
