@@ -5,6 +5,7 @@ naive.py        the paper's naive method    learned.py    the networks
 fixed_point.py  the literature's iteration  newton.py     the exact inverse
 map.py          noise-aware, with prior.py  auto.py       the cheapest that the frame allows
 laplacian.py    the network's algebra       suspect.py, judge.py   whether to believe it
+series.py       which r_par explains the reading, where the circuit's does not
 """
 
 from __future__ import annotations

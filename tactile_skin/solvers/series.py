@@ -30,7 +30,7 @@ _SEEN = 1.5  # times its conductance at rest: a cell above it a network means to
 _TOLD = 1e-3  # share of r_par's pattern, squared, that the touched cells cannot take
 _RIDGE = 1e-4  # of the touched cells' precision: the readings may leave a combination open
 _SEEMS = 1.02  # times its conductance at rest: a cell above it seems touched
-_MANY = 2  # cells that seem hardly touched: from here on r_par may be the cause
+_MANY = 6  # cells that seem hardly touched: from here on r_par may be the cause
 
 Fit = Callable[[Reading, np.ndarray], Estimate]
 
