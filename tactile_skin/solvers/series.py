@@ -54,15 +54,15 @@ class Lean(NamedTuple):
 def lean(reading: Reading, g: np.ndarray, touched: float = LIFTED) -> Lean | None:
     """Of a frame with conductances g (rows, cols) [S]; None: the readings cannot tell.
 
-    Cells below `touched` times their conductance at rest are held at rest.
+    Cells below `touched` times their conductance at rest, and not beside one that is above, are
+    held at rest.
 
     Newton's step for r_par, past what the touched cells take of its pattern p: with the readings'
     misfit m and Jacobian J of the touched cells, both in standard deviations, and R = 1 - J J^+,
     it is - p.R m / p.R p.
     """
     circuit = reading.circuit
-    free = (g >= touched * reading.bounds[0]) & circuit.populated
-    g = np.where(free, g, reading.bounds[0]) * circuit.populated
+    free, g = _held_at_rest(reading, g, touched)
     network = laplacian.solve(g)
     adc = circuit.ratio(network.rho)
     noise = max(reading.noise, ROUNDING_NOISE)
@@ -136,13 +136,13 @@ def follow(reading: Reading, fit: Fit, g: np.ndarray, r_par: float) -> Estimate 
     Args:
         g: (rows, cols) conductance [S] of each cell from which to begin.
     """
-    circuit, low, iterations = reading.circuit, reading.bounds[0], 0
+    circuit, iterations = reading.circuit, 0
     for _ in range(_STEPS):
         r_par = min(r_par, _most(reading))
         if abs(r_par - circuit.r_par) > _TOLERANCE * circuit.r_par:
             return None
         trial = replace(reading, circuit=replace(circuit, r_par=r_par))
-        estimate = fit(trial, np.where(g < LIFTED * low, low, g) * circuit.populated)
+        estimate = fit(trial, _held_at_rest(reading, g)[1])
         iterations += estimate.iterations
         g = _conductance(reading, estimate)
         left = lean(trial, g)
@@ -208,5 +208,20 @@ def _excess(reading: Reading, estimate: Estimate) -> float:
 
 def _hardly_touched(reading: Reading, g: np.ndarray) -> int:
     """Number of cells that seem touched, but so lightly that a wrong r_par could be why."""
-    low = reading.bounds[0]
-    return np.count_nonzero((g > _SEEMS * low) & (g < LIFTED * low))
+    free, _ = _held_at_rest(reading, g)
+    return np.count_nonzero((g > _SEEMS * reading.bounds[0]) & ~free)
+
+
+def _held_at_rest(reading: Reading, g: np.ndarray, touched: float = LIFTED):
+    """(rows, cols) bool, the touched cells and those next to them, and g with the others at rest.
+
+    Fabric and cover carry a little of a touch to the cells around it.
+    """
+    touch = g >= touched * reading.bounds[0]
+    free = touch.copy()
+    free[1:] |= touch[:-1]
+    free[:-1] |= touch[1:]
+    free[:, 1:] |= touch[:, :-1]
+    free[:, :-1] |= touch[:, 1:]
+    free &= reading.circuit.populated
+    return free, np.where(free, g, reading.bounds[0]) * reading.circuit.populated
