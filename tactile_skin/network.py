@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.lib.stride_tricks import as_strided, sliding_window_view
 
-from .circuit import Circuit, circuit_from, connected_rho, two_terminal_resistance
+from .circuit import Circuit, circuit_from, compiled, connected_rho, two_terminal_resistance
 from .curve import PressureCurve
 
 SHIPPED = Path(__file__).parent / "weights"
@@ -27,6 +27,7 @@ _FRAMES_AT_ONCE = 16  # of a recording: what a pass holds stays in the cache
 NETWORKS = ("paper", "physics")
 PHYSICS_INPUTS = 5
 _STEPS = 6  # of the fixed point
+_SEEN = 2  # of them before the network's second input
 
 
 def physics_inputs(adc: np.ndarray, circuit: Circuit, curve: PressureCurve) -> np.ndarray:
@@ -50,23 +51,32 @@ def physics_inputs(adc: np.ndarray, circuit: Circuit, curve: PressureCurve) -> n
     # Foster: the sum of g rho is lines - 1
     share = (sum(circuit.shape) - 1) / np.count_nonzero(cells)
     g = np.clip(share / rho_measured, low, high)
-    one = len(adc) == 1 and circuit.mask is None
-    for step in range(_STEPS):
-        if one:
-            rho = connected_rho(g[0])[None]
-        else:
-            rho = two_terminal_resistance(g if circuit.mask is None else g * cells)
-        ratio = rho / rho_measured
-        g *= ratio
-        g *= np.sqrt(ratio)  # to the power of 1.5; 1 is the literature's, 2 the edge of stability
-        np.minimum(np.maximum(g, low, out=g), high, out=g)
-        if step == 1:
-            out[1] = np.log(g / low) * scale
-    out[2] = np.log(g / low) * scale
+    for channel, steps in ((1, _SEEN), (2, _STEPS - _SEEN)):
+        rho = _relax(g, rho_measured, low, high, steps, circuit)
+        out[channel] = np.log(g / low) * scale
     out[3] = curve.force(1.0 / g) / curve.max_force
     seen = g * np.square(circuit.ratio(rho) * rho)  # - R_ref d u / d log R
     out[4] = np.log10(np.maximum(seen, 1e-6))
     return out
+
+
+def _relax(g, rho_measured, low: float, high: float, steps: int, circuit: Circuit) -> np.ndarray:
+    """Steps of the fixed point from g (n, rows, cols) [S], in place; rho before the last [ohm]."""
+    one = len(g) == 1 and circuit.mask is None
+    if one and (fast := compiled(circuit.shape)):
+        rho = np.empty_like(g)
+        if fast.relax(*circuit.shape, g[0], rho_measured[0], low, high, steps, rho[0]):
+            return rho
+    for _ in range(steps):
+        if one:
+            rho = connected_rho(g[0])[None]
+        else:
+            rho = two_terminal_resistance(g if circuit.mask is None else g * circuit.populated)
+        ratio = rho / rho_measured
+        g *= ratio
+        g *= np.sqrt(ratio)  # to the power of 1.5; 1 is the literature's, 2 the edge of stability
+        np.minimum(np.maximum(g, low, out=g), high, out=g)
+    return rho
 
 
 class Weights:

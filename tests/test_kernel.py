@@ -7,7 +7,7 @@ import importlib
 import numpy as np
 import pytest
 
-from tactile_skin import Circuit, PressureCurve, circuit, compensate, forward, scenes
+from tactile_skin import Circuit, PressureCurve, circuit, compensate, forward, network, scenes
 from tactile_skin.solvers import check_reading, laplacian, map, prior
 
 # the package has a function of that name
@@ -151,6 +151,15 @@ def test_the_fixed_point_is_numpys(both, rng, shape):
         assert taken == also
         np.testing.assert_allclose(g, plain, rtol=1e-6)
     assert not np.array_equal(g, fixed_point.first_guess(reading))
+
+
+@pytest.mark.parametrize("shape", [(3, 2), (16, 16), (8, 24)])
+def test_the_networks_inputs_are_numpys(both, rng, shape):
+    board, curve = Circuit(*shape), PressureCurve()
+    adc = forward(board, curve.resistance(10.0 * rng.random((1, *shape)) ** 4))
+    inputs, plain = both(network.physics_inputs, adc, board, curve)
+    np.testing.assert_allclose(inputs, plain, rtol=1e-5, atol=1e-6)
+    assert np.ptp(inputs, axis=(1, 2, 3)).min() > 0.01
 
 
 @pytest.mark.parametrize("family", ["blobs", "rects", "random"])

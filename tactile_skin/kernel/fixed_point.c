@@ -1,4 +1,4 @@
-/* solvers/fixed_point.py's iteration. */
+/* The fixed point, accelerated (solvers/fixed_point.py) and over-relaxed (network.py). */
 #include "kernel.h"
 
 #include <math.h>
@@ -79,4 +79,22 @@ VECTORISED int iterate(int rows, int cols, double *restrict g, const int *restri
         }
     }
     return steps;
+}
+
+/* network.physics_inputs' steps g <- g (rho / measured)^1.5 within [low, high]: changes g, fills rho
+ * with that of the g before the last step. -1 if the network is singular to rounding. */
+VECTORISED int relax(int rows, int cols, double *restrict g, const double *restrict measured,
+                     double low, double high, int steps, double *restrict rho,
+                     Network *restrict network)
+{
+    for (int step = 0; step < steps; step++) {
+        if (network_of(g, rows, cols, network) < 0)
+            return -1;
+        two_terminal(rows, cols, network, rho);
+        for (int i = 0; i < rows * cols; i++) {
+            double ratio = rho[i] / measured[i];
+            g[i] = fmin(fmax(g[i] * ratio * sqrt(ratio), low), high);
+        }
+    }
+    return 0;
 }

@@ -46,6 +46,8 @@ enum { HISTORY = 6, ITERATE_SPACE = 2 * HISTORY + 4 }; /* vectors of n that iter
 int iterate(int rows, int cols, double *g, const int *at, ptrdiff_t n, const double *measured,
             const double *low, const double *high, double r_ref, double r_par, double goal,
             int steps, double *space, Network *network);
+int relax(int rows, int cols, double *g, const double *measured, double low, double high, int steps,
+          double *rho, Network *network);
 
 ptrdiff_t solve_in_box(const float *s, ptrdiff_t n, const double *b, const double *low,
                        const double *high, int rounds, double *dx, char *inside, float *u,

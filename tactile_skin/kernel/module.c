@@ -171,6 +171,19 @@ static PyObject *py_iterate(PyObject *self, PyObject *const *args, Py_ssize_t co
     return end(&call);
 }
 
+static PyObject *py_relax(PyObject *self, PyObject *const *args, Py_ssize_t count)
+{
+    Call call;
+    Network network;
+
+    if (begin(&call, args, count, "nnDdxxnD") && skin(&call) && sized(&call, 2, ROWS * COLS)
+        && sized(&call, 3, ROWS * COLS) && sized(&call, 7, ROWS * COLS))
+        call.result = PyBool_FromLong(relax(ROWS, COLS, call.data[2], call.data[3], call.x[4],
+                                            call.x[5], (int)call.size[6], call.data[7], &network)
+                                      == 0);
+    return end(&call);
+}
+
 static PyObject *py_solve_in_box(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
     Call call;
@@ -246,6 +259,8 @@ static PyMethodDef methods[] = {
     METHOD(sensitivity, "(rows, cols, k, weight, told, one, other, out); fills out"),
     METHOD(iterate, "(rows, cols, g, at, measured, low, high, r_ref, r_par, goal, steps) -> steps "
                     "taken, -1 if it was singular; changes g"),
+    METHOD(relax, "(rows, cols, g, measured, low, high, steps, rho) -> whether it was regular; "
+                  "changes g, fills rho"),
     METHOD(solve_in_box, "(s, b, low, high, rounds, dx, inside, u) -> how many are inside, -1 "
                          "without a factor; fills the last three"),
     METHOD(inverse_diagonal, "(u, diagonal); fills diagonal"),

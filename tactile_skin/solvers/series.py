@@ -25,10 +25,9 @@ _TOLERANCE = 0.25  # share of r_par that it may be off; more is another fault
 _SURE = 5.5  # standard deviations: another r_par is told from the circuit's own
 _UPRIGHT = 3.5  # the same, which a right one may leave
 _ALONE = 30.0  # chi^2 a reading that the circuit's nonlinearity may leave beside a wrong r_par
-_CLEAR = 4.0  # the same beside a network's force, which no further fit will check
-_SEEN = 1.5  # times its conductance at rest: a cell above it a network means to be touched
+_SURER, _CLEAR = 8.0, 4.0  # the same two beside a network's force: no further fit checks it
 _TOLD = 1e-3  # share of r_par's pattern, squared, that the touched cells cannot take
-_RIDGE = 1e-4  # of the touched cells' precision: the readings may leave a combination open
+_RIDGE = 1e-5  # of the touched cells' precision: the readings may leave a combination open
 _SEEMS = 1.02  # times its conductance at rest: a cell above it seems touched
 _MANY = 6  # cells that seem hardly touched: from here on r_par may be the cause
 
@@ -51,18 +50,15 @@ class Lean(NamedTuple):
         return abs(self.shift) > limit * self.std
 
 
-def lean(reading: Reading, g: np.ndarray, touched: float = LIFTED) -> Lean | None:
+def lean(reading: Reading, g: np.ndarray) -> Lean | None:
     """Of a frame with conductances g (rows, cols) [S]; None: the readings cannot tell.
-
-    Cells below `touched` times their conductance at rest, and not beside one that is above, are
-    held at rest.
 
     Newton's step for r_par, past what the touched cells take of its pattern p: with the readings'
     misfit m and Jacobian J of the touched cells, both in standard deviations, and R = 1 - J J^+,
     it is - p.R m / p.R p.
     """
     circuit = reading.circuit
-    free, g = _held_at_rest(reading, g, touched)
+    free, g = _held_at_rest(reading, g)
     network = laplacian.solve(g)
     adc = circuit.ratio(network.rho)
     noise = max(reading.noise, ROUNDING_NOISE)
@@ -80,15 +76,15 @@ def lean(reading: Reading, g: np.ndarray, touched: float = LIFTED) -> Lean | Non
         told = np.arange(g.size, dtype=np.int32)
         jacobian = laplacian.sensitivity(network.k, weight, told, row, col + np.int32(circuit.rows))
         jacobian *= g.ravel()[free].astype(np.float32)
-        precision = blas.ssyrk(1.0, jacobian.T, lower=1).astype(float)
-        diagonal = precision.reshape(-1)[:: free.size + 1]
+        precision = blas.ssyrk(1.0, jacobian.T, lower=1)
+        diagonal = precision.T.reshape(-1)[:: free.size + 1]
         diagonal *= 1.0 + _RIDGE
-        diagonal += 1e-12
-        pull = both.astype(np.float32) @ jacobian
-        factor, bad = lapack.dpotrf(precision, lower=1, clean=0)
+        factor, bad = lapack.spotrf(precision, lower=1, clean=0, overwrite_a=1)
         if bad:
             return None
-        gram -= pull @ lapack.dpotrs(factor, pull.T.astype(float), lower=1)[0]
+        pull = both.astype(np.float32) @ jacobian
+        taken = lapack.strtrs(factor, pull.T, lower=1)[0]
+        gram -= taken.T @ taken
     (left, score), (_, chi) = gram.tolist()
     if left <= _TOLD * size:
         return None
@@ -176,8 +172,8 @@ def guess(reading: Reading, force) -> float | None:
     None: the circuit's own, or it cannot be told.
     """
     g = reading.circuit.populated / reading.curve.resistance(force)
-    found = lean(reading, g, _SEEN)
-    if found is None or not found.beyond(_SURE) or found.left > _CLEAR:
+    found = lean(reading, g)
+    if found is None or not found.beyond(_SURER) or found.left > _CLEAR:
         return None
     off = abs(found.shift) > _TOLERANCE * reading.circuit.r_par
     return None if off else reading.circuit.r_par + found.shift
@@ -212,12 +208,12 @@ def _hardly_touched(reading: Reading, g: np.ndarray) -> int:
     return np.count_nonzero((g > _SEEMS * reading.bounds[0]) & ~free)
 
 
-def _held_at_rest(reading: Reading, g: np.ndarray, touched: float = LIFTED):
+def _held_at_rest(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(rows, cols) bool, the touched cells and those next to them, and g with the others at rest.
 
     Fabric and cover carry a little of a touch to the cells around it.
     """
-    touch = g >= touched * reading.bounds[0]
+    touch = g >= LIFTED * reading.bounds[0]
     free = touch.copy()
     free[1:] |= touch[:-1]
     free[:-1] |= touch[1:]
