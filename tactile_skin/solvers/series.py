@@ -29,7 +29,7 @@ _SURER, _CLEAR = 8.0, 4.0  # the same two beside a network's force: no further f
 _TOLD = 1e-3  # share of r_par's pattern, squared, that the touched cells cannot take
 _RIDGE = 1e-5  # of the touched cells' precision: the readings may leave a combination open
 _SEEMS = 1.02  # times its conductance at rest: a cell above it seems touched
-_MANY = 6  # cells that seem hardly touched: from here on r_par may be the cause
+_MANY = 4  # cells that seem hardly touched: from here on r_par may be the cause
 
 Fit = Callable[[Reading, np.ndarray], Estimate]
 
