@@ -25,9 +25,11 @@ _TOLERANCE = 0.25  # share of r_par that it may be off; more is another fault
 _SURE = 5.5  # standard deviations: another r_par is told from the circuit's own
 _UPRIGHT = 3.5  # the same, which a right one may leave
 _ALONE = 30.0  # chi^2 a reading that the circuit's nonlinearity may leave beside a wrong r_par
-_SURER, _CLEAR = 8.0, 4.0  # the same two beside a network's force: no further fit checks it
+_CLEAR = 4.0  # the same of a frame that is not suspect
+_SURER = 8.0  # standard deviations beside a network's force, which no further fit checks
 _TOLD = 1e-3  # share of r_par's pattern, squared, that the touched cells cannot take
 _RIDGE = 1e-5  # of the touched cells' precision: the readings may leave a combination open
+_DENSE = 400  # touched cells up to which to ask: the time is that of a Cholesky factor
 _SEEMS = 1.02  # times its conductance at rest: a cell above it seems touched
 _MANY = 4  # cells that seem hardly touched: from here on r_par may be the cause
 
@@ -69,7 +71,7 @@ def lean(reading: Reading, g: np.ndarray) -> Lean | None:
     gram = both @ both.T
     size = gram[0, 0]
     free = np.flatnonzero(free).astype(np.int32)
-    if free.size >= reading.told:
+    if free.size >= min(reading.told, _DENSE):
         return None
     if free.size:
         row, col = np.divmod(free, np.int32(circuit.cols))
@@ -104,7 +106,8 @@ def seek(reading: Reading, fit: Fit, nominal: Estimate) -> Estimate:
     if nominal.status == "failed" or (nominal.status == "ok" and before < _MANY):
         return nominal
     own, most, first = reading.circuit.r_par, _most(reading), lean(reading, g)
-    if first is not None and first.beyond(_SURE) and first.left < _ALONE:
+    most_left = _CLEAR if nominal.status == "ok" else _ALONE
+    if first is not None and first.beyond(_SURE) and first.left < most_left:
         r_par = own + first.shift
     elif most < own:
         r_par = most
