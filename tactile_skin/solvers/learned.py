@@ -39,19 +39,23 @@ def _learned(reading: Reading, weights, method: str, kind: str) -> Estimate:
     force = weights.predict(reading.adc)
     if reading.circuit.mask is not None:
         force *= reading.circuit.populated
-    r_par = series.guess(reading, force) if kind == "physics" else None
+    there = network_of(force, reading)
+    r_par = series.guess(reading, there[1]) if kind == "physics" else None
     if r_par is None:
-        force, network_there = _with_hard_edges(force, reading)
-        return judge(force, reading, method, network=network_there)
+        force, there = _with_hard_edges(force, there, reading)
+        return judge(force, reading, method, network=there)
     told = series.as_read_by_the_circuit(reading, r_par)
     force = weights.predict(told.adc) * reading.circuit.populated
-    force, network_there = _with_hard_edges(force, told)
-    estimate = judge(force, reading, method, network=network_there)
+    force, there = _with_hard_edges(force, network_of(force, reading), told)
+    estimate = judge(force, reading, method, network=there)
     return series.named(replace(estimate, r_par=r_par), reading)
 
 
-def _with_hard_edges(force: np.ndarray, reading: Reading):
+def _with_hard_edges(force: np.ndarray, there: tuple, reading: Reading):
     """Cells that the reading gives away without a network; and `network_of` those, if known.
+
+    Args:
+        there: `network_of` the force.
 
     The networks learnt from touches of several cells: a corner of 10 kg on one cell they take for
     half of it, or for nothing at the skin's rim, and a stop would not come. Through such a cell
@@ -61,14 +65,13 @@ def _with_hard_edges(force: np.ndarray, reading: Reading):
     # More flows around a cell the more is pressed: where even an untouched skin's flow around it is
     # too much, there is nothing to find.
     if not (reading.rho < _telling(reading.circuit, reading.curve)).any():
-        return force, None
-    found = network_of(force, reading)
-    around = 1.0 / found[2] - found[1]  # S
+        return force, there
+    around = 1.0 / there[2] - there[1]  # S
     alone = around * reading.rho < 1.0 - _ALONE
     if reading.circuit.mask is not None:
         alone &= reading.circuit.populated
     if not alone.any():
-        return force, found
+        return force, there
     own = 1.0 / reading.rho - around
     pressed = reading.curve.force(1.0 / np.where(alone, own, 1.0))
     return np.where(alone, np.maximum(force, pressed), force), None

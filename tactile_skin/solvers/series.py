@@ -52,15 +52,19 @@ class Lean(NamedTuple):
         return abs(self.shift) > limit * self.std
 
 
-def lean(reading: Reading, g: np.ndarray) -> Lean | None:
+def lean(reading: Reading, g: np.ndarray, beside: bool = True) -> Lean | None:
     """Of a frame with conductances g (rows, cols) [S]; None: the readings cannot tell.
+
+    Args:
+        beside: whether the cells next to touched ones may be touched as well; without them it takes
+            half the time, and fabric and cover must carry nothing from cell to cell.
 
     Newton's step for r_par, past what the touched cells take of its pattern p: with the readings'
     misfit m and Jacobian J of the touched cells, both in standard deviations, and R = 1 - J J^+,
     it is - p.R m / p.R p.
     """
     circuit = reading.circuit
-    free, g = _held_at_rest(reading, g)
+    free, g = _held_at_rest(reading, g, beside)
     network = laplacian.solve(g)
     adc = circuit.ratio(network.rho)
     noise = max(reading.noise, ROUNDING_NOISE)
@@ -71,7 +75,7 @@ def lean(reading: Reading, g: np.ndarray) -> Lean | None:
     gram = both @ both.T
     size = gram[0, 0]
     free = np.flatnonzero(free).astype(np.int32)
-    if free.size >= min(reading.told, _DENSE):
+    if free.size >= min(reading.told, _DENSE if beside else reading.told / 2):
         return None
     if free.size:
         row, col = np.divmod(free, np.int32(circuit.cols))
@@ -169,13 +173,12 @@ def named(estimate: Estimate, reading: Reading) -> Estimate:
     )
 
 
-def guess(reading: Reading, force) -> float | None:
-    """The r_par [ohm] that a reading leans to beside a force (rows, cols) [N] known in part.
+def guess(reading: Reading, g: np.ndarray) -> float | None:
+    """The r_par [ohm] that a reading leans to beside conductances (rows, cols) [S] known in part.
 
     None: the circuit's own, or it cannot be told.
     """
-    g = reading.circuit.populated / reading.curve.resistance(force)
-    found = lean(reading, g)
+    found = lean(reading, g, beside=False)
     if found is None or not found.beyond(_SURER) or found.left > _CLEAR:
         return None
     off = abs(found.shift) > _TOLERANCE * reading.circuit.r_par
@@ -211,16 +214,17 @@ def _hardly_touched(reading: Reading, g: np.ndarray) -> int:
     return np.count_nonzero((g > _SEEMS * reading.bounds[0]) & ~free)
 
 
-def _held_at_rest(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(rows, cols) bool, the touched cells and those next to them, and g with the others at rest.
+def _held_at_rest(reading: Reading, g: np.ndarray, beside=True) -> tuple[np.ndarray, np.ndarray]:
+    """(rows, cols) bool, the touched cells and those beside them, and g with the others at rest.
 
     Fabric and cover carry a little of a touch to the cells around it.
     """
     touch = g >= LIFTED * reading.bounds[0]
     free = touch.copy()
-    free[1:] |= touch[:-1]
-    free[:-1] |= touch[1:]
-    free[:, 1:] |= touch[:, :-1]
-    free[:, :-1] |= touch[:, 1:]
+    if beside:
+        free[1:] |= touch[:-1]
+        free[:-1] |= touch[1:]
+        free[:, 1:] |= touch[:, :-1]
+        free[:, :-1] |= touch[:, 1:]
     free &= reading.circuit.populated
     return free, np.where(free, g, reading.bounds[0]) * reading.circuit.populated
