@@ -45,7 +45,8 @@ def map_estimate(reading: Reading, start: Estimate | None = None, prior=None, **
     """Most probable force, from `start` or from a few steps of the fixed point.
 
     A start may lead into a corner, and the estimate then be suspect: who keeps a stream's last
-    frame lets go of it, and the next frame starts anew.
+    frame lets go of it, and the next frame starts anew. Only then is a suspect frame asked for
+    another r_par, which takes a few times as long: a touch that comes or goes is suspect, too.
 
     Args:
         prior: (mean, std), two (rows, cols) arrays or numbers [N], joined to the built-in prior as
@@ -63,7 +64,10 @@ def map_estimate(reading: Reading, start: Estimate | None = None, prior=None, **
         found = series.follow(reading, fit, g, start.r_par)
         if found is not None and found.status == "ok":
             return series.named(found, reading)
-    return series.seek(reading, fit, fit(reading, g, warm))
+    estimate = fit(reading, g, warm)
+    if warm and estimate.status != "ok":
+        return estimate
+    return series.seek(reading, fit, estimate)
 
 
 def _held(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | None:
