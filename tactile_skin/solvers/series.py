@@ -75,7 +75,7 @@ def lean(reading: Reading, g: np.ndarray, beside: bool = True) -> Lean | None:
     gram = both @ both.T
     size = gram[0, 0]
     free = np.flatnonzero(free).astype(np.int32)
-    if free.size >= min(reading.told, _DENSE if beside else reading.told / 2):
+    if free.size >= min(reading.told, _DENSE if beside else 0.75 * reading.told):
         return None
     if free.size:
         row, col = np.divmod(free, np.int32(circuit.cols))
