@@ -36,19 +36,23 @@ def _learned(reading: Reading, weights, method: str, kind: str) -> Estimate:
     if weights.kind != kind:
         raise ValueError(f"weights {weights.path}: of a {weights.kind} network, not for {method!r}")
     weights.check(reading.circuit, reading.curve)
+    force, there = _look(reading, weights)
+    r_par = series.guess(reading, there[1]) if kind == "physics" else None
+    told = reading
+    if r_par is not None:
+        told = series.as_read_by_the_circuit(reading, r_par)
+        force, there = _look(told, weights)
+    force, there = _with_hard_edges(force, there, told)
+    estimate = judge(force, reading, method, network=there)
+    return estimate if r_par is None else series.named(replace(estimate, r_par=r_par), reading)
+
+
+def _look(reading: Reading, weights) -> tuple[np.ndarray, tuple]:
+    """(rows, cols) force [N] that the network sees, and `network_of` it."""
     force = weights.predict(reading.adc)
     if reading.circuit.mask is not None:
         force *= reading.circuit.populated
-    there = network_of(force, reading)
-    r_par = series.guess(reading, there[1]) if kind == "physics" else None
-    if r_par is None:
-        force, there = _with_hard_edges(force, there, reading)
-        return judge(force, reading, method, network=there)
-    told = series.as_read_by_the_circuit(reading, r_par)
-    force = weights.predict(told.adc) * reading.circuit.populated
-    force, there = _with_hard_edges(force, network_of(force, reading), told)
-    estimate = judge(force, reading, method, network=there)
-    return series.named(replace(estimate, r_par=r_par), reading)
+    return force, network_of(force, reading)
 
 
 def _with_hard_edges(force: np.ndarray, there: tuple, reading: Reading):

@@ -89,7 +89,7 @@ def _fit(reading: Reading, g: np.ndarray, prior, warm: bool = False) -> Estimate
     warm: g is next to the answer; a step that went as foretold is then the last one.
     """
     circuit = reading.circuit
-    noise = max(reading.noise, ROUNDING_NOISE)
+    noise = reading.fitted_noise
     g, steps = iterate(reading, g, WARM_STEPS if warm else START_STEPS, _NEAR * noise)
     g = _fill(reading, g)
     low = reading.bounds[0]
@@ -180,7 +180,7 @@ class _Point(NamedTuple):
     @classmethod
     def at(cls, reading: Reading, g: np.ndarray, broad: bool, extra) -> _Point:
         circuit, curve = reading.circuit, reading.curve
-        noise = max(reading.noise, ROUNDING_NOISE)
+        noise = reading.fitted_noise
         network = laplacian.solve(g)
         adc = circuit.ratio(network.rho)
         misfit = reading.misfit(adc)

@@ -58,6 +58,11 @@ class Reading:
         """Number of readings that say something."""
         return self.known.size if self.plain else np.count_nonzero(self.known | self.capped)
 
+    @property
+    def fitted_noise(self) -> float:
+        """RMS noise [ADC steps] that a least-squares fit supposes: of rounding, if of nothing."""
+        return max(self.noise, ROUNDING_NOISE)
+
     @cached_property
     def rho(self) -> np.ndarray:
         """(rows, cols) measured two-terminal resistance [ohm], kept finite and above 0."""

@@ -16,8 +16,9 @@ from scipy.linalg import blas, lapack
 
 from . import laplacian
 from .estimate import Estimate
+from .fixed_point import last_guess
 from .judge import network_of
-from .reading import ROUNDING_NOISE, Reading
+from .reading import Reading
 from .suspect import LIFTED, ROUNDED, rounded
 
 _STEPS = 4
@@ -67,7 +68,7 @@ def lean(reading: Reading, g: np.ndarray, beside: bool = True) -> Lean | None:
     free, g = _held_at_rest(reading, g, beside)
     network = laplacian.solve(g)
     adc = circuit.ratio(network.rho)
-    noise = max(reading.noise, ROUNDING_NOISE)
+    noise = reading.fitted_noise
     misfit = reading.misfit(adc).ravel() / noise
     weight = adc * adc * (circuit.full_scale / (circuit.r_ref * noise)) * reading.known
     pattern = weight.ravel()
@@ -105,7 +106,7 @@ def seek(reading: Reading, fit: Fit, nominal: Estimate) -> Estimate:
         fit: the estimate of a reading from conductances (rows, cols) [S].
         nominal: what it finds with the circuit's r_par, and what is returned if nothing is found.
     """
-    g = _conductance(reading, nominal)
+    g = last_guess(reading, nominal)
     before = _hardly_touched(reading, g)
     if nominal.status == "failed" or (nominal.status == "ok" and before < _MANY):
         return nominal
@@ -121,7 +122,7 @@ def seek(reading: Reading, fit: Fit, nominal: Estimate) -> Estimate:
     if found is None:
         return nominal
     if nominal.status == "ok":  # what that explains, the other must explain with fewer cells
-        after = _hardly_touched(reading, _conductance(reading, found))
+        after = _hardly_touched(reading, last_guess(reading, found))
         better = found.status == "ok" and 2 * after < before
     else:
         better = found.status == "ok" or 2 * _excess(reading, found) < _excess(reading, nominal)
@@ -147,7 +148,7 @@ def follow(reading: Reading, fit: Fit, g: np.ndarray, r_par: float) -> Estimate 
         trial = replace(reading, circuit=replace(circuit, r_par=r_par))
         estimate = fit(trial, _held_at_rest(reading, g)[1])
         iterations += estimate.iterations
-        g = _conductance(reading, estimate)
+        g = last_guess(reading, estimate)
         left = lean(trial, g)
         if left is None or reading.late():
             return None
@@ -199,13 +200,9 @@ def _most(reading: Reading) -> float:
     return r_ref / max(reading.adc.max(), 1e-9) - r_ref
 
 
-def _conductance(reading: Reading, estimate: Estimate) -> np.ndarray:
-    return reading.circuit.populated / reading.curve.resistance(estimate.force)
-
-
 def _excess(reading: Reading, estimate: Estimate) -> float:
     """chi^2 a reading past what noise explains."""
-    return (estimate.residual / max(reading.noise, ROUNDING_NOISE)) ** 2 - 1.0
+    return (estimate.residual / reading.fitted_noise) ** 2 - 1.0
 
 
 def _hardly_touched(reading: Reading, g: np.ndarray) -> int:

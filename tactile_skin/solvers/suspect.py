@@ -172,5 +172,5 @@ def _alike(reading: Reading, turned: bool = False) -> np.ndarray:
     pair = known[1:] & known[:-1]
     n = np.maximum(pair.sum(1), 1)
     apart = np.where(pair, np.square(np.diff(steps, axis=0)), 0.0).sum(1) / n
-    noise = max(reading.noise, ROUNDING_NOISE)
+    noise = reading.fitted_noise
     return apart < 2.0 * noise**2 * (1.0 + 3.0 * np.sqrt(2.0 / n))
