@@ -26,6 +26,15 @@ def candidates() -> list[str]:
     return sorted(p.device for p in list_ports.comports() if p.vid is not None)
 
 
+def identity(device: str) -> tuple:
+    """What a board is known by when it is plugged in again: its USB ids, and its serial number or,
+    where it has none, its USB socket. The device's name where it is not on USB."""
+    for port in list_ports.comports():
+        if port.device == device and port.vid is not None:
+            return port.vid, port.pid, port.serial_number or port.location
+    return (device,)
+
+
 def check_port(port: str) -> None:
     """Raise ValueError, saying what there is, if the port is not there."""
     found = ", ".join(candidates()) or "none"
@@ -44,12 +53,15 @@ class SerialReader:
     """Reads frames in a thread of its own for as long as it is told to.
 
     Args:
-        port: device, pyserial URL, or "auto": the first USB port on which a frame arrives.
+        port: device, pyserial URL, or "auto": the first USB port on which a frame arrives that
+            `refuse` does not refuse. From then on it is that board, on whatever port: another one
+            may sit elsewhere on the robot.
         make_parser: gives a new parser; called for each connection.
         on_frame: takes each frame, in the reader's thread.
         say: takes a line of text whenever the connection comes or goes.
         watchdog: seconds without a frame after which the port is opened anew.
         wait: seconds in which a port that is not there yet is no trouble worth a word.
+        refuse: says why a frame is not of the board that is looked for; empty if it is.
     """
 
     def __init__(
@@ -61,6 +73,7 @@ class SerialReader:
         say: Callable[[str], None],
         watchdog: float = 3.0,
         wait: float = 0.0,
+        refuse: Callable[[Frame], str] = lambda frame: "",
     ):
         self.port, self.baud, self.watchdog = port, baud, watchdog
         self.connected_to: str | None = None
@@ -69,6 +82,8 @@ class SerialReader:
         self._quiet_until = time.monotonic() + wait
         self.parser = make_parser()
         self._make_parser, self._on_frame, self._say = make_parser, on_frame, say
+        self._refuse = refuse
+        self._board: tuple | None = None  # identity of the board that "auto" found
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"serial {port}", daemon=True)
 
@@ -82,7 +97,7 @@ class SerialReader:
 
     def _run(self) -> None:
         while not self._stop.is_set():
-            ports = candidates() if self.port == "auto" else [self.port]
+            ports = self._ports()
             for name in ports:
                 try:
                     # two readers of one port would each get half of the bytes
@@ -96,8 +111,21 @@ class SerialReader:
                 if self._stop.is_set():
                     return
             if not ports:
-                self._lost("no USB serial port found")
+                known = self._board is not None
+                self._lost(
+                    "the board is unplugged; other boards are left alone"
+                    if known
+                    else "no USB serial port found"
+                )
             self._stop.wait(0.25)
+
+    def _ports(self) -> list[str]:
+        """Where to look for the board now."""
+        if self.port != "auto":
+            return [self.port]
+        return [
+            name for name in candidates() if self._board is None or identity(name) == self._board
+        ]
 
     def _read(self, port) -> None:
         """Read until the port fails, goes silent, or the reader is closed."""
@@ -114,6 +142,9 @@ class SerialReader:
             if frames:
                 last_frame, before = time.monotonic(), counters.skipped_bytes
                 if self.connected_to is None:
+                    if self.port == "auto" and (why := self._refuse(frames[0])):
+                        self._lost(f"{port.name}: {why}")
+                        return
                     self._found(port.name or port.portstr)
                 for frame in frames:
                     self._on_frame(frame)
@@ -125,6 +156,7 @@ class SerialReader:
 
     def _found(self, name: str) -> None:
         self.connected_to, self.trouble = name, ""
+        self._board = identity(name)
         self.reconnects += 1
         self._say(f"frames arrive on {name}")
 

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from ..bus import Time
 from ..config import circuit_of, describe
+from ..liveness import JITTER, Liveness, Verdict
 from ..msg import DiagnosticArray, Header, Image, image
 from ..protocol import Frame, make_parser
 from ..serial_port import SerialReader, check_port
 from . import diagnostics
 
+_DOUBTFUL, _BAD = 0.05, 0.5  # of a second's frames damaged or lost: a warning; a stop
+_SLOW = 0.1  # s on their way from which on frames are worth a warning
+
 
 class SerialDriver:
     """Publishes skin/adc (16UC1: ADC steps * 2**(16 - adc_bits)), stamped with the arrival of the
-    frame's last byte, and diagnostics once a second.
+    frame's last byte, less the time that it was held back on its way; and diagnostics once a
+    second. Frames that no living board sends (liveness.py) are not published, and are an ERROR,
+    which stops the robot; so is a link that damages or loses half of the frames.
     """
 
     def __init__(self, node):
@@ -26,11 +33,20 @@ class SerialDriver:
         protocol = value("protocol", "binary", "binary or text")
         wait = value("wait_for_port", 0.0, "how long the port may take to appear [s]", 0.0, 3600.0)
         watchdog = value("watchdog", 3.0, "silence after which the port is reopened [s]", 0.1, 60.0)
+        self._frozen_after = value(
+            "frozen_after",
+            0.2,
+            "how long frames may repeat [s]; 0: for ever, for a board that averages all noise away",
+            0.0,
+            60.0,
+        )
         self.frame_id = value("frame_id", "base_link", "frame of the skin's messages")
         size = (self.circuit.rows, self.circuit.cols, self.circuit.adc_bits)
         make_parser(protocol, *size)  # a wrong name is an error now, not in the reader's thread
-        self._mismatch = ""
-        self._mark, self._rate = (self._now(), 0), 0.0
+        self._trouble = ""  # why frames are not published
+        self._verdict = Verdict(0.0, True, "")
+        self._liveness, self._connection, self._restarts = None, -1, 0
+        self._mark, self._rate, self._bad = (self._now(), 0, 0), 0.0, 0.0
         self._adc = node.create_publisher(Image, "skin/adc", 10)
         self._diagnostics = node.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
         if wait == 0.0:
@@ -43,6 +59,7 @@ class SerialDriver:
             self._on_link,
             watchdog,
             wait,
+            self._refuse,
         )
         node.create_timer(1.0, self.on_timer)
         # Read only once the node spins: whoever subscribes is there by then.
@@ -54,26 +71,48 @@ class SerialDriver:
 
     def on_frame(self, frame: Frame) -> None:
         """In the reader's thread: publish at once."""
-        stamp = self.node.get_clock().now().to_msg()
-        sent, wanted = (
-            (frame.samples.shape, frame.adc_bits),
-            (self.circuit.shape, self.circuit.adc_bits),
-        )
-        if sent != wanted:
-            self._mismatch = (
-                f"the board sends {sent[0]} at {sent[1]} bits, "
-                f"the configuration says {wanted[0]} at {wanted[1]} bits"
-            )
+        now = self._now()
+        trouble = self._refuse(frame)
+        if not trouble:
+            self._verdict = self._judge(now / 1e9, frame)
+            trouble = self._verdict.trouble
+        changed, self._trouble = trouble != self._trouble, trouble
+        if changed:
+            self._report()  # a stop need not wait for the next second
+        if trouble or not self._verdict.settled:
             return
-        self._mismatch = ""
-        self._adc.publish(image(frame.samples, "16UC1", Header(stamp, self.frame_id)))
+        lag = self._verdict.lag
+        stamp = Time(now - round(lag * 1e9)) if lag > JITTER else Time(now)
+        self._adc.publish(image(frame.samples, "16UC1", Header(stamp.to_msg(), self.frame_id)))
+
+    def _refuse(self, frame: Frame) -> str:
+        """Why the frame is not of the board in the configuration; empty if it is."""
+        sent, wanted = frame.samples.shape, self.circuit.shape
+        if (sent, frame.adc_bits) == (wanted, self.circuit.adc_bits):
+            return ""
+        return (
+            f"the board sends {sent} at {frame.adc_bits} bits, "
+            f"the configuration says {wanted} at {self.circuit.adc_bits} bits"
+        )
+
+    def _judge(self, t: float, frame: Frame) -> Verdict:
+        reader = self._reader
+        if self._liveness is None or reader.reconnects != self._connection:
+            self._connection = reader.reconnects
+            self._liveness = Liveness(self.circuit.shape, self._frozen_after)
+            self._restarts = reader.parser.counters.restarts
+        before, self._restarts = self._restarts, reader.parser.counters.restarts
+        return self._liveness.frame(t, frame, self._restarts > before)
 
     def on_timer(self) -> None:
-        """Once a second: measure the rate, and report."""
-        now, frames = self._now(), self._reader.parser.counters.frames
-        since, before = self._mark
-        self._mark = now, frames
-        self._rate = (frames - before) * 1e9 / max(now - since, 1)
+        """Once a second: measure the rate and the losses, and report."""
+        counters = self._reader.parser.counters
+        # a frame that is damaged is also missing where frames have numbers
+        now, frames, bad = self._now(), counters.frames, max(counters.corrupt, counters.lost)
+        since, frames_before, bad_before = self._mark
+        self._mark = now, frames, bad
+        self._rate = (frames - frames_before) * 1e9 / max(now - since, 1)
+        self._bad = (bad - bad_before) / max(frames - frames_before + bad - bad_before, 1)
         self._report()
 
     def _on_link(self, text: str) -> None:
@@ -84,16 +123,25 @@ class SerialDriver:
     def _report(self) -> None:
         reader, counters = self._reader, self._reader.parser.counters
         level, message = diagnostics.OK, f"frames from {reader.connected_to}"
-        if self._mismatch:
-            level, message = diagnostics.ERROR, self._mismatch
+        lag = self._verdict.lag
+        if self._trouble:
+            level, message = diagnostics.ERROR, self._trouble
         elif reader.connected_to is None:
             level, message = diagnostics.ERROR, reader.trouble
+        elif self._bad >= _DOUBTFUL:
+            level = diagnostics.ERROR if self._bad >= _BAD else diagnostics.WARN
+            message = f"{self._bad:.0%} of the last second's frames were damaged or lost"
+        elif not self._verdict.settled:
+            level, message = diagnostics.WARN, "frames do not come at the board's own pace yet"
+        elif lag > _SLOW:
+            level, message = diagnostics.WARN, f"frames were {lag:.2f} s on their way: a slow link?"
         values = {
             "port": reader.connected_to or reader.port,
             "rate": f"{self._rate:.2f}",
             "frames": counters.frames,
             "crc_errors": counters.corrupt,
             "lost": counters.lost,
+            "lag": f"{lag:.3f}",
             "skipped_bytes": counters.skipped_bytes,
             "restarts": counters.restarts,
             "reconnects": max(0, reader.reconnects),

@@ -1,0 +1,268 @@
+"""Whether frames come from a board that is alive: no clock and no port of its own.
+
+A board can go on sending without measuring: a scan that hangs while the sending goes on, a buffer
+that is sent again and again, a link that delivers now what it held back. Three things give that
+away. Real samples carry noise, so that frames do not repeat; the board's clock advances with ours;
+and a sound board does not start anew all the time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+from .protocol import Frame
+
+# --- the way from the board ---------------------------------------------------------------------
+
+JITTER = 0.02  # s that a sound link may vary: USB converters hold bytes back for up to 16 ms
+_SKEW = 0.01  # by which a board's clock may run slow; a ceramic resonator is within 0.005
+_HEALING = 1e-4  # the same while frames lag: a board that lost a few ms of its clock recovers
+_SETTLING = 0.2  # s in which frames must come at the board's own pace before they count as new
+_DRAINING = 0.015  # s by which the lag may fall in that time; more, and a queue is being emptied
+_GAP = 3.0  # usual intervals without a frame after which text frames may have been queued
+_BURST = 0.5  # of the usual interval: frames that come faster were queued
+_SHORTEST = 1e-3  # s between two frames of any board; less is one read of several
+_INTERVALS, _FEW = 64, 3  # arrivals that the usual interval is taken from; intervals at least
+_HALF_WRAP = 1 << 31  # us; a larger step of the board's clock is one backward
+
+
+class Delay:
+    """How long each frame was on its way, by the clock of the board or by its pace."""
+
+    def __init__(self):
+        self._last: tuple[float, int | None] | None = None  # arrival [s], board's time [us]
+        self._board = 0.0  # s, the board's clock, unwrapped
+        self._floor = math.inf  # s, arrival minus board's clock of a frame that did not wait
+        self._lag = 0.0
+        self._floors: deque[tuple[float, float]] = deque()  # of the last _SETTLING seconds
+        self._since = math.inf  # arrival of the first frame since the start or a restart
+        self._arrivals: deque[float] = deque(maxlen=_INTERVALS)
+        self._interval: float | None = None  # s, usual between frames; None: too few have come
+        self._steady = 0.0  # s for which text frames have come at their usual pace
+
+    def frame(self, t: float, device_time_us: int | None) -> tuple[float, bool]:
+        """A frame arrived at t [s]: its lag [s], and whether the board's clock went backward."""
+        backward = False
+        if self._last is None:
+            self.restart(t)
+        elif device_time_us is None:
+            self._by_pace(t, t - self._last[0])
+        else:
+            step = (device_time_us - self._last[1]) % (2 * _HALF_WRAP)
+            backward = step >= _HALF_WRAP
+            if backward:
+                self.restart(t)
+            else:
+                self._board += step * 1e-6
+                self._by_clock(t, t - self._last[0])
+        self._last = t, device_time_us
+        self._arrivals.append(t)
+        return self._lag, backward
+
+    def restart(self, t: float) -> None:
+        """The board started anew: nothing is known of its clock."""
+        self._since, self._board, self._lag, self._floor = t, 0.0, 0.0, t
+        self._floors.clear()
+        self._floors.append((t, t))
+
+    def _by_clock(self, t: float, elapsed: float) -> None:
+        slow = _SKEW * min(elapsed, 0.1) if self._lag < JITTER else _HEALING * elapsed
+        here = t - self._board
+        self._floor = min(self._floor + slow, here)
+        self._lag = here - self._floor
+        self._floors.append((t, self._floor))
+        while len(self._floors) > 1 and self._floors[1][0] <= t - _SETTLING:
+            self._floors.popleft()
+
+    def _by_pace(self, t: float, elapsed: float) -> None:
+        steps = np.diff(self._arrivals)
+        steps = steps[steps >= _SHORTEST]
+        if steps.size >= _FEW:
+            self._interval = float(np.median(steps))
+        usual = self._interval
+        if usual is None:
+            return
+        if elapsed > _GAP * usual:
+            self._lag, self._steady = self._lag + elapsed - usual, 0.0
+        elif elapsed < _BURST * usual:
+            self._lag, self._steady = max(0.0, self._lag - (usual - elapsed)), 0.0
+        else:
+            self._steady += elapsed
+            if self._steady >= _SETTLING:
+                self._lag = 0.0
+
+    @property
+    def settled(self) -> bool:
+        """Whether frames have come at the board's own pace for a while: no queue is emptied."""
+        if self._last is None or self._last[0] - self._since < _SETTLING:
+            return False
+        return self._floors[0][1] - self._floor <= _DRAINING
+
+
+# --- the samples --------------------------------------------------------------------------------
+
+_CHANCE = 1e-9  # of a sound board's frames looking frozen, at one time
+_RARELY = 0.02  # share of frames by which a sound board repeats itself, until it is measured
+_FORGET = 1.0 / 300.0  # share of that measurement which each frame renews
+_LONGEST = 2.0  # s after which repeated frames are frozen, however often the board repeats itself
+_REMEMBERED = 4096  # frames, 40 s at 100 a second, among which a frame is looked for again
+_LINE_WINDOW = 0.5  # s, and
+_LINE_FRAMES = 20  # frames, in which a cell moves at least once
+_MOVING = 0.9  # of the cells must do so, or the board is too quiet to tell a line that does not
+_STILL = 0.02  # of a sound board's cells may stay still in that time, at least
+
+
+class Repeats:
+    """Frames that come again: a scan that froze, or a buffer that is sent in a ring.
+
+    How often a sound board repeats a frame depends on its noise, its filter and its number of
+    cells. It is measured, and a repetition is called frozen when chance would bring one as long
+    once in 1e9.
+    """
+
+    def __init__(self, after: float):
+        self._after = after  # s
+        self._share = _RARELY
+        self._count = 0
+        self._place: dict[int, int] = {}  # hash of a frame -> its number
+        self._hashes: deque[int] = deque(maxlen=_REMEMBERED)
+        self._period = 0  # frames after which the present repetition comes again
+        self._run, self._since = 0, math.inf
+
+    def frame(self, t: float, samples: np.ndarray) -> str:
+        """What is wrong with the frame that arrived at t [s]; empty if nothing."""
+        key = hash(samples.tobytes())
+        known = len(self._hashes)
+        again = 0 < self._period <= known and self._hashes[known - self._period] == key
+        if not again:
+            before = self._place.get(key)
+            self._period = 0 if before is None else self._count - before
+            self._run, self._since = 0, t
+        repeats = self._period > 0
+        self._run += repeats
+        if known == _REMEMBERED and self._place.get(self._hashes[0]) == self._count - known:
+            del self._place[self._hashes[0]]
+        self._hashes.append(key)
+        self._place[key] = self._count
+        self._count += 1
+        lasts = t - self._since
+        enough = math.log(_CHANCE) / math.log(max(self._share, _RARELY))
+        if repeats and lasts >= self._after and (self._run >= enough or lasts >= _LONGEST):
+            if self._period == 1:
+                return f"the same frame for {lasts:.1f} s, to the last bit: the scan is frozen"
+            return f"the same {self._period} frames again and again: a buffer is sent, not a scan"
+        self._share += _FORGET * (repeats - self._share)
+        return ""
+
+
+class StillLines:
+    """Lines whose cells never move while those of all others do: a part of the scan is frozen."""
+
+    def __init__(self, shape: tuple[int, int], full_scale: int):
+        self._full_scale = full_scale
+        self._evidence = np.zeros(sum(shape))  # log probability of having moved by chance
+        self._last: np.ndarray | None = None
+        self._text = ""
+        self._begin(math.inf)
+
+    def _begin(self, t: float) -> None:
+        self._since, self._frames, self._moved, self._known = t, 0, None, None
+
+    def frame(self, t: float, samples: np.ndarray) -> str:
+        """What is wrong with the frame that arrived at t [s]; empty if nothing."""
+        if self._last is not None:
+            moved = samples != self._last
+            # a reading at either end of the scale has no room for noise
+            known = (samples > 0) & (samples < self._full_scale)
+            self._moved = moved if self._moved is None else self._moved | moved
+            self._known = known if self._known is None else self._known & known
+            self._frames += 1
+        self._since = min(self._since, t)
+        self._last = samples
+        if t - self._since >= _LINE_WINDOW and self._frames >= _LINE_FRAMES:
+            self._text = self._judge(self._moved, self._known)
+            self._begin(t)
+        return self._text
+
+    def _judge(self, moved: np.ndarray, known: np.ndarray) -> str:
+        moved = moved & known
+        still, chance = [], []
+        for axis in (1, 0):  # the rows, then the columns
+            cells, moving = known.sum(axis), moved.sum(axis)
+            alive = moving > 0
+            share = moving.sum() / (cells[alive].sum() + 1)  # of few cells all may move by chance
+            still.append(~alive & (cells > 0) & (share >= _MOVING))
+            chance.append(np.log(max(1.0 - share, _STILL)) * cells)
+        still, chance = np.concatenate(still), np.concatenate(chance)
+        self._evidence = np.where(still, self._evidence + chance, 0.0)
+        dead = np.flatnonzero(self._evidence < math.log(_CHANCE))
+        if not dead.size:
+            return ""
+        rows = moved.shape[0]
+        names = [f"row {k}" if k < rows else f"column {k - rows}" for k in dead[:4].tolist()]
+        more = "" if dead.size <= 4 else f" and {dead.size - 4} more"
+        return f"{', '.join(names)}{more}: samples without any noise while the others have it"
+
+
+# --- the board ----------------------------------------------------------------------------------
+
+_RESTARTS = 3  # of the board, and
+_RESTARTS_WITHIN = 10.0  # s in which they are too many
+
+
+class Verdict(NamedTuple):
+    """Of one frame.
+
+    Attributes:
+        lag: how long it was on its way [s]; 0 for one that did not wait.
+        settled: whether frames come at the board's own pace; until then they may be old.
+        trouble: why the frames are no measurement; empty if they are.
+    """
+
+    lag: float
+    settled: bool
+    trouble: str
+
+
+class Liveness:
+    """Judges the frames of one connection to a board.
+
+    Args:
+        shape: (rows, cols) of a frame.
+        frozen_after: how long frames may repeat [s]; 0: for ever, for a board that averages so well
+            that two sound frames are the same.
+    """
+
+    def __init__(self, shape: tuple[int, int], frozen_after: float):
+        self._delay = Delay()
+        self._repeats = Repeats(frozen_after) if frozen_after else None
+        self._shape, self._lines = shape, None
+        self._restarts: deque[float] = deque(maxlen=_RESTARTS)
+
+    def frame(self, t: float, frame: Frame, restarted: bool = False) -> Verdict:
+        """A frame arrived at t, of a monotonic clock [s].
+
+        Args:
+            restarted: whether its number says that the board started anew.
+        """
+        lag, backward = self._delay.frame(t, frame.device_time_us)
+        if restarted or backward:
+            self._restarts.append(t)
+            if not backward:
+                self._delay.restart(t)
+        trouble = ""
+        if len(self._restarts) == _RESTARTS and t - self._restarts[0] < _RESTARTS_WITHIN:
+            trouble = (
+                f"the board started anew {_RESTARTS} times in {t - self._restarts[0]:.1f} s: "
+                "is its supply or its plug loose?"
+            )
+        if self._repeats is not None:
+            if self._lines is None:
+                self._lines = StillLines(self._shape, (1 << 16) - (1 << 16 - frame.adc_bits))
+            repeats = self._repeats.frame(t, frame.samples)
+            trouble = trouble or repeats or self._lines.frame(t, frame.samples)
+        return Verdict(lag, self._delay.settled, trouble)
