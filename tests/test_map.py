@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward, scenes
-from tactile_skin.bench.faults import FAULTS, faulty
+from tactile_skin.bench import textile
+from tactile_skin.bench.faults import EVERYDAY, FAULTS, faulty
 from tactile_skin.bench.solvers import accuracy, with_net
 from tactile_skin.curve import GRAM
 from tactile_skin.solvers import prior
@@ -226,3 +227,21 @@ def test_with_the_net_as_its_prior_it_beats_the_net():
     for family in ("blobs", "rects"):
         row = with_net(family, 40, seed=22)
         assert row["map with the net's prior"] < 0.9 * row["physics"]
+
+
+@pytest.mark.parametrize("shape", [(4, 4), (8, 12), (16, 16)])
+@pytest.mark.parametrize("spread", [1.0, 2.5, 4.0])
+def test_a_palm_is_not_suspect_and_its_sum_is_right(shape, spread):
+    """Soft towards its rim, on an everyday skin: no edge, as the prior likes it."""
+    rng = np.random.default_rng([*shape, round(10 * spread)])
+    circuit = Circuit(*shape)
+    row, col = np.indices(shape)
+    for _ in range(6):
+        centre = rng.uniform(0.0, np.array(shape) - 1.0)
+        force = np.exp(-(np.square(row - centre[0]) + np.square(col - centre[1])) / 2 / spread**2)
+        force *= rng.uniform(5.0, 60.0) / force.sum()
+        force = np.minimum(force, 9.0)
+        adc = textile.read(EVERYDAY, circuit, CURVE, force, rng)
+        estimate = compensate(adc, circuit, CURVE)
+        assert estimate.status == "ok", estimate.message
+        assert estimate.force.sum() == pytest.approx(force.sum(), rel=0.08)

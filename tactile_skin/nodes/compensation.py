@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import Counter
 
 import numpy as np
 
 from .. import network
+from ..bus import Time
 from ..config import circuit_of, curve_of, describe, geometry_of
 from ..curve import GRAM
+from ..doubt import Doubt
 from ..msg import DiagnosticArray, Image, Trigger, image, image_array
 from ..solvers import METHODS, Estimate, compensate
 from ..tare import Tare
 from . import QUEUE, diagnostics
 
-_WATCHED = 20  # frames: 0.2 s at 100 a second
-_ENTER, _LEAVE = 10, 5  # suspect ones among them that make, and that end, a fault
 _IDLE = 15.0 * GRAM  # N on a cell: below it nothing touches; lines shorted at rest read as 13 g
 _CORNER = 4  # suspect or failed frames in a row after which the last one is no start
 
@@ -23,11 +23,10 @@ _CORNER = 4  # suspect or failed frames in a row after which the last one is no 
 class Compensation:
     """Publishes skin/pressure (32FC1, Pa, row-major) with the reading's stamp, and diagnostics once
     a second and whenever the level changes: WARN for a suspect frame, ERROR, which stops the
-    robot, for a failed one and while half of the last frames are suspect; where nothing touched
-    when they were, until nothing touches and they no longer are. A frame that fails is not
-    published. What the cells conduct at rest is measured between touches (`Tare`); until the first
-    time, a second after the start, a fabric whose cells differ is suspect. The service `~/reset`
-    forgets the fault, and the last frame, from which the next one starts.
+    robot, for a failed one and while they are suspect too often (doubt.py). A frame that fails is
+    not published. What the cells conduct at rest is measured between touches (`Tare`); until the
+    first time, a second after the start, a fabric whose cells differ is suspect. The service
+    `~/reset` forgets the fault, and the last frame, from which the next one starts.
     """
 
     def __init__(self, node):
@@ -73,9 +72,7 @@ class Compensation:
         self._diagnostics = node.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
         self._last: Estimate | None = None  # the last frame: where the next starts from
         self._doubts = 0
-        self._suspect: deque[bool] = deque(maxlen=_WATCHED)
-        self._fault = False
-        self._at_rest, self._lasting = 0, False  # suspect frames with nothing touching
+        self._doubt, self._fault, self._why = Doubt(), False, ""
         self._level, self._message, self._residual = diagnostics.OK, "ok", 0.0
         self._taken: Counter[str] = Counter()
         self._scale = 2 ** (16 - self.circuit.adc_bits) * self.circuit.full_scale
@@ -106,34 +103,30 @@ class Compensation:
         self._last = estimate if self._doubts < _CORNER else None
         self._taken[estimate.method] += 1
         self._residual = estimate.residual
+        t = Time.from_msg(msg.header.stamp).nanoseconds / 1e9
         if estimate.status != "failed":
-            t = msg.header.stamp.sec + 1e-9 * msg.header.stamp.nanosec
             if self._follows and self._tare.update(t, adc, estimate.force):
                 self._last = None
             pressure = estimate.force / self.cell_area
             self._pressure.publish(image(pressure, "32FC1", msg.header))
-        if estimate.force.max() < _IDLE:
-            # What is wrong at rest stays wrong under a touch, though that may hide it: a short.
-            self._at_rest += 1 if estimate.status == "suspect" else -1
-            self._at_rest = min(max(self._at_rest, 0), _ENTER)
-            if self._at_rest in (0, _ENTER):
-                self._lasting = self._at_rest > 0
-        words = estimate.message, self._tare.message
+        touched = estimate.force.max() >= _IDLE
+        suspect = estimate.status == "suspect"
+        self._fault = self._doubt.frame(t, suspect, touched)
+        self._why = estimate.message if suspect else self._why
+        kept = f"{self._why} ({self._doubt.kept})" if self._doubt.kept else ""
+        words = estimate.message or kept, self._tare.message
         self._judge(estimate.status, "; ".join(filter(None, words)))
 
     def on_reset(self, _, response):
         self._last = None
-        self._suspect.clear()
-        self._at_rest, self._lasting = 0, False
+        self._doubt.reset()
+        self._fault = False
         response.success, response.message = True, "the last frame is forgotten"
         return response
 
     def _judge(self, status: str, message: str) -> None:
-        self._suspect.append(status == "suspect")
-        suspects = sum(self._suspect)
-        self._fault = suspects >= (_LEAVE if self._fault else _ENTER)
         level = diagnostics.OK if status == "ok" and not message else diagnostics.WARN
-        if status == "failed" or ((self._fault or self._lasting) and self._stops):
+        if status == "failed" or (self._fault and self._stops):
             level = diagnostics.ERROR
         if message or level == diagnostics.OK:
             self._message = message or "ok"

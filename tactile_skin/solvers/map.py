@@ -38,6 +38,7 @@ _SAME = 2.2  # standard deviations of chi^2 up to which a frame is like the last
 _NEAR_REST = 1.5  # times the conductance at rest: a starting cell below it starts at rest
 _WIDEN = 1.12  # the prior's majorant is wider in curvature than the prior: measured coverage
 _LEVEL = 5.0  # times the mean force, which no cell of an even load on the whole skin reaches
+_HARD = 0.2  # of r_par: with less two-terminal resistance an r_par 10 % off would move every cell
 _BROAD = 0.1  # share of cells at rest below which the whole skin counts as loaded
 
 
@@ -122,9 +123,10 @@ def _fit(reading: Reading, g: np.ndarray, prior, warm: bool = False) -> Estimate
         # The fit may stop short of the minimum; the tests are for the minimum.
         rest = _downhill(point).flat[step.inside]
         ahead = lapack.spotrs(step.factor.T, rest, lower=1)[0]
-        if broad and prior is None:
+        hard = broad and np.median(point.network.rho) < _HARD * circuit.r_par
+        if hard and prior is None:
             message = suspect.by_cost(reading, point.cost - 0.5 * rest @ ahead)
-        message = message or suspect.by_score(
+        score = message or suspect.by_score(
             reading,
             point.network.k,
             point.weight,
@@ -136,6 +138,7 @@ def _fit(reading: Reading, g: np.ndarray, prior, warm: bool = False) -> Estimate
             point.g.flat[step.inside],
             broad,
         )
+        message = message or (score if score and (hard or series.sharp(reading, point.g)) else "")
     status = "suspect" if message else "ok"
     if not converged:
         status, message = "failed", f"no time to converge: stopped after {iterations} steps"

@@ -26,7 +26,10 @@ _TOLERANCE = 0.25  # share of r_par that it may be off; more is another fault
 _SURE = 5.5  # standard deviations: another r_par is told from the circuit's own
 _UPRIGHT = 3.5  # the same, which a right one may leave
 _ALONE = 30.0  # chi^2 a reading that the circuit's nonlinearity may leave beside a wrong r_par
-_CLEAR = 4.0  # the same of a frame that is not suspect
+# The same of a skin around the touches that is not at rest: 12 at most beside a short or an r_par
+# 10 % off, 700 at least around palms (16 x 16 and 8 x 12).
+_SOFT = 200.0
+_CLEAR = 4.0  # as _ALONE, of a frame that is not suspect
 _SURER = 8.0  # standard deviations beside a network's force, which no further fit checks
 _TOLD = 1e-3  # share of r_par's pattern, squared, that the touched cells cannot take
 _RIDGE = 1e-5  # of the touched cells' precision: the readings may leave a combination open
@@ -97,6 +100,19 @@ def lean(reading: Reading, g: np.ndarray, beside: bool = True) -> Lean | None:
         return None
     slack = ROUNDED[0] if rounded(reading) else 1.0
     return Lean(-score / left, slack * left**-0.5, (chi - score**2 / left) / reading.told)
+
+
+def sharp(reading: Reading, g: np.ndarray) -> bool:
+    """Whether the skin around the touches is at rest, as the score tests of a fit suppose.
+
+    A palm presses ever less towards its rim. A prior that prefers touches with an edge then leaves
+    misfits that look like a short, or like another r_par.
+
+    Args:
+        g: (rows, cols) conductance [S] that the fit found.
+    """
+    found = lean(reading, g)
+    return found is not None and found.left < _SOFT
 
 
 def seek(reading: Reading, fit: Fit, nominal: Estimate) -> Estimate:
