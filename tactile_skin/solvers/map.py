@@ -38,7 +38,9 @@ _SAME = 2.2  # standard deviations of chi^2 up to which a frame is like the last
 _NEAR_REST = 1.5  # times the conductance at rest: a starting cell below it starts at rest
 _WIDEN = 1.12  # the prior's majorant is wider in curvature than the prior: measured coverage
 _LEVEL = 5.0  # times the mean force, which no cell of an even load on the whole skin reaches
-_HARD = 0.2  # of r_par: with less two-terminal resistance an r_par 10 % off would move every cell
+_HARD = 0.5  # of r_par: with less two-terminal resistance an r_par 10 % off would move every cell
+_UNEVEN = 0.25  # spread of log g from which on a load is more than a flat one on a fabric's scatter
+_ALIKE = 0.5  # neighbours' squared difference over that of any two cells: 1 at random, 0 for a palm
 _BROAD = 0.1  # share of cells at rest below which the whole skin counts as loaded
 
 
@@ -123,8 +125,8 @@ def _fit(reading: Reading, g: np.ndarray, prior, warm: bool = False) -> Estimate
         # The fit may stop short of the minimum; the tests are for the minimum.
         rest = _downhill(point).flat[step.inside]
         ahead = lapack.spotrs(step.factor.T, rest, lower=1)[0]
-        hard = broad and np.median(point.network.rho) < _HARD * circuit.r_par
-        if hard and prior is None:
+        rough = broad and _rough(reading, point)
+        if rough and prior is None:
             message = suspect.by_cost(reading, point.cost - 0.5 * rest @ ahead)
         score = message or suspect.by_score(
             reading,
@@ -138,7 +140,7 @@ def _fit(reading: Reading, g: np.ndarray, prior, warm: bool = False) -> Estimate
             point.g.flat[step.inside],
             broad,
         )
-        message = message or (score if score and (hard or series.sharp(reading, point.g)) else "")
+        message = message or (score if score and (rough or series.sharp(reading, point.g)) else "")
     status = "suspect" if message else "ok"
     if not converged:
         status, message = "failed", f"no time to converge: stopped after {iterations} steps"
@@ -150,6 +152,20 @@ def _level(reading: Reading, g: np.ndarray) -> bool:
     cells = reading.circuit.populated
     force = reading.curve.force(1.0 / np.where(cells, g, 1.0))[cells]
     return bool(force.max() < _LEVEL * force.mean())
+
+
+def _rough(reading: Reading, point: _Point) -> bool:
+    """Whether the whole skin is loaded hard, and each cell by chance, as the level prior says.
+
+    Only then does what that prior does not explain speak against the circuit: a palm is smooth.
+    """
+    cells = reading.circuit.populated
+    if np.median(point.network.rho[cells]) >= _HARD * reading.circuit.r_par:
+        return False
+    x = np.where(cells, np.log(np.where(cells, point.g, 1.0)), np.nan)
+    apart = [np.square(np.diff(x, axis=axis)).ravel() for axis in (0, 1)]
+    spread = np.nanvar(x)
+    return bool(spread > _UNEVEN**2 and np.nanmean(np.concatenate(apart)) > _ALIKE * 2.0 * spread)
 
 
 def _fill(reading: Reading, g: np.ndarray) -> np.ndarray:
