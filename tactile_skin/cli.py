@@ -153,7 +153,10 @@ def _parser() -> argparse.ArgumentParser:
         epilog="Each picture NAME.png stands beside NAME.json, which holds the numbers drawn.\n"
         "parts: speed, cases, stability, growth, way (bytes in to stop hook), touch_to_stop; all\n"
         "of them take nine minutes, with --quick one. Times are best read on an idle machine.\n"
-        "examples:\n  tactile-skin bench --quick\n  tactile-skin bench speed growth --out figures",
+        "Only on request: faults, damaged boards through the whole chain, which takes an hour on\n"
+        "two cores, with --quick one minute.\n"
+        "examples:\n  tactile-skin bench --quick\n  tactile-skin bench speed growth --out figures\n"
+        "  tactile-skin bench faults --shapes 4x4 16x16 --minutes 10",
     )
     sub.add_argument("parts", nargs="*", metavar="PART", help="what to measure (default: all)")
     sub.add_argument("--quick", action="store_true", help="few frames, for a look")
@@ -161,6 +164,11 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument(
         "--out", type=Path, default=Path("bench"), help="folder for the pictures (default bench)"
     )
+    faults = sub.add_argument_group("faults")
+    faults.add_argument("--shapes", nargs="+", metavar="SHAPE", help="such as 4x4 (default: all)")
+    faults.add_argument("--minutes", type=float, help="of sound streams, in all (default 60)")
+    faults.add_argument("--streams", type=int, help="of each fault and begin (default 1)")
+    faults.add_argument("--jobs", type=int, help="processes (default: one a core)")
     return parser
 
 
@@ -288,14 +296,16 @@ def _export(args) -> int:
 
 
 def _bench(args) -> int:
-    from .bench import choose, run, speed, touch_to_stop
+    from .bench import choose, fault_table, run, speed, touch_to_stop
 
     unknown = [part for part in args.parts if part not in run.PARTS]
     if unknown:
         raise ValueError(f"part {unknown[0]!r}: must be one of {', '.join(run.PARTS)}")
     if args.seed < 0:
         raise ValueError(f"--seed = {args.seed}: must be 0 or more")
-    written = run.run(args.parts or run.PARTS, args.out, args.quick, args.seed, _tqdm())
+    parts = args.parts or [part for part in run.PARTS if part not in run.ON_REQUEST]
+    given = _given(args, parts)
+    written = run.run(parts, args.out, args.quick, args.seed, _tqdm(), given)
     if "speed" in written:
         print(speed.table(written["speed"]))
         print("\n".join(["", *choose.lines(written["speed"]), ""]))
@@ -303,8 +313,27 @@ def _bench(args) -> int:
         print("auto, what fails silently:", *choose.silent(written["stability"]), "", sep="\n")
     if "touch_to_stop" in written:
         print(touch_to_stop.table(written["touch_to_stop"]), "", sep="\n")
+    if "faults" in written:
+        print(fault_table.table(written["faults"]))
     print(f"pictures: {', '.join(str(args.out / f'{name}.png') for name in written)}")
     return 0
+
+
+def _given(args, parts) -> dict[str, dict]:
+    """Part -> what the command line gives its `measure`: today for `faults` only."""
+    from .bench import reliability
+
+    options = ("shapes", "minutes", "streams", "jobs")
+    given = {name: getattr(args, name) for name in options if getattr(args, name) is not None}
+    if given and "faults" not in parts:
+        raise ValueError(f"--{next(iter(given))}: only with the part faults")
+    for name in given.get("shapes", ()):
+        if name not in reliability.SHAPES:
+            raise ValueError(f"shape {name!r}: must be one of {', '.join(reliability.SHAPES)}")
+    for name, least in (("minutes", 0.0), ("streams", 1), ("jobs", 1)):
+        if not given.get(name, least) >= least:
+            raise ValueError(f"--{name} = {given[name]}: must be {least:g} or more")
+    return {"faults": given}
 
 
 def _tqdm():

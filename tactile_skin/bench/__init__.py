@@ -7,4 +7,7 @@ measure.py    time and error, once for all     chart.py    how figures look, and
 textile.py    a skin richer than any model     faults.py   its troubles, and their strengths
 choose.py     which method when, in words      run.py      the parts in turn
 insole.py     real frames                      curves.py   training curves
+reliability.py   faults through the whole chain: fault_board.py, a board that can be damaged;
+                 fault_data.py and fault_wires.py, how; fault_streams.py, who touches it;
+                 fault_chain.py, the nodes on a driven clock; fault_table.py, what was counted
 """

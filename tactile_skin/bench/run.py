@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 from ..solvers import METHODS
-from . import cases, chart, growth, speed, stability, touch_to_stop, way
+from . import cases, chart, growth, reliability, speed, stability, touch_to_stop, way
 from .measure import machine
 
 PARTS = {  # name -> module, and the arguments of its `measure` in full and quick
@@ -20,14 +20,17 @@ PARTS = {  # name -> module, and the arguments of its `measure` in full and quic
         {"methods": ("naive", "auto"), "seconds": 0.5, "long": 0.5, "skins": (2,)},
     ),
     "touch_to_stop": (touch_to_stop, {"pushes": 40, "cuts": 10}, {"pushes": 1, "cuts": 1}),
+    "faults": (reliability, reliability.FULL, reliability.QUICK),
 }
+ON_REQUEST = ("faults",)  # takes longer than all others together
 
 
-def run(parts, out: Path, quick: bool, seed: int, tqdm) -> dict[str, dict]:
+def run(parts, out: Path, quick: bool, seed: int, tqdm, given=None) -> dict[str, dict]:
     """Measure the parts and write NAME.json and NAME.png for each of their figures.
 
     Args:
         tqdm: progress bar, wraps a list.
+        given: part -> arguments of its `measure` in place of those in PARTS.
 
     Returns:
         name -> what stands in its JSON.
@@ -47,7 +50,8 @@ def run(parts, out: Path, quick: bool, seed: int, tqdm) -> dict[str, dict]:
             return tqdm(items, desc=f"{part:<9}", disable=None)
 
         start = time.monotonic()
-        figures = module.measure(**(short if quick else full), seed=seed, track=track)
+        arguments = (short if quick else full) | (given or {}).get(part, {})
+        figures = module.measure(**arguments, seed=seed, track=track)
         about_part = about | {"seconds": round(time.monotonic() - start, 1)}
         for name, data in figures.items():
             written[name] = about_part | data
