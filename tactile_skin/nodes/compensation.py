@@ -9,6 +9,7 @@ import numpy as np
 from .. import network
 from ..bus import Time
 from ..config import circuit_of, curve_of, describe, geometry_of
+from ..converter import Ceiling
 from ..curve import GRAM
 from ..doubt import Doubt
 from ..msg import DiagnosticArray, Image, Trigger, image, image_array
@@ -73,6 +74,7 @@ class Compensation:
         self._last: Estimate | None = None  # the last frame: where the next starts from
         self._doubts = 0
         self._doubt, self._fault, self._why = Doubt(), False, ""
+        self._ceiling, self._saturated = Ceiling(self.circuit.adc_bits), ""
         self._level, self._message, self._residual = diagnostics.OK, "ok", 0.0
         self._taken: Counter[str] = Counter()
         self._scale = 2 ** (16 - self.circuit.adc_bits) * self.circuit.full_scale
@@ -90,7 +92,8 @@ class Compensation:
     def on_adc(self, msg: Image) -> None:
         try:
             # The low-pass may round the largest reading up by less than a step.
-            adc = np.minimum(image_array(msg) / self._scale, 1.0)
+            samples = image_array(msg)
+            adc = np.minimum(samples / self._scale, 1.0)
             estimate = self._compensate(adc)
         except ValueError as error:
             self._judge("failed", str(error))
@@ -114,19 +117,21 @@ class Compensation:
         self._fault = self._doubt.frame(t, suspect, touched)
         self._why = estimate.message if suspect else self._why
         kept = f"{self._why} ({self._doubt.kept})" if self._doubt.kept else ""
-        words = estimate.message or kept, self._tare.message
+        self._saturated = self._ceiling.frame(samples)
+        words = self._saturated, estimate.message or kept, self._tare.message
         self._judge(estimate.status, "; ".join(filter(None, words)))
 
     def on_reset(self, _, response):
         self._last = None
         self._doubt.reset()
-        self._fault = False
+        self._ceiling = Ceiling(self.circuit.adc_bits)
+        self._fault, self._saturated = False, ""
         response.success, response.message = True, "the last frame is forgotten"
         return response
 
     def _judge(self, status: str, message: str) -> None:
         level = diagnostics.OK if status == "ok" and not message else diagnostics.WARN
-        if status == "failed" or (self._fault and self._stops):
+        if status == "failed" or ((self._fault or self._saturated) and self._stops):
             level = diagnostics.ERROR
         if message or level == diagnostics.OK:
             self._message = message or "ok"
