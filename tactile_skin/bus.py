@@ -573,7 +573,7 @@ class Node:
 
 
 def _settle(settle, value) -> None:
-    """Give a Future its result; whoever listens to it may raise, or log with a handler that does."""
+    """Give a Future its result, whatever a listener to it or a log handler raises."""
     try:
         settle(value)
     except (Exception, SystemExit) as broken:

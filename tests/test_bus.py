@@ -399,9 +399,8 @@ def test_slow_timers_take_turns_among_themselves(bench):
         if len(calls) == 100:
             done.set()
 
-    for node in nodes:
-        for k in range(2):
-            node.create_timer(0.01, lambda name=f"{node.get_name()} {k}": slow(name))
+    for k in range(4):
+        nodes[k % 2].create_timer(0.01, lambda k=k: slow(k))
     executor.add_node(*nodes)
     bench.clock.advance(0.01)
     nodes[0]._wake.set()

@@ -15,10 +15,20 @@ from simulated import CIRCUIT, serving
 
 from tactile_skin import PressureCurve, board
 from tactile_skin.admittance import ANGULAR, AdmittanceConfig
-from tactile_skin.bus import Context, Node, ParameterError
+from tactile_skin.bus import Context, Node, Parameter, ParameterError
+from tactile_skin.config import ParameterFile
 from tactile_skin.gate import GateConfig
 from tactile_skin.hooks import EventHook
-from tactile_skin.launch import LaunchError, Skin, find, launch, read_plan, share_dir
+from tactile_skin.launch import (
+    NODES,
+    LaunchError,
+    Skin,
+    find,
+    launch,
+    node_class,
+    read_plan,
+    share_dir,
+)
 from tactile_skin.msg import Bool, Header, PointCloud2, Twist, cloud
 from tactile_skin.nodes.stop_on_push import LATCHED
 
@@ -926,6 +936,20 @@ def test_the_last_word_to_the_base_is_zero(write, executable):
 def test_the_shipped_launch_file_starts_them_when_asked(name):
     found = read_plan(share_dir() / "launch" / "skin.launch.yaml", {name: "true"})
     assert name in [n.executable for n in found.nodes]
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_a_node_without_a_file_has_the_shipped_values(name):
+    """Who writes only what differs gets what config/skin.yaml says, not other limits of force."""
+    port = [Parameter("port", "loop://")] if name == "serial_driver" else []
+    node = Node(name, context=Context(), parameter_overrides=port)
+    node_class(name)(node)
+    shipped = ParameterFile(share_dir() / "config" / "skin.yaml").overrides(f"/{name}")
+    known = node.parameter_names()
+    declared = {p.name: node.get_parameter(p.name).value for p in shipped if p.name in known}
+    expected = {p.name: p.value for p in shipped if p.name in declared}
+    expected |= {"geometry.shape": "plane"} if "geometry.shape" in declared else {}  # an example
+    assert declared == expected
 
 
 def test_the_shipped_parameters_are_the_defaults(write):

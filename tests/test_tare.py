@@ -129,6 +129,19 @@ def test_a_touch_that_begins_as_a_measurement_ends_is_not_learnt():
         assert after.count("ok") > 0.9 * len(after)
 
 
+@pytest.mark.parametrize("touched", [False, True])
+def test_a_clock_that_is_set_back_an_hour_costs_seconds(touched):
+    """Also during the pause after a touch: it begins anew, and what it learns is right."""
+    skin = Skin(scatter(0.05), seed=13)
+    skin.frames(150)
+    skin.frames(20, touch() if touched else IDLE)
+    skin.t -= 3600.0
+    skin.rest = 1.2 * skin.rest
+    skin.frames(500)
+    error = skin.tare.curve.rest_resistance * skin.rest - 1.0
+    assert np.abs(error).max() < 0.05
+
+
 def test_a_hand_on_the_skin_at_the_start_is_no_rest():
     skin = Skin(scatter(0.05), seed=6)
     skin.frames(300, touch(5.0))
