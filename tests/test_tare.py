@@ -132,13 +132,18 @@ def test_a_touch_that_begins_as_a_measurement_ends_is_not_learnt():
 @pytest.mark.parametrize("touched", [False, True])
 def test_a_clock_that_is_set_back_an_hour_costs_seconds(touched):
     """Also during the pause after a touch: it begins anew, and what it learns is right."""
-    skin = Skin(scatter(0.05), seed=13)
-    skin.frames(150)
-    skin.frames(20, touch() if touched else IDLE)
-    skin.t -= 3600.0
-    skin.rest = 1.2 * skin.rest
-    skin.frames(500)
-    error = skin.tare.curve.rest_resistance * skin.rest - 1.0
+    tare, t, rest = Tare(CIRCUIT, CURVE), 5000.0, scatter(0.05)
+    for frames, factor, force in (
+        (150, 1.0, IDLE),
+        (20, 1.0, touch(12.0 * touched)),
+        (400, 1.2, IDLE),
+    ):
+        adc = forward(CIRCUIT, 1.0 / (factor * rest))
+        for _ in range(frames):
+            t += 0.01
+            tare.update(t, adc, force)
+        t -= 3600.0 * (force is not IDLE)
+    error = tare.curve.rest_resistance * 1.2 * rest - 1.0
     assert np.abs(error).max() < 0.05
 
 
