@@ -8,10 +8,12 @@ slow subscriber delays nobody but itself.
 
 from __future__ import annotations
 
+import contextlib
 import enum
 import logging
 import math
 import operator
+import sys
 import threading
 import time
 from collections import defaultdict, deque
@@ -212,6 +214,7 @@ class Timer:
 
 
 _DUE = operator.attrgetter("_due")  # of a timer [ns]; infinite once it is cancelled
+_REQUESTS = 10  # that may wait for one service: a server that hangs must not collect them for ever
 
 
 class Service:
@@ -229,6 +232,25 @@ class Service:
         request, future = self._queue.popleft()
         return self.callback, (request, self.srv_type.Response()), future
 
+    def _put(self, request, future: Future) -> None:
+        """A request has arrived, in whatever thread.
+
+        Raises:
+            RuntimeError: too many wait already.
+        """
+        with self._node._lock:
+            if len(self._queue) >= _REQUESTS:
+                for entry in [e for e in self._queue if e[1].cancelled()]:
+                    self._queue.remove(entry)
+                    self._node._inbox.remove(self)
+            if len(self._queue) >= _REQUESTS:
+                raise RuntimeError(
+                    f"service {self.srv_name}: {_REQUESTS} requests wait for an answer already"
+                )
+            self._queue.append((request, future))
+            self._node._inbox.append(self)
+        self._node._wake.set()
+
 
 class Client:
     def __init__(self, node: Node, srv_type: type, name: str):
@@ -238,16 +260,20 @@ class Client:
         return self.srv_name in self._context._services
 
     def call_async(self, request) -> Future:
-        """Ask; the Future gets the response, or the exception that the server raised."""
+        """Ask; the Future gets the response, or the exception that the server raised.
+
+        Who gives up waiting cancels it: a request that is still in the queue is then not carried
+        out.
+
+        Raises:
+            RuntimeError: no node offers the service, or too many requests wait for it.
+        """
         future: Future = Future()
         with self._context._lock:  # so that the server is not destroyed in between
             service = self._context._services.get(self.srv_name)
             if service is None:
                 raise RuntimeError(f"service {self.srv_name} is not offered by any node")
-            with service._node._lock:
-                service._queue.append((request, future))
-                service._node._inbox.append(service)
-        service._node._wake.set()
+            service._put(request, future)
         return future
 
 
@@ -349,6 +375,7 @@ class Node:
         self._publishers: list[Publisher] = []
         self._errors: dict[int, tuple[int, float]] = {}
         self._in_callback = False
+        self._turns = _Turns((self,))
         self._remappings = dict(map(self._remapping, _remap_rules(cli_args or [])))
 
     # names
@@ -477,26 +504,29 @@ class Node:
             return None
         return max(0.0, (due - self.context.clock.now().nanoseconds) / 1e9)
 
-    def _take(self):
-        """The next thing to call, as (callback, arguments, future); None: nothing is due."""
+    def _take_timer(self, now: int):
+        """The call of the timer that is due first, as (callback, arguments, future), or None."""
         with self._lock:
-            if self._timers:
-                timer, now = min(self._timers, key=_DUE), self.context.clock.now().nanoseconds
-                if timer._due <= now:
-                    timer._step(now)
-                    self._in_callback = True
-                    return timer.callback, (), None
+            timer = min(self._timers, key=_DUE, default=None)
+            if timer is None or timer._due > now:
+                return None
+            timer._step(now)
+            self._in_callback = True
+            return timer.callback, (), None
+
+    def _take_message(self):
+        """The call of the oldest message or request, as (callback, arguments, future), or None."""
+        with self._lock:
             if not self._inbox:
                 return None
             self._in_callback = True
             return self._inbox.popleft()._next()
 
-    def _run_ready(self) -> bool:
-        """Call everything that is due; whether there was anything."""
+    def _run_ready(self, now: int) -> bool:
+        """Call every message and every timer that is due at `now` [ns]; whether there was any."""
         ran = False
-        while (job := self._take()) is not None:
+        while self._turns.run_one(now):
             ran = True
-            self._call(*job)
         return ran
 
     def _idle(self) -> bool:
@@ -512,30 +542,48 @@ class Node:
         except (Exception, SystemExit) as error:  # a node's thread must not end silently
             self._report(callback, error)
             if future is not None:
-                future.set_exception(error)
+                _settle(future.set_exception, error)
         else:
             if future is not None:
-                future.set_result(result)
+                _settle(future.set_result, result)
         finally:
             self._in_callback = False
 
-    def _report(self, callback, error: Exception) -> None:
+    def _report(self, callback, error: BaseException) -> None:
         """Log an isolated callback's exception: the first in full, then one line in 5 s."""
         count, last = self._errors.get(id(callback), (0, -1e9))  # by id: it may not be hashable
         now = self.context.clock.now().nanoseconds / 1e9
-        name = getattr(callback, "__qualname__", repr(callback))
-        if count == 0:
-            self.get_logger().error("callback %s raised", name, exc_info=error)
-        elif now - last >= 5.0:
-            self.get_logger().error("callback %s raised %d times: %r", name, count + 1, error)
-        else:
-            now = last
-        self._errors[id(callback)] = count + 1, now
+        said = count == 0 or now - last >= 5.0
+        self._errors[id(callback)] = count + 1, now if said else last
+        if not said:
+            return
+        try:
+            name = getattr(callback, "__qualname__", None) or repr(callback)
+            if count == 0:
+                self.get_logger().error("callback %s raised", name, exc_info=error)
+            else:
+                self.get_logger().error("callback %s raised %d times: %r", name, count + 1, error)
+        except (Exception, SystemExit) as broken:  # of a log handler: it must not end the thread
+            _complain(f"node {self._name}: {type(error).__name__}", broken)
 
     @property
     def callback_errors(self) -> int:
         """Number of exceptions that callbacks of this node have raised."""
         return sum(count for count, _ in self._errors.values())
+
+
+def _settle(settle, value) -> None:
+    """Give a Future its result, whatever a listener to it or a log handler raises."""
+    try:
+        settle(value)
+    except (Exception, SystemExit) as broken:
+        _complain("the answer of a service", broken)
+
+
+def _complain(what: str, broken: BaseException) -> None:
+    """What could not be logged goes to stderr, if there is one."""
+    with contextlib.suppress(Exception):
+        print(f"{what}, and {type(broken).__name__} while that was told", file=sys.stderr)
 
 
 def _remap_rules(cli_args: list[str]) -> list[str]:
@@ -577,6 +625,56 @@ class _Wake:
         self._unset.acquire(timeout=-1 if timeout_sec is None else timeout_sec)
 
 
+class _Turns:
+    """What is due of nodes that share a thread, one call after the other.
+
+    Timers and messages take turns, so that neither keeps the other waiting for more than one call,
+    however slow: a timer whose callback takes longer than its period is always due.
+    """
+
+    def __init__(self, nodes: tuple[Node, ...]):
+        self._nodes, self._timer_was_last = nodes, False  # of one context: their clock is one
+
+    def run_one(self, now: int | None = None) -> bool:
+        """Call one thing that is due; whether there was one.
+
+        Of timers that which has waited longest; of messages one of the latest stage that has any.
+
+        Args:
+            now: time until which timers count as due [ns]; None: until now.
+        """
+        if self._timer_was_last:
+            found = self._message() or self._timer(now)
+        else:
+            found = self._timer(now) or self._message()
+        if found is None:
+            return False
+        node, job = found
+        node._call(*job)
+        return True
+
+    def _timer(self, now: int | None):
+        first, node = math.inf, None
+        for each in self._nodes:
+            for timer in each._timers:
+                if timer._due < first:
+                    first, node = timer._due, each
+        if node is None:
+            return None
+        now = node.context.clock.now().nanoseconds if now is None else now
+        if first > now or (job := node._take_timer(now)) is None:
+            return None
+        self._timer_was_last = True
+        return node, job
+
+    def _message(self):
+        for node in reversed(self._nodes):
+            if node._inbox and (job := node._take_message()) is not None:
+                self._timer_was_last = False
+                return node, job
+        return None
+
+
 class SingleThreadedExecutor:
     """Runs the callbacks of its nodes in the calling thread."""
 
@@ -591,16 +689,21 @@ class SingleThreadedExecutor:
 
     def spin_some(self) -> None:
         """Call everything that is due now, what that brings about included; never waits."""
-        while any([node._run_ready() for node in self._nodes]):
+        now = self._now()
+        while any([node._run_ready(at) for node, at in now]):
             pass
+
+    def _now(self) -> list[tuple[Node, int]]:
+        """Each node and its time [ns]: what becomes due while others run is not waited for."""
+        return [(node, node.context.clock.now().nanoseconds) for node in self._nodes]
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
         """Call what is due; wait for it at most so long."""
         self._wake.clear()
-        if not any([node._run_ready() for node in self._nodes]):
+        if not any([node._run_ready(at) for node, at in self._now()]):
             self._wake.wait(_soonest(self._nodes, timeout_sec))
-            for node in self._nodes:
-                node._run_ready()
+            for node, at in self._now():
+                node._run_ready(at)
 
     def spin(self) -> None:
         """Run until `shutdown`, or until the context of the nodes goes down."""
@@ -635,12 +738,12 @@ class MultiThreadedExecutor:
         thread.start()
 
     def _run(self, nodes: tuple[Node, ...]) -> None:
-        wake = nodes[0]._wake
+        wake, turns = nodes[0]._wake, _Turns(nodes)
         while True:
             wake.clear()
             if self._stop.is_set():
                 return
-            if not _turn(nodes):
+            if not turns.run_one():
                 wake.wait(_soonest(nodes))
 
     def drain(self, timeout_sec: float = 0.5) -> None:
@@ -658,15 +761,6 @@ class MultiThreadedExecutor:
         for thread in self._threads.values():
             thread.join(max(0.0, deadline - time.monotonic()))
         return not any(thread.is_alive() for thread in self._threads.values())
-
-
-def _turn(nodes: tuple[Node, ...]) -> bool:
-    """Call one thing that is due, of the latest stage that has any; whether there was one."""
-    for node in reversed(nodes):
-        if (job := node._take()) is not None:
-            node._call(*job)
-            return True
-    return False
 
 
 def _soonest(nodes, timeout: float | None = None) -> float | None:

@@ -58,9 +58,9 @@ def _parser() -> argparse.ArgumentParser:
         "start the skin that a launch file describes; without one, the demo on a simulated board",
         epilog="examples:\n"
         "  tactile-skin launch duration:=20\n"
-        "  tactile-skin launch launch/skin.launch.yaml port:=/dev/ttyUSB0\n"
+        "  tactile-skin launch skin.launch.yaml port:=/dev/ttyUSB0\n"
         "  tactile-skin launch scene:=two_fingers method:=naive\n"
-        "  tactile-skin launch --show-args launch/skin.launch.yaml\n"
+        "  tactile-skin launch --show-args skin.launch.yaml\n"
         "On a terminal, r and Enter reset a latched stop.",
     )
     sub.add_argument(
@@ -110,7 +110,7 @@ def _parser() -> argparse.ArgumentParser:
         "  tactile-skin train --config mine.yaml --out my_weights --start paper --rate 0.003 "
         "--epochs 20\n"
         "then, with `weights: my_weights/physics.npz` under compensation in mine.yaml:\n"
-        "  tactile-skin launch launch/skin.launch.yaml config:=mine.yaml method:=physics",
+        "  tactile-skin launch skin.launch.yaml config:=mine.yaml method:=physics",
     )
     sub.add_argument("--config", type=Path, help="parameter file with circuit and curve")
     sub.add_argument("--out", type=Path, default=Path("weights"), help="folder (default weights)")

@@ -1,6 +1,6 @@
 """Start the nodes that a ROS 2 YAML launch file names, all in this process.
 
-    with launch("launch/skin.launch.yaml", port="/dev/ttyUSB0") as skin:
+    with launch("skin.launch.yaml", port="/dev/ttyUSB0") as skin:
         skin.on_stop(lambda stop, reason: print(stop, reason))
         skin.spin()
 
@@ -68,9 +68,22 @@ def share_dir() -> Path:
 
 
 def find(path) -> Path:
-    """A launch file as given, or by its name among those that come with the package."""
+    """A launch file as given; a bare name that is no file here, among those of the package.
+
+    Raises:
+        LaunchError: a path to nothing whose last part is the name of one of the package.
+    """
+    if Path(path).exists():
+        return Path(path)
     shipped = share_dir() / "launch" / Path(path).name
-    return shipped if not Path(path).exists() and shipped.exists() else Path(path)
+    if not shipped.is_file():
+        return Path(path)  # to be named when it is read
+    if os.path.dirname(path):  # who names a folder does not mean another file of the same name
+        raise LaunchError(
+            f"launch file {path}: does not exist; the one of {PACKAGE} is meant by its name alone: "
+            f"{shipped.name}"
+        )
+    return shipped
 
 
 # --- the file -------------------------------------------------------------------------------------
@@ -492,6 +505,7 @@ class Skin:
             try:
                 answers.append(future.result(timeout))
             except concurrent.futures.TimeoutError:
+                future.cancel()  # a reset that was given up must not free the robot later
                 answers.append(Trigger.Response(False, f"{name} does not answer"))
         return all(a.success for a in answers), "; ".join(a.message for a in answers)
 

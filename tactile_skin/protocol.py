@@ -12,7 +12,8 @@ Binary frame, little-endian:
     7       2     sequence number, wraps
     9       4     device time [us], wraps
     13      2     CRC of bytes 0 to 12: a damaged size must not make the parser wait
-    15      2*n   samples, row by row, in ADC steps * 2**fraction_bits
+    15      2*n   samples, row by row, in ADC steps * 2**fraction_bits: below
+                  2**(adc_bits + fraction_bits), or the frame counts as damaged
     15+2*n  2     CRC of all bytes before it
 
 Both CRCs are CRC-16/CCITT-FALSE (polynomial 0x1021, start 0xFFFF): `binascii.crc_hqx` here,
@@ -34,6 +35,7 @@ _HEADER = struct.Struct("<2sBBBBBHI")
 _CRC = struct.Struct("<H")
 _HEADER_SIZE = _HEADER.size + _CRC.size
 _SEQUENCES = 1 << 16
+_SAMPLES = 1 << 16  # values that a sample's two bytes can hold
 _RESTART_GAP = 1000  # a larger jump of the sequence number is a board that started anew
 
 
@@ -60,10 +62,13 @@ class Counters:
 
     Attributes:
         frames: passed on.
-        corrupt: frames dropped for their CRC or a repeated number, or lines that are no frame.
+        corrupt: frames dropped for their CRC, a repeated number or a sample out of range, or lines
+            that are no frame.
         lost: frames that the sequence numbers say are missing.
         restarts: jumps of the sequence number that only a restarted board explains.
-        skipped_bytes: bytes that belonged to no whole frame.
+        skipped_bytes: bytes that belonged to no frame that counts.
+        out_of_range: of the corrupt ones, frames with right CRCs and a sample beyond what their
+            header says the ADC can give: the board's adc_bits or fraction_bits are wrong.
     """
 
     frames: int = 0
@@ -71,6 +76,7 @@ class Counters:
     lost: int = 0
     restarts: int = 0
     skipped_bytes: int = 0
+    out_of_range: int = 0
 
 
 def crc16(data) -> int:
@@ -79,8 +85,14 @@ def crc16(data) -> int:
 
 
 def encode(sequence: int, device_time_us: int, samples, adc_bits: int, fraction_bits: int) -> bytes:
-    """A binary frame; samples: (rows, cols) in ADC steps * 2**fraction_bits."""
+    """A binary frame; samples: (rows, cols) in ADC steps * 2**fraction_bits.
+
+    Raises:
+        ValueError: a sample that its 16 bits cannot hold; cut off it would be another reading.
+    """
     rows, cols = samples.shape
+    if not ((samples >= 0) & (samples < _SAMPLES)).all():
+        raise ValueError(f"samples must be from 0 to {_SAMPLES - 1}")
     body = bytearray(
         _HEADER.pack(
             MAGIC,
@@ -100,7 +112,11 @@ def encode(sequence: int, device_time_us: int, samples, adc_bits: int, fraction_
 
 @dataclass
 class BinaryParser:
-    """Frames from a byte stream cut anywhere; finds the next frame after any damage."""
+    """Frames from a byte stream cut anywhere; finds the next frame after any damage.
+
+    It is for one board: once a frame has arrived, a header of another size or width is damage. It
+    would keep the parser waiting for up to 8 kB that never come, and the frames behind it as well.
+    """
 
     counters: Counters = field(default_factory=Counters)
 
@@ -109,6 +125,7 @@ class BinaryParser:
         self._last_sequence: int | None = None
         self._at_boundary = False  # the buffer starts right behind a good frame
         self._length = 1  # of the last frame [bytes]
+        self._layout: tuple[int, ...] | None = None  # its rows, cols, adc_bits, fraction_bits
 
     @property
     def wanted(self) -> int:
@@ -141,23 +158,33 @@ class BinaryParser:
                 self.counters.corrupt += 1
                 self._skip(1)
                 continue
+            shift = 16 - adc_bits - fraction_bits
+            if shift and samples.max() >= _SAMPLES >> shift:  # shifted, it would read as another
+                self.counters.corrupt += 1
+                self.counters.out_of_range += 1
+                self._skip(size + _CRC.size)
+                self._at_boundary = True
+                continue
             del self._buffer[: size + _CRC.size]
             self._at_boundary = True
             self._length = size + _CRC.size
+            self._layout = rows, cols, adc_bits, fraction_bits
             if not self._count(sequence):
                 continue
-            shift = 16 - adc_bits - fraction_bits
             samples = samples << shift if shift else samples
             frames.append(Frame(samples, adc_bits, sequence, device_time))
 
     def _header(self):
-        """The header's fields behind version; None if it is damaged or out of range."""
+        """The header's fields behind version; None if it is damaged, out of range or of another
+        board's layout."""
         crc = _CRC.unpack_from(self._buffer, _HEADER.size)[0]
         if crc16(bytes(self._buffer[: _HEADER.size])) != crc:
             return None
         _, version, rows, cols, adc_bits, fraction_bits, *rest = _HEADER.unpack_from(self._buffer)
         sizes = 1 <= rows <= MAX_LINES and 1 <= cols <= MAX_LINES
         if version != VERSION or not sizes or adc_bits < 1 or adc_bits + fraction_bits > 16:
+            return None
+        if self._layout not in (None, (rows, cols, adc_bits, fraction_bits)):
             return None
         return rows, cols, adc_bits, fraction_bits, *rest
 
@@ -189,11 +216,15 @@ class BinaryParser:
         return True
 
 
+_IN_A_LINE = b"0123456789., \t\r"  # what a line of text may hold
+
+
 @dataclass
 class TextParser:
     """Frames from comma-separated lines, one frame a line, as hobby sketches print them.
 
-    There is no CRC: a line counts only if it holds exactly rows * cols numbers in the ADC's range.
+    There is no CRC: a line counts only if it holds exactly rows * cols numbers in the ADC's range,
+    in digits and decimal points. A digit that the wire changed into another goes unnoticed.
     """
 
     rows: int
@@ -230,7 +261,7 @@ class TextParser:
     def _frame(self, line: bytes) -> Frame | None:
         words = line.strip().rstrip(b",").split(b",")
         try:
-            if b"_" in line:  # Python would read 1_0 as 10
+            if line.translate(None, _IN_A_LINE):  # Python would read 1_0 as 10, and 1e2 as 100
                 raise ValueError
             steps = np.array([float(w) for w in words])
         except ValueError:

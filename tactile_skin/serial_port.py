@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import stat
 import threading
 import time
 from collections.abc import Callable
@@ -17,6 +18,21 @@ try:
     from termios import error as _termios_error
 except ImportError:  # not on POSIX
     _termios_error = OSError
+
+_IN_USE = "is in use by another program (two programs cannot read one board)"
+_NOT_ALLOWED = "may not be opened by this user: is it in the group dialout?"
+_GONE = "is gone: was the board unplugged?"
+_TROUBLES = {
+    errno.EAGAIN: _IN_USE,  # of a lock, which this driver takes as well
+    errno.EBUSY: _IN_USE,  # opened by a program that asked to be alone
+    errno.EACCES: _NOT_ALLOWED,
+    errno.EPERM: _NOT_ALLOWED,
+    errno.ENOENT: "does not exist",
+    errno.EISDIR: "is a directory, not a serial device",
+    errno.EIO: _GONE,
+    errno.ENODEV: _GONE,
+    errno.ENXIO: _GONE,
+}
 
 PORT_ERRORS = (serial.SerialException, OSError, _termios_error)  # what a vanished port raises
 
@@ -36,7 +52,7 @@ def identity(device: str) -> tuple:
 
 
 def check_port(port: str) -> None:
-    """Raise ValueError, saying what there is, if the port is not there."""
+    """Raise ValueError, saying what there is, if the port is not there or no serial device."""
     found = ", ".join(candidates()) or "none"
     if port == "auto":
         if not candidates():
@@ -47,6 +63,21 @@ def check_port(port: str) -> None:
         serial.serial_for_url(port, do_not_open=True)  # ValueError names an unknown protocol
     elif os.name == "posix" and not os.path.exists(port):
         raise ValueError(f"port {port}: does not exist; USB serial ports found: {found}")
+    elif os.name == "posix" and (wrong := _not_serial(port)):
+        raise ValueError(f"port {port}: {wrong}; USB serial ports found: {found}")
+
+
+def _not_serial(port: str) -> str:
+    """Why what is there cannot be a serial device; empty if it may be one."""
+    try:
+        mode = os.stat(port).st_mode
+    except OSError:
+        return ""
+    if stat.S_ISCHR(mode):
+        return ""
+    kinds = ((stat.S_ISDIR, "is a directory"), (stat.S_ISREG, "is a regular file"))
+    kind = next((name for holds, name in kinds if holds(mode)), "is not a device")
+    return f"{kind}, not a serial device"
 
 
 class SerialReader:
@@ -105,9 +136,9 @@ class SerialReader:
                     with serial.serial_for_url(name, self.baud, timeout=0.05, **alone) as port:
                         self._read(port)
                 except (*PORT_ERRORS, ValueError) as error:  # ValueError: a baud it cannot do
-                    self._lost(f"{name}: {_explain(error)}")
+                    self._lost(_explain(name, error))
                 except Exception as error:  # of a subscriber's: reading goes on
-                    self._lost(f"{name}: {error!r}")
+                    self._lost(f"port {name}: {error!r}")
                 if self._stop.is_set():
                     return
             if not ports:
@@ -169,7 +200,22 @@ class SerialReader:
             self._say(why)
 
 
-def _explain(error: Exception) -> str:
-    number = getattr(error, "errno", None)
-    hint = " (is this user in the group dialout?)" if number == errno.EACCES else ""
-    return (os.strerror(number) if number else str(error)) + hint
+def _number(error: BaseException) -> int | None:
+    """The errno behind an error of pyserial's, which tells some in a text alone."""
+    for each in (error, error.__context__):
+        number = getattr(each, "errno", None) or (each.args[0] if each and each.args else None)
+        if isinstance(number, int):
+            return number
+    return None
+
+
+def _explain(port: str, error: Exception) -> str:
+    """What is wrong with a port, for a person who can mend it."""
+    number = _number(error)
+    if number is None and "device disconnected" in str(error):  # pyserial: it reads as if at an end
+        number = errno.EIO
+    if number == errno.ENOTTY:
+        return f"port {port} {_not_serial(port) or 'is not a serial device'}"
+    if number in _TROUBLES:
+        return f"port {port} {_TROUBLES[number]}"
+    return f"port {port}: {os.strerror(number) if number else error}"

@@ -40,8 +40,8 @@ class StopConfig:
     latch: a stop lasts until `reset`, also once its cause is gone.
     """
 
-    threshold: float = 15.0
-    release: float = 10.0
+    threshold: float = 30.0
+    release: float = 20.0
     peak: float = 9.0
     debounce: float = 0.0
     lead: float = 0.01

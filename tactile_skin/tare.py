@@ -44,6 +44,7 @@ class Tare:
         # Between its ends newton finds whatever a skin at rest may be; its forces mean nothing.
         ends = _MOST * curve.points[0][1], float(curve.resistance(LEAST))
         self._range = PressureCurve((0.0, 1.0), ends)
+        self._last = -np.inf  # s, when the last frame was read
         self._begin(-np.inf)
 
     def _begin(self, after: float) -> None:
@@ -54,15 +55,16 @@ class Tare:
         """Take a frame.
 
         Args:
-            t: when it was read, on a monotonic clock [s].
+            t: when it was read [s]. On ROS that is the time of day: set back, it begins anew.
             adc: (rows, cols) ADC ratio.
             force: (rows, cols) that was found in it [N].
 
         Returns:
             whether `curve` changed.
         """
-        if force.max() > _TOUCH:
+        if force.max() > _TOUCH or t < self._last:  # whether the pause was over cannot be told
             self._begin(t + _PAUSE)
+        self._last = t
         if t < self._after:
             return False
         self._since = min(self._since, t)

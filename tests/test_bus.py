@@ -350,6 +350,76 @@ def test_a_period_must_be_above_zero(bench, period):
         bench.node().create_timer(period, print)
 
 
+def slow_timer(bench, node, calls, until=100):
+    """A timer of 10 ms whose callback takes 15 ms, so that it is always due; it ends itself."""
+
+    def slow():
+        calls.append("timer")
+        bench.clock.advance(0.015)
+        if calls.count("timer") == until:
+            timer.cancel()
+
+    timer = node.create_timer(0.01, slow)
+    bench.clock.advance(0.01)
+
+
+@pytest.mark.parametrize("stages", [1, 2])
+def test_a_slow_timer_and_messages_take_turns(bench, stages):
+    """In one node, and in two that share a thread, the later one's timer first."""
+    calls, done, executor = [], threading.Event(), MultiThreadedExecutor()
+    first = Node("first", context=bench.context)
+    later = Node("later", context=bench.context) if stages == 2 else first
+    publisher = first.create_publisher(Float32, "t", 10)
+
+    def on_message(message):
+        calls.append("message")
+        if message.data == 99:
+            done.set()
+
+    first.create_subscription(Float32, "t", on_message, 100)
+    slow_timer(bench, later, calls, until=1000)
+    for k in range(100):
+        publisher.publish(Float32(k))
+    executor.add_node(*([first] if stages == 1 else [first, later]))
+    try:
+        assert done.wait(PATIENCE)
+    finally:
+        assert executor.shutdown(PATIENCE)
+    assert calls[:200] == ["timer", "message"] * 100
+
+
+def test_slow_timers_take_turns_among_themselves(bench):
+    """Which has waited longest comes first, also of nodes that share a thread."""
+    calls, done, executor = [], threading.Event(), MultiThreadedExecutor()
+    nodes = [Node(name, context=bench.context) for name in ("first", "later")]
+
+    def slow(name):
+        calls.append(name)
+        bench.clock.advance(0.025)
+        if len(calls) == 100:
+            done.set()
+
+    for k in range(4):
+        nodes[k % 2].create_timer(0.01, lambda k=k: slow(k))
+    executor.add_node(*nodes)
+    bench.clock.advance(0.01)
+    nodes[0]._wake.set()
+    try:
+        assert done.wait(PATIENCE)
+    finally:
+        assert executor.shutdown(PATIENCE)
+    assert all(len(set(calls[k : k + 4])) == 4 for k in range(0, 100, 4))
+
+
+def test_spinning_once_ends_though_a_timer_is_always_due(bench):
+    calls, node = [], bench.node()
+    slow_timer(bench, node, calls)
+    bench.spin()
+    assert calls == ["timer"]
+    bench.executor.spin_once(timeout_sec=0)
+    assert calls == ["timer"] * 2
+
+
 # --- services ---
 
 
@@ -421,6 +491,47 @@ def test_a_question_that_was_withdrawn_is_not_asked(bench):
     bench.spin()
     assert second.done()
     assert asked == [1]
+
+
+def test_a_server_that_hangs_collects_no_requests(bench):
+    """What is refused is said at once; those in the queue are carried out, once each."""
+    asked = []
+
+    def count(request, response):
+        asked.append(1)
+        return response
+
+    bench.node("server").create_service(Trigger, "reset", count)
+    client = bench.node("client").create_client(Trigger, "reset")
+    futures = [client.call_async(Trigger.Request()) for _ in range(10)]
+    for _ in range(5):
+        with pytest.raises(RuntimeError, match="service /reset: 10 requests wait"):
+            client.call_async(Trigger.Request())
+    bench.spin()
+    assert len(asked) == 10 and all(future.done() for future in futures)
+
+
+def test_requests_that_were_withdrawn_take_no_place(bench):
+    """Nor does any of them, later, keep the others or messages from being heard."""
+    asked, seen, server = [], [], bench.node("server")
+
+    def count(request, response):
+        asked.append(1)
+        return response
+
+    server.create_service(Trigger, "reset", count)
+    server.create_subscription(Float32, "t", seen.append, 10)
+    client = bench.node("client").create_client(Trigger, "reset")
+    server.create_publisher(Float32, "t", 10).publish(Float32(1.0))
+    kept = client.call_async(Trigger.Request())
+    for _ in range(50):
+        client.call_async(Trigger.Request()).cancel()
+    last = client.call_async(Trigger.Request())
+    server.create_publisher(Float32, "t", 10).publish(Float32(2.0))
+    bench.spin()
+    assert kept.done() and last.done()
+    assert (len(asked), values(seen)) == (2, [1.0, 2.0])
+    assert server._idle()
 
 
 # --- parameters ---
@@ -560,6 +671,66 @@ def test_a_raising_callback_is_logged_once(bench, caplog):
     assert [r.getMessage() for r in caplog.records[1:]] == [
         "callback raising raised 6 times: ValueError('bad')"
     ]
+
+
+class Broken(logging.Handler):
+    """A log handler that raises what it was made with."""
+
+    def __init__(self, error):
+        super().__init__()
+        self.error = error
+
+    def emit(self, record):
+        raise self.error
+
+
+@pytest.fixture(params=[ValueError("log"), OSError("gone"), SystemExit(1)], ids=repr)
+def broken_log(request):
+    loggers = [logging.getLogger(name) for name in ("tactile_skin.n", "concurrent.futures")]
+    handler = Broken(request.param)
+    for logger in loggers:
+        logger.addHandler(handler)
+    yield
+    for logger in loggers:
+        logger.removeHandler(handler)
+
+
+class Unspeakable:
+    """A callback of which not even the name can be told."""
+
+    def __call__(self, message):
+        raise ValueError("bad")
+
+    def __repr__(self):
+        raise RuntimeError("no name")
+
+
+@pytest.mark.parametrize("callback", [raising, Unspeakable()], ids=["function", "object"])
+def test_a_log_handler_that_raises_ends_no_thread(threads, callback, broken_log, capfd):
+    """A subscriber's exception that cannot be told is counted, and stderr hears of it."""
+    seen, node = threading.Event(), Node("n", context=Context())
+    node.create_subscription(Float32, "a", callback, 10)
+    node.create_subscription(Float32, "b", lambda message: seen.set(), 10)
+    threads.add_node(node)
+    for topic in "ab":
+        node.create_publisher(Float32, topic, 10).publish(Float32())
+    assert seen.wait(PATIENCE)
+    assert node.callback_errors == 1
+    assert "node n: ValueError, and " in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("server", [answer, raising], ids=["answers", "raises"])
+def test_a_listener_to_an_answer_ends_no_thread(threads, server, broken_log):
+    """One that raises: concurrent.futures logs that, here with a handler that raises as well."""
+    node = Node("n", context=Context())
+    node.create_service(Trigger, "reset", server)
+    client = node.create_client(Trigger, "reset")
+    first = client.call_async(Trigger.Request())
+    first.add_done_callback(raising)
+    second = client.call_async(Trigger.Request())
+    threads.add_node(node)
+    for future in (first, second):
+        assert (future.exception(PATIENCE) is None) == (server is answer)
 
 
 # --- clocks ---

@@ -6,6 +6,7 @@ import signal
 import sys
 import textwrap
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,10 +15,20 @@ from simulated import CIRCUIT, serving
 
 from tactile_skin import PressureCurve, board
 from tactile_skin.admittance import ANGULAR, AdmittanceConfig
-from tactile_skin.bus import Context, Node, ParameterError
+from tactile_skin.bus import Context, Node, Parameter, ParameterError
+from tactile_skin.config import ParameterFile
 from tactile_skin.gate import GateConfig
 from tactile_skin.hooks import EventHook
-from tactile_skin.launch import LaunchError, Skin, launch, read_plan, share_dir
+from tactile_skin.launch import (
+    NODES,
+    LaunchError,
+    Skin,
+    find,
+    launch,
+    node_class,
+    read_plan,
+    share_dir,
+)
 from tactile_skin.msg import Bool, Header, PointCloud2, Twist, cloud
 from tactile_skin.nodes.stop_on_push import LATCHED
 
@@ -751,6 +762,27 @@ def test_what_needs_a_node_that_is_not_there_is_refused(write, name):
         getattr(skin, name)(*([] if name == "reset_stop" else [print]))
 
 
+# --- which file ---
+
+
+def test_a_bare_name_is_that_of_a_shipped_file(monkeypatch, tmp_path):
+    """Unless the folder that one is in has a file of that name."""
+    monkeypatch.chdir(tmp_path)
+    assert find("skin.launch.yaml") == share_dir() / "launch" / "skin.launch.yaml"
+    (tmp_path / "skin.launch.yaml").touch()
+    assert find("skin.launch.yaml") == Path("skin.launch.yaml")
+
+
+@pytest.mark.parametrize("folder", ["/no/such/robot", "robot", "."])
+def test_a_path_to_nothing_does_not_start_a_shipped_file(monkeypatch, tmp_path, folder):
+    """Of the same name: it would run with another robot's configuration."""
+    monkeypatch.chdir(tmp_path)
+    path = f"{folder}/skin.launch.yaml"
+    for given in (path, Path(path)) if folder != "." else (path,):
+        with pytest.raises(LaunchError, match=rf"launch file {path}: does not exist.*name alone"):
+            launch(given, port="loop://")
+
+
 # --- reset ---
 
 LATCHED_STOP = PATIENT_STOP.replace("param: [", "param: [{name: latch, value: true}, ")
@@ -799,6 +831,34 @@ def test_a_stop_node_that_does_not_answer_is_named(write):
         assert hangs.wait(PATIENCE)
         assert skin.reset_stop(0.01) == (False, "/stop_on_push/reset does not answer")
         release.set()
+
+
+def test_a_reset_that_was_given_up_does_not_happen_later(write):
+    """What the hung stop node finds in its queue when it goes on must not free the robot."""
+    heard, hangs, release = Heard(), threading.Event(), threading.Event()
+    with launch(write(LATCHED_STOP)) as skin:
+        skin.on_stop(heard)
+        robot = Robot(skin)
+        heard.wait_for((False, ""))
+        robot.force = 50.0
+        heard.wait_for((True, "push + latched: push"))
+        robot.force = 0.0
+        heard.wait_for((True, "latched: push"))
+
+        def hang():
+            if not hangs.is_set():
+                hangs.set()
+                release.wait(PATIENCE)
+
+        skin._handles[0].create_timer(0.001, hang)
+        assert hangs.wait(PATIENCE)
+        for _ in range(20):  # more than its queue holds
+            assert skin.reset_stop(0.001) == (False, "/stop_on_push/reset does not answer")
+        heard.calls.clear()
+        release.set()
+        skin._executor.drain(PATIENCE)
+        assert skin._nodes[0].policy._latched == "push"
+        assert (False, "") not in heard.calls
 
 
 # --- a cable that is cut ---
@@ -876,6 +936,20 @@ def test_the_last_word_to_the_base_is_zero(write, executable):
 def test_the_shipped_launch_file_starts_them_when_asked(name):
     found = read_plan(share_dir() / "launch" / "skin.launch.yaml", {name: "true"})
     assert name in [n.executable for n in found.nodes]
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_a_node_without_a_file_has_the_shipped_values(name):
+    """Who writes only what differs gets what config/skin.yaml says, not other limits of force."""
+    port = [Parameter("port", "loop://")] if name == "serial_driver" else []
+    node = Node(name, context=Context(), parameter_overrides=port)
+    node_class(name)(node)
+    shipped = ParameterFile(share_dir() / "config" / "skin.yaml").overrides(f"/{name}")
+    known = node.parameter_names()
+    declared = {p.name: node.get_parameter(p.name).value for p in shipped if p.name in known}
+    expected = {p.name: p.value for p in shipped if p.name in declared}
+    expected |= {"geometry.shape": "plane"} if "geometry.shape" in declared else {}  # an example
+    assert declared == expected
 
 
 def test_the_shipped_parameters_are_the_defaults(write):

@@ -10,6 +10,7 @@ from tactile_skin.bench import textile
 from tactile_skin.bench.faults import EVERYDAY, FAULTS, faulty
 from tactile_skin.bench.solvers import accuracy, with_net
 from tactile_skin.curve import GRAM
+from tactile_skin.solvers import map as map_solver
 from tactile_skin.solvers import prior
 from tactile_skin.solvers.map import _gauss_newton, _Point
 from tactile_skin.solvers.reading import check_reading
@@ -130,6 +131,48 @@ def test_readings_may_be_missing_or_capped():
             assert np.abs(found.force - force).max() < 40 * GRAM, (method, arguments)
         with pytest.raises(ValueError, match="use map or auto"):
             compensate(reading, CIRCUIT, CURVE, "newton", **arguments)
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("start", [False, True])
+def test_a_step_that_cannot_be_computed_is_no_success(monkeypatch, compiled, start):
+    """Here for what is known to 1e-20 N, whose weight no single-precision number holds."""
+    if not compiled:
+        monkeypatch.setattr(map_solver, "kernel", None)
+    force = scenes.finger(16, 16, 7.0, 8.0, 12.0)
+    adc = forward(CIRCUIT, CURVE.resistance(force))
+    last = compensate(adc, CIRCUIT, CURVE, "map") if start else None
+    assert start is False or last.status == "ok"
+    with np.errstate(over="ignore", invalid="ignore"):
+        found = compensate(adc, CIRCUIT, CURVE, "map", prior=(1.0, 1e-20), start=last)
+    assert found.status == "failed"
+    assert "single precision" in found.message
+    assert np.isfinite(found.force).all()
+
+
+def test_a_factorisation_that_fails_is_no_success(monkeypatch):
+    def fail(precision, b, low, high):
+        return np.zeros(b.size), None, np.ones(b.size, bool)
+
+    monkeypatch.setattr(map_solver, "_solve_in_box", fail)
+    adc = forward(CIRCUIT, CURVE.resistance(scenes.finger(16, 16, 7.0, 8.0, 12.0)))
+    found = compensate(adc, CIRCUIT, CURVE, "map")
+    assert (found.status, found.iterations > 0) == ("failed", True)
+
+
+def test_conjugate_gradients_that_run_away_are_no_success(monkeypatch):
+    monkeypatch.setattr(map_solver, "_DENSE", 0)
+    adc = forward(CIRCUIT, CURVE.resistance(scenes.finger(16, 16, 7.0, 8.0, 12.0)))
+    assert compensate(adc, CIRCUIT, CURVE, "map").status == "ok"
+    nothing = lambda *a, **k: np.full(a[2].size, np.nan)  # noqa: E731
+    monkeypatch.setattr(map_solver, "conjugate_gradients", nothing)
+    assert compensate(adc, CIRCUIT, CURVE, "map").status == "failed"
+
+
+def test_a_skin_at_rest_has_no_unknowns_and_is_no_failure():
+    adc = forward(CIRCUIT, CURVE.resistance(np.zeros((16, 16))))
+    found = compensate(adc, CIRCUIT, CURVE, "map")
+    assert (found.status, found.force.max()) == ("ok", 0.0)
 
 
 @pytest.mark.parametrize("fault", [f for f in FAULTS if f not in ("short", *R_PAR_OFF)])

@@ -228,7 +228,7 @@ def test_magic_within_the_samples_does_not_confuse():
     magic = np.full((4, 4), int.from_bytes(protocol.MAGIC, "little"), np.uint16)
     data = encode(0, 0, magic, 10, 6)
     parser = BinaryParser()
-    assert [f.sequence for f in parser.feed(data[20:] + data + frame_bytes(1))] == [0, 1]
+    assert [f.sequence for f in parser.feed(data[20:] + data + frame_bytes(1, 4, 4))] == [0, 1]
     assert parser.counters.corrupt == 0
 
 
@@ -257,6 +257,19 @@ def test_a_header_out_of_range_is_no_frame(lie):
     assert parser.counters.corrupt == 1
 
 
+@pytest.mark.parametrize("change", [{"rows": 64}, {"cols": 4}, {"adc_bits": 9}])
+def test_a_header_of_another_board_keeps_no_frame_waiting(change):
+    """Its CRC is right, as one damaged header's in 65,536 is: the frame behind it comes with its
+    last byte, not after the thousands that were announced."""
+    layout = {"rows": 3, "cols": 5, "adc_bits": 10} | change
+    samples = np.zeros((layout["rows"], layout["cols"]), int)
+    foreign = encode(1, 0, samples, layout["adc_bits"], 6)[:15]
+    parser = BinaryParser()
+    frames = parser.feed(frame_bytes(0) + foreign + frame_bytes(2))
+    assert [content(f) for f in frames] == [sent(0), sent(2)]
+    assert parser.counters == protocol.Counters(2, 1, 1, 0, len(foreign))
+
+
 @pytest.mark.parametrize("noise", [b"\x00", b"\xa5", protocol.MAGIC, frame_bytes(0)[:-1] + b"\x00"])
 def test_the_buffer_stays_bounded(noise):
     """However long no frame comes, less than one largest frame is kept."""
@@ -265,6 +278,33 @@ def test_the_buffer_stays_bounded(noise):
     for _ in range(500):
         assert parser.feed(noise * 37) == []
         assert len(parser._buffer) < largest
+
+
+@pytest.mark.parametrize(("adc_bits", "fraction_bits"), [(10, 4), (12, 0), (8, 3), (1, 0)])
+def test_a_sample_beyond_full_scale_is_no_small_reading(adc_bits, fraction_bits):
+    """The CRCs are right, so the board is wrong: the frame is dropped, counted and skipped, and the
+    largest sample that the header allows passes. Scaled to 16 bits it would wrap to 0.
+    """
+    most = 2 ** (adc_bits + fraction_bits) - 1
+    for beyond in (most + 1, 2 * most, 65_535):
+        samples = np.array([[0, most], [most, 0]])
+        good = encode(0, 0, samples, adc_bits, fraction_bits)
+        samples[1, 1] = beyond
+        bad = encode(1, 0, samples, adc_bits, fraction_bits)
+        parser = BinaryParser()
+        frames = parser.feed(good + bad + encode(2, 0, samples * 0, adc_bits, fraction_bits))
+        assert [f.sequence for f in frames] == [0, 2]
+        assert frames[0].samples[0, 1] == most << (16 - adc_bits - fraction_bits)
+        assert parser.counters == protocol.Counters(
+            frames=2, corrupt=1, lost=1, skipped_bytes=len(bad), out_of_range=1
+        )
+
+
+@pytest.mark.parametrize("sample", [-1, 65_536, math.nan])
+def test_a_sample_that_two_bytes_cannot_hold_is_not_sent(sample):
+    """Cut off, it would be another reading."""
+    with pytest.raises(ValueError, match="from 0 to 65535"):
+        encode(0, 0, np.array([[sample, 0]]), 10, 6)
 
 
 # --- counters ---------------------------------------------------------------------------------
@@ -364,6 +404,10 @@ BAD_LINES = {
     "below 0": b"1,2,-3,4,5,6",
     "NaN": b"1,2,nan,4,5,6",
     "infinity": b"1,2,inf,4,5,6",
+    "an exponent": b"1,2,1e2,4,5,6",
+    "a sign": b"1,2,+3,4,5,6",
+    "an underscore": b"1,2,1_0,4,5,6",
+    "a NUL": b"1,2,3,4,5,6\0",
     "a word": b"1,2,x,4,5,6",
     "a missing value": b"1,2,,4,5,6",
     "nothing": b"",

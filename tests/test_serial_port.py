@@ -1,5 +1,6 @@
 """The reader of a serial port: whatever happens to the port, it goes on, and says so."""
 
+import errno
 import os
 import threading
 import tty
@@ -111,7 +112,7 @@ def test_an_unplugged_board_is_found_again(tmp_path, heard, reading):
         served.unplug()
     heard.wait_for(lambda: reader.connected_to is None)
     heard.wait_for(lambda: len(heard.lines) >= 2)
-    assert reader.trouble.startswith(f"{link}: ")
+    assert reader.trouble.startswith(f"port {link} ")
     before = len(heard.frames)
     with serving(link):
         heard.wait_for_frames()
@@ -138,8 +139,8 @@ def test_whatever_a_vanished_port_raises_is_survived(monkeypatch, heard, reading
 
     monkeypatch.setattr(serial, "serial_for_url", open_port)
     reading("/dev/ttyTEST")
-    heard.wait_for_line("/dev/ttyTEST: ")
-    assert "gone" in heard.lines[0] or os.strerror(5) in heard.lines[0]
+    heard.wait_for_line("port /dev/ttyTEST")
+    assert "gone" in heard.lines[0]
     assert opened_again.wait(PATIENCE)
 
 
@@ -193,14 +194,12 @@ def test_a_missing_port_is_waited_for(tmp_path, heard, reading):
     """Said once, not with every attempt; when the board is plugged in, its frames come."""
     link = tmp_path / "later"
     reader = reading(link)
-    heard.wait_for_line("No such file or directory")
+    heard.wait_for_line("does not exist")
     assert reader.connected_to is None
     with serving(link):
         heard.wait_for_frames()
         reader.close()
-    assert [line for line in heard.lines if "No such file" in line] == [
-        f"{link}: No such file or directory"
-    ]
+    assert heard.lines == [f"port {link} does not exist", f"frames arrive on {link}"]
     assert reader.reconnects == 0
 
 
@@ -221,8 +220,89 @@ def test_a_baud_rate_that_the_port_cannot_do_is_said(monkeypatch, heard, reading
 
     monkeypatch.setattr(serial, "serial_for_url", refuse)
     reader = reading("/dev/ttyTEST")
-    heard.wait_for_line("/dev/ttyTEST: Failed to set custom baud rate")
+    heard.wait_for_line("port /dev/ttyTEST: Failed to set custom baud rate")
     assert reader._thread.is_alive()
+
+
+def test_a_port_in_use_is_said_to_be(silent_port, heard, reading):
+    """Two readers would get half of the bytes each; when the other one leaves, this one goes on."""
+    with serial.Serial(str(silent_port), exclusive=True):
+        reader = reading(silent_port, watchdog=0.02)
+        heard.wait_for_line(
+            f"port {silent_port} is in use by another program (two programs cannot read one board)"
+        )
+        assert len(heard.lines) == 1
+    heard.wait_for_line("nothing for 0.02 s")
+    assert reader.connected_to is None
+
+
+@pytest.mark.parametrize(
+    ("number", "said"),
+    [
+        (errno.EBUSY, "is in use by another program"),
+        (errno.EACCES, "may not be opened by this user: is it in the group dialout?"),
+        (errno.EPERM, "may not be opened by this user: is it in the group dialout?"),
+        (errno.ENXIO, "is gone: was the board unplugged?"),
+        (errno.EMFILE, os.strerror(errno.EMFILE)),
+    ],
+)
+def test_what_keeps_a_port_from_being_opened_is_said(monkeypatch, heard, reading, number, said):
+    def refuse(*_, **__):
+        raise serial.SerialException(number, "could not open port")
+
+    monkeypatch.setattr(serial, "serial_for_url", refuse)
+    reading("/dev/ttyTEST")
+    heard.wait_for_line(said)
+    assert heard.lines[0].startswith("port /dev/ttyTEST")
+
+
+NO_PORTS = {  # what is there -> what is said of it
+    "directory": "is a directory, not a serial device",
+    "file": "is a regular file, not a serial device",
+    "fifo": "is not a device, not a serial device",
+    "/dev/null": "is not a serial device",
+}
+
+
+def no_port(tmp_path, kind):
+    path = tmp_path / kind.strip("/").replace("/", "_")
+    if kind == "directory":
+        path.mkdir()
+    elif kind == "fifo":
+        os.mkfifo(path)
+    else:
+        path.symlink_to(kind) if kind.startswith("/") else path.touch()
+    return path
+
+
+@pytest.mark.parametrize("kind", NO_PORTS)
+def test_what_is_no_serial_device_is_said_to_be_none(tmp_path, heard, reading, kind):
+    path = no_port(tmp_path, kind)
+    reading(path)
+    heard.wait_for_line(f"port {path} {NO_PORTS[kind]}")
+
+
+@pytest.mark.parametrize("kind", [kind for kind in NO_PORTS if not kind.startswith("/")])
+def test_what_is_no_serial_device_is_refused_at_the_start(tmp_path, kind):
+    path = no_port(tmp_path, kind)
+    with pytest.raises(ValueError, match=f"port {path}: {NO_PORTS[kind]}"):
+        check_port(str(path))
+
+
+def test_a_hangup_is_called_one(tmp_path, heard, reading):
+    """However pyserial tells it: here as a port that can be read and gives nothing."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    link = tmp_path / "tty"
+    link.symlink_to(os.ttyname(slave))
+    reader = reading(link, watchdog=PATIENCE)
+    pause = threading.Event()
+    while not reader.parser.counters.skipped_bytes:  # it reads
+        os.write(master, b"hello ")
+        pause.wait(0.005)
+    os.close(slave)
+    os.close(master)
+    heard.wait_for_line(f"port {link} is gone: was the board unplugged?")
 
 
 def test_auto_takes_the_first_port_that_sends_frames(
@@ -271,9 +351,11 @@ def test_auto_needs_a_port(monkeypatch):
         check_port("auto")
 
 
-def test_a_port_that_is_there_is_taken(monkeypatch, tmp_path):
+def test_a_port_that_is_there_is_taken(monkeypatch):
     """So is auto with a candidate, and a URL that pyserial knows."""
-    (tmp_path / "tty").touch()
+    master, slave = os.openpty()
     monkeypatch.setattr(serial_port, "candidates", lambda: ["/dev/ttyUSB3"])
-    for port in (str(tmp_path / "tty"), "auto", "loop://"):
+    for port in (os.ttyname(slave), "auto", "loop://"):
         check_port(port)
+    os.close(master)
+    os.close(slave)

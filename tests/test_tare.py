@@ -129,6 +129,24 @@ def test_a_touch_that_begins_as_a_measurement_ends_is_not_learnt():
         assert after.count("ok") > 0.9 * len(after)
 
 
+@pytest.mark.parametrize("touched", [False, True])
+def test_a_clock_that_is_set_back_an_hour_costs_seconds(touched):
+    """Also during the pause after a touch: it begins anew, and what it learns is right."""
+    tare, t, rest = Tare(CIRCUIT, CURVE), 5000.0, scatter(0.05)
+    for frames, factor, force in (
+        (150, 1.0, IDLE),
+        (20, 1.0, touch(12.0 * touched)),
+        (400, 1.2, IDLE),
+    ):
+        adc = forward(CIRCUIT, 1.0 / (factor * rest))
+        for _ in range(frames):
+            t += 0.01
+            tare.update(t, adc, force)
+        t -= 3600.0 * (force is not IDLE)
+    error = tare.curve.rest_resistance * 1.2 * rest - 1.0
+    assert np.abs(error).max() < 0.05
+
+
 def test_a_hand_on_the_skin_at_the_start_is_no_rest():
     skin = Skin(scatter(0.05), seed=6)
     skin.frames(300, touch(5.0))

@@ -102,10 +102,12 @@ def _fit(reading: Reading, g: np.ndarray, prior, warm: bool = False) -> Estimate
     g = np.where(at_rest, low, g)
     point = _Point.at(reading, g, broad, prior)
     costs = [point.cost]
-    iterations = 0
+    iterations, settled = 0, False
     while iterations < STEPS:
         iterations += 1
         step = _gauss_newton(reading, point)
+        if not step.solved:
+            break
         point = _descend(reading, point, step, broad, prior, max(costs[-_MEMORY:]))
         costs.append(point.cost)
         # What is left to gain is what the quadratic got wrong of this step. A load on the whole
@@ -114,7 +116,7 @@ def _fit(reading: Reading, g: np.ndarray, prior, warm: bool = False) -> Estimate
         settled = step.gain < _SETTLED or (warm and not broad and left < _SETTLED)
         if settled or reading.late():
             break
-    converged = settled or iterations == STEPS
+    converged = step.solved and (settled or iterations == STEPS)
     with np.errstate(divide="ignore"):
         force = reading.curve.force(1.0 / point.g) * circuit.populated
     std = _spread(reading, point, step, force)
@@ -143,7 +145,8 @@ def _fit(reading: Reading, g: np.ndarray, prior, warm: bool = False) -> Estimate
         message = message or (score if score and (rough or series.sharp(reading, point.g)) else "")
     status = "suspect" if message else "ok"
     if not converged:
-        status, message = "failed", f"no time to converge: stopped after {iterations} steps"
+        why = "no time to converge" if step.solved else "single precision holds no step"
+        status, message = "failed", f"{why}: stopped after {iterations} steps"
     return Estimate(force, std, residual, status, message, "map", steps + iterations)
 
 
@@ -245,6 +248,7 @@ class _Step(NamedTuple):
     inside: np.ndarray  # flat indices of the unknowns that met no bound
     told: np.ndarray | None  # flat indices of the readings that speak
     jacobian: np.ndarray | None  # (told, inside), in standard deviations
+    solved: bool = True  # False: the numbers are beyond what its equations can hold
 
 
 def _downhill(point: _Point) -> np.ndarray:
@@ -273,7 +277,8 @@ def _gauss_newton(reading: Reading, point: _Point) -> _Step:
     b = slope.flat[free]
     if free.size > _DENSE:
         dx = _conjugate_gradients(point, prior_terms.differences(circuit), free, b)
-        return _Step(free, dx, 0.5 * b @ dx, None, free, None, None)
+        solved = bool(np.isfinite(dx).all())
+        return _Step(free, dx, 0.5 * b @ dx, None, free, None, None, solved)
     told = np.arange(g.size) if reading.plain else np.flatnonzero(point.weight)
     told = told.astype(np.int32)
     row, col = np.divmod(free.astype(np.int32), np.int32(circuit.cols))
@@ -284,8 +289,9 @@ def _gauss_newton(reading: Reading, point: _Point) -> _Step:
     here = g.ravel()[free]
     ends = ((bound.ravel()[free] - here) / gx.ravel()[free] for bound in (low, high))
     dx, factor, inside = _solve_in_box(precision, b, *ends)
-    if factor is None:
-        return _Step(free, dx, 0.0, None, free, None, None)
+    # A factor of what single precision holds as infinite is none, though it may look like one.
+    if factor is None or not np.isfinite(precision.diagonal()).all() or not np.isfinite(dx).all():
+        return _Step(free, dx, 0.0, None, free, None, None, solved=False)
     return _Step(free, dx, 0.5 * b @ dx, factor, free[inside], told, jacobian[:, inside])
 
 
