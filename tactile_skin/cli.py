@@ -12,7 +12,7 @@ import sys
 import threading
 from pathlib import Path
 
-from threadpoolctl import threadpool_limits
+from .threads import one_thread
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -22,7 +22,7 @@ def main(argv: list[str] | None = None) -> int:
         level=logging.INFO, format="%(levelname)s %(name)s: %(message)s", stream=sys.stderr
     )
     try:
-        with threadpool_limits(1):  # the matrices are small: more threads wait for one another
+        with one_thread():
             return args.run(args)
     except KeyboardInterrupt:
         return 130

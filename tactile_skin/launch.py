@@ -26,7 +26,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import yaml
-from threadpoolctl import threadpool_limits
 
 from .bus import Context, MultiThreadedExecutor, Node, Parameter
 from .config import ParameterFile, yaml_trouble
@@ -36,6 +35,7 @@ from .msg import DiagnosticArray, DiagnosticStatus, Trigger, Twist
 from .nodes.stop_on_push import STATUS, STATUS_TOPIC
 from .nodes.touch_events import PushListener, StrokeListener
 
+from .threads import one_thread
 PACKAGE = "tactile_skin"
 NODES = {  # exec -> class, imported when it is started
     "serial_driver": "serial_driver.SerialDriver",
@@ -309,7 +309,7 @@ class Skin:
         self._nodes: list = []
         self._processes: list[subprocess.Popen] = []
         self._hooks: list[StopHook | EventHook] = []
-        self._threads: threadpool_limits | None = None
+        self._settings = contextlib.ExitStack()  # of the process; closed, they are as before
         self.node = Node("user", context=self._context)
 
     def __enter__(self) -> Skin:
@@ -322,9 +322,9 @@ class Skin:
             raise
         # The matrices are small. More threads than one would spin beside it, and on a small
         # computer keep the other nodes waiting for a tenth of a second.
-        self._threads = threadpool_limits(1)
+        self._settings.enter_context(one_thread())
         # The default, 5 ms, is longer than a frame's whole way to the stop.
-        self._switch_interval = sys.getswitchinterval()
+        self._settings.callback(sys.setswitchinterval, sys.getswitchinterval())
         sys.setswitchinterval(0.0005)
         for handles in (*self._stages(), [self.node]):
             self._executor.add_node(*handles)
@@ -372,9 +372,7 @@ class Skin:
         for stop_hook in self._hooks:
             stop_hook.close()
         self._executor.shutdown()
-        if self._threads is not None:
-            self._threads.restore_original_limits()
-            sys.setswitchinterval(self._switch_interval)
+        self._settings.close()
         end_commands(self._processes)
 
     def spin(self, timeout: float | None = None) -> None:
