@@ -12,6 +12,7 @@ import sys
 import threading
 from pathlib import Path
 
+from . import __version__
 from .threads import one_thread
 
 
@@ -39,6 +40,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="tactile-skin",
         description="A robot's skin from a low-cost resistive pressure matrix.",
     )
+    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
     def command(name, run, text, **kwargs):
@@ -252,18 +254,16 @@ def _sim(args) -> int:
 def _train(args) -> int:
     import dataclasses
 
-    import torch
-
-    from . import training
     from .dataset import TrainingConfig
 
-    tqdm = _tqdm()
     if args.threads < 1:
         raise ValueError(f"--threads = {args.threads}: must be 1 or more")
-    torch.set_num_threads(args.threads)
     circuit, curve = _skin_of(args.config)
     names = [item.name for item in dataclasses.fields(TrainingConfig)]
     config = TrainingConfig(**{name: getattr(args, name) for name in names})
+    torch, tqdm = _torch("train"), _tqdm()
+    torch.set_num_threads(args.threads)
+    from . import training
 
     def track(items, desc):
         return tqdm(items, desc=desc, leave=False, disable=None)
@@ -278,10 +278,13 @@ def _train(args) -> int:
 
 
 def _export(args) -> int:
-    from . import export, network
+    from . import network
 
     shipped = args.weights in network.NETWORKS
     weights = network.shipped(args.weights) if shipped else network.load(args.weights)
+    _torch("onnx")
+    from . import export
+
     export.to_onnx(weights, args.out)
     print(f"{args.out}: {weights.kind} network, {weights.rows} x {weights.cols}, force in newton")
     return 0
@@ -305,6 +308,14 @@ def _bench(args) -> int:
         print(touch_to_stop.table(written["touch_to_stop"]), "", sep="\n")
     print(f"pictures: {', '.join(str(args.out / f'{name}.png') for name in written)}")
     return 0
+
+
+def _torch(extra: str):
+    try:
+        import torch
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(f"needs PyTorch: pip install 'tactile_skin[{extra}]'") from error
+    return torch
 
 
 def _tqdm():
