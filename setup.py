@@ -18,10 +18,16 @@ def literal(path: str, name: str):
 
 
 programs = ["tactile-skin = tactile_skin.cli:main"]
+data_files = [
+    (f"share/{package_name}", ["package.xml"]),
+    (f"share/{package_name}/launch", sorted(glob("launch/*.yaml"))),
+    (f"share/{package_name}/config", sorted(glob("config/*"))),
+]
 # colcon runs `setup.py install` or `develop`: setup.cfg sends the programs to lib/tactile_skin,
 # where `ros2 run` looks for the nodes. pip runs neither, and would put a `monitor` on users' PATH.
 if {"install", "develop"} & set(sys.argv):
     programs += [f"{name} = tactile_skin.ros:{name}" for name in literal("launch.py", "NODES")]
+    data_files += [("share/ament_index/resource_index/packages", [f"resource/{package_name}"])]
 
 setup(
     name=package_name,
@@ -45,12 +51,7 @@ setup(
             optional=True,
         )
     ],
-    data_files=[
-        ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
-        (f"share/{package_name}", ["package.xml"]),
-        (f"share/{package_name}/launch", sorted(glob("launch/*.yaml"))),
-        (f"share/{package_name}/config", sorted(glob("config/*"))),
-    ],
+    data_files=data_files,
     install_requires=["numpy>=1.26", "scipy>=1.11", "pyserial>=3.5", "pyyaml>=6.0"],
     extras_require={
         "train": ["torch>=2.1", "tqdm>=4.66"],

@@ -109,6 +109,7 @@ def test_setup_installs_each_node_for_colcon(monkeypatch, command):
     scripts = dict(s.split(" = ") for s in made["entry_points"]["console_scripts"])
     assert scripts.pop("tactile-skin") == "tactile_skin.cli:main"
     assert scripts == {name: f"tactile_skin.ros:{name}" for name in launch.NODES}
+    assert "share/ament_index/resource_index/packages" in dict(made["data_files"])
 
 
 def parsed(*words) -> ros.RosArguments:
