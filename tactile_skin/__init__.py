@@ -8,3 +8,4 @@ from .curve import PressureCurve
 from .solvers import Estimate, compensate
 
 __all__ = ["Circuit", "Estimate", "PressureCurve", "compensate", "forward"]
+__version__ = "0.1.0"  # setup.py reads it here; package.xml repeats it

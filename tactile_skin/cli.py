@@ -12,7 +12,8 @@ import sys
 import threading
 from pathlib import Path
 
-from threadpoolctl import threadpool_limits
+from . import __version__
+from .threads import one_thread
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -22,7 +23,7 @@ def main(argv: list[str] | None = None) -> int:
         level=logging.INFO, format="%(levelname)s %(name)s: %(message)s", stream=sys.stderr
     )
     try:
-        with threadpool_limits(1):  # the matrices are small: more threads wait for one another
+        with one_thread():
             return args.run(args)
     except KeyboardInterrupt:
         return 130
@@ -39,6 +40,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="tactile-skin",
         description="A robot's skin from a low-cost resistive pressure matrix.",
     )
+    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
     def command(name, run, text, **kwargs):
@@ -260,18 +262,16 @@ def _sim(args) -> int:
 def _train(args) -> int:
     import dataclasses
 
-    import torch
-
-    from . import training
     from .dataset import TrainingConfig
 
-    tqdm = _tqdm()
     if args.threads < 1:
         raise ValueError(f"--threads = {args.threads}: must be 1 or more")
-    torch.set_num_threads(args.threads)
     circuit, curve = _skin_of(args.config)
     names = [item.name for item in dataclasses.fields(TrainingConfig)]
     config = TrainingConfig(**{name: getattr(args, name) for name in names})
+    torch, tqdm = _torch("train"), _tqdm()
+    torch.set_num_threads(args.threads)
+    from . import training
 
     def track(items, desc):
         return tqdm(items, desc=desc, leave=False, disable=None)
@@ -286,10 +286,13 @@ def _train(args) -> int:
 
 
 def _export(args) -> int:
-    from . import export, network
+    from . import network
 
     shipped = args.weights in network.NETWORKS
     weights = network.shipped(args.weights) if shipped else network.load(args.weights)
+    _torch("onnx")
+    from . import export
+
     export.to_onnx(weights, args.out)
     print(f"{args.out}: {weights.kind} network, {weights.rows} x {weights.cols}, force in newton")
     return 0
@@ -334,6 +337,14 @@ def _given(args, parts) -> dict[str, dict]:
         if not given.get(name, least) >= least:
             raise ValueError(f"--{name} = {given[name]}: must be {least:g} or more")
     return {"faults": given}
+
+
+def _torch(extra: str):
+    try:
+        import torch
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(f"needs PyTorch: pip install 'tactile_skin[{extra}]'") from error
+    return torch
 
 
 def _tqdm():

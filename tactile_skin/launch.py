@@ -16,6 +16,7 @@ import importlib
 import os
 import re
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -26,7 +27,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import yaml
-from threadpoolctl import threadpool_limits
 
 from .bus import Context, MultiThreadedExecutor, Node, Parameter
 from .config import ParameterFile, yaml_trouble
@@ -35,6 +35,7 @@ from .hooks import EventHook, StopHook
 from .msg import DiagnosticArray, DiagnosticStatus, Trigger, Twist
 from .nodes.stop_on_push import STATUS, STATUS_TOPIC
 from .nodes.touch_events import PushListener, StrokeListener
+from .threads import one_thread
 
 PACKAGE = "tactile_skin"
 NODES = {  # exec -> class, imported when it is started
@@ -286,7 +287,7 @@ def _substitute(text: str, variables: dict, path: Path, anonymous: dict) -> str:
         if kind == "find-pkg-share" and words == [PACKAGE]:
             return str(share_dir())
         if kind == "exec-in-pkg" and len(words) == 2 and words[1] == PACKAGE:
-            return _executable(words[0])
+            return _executable(words[0], path)
         raise LaunchError(
             f"{path}: {match[0]}: not understood; must be $(var x), $(env X [default]), "
             f"$(dirname), $(anon x), $(find-pkg-share {PACKAGE}) or $(exec-in-pkg x {PACKAGE})"
@@ -298,10 +299,18 @@ def _substitute(text: str, variables: dict, path: Path, anonymous: dict) -> str:
     return filled
 
 
-def _executable(name: str) -> str:
-    """Where a program of the package is: lib/tactile_skin beside share, else on the PATH."""
+def _executable(name: str, path: Path) -> str:
+    """How to start a program of the package: as colcon or pip installed it, else by this Python."""
+    if name not in ("tactile-skin", *NODES):
+        there = ", ".join(("tactile-skin", *NODES))
+        raise LaunchError(f"{path}: {PACKAGE} has no program {name!r}; there are: {there}")
     built = share_dir().parents[1] / "lib" / PACKAGE / name
-    return str(built) if built.exists() else name
+    if built.exists():
+        return shlex.quote(str(built))
+    if name not in NODES and shutil.which(name, path=_path()):
+        return name
+    module = f"{PACKAGE}.ros {name}" if name in NODES else PACKAGE
+    return f"{shlex.quote(sys.executable)} -m {module}"
 
 
 # --- the running skin -----------------------------------------------------------------------------
@@ -322,7 +331,7 @@ class Skin:
         self._nodes: list = []
         self._processes: list[subprocess.Popen] = []
         self._hooks: list[StopHook | EventHook] = []
-        self._threads: threadpool_limits | None = None
+        self._settings = contextlib.ExitStack()  # of the process; closed, they are as before
         self.node = Node("user", context=self._context)
 
     def __enter__(self) -> Skin:
@@ -335,9 +344,9 @@ class Skin:
             raise
         # The matrices are small. More threads than one would spin beside it, and on a small
         # computer keep the other nodes waiting for a tenth of a second.
-        self._threads = threadpool_limits(1)
+        self._settings.enter_context(one_thread())
         # The default, 5 ms, is longer than a frame's whole way to the stop.
-        self._switch_interval = sys.getswitchinterval()
+        self._settings.callback(sys.setswitchinterval, sys.getswitchinterval())
         sys.setswitchinterval(0.0005)
         for handles in (*self._stages(), [self.node]):
             self._executor.add_node(*handles)
@@ -385,9 +394,7 @@ class Skin:
         for stop_hook in self._hooks:
             stop_hook.close()
         self._executor.shutdown()
-        if self._threads is not None:
-            self._threads.restore_original_limits()
-            sys.setswitchinterval(self._switch_interval)
+        self._settings.close()
         end_commands(self._processes)
 
     def spin(self, timeout: float | None = None) -> None:
@@ -613,12 +620,15 @@ def node_class(executable: str):
     return getattr(importlib.import_module(f".nodes.{module}", __package__), name)
 
 
+def _path() -> str:
+    return os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+
+
 def start_command(command: list[str]) -> subprocess.Popen:
     """Start a command; the tools of this Python's environment come first on its PATH."""
-    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     try:
         # a session of its own: Ctrl-C ends the nodes first, and they end the command
-        return subprocess.Popen(command, env=os.environ | {"PATH": path}, start_new_session=True)
+        return subprocess.Popen(command, env=os.environ | {"PATH": _path()}, start_new_session=True)
     except OSError as error:
         raise LaunchError(f"executable {shlex.join(command)}: {error.strerror}") from error
 

@@ -29,11 +29,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import yaml
-from threadpoolctl import threadpool_limits
 
 from . import bus, launch, msg
 from .config import ParameterFile
 from .nodes import QUEUE
+from .threads import one_thread
 
 _SERVICE_WITHIN = 5.0  # s, for a node's answer
 _LAST_WORD = 0.5  # s, for messages under way when a process ends
@@ -489,7 +489,7 @@ def run(executable: str, words: list[str] | None = None) -> int:
             "--ros", type=int, choices=(1, 2), help="1: rospy, 2: rclpy (default: what is there)"
         )
         version = choose(parser.parse_args(own).ros)
-        with threadpool_limits(1):  # the matrices are small: more threads wait for one another
+        with one_thread():
             sys.setswitchinterval(0.0005)  # the default, 5 ms, is longer than a frame's whole way
             return _run(executable, version, args)
     except KeyboardInterrupt:

@@ -12,6 +12,7 @@ CIRCUIT, CURVE = Circuit(), PressureCurve()
 @pytest.mark.filterwarnings("ignore")  # of PyTorch's exporter about itself
 @pytest.mark.parametrize("kind", network.NETWORKS)
 def test_onnx_gives_the_same_forces(kind, tmp_path, capsys):
+    pytest.importorskip("torch", reason="the extra onnx")
     runtime = pytest.importorskip("onnxruntime", reason="the extra onnx and a runtime to try it")
     pytest.importorskip("onnxscript", reason="the extra onnx")
     path = tmp_path / "skin.onnx"

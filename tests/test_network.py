@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-import torch
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward, network, scenes
 from tactile_skin.bench.measure import GHOST, frames
 from tactile_skin.curve import GRAM
-from tactile_skin.training import make_net
+
+torch = pytest.importorskip("torch", reason="the extra train")
+make_net = pytest.importorskip("tactile_skin.training").make_net
 
 
 def random_weights(rows, cols, kind="paper"):

@@ -44,8 +44,8 @@ IDLE, DEMO, PUSH = "idle", "demo", "push_left"
 # --- without ROS ---
 
 
-def test_a_machine_without_ros_imports_and_runs_everything_else(tmp_path):
-    """Also where ROS is installed: here its modules cannot be imported."""
+def test_a_machine_without_ros_or_extras_imports_and_runs_everything_else(tmp_path):
+    """Also where they are installed: here their modules cannot be imported."""
     modules = [
         m.name
         for m in pkgutil.walk_packages(tactile_skin.__path__, "tactile_skin.")
@@ -56,8 +56,13 @@ def test_a_machine_without_ros_imports_and_runs_everything_else(tmp_path):
 import importlib, sys
 for name in ("rospy", "rclpy", "genpy", "rosgraph", "std_msgs", "sensor_msgs"):
     sys.modules[name] = None
+class Missing:
+    def find_spec(name, path=None, target=None):
+        if name in ("torch", "threadpoolctl", "tqdm", "matplotlib", "onnx"):
+            raise ModuleNotFoundError(name)
+sys.meta_path.insert(0, Missing)
 for name in {modules!r}:
-    if name not in ("tactile_skin.training", "tactile_skin.bench.chart"):  # extras
+    if name not in ("tactile_skin.training", "tactile_skin.export", "tactile_skin.bench.chart"):
         importlib.import_module(name)
 from tactile_skin.launch import launch
 with launch(duration=0.3, port={str(tmp_path / "skin")!r}) as skin:
@@ -92,24 +97,19 @@ def test_what_is_no_node_is_no_entry_point():
         _ = ros.sreial_driver
 
 
-def test_setup_installs_each_node_and_what_the_launch_files_need(monkeypatch):
-    """As `ros2 run` and `ros2 launch` find them."""
+@pytest.mark.parametrize("command", ["install", "develop"])
+def test_setup_installs_each_node_for_colcon(monkeypatch, command):
+    """As `ros2 run` finds them; what pip installs: test_install.py."""
     setuptools = pytest.importorskip("setuptools")
     made = {}
     monkeypatch.setattr(setuptools, "setup", lambda **kwargs: made.update(kwargs))
+    monkeypatch.setattr(sys, "argv", ["setup.py", "build", command])
     monkeypatch.chdir(launch.share_dir())
     runpy.run_path("setup.py")
     scripts = dict(s.split(" = ") for s in made["entry_points"]["console_scripts"])
     assert scripts.pop("tactile-skin") == "tactile_skin.cli:main"
     assert scripts == {name: f"tactile_skin.ros:{name}" for name in launch.NODES}
-    files = dict(made["data_files"])
-    shared = {p.name for folder in ("launch", "config") for p in Path(folder).iterdir()}
-    installed = {
-        Path(f).name
-        for f in (*files["share/tactile_skin/launch"], *files["share/tactile_skin/config"])
-    }
-    assert installed == shared
-    assert "share/ament_index/resource_index/packages" in files
+    assert "share/ament_index/resource_index/packages" in dict(made["data_files"])
 
 
 def parsed(*words) -> ros.RosArguments:

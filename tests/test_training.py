@@ -5,11 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
-from tactile_skin import Circuit, PressureCurve, network, training
+from tactile_skin import Circuit, PressureCurve, network
 from tactile_skin.dataset import TrainingConfig, make_pairs
-from tactile_skin.training import TrainingDied, train
+
+torch = pytest.importorskip("torch", reason="the extra train")
+training = pytest.importorskip("tactile_skin.training")
+TrainingDied, train = training.TrainingDied, training.train
 
 CIRCUIT, CURVE = Circuit(6, 7), PressureCurve()
 TINY = TrainingConfig(pairs=600, validation=90, epochs=4, batch=50, rate=5e-3, seed=3)

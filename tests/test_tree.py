@@ -29,7 +29,7 @@ def test_pure_modules_import_nothing_of_the_world(module):
 
 
 def test_a_robot_needs_no_pytorch_to_run():
-    """Only training, and the export of what it made, import torch."""
+    """Only training, and the export of what it made, import torch; cli.py within these commands."""
     users = [p.stem for p in PACKAGE.rglob("*.py") if "torch" in imports_of(p)]
     assert set(users) == {"training", "export", "cli"}
 

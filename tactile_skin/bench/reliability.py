@@ -16,7 +16,7 @@ import zlib
 from dataclasses import dataclass
 
 import numpy as np
-from threadpoolctl import threadpool_limits
+from ..threads import one_thread
 
 from ..circuit import Circuit
 from ..curve import GRAM, PressureCurve
@@ -268,7 +268,7 @@ def add(total: dict, found: dict) -> dict:
 
 def _task(arguments) -> dict:
     kind, *rest = arguments
-    with threadpool_limits(1):
+    with one_thread():
         return (run_fault if kind == "fault" else run_sound)(*rest)
 
 
