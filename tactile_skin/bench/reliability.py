@@ -16,11 +16,11 @@ import zlib
 from dataclasses import dataclass
 
 import numpy as np
-from ..threads import one_thread
 
 from ..circuit import Circuit
 from ..curve import GRAM, PressureCurve
 from ..stop import PUSH as PUSH_REASON
+from ..threads import one_thread
 from . import fault_streams, fault_table
 from .fault_board import BINARY, KNOTS, TEXT, FaultBoard
 from .fault_chain import Chain
