@@ -14,6 +14,8 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
+from .files import one_line
+
 
 def main(argv: list[str] | None = None) -> int:
     """Run one command; returns the exit status: 0, 1 for a run that failed, 2 for a mistake."""
@@ -30,7 +32,7 @@ def main(argv: list[str] | None = None) -> int:
         sys.stdout = None
         return 0
     except (ValueError, OSError, ModuleNotFoundError) as error:
-        print(f"tactile-skin {args.command}: error: {error}", file=sys.stderr)
+        print(f"tactile-skin {args.command}: error: {one_line(error)}", file=sys.stderr)
         return 2
 
 
@@ -173,12 +175,19 @@ def _launch(args) -> int:
             raise ValueError(f"{word!r}: arguments of a launch file are written name:=value")
     if len(files) > 1:
         raise ValueError(f"one launch file, not {len(files)}: {' '.join(files)}")
-    arguments = dict(word.split(":=", 1) for word in args.words if ":=" in word)
+    pairs = [word.split(":=", 1) for word in args.words if ":=" in word]
+    arguments = dict(pairs)
+    if len(arguments) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"argument {twice!r} is given twice")
     plan = launch.read_plan(launch.find(files[0] if files else "demo.launch.yaml"), arguments)
     if args.show_args:
         for argument in plan.arguments.values():
             print(f"{argument.name}:={argument.default}\n    {argument.description}")
         return 0
+    if not plan.nodes and not plan.commands:
+        raise ValueError(f"{files[0]}: starts nothing: must have a node or an executable")
     if args.ros:
         from . import ros
 
@@ -224,9 +233,23 @@ def _skin_of(config: Path | None):
     from .bus import Context, Node
     from .config import ParameterFile, circuit_of, curve_of
 
-    overrides = ParameterFile(config).overrides("/compensation") if config else []
+    overrides = [] if config is None else ParameterFile(config).overrides("/compensation")
     node = Node("compensation", context=Context(), parameter_overrides=overrides)
-    return circuit_of(node), curve_of(node)
+    try:
+        circuit, curve = circuit_of(node), curve_of(node)
+    except ValueError as error:
+        raise ValueError(f"{config}: {error}") from error
+    unknown = [name for name in node.undeclared() if name.startswith(("circuit.", "curve."))]
+    if unknown:
+        allowed = ", ".join(node.parameter_names())
+        raise ValueError(f"{config}: parameter {unknown[0]!r} is unknown; there are: {allowed}")
+    return circuit, curve
+
+
+def _check_folder(out: Path) -> None:
+    """Refuse an --out that cannot be a folder before long work."""
+    if out.exists() and not out.is_dir():
+        raise ValueError(f"--out {out}: must be a folder")
 
 
 def _sim(args) -> int:
@@ -252,18 +275,23 @@ def _sim(args) -> int:
 def _train(args) -> int:
     import dataclasses
 
-    import torch
-
-    from . import training
+    from . import network
     from .dataset import TrainingConfig
 
-    tqdm = _tqdm()
     if args.threads < 1:
         raise ValueError(f"--threads = {args.threads}: must be 1 or more")
-    torch.set_num_threads(args.threads)
+    _check_folder(args.out)
     circuit, curve = _skin_of(args.config)
     names = [item.name for item in dataclasses.fields(TrainingConfig)]
     config = TrainingConfig(**{name: getattr(args, name) for name in names})
+    if config.start and config.start not in network.NETWORKS:
+        network.load(config.start)
+    import torch  # takes seconds
+
+    from . import training
+
+    tqdm = _tqdm()
+    torch.set_num_threads(args.threads)
 
     def track(items, desc):
         return tqdm(items, desc=desc, leave=False, disable=None)
@@ -278,16 +306,21 @@ def _train(args) -> int:
 
 
 def _export(args) -> int:
-    from . import export, network
+    from . import network
 
     shipped = args.weights in network.NETWORKS
     weights = network.shipped(args.weights) if shipped else network.load(args.weights)
+    if args.out.is_dir() or not args.out.parent.is_dir():
+        raise ValueError(f"{args.out}: must be a file in a folder that exists")
+    from . import export  # imports PyTorch, which takes seconds
+
     export.to_onnx(weights, args.out)
     print(f"{args.out}: {weights.kind} network, {weights.rows} x {weights.cols}, force in newton")
     return 0
 
 
 def _bench(args) -> int:
+    _check_folder(args.out)
     from .bench import choose, run, speed, touch_to_stop
 
     unknown = [part for part in args.parts if part not in run.PARTS]
