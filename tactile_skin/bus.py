@@ -97,6 +97,10 @@ def as_qos(profile: QoSProfile | int) -> QoSProfile:
 # --- context: the names that nodes share --------------------------------------------------------
 
 
+class TopicTypeError(TypeError, ValueError):
+    """A topic that carries another type already."""
+
+
 class Context:
     """One set of topics and services; nodes of different contexts do not see each other."""
 
@@ -123,7 +127,7 @@ class Context:
     def _claim(self, topic: str, msg_type: type) -> None:
         known = self._topic_type.setdefault(topic, msg_type)
         if known is not msg_type:
-            raise TypeError(f"topic {topic} carries {known.TYPE}, not {msg_type.TYPE}")
+            raise TopicTypeError(f"topic {topic} carries {known.TYPE}, not {msg_type.TYPE}")
 
 
 _default_context = Context()

@@ -127,7 +127,13 @@ class Circuit:
 
 
 def circuit_from(description: dict) -> Circuit:
-    """The circuit of a `Circuit.describe()`."""
+    """The circuit of a `Circuit.describe()`.
+
+    Raises:
+        ValueError: a key is missing or unknown, or as `Circuit`.
+    """
+    if (wanted := Circuit().describe().keys()) != description.keys():
+        raise ValueError(f"circuit has {', '.join(description)}: must be {', '.join(wanted)}")
     mask = description["mask"]
     cells = None if mask is None else np.array([[c == "1" for c in row] for row in mask])
     return Circuit(**description | {"mask": cells})

@@ -13,6 +13,7 @@ import threading
 from pathlib import Path
 
 from . import __version__
+from .files import one_line
 from .threads import one_thread
 
 
@@ -31,7 +32,7 @@ def main(argv: list[str] | None = None) -> int:
         sys.stdout = None
         return 0
     except (ValueError, OSError, ModuleNotFoundError) as error:
-        print(f"tactile-skin {args.command}: error: {error}", file=sys.stderr)
+        print(f"tactile-skin {args.command}: error: {one_line(error)}", file=sys.stderr)
         return 2
 
 
@@ -183,12 +184,19 @@ def _launch(args) -> int:
             raise ValueError(f"{word!r}: arguments of a launch file are written name:=value")
     if len(files) > 1:
         raise ValueError(f"one launch file, not {len(files)}: {' '.join(files)}")
-    arguments = dict(word.split(":=", 1) for word in args.words if ":=" in word)
+    pairs = [word.split(":=", 1) for word in args.words if ":=" in word]
+    arguments = dict(pairs)
+    if len(arguments) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"argument {twice!r} is given twice")
     plan = launch.read_plan(launch.find(files[0] if files else "demo.launch.yaml"), arguments)
     if args.show_args:
         for argument in plan.arguments.values():
             print(f"{argument.name}:={argument.default}\n    {argument.description}")
         return 0
+    if not plan.nodes and not plan.commands:
+        raise ValueError(f"{files[0]}: starts nothing: must have a node or an executable")
     if args.ros:
         from . import ros
 
@@ -234,9 +242,23 @@ def _skin_of(config: Path | None):
     from .bus import Context, Node
     from .config import ParameterFile, circuit_of, curve_of
 
-    overrides = ParameterFile(config).overrides("/compensation") if config else []
+    overrides = [] if config is None else ParameterFile(config).overrides("/compensation")
     node = Node("compensation", context=Context(), parameter_overrides=overrides)
-    return circuit_of(node), curve_of(node)
+    try:
+        circuit, curve = circuit_of(node), curve_of(node)
+    except ValueError as error:
+        raise ValueError(f"{config}: {error}") from error
+    unknown = [name for name in node.undeclared() if name.startswith(("circuit.", "curve."))]
+    if unknown:
+        allowed = ", ".join(node.parameter_names())
+        raise ValueError(f"{config}: parameter {unknown[0]!r} is unknown; there are: {allowed}")
+    return circuit, curve
+
+
+def _check_folder(out: Path) -> None:
+    """Refuse an --out that cannot be a folder before long work."""
+    if out.exists() and not out.is_dir():
+        raise ValueError(f"--out {out}: must be a folder")
 
 
 def _sim(args) -> int:
@@ -262,13 +284,17 @@ def _sim(args) -> int:
 def _train(args) -> int:
     import dataclasses
 
+    from . import network
     from .dataset import TrainingConfig
 
     if args.threads < 1:
         raise ValueError(f"--threads = {args.threads}: must be 1 or more")
+    _check_folder(args.out)
     circuit, curve = _skin_of(args.config)
     names = [item.name for item in dataclasses.fields(TrainingConfig)]
     config = TrainingConfig(**{name: getattr(args, name) for name in names})
+    if config.start and config.start not in network.NETWORKS:
+        network.load(config.start)
     torch, tqdm = _torch("train"), _tqdm()
     torch.set_num_threads(args.threads)
     from . import training
@@ -290,6 +316,8 @@ def _export(args) -> int:
 
     shipped = args.weights in network.NETWORKS
     weights = network.shipped(args.weights) if shipped else network.load(args.weights)
+    if args.out.is_dir() or not args.out.parent.is_dir():
+        raise ValueError(f"{args.out}: must be a file in a folder that exists")
     _torch("onnx")
     from . import export
 
@@ -299,6 +327,7 @@ def _export(args) -> int:
 
 
 def _bench(args) -> int:
+    _check_folder(args.out)
     from .bench import choose, fault_table, run, speed, touch_to_stop
 
     unknown = [part for part in args.parts if part not in run.PARTS]

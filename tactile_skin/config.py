@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from .bus import FloatingPointRange, IntegerRange, Node, Parameter, ParameterDescriptor
 from .circuit import Circuit
 from .curve import PressureCurve
+from .files import FileError, read_yaml, shorten
 from .geometry import CELL_AREA, PITCH, SHAPES, Geometry, make_geometry
 
 
@@ -77,24 +77,27 @@ class ParameterFile:
     """A ROS 2 parameter file: ``node_name: {ros__parameters: {...}}``, ``/**`` for every node.
 
     Raises:
-        ValueError: not such a file, or none; the message names the file and the key.
+        FileError: not such a file, or none; the message names the file and the key.
     """
 
     def __init__(self, path):
         self.path = Path(path)
         try:
-            data = yaml.safe_load(self.path.read_text()) or {}
+            data = read_yaml(path)
         except OSError as error:
-            raise ValueError(f"parameter file {path}: {error.strerror}") from error
-        except yaml.YAMLError as error:
-            raise ValueError(f"{path}: {yaml_trouble(error)}") from error
+            raise FileError(f"parameter file {path}: {error.strerror}") from error
+        if data is None:
+            data = {}
         if not isinstance(data, dict):
-            raise ValueError(f"{path}: must map node names to ros__parameters")
+            raise FileError(f"{path}: must map node names to ros__parameters")
         self.sections: dict[str, dict] = {}
         for name, section in data.items():
             if not isinstance(section, dict) or set(section) != {"ros__parameters"}:
-                raise ValueError(f"{path}: {name}: must hold ros__parameters and nothing else")
-            self.sections[str(name)] = _flat(section["ros__parameters"] or {}, path, name)
+                raise FileError(f"{path}: {name}: must hold ros__parameters and nothing else")
+            if name.startswith("/") and name[1:] in data:
+                raise FileError(f"{path}: {name}: is the section {name[1:]} again")
+            values = section["ros__parameters"]
+            self.sections[name] = _flat({} if values is None else values, f"{path}: {name}")
 
     def overrides(self, node: str) -> list[Parameter]:
         """What the file says for the node of this full name, its own section last."""
@@ -104,20 +107,15 @@ class ParameterFile:
         return [Parameter(key, value) for key, value in found.items()]
 
 
-def yaml_trouble(error: yaml.YAMLError) -> str:
-    """A YAML error on one line."""
-    mark = getattr(error, "problem_mark", None)
-    where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
-    return f"not valid YAML: {where}{getattr(error, 'problem', None) or error}"
-
-
-def _flat(tree: dict, path, prefix: str, under: str = "") -> dict:
+def _flat(tree, where: str, under: str = "") -> dict:
+    """{"circuit": {"rows": 8}} -> {"circuit.rows": 8}."""
     if not isinstance(tree, dict):
-        raise ValueError(f"{path}: {prefix}: must map names to values")
+        raise FileError(f"{where} = {shorten(tree)}: must map names to values")
     flat = {}
     for key, value in tree.items():
-        if isinstance(value, dict):
-            flat |= _flat(value, path, f"{prefix}.{key}", f"{under}{key}.")
-        else:
-            flat[f"{under}{key}"] = value
+        name = f"{under}{key}"
+        below = _flat(value, where, f"{name}.") if isinstance(value, dict) else {name: value}
+        if twice := below.keys() & flat:
+            raise FileError(f"{where}: {min(twice)} is given twice")
+        flat |= below
     return flat

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import copy
-from pathlib import Path
 
 import numpy as np
-import yaml
-from scipy.interpolate import PchipInterpolator
+
+from .files import FileError, read_yaml, shorten
 
 GRAM = 9.80665e-3  # N: weight of one gram; the paper and its figures speak in grams a cell
 
@@ -56,30 +55,40 @@ class PressureCurve:
             )
         self.points = tuple(map(tuple, np.stack([force, resistance], 1).tolist()))
         self.offset = None
+        # Here: a bad file is refused before the 0.2 s that this import takes.
+        from scipy.interpolate import PchipInterpolator
+
         root = np.sqrt(force)
         # The given points stay in the table: the curve passes through them exactly.
         self._root = np.union1d(np.linspace(0.0, root[-1], self._TABLE_POINTS), root)
-        self._log_g = -PchipInterpolator(root, np.log(resistance))(self._root)
+        with np.errstate(all="ignore"):
+            self._log_g = -PchipInterpolator(root, np.log(resistance))(self._root)
+            falls = bool((np.diff(self._log_g) >= 0).all())  # not so where a slope is not finite
+        if not falls:
+            raise ValueError(
+                f"curve: force = {force.tolist()} N, resistance = {resistance.tolist()} ohm: "
+                "points too close to one another"
+            )
 
     @classmethod
     def load(cls, path) -> PressureCurve:
         """Read a curve from YAML: two lists, ``force`` [N] and ``resistance`` [ohm].
 
         Raises:
-            ValueError: the file is no such YAML; the message names the file and the key.
+            FileError: the file is not such YAML; the message names the file and the key.
             OSError: the file cannot be read.
         """
-        try:
-            data = yaml.safe_load(Path(path).read_text())
-        except yaml.YAMLError as error:
-            raise ValueError(f"{path}: not valid YAML: {error}") from error
+        data = read_yaml(path)
         if not isinstance(data, dict) or set(data) != {"force", "resistance"}:
             found = sorted(data) if isinstance(data, dict) else type(data).__name__
-            raise ValueError(f"{path}: needs the keys force [N] and resistance [ohm], has {found}")
+            raise FileError(f"{path}: needs the keys force [N] and resistance [ohm], has {found}")
+        for name, values in data.items():
+            if not isinstance(values, list) or not {type(v) for v in values} <= {int, float}:
+                raise FileError(f"{path}: {name} = {shorten(values)}: must be a list of numbers")
         try:
-            return cls(data["force"], data["resistance"])
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"{path}: {error}") from error
+            return cls(**data)
+        except ValueError as error:
+            raise FileError(f"{path}: {error}") from error
 
     def resting_at(self, resistance) -> PressureCurve:
         """The curve of cells that rest at (rows, cols) resistances [ohm] of their own.

@@ -14,8 +14,8 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial import cKDTree
-from scipy.spatial.transform import Rotation
+
+from .files import FileError, read_text, shorten
 
 SHAPES = ("plane", "cylinder", "sphere", "table")
 PITCH = 0.018  # m: the paper's stripes are 12 mm wide with gaps of 6 mm
@@ -90,6 +90,9 @@ def make_geometry(
             raise ValueError(f"geometry: {name} = {value!r}: must be three finite numbers")
     if table and shape != "table":
         raise ValueError(f"geometry: table = {str(table)!r}: is read only with shape: table")
+    # Here: a bad file is refused before the 0.1 s that this import takes.
+    from scipy.spatial.transform import Rotation
+
     area = np.full((rows, cols), cell_area)
     if shape == "table":
         cells = np.ones((rows, cols), bool) if cells is None else cells
@@ -142,6 +145,8 @@ _SURFACES = {"plane": _plane, "cylinder": _cylinder, "sphere": _sphere}
 # --- a table of cells ----------------------------------------------------------------------------
 
 _NEEDED = ("row", "col", "x", "y", "z", "nx", "ny", "nz")
+_TABLE_BYTES = 1024 * 1024  # the 4,096 cells of the largest skin at 256 characters each
+_FAR, _WIDE = 100.0, 1.0  # m, m^2: as in the parameters' ranges; beyond lie tables in millimetres
 
 
 def read_table(path, cells: np.ndarray, cell_area: float = CELL_AREA):
@@ -160,15 +165,12 @@ def read_table(path, cells: np.ndarray, cell_area: float = CELL_AREA):
         exists position and normal are 0.
 
     Raises:
-        ValueError: no such file content; the message names the file, the line and the value.
+        FileError: no such file content; the message names the file, the line and the value.
         OSError: the file cannot be read.
     """
     if not str(path):
         raise ValueError("geometry: shape: table needs the name of a file: table")
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")  # spreadsheets put a mark in front
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path}: is no text file: {error}") from error
+    text = read_text(path, _TABLE_BYTES)
     position = np.zeros((*cells.shape, 3))
     normal = np.zeros((*cells.shape, 3))
     area = np.full(cells.shape, float(cell_area))
@@ -178,41 +180,46 @@ def read_table(path, cells: np.ndarray, cell_area: float = CELL_AREA):
         if not line.strip(" ,\t") or line.lstrip().startswith("#"):
             continue
         where = f"{path}: line {number}"
-        words = [word.strip() for word in next(csv.reader([line]))]
+        try:
+            words = [word.strip() for word in next(csv.reader([line]))]
+        except csv.Error as error:
+            raise FileError(f"{where}: {error}") from error
         if names is None:
             names = _header(words, where)
             continue
         if len(words) != len(names):
-            raise ValueError(f"{where}: {len(words)} values: must be {len(names)}")
+            raise FileError(f"{where}: {len(words)} values: must be {len(names)}")
         values = dict(zip(names, words, strict=True))
         cell = tuple(
             _index(values[name], name, n, where)
             for name, n in zip(("row", "col"), cells.shape, strict=True)
         )
         if cell in line_of:
-            raise ValueError(
+            raise FileError(
                 f"{where}: row {cell[0]}, col {cell[1]}: stands in line {line_of[cell]} already"
             )
         if not cells[cell]:
-            raise ValueError(
-                f"{where}: row {cell[0]}, col {cell[1]}: circuit.mask has no such cell"
-            )
+            raise FileError(f"{where}: row {cell[0]}, col {cell[1]}: circuit.mask has no such cell")
         line_of[cell] = number
         position[cell] = [_number(values[name], name, where) for name in "xyz"]
+        if (far := np.abs(position[cell]).max()) > _FAR:
+            raise FileError(f"{where}: {far:g} m from the origin: must be at most {_FAR:g} m")
         outward = np.array([_number(values[name], name, where) for name in ("nx", "ny", "nz")])
-        length = np.linalg.norm(outward)
-        if not length > 1e-9:
-            raise ValueError(f"{where}: nx, ny, nz = {outward.tolist()}: must not be all 0")
+        length = math.hypot(*outward)
+        if not 1e-9 < length < math.inf:
+            raise FileError(f"{where}: nx, ny, nz = {outward.tolist()}: must have a length above 0")
         normal[cell] = outward / length
         if "area" in values:
             area[cell] = _number(values["area"], "area", where)
-            if not area[cell] > 0:
-                raise ValueError(f"{where}: area = {values['area']}: must be above 0 m^2")
+            if not 0 < area[cell] <= _WIDE:
+                raise FileError(
+                    f"{where}: area = {values['area']}: must be above 0 and at most {_WIDE:g} m^2"
+                )
     if names is None:
-        raise ValueError(f"{path}: is empty: must start with {','.join(_NEEDED)}")
+        raise FileError(f"{path}: is empty: must start with {','.join(_NEEDED)}")
     absent = [cell for cell in map(tuple, np.argwhere(cells).tolist()) if cell not in line_of]
     if absent:
-        raise ValueError(
+        raise FileError(
             f"{path}: row {absent[0][0]}, col {absent[0][1]}: no line for this cell"
             + (f", nor for {len(absent) - 1} others" if len(absent) > 1 else "")
         )
@@ -223,8 +230,8 @@ def _header(words: list[str], where: str) -> list[str]:
     missing = [name for name in _NEEDED if name not in words]
     unknown = [word for word in words if word not in (*_NEEDED, "area")]
     if missing or unknown or len(set(words)) != len(words):
-        raise ValueError(
-            f"{where}: column names {','.join(words)}: must be {','.join(_NEEDED)} and, "
+        raise FileError(
+            f"{where}: column names {shorten(','.join(words))}: must be {','.join(_NEEDED)} and, "
             "if wanted, area, each once"
         )
     return words
@@ -236,7 +243,9 @@ def _index(word: str, name: str, n: int, where: str) -> int:
     except ValueError:
         value = -1
     if not 0 <= value < n:
-        raise ValueError(f"{where}: {name} = {word!r}: must be a whole number from 0 to {n - 1}")
+        raise FileError(
+            f"{where}: {name} = {shorten(word)}: must be a whole number from 0 to {n - 1}"
+        )
     return value
 
 
@@ -246,7 +255,7 @@ def _number(word: str, name: str, where: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise ValueError(f"{where}: {name} = {word!r}: must be a finite number")
+        raise FileError(f"{where}: {name} = {shorten(word)}: must be a finite number")
     return value
 
 
@@ -254,5 +263,7 @@ def _median_pitch(places: np.ndarray) -> float:
     """Median distance [m] of (n, 3) cells to their nearest neighbour; 0 of a single cell."""
     if len(places) < 2:
         return 0.0
+    from scipy.spatial import cKDTree
+
     distance, _ = cKDTree(places).query(places, k=2)
     return float(np.median(distance[:, 1]))

@@ -26,11 +26,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import yaml
-
-from .bus import Context, MultiThreadedExecutor, Node, Parameter
-from .config import ParameterFile, yaml_trouble
+from .bus import Context, MultiThreadedExecutor, Node, Parameter, ParameterError, TopicTypeError
+from .config import ParameterFile
 from .events import Pushed, Released, Stroked
+from .files import FileError, parse_yaml, read_yaml, shorten
 from .hooks import EventHook, StopHook
 from .msg import DiagnosticArray, DiagnosticStatus, Trigger, Twist
 from .nodes.stop_on_push import STATUS, STATUS_TOPIC
@@ -52,6 +51,8 @@ NODES = {  # exec -> class, imported when it is started
 
 _ONE_THREAD = ("compensation", "gesture_feature")  # each waits for the other's last word anyway
 _SHARED = ("circuit", "curve", "geometry")  # parameters that several nodes read
+_MAX_FILES = 30  # launch files of one launch: includes may double at each level
+_MAX_TEXT = 10_000  # characters of a filled-in value: it may double with each let
 
 
 class LaunchError(ValueError):
@@ -104,6 +105,7 @@ class NodeAction:
     namespace: str
     parameters: list  # in order: ParameterFile or (name, value)
     remappings: list[tuple[str, str]]
+    file: Path = Path()  # the launch file
 
 
 @dataclass
@@ -131,17 +133,35 @@ def read_plan(path, arguments: dict[str, str]) -> Plan:
         LaunchError: an unknown entity, key, substitution or argument, or a value that is missing.
     """
     plan = Plan()
-    _read_file(Path(path), arguments, plan, anonymous={}, top=True)
+    _read_file(str(path), arguments, plan, _Read())
     return plan
 
 
-def _read_file(path: Path, given: dict[str, str], plan: Plan, anonymous, top=False) -> None:
+@dataclass
+class _Read:
+    """What the files of one launch share while they are read."""
+
+    anonymous: dict[str, str] = field(default_factory=dict)
+    parameter_files: dict[str, ParameterFile] = field(default_factory=dict)
+    including: list[str] = field(default_factory=list)  # the file being read, and those around it
+    files: int = 0
+
+
+def _read_file(name: str, given: dict[str, str], plan: Plan, read: _Read) -> None:
+    path = Path(name)
     try:
-        data = yaml.safe_load(path.read_text())
+        data = read_yaml(name)
     except OSError as error:
         raise LaunchError(f"launch file {path}: {error.strerror}") from error
-    except yaml.YAMLError as error:
-        raise LaunchError(f"launch file {path}: {yaml_trouble(error)}") from error
+    except FileError as error:
+        raise LaunchError(f"launch file {error}") from error
+    here = os.path.realpath(path)
+    if here in read.including:
+        raise LaunchError(f"launch file {path}: includes itself, by {read.including[-1]}")
+    read.files += 1
+    if read.files > _MAX_FILES:
+        raise LaunchError(f"launch file {path}: one too many: must be at most {_MAX_FILES}")
+    read.including.append(here)
     if (
         not isinstance(data, dict)
         or set(data) != {"launch"}
@@ -151,12 +171,17 @@ def _read_file(path: Path, given: dict[str, str], plan: Plan, anonymous, top=Fal
     variables = {}
     declared = {}
 
-    def fill(value):
-        return _substitute(str(value), variables, path, anonymous)
+    def fill(value, key):
+        text = _substitute(_text(value, path, key), variables, path, read.anonymous)
+        if len(text) > _MAX_TEXT:
+            raise LaunchError(
+                f"{path}: {key} = {shorten(text)}: must be at most {_MAX_TEXT} characters"
+            )
+        return text
 
     for entity in data["launch"]:
         if not isinstance(entity, dict) or len(entity) != 1:
-            raise LaunchError(f"{path}: {entity!r}: must be one of {', '.join(_KEYS)}")
+            raise LaunchError(f"{path}: {shorten(entity)}: must be one of {', '.join(_KEYS)}")
         ((kind, body),) = entity.items()
         if kind not in _KEYS:
             raise LaunchError(f"{path}: {kind}: not understood; must be one of {', '.join(_KEYS)}")
@@ -172,33 +197,75 @@ def _read_file(path: Path, given: dict[str, str], plan: Plan, anonymous, top=Fal
         if not _wanted(body, fill, path, kind):
             continue
         if kind == "arg":
-            name, default = _need(body, "name", path, kind), body.get("default")
+            name, default = _name(body, path, kind), body.get("default")
+            if name in declared:
+                raise LaunchError(f"{path}: arg: name = {name!r}: there are two of this name")
             declared[name] = Argument(
-                name, None if default is None else fill(default), body.get("description", "")
+                name,
+                None if default is None else fill(default, "arg: default"),
+                _text(body.get("description", ""), path, "arg: description"),
             )
             value = given.get(name, declared[name].default)
             if value is None:
                 raise LaunchError(f"{path}: argument {name} has no default: give {name}:=value")
             variables[name] = value
         elif kind == "let":
-            variables[_need(body, "name", path, kind)] = fill(_need(body, "value", path, kind))
+            name = _name(body, path, kind)
+            variables[name] = fill(_need(body, "value", path, kind), "let: value")
         elif kind == "executable":
-            plan.commands.append(shlex.split(fill(_need(body, "cmd", path, kind))))
+            plan.commands.append(_command(fill(_need(body, "cmd", path, kind), "cmd"), path))
         elif kind == "include":
             passed = {}
             for item in _maps(body, "arg", path, kind):
                 if set(item) != {"name", "value"}:
-                    raise LaunchError(f"{path}: include: arg {item!r}: needs name and value")
-                passed[item["name"]] = fill(item["value"])
-            _read_file(Path(fill(_need(body, "file", path, kind))), passed, plan, anonymous)
+                    raise LaunchError(f"{path}: include: arg {shorten(item)}: needs name and value")
+                name = _name(item, path, "include: arg")
+                if name in passed:
+                    raise LaunchError(f"{path}: include: arg {name!r}: is given twice")
+                passed[name] = fill(item["value"], f"include: arg {name}")
+            _read_file(fill(_need(body, "file", path, kind), "include: file"), passed, plan, read)
         else:
-            plan.nodes.append(_node(body, fill, path))
+            plan.nodes.append(_node(body, fill, path, read))
     unknown = sorted(set(given) - set(declared))
     if unknown:
         allowed = ", ".join(declared) or "none"
         raise LaunchError(f"{path}: argument {unknown[0]!r} is unknown; there are: {allowed}")
-    if top:
+    read.including.pop()
+    if not read.including:
         plan.arguments = declared
+
+
+_ARGUMENT = re.compile(r"[\w.-]+", re.ASCII)
+_NODE_NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
+_NAMESPACE = re.compile(r"/?([A-Za-z_]\w*(/[A-Za-z_]\w*)*/?)?", re.ASCII)
+_TOPIC = re.compile(r"(~?/)?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
+
+
+def _text(value, path: Path, key: str) -> str:
+    """A value that stands for a text."""
+    if not isinstance(value, (str, int, float)):
+        raise LaunchError(f"{path}: {key} = {shorten(value)}: must be text or a number")
+    return str(value)
+
+
+def _name(body: dict, path: Path, kind: str) -> str:
+    """The name of an argument, as $(var x) and x:=value can have it."""
+    name = _need(body, "name", path, kind)
+    if not isinstance(name, str) or not _ARGUMENT.fullmatch(name):
+        raise LaunchError(
+            f"{path}: {kind}: name = {shorten(name)}: must be of letters, digits and _.-"
+        )
+    return name
+
+
+def _command(text: str, path: Path) -> list[str]:
+    try:
+        words = shlex.split(text)
+    except ValueError as error:  # an open quote
+        raise LaunchError(f"{path}: executable: cmd = {shorten(text)}: {error}") from error
+    if not words or not words[0]:
+        raise LaunchError(f"{path}: executable: cmd = {shorten(text)}: must name a program")
+    return words
 
 
 def _need(body: dict, key: str, path: Path, kind: str):
@@ -210,54 +277,71 @@ def _need(body: dict, key: str, path: Path, kind: str):
 def _maps(body: dict, key: str, path: Path, kind: str) -> list[dict]:
     items = body.get(key, [])
     if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
-        raise LaunchError(f"{path}: {kind}: {key} = {items!r}: must be a list of maps")
+        raise LaunchError(f"{path}: {kind}: {key} = {shorten(items)}: must be a list of maps")
     return items
 
 
 def _wanted(body: dict, fill, path: Path, kind: str) -> bool:
     for key, wish in (("if", True), ("unless", False)):
         if key in body:
-            text = fill(body[key]).strip().lower()
+            text = fill(body[key], f"{kind}: {key}").strip().lower()
             if text not in ("true", "false", "1", "0"):
-                raise LaunchError(f"{path}: {kind}: {key} = {text!r}: must be true or false")
+                raise LaunchError(f"{path}: {kind}: {key} = {shorten(text)}: must be true or false")
             if (text in ("true", "1")) is not wish:
                 return False
     return True
 
 
-def _node(body: dict, fill, path: Path) -> NodeAction:
-    package, executable = (fill(_need(body, key, path, "node")) for key in ("pkg", "exec"))
+def _node(body: dict, fill, path: Path, read: _Read) -> NodeAction:
+    package, executable = (
+        fill(_need(body, key, path, "node"), f"node: {key}") for key in ("pkg", "exec")
+    )
     if package != PACKAGE or executable not in NODES:
         raise LaunchError(
             f"{path}: node {package}/{executable}: in-process there are only "
             f"{', '.join(f'{PACKAGE}/{name}' for name in NODES)}; start others as executable"
         )
+    where = f"{path}: node {executable}"
+
+    def named(value, key, pattern, allowed):
+        """Of text that ROS takes as a name, filled in."""
+        if isinstance(value, str) and pattern.fullmatch(text := fill(value, f"node: {key}")):
+            return text
+        raise LaunchError(f"{where}: {key} = {shorten(value)}: must be {allowed}")
+
     parameters = []
     for item in _maps(body, "param", path, "node"):
         if set(item) == {"from"}:
-            parameters.append(ParameterFile(fill(item["from"])))
+            name = fill(item["from"], "param: from")
+            if name not in read.parameter_files:  # one serves all nodes
+                read.parameter_files[name] = ParameterFile(name)
+            parameters.append(read.parameter_files[name])
         elif set(item) == {"name", "value"}:
+            name = named(item["name"], "param: name", _ARGUMENT, "a parameter's name")
+            if any(isinstance(other, tuple) and other[0] == name for other in parameters):
+                raise LaunchError(f"{where}: param {name} is given twice")
             value = item["value"]
             if isinstance(value, str):  # ROS 2 reads a value that comes from a substitution as YAML
+                text = fill(value, f"param {name}")
                 try:
-                    value = yaml.safe_load(fill(value))
-                except yaml.YAMLError as error:
-                    raise LaunchError(
-                        f"{path}: node {executable}: param {item['name']} = {fill(value)!r}: "
-                        "not valid YAML"
-                    ) from error
-            parameters.append((item["name"], value))
+                    value = parse_yaml(text, f"{where}: param {name} = {shorten(text)}")
+                except FileError as error:
+                    raise LaunchError(str(error)) from error
+            parameters.append((name, value))
         else:
-            raise LaunchError(
-                f"{path}: node {executable}: param {item!r}: needs from, or name, value"
-            )
+            raise LaunchError(f"{where}: param {shorten(item)}: needs from, or name, value")
     remappings = []
     for item in _maps(body, "remap", path, "node"):
         if set(item) != {"from", "to"}:
-            raise LaunchError(f"{path}: node {executable}: remap {item!r}: needs from and to")
-        remappings.append((fill(item["from"]), fill(item["to"])))
-    name = fill(body.get("name", executable))
-    return NodeAction(executable, name, fill(body.get("namespace", "")), parameters, remappings)
+            raise LaunchError(f"{where}: remap {shorten(item)}: needs from and to")
+        pair = (named(item[key], f"remap: {key}", _TOPIC, "a topic") for key in ("from", "to"))
+        remappings.append(tuple(pair))
+    if len(dict(remappings)) < len(remappings):
+        raise LaunchError(f"{where}: remap: two from one topic: {shorten(remappings)}")
+    name = body.get("name", executable)
+    name = named(name, "name", _NODE_NAME, "of letters, digits and _, no digit first")
+    namespace = named(body.get("namespace", ""), "namespace", _NAMESPACE, "names between slashes")
+    return NodeAction(executable, name, namespace, parameters, remappings, path)
 
 
 _SUBSTITUTION = re.compile(r"\$\(([\w-]+)((?:\s+[^()\s]+)*)\)")
@@ -375,9 +459,10 @@ class Skin:
             handle = self._handle(action)
             name = handle.get_fully_qualified_name()
             if any(name == other.get_fully_qualified_name() for other in self._handles):
-                raise LaunchError(f"node {name}: there are two of this name")
+                raise LaunchError(f"{action.file}: node {name}: there are two of this name")
             self._handles.append(handle)
-            self._nodes.append(node_class(action.executable)(handle))
+            with _naming_its_file(action, name):
+                self._nodes.append(node_class(action.executable)(handle))
         self._check_overrides()
         self._check_commands()
 
@@ -555,7 +640,7 @@ class Skin:
             for item in action.parameters:
                 if not isinstance(item, ParameterFile):
                     if item[0] in own:
-                        raise _unknown("launch file", item[0], handle.parameter_names())
+                        raise _unknown(str(action.file), item[0], handle.parameter_names())
                     continue
                 for section, values in item.sections.items():
                     shared = [k for k in values if k.split(".")[0] in _SHARED]
@@ -590,6 +675,27 @@ class Skin:
                             "them, or remap each to an input of a multiplexer"
                         )
                     senders[topic] = name
+
+
+@contextlib.contextmanager
+def _naming_its_file(action: NodeAction, full_name: str):
+    """Put the file that a refused parameter or remapping is from in front of the error."""
+    try:
+        yield
+    except TopicTypeError as error:
+        raise LaunchError(f"{action.file}: node {full_name}: {error}: check remap") from error
+    except ValueError as error:
+        words = set(re.findall(r"\w+", str(error)))
+        for item in reversed(action.parameters):
+            if isinstance(item, ParameterFile):
+                names, file = [p.name for p in item.overrides(full_name)], item.path
+            else:  # other errors, of the port say, are not the launch file's
+                names, file = [item[0]], action.file if isinstance(error, ParameterError) else None
+            if any(name.split(".")[-1] in words for name in names):
+                if file is None:
+                    break
+                raise LaunchError(f"{file}: {error}") from error
+        raise
 
 
 @contextlib.contextmanager

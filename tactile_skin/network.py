@@ -9,8 +9,11 @@ frame takes a third of PyTorch's time and spares a robot the import. A test hold
 
 from __future__ import annotations
 
+import io
 import json
 import threading
+import warnings
+import zipfile
 from functools import cache
 from pathlib import Path
 
@@ -19,6 +22,7 @@ from numpy.lib.stride_tricks import as_strided, sliding_window_view
 
 from .circuit import Circuit, circuit_from, compiled, connected_rho, two_terminal_resistance
 from .curve import PressureCurve
+from .files import FileError, one_line, read_bytes
 
 SHIPPED = Path(__file__).parent / "weights"
 DILATIONS = (1, 2, 3)  # of the parallel context convolutions (paper Fig. 7)
@@ -26,6 +30,9 @@ _FORMAT = 1
 _FRAMES_AT_ONCE = 16  # of a recording: what a pass holds stays in the cache
 NETWORKS = ("paper", "physics")
 PHYSICS_INPUTS = 5
+HEAD = ((27, 9), (9, 9), (9, 9), (9, 1))  # inputs and outputs of the plain convolutions
+_MOST_BYTES = 1024 * 1024  # of a weights file, packed or not: ours take 30 kB
+_MOST_ARRAYS = 50  # in a weights file: ours hold 21
 _STEPS = 6  # of the fixed point
 _SEEN = 2  # of them before the network's second input
 
@@ -79,6 +86,21 @@ def _relax(g, rho_measured, low: float, high: float, steps: int, circuit: Circui
     return rho
 
 
+def shapes(kind: str, rows: int, cols: int) -> dict[str, tuple[int, ...]]:
+    """The arrays of a network of `NETWORKS` by PyTorch's names, and the shape of each."""
+    inputs = 1 if kind == "paper" else PHYSICS_INPUTS
+    found = {"input_mean": (inputs, 1, 1), "input_std": (inputs, 1, 1)}
+    if kind == "paper":
+        found |= {"row.weight": (1, 1, 1, cols), "row.bias": (1,)}
+        found |= {"col.weight": (1, 1, rows, 1), "col.bias": (1,)}
+        inputs = 3  # with what the line kernels say
+    layers = {f"context.{k}": (inputs, HEAD[0][0] // len(DILATIONS)) for k in range(len(DILATIONS))}
+    layers |= {f"head.{k}": sizes for k, sizes in enumerate(HEAD)}
+    for name, (a, b) in layers.items():
+        found |= {f"{name}.weight": (b, a, 3, 3), f"{name}.bias": (b,)}
+    return found
+
+
 class Weights:
     """A trained network, and what it was made for.
 
@@ -86,15 +108,23 @@ class Weights:
         state: arrays by PyTorch's names, as `training.PaperNet` and `PhysicsNet` have them.
         meta: "circuit" and "curve" as their `describe()`, and what the training says of itself.
         path: where it came from, for messages.
+
+    Raises:
+        ValueError: an array is missing, unknown, of another shape or not finite, or the meta data
+            are no circuit and curve; the message names it.
     """
 
     def __init__(self, state: dict[str, np.ndarray], meta: dict, path: Path):
-        self.state, self.meta, self.path = state, meta, path
-        self.rows, self.cols = meta["circuit"]["rows"], meta["circuit"]["cols"]
+        for key in ("circuit", "curve"):
+            if not isinstance(meta, dict) or not isinstance(meta.get(key), dict):
+                raise ValueError(f"meta: {key}: is missing, or no map of names to values")
         self._circuit = circuit_from(meta["circuit"])
         self._curve = PressureCurve(**meta["curve"])
+        self.rows, self.cols = self._circuit.shape
+        self.kind = "paper" if any(name[:4] in ("row.", "col.") for name in state) else "physics"
+        state = _checked(state, shapes(self.kind, self.rows, self.cols))
+        self.state, self.meta, self.path = state, meta, path
         self._mean, self._std = state["input_mean"], state["input_std"]  # (channels, 1, 1)
-        self.kind = "paper" if "row.weight" in state else "physics"
         self._lines = None
         if self.kind == "paper":
             self._lines = (
@@ -139,7 +169,8 @@ class Weights:
         """(..., rows, cols) ADC ratio -> force [N], same shape.
 
         Raises:
-            ValueError: another number of rows or columns than the network was made for.
+            ValueError: another number of rows or columns than the network was made for, or numbers
+                that grow beyond all bounds on their way, as they do with senseless weights.
         """
         adc = np.asarray(adc)
         if adc.shape[-2:] != (self.rows, self.cols):
@@ -150,7 +181,10 @@ class Weights:
         out = np.empty(frames.shape)
         for start in range(0, len(frames), _FRAMES_AT_ONCE):
             here = slice(start, start + _FRAMES_AT_ONCE)
-            out[here] = self._pass(frames[here])
+            with np.errstate(over="ignore", invalid="ignore"):  # seen below
+                out[here] = self._pass(frames[here])
+        if not np.isfinite(out.sum()):
+            raise ValueError(f"weights {self.path}: the network's force is not finite")
         return out.reshape(adc.shape)
 
     def _pass(self, frames: np.ndarray) -> np.ndarray:
@@ -225,6 +259,27 @@ class Weights:
         scratch.n = n
 
 
+def _checked(state: dict, wanted: dict[str, tuple[int, ...]]) -> dict[str, np.ndarray]:
+    """The arrays as float32, in the order of `wanted`; ValueError unless they are just those."""
+    for what, names in (("missing", wanted.keys() - state), ("unknown", state.keys() - wanted)):
+        if names:
+            raise ValueError(f"array {min(names)!r} is {what}: must be {', '.join(wanted)}")
+    checked = {}
+    for name, shape in wanted.items():
+        array = np.asarray(state[name])
+        if array.shape != shape or array.dtype.kind != "f":
+            raise ValueError(
+                f"array {name!r} is {array.dtype} of shape {array.shape}: must be float of {shape}"
+            )
+        with np.errstate(over="ignore"):
+            checked[name] = array.astype(np.float32)
+        if not np.isfinite(checked[name]).all():
+            raise ValueError(f"array {name!r}: must be finite")
+    if not (checked["input_std"] > 0).all():
+        raise ValueError("array 'input_std': must be above 0")
+    return checked
+
+
 def _layers(state: dict, name: str) -> list[tuple[np.ndarray, np.ndarray]]:
     """Weights (out, in, 3, 3) and biases (out,) of the numbered layers of one name, in order."""
     count = sum(key.startswith(name) and key.endswith("weight") for key in state)
@@ -254,23 +309,40 @@ def load(path) -> Weights:
     """Read weights written by `save`.
 
     Raises:
-        ValueError: the file is not one of those; the message names it.
+        FileError: the file is not one of those; the message names it and what is wrong.
         OSError: it cannot be read.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(f"weights {path}: no such file")
     try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = dict(file)
-        meta = json.loads(str(arrays.pop("meta")))
-        if meta["format"] != _FORMAT:
-            raise ValueError(f"format {meta['format']}, this version reads {_FORMAT}")
-        return Weights(arrays, meta, path)
+        data = read_bytes(path, _MOST_BYTES)
+    except FileNotFoundError as error:
+        raise FileNotFoundError(f"weights {path}: no such file") from error
+    except FileError as error:
+        raise FileError(f"weights {error}") from error
+    try:
+        arrays = _unpack(data)
+        meta = json.loads(str(arrays.pop("meta", None)))
+        if not isinstance(meta, dict) or meta.get("format") != _FORMAT:
+            raise ValueError(f"meta: format: must be {_FORMAT}")
+        return Weights(arrays, meta, Path(path))
     except Exception as error:  # whatever a foreign or damaged file raises in zip, JSON or arrays
-        raise ValueError(
-            f"weights {path}: not a weights file of tactile_skin: {error!r}"
-        ) from error
+        reason = one_line(error) if isinstance(error, ValueError) else repr(error)
+        raise FileError(f"weights {path}: not a weights file of tactile_skin: {reason}") from error
+
+
+def _unpack(data: bytes) -> dict[str, np.ndarray]:
+    """The arrays of an .npz, as `save` writes it; any exception if it is not one."""
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        members = archive.infolist()
+    if len(members) > _MOST_ARRAYS or len({m.filename for m in members}) < len(members):
+        raise ValueError(f"{len(members)} arrays: must be at most {_MOST_ARRAYS}, of one name each")
+    if sum(member.file_size for member in members) > _MOST_BYTES:
+        raise ValueError(f"unpacks to too much: must be at most {_MOST_BYTES // 1024} KiB")
+    if not {m.compress_type for m in members} <= {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}:
+        raise ValueError("packed as `save` never does")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # of arrays that only old programs wrote
+        with np.load(io.BytesIO(data), allow_pickle=False) as file:
+            return dict(file)
 
 
 @cache

@@ -32,6 +32,7 @@ import yaml
 
 from . import bus, launch, msg
 from .config import ParameterFile
+from .files import one_line, parse_yaml, shorten
 from .nodes import QUEUE
 from .threads import one_thread
 
@@ -463,10 +464,8 @@ def split_arguments(words: list[str]) -> tuple[list[str], RosArguments]:
             if not assigned or not name or ":" in name:
                 raise ValueError(f"--ros-args: {word} {value!r}: must be name:=value")
             if word in ("-p", "--param"):
-                try:
-                    args.parameters.append(bus.Parameter(name, yaml.safe_load(to)))
-                except yaml.YAMLError as error:
-                    raise ValueError(f"--ros-args: {word} {value!r}: not valid YAML") from error
+                value_of = parse_yaml(to, f"--ros-args: {word} {shorten(value)}")
+                args.parameters.append(bus.Parameter(name, value_of))
             elif name in ("__node", "__name"):
                 args.name = to
             elif name == "__ns":
@@ -495,7 +494,7 @@ def run(executable: str, words: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         return 130
     except (ValueError, OSError, ModuleNotFoundError) as error:
-        print(f"{executable}: error: {error}", file=sys.stderr)
+        print(f"{executable}: error: {one_line(error)}", file=sys.stderr)
         return 2
 
 

@@ -70,8 +70,7 @@ def _standardise(net: nn.Module, channels: int) -> None:
 def _stages(channels: int) -> tuple[nn.ModuleList, nn.ModuleList]:
     """The paper's dilated convolutions side by side, and the plain ones behind them."""
     context = [nn.Conv2d(channels, 9, 3, padding=d, dilation=d) for d in network.DILATIONS]
-    sizes = ((27, 9), (9, 9), (9, 9), (9, 1))
-    head = [nn.Conv2d(a, b, 3, padding=1) for a, b in sizes]
+    head = [nn.Conv2d(a, b, 3, padding=1) for a, b in network.HEAD]
     return nn.ModuleList(context), nn.ModuleList(head)
 
 
@@ -142,6 +141,8 @@ def train(
         "curve": curve.describe(),
     }
     scale = curve.max_force
+    checkpoint = out / "checkpoint.pt"
+    state = _resumed(checkpoint, run, device) if resume and checkpoint.exists() else None
     sets = {}
     for which, n in (("train", config.pairs), ("validation", config.validation)):
         bar = lambda chunks, which=which: track(chunks, desc=f"{which} pairs")  # noqa: E731
@@ -162,18 +163,7 @@ def train(
     optimizer = _optimizer(net, config)
     best = {"error": math.inf, "epoch": -1, "state": _copy_of(net)}
     history: list[dict] = []
-    checkpoint = out / "checkpoint.pt"
-    if resume and checkpoint.exists():
-        state = torch.load(checkpoint, weights_only=True, map_location=device)
-        if state["run"] != run:
-            changed = [
-                k for k in run["config"] if state["run"]["config"].get(k) != run["config"][k]
-            ]
-            changed += [k for k in ("circuit", "curve") if state["run"][k] != run[k]]
-            raise ValueError(
-                f"{checkpoint} belongs to a run with another {', '.join(changed)}: "
-                "give another --out, or --restart to begin anew"
-            )
+    if state is not None:
         net.load_state_dict(state["net"])
         optimizer.load_state_dict(state["optimizer"])
         best, history = state["best"], state["history"]
@@ -223,6 +213,26 @@ def train(
     meta = run | {"epoch": best["epoch"], "validation_g": best["error"]}
     network.save(path, {k: v.cpu().numpy() for k, v in best["state"].items()}, meta)
     return path
+
+
+def _resumed(checkpoint: Path, run: dict, device: str) -> dict:
+    """What the checkpoint of this run holds; ValueError if it is damaged, or of another run."""
+    advice = "give another --out, or --restart to begin anew"
+    try:
+        state = torch.load(checkpoint, weights_only=True, map_location=device)
+        made = state["run"]
+        changed = [k for k in run["config"] if made["config"].get(k) != run["config"][k]]
+        changed += [k for k in ("circuit", "curve") if made[k] != run[k]]
+        absent = {"net", "optimizer", "best", "history"} - state.keys()
+    except Exception as error:  # whatever a foreign or damaged file raises
+        raise ValueError(f"{checkpoint}: is no checkpoint of a training: {advice}") from error
+    if absent:
+        raise ValueError(f"{checkpoint}: {min(absent)} is missing: {advice}")
+    if made != run:
+        raise ValueError(
+            f"{checkpoint} belongs to a run with another {', '.join(changed)}: {advice}"
+        )
+    return state
 
 
 def _state_of(config: TrainingConfig, shape: tuple[int, int]) -> dict:

@@ -34,6 +34,7 @@ from tactile_skin.nodes.stop_on_push import LATCHED
 
 PATIENCE = 30.0  # s, for what must happen; how fast it does is not tested
 NODE = "- node: {pkg: tactile_skin, exec: stop_on_push%s}\n"
+NOTHING = "- let: {name: a, value: b}\n"
 
 
 @pytest.fixture
@@ -369,7 +370,7 @@ def test_a_missing_parameter_file_is_named(write):
 @pytest.mark.parametrize(
     ("param", "named"),
     [
-        ("{name: treshold, value: 1.0}", "launch file: parameter 'treshold' is unknown"),
+        ("{name: treshold, value: 1.0}", "launch.yaml: parameter 'treshold' is unknown"),
         ("{name: threshold, value: high}", "parameter threshold of node stop_on_push = 'high'"),
         ("{name: hold, value: 61.0}", "must be from 0.0 to 60.0"),
     ],
@@ -640,7 +641,7 @@ def test_a_hook_finds_the_stop_node_wherever_it_is(write, place):
 
 
 def test_a_hook_without_a_stop_node_is_refused(write):
-    with launch(write("launch: []")) as skin, pytest.raises(LaunchError, match="no stop_on_push"):
+    with launch(write(NOTHING)) as skin, pytest.raises(LaunchError, match="no stop_on_push"):
         skin.on_stop(print)
 
 
@@ -772,7 +773,7 @@ def test_event_hooks_find_their_topics_behind_remappings(write):
 
 @pytest.mark.parametrize("name", ["on_push", "on_release", "on_stroke", "reset_stop"])
 def test_what_needs_a_node_that_is_not_there_is_refused(write, name):
-    with launch(write("launch: []")) as skin, pytest.raises(LaunchError, match="starts no"):
+    with launch(write(NOTHING)) as skin, pytest.raises(LaunchError, match="starts no"):
         getattr(skin, name)(*([] if name == "reset_stop" else [print]))
 
 

@@ -7,7 +7,7 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "tactile_skin"
 PURE = ["circuit", "curve", "scenes", "network", "geometry", "features", "tracking"]
-PURE += ["gestures", "stop", "tare", "events", "gate", "admittance"]
+PURE += ["files", "gestures", "stop", "tare", "events", "gate", "admittance"]
 PURE += sorted(f"solvers/{path.stem}" for path in (PACKAGE / "solvers").glob("*.py"))
 WORLD = {"serial", "socket", "threading", "tactile_skin.bus", "bus", "msg", "config", "nodes"}
 

@@ -21,7 +21,7 @@ from .learned import cnn, physics
 from .map import map_estimate
 from .naive import naive
 from .newton import explained, newton
-from .reading import check_reading
+from .reading import check_prior, check_reading, check_start
 from .suspect import piled
 
 METHODS = {
@@ -66,7 +66,8 @@ def compensate(
         weights: a `network.Weights` for the learned methods; None: those shipped with the package.
         start: the last frame's estimate, from which newton, map and auto then go on.
         prior: (mean, std) of each cell's force [N], arrays (rows, cols) or numbers, joined to the
-            built-in prior of map as independent knowledge: a network's output, say.
+            built-in prior of map as independent knowledge: a network's output, say. A std of
+            infinity says nothing.
         noise: RMS noise of a reading in ADC steps; None: told from the grid that the values lie
             on (whole steps: rounding; fractions of 1/64 step: noise and averaging; else exact).
         missing: whether NaN marks a missing reading (map and auto only).
@@ -76,13 +77,15 @@ def compensate(
 
     Raises:
         ValueError: wrong shape, NaN where a reading is due, a reading outside [0, 1], an argument
-            outside its range, an unknown method, a method that needs what is missing, or weights
-            that were made for another circuit or curve.
+            of another type or outside its range, an unknown method, a method that needs what is
+            missing, or weights that were made for another circuit or curve.
     """
     if method not in METHODS:
         raise ValueError(f"method {method!r}: must be one of {', '.join(METHODS)}")
-    if start is not None and start.force.shape != circuit.shape:
-        raise ValueError(f"start has shape {start.force.shape}: the circuit is {circuit.shape}")
+    if start is not None:
+        check_start(start, circuit)
+    if prior is not None:
+        prior = check_prior(prior, circuit)
     reading = check_reading(
         adc,
         circuit,

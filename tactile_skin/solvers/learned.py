@@ -32,7 +32,10 @@ def physics(reading: Reading, weights=None, **_) -> Estimate:
 
 def _learned(reading: Reading, weights, method: str, kind: str) -> Estimate:
     reading.need_whole(method)
-    weights = weights or network.shipped(kind)
+    weights = network.shipped(kind) if weights is None else weights
+    if not isinstance(weights, network.Weights):
+        found = type(weights).__name__
+        raise ValueError(f"weights are of type {found}: must be Weights, see network.load")
     if weights.kind != kind:
         raise ValueError(f"weights {weights.path}: of a {weights.kind} network, not for {method!r}")
     weights.check(reading.circuit, reading.curve)

@@ -10,10 +10,14 @@ import numpy as np
 
 from ..circuit import Circuit, two_terminal_resistance
 from ..curve import PressureCurve
+from ..files import shorten
+from .estimate import Estimate
 
 SCAN_NOISE = 0.52  # ADC steps RMS: mean of 4 samples with 1 step of noise, each rounded
 ROUNDING_NOISE = 12**-0.5  # ADC steps RMS of rounding to whole steps
 _FRACTION = 64  # the board sends at most 6 fractional bits (its low-pass filter's)
+# N, of a prior: no cell feels more, none is known better; the squares of both stay numbers.
+_MOST_MEAN, _LEAST_STD = 1e6, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,6 +142,57 @@ def check_reading(
         noise = _noise_of(adc * circuit.full_scale)
     deadline = np.inf if time_limit is None else time.monotonic() + time_limit
     return Reading(adc, known, capped, float(threshold), noise, deadline, circuit, curve)
+
+
+def check_start(start: Estimate, circuit: Circuit) -> None:
+    """ValueError unless `start` is an estimate to go on from, of a skin of this shape."""
+    if not isinstance(start, Estimate):
+        kind = type(start).__name__
+        raise ValueError(f"start is of type {kind}: must be an Estimate, that of the last frame")
+    force = np.asarray(start.force)
+    if force.shape != circuit.shape:
+        raise ValueError(f"start has shape {force.shape}: the circuit is {circuit.shape}")
+    if not (force.min() >= 0.0 and force.max() < np.inf):  # NaN is neither
+        _refuse("start.force", force, (force >= 0.0) & (force < np.inf), "finite and 0 N or more")
+    if start.r_par is not None and not 0.0 <= start.r_par < np.inf:
+        raise ValueError(f"start.r_par = {start.r_par!r} ohm: must be finite and 0 or more")
+
+
+def check_prior(prior, circuit: Circuit) -> tuple[np.ndarray, np.ndarray]:
+    """(mean, std) as (rows, cols) arrays [N]; ValueError says what is wrong with them, and where.
+
+    Where the circuit has no cell, anything is allowed.
+    """
+    try:
+        mean, std = prior
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"prior = {shorten(prior)}: must be two, mean and std") from error
+    mean, std = _picture("prior mean", mean, circuit), _picture("prior std", std, circuit)
+    known = (mean >= 0.0) & (mean <= _MOST_MEAN)
+    if not known.all():
+        _refuse("prior mean", mean, known, f"from 0 to {_MOST_MEAN:g} N")
+    if not (std > 0.0).all():
+        _refuse("prior std", std, std > 0.0, "above 0 N")
+    return mean, np.maximum(std, _LEAST_STD)
+
+
+def _picture(name: str, value, circuit: Circuit) -> np.ndarray:
+    """A number or (rows, cols) as (rows, cols) floats, 1 where there is no cell."""
+    try:
+        array = np.asarray(value)
+    except ValueError:  # lists of unequal length
+        array = np.array(None)
+    if array.dtype.kind not in "fiu":
+        kind = type(value).__name__
+        raise ValueError(f"{name} is of type {kind}: must be a number or {circuit.shape} of them")
+    if array.shape not in ((), circuit.shape):
+        raise ValueError(f"{name} has shape {array.shape}: must be a number or {circuit.shape}")
+    return np.where(circuit.populated, array, 1.0)
+
+
+def _refuse(name: str, array: np.ndarray, good: np.ndarray, allowed: str):
+    row, col = np.argwhere(~good)[0]
+    raise ValueError(f"{name} = {array[row, col]} at row {row}, column {col}: must be {allowed}")
 
 
 @lru_cache(maxsize=16)

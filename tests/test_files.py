@@ -1,0 +1,981 @@
+"""Every bad file is refused: status 2 and one line that names it, soon, and never a traceback."""
+
+import io
+import itertools
+import json
+import logging
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+import warnings
+import zipfile
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from tactile_skin import Circuit, PressureCurve, cli, compensate, forward, network, training
+from tactile_skin.config import ParameterFile
+from tactile_skin.dataset import TrainingConfig
+from tactile_skin.files import FileError, one_line, parse_yaml, shorten
+from tactile_skin.geometry import read_table
+from tactile_skin.launch import Skin, read_plan, share_dir
+
+HANG = 5  # s after which a file counts as one that hangs; most are refused within 0.05 s
+CONFIG = (share_dir() / "config" / "skin.yaml").read_text()
+LAUNCH = (share_dir() / "launch" / "skin.launch.yaml").read_text()
+NODE = "- node: {pkg: tactile_skin, exec: %s, param: [{from: %s}]}\n"
+WEIGHTS = (network.SHIPPED / "paper.npz").read_bytes()
+
+
+class Hangs(BaseException):
+    """Not an Exception: nobody may catch it."""
+
+
+@pytest.fixture(autouse=True)
+def guard():
+    """A test that hangs fails, and log settings and signal handlers stay as they were."""
+
+    def hangs(*_):
+        raise Hangs
+
+    root = logging.getLogger()
+    handlers, level = list(root.handlers), root.level
+    before = {s: signal.getsignal(s) for s in (signal.SIGTERM, signal.SIGINT, signal.SIGALRM)}
+    signal.signal(signal.SIGALRM, hangs)
+    yield
+    signal.alarm(0)
+    for number, handler in before.items():
+        signal.signal(number, handler)
+    root.handlers[:], root.level = handlers, level
+
+
+@pytest.fixture
+def refused(capfd, tmp_path, monkeypatch):
+    """A function that runs a command on a bad file; the line that refuses it, which names it."""
+    monkeypatch.chdir(tmp_path)
+
+    def refused(*words, named="bad") -> str:
+        signal.alarm(HANG)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            status = cli.main(list(map(str, words)))
+        signal.alarm(0)
+        out, err = capfd.readouterr()
+        assert (status, out) == (2, "")
+        (line,) = err.splitlines()
+        assert line.startswith(f"tactile-skin {words[0]}: error: ")
+        assert "Traceback" not in line
+        assert len(line) < 1000
+        assert named in line
+        return line
+
+    return refused
+
+
+def holds(line: str, words) -> None:
+    for word in [words] if isinstance(words, str) else words:
+        assert word in line
+
+
+# --- what is bad in any file --------------------------------------------------------------------
+
+
+def doubling(first: str, wrap: str) -> str:
+    """An alias bomb: ten times as much on each of eight lines."""
+    lines = [f"a: &a {first}"]
+    for a, b in itertools.pairwise("abcdefghi"):
+        lines.append(f"{b}: &{b} {wrap % ', '.join([f'*{a}'] * 10)}")
+    return "\n".join(lines)
+
+
+YAML = {  # what is wrong -> (content, what the line must hold)
+    "alias bomb": (doubling("[x, x]", "[%s]"), ["line 5", "too many values"]),
+    "merge bomb": (doubling("{k: v}", "{<<: [%s]}"), ["line 5", "too many values"]),
+    "alias within itself": ("a: &a [*a]", ["line 1", "alias *a stands within itself"]),
+    "map within itself": ("a: &a {b: *a}", "alias *a stands within itself"),
+    "deep lists": ("[" * 5000, "too deep"),
+    "deep lists, closed": ("[" * 5000 + "]" * 5000, "too deep"),
+    "deep maps": ("{a: " * 5000, "too deep"),
+    "deep lines": ("- " * 5000 + "a", "too deep"),
+    "deep lines by aliases": (
+        "a0: &a0 [x]\n" + "".join(f"a{k + 1}: &a{k + 1} [*a{k}]\n" for k in range(30)),
+        ["line 19", "too deep"],
+    ),
+    "many values": ("a: [" + "1, " * 20_000 + "]", ["line 1", "too many values"]),
+    "many keys": ("".join(f"k{n}: 1\n" for n in range(5000)), ["line 2000", "too many values"]),
+    "large": ("#" * 100_000, "too large: must be at most 64 KiB"),
+    "number of 10,000 digits": ("a: " + "1" * 10_000, ["line 1", "at most 100 characters"]),
+    "number of many sixties": ("a: 1" + ":10" * 10_000, "at most 100 characters"),
+    "hexadecimal without end": ("a: 0x" + "f" * 10_000, "at most 100 characters"),
+    "number of 65 bit": ("b: 1\na: 18446744073709551615", ["line 2", "must fit into 64 bit"]),
+    "key null": ("null: 1", ["line 1", "key: 'null': must be text"]),
+    "key empty": ("? \n: 1", "key: '': must be text"),
+    "key a number": ("1: 1", "key: '1': must be text"),
+    "key true": ("on: 1", "key: 'on': must be text, in quotes"),
+    "key a list": ("? [a]\n: 1", "key: a list or map: must be text"),
+    "key twice": ("a: 1\nb: 2\na: 3", ["line 3", "key 'a' is given twice, first in line 1"]),
+    "key twice, below": ("a:\n  b: 1\n  b: 1", ["line 3", "key 'b' is given twice"]),
+    "key twice, in quotes": ("{a: 1, 'a': 2}", "key 'a' is given twice"),
+    "object": ("a: !!python/object/apply:os.system [ls]", "tag '!!python/object/apply:os.system'"),
+    "own tag": ("a: !mine 5", "tag '!mine' is not understood"),
+    "set": ("a: !!set {b}", "tag '!!set' is not understood"),
+    "no int": ("a: !!int x", "'x' is no !!int"),
+    "empty int": ("a: !!int ''", "'' is no !!int"),
+    "no bool": ("a: !!bool maybe", "'maybe' is no !!bool"),
+    "int that is a list": ("a: !!int [1]", ["not valid YAML", "line 1"]),
+    "Latin-1": (b"b: 1\na: gr\xfc\xdfe", ["line 2", "not UTF-8 text: byte 0xfc"]),
+    "UTF-16": ("a: 1".encode("utf-16"), ["line 1", "not UTF-8 text: byte 0xff"]),
+    "random bytes": (bytes(range(256)), "line 2: not UTF-8 text: byte 0x80"),
+    "NUL": (b"b: 1\na: \0", ["line 2", "character U+0000"]),
+    "escaped NUL": ('a: "b\\0"', "character U+0000 is not allowed"),
+    "half of a character": ('a: "\\ud800"', "character U+D800 is not allowed"),
+    "character beyond all": ('a: "\\UFFFFFFFF"', ["not valid YAML", "line 1"]),
+    "control character": ("a: \x07", "character U+0007"),
+    "two documents": ("a: 1\n---\nb: 2", ["line 2", "expected a single document"]),
+    "tab": ("a:\n\tb: 1", ["line 2", "'\\t'"]),
+    "open bracket": ("a: [1", ["not valid YAML", "line 1"]),
+    "open quote": ("a: 'b", "not valid YAML"),
+    "unknown alias": ("a: *b", "undefined alias 'b'"),
+    "anchor twice": ("a: &a 1\nb: &a 2", ["line 2", "duplicate anchor 'a'"]),
+    "merge of no map": ("a: {<<: 5}", "expected a mapping"),
+    "version": ("%YAML 9.9\n---\na: 1", "incompatible"),
+    "version of many digits": ("%YAML 1." + "9" * 5000 + "\n---\na: 1", "not valid YAML"),
+    "a number alone": ("5", "must"),
+    "a list": ("- 1", "must"),
+    "false": ("false", "must"),
+}
+NO_FILE = {  # what it is -> (how it is made, what the line must hold)
+    "folder": (lambda path: path.mkdir(), "is a folder: must be a regular file"),
+    "pipe": (lambda path: os.mkfifo(path), "is a device or pipe: must be a regular file"),
+    "device": (lambda path: path.symlink_to("/dev/zero"), "is a device or pipe"),
+    "link to itself": (lambda path: path.symlink_to(path), "oo many levels of symbolic links"),
+    "missing": (lambda path: None, "o such file"),
+    "name of 5,000 characters": (None, "File name too long"),
+}
+
+
+def write(path, content) -> None:
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+
+
+def bad_file(tmp_path, wrong):
+    make, words = NO_FILE[wrong]
+    path = tmp_path / ("bad" + "x" * 5000 if make is None else "bad")
+    if make:
+        make(path)
+    return path, words
+
+
+def launching(tmp_path, entities: str):
+    path = tmp_path / "outer.launch.yaml"
+    path.write_text("launch:\n" + entities)
+    return path
+
+
+def with_parameters(tmp_path, path):
+    """A launch file of one node that reads this parameter file."""
+    return launching(tmp_path, NODE % ("compensation", json.dumps(str(path))))
+
+
+def with_weights(tmp_path, path):
+    config = tmp_path / "skin.yaml"
+    section = {"compensation": {"ros__parameters": {"weights": str(path), "method": "cnn"}}}
+    config.write_text(json.dumps(section))
+    return with_parameters(tmp_path, config)
+
+
+def with_table(tmp_path, path):
+    config = tmp_path / "skin.yaml"
+    parameters = {
+        "circuit": {"rows": 2, "cols": 2},
+        "geometry": {"shape": "table", "table": str(path)},
+    }
+    config.write_text(json.dumps({"/**": {"ros__parameters": parameters}}))
+    return with_parameters(tmp_path, config)
+
+
+@pytest.mark.parametrize("wrong", YAML)
+def test_a_bad_launch_file(refused, tmp_path, wrong):
+    content, words = YAML[wrong]
+    write(tmp_path / "bad.launch.yaml", content)
+    holds(refused("launch", tmp_path / "bad.launch.yaml"), words)
+
+
+@pytest.mark.parametrize("wrong", YAML)
+def test_a_bad_parameter_file(refused, tmp_path, wrong):
+    content, words = YAML[wrong]
+    write(tmp_path / "bad.yaml", content)
+    holds(refused("launch", with_parameters(tmp_path, tmp_path / "bad.yaml")), words)
+    holds(refused("sim", "--link", "x", "--config", "bad.yaml"), words)
+
+
+@pytest.mark.parametrize("wrong", YAML)
+def test_a_bad_curve_file(tmp_path, wrong):
+    content, words = YAML[wrong]
+    write(tmp_path / "bad.yaml", content)
+    signal.alarm(HANG)
+    with pytest.raises(FileError) as error:
+        PressureCurve.load(tmp_path / "bad.yaml")
+    holds(one_line(error.value), "bad.yaml: ")
+    holds(one_line(error.value), "needs the keys" if words == "must" else words)
+
+
+@pytest.mark.parametrize("wrong", NO_FILE)
+def test_what_is_no_file(refused, tmp_path, wrong):
+    """Wherever a file is named."""
+    path, words = bad_file(tmp_path, wrong)
+    for command in (
+        ("launch", with_parameters(tmp_path, path)),
+        ("launch", "skin.launch.yaml", "port:=loop://", f"config:={path}"),
+        ("sim", "--link", "x", "--config", path),
+        ("train", "--config", path),
+        ("train", "--start", path),
+        ("export", path, "out.onnx"),
+        ("launch", with_weights(tmp_path, path)),
+        ("launch", with_table(tmp_path, path)),
+        ("launch", path),
+        ("launch", launching(tmp_path, f"- include: {{file: '{path}'}}\n")),
+    ):
+        holds(refused(*command), words)
+    signal.alarm(HANG)
+    with pytest.raises((OSError, FileError)) as error:
+        PressureCurve.load(path)
+    holds(one_line(error.value), words)
+
+
+def test_an_empty_file_name(refused):
+    for words in (
+        ("launch", "skin.launch.yaml", "port:=loop://", "config:="),
+        ("launch", ""),
+        ("sim", "--link", "x", "--config", ""),
+        ("export", "", "out.onnx"),
+    ):
+        refused(*words, named=": ")
+
+
+def test_where_results_go(refused, tmp_path):
+    """A file where a folder must be, and the reverse, before long work."""
+    (tmp_path / "bad").write_text("precious")
+    holds(refused("train", "--out", "bad"), "--out bad: must be a folder")
+    holds(refused("bench", "--out", "bad"), "--out bad: must be a folder")
+    holds(refused("export", "paper", "bad/x.onnx"), "must be a file in a folder that exists")
+    (tmp_path / "bad2").mkdir()
+    holds(refused("export", "paper", "bad2"), "must be a file in a folder that exists")
+    assert (tmp_path / "bad").read_text() == "precious"
+
+
+@pytest.mark.parametrize("content", [b"", b"no checkpoint", WEIGHTS])
+def test_a_bad_checkpoint(tmp_path, content):
+    """Refused before the pairs of a training are made."""
+    (tmp_path / "checkpoint.pt").write_bytes(content)
+    with pytest.raises(ValueError, match=r"checkpoint.pt: is no checkpoint .* --restart"):
+        training.train(Circuit(4, 4), PressureCurve(), TrainingConfig(), tmp_path)
+
+
+# --- launch files -------------------------------------------------------------------------------
+
+
+def lets(n: int) -> str:
+    """Each twice as long as the one before."""
+    lines = "".join(f"- let: {{name: a{k + 1}, value: $(var a{k})$(var a{k})}}\n" for k in range(n))
+    return "- let: {name: a0, value: x}\n" + lines
+
+
+STOP = "- node: {pkg: tactile_skin, exec: stop_on_push, %s}\n"
+ENTITIES = {  # what is wrong -> (entities, what the line must hold)
+    "nothing": (" []\n", "starts nothing"),
+    "only arguments": ("- arg: {name: a, default: b}\n", "starts nothing"),
+    "null": ("- null\n", "None: must be one of arg"),
+    "a long list": (f"- [{'x, ' * 1000}]\n", ", 'x', 'x']: must be one of"),
+    "null body": ("- node:\n", "node: must map keys"),
+    "argument null": ("- arg: {name: null}\n", "arg: name = None"),
+    "argument number": ("- arg: {name: 5, default: a}\n", "arg: name = 5: must be of letters"),
+    "argument list": ("- arg: {name: [a], default: a}\n", "arg: name = ['a']"),
+    "argument empty": ("- arg: {name: '', default: a}\n", "arg: name = ''"),
+    "argument with blanks": ("- arg: {name: a b, default: a}\n", "arg: name = 'a b'"),
+    "argument twice": ("- arg: {name: a, default: b}\n" * 2, "arg: name = 'a': there are two"),
+    "default a list": ("- arg: {name: a, default: [b]}\n", "arg: default = ['b']: must be text"),
+    "description a map": (
+        "- arg: {name: a, default: b, description: {c: d}}\n",
+        "arg: description = {'c': 'd'}: must be text",
+    ),
+    "let null": ("- let: {name: a, value: null}\n", "let: value = None: must be text"),
+    "let that doubles": (lets(60), "let: value = 'xxx"),
+    "if a list": (STOP % "if: [true]", "node: if = [True]: must be text"),
+    "if null": (STOP % "if: null", "node: if = None"),
+    "exec null": ("- node: {pkg: tactile_skin, exec: null}\n", "node: exec = None"),
+    "exec a list": ("- node: {pkg: tactile_skin, exec: [stop_on_push]}\n", "node: exec = ['st"),
+    "name null": (STOP % "name: null", "stop_on_push: name = None: must be of letters"),
+    "name a number": (STOP % "name: 5", "stop_on_push: name = 5: must be of letters"),
+    "name empty": (STOP % "name: ''", "stop_on_push: name = '': must be of letters"),
+    "name with a slash": (STOP % "name: a/b", "name = 'a/b': must be of letters"),
+    "name a list": (STOP % "name: [a]", "name = ['a']: must be of letters"),
+    "two of one name": (STOP % "name: a" * 2, "node /a: there are two of this name"),
+    "namespace null": (STOP % "namespace: null", "namespace = None: must be names"),
+    "namespace a map": (STOP % "namespace: {a: b}", "namespace = {'a': 'b'}: must be names"),
+    "namespace of blanks": (STOP % "namespace: a b", "namespace = 'a b': must be names"),
+    "namespace long": (STOP % ("namespace: " + "a" * 5000 + "!"), "namespace = 'aaa"),
+    "param name null": (STOP % "param: [{name: null, value: 1}]", "param: name = None"),
+    "param name list": (STOP % "param: [{name: [a], value: 1}]", "param: name = ['a']"),
+    "param null": (STOP % "param: [{name: threshold, value: null}]", "threshold of node"),
+    "param list": (STOP % "param: [{name: threshold, value: [1.0]}]", "= [1.0]: must be of type"),
+    "param map": (STOP % "param: [{name: hold, value: {a: 1}}]", "= {'a': 1}: must be of type"),
+    "param list of lists": (
+        STOP % "param: [{name: curve.force, value: [[0.0], [1.0]]}]",
+        "curve.force of node stop_on_push",
+    ),
+    "param unknown": (STOP % "param: [{name: a, value: 1}]", "parameter 'a' is unknown"),
+    "param twice": (
+        STOP % "param: [{name: hold, value: 1.0}, {name: hold, value: 2.0}]",
+        "param hold is given twice",
+    ),
+    "param an alias bomb": (
+        STOP
+        % (
+            "param: [{name: hold, value: '"
+            + doubling("[x]", "[%s]").replace("\n", "\n\n  ")
+            + "'}]"
+        ),
+        "param hold",
+    ),
+    "param deep": (STOP % f"param: [{{name: hold, value: '{'[' * 5000}'}}]", "too deep"),
+    "param of 65 bit": (STOP % "param: [{name: hold, value: '99999999999999999999'}]", "64 bit"),
+    "param of 10,000 digits": (
+        STOP % f"param: [{{name: hold, value: '{'1' * 9000}'}}]",
+        "at most 100 characters",
+    ),
+    "param infinite": (STOP % "param: [{name: hold, value: 1.0e+400}]", "= inf: must be finite"),
+    "param not a number": (STOP % "param: [{name: hold, value: .nan}]", "= nan: must be finite"),
+    "from null": (STOP % "param: [{from: null}]", "param: from = None"),
+    "from a list": (STOP % "param: [{from: [a.yaml]}]", "param: from = ['a.yaml']"),
+    "remap null": (STOP % "remap: [{from: null, to: a}]", "remap: from = None: must be a topic"),
+    "remap to nothing": (STOP % "remap: [{from: a, to: ''}]", "remap: to = '': must be a topic"),
+    "remap to a number": (STOP % "remap: [{from: a, to: 5}]", "remap: to = 5: must be a topic"),
+    "remap of blanks": (STOP % "remap: [{from: a, to: 'a b'}]", "remap: to = 'a b'"),
+    "remap with a rule": (STOP % "remap: [{from: 'a:=b', to: c}]", "remap: from = 'a:=b'"),
+    "remap twice": (STOP % "remap: [{from: a, to: b}, {from: a, to: c}]", "two from one topic"),
+    "remap to another type": (
+        STOP % "remap: [{from: skin/stop, to: skin/contacts}]",
+        ["/stop_on_push", "/skin/contacts carries", "check remap"],
+    ),
+    "cmd empty": ("- executable: {cmd: ''}\n", "cmd = '': must name a program"),
+    "cmd blank": ("- executable: {cmd: '  '}\n", "cmd = '  ': must name a program"),
+    "cmd of nothing": ("- executable: {cmd: \"'' a\"}\n", "must name a program"),
+    "cmd null": ("- executable: {cmd: null}\n", "cmd = None: must be text"),
+    "cmd a list": ("- executable: {cmd: [ls, -l]}\n", "cmd = ['ls', '-l']: must be text"),
+    "cmd with an open quote": ("- executable: {cmd: 'echo \"a'}\n", "No closing quotation"),
+    "cmd with a backslash": ("- executable: {cmd: 'echo \\'}\n", "No escaped character"),
+    "include null": ("- include: {file: null}\n", "include: file = None"),
+    "include a folder": ("- include: {file: $(dirname)}\n", "is a folder"),
+    "include itself": ("- include: {file: $(dirname)/bad.launch.yaml}\n", "includes itself"),
+    "include arg null": (
+        "- include: {file: a, arg: [{name: null, value: 1}]}\n",
+        "include: arg: name = None",
+    ),
+    "include arg a list": (
+        "- include: {file: a, arg: [{name: a, value: [1]}]}\n",
+        "include: arg a = [1]",
+    ),
+    "include arg twice": (
+        "- include: {file: a, arg: [{name: a, value: 1}, {name: a, value: 2}]}\n",
+        "include: arg 'a': is given twice",
+    ),
+}
+
+
+@pytest.mark.parametrize("wrong", ENTITIES)
+def test_a_launch_file_of_bad_entities(refused, tmp_path, wrong):
+    entities, words = ENTITIES[wrong]
+    write(tmp_path / "bad.launch.yaml", "launch:\n" + entities)
+    holds(refused("launch", "bad.launch.yaml", named=""), words)
+
+
+def test_launch_files_that_include_one_another(refused, tmp_path):
+    for one, other in ("ab", "bc", "cb"):
+        text = f"launch:\n- include: {{file: $(dirname)/{other}.launch.yaml}}\n"
+        (tmp_path / f"{one}.launch.yaml").write_text(text)
+    holds(refused("launch", "a.launch.yaml", named="b.launch.yaml"), "includes itself, by")
+
+
+def test_launch_files_that_include_the_next_ten_times(refused, tmp_path):
+    for one, other in itertools.pairwise("abcdefghi"):
+        text = f"- include: {{file: $(dirname)/{other}.launch.yaml}}\n" * 10
+        (tmp_path / f"{one}.launch.yaml").write_text("launch:\n" + text)
+    (tmp_path / "i.launch.yaml").write_text("launch: []")
+    holds(refused("launch", "a.launch.yaml", named="i.launch.yaml"), "at most 30")
+
+
+def test_an_argument_given_twice(refused):
+    line = refused("launch", "skin.launch.yaml", "port:=a", "port:=b", named="'port'")
+    holds(line, "is given twice")
+
+
+# --- parameter files ----------------------------------------------------------------------------
+
+
+def shared(text: str) -> str:
+    return f"/**:\n  ros__parameters:\n    {text}\n"
+
+
+PARAMETERS = {  # what is wrong -> (content, what the line must hold)
+    "section a list": ("compensation: [a]\n", "compensation: must hold ros__parameters"),
+    "section null": ("compensation:\n", "compensation: must hold ros__parameters"),
+    "parameters a list": ("compensation: {ros__parameters: [a]}\n", "= ['a']: must map names"),
+    "parameters false": ("compensation: {ros__parameters: false}\n", "= False: must map names"),
+    "section twice": (
+        "compensation: {ros__parameters: {}}\n" * 2,
+        "key 'compensation' is given twice",
+    ),
+    "section twice, by its full name": (
+        "compensation: {ros__parameters: {}}\n/compensation: {ros__parameters: {}}\n",
+        "/compensation: is the section compensation again",
+    ),
+    "parameter twice": (
+        shared("{circuit: {rows: 8}, circuit.rows: 9}"),
+        "/**: circuit.rows is given twice",
+    ),
+    "rows huge": (shared("circuit: {rows: 1e400}"), ["circuit.rows", "'1e400'", "type int"]),
+    "rows infinite": (shared("circuit: {rows: 1.0e+400}"), ["circuit.rows", "inf", "type int"]),
+    "rows beyond": (shared("circuit: {rows: 1000000}"), ["circuit.rows", "from 1 to 64"]),
+    "rows negative": (shared("circuit: {rows: -1}"), ["circuit.rows", "from 1 to 64"]),
+    "rows true": (shared("circuit: {rows: true}"), ["circuit.rows", "True", "type int"]),
+    "rows a list": (shared("circuit: {rows: [16]}"), ["circuit.rows", "[16]", "type int"]),
+    "rows a map": (shared("circuit: {rows: {a: 1}}"), "'circuit.rows.a' is unknown"),
+    "rows null": (shared("circuit: {rows: }"), ["circuit.rows", "None", "type int"]),
+    "circuit a number": (shared("circuit: 5"), "'circuit' is unknown"),
+    "r_ref NaN": (shared("circuit: {r_ref: .nan}"), ["circuit.r_ref", "nan"]),
+    "mask a list": (shared("circuit: {mask: ['11', '11']}"), ["circuit.mask", "type str"]),
+    "mask of another size": (shared("circuit: {mask: '11 11'}"), "mask has shape (2, 2)"),
+    "force a number": (shared("curve: {force: 5.0}"), ["curve.force", "5.0", "type list"]),
+    "force of words": (shared("curve: {force: [a, b]}"), ["curve.force", "list of float"]),
+    "force too short": (shared("curve: {force: [0.0]}"), "curve: force has 1"),
+    "force NaN": (shared("curve: {force: [0.0, .nan]}"), ["curve.force", "nan"]),
+    "curve too close": (
+        shared("curve: {force: [0.0, 1.0e-320, 1.0], resistance: [9.0e+300, 2.0e-300, 1.0e-300]}"),
+        "points too close",
+    ),
+    "shape a list": (shared("geometry: {shape: [plane]}"), ["geometry.shape", "type str"]),
+    "rpy of two": (shared("geometry: {rpy: [0.0, 1.0]}"), "rpy = [0.0, 1.0]"),
+    "method a number": ("compensation: {ros__parameters: {method: 5}}", ["method", "5", "str"]),
+    "method unknown": ("compensation: {ros__parameters: {method: magic}}", "method = 'magic'"),
+    "a value of 5,000 letters": (
+        f"compensation: {{ros__parameters: {{method: {'x' * 5000}}}}}",
+        "xxx...xxx",
+    ),
+}
+
+
+@pytest.mark.parametrize("wrong", PARAMETERS)
+def test_a_parameter_file_of_bad_values(refused, tmp_path, wrong):
+    content, words = PARAMETERS[wrong]
+    write(tmp_path / "bad.yaml", content)
+    holds(refused("launch", with_parameters(tmp_path, "bad.yaml"), named="bad.yaml: "), words)
+
+
+def test_a_misspelt_parameter_of_the_board(refused, tmp_path):
+    """`sim` and `train` read circuit and curve alone, but know when one of these is misspelt."""
+    (tmp_path / "bad.yaml").write_text(shared("circuit: {rwos: 8}"))
+    holds(refused("sim", "--link", "x", "--config", "bad.yaml"), "'circuit.rwos' is unknown")
+
+
+def test_good_files_are_taken(tmp_path):
+    """Aliases, merges, dates and tags of plain types among them."""
+    text = "a: &a {x: 1, y: [2]}\nb: {<<: *a, x: 3}\nc: [*a, *a]\nd: 2001-01-01\ne: !!str 5\n"
+    a = {"x": 1, "y": [2]}
+    assert parse_yaml("\ufeff" + text, "here") == {
+        "a": a,
+        "b": {"x": 3, "y": [2]},
+        "c": [a, a],
+        "d": "2001-01-01",
+        "e": "5",
+    }
+    assert parse_yaml("", "here") is None
+    assert parse_yaml(f"[{2**63 - 1}, {-(2**63)}]", "here") == [2**63 - 1, -(2**63)]
+    (tmp_path / "skin.yaml").write_bytes(b"\xef\xbb\xbf" + CONFIG.replace("\n", "\r\n").encode())
+    shipped = ParameterFile(share_dir() / "config" / "skin.yaml")
+    assert ParameterFile(tmp_path / "skin.yaml").sections == shipped.sections
+
+
+# --- curve files --------------------------------------------------------------------------------
+
+CURVES = {  # what is wrong -> (content, what the line must hold)
+    "empty": ("", "needs the keys force"),
+    "a key too many": ("force: [0, 1]\nresistance: [2, 1]\nx: 1", "needs the keys"),
+    "a number": ("force: 5\nresistance: [2, 1]", "force = 5: must be a list of numbers"),
+    "a map": ("force: {a: 0}\nresistance: [2, 1]", "force = {'a': 0}: must be a list of"),
+    "null": ("force:\nresistance: [2, 1]", "force = None: must be a list of numbers"),
+    "lists": ("force: [[0, 1]]\nresistance: [2, 1]", "must be a list of numbers"),
+    "words": ("force: [0, '1']\nresistance: [2, 1]", "must be a list of numbers"),
+    "truth": ("force: [0, true]\nresistance: [2, 1]", "must be a list of numbers"),
+    "nothing in it": ("force: []\nresistance: []", "two or more"),
+    "NaN": ("force: [0, .nan]\nresistance: [2, 1]", "force = [0.0, nan] N"),
+    "infinite": ("force: [0, 1]\nresistance: [.inf, 1]", "resistance = [inf, 1.0] ohm"),
+    "too close": ("force: [0, 1.0e-320, 1]\nresistance: [9.0e+300, 2.0e-300, 1.0e-300]", "close"),
+}
+
+
+@pytest.mark.parametrize("wrong", CURVES)
+def test_a_curve_file_of_bad_values(tmp_path, wrong):
+    content, words = CURVES[wrong]
+    write(tmp_path / "bad.yaml", content)
+    with pytest.raises(FileError) as error:
+        PressureCurve.load(tmp_path / "bad.yaml")
+    holds(str(error.value), ["bad.yaml: ", words])
+
+
+# --- weights ------------------------------------------------------------------------------------
+
+
+def packed(compression=zipfile.ZIP_STORED, meta=None, **changes) -> bytes:
+    """The shipped weights with other arrays (None: left out, bytes: a member as it is)."""
+    with np.load(io.BytesIO(WEIGHTS)) as file:
+        arrays = dict(file)
+    if meta is not None:
+        arrays["meta"] = np.array(json.dumps(meta) if isinstance(meta, dict) else meta)
+    arrays |= {name.replace("__", "."): array for name, array in changes.items()}
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", compression) as archive:
+        for name, array in arrays.items():
+            if array is not None:
+                content = io.BytesIO()
+                if isinstance(array, bytes):
+                    content.write(array)
+                else:
+                    np.lib.format.write_array(content, np.asanyarray(array))
+                archive.writestr(f"{name}.npy", content.getvalue())
+    return buffer.getvalue()
+
+
+def header(text: str, body=b"") -> bytes:
+    """An array of this header."""
+    return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text.encode() + body
+
+
+def twice() -> bytes:
+    buffer = io.BytesIO(packed())
+    with zipfile.ZipFile(buffer, "a") as archive, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        archive.writestr("head.0.bias.npy", b"")
+    return buffer.getvalue()
+
+
+def meta_with(**changes) -> dict:
+    meta = {"format": 1} | network.shipped("paper").meta
+    for key, value in changes.items():
+        meta[key] = meta[key] | value if isinstance(value, dict) else value
+    return meta
+
+
+ROW = np.zeros((1, 1, 1, 16), np.float32)
+BIG = np.zeros(2**20, np.float32)  # 4 MiB
+BAD_WEIGHTS = {  # what is wrong -> (content, what the line must hold)
+    "empty": (lambda: b"", "not a weights file"),
+    "no zip": (lambda: b"weights", "not a weights file"),
+    "cut": (lambda: WEIGHTS[:-100], "not a weights file"),
+    "cut at the start": (lambda: WEIGHTS[100:], "not a weights file"),
+    "a bit wrong": (lambda: WEIGHTS[:9000] + b"\x55" + WEIGHTS[9001:], "CRC"),
+    "empty zip": (lambda: b"PK\5\6" + bytes(18), "not a weights file"),
+    "an array alone": (lambda: header("{'descr': '<f4', 'fortran_order': False, 'shape': ()}"), ""),
+    "large": (lambda: bytes(2**21), "too large: must be at most 1024 KiB"),
+    "zip bomb": (lambda: packed(zipfile.ZIP_DEFLATED, x=BIG), "unpacks to too much"),
+    "bzip2": (lambda: packed(zipfile.ZIP_BZIP2), "packed as"),
+    "lzma": (lambda: packed(zipfile.ZIP_LZMA), "packed as"),
+    "many arrays": (lambda: packed(**{f"x{k}": ROW for k in range(99)}), "at most 50"),
+    "array twice": (twice, "of one name each"),
+    "array missing": (lambda: packed(head__0__bias=None), "'head.0.bias' is missing"),
+    "row kernel missing": (lambda: packed(row__weight=None), "'row.weight' is missing"),
+    "layer missing": (
+        lambda: packed(head__3__bias=None, head__3__weight=None),
+        "'head.3.bias' is missing",
+    ),
+    "array unknown": (lambda: packed(head__9__bias=ROW), "'head.9.bias' is unknown"),
+    "shape": (lambda: packed(row__weight=ROW[..., :8]), "'row.weight' is float32 of shape"),
+    "shape transposed": (lambda: packed(row__weight=ROW.T), "must be float of (1, 1, 1, 16)"),
+    "type int": (lambda: packed(row__weight=ROW.astype(int)), "'row.weight' is int64"),
+    "type text": (lambda: packed(row__weight=ROW.astype("U")), "'row.weight' is <U"),
+    "type complex": (lambda: packed(row__weight=ROW.astype(complex)), "is complex128"),
+    "objects": (lambda: packed(row__weight=ROW.astype(object)), "pickle"),
+    "NaN": (lambda: packed(row__weight=ROW * np.nan), "'row.weight': must be finite"),
+    "infinite": (lambda: packed(row__bias=np.array([np.inf])), "'row.bias': must be finite"),
+    "beyond float32": (lambda: packed(row__bias=np.array([1e300])), "'row.bias': must be finite"),
+    "std 0": (lambda: packed(input_std=np.zeros((1, 1, 1))), "'input_std': must be above 0"),
+    "senseless": (
+        lambda: packed(head__0__weight=np.full((9, 27, 3, 3), 1e38)),
+        "force is not finite",
+    ),
+    "a terabyte": (
+        lambda: packed(
+            row__bias=header("{'descr': '<f4', 'fortran_order': False, 'shape': (1000000000000,)}")
+        ),
+        "not a weights file",
+    ),
+    "negative shape": (
+        lambda: packed(
+            row__bias=header("{'descr': '<f4', 'fortran_order': False, 'shape': (-1,)}")
+        ),
+        "not a weights file",
+    ),
+    "deep header": (lambda: packed(row__bias=header("(" * 5000)), "not a weights file"),
+    "old header": (
+        lambda: packed(
+            row__bias=header("{'descr': '<f4', 'fortran_order': False, 'shape': (1L,)}", bytes(4))
+        ),
+        "not a weights file",
+    ),
+    "no meta": (lambda: packed(meta=""), "not a weights file"),
+    "meta a list": (lambda: packed(meta="[]"), "meta: format"),
+    "meta deep": (lambda: packed(meta="[" * 100_000), "not a weights file"),
+    "meta of 10,000 digits": (lambda: packed(meta="1" * 10_000), "not a weights file"),
+    "format": (lambda: packed(meta=meta_with(format=2)), "format: must be 1"),
+    "no circuit": (lambda: packed(meta=meta_with(circuit=None)), "meta: circuit"),
+    "curve a list": (lambda: packed(meta=meta_with(curve=[])), "meta: curve"),
+    "rows": (lambda: packed(meta=meta_with(circuit={"rows": 10**9})), "rows = 1000000000"),
+    "rows text": (lambda: packed(meta=meta_with(circuit={"rows": "16"})), "rows = '16'"),
+    "cols of another": (lambda: packed(meta=meta_with(circuit={"cols": 8})), "'row.weight'"),
+    "circuit key": (lambda: packed(meta=meta_with(circuit={"r_pra": 1})), "r_pra"),
+    "curve key": (lambda: packed(meta=meta_with(curve={"frce": 1})), "frce"),
+    "curve NaN": (lambda: packed(meta=meta_with(curve={"force": [0, np.nan]})), "curve"),
+    "curve text": (lambda: packed(meta=meta_with(curve={"force": "ab"})), "not a weights file"),
+}
+
+
+@pytest.mark.parametrize("wrong", BAD_WEIGHTS)
+def test_bad_weights(refused, tmp_path, wrong):
+    make, words = BAD_WEIGHTS[wrong]
+    (tmp_path / "bad.npz").write_bytes(make())
+    holds(refused("launch", with_weights(tmp_path, "bad.npz"), named="weights bad.npz"), words)
+    if wrong != "senseless":
+        holds(refused("export", "bad.npz", "out.onnx", named="weights bad.npz"), words)
+
+
+def test_good_weights_are_taken_in_any_order_and_packing(tmp_path):
+    adc = np.random.default_rng(1).uniform(0.05, 0.8, (16, 16))
+    (tmp_path / "w.npz").write_bytes(packed(zipfile.ZIP_DEFLATED))
+    found = network.load(tmp_path / "w.npz").predict(adc)
+    np.testing.assert_array_equal(found, network.shipped("paper").predict(adc))
+
+
+# --- tables of cells ----------------------------------------------------------------------------
+
+TABLE = (
+    "row,col,x,y,z,nx,ny,nz\n0,0,0,0,0,1,0,0\n0,1,0,1,0,1,0,0\n1,0,0,0,1,1,0,0\n1,1,0,1,1,1,0,0\n"
+)
+TABLES = {  # what is wrong -> (content, what the line must hold)
+    "empty": ("", "is empty"),
+    "Latin-1": (b"# gr\xfc\xdfe\n" + TABLE.encode(), ["line 1", "not UTF-8 text: byte 0xfc"]),
+    "large": (TABLE + "#" * 2**21, "too large: must be at most 1024 KiB"),
+    "random bytes": (bytes(range(256)), ["line 2", "not UTF-8"]),
+    "NUL": (TABLE.replace("0,1,0,1", "0,1,0,\0"), "line 3: "),
+    "a field of 200 kB": (TABLE.replace("0,1,0,1", "0,1,0," + "1" * 200_000), "line 3: "),
+    "an open quote": (TABLE.replace("0,1,0,1", '0,1,"0,1'), "line 3: 3 values: must be 8"),
+    "too many values": (TABLE.replace("0,1,0,1", "0,1,0,1,0"), "line 3: 9 values"),
+    "a row of 5,000 digits": (TABLE.replace("0,1,0,1", "1" * 5000 + ",1,0,1"), "line 3: row = '11"),
+    "a row of a fraction": (TABLE.replace("0,1,0,1", "0.5,1,0,1"), "line 3: row = '0.5'"),
+    "x infinite": (TABLE.replace("0,1,0,1", "0,1,1e400,1"), "line 3: x = '1e400'"),
+    "x NaN": (TABLE.replace("0,1,0,1", "0,1,nan,1"), "line 3: x = 'nan'"),
+    "x in millimetres": (TABLE.replace("0,1,0,1", "0,1,250,1"), "line 3: 250 m from the origin"),
+    "x beyond": (
+        TABLE.replace("0,1,0,1", "0,1,-1e308,1"),
+        "m from the origin: must be at most 100",
+    ),
+    "normal 0": (TABLE.replace("1,0,0\n", "0,0,0\n"), "line 2: nx, ny, nz"),
+    "normal beyond": (
+        TABLE.replace("1,0,0\n", "1.7e308,1.7e308,1.7e308\n"),
+        "line 2: nx, ny, nz",
+    ),
+    "cell twice": (TABLE + "1,1,0,1,1,1,0,0", "line 6: row 1, col 1: stands in line 5 already"),
+    "cell missing": (TABLE[:-17], "row 1, col 1: no line for this cell"),
+    "a long header": ("x," * 5000 + "\n" + TABLE, "line 1: column names"),
+    "column twice": (TABLE.replace("nz", "nx"), "line 1: column names"),
+    "area in mm^2": (
+        "\n".join(f"{line},{'area' if n == 0 else '144'}" for n, line in enumerate(TABLE.split())),
+        "line 2: area = 144: must be above 0 and at most 1 m^2",
+    ),
+}
+
+
+@pytest.mark.parametrize("wrong", TABLES)
+def test_a_bad_table(refused, tmp_path, wrong):
+    content, words = TABLES[wrong]
+    write(tmp_path / "bad.csv", content)
+    holds(refused("launch", with_table(tmp_path, "bad.csv"), named="bad.csv: "), words)
+
+
+# --- in a process of its own --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("wrong", ["alias bomb", "deep lists", "pipe", "device", "include itself"])
+def test_as_a_user_sees_it(tmp_path, wrong):
+    path = tmp_path / "bad.launch.yaml"
+    if wrong in YAML:
+        write(path, YAML[wrong][0])
+    elif wrong in NO_FILE:
+        NO_FILE[wrong][0](path)
+    else:
+        write(path, "launch:\n" + ENTITIES[wrong][0])
+    words = [sys.executable, "-m", "tactile_skin.cli", "launch", str(path)]
+    done = subprocess.run(
+        words, capture_output=True, text=True, timeout=60, stdin=subprocess.DEVNULL
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    (line,) = done.stderr.splitlines()
+    assert f"error: launch file {path}: " in line
+
+
+# --- prior and start of compensate --------------------------------------------------------------
+
+CIRCUIT, CURVE = Circuit(4, 6), PressureCurve()
+FORCE = np.zeros((4, 6))
+FORCE[1:3, 2:4] = 2.0
+ADC = np.rint(forward(CIRCUIT, CURVE.resistance(FORCE)) * 1023) / 1023
+LAST = compensate(ADC, CIRCUIT, CURVE)
+
+
+def hole(value) -> np.ndarray:
+    force = np.ones((4, 6))
+    force[2, 3] = value
+    return force
+
+
+PRIORS = {  # what is wrong -> (prior, message)
+    "a number": (5.0, "prior = 5.0: must be two, mean and std"),
+    "one": ((1.0,), "prior = (1.0,): must be two"),
+    "three": ((1.0, 2.0, 3.0), "must be two, mean and std"),
+    "an array": (np.ones((4, 6)), "must be two, mean and std"),
+    "mean NaN": ((np.nan, 1.0), "prior mean = nan at row 0, column 0: must be from 0"),
+    "mean negative": ((-1.0, 1.0), "prior mean = -1.0 at row 0, column 0"),
+    "mean infinite": ((np.inf, 1.0), "prior mean = inf"),
+    "a cell's mean NaN": ((hole(np.nan), 1.0), "prior mean = nan at row 2, column 3"),
+    "std 0": ((1.0, 0.0), "prior std = 0.0 at row 0, column 0: must be above 0 N"),
+    "std negative": ((1.0, -1.0), "prior std = -1.0"),
+    "a cell's std NaN": ((1.0, hole(np.nan)), "prior std = nan at row 2, column 3"),
+    "length": ((np.ones(6), 1.0), r"prior mean has shape (6,): must be a number or (4, 6)"),
+    "shape": ((1.0, np.ones((6, 4))), r"prior std has shape (6, 4)"),
+    "text": (("a", 1.0), "prior mean is of type str: must be a number"),
+    "None": ((None, 1.0), "prior mean is of type NoneType"),
+    "uneven": (([[1.0], [1.0, 2.0]], 1.0), "prior mean is of type list"),
+    "complex": ((1j, 1.0), "prior mean is of type complex"),
+}
+STARTS = {
+    "an array": (LAST.force, "start is of type ndarray: must be an Estimate"),
+    "a number": (5.0, "start is of type float"),
+    "NaN": (replace(LAST, force=hole(np.nan)), "start.force = nan at row 2, column 3"),
+    "infinite": (replace(LAST, force=hole(np.inf)), "start.force = inf at row 2, column 3"),
+    "negative": (replace(LAST, force=hole(-1.0)), "start.force = -1.0 at row 2, column 3"),
+    "shape": (replace(LAST, force=np.ones((6, 4))), "start has shape (6, 4): the circuit is"),
+    "length": (replace(LAST, force=[1.0]), "start has shape (1,)"),
+    "r_par NaN": (replace(LAST, r_par=np.nan), "start.r_par = nan ohm"),
+    "r_par negative": (replace(LAST, r_par=-1.0), "start.r_par = -1.0 ohm"),
+}
+
+
+@pytest.mark.parametrize("method", ["map", "auto", "newton"])
+@pytest.mark.parametrize("wrong", PRIORS)
+def test_a_bad_prior_is_refused(method, wrong):
+    prior, message = PRIORS[wrong]
+    with pytest.raises(ValueError, match=re.escape(message)):
+        compensate(ADC, CIRCUIT, CURVE, method, prior=prior)
+
+
+@pytest.mark.parametrize("method", ["map", "auto", "newton"])
+@pytest.mark.parametrize("wrong", STARTS)
+def test_a_bad_start_is_refused(method, wrong):
+    start, message = STARTS[wrong]
+    with pytest.raises(ValueError, match=re.escape(message)):
+        compensate(ADC, CIRCUIT, CURVE, method, start=start)
+
+
+def test_a_prior_may_say_nothing_of_a_cell_or_all_of_it():
+    """Infinite where nothing is known, 1e-300 N, and 0 where there is no cell."""
+    plain = compensate(ADC, CIRCUIT, CURVE, "map")
+    open_ended = compensate(ADC, CIRCUIT, CURVE, "map", prior=(1.0, np.inf))
+    np.testing.assert_allclose(open_ended.force, plain.force, atol=0.01)
+    sure = compensate(ADC, CIRCUIT, CURVE, "map", prior=(FORCE, 1e-300))
+    assert np.isfinite(sure.std).all()
+    np.testing.assert_allclose(sure.force, FORCE, atol=0.01)
+    mask = np.ones((4, 6), bool)
+    mask[0, 0] = False
+    circuit = replace(CIRCUIT, mask=mask)
+    adc = forward(circuit, CURVE.resistance(FORCE))
+    known = np.where(mask, FORCE, np.nan), np.where(mask, 0.1, 0.0)
+    assert np.isfinite(compensate(adc, circuit, CURVE, "map", prior=known).force).all()
+
+
+def test_weights_must_be_weights():
+    with pytest.raises(ValueError, match="weights are of type str: must be Weights"):
+        compensate(ADC, CIRCUIT, CURVE, "cnn", weights="mine.npz")
+
+
+# --- fuzzing: only ValueError may come out ------------------------------------------------------
+
+QUICK = settings(max_examples=60)
+LONG = settings(max_examples=4000)
+WORDS = [b"&a ", b"*a", b"<<: *a", b"[", b"]", b"{", b"}", b": ", b"- ", b"\n", b"\t", b"\0"]
+WORDS += [b"\xff", b"'", b'"', b"!!int ", b"!x ", b"null", b"~", b"1e400", b".nan", b".inf"]
+WORDS += [b"9" * 30, b"-1", b"0x", b"1:2", b"%YAML", b"---\n", b"|\n", b"? ", b"# ", b"", b"true"]
+WORDS += [b"$(var ", b"$(dirname)", b")", b"/", b"\\", b",", b"\xc3", b"\xe2\x80\xa8", b"\r", b"  "]
+edits = st.lists(
+    st.tuples(st.floats(0, 1), st.integers(0, 40), st.sampled_from(WORDS) | st.binary(max_size=4)),
+    min_size=1,
+    max_size=6,
+)
+
+
+def edited(content: bytes, changes) -> bytes:
+    """Each change: where (a share of the content), how many bytes go, and what comes."""
+    for share, gone, new in changes:
+        at = int(share * len(content))
+        content = content[:at] + new + content[at + gone :]
+    return content
+
+
+def only_value_errors(action, *args):
+    """The action's result, or None for a ValueError of one line."""
+    signal.alarm(HANG)
+    try:
+        with np.errstate(all="ignore"):
+            return action(*args)
+    except ValueError as error:
+        assert one_line(error)
+        return None
+    finally:
+        signal.alarm(0)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("fuzz")
+
+
+def start_with(folder, content: bytes):
+    (folder / "fuzz.yaml").write_bytes(content)
+    nodes = "".join(
+        NODE % (name, "$(dirname)/fuzz.yaml") for name in ("stop_on_push", "compensation")
+    )
+    Skin(read_plan(launching(folder, nodes), {})).build()
+
+
+def plan_of(folder, content: bytes):
+    (folder / "fuzz.launch.yaml").write_bytes(content)
+    return read_plan(folder / "fuzz.launch.yaml", {})
+
+
+def force_of(folder, content: bytes):
+    (folder / "fuzz.npz").write_bytes(content)
+    weights = network.load(folder / "fuzz.npz")
+    force = weights.predict(np.full((weights.rows, weights.cols), 0.1))
+    assert np.isfinite(force).all()
+
+
+def table_of(folder, content: bytes):
+    (folder / "fuzz.csv").write_bytes(content)
+    position, normal, area = read_table(folder / "fuzz.csv", np.ones((2, 2), bool))
+    np.testing.assert_allclose(np.linalg.norm(normal, axis=2), 1.0)
+    assert np.isfinite(position).all() and (area > 0).all()
+
+
+def curve_of(folder, content: bytes):
+    (folder / "fuzz.yaml").write_bytes(content)
+    curve = PressureCurve.load(folder / "fuzz.yaml")
+    assert np.isfinite(curve.force(curve.resistance(np.linspace(0.0, curve.max_force)))).all()
+
+
+def meta_of(folder, content: bytes):
+    force_of(folder, packed(meta=content.decode("utf-8", "replace")))
+
+
+DEMO = (share_dir() / "launch" / "demo.launch.yaml").read_bytes()
+SEEDS = {  # what -> (valid content, what reads it)
+    "parameters": (CONFIG.replace("    frame_id: base_link", "").encode(), start_with),
+    "launch": (LAUNCH.encode(), plan_of),
+    "demo": (DEMO, plan_of),
+    "weights": (WEIGHTS, force_of),
+    "meta": (json.dumps({"format": 1} | network.shipped("paper").meta).encode(), meta_of),
+    "table": (TABLE.encode(), table_of),
+    "curve": (b"force: [0, 0.5, 1.0e+1]\nresistance: [2.0e+4, 900, 80.5]\n", curve_of),
+}
+
+
+@pytest.mark.parametrize("what", SEEDS)
+def test_what_is_fuzzed_is_valid(folder, what):
+    content, read = SEEDS[what]
+    read(folder, content)
+
+
+@pytest.mark.parametrize("what", SEEDS)
+@QUICK
+@given(changes=edits)
+def test_changed_files_are_taken_or_refused(folder, what, changes):
+    content, read = SEEDS[what]
+    only_value_errors(read, folder, edited(content, changes))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("what", SEEDS)
+@LONG
+@given(changes=edits)
+def test_many_changed_files_are_taken_or_refused(folder, what, changes):
+    content, read = SEEDS[what]
+    only_value_errors(read, folder, edited(content, changes))
+
+
+ARRAYS = sorted(network.shapes("paper", 16, 16))
+
+
+def filled(shape, kind, value) -> np.ndarray:
+    with np.errstate(all="ignore"):
+        return np.full(shape, value).astype(kind)
+
+
+arrays = st.builds(
+    filled,
+    st.lists(st.integers(0, 17), max_size=5).map(tuple).filter(lambda s: np.prod(s) < 1e4),
+    st.sampled_from(["f2", "f4", "f8", ">f4", "i4", "U3", "bool"]),
+    st.sampled_from([0.0, 1.0, -1.0, np.inf, np.nan, 1e-40, 1e30]),
+)
+values = st.sampled_from([0.0, 1e-40, 1e4, -1e30, 3e38, np.nan, np.inf])
+
+
+@QUICK
+@given(st.dictionaries(st.sampled_from(ARRAYS), values | arrays, min_size=1, max_size=3))
+@example({"input_std": 1e-40})
+def test_changed_arrays_are_taken_or_refused(folder, changes):
+    """A number: the array keeps its shape."""
+    shapes = network.shapes("paper", 16, 16)
+    for name, value in changes.items():
+        if isinstance(value, float):
+            changes[name] = np.full(shapes[name], value, np.float32)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        content = packed(**{name.replace(".", "__"): array for name, array in changes.items()})
+    only_value_errors(force_of, folder, content)
+
+
+@QUICK
+@given(st.lists(st.sampled_from([word.decode("latin-1") for word in WORDS])).map("".join))
+def test_any_text_is_yaml_or_refused(text):
+    only_value_errors(parse_yaml, text, "here")
+
+
+def test_a_shown_value_is_short():
+    assert shorten("x" * 1000) == f"'{'x' * 36}...{'x' * 19}'"
+    assert shorten([1, 2]) == "[1, 2]"
+    assert len(one_line(ValueError("x\ny" * 5000))) == 800
+
+
+@pytest.mark.slow
+def test_how_soon_each_is_refused(refused, tmp_path):
+    """Within a second, of which a process's start takes most."""
+    took = {}
+    for name, (content, _) in YAML.items():
+        write(tmp_path / "bad.launch.yaml", content)
+        start = time.perf_counter()
+        refused("launch", "bad.launch.yaml")
+        took[name] = time.perf_counter() - start
+    assert max(took.values()) < 1.0, max(took, key=took.get)
