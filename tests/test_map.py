@@ -133,23 +133,6 @@ def test_readings_may_be_missing_or_capped():
             compensate(reading, CIRCUIT, CURVE, "newton", **arguments)
 
 
-@pytest.mark.parametrize("compiled", [True, False])
-@pytest.mark.parametrize("start", [False, True])
-def test_a_step_that_cannot_be_computed_is_no_success(monkeypatch, compiled, start):
-    """Here for what is known to 1e-20 N, whose weight no single-precision number holds."""
-    if not compiled:
-        monkeypatch.setattr(map_solver, "kernel", None)
-    force = scenes.finger(16, 16, 7.0, 8.0, 12.0)
-    adc = forward(CIRCUIT, CURVE.resistance(force))
-    last = compensate(adc, CIRCUIT, CURVE, "map") if start else None
-    assert start is False or last.status == "ok"
-    with np.errstate(over="ignore", invalid="ignore"):
-        found = compensate(adc, CIRCUIT, CURVE, "map", prior=(1.0, 1e-20), start=last)
-    assert found.status == "failed"
-    assert "single precision" in found.message
-    assert np.isfinite(found.force).all()
-
-
 def test_a_factorisation_that_fails_is_no_success(monkeypatch):
     def fail(precision, b, low, high):
         return np.zeros(b.size), None, np.ones(b.size, bool)

@@ -130,19 +130,25 @@ def _fit(reading: Reading, g: np.ndarray, prior, warm: bool = False) -> Estimate
         rough = broad and _rough(reading, point)
         if rough and prior is None:
             message = suspect.by_cost(reading, point.cost - 0.5 * rest @ ahead)
-        score = message or suspect.by_score(
-            reading,
-            point.network.k,
-            point.weight,
-            point.misfit,
-            step.told,
-            step.jacobian,
-            step.factor,
-            ahead,
-            point.g.flat[step.inside],
-            broad,
+        score, of_r_par = (
+            ("", False)
+            if message
+            else suspect.by_score(
+                reading,
+                point.network.k,
+                point.weight,
+                point.misfit,
+                step.told,
+                step.jacobian,
+                step.factor,
+                ahead,
+                point.g.flat[step.inside],
+                broad,
+                rough,
+            )
         )
-        message = message or (score if score and (rough or series.sharp(reading, point.g)) else "")
+        if score and (rough or series.confirmed(reading, point.g, of_r_par)):
+            message = score
     status = "suspect" if message else "ok"
     if not converged:
         why = "no time to converge" if step.solved else "single precision holds no step"

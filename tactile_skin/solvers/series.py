@@ -19,9 +19,10 @@ from .estimate import Estimate
 from .fixed_point import last_guess
 from .judge import network_of
 from .reading import Reading
-from .suspect import LIFTED, ROUNDED, rounded
+from .suspect import LIFTED, ROUNDED, model_variance, rounded
 
 _STEPS = 4
+_MATTERS = 0.025  # share of r_par: less moves the hardest touches by some grams
 _TOLERANCE = 0.25  # share of r_par that it may be off; more is another fault
 _SURE = 5.5  # standard deviations: another r_par is told from the circuit's own
 _UPRIGHT = 3.5  # the same, which a right one may leave
@@ -30,7 +31,7 @@ _ALONE = 30.0  # chi^2 a reading that the circuit's nonlinearity may leave besid
 # 10 % off, 700 at least around palms (16 x 16 and 8 x 12).
 _SOFT = 200.0
 _CLEAR = 4.0  # as _ALONE, of a frame that is not suspect
-_SURER = 8.0  # standard deviations beside a network's force, which no further fit checks
+_SURER = 6.0  # standard deviations beside a network's force, which no further fit checks
 _TOLD = 1e-3  # share of r_par's pattern, squared, that the touched cells cannot take
 _RIDGE = 1e-5  # of the touched cells' precision: the readings may leave a combination open
 _DENSE = 400  # touched cells up to which to ask: the time is that of a Cholesky factor
@@ -64,16 +65,16 @@ def lean(reading: Reading, g: np.ndarray, beside: bool = True) -> Lean | None:
             half the time, and fabric and cover must carry nothing from cell to cell.
 
     Newton's step for r_par, past what the touched cells take of its pattern p: with the readings'
-    misfit m and Jacobian J of the touched cells, both in standard deviations, and R = 1 - J J^+,
-    it is - p.R m / p.R p.
+    misfit m and Jacobian J of the touched cells, in standard deviations of noise and of what the
+    model leaves out, and R = 1 - J J^+, it is - p.R m / p.R p.
     """
     circuit = reading.circuit
     free, g = _held_at_rest(reading, g, beside)
     network = laplacian.solve(g)
     adc = circuit.ratio(network.rho)
-    noise = reading.fitted_noise
-    misfit = reading.misfit(adc).ravel() / noise
-    weight = adc * adc * (circuit.full_scale / (circuit.r_ref * noise)) * reading.known
+    spread = np.sqrt(reading.fitted_noise**2 + model_variance(reading))  # ADC steps
+    misfit = (reading.misfit(adc) / spread).ravel()
+    weight = adc * adc * (circuit.full_scale / circuit.r_ref) / spread * reading.known
     pattern = weight.ravel()
     both = np.array([pattern, misfit])
     gram = both @ both.T
@@ -102,17 +103,21 @@ def lean(reading: Reading, g: np.ndarray, beside: bool = True) -> Lean | None:
     return Lean(-score / left, slack * left**-0.5, (chi - score**2 / left) / reading.told)
 
 
-def sharp(reading: Reading, g: np.ndarray) -> bool:
-    """Whether the skin around the touches is at rest, as the score tests of a fit suppose.
+def confirmed(reading: Reading, g: np.ndarray, r_par: bool) -> bool:
+    """Whether a score test of a fit is right: the skin around the touches is at rest, as it
+    supposes, and a wrong r_par wrong by more than does not matter.
 
     A palm presses ever less towards its rim. A prior that prefers touches with an edge then leaves
     misfits that look like a short, or like another r_par.
 
     Args:
         g: (rows, cols) conductance [S] that the fit found.
+        r_par: whether the test is that for r_par.
     """
     found = lean(reading, g)
-    return found is not None and found.left < _SOFT
+    if found is None or found.left > _SOFT:
+        return False
+    return not r_par or abs(found.shift) > _MATTERS * reading.circuit.r_par
 
 
 def seek(reading: Reading, fit: Fit, nominal: Estimate) -> Estimate:
@@ -128,7 +133,8 @@ def seek(reading: Reading, fit: Fit, nominal: Estimate) -> Estimate:
         return nominal
     own, most, first = reading.circuit.r_par, _most(reading), lean(reading, g)
     most_left = _CLEAR if nominal.status == "ok" else _ALONE
-    if first is not None and first.beyond(_SURE) and first.left < most_left:
+    matters = first is not None and abs(first.shift) > _MATTERS * own
+    if matters and first.beyond(_SURE) and first.left < most_left:
         r_par = own + first.shift
     elif most < own:
         r_par = most
@@ -172,7 +178,7 @@ def follow(reading: Reading, fit: Fit, g: np.ndarray, r_par: float) -> Estimate 
             break
         r_par += left.shift
     off = left._replace(shift=r_par + left.shift - circuit.r_par)
-    if left.beyond(_UPRIGHT) or not off.beyond(_SURE):
+    if left.beyond(_UPRIGHT) or not off.beyond(_SURE) or abs(off.shift) < _MATTERS * circuit.r_par:
         return None
     return replace(estimate, iterations=iterations, r_par=r_par)
 
