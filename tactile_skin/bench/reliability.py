@@ -1,10 +1,10 @@
 """Faults through the whole chain, counted: silent failures, missed pushes, false stops.
 
 Every 10 ms the picture that was published last and the word of the stop are held against what was
-really there. A tick *fails* when the picture is wrong, `wrong`; it is *silent* if besides no stage
-doubts anything and no stop but a push's is on. A push is *missed* if the robot was free throughout,
-from 0.3 s after its start on, and *let go* if it was free at any time then. A fault is there from
-the start, or begins in the stream.
+really there. A tick *fails* when the picture is wrong, see `fails`; it is *silent* if besides no
+stage doubts anything and no stop but a push's is on. A push is *missed* if the robot was free
+throughout, from 0.3 s after its start on, and *let go* if it was free at any time then. A fault is
+there from the start, or begins in the stream.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ FULL = {  # arguments of `measure`
     "seconds": 16.0,
     "minutes": 60.0,
 }
-QUICK = FULL | {"shapes": ("4x4", "8x8"), "faults": FAULTS[::6], "seconds": 7.0, "minutes": 2.0}
+QUICK = FULL | {"shapes": ("4x4", "8x8"), "faults": FAULTS[::8], "seconds": 6.0, "minutes": 1.0}
 
 
 @dataclass
@@ -119,31 +119,37 @@ def play(chain, arriving, force: np.ndarray, start: int = 0) -> Record:
     return Record(force, found, *word, reasons)
 
 
-def wrong(found: np.ndarray, truth: np.ndarray, end: float) -> np.ndarray:
-    """(n,) whether each picture is: its mean error on the cells that are touched, or said to be,
-    exceeds 30 g and a fifth of their load, or its total is off by 5 N and 30 %.
+def fails(record: Record, lag: float, end: float) -> np.ndarray:
+    """(n,) whether the picture is wrong by all that was there within the last `lag` [s]: its mean
+    error on the cells that are touched, or said to be, exceeds 30 g and a fifth of their load, or
+    its total is off by 5 N and 30 %.
+
+    The error of a cell is its distance from the range of the true forces: in a picture that is
+    taken while a force changes, each reading has its own instant.
 
     Args:
-        found, truth: (n, rows, cols) [N].
         end: of the curve [N]: more on a cell cannot be told.
     """
-    truth = np.minimum(truth, end)
-    touched = np.maximum(truth, found) > GHOST * GRAM
+    truth, found = np.minimum(record.truth, end), record.found
+    low, high = (_latest(truth, lag, f) for f in (np.minimum, np.maximum))
+    touched = np.maximum(high, found) > GHOST * GRAM
     cells = np.maximum(touched.sum((1, 2)), 1)
-    error = (np.abs(found - truth) * touched).sum((1, 2)) / cells
-    load = (truth * touched).sum((1, 2)) / cells
-    total, off = truth.sum((1, 2)), np.abs(found.sum((1, 2)) - truth.sum((1, 2)))
+    error = np.maximum(np.maximum(low - found, found - high), 0.0)
+    error = (error * touched).sum((1, 2)) / cells
+    load = (high * touched).sum((1, 2)) / cells
     bad = error > np.maximum(FAILS * GRAM, FAILS_SHARE * load)
-    return bad | (off > np.maximum(TOTAL, TOTAL_SHARE * total))
+    total, said = truth.sum((1, 2)), found.sum((1, 2))
+    low, high = (_latest(total, lag, f) for f in (np.minimum, np.maximum))
+    off = np.maximum(low - said, said - high)
+    return bad | (off > np.maximum(TOTAL, TOTAL_SHARE * high))
 
 
-def fails(record: Record, lag: float, end: float) -> np.ndarray:
-    """(n,) whether the picture is wrong by all that was there within the last `lag` [s]."""
-    bad = np.ones(len(record.found), bool)
-    for back in range(int(np.ceil(lag * KNOTS)) + 1):
-        earlier = np.concatenate([record.truth[:1]] * back + [record.truth])[: len(bad)]
-        bad &= wrong(record.found, earlier, end)
-    return bad
+def _latest(values: np.ndarray, lag: float, pick) -> np.ndarray:
+    """Smallest or largest of each knot and those within `lag` [s] before it."""
+    result = values.copy()
+    for back in range(1, int(np.ceil(lag * KNOTS)) + 1):
+        result[back:] = pick(result[back:], values[:-back])
+    return result
 
 
 def count(record: Record, pushes, onset: int, lag: float, end: float, begin: int) -> dict:
@@ -199,7 +205,7 @@ def run_fault(shape: str, name: str, protocol: str, early: bool, seconds: float,
     readout = "low-pass" if protocol == BINARY else "mean of 4"
     board = FaultBoard(circuit, curve, rng, _NOISE, protocol, readout)
     board.pushes = [(a / KNOTS, b / KNOTS) for a, b in pushes]
-    first = 0 if early else round(rng.uniform(IDLE + 1.0, 0.45 * seconds) * KNOTS)
+    first = 0 if early else round((IDLE + rng.uniform(1.0, 0.4 * seconds)) * KNOTS)
     onset = round(IDLE * KNOTS) if fault.stalls else first
     arriving = board.advance(scene.force[:onset]) if onset else []
     board.damaged_at = board.t
