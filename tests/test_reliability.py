@@ -1,13 +1,14 @@
 """The fault harness: its physics, that faults do what they say, and that it counts right."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 from kirchhoff import adc_ratio
 
 from tactile_skin import Circuit, PressureCurve, cli, protocol
-from tactile_skin.bench import fault_streams, fault_table, reliability
+from tactile_skin.bench import choose, fault_streams, fault_table, reliability
 from tactile_skin.bench.fault_board import KNOTS, NOWHERE, FaultBoard, Wiring, between_leads
 from tactile_skin.bench.fault_chain import Chain
 from tactile_skin.bench.fault_data import DATA
@@ -141,6 +142,12 @@ def test_names_are_unique_and_each_fault_says_what_it_is():
     assert all(fault.about for fault in FAULTS)
 
 
+def test_the_page_lists_the_faults():
+    page = (Path(__file__).parents[1] / "docs/reliability.md").read_text()
+    assert choose.fill(page, {"faults": fault_table.listing(FAULTS)}) == page
+    assert "| frozen scan |" in page
+
+
 @pytest.mark.parametrize("kind", ["binary", "text"])
 def test_a_sound_board_reads_like_the_forward_model(kind):
     board = board_of(protocol=kind)
@@ -206,7 +213,7 @@ def test_the_link_loses_damages_and_delays():
     assert share("50 % corrupt", protocol="text") == pytest.approx(0.5, abs=0.1)
     board = board_of()
     board.pushes = [(1.0, 4.0)]
-    fault_of("backlog, at once").damage(board)
+    fault_of("backlog, fast").damage(board)
     times = np.array([t for t, _ in frames(board, pressed(4.0))])
     gap = np.diff(times).argmax()
     assert len(times) >= 399 and (np.diff(times) > 0).all()
@@ -382,20 +389,28 @@ def test_silence_of_the_link_is_told():
 # --- runs ---
 
 
-def test_a_small_run_has_its_rows_and_the_same_numbers_again(tmp_path):
-    faults = (fault_of("open row"), fault_of("backlog, at once"))
-    settings = {"streams": 1, "seconds": 5.0, "minutes": 0.0, "seed": 2, "jobs": 1}
-    first, again = (reliability.measure(("4x4",), faults, **settings)["faults"] for _ in range(2))
-    assert first == again and json.loads(json.dumps(first)) == first
-    assert [(row["fault"], row["protocol"]) for row in first["faults"]] == [
-        (fault.name, kind) for fault in faults for kind in fault.protocols
+def test_a_small_run_has_its_rows():
+    faults = (fault_of("open row"),)
+    found = reliability.measure(("4x4",), faults, 1, 3.0, 0.0, seed=2, jobs=1)["faults"]
+    assert json.loads(json.dumps(found)) == found
+    assert [(row["fault"], row["protocol"]) for row in found["faults"]] == [
+        ("open row", "binary"),
+        ("open row", "text"),
     ]
-    text = fault_table.table(first)
+    assert all(len(row["held"]) == 2 and row["frames"] > 300 for row in found["faults"])
+    text = fault_table.table(found)
     assert "| open row (text) |" in text and "| together |" in text
 
 
+def test_a_stream_is_the_same_again():
+    first, again = (
+        reliability.run_fault("4x4", "backlog, fast", "binary", True, 5.0, [1]) for _ in range(2)
+    )
+    assert first == again and first["frames"] == 340
+
+
 def test_a_sound_run_counts_minutes_and_touches():
-    found = reliability.run_sound("4x4", "binary", "low-pass", 1.0, 6.0, 5)
+    found = reliability.run_sound("4x4", "binary", "low-pass", 1.0, True, 6.0, 5)
     assert found["touches"] >= 1 and found["frames"] == 440 and found["errors"] == 0
     assert found["stopped"] >= found["false_stops"]
 
@@ -403,10 +418,20 @@ def test_a_sound_run_counts_minutes_and_touches():
 def test_wrong_options_are_named(capsys):
     assert cli.main(["bench", "faults", "--shapes", "9x9"]) == 2
     assert "shape '9x9': must be one of 2x2" in capsys.readouterr().err
+    assert cli.main(["bench", "faults", "--faults", "rust"]) == 2
+    assert "fault 'rust': must be one of dead, electrical, frozen scan" in capsys.readouterr().err
     assert cli.main(["bench", "speed", "--minutes", "3"]) == 2
     assert "--minutes: only with the part faults" in capsys.readouterr().err
     assert cli.main(["bench", "faults", "--jobs", "0"]) == 2
     assert "--jobs = 0: must be 1 or more" in capsys.readouterr().err
+
+
+def test_faults_are_chosen_by_name_or_class():
+    assert reliability.named(["electrical", "dead"]) == FAULTS
+    assert [f.name for f in reliability.named(["open row", "frozen scan"])] == [
+        "frozen scan",
+        "open row",
+    ]
 
 
 def test_dead_data_are_of_their_class():

@@ -22,7 +22,7 @@ from ..circuit import Circuit
 from ..curve import GRAM, PressureCurve
 from ..stop import PUSH as PUSH_REASON
 from . import fault_streams, fault_table
-from .fault_board import BINARY, KNOTS, TEXT, FaultBoard
+from .fault_board import BINARY, KNOTS, TEXT, Fault, FaultBoard
 from .fault_chain import Chain
 from .fault_data import DATA
 from .fault_streams import IDLE
@@ -46,19 +46,23 @@ SHAPES = {
     "disc": Circuit(16, 16, mask=_DISC),
     "32x32": Circuit(32, 32),
 }
-SOUND = (  # protocol, readout, noise of a sample [ADC steps]
-    (BINARY, "low-pass", 0.3),
-    (BINARY, "low-pass", 1.0),
-    (BINARY, "low-pass", 2.0),
-    (BINARY, "single", 0.3),
-    (BINARY, "single", 1.0),
-    (BINARY, "single", 2.0),
-    (TEXT, "single", 0.3),
-    (TEXT, "single", 1.0),
-    (TEXT, "mean of 4", 0.3),
-    (TEXT, "mean of 4", 1.0),
-    (TEXT, "mean of 4", 2.0),
-    (TEXT, "low-pass", 1.0),
+SOUND = (  # protocol, readout, noise of a sample [ADC steps], whether the skin is told its noise
+    (BINARY, "low-pass", 0.3, True),
+    (BINARY, "low-pass", 1.0, True),
+    (BINARY, "low-pass", 2.0, True),
+    (BINARY, "single", 0.3, True),
+    (BINARY, "single", 1.0, True),
+    (BINARY, "single", 2.0, True),
+    (TEXT, "single", 0.3, True),
+    (TEXT, "single", 1.0, True),
+    (TEXT, "mean of 4", 0.3, True),
+    (TEXT, "mean of 4", 1.0, True),
+    (TEXT, "mean of 4", 2.0, True),
+    (TEXT, "low-pass", 1.0, True),
+    # what happens to somebody who leaves `noise` as it is shipped
+    (BINARY, "low-pass", 2.0, False),
+    (BINARY, "single", 1.0, False),
+    (TEXT, "mean of 4", 1.0, False),
 )
 _LEFT = {"low-pass": (3 / 13) ** 0.5, "single": 1.0, "mean of 4": 0.5}  # of a sample's noise
 _NOISE = 1.0  # RMS of a sample where a fault is tried [ADC steps]
@@ -108,8 +112,10 @@ def play(chain, arriving, force: np.ndarray, start: int = 0) -> Record:
     for k in range(n):
         t = (start + k + 1) / KNOTS
         while due is not None and due[0] <= t:
-            chain.feed(*due)
-            due = next(arriving, None)
+            at, data = due
+            while (due := next(arriving, None)) is not None and due[0] == at:
+                data += due[1]  # what arrives together is read together
+            chain.feed(at, data)
         chain.until(t)
         found[k] = chain.force
         told = chain.stop and chain.reason != PUSH_REASON
@@ -224,14 +230,19 @@ def run_fault(shape: str, name: str, protocol: str, early: bool, seconds: float,
     return found | {"held": [held], "reasons": record.reasons[-1:], "errors": chain.errors}
 
 
-def run_sound(shape: str, protocol: str, readout: str, noise: float, seconds: float, seed) -> dict:
+def run_sound(
+    shape: str, protocol: str, readout: str, noise: float, told: bool, seconds: float, seed
+) -> dict:
     """A sound board for so long: `count`, `touches`, `false_stops` and the frames in them."""
     circuit, curve = SHAPES[shape], PressureCurve()
     rng = np.random.default_rng(seed)
     board = FaultBoard(circuit, curve, rng, noise, protocol, readout)
-    chain = Chain(circuit, protocol, configured(protocol, readout, noise))
+    parameters = configured(protocol, readout, noise)
+    if not told:
+        del parameters["compensation"]
+    chain = Chain(circuit, protocol, parameters)
     total: dict = {}
-    lag, n, told = 1.0 / board.rate + board.on_the_way + _SLACK, 0, False
+    lag, n, before = 1.0 / board.rate + board.on_the_way + _SLACK, 0, False
     pending: list[tuple[float, bytes]] = []
     while n < seconds * KNOTS:
         length = min(_CHUNK, max(seconds - n / KNOTS, 2 * IDLE))
@@ -244,7 +255,7 @@ def run_sound(shape: str, protocol: str, readout: str, noise: float, seconds: fl
         begin = 0 if n else round(IDLE * KNOTS)
         found = count(record, scene.pushes(), begin, lag, curve.max_force, begin)
         del found["to_stop"]
-        edges = np.diff(np.concatenate([[told], record.told[begin:]]).astype(int)) > 0
+        edges = np.diff(np.concatenate([[before], record.told[begin:]]).astype(int)) > 0
         found |= {
             "touches": len(scene.touches),
             "false_stops": int(edges.sum()),
@@ -252,7 +263,7 @@ def run_sound(shape: str, protocol: str, readout: str, noise: float, seconds: fl
             "reasons": _later(record, begin),
         }
         total = add(total, found)
-        told, n = bool(record.told[-1]), n + len(scene.force)
+        before, n = bool(record.told[-1]), n + len(scene.force)
     errors = chain.errors
     chain.close()
     return total | {"errors": errors}
@@ -291,6 +302,20 @@ def _spread(tasks, track, jobs) -> list[dict]:
     with concurrent.futures.ProcessPoolExecutor(jobs or os.cpu_count(), spawn) as pool:
         running = [pool.submit(_task, task) for task in tasks]
         return [one.result() for one in track(running)]
+
+
+def named(names) -> tuple[Fault, ...]:
+    """The faults of these names, or of the classes "dead" and "electrical", in their order.
+
+    Raises:
+        ValueError: there is no such fault.
+    """
+    classes = {"dead": DATA, "electrical": ELECTRICAL} | {f.name: (f,) for f in FAULTS}
+    unknown = [name for name in names if name not in classes]
+    if unknown:
+        raise ValueError(f"fault {unknown[0]!r}: must be one of {', '.join(classes)}")
+    wanted = {fault.name for name in names for fault in classes[name]}
+    return tuple(fault for fault in FAULTS if fault.name in wanted)
 
 
 def measure(
@@ -341,10 +366,9 @@ def measure(
                 for s, f, p in rows
             ],
             "sound": [
-                {"shape": s, "protocol": p, "readout": r, "noise": noise} | result
-                for (_, s, p, r, noise, *_), result in zip(
-                    sound, results[len(tasks) :], strict=True
-                )
+                dict(zip(("shape", "protocol", "readout", "noise", "told"), task[1:], strict=False))
+                | result
+                for task, result in zip(sound, results[len(tasks) :], strict=True)
             ],
         }
     }
