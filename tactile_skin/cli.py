@@ -169,6 +169,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     faults = sub.add_argument_group("faults")
     faults.add_argument("--shapes", nargs="+", metavar="SHAPE", help="such as 4x4 (default: all)")
+    faults.add_argument(
+        "--faults", nargs="+", metavar="NAME", help="names, or dead or electrical (default: all)"
+    )
     faults.add_argument("--minutes", type=float, help="of sound streams, in all (default 60)")
     faults.add_argument("--streams", type=int, help="of each fault and begin (default 1)")
     faults.add_argument("--jobs", type=int, help="processes (default: one a core)")
@@ -355,7 +358,7 @@ def _given(args, parts) -> dict[str, dict]:
     """Part -> what the command line gives its `measure`: today for `faults` only."""
     from .bench import reliability
 
-    options = ("shapes", "minutes", "streams", "jobs")
+    options = ("shapes", "faults", "minutes", "streams", "jobs")
     given = {name: getattr(args, name) for name in options if getattr(args, name) is not None}
     if given and "faults" not in parts:
         raise ValueError(f"--{next(iter(given))}: only with the part faults")
@@ -365,6 +368,8 @@ def _given(args, parts) -> dict[str, dict]:
     for name, least in (("minutes", 0.0), ("streams", 1), ("jobs", 1)):
         if not given.get(name, least) >= least:
             raise ValueError(f"--{name} = {given[name]}: must be {least:g} or more")
+    if "faults" in given:
+        given["faults"] = reliability.named(given["faults"])
     return {"faults": given}
 
 

@@ -13,6 +13,7 @@ from ..nodes.stop_on_push import STATUS, STATUS_TOPIC
 
 _NO_PORT = "loop://"  # the driver's reader is never started: bytes come by `feed`
 _NEEDS_CIRCUIT = ("serial_driver", "compensation", "gesture_feature")
+_EPOCH = 1000.0  # s that the clock shows at t = 0: a stamp of 0 often means "none"
 _PATIENT = 10.0  # s for a frame: a busy machine is not what is measured
 
 
@@ -31,7 +32,7 @@ class Chain:
     """
 
     def __init__(self, circuit: Circuit, protocol: str = "binary", parameters=None):
-        self._clock = ManualClock(0.0)
+        self._clock = ManualClock(_EPOCH)
         plan = read_plan(find("skin.launch.yaml"), {"port": _NO_PORT})
         plan.nodes = [action for action in plan.nodes if action.executable != "monitor"]
         given = {name: dict(values) for name, values in (parameters or {}).items()}
@@ -80,7 +81,7 @@ class Chain:
 
     def until(self, t: float) -> None:
         """Let the time go by; timers run."""
-        ahead = t - self._clock.now().nanoseconds * 1e-9
+        ahead = _EPOCH + t - self._clock.now().nanoseconds * 1e-9
         if ahead > 0.0:
             self._clock.advance(ahead)
         self._executor.spin_some()

@@ -13,7 +13,7 @@ import numpy as np
 
 from .fault_board import BOTH, TEXT, Fault, FaultBoard, Sent
 
-_SPACING = 2e-4  # s between frames that a link held back and now delivers at once
+_SPACING = 2e-4  # s between frames that a link held back and now delivers fast
 
 # --- what a frame says ---------------------------------------------------------------------------
 
@@ -217,7 +217,10 @@ DATA = (
           _numbers(lambda b, s, f: {"sequence": int(b.rng.integers(65536)), "device_us": 10_000}),
           True),
     Fault("restart every 0.5 s", "number and device time begin anew every 0.5 s", _restarts(0.5)),
-    Fault("backlog, at once", "the link stalls for 0.3 to 3 s, then delivers all that piled up",
+    Fault("backlog, in one read", "the link stalls for 0.3 to 3 s while a hand begins to "
+          "press, then gives all that piled up at once",
+          _stalls(lambda b: 0.0), True, True, BOTH, True),
+    Fault("backlog, fast", "what piled up comes in 0.2 ms a frame",
           _stalls(lambda b: _SPACING), True, True, BOTH, True),
     Fault("backlog, at double pace", "what piled up comes at twice the pace of the frames",
           _stalls(lambda b: 0.5 / b.rate), True, True, BOTH, True),

@@ -25,8 +25,18 @@ def table(data: dict) -> str:
     if data["sound"]:
         lines += ["### sound boards", "", _line(*_SOUND_COLUMNS), "|---|---" + "|---:" * 8 + "|"]
         lines += [_line(row["shape"], _board(row), *_sound_cells(row)) for row in data["sound"]]
-        everything = _sum(data["sound"])
-        lines += [_line("together", "", *_sound_cells(everything)), ""]
+        told = _sum([row for row in data["sound"] if row["told"]])
+        lines += [_line("together", "noise told", *_sound_cells(told)), ""]
+    return "\n".join(lines)
+
+
+def listing(faults) -> str:
+    """A Markdown table of faults: what docs/reliability.md holds."""
+    lines = [_line("fault", "what happens", "must stop", "on"), "|---|---|---|---|"]
+    for fault in faults:
+        stop = "until it ends" if fault.live_again else "yes"
+        protocols = ", ".join(fault.protocols)
+        lines.append(_line(fault.name, fault.about, stop if fault.must_stop else "", protocols))
     return "\n".join(lines)
 
 
@@ -58,7 +68,7 @@ def cells(row: dict) -> list[str]:
 
 def _sum(rows: list[dict]) -> dict:
     """The sums of what can be summed up."""
-    keys = [key for key, value in rows[0].items() if isinstance(value, (int, list))]
+    keys = [key for key, value in rows[0].items() if type(value) in (int, list)]
     return {key: sum((row[key] for row in rows), type(rows[0][key])()) for key in keys}
 
 
@@ -85,7 +95,8 @@ _SOUND_COLUMNS = (
 
 
 def _board(row: dict) -> str:
-    return f"{row['protocol']}, {row['readout']}, {row['noise']:g} steps"
+    told = "" if row["told"] else ", noise not told"
+    return f"{row['protocol']}, {row['readout']}, {row['noise']:g} steps{told}"
 
 
 def _sound_cells(row: dict) -> list[str]:
