@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import array
+import concurrent.futures
 import dataclasses
 import functools
 import importlib
@@ -38,6 +39,7 @@ from .threads import one_thread
 
 _SERVICE_WITHIN = 5.0  # s, for a node's answer
 _LAST_WORD = 0.5  # s, for messages under way when a process ends
+_logger = logging.getLogger("tactile_skin")
 
 
 class RosError(ValueError):
@@ -129,13 +131,21 @@ class Ros2:
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
         self._publishers = []
-        self._thread = threading.Thread(target=self._executor.spin, name="rclpy", daemon=True)
+        self.failed = False  # rclpy itself has raised: nothing arrives any more
+        self._thread = threading.Thread(target=self._spin, name="rclpy", daemon=True)
 
     def start(self) -> None:
         self._thread.start()
 
     def ok(self) -> bool:
         return self._thread.is_alive()
+
+    def _spin(self) -> None:
+        try:
+            self._executor.spin()
+        except Exception:
+            self.failed = True
+            _logger.exception("rclpy's executor has ended")
 
     def advertise(self, kind: type, topic: str, qos: bus.QoSProfile) -> tuple[Callable, Callable]:
         """What sends a message, and what counts the subscribers."""
@@ -144,7 +154,7 @@ class Ros2:
         return publisher.publish, publisher.get_subscription_count
 
     def subscribe(self, kind: type, topic: str, callback, qos: bus.QoSProfile) -> None:
-        self._node.create_subscription(kind, topic, callback, self._qos(qos))
+        self._node.create_subscription(kind, topic, _isolated(topic, callback), self._qos(qos))
 
     def serve(self, kind: type, name: str, answer) -> None:
         self._node.create_service(kind, name, answer)
@@ -197,6 +207,18 @@ class Ros2:
 # --- ROS 1 --------------------------------------------------------------------------------------
 
 
+def _isolated(topic: str, callback: Callable) -> Callable:
+    """A subscriber's callback whose exceptions are logged: one would end rclpy's executor."""
+
+    def call(message) -> None:
+        try:
+            callback(message)
+        except Exception:
+            _logger.exception("a message on %s was not taken", topic)
+
+    return call
+
+
 class Ros1:
     """Topics and services of one node by rospy; waits for a master.
 
@@ -208,6 +230,7 @@ class Ros1:
         os.environ["ROS_NAMESPACE"] = namespace  # rospy reads it when it is imported
         import rospy
 
+        self.failed = False  # rospy isolates what its threads call
         rospy.init_node(name, argv=[], disable_signals=True)
         self._rospy, self._closed = rospy, threading.Event()
         # a shutdown that the master asks for lets the node say its last word first
@@ -390,8 +413,12 @@ class RosNode(bus.Node):
         client = super().create_client(srv_type, srv_name)
 
         def answer(request, response):  # in ROS's thread: the node's own does the work
-            future = client.call_async(from_ros(srv_type.Request, request))
-            return to_ros(future.result(_SERVICE_WITHIN), response)
+            try:
+                found = _ask(client, from_ros(srv_type.Request, request))
+            except Exception as error:  # raised here it would end rclpy's executor
+                self.get_logger().error("service %s: %r", service.srv_name, error)
+                found = srv_type.Response(success=False, message=str(error) or repr(error))
+            return to_ros(found, response)
 
         self._ros.serve(ros_class(srv_type), service.srv_name, answer)
         return service
@@ -405,6 +432,22 @@ class RosNode(bus.Node):
         return parameter
 
 
+def _ask(client: bus.Client, request):
+    """The response, or the exception that the node raised.
+
+    Raises:
+        RuntimeError: it does not answer in time; what it has not begun does not happen later.
+    """
+    future = client.call_async(request)
+    try:
+        return future.result(_SERVICE_WITHIN)
+    except concurrent.futures.TimeoutError:
+        if future.done():  # the node's own
+            raise
+        begun = "" if future.cancel() else ", but is at work on it"
+        raise RuntimeError(f"the node did not answer within {_SERVICE_WITHIN:g} s{begun}") from None
+
+
 class _ToRos(logging.Handler):
     """What is logged goes to ROS: its console and /rosout."""
 
@@ -413,7 +456,10 @@ class _ToRos(logging.Handler):
         self._ros = ros
 
     def emit(self, record: logging.LogRecord) -> None:
-        self._ros.log(record.levelno, self.format(record))
+        try:
+            self._ros.log(record.levelno, self.format(record))
+        except Exception:  # a ROS that is gone
+            self.handleError(record)
 
 
 # --- the process --------------------------------------------------------------------------------
@@ -479,7 +525,7 @@ def run(executable: str, words: list[str] | None = None) -> int:
     """One node until SIGTERM or SIGINT: what `ros2 run tactile_skin NODE` starts.
 
     Returns:
-        the exit status: 0, 1 for a run that failed, 2 for a mistake.
+        the exit status: 0, 1 for a run that failed or a ROS that did, 2 for a mistake.
     """
     try:
         own, args = split_arguments(sys.argv[1:] if words is None else words)
@@ -506,10 +552,9 @@ def _about(executable: str) -> str:
 def _run(executable: str, version: int, args: RosArguments) -> int:
     name = args.name or executable
     ros = _MODULES[version][1](name, "/" + args.namespace.strip("/"))
-    logger = logging.getLogger("tactile_skin")
-    logger.setLevel(logging.INFO)
-    logger.propagate = False
-    logger.addHandler(_ToRos(ros))
+    _logger.setLevel(logging.INFO)
+    _logger.propagate = False
+    _logger.addHandler(_ToRos(ros))
     asked = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: asked.set())
@@ -528,17 +573,18 @@ def _run(executable: str, version: int, args: RosArguments) -> int:
         ros.start()
         while not asked.wait(0.1) and node.context.ok() and ros.ok():
             pass
+        lost = ros.failed  # not what it may raise while it is closed
         node.context.try_shutdown()
     finally:
         if hasattr(part, "close"):
             try:
                 part.close()
             except Exception:  # a closed stdout, or a ROS that is gone
-                logger.exception("close() raised")
+                _logger.exception("close() raised")
         executor.shutdown()
-        logger.handlers.clear()
+        _logger.handlers.clear()
         ros.close()
-    return 1 if getattr(part, "failed", False) else 0
+    return 1 if lost or getattr(part, "failed", False) else 0
 
 
 def _check_overrides(args: RosArguments, node: RosNode) -> None:

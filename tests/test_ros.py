@@ -6,15 +6,19 @@ Tests of the mark `ros` skip where there is none; `--require-ros` makes that a f
 import dataclasses
 import importlib.util
 import json
+import logging
 import os
 import pkgutil
+import queue
 import random
 import runpy
 import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
+import types
 import typing
 from collections import defaultdict
 from pathlib import Path
@@ -23,7 +27,7 @@ import numpy as np
 import pytest
 
 import tactile_skin
-from tactile_skin import launch, msg, ros
+from tactile_skin import bus, launch, msg, ros
 from tactile_skin.bench.ros import DECIDED, Graph, Player, plan_of, record
 from tactile_skin.bus import Context, ManualClock, Node, Parameter, SingleThreadedExecutor
 from tactile_skin.msg import (
@@ -246,6 +250,167 @@ def test_a_mistake_is_found_before_a_process_is_started(monkeypatch, tmp_path):
     monkeypatch.setattr(launch, "start_command", lambda words: pytest.fail("started"))
     with pytest.raises(launch.LaunchError, match="'durration' is unknown; there are: duration"):
         ros.launch_processes(plan, 1)
+
+
+# --- what a callback raises, on a stand-in for rclpy ---
+
+
+class StandIn:
+    """As much of rclpy as Ros2 uses; what its executor calls is put into `work`."""
+
+    def __init__(self, monkeypatch):
+        self.work, self.subscriptions, self.services = queue.Queue(), {}, {}
+        parts = {
+            "rclpy": {"init": lambda **_: None, "create_node": lambda *_, **__: self},
+            "rclpy.executors": {"SingleThreadedExecutor": lambda: self},
+            "rclpy.signals": {"SignalHandlerOptions": types.SimpleNamespace(NO=0)},
+            "rclpy.duration": {"Duration": lambda **_: None},
+            "rclpy.qos": {
+                "DurabilityPolicy": {"VOLATILE": 0},
+                "QoSProfile": lambda **_: None,
+            },
+        }
+        parts["rclpy"]["try_shutdown"] = lambda: None
+        for name, attributes in parts.items():
+            module = types.ModuleType(name)
+            vars(module).update(attributes)
+            monkeypatch.setitem(sys.modules, name, module)
+        monkeypatch.setattr(ros, "ros_class", lambda kind: kind)
+
+    def add_node(self, node):
+        pass
+
+    def create_subscription(self, kind, topic, callback, qos):
+        self.subscriptions[topic] = callback
+
+    def create_service(self, kind, name, callback):
+        self.services[name] = callback
+
+    def get_logger(self):
+        return logging.getLogger("rclpy")
+
+    def spin(self):
+        """Until a callback raises, as rclpy's, or shutdown."""
+        while (call := self.work.get()) is not None:
+            call()
+
+    def shutdown(self, timeout_sec):
+        self.work.put(None)
+
+    def ask(self, name):
+        """The response of a service, called by the executor."""
+        found = queue.Queue()
+        response = msg.Trigger.Response()
+        self.work.put(lambda: found.put(self.services[name](msg.Trigger.Request(), response)))
+        return found.get(timeout=20.0)
+
+
+@pytest.fixture
+def stand_in(monkeypatch):
+    return StandIn(monkeypatch)
+
+
+@pytest.fixture
+def on_stand_in(stand_in):
+    """A node on it, which is run."""
+    theirs = ros.Ros2("n", "/")
+    node, executor = ros.RosNode(theirs, "n"), bus.MultiThreadedExecutor()
+    executor.add_node(node)
+    theirs.start()
+    yield node, theirs
+    theirs.close()
+    executor.shutdown()
+
+
+def trigger(_, response):
+    response.success = True
+    return response
+
+
+def failing(_, response):
+    raise RuntimeError("no such luck")
+
+
+def test_a_service_that_raises_answers_that_it_failed(on_stand_in, stand_in):
+    """And rclpy's executor, which would end by the exception, goes on."""
+    node, theirs = on_stand_in
+    node.create_service(msg.Trigger, "bad", failing)
+    node.create_service(msg.Trigger, "good", trigger)
+    for _ in range(2):
+        assert stand_in.ask("/bad") == msg.Trigger.Response(False, "no such luck")
+    assert stand_in.ask("/good").success
+    assert theirs.ok() and not theirs.failed
+
+
+def test_a_service_that_hangs_answers_that_it_does(on_stand_in, stand_in, monkeypatch):
+    """What waits in its queue then does not happen later; what has begun is told to have."""
+    node, theirs = on_stand_in
+    monkeypatch.setattr(ros, "_SERVICE_WITHIN", 0.01)
+    hangs, release, asked = threading.Event(), threading.Event(), []
+
+    def hang(_, response):
+        asked.append(1)
+        hangs.set()
+        release.wait(20.0)
+        return response
+
+    node.create_service(msg.Trigger, "slow", hang)
+    first = stand_in.ask("/slow")
+    assert hangs.wait(20.0)
+    others = [stand_in.ask("/slow") for _ in range(20)]  # more than its queue holds
+    assert not first.success and "did not answer within 0.01 s" in first.message
+    assert {(r.success, r.message) for r in others} == {
+        (False, "the node did not answer within 0.01 s")
+    }
+    release.set()
+    monkeypatch.setattr(ros, "_SERVICE_WITHIN", 20.0)
+    stand_in.ask("/slow")
+    assert len(asked) == 2
+    assert theirs.ok()
+
+
+def test_a_message_that_cannot_be_taken_is_logged(on_stand_in, stand_in, caplog):
+    node, theirs = on_stand_in
+    seen = queue.Queue()
+    node.create_subscription(msg.Float32, "t", seen.put, 10)
+    for message in (None, msg.Float32(2.0)):
+        stand_in.work.put(lambda m=message: stand_in.subscriptions["/t"](m))
+    assert seen.get(timeout=20.0) == msg.Float32(2.0)
+    assert theirs.ok()
+    assert "a message on /t was not taken" in caplog.text
+
+
+@pytest.mark.usefixtures("signals_stay")
+@pytest.mark.parametrize("status", [1, 0])
+def test_a_process_whose_executor_ends_by_an_exception_fails(stand_in, monkeypatch, status):
+    """One that is asked to end does not."""
+    logger = logging.getLogger("tactile_skin")
+    for name in ("level", "propagate", "handlers"):
+        monkeypatch.setattr(logger, name, getattr(logger, name))
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: name == "rclpy")
+    monkeypatch.setattr(ros, "_about", lambda name: "")
+
+    def work():
+        if status:
+            raise RuntimeError("a type support that is missing")
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    monkeypatch.setattr(launch, "node_class", lambda name: lambda node: None)
+    stand_in.work.put(work)
+    assert ros.run("monitor", []) == status
+
+
+def test_what_ros_cannot_log_harms_nobody(capsys):
+    """A ROS that is gone raises."""
+
+    class Gone:
+        def log(self, level, text):
+            raise RuntimeError("rcl is not initialised")
+
+    logger = logging.Logger("n")
+    logger.addHandler(ros._ToRos(Gone()))
+    logger.error("a word")
+    assert "rcl is not initialised" in capsys.readouterr().err
 
 
 # --- with ROS ---
@@ -521,6 +686,49 @@ def test_the_values_are_those_in_process_for_the_same_bytes(skin, monkeypatch):
             reasons.add(reason)
     assert len(decided) >= 0.98 * len(frames)  # the first that hears of a stamp is its decision
     assert {"", "push"} <= reasons
+
+
+RAISING = """
+import sys
+from tactile_skin import launch, msg, ros
+
+class Raising:
+    def __init__(self, node):
+        node.create_service(msg.Trigger, "~/reset", self.fail)
+        self._ros = node._ros
+
+    def fail(self, request, response):
+        raise RuntimeError("no such luck")
+
+launch.node_class = lambda name: Raising
+ros._about = lambda name: ""
+sys.exit(ros.run("compensation", sys.argv[1:]))
+"""
+
+
+@pytest.mark.ros
+def test_a_service_that_raises_on_ros_answers_and_goes_on(version):
+    with Graph(version) as graph:
+        words = [sys.executable, "-c", RAISING, "--ros", str(version)]
+        graph.start("compensation", words)
+        for _ in range(2):
+            assert reset(graph) == "False no such luck\n"
+        assert graph.stop("compensation") == 0
+        assert "callback Raising.fail raised" in graph.said("compensation")
+
+
+@pytest.mark.ros
+def test_a_node_whose_executor_ends_fails(version):
+    if version == 1:
+        pytest.skip("rospy isolates what its threads call")
+    code = RAISING.replace(
+        "self._ros = node._ros", "node._ros._node.create_timer(0.1, lambda: 1 / 0)"
+    )
+    with Graph(version) as graph:
+        words = [sys.executable, "-c", code, "--ros", str(version)]
+        graph.start("compensation", words)
+        assert graph.processes["compensation"].wait(60.0) == 1
+        assert "rclpy's executor has ended" in graph.said("compensation")
 
 
 @pytest.mark.ros

@@ -34,6 +34,7 @@ DOCUMENTED = {
     "wait_for_all_acked": lambda timeout=None: 0,
     "SingleThreadedExecutor": lambda *, context=None: 0,
     "add_node": lambda node: 0,
+    "spin": lambda: 0,
     "shutdown": lambda timeout_sec=None: 0,
     # rclpy.impl.rcutils_logger.RcutilsLogger
     "error": lambda message, **kwargs: 0,
@@ -52,7 +53,8 @@ DOCUMENTED = {
     "IntegerRange": lambda *, from_value=0, to_value=0, step=0: 0,
 }
 # fmt: on
-PYTHON = {"Thread", "start", "is_alive", "append", "monotonic", "max", "_qos"}
+PYTHON = {"Thread", "start", "is_alive", "append", "monotonic", "max", "exception"}
+PYTHON |= {"_qos", "_isolated"}
 
 
 def calls() -> list[ast.Call]:
