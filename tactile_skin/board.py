@@ -22,6 +22,7 @@ from .curve import PressureCurve
 
 SCANS_PER_SECOND = 390  # paper section III-B
 FRAMES_PER_SECOND = 100
+_DIGITS = "0123456789"
 BAUD = 1_000_000  # exact on a 16 MHz ATmega328P; a 16x16 frame of 529 bytes takes 5.3 ms
 
 
@@ -103,10 +104,8 @@ def serve(
 
     Raises:
         FileNotFoundError: there is no folder for `link`.
-        FileExistsError: `link` is there and no symbolic link.
+        FileExistsError: `link` is there; only the link of a board that is gone is replaced.
     """
-    if link.exists() and not link.is_symlink():
-        raise FileExistsError(f"{link} exists and is not a link to a simulated board")
     if not link.parent.is_dir():
         raise FileNotFoundError(f"{link.parent}: no such folder for a link to a simulated board")
     master, slave = os.openpty()
@@ -115,9 +114,7 @@ def serve(
         name = os.ttyname(slave)
         os.close(slave)  # from here on the master's end tells whether somebody has the port open
         os.set_blocking(master, False)
-        part = link.with_name(f"{link.name}.{os.getpid()}")
-        part.symlink_to(name)
-        part.replace(link)
+        _make_link(link, name)
         try:
             on_ready()
             _pump(board, master, running, baud)
@@ -126,6 +123,22 @@ def serve(
                 link.unlink()
     finally:
         os.close(master)
+
+
+def _make_link(link: Path, name: str) -> None:
+    """Link to the pty of this name; what is there and no dead board's stays as it is."""
+    target = os.readlink(link) if link.is_symlink() else ""
+    # The pty of a board that was killed is gone, and its link dangles. A link to an unplugged
+    # device dangles as well, but leads elsewhere.
+    if target.rstrip(_DIGITS) == name.rstrip(_DIGITS) and not os.path.exists(target):
+        link.unlink()
+    try:
+        link.symlink_to(name)
+    except FileExistsError:
+        what = f"is a link to {target}, made by somebody else" if target else "is no link"
+        raise FileExistsError(
+            f"{link} exists and {what}: remove it, or give the simulated board another link"
+        ) from None
 
 
 def _pump(board: Board, master: int, running: Callable[[], bool], baud: int) -> None:
