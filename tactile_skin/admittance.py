@@ -152,6 +152,7 @@ class Admittance:
         dt = 0.0 if self._t is None else min(max(0.0, t - self._t), config.touch_timeout)
         self._t = t
         heard, decision = self._stop
+        decision = decision.at(t)
         reason = ""
         if not 0.0 <= t - heard <= config.stop_timeout:
             reason = "the stop is silent"

@@ -22,6 +22,8 @@ from .curve import PressureCurve
 
 SCANS_PER_SECOND = 390  # paper section III-B
 FRAMES_PER_SECOND = 100
+_DIGITS = "0123456789"
+_CATCHES_UP = 0.02  # s that the simulation may lag; what it lags more, it leaves out
 BAUD = 1_000_000  # exact on a 16 MHz ATmega328P; a 16x16 frame of 529 bytes takes 5.3 ms
 
 
@@ -59,8 +61,13 @@ class Board:
     def restart(self) -> None:
         """As the reset line of a real board does when its port is opened."""
         self._scans = 0
-        self._frames = 0
+        self._frames = self._sent = 0
         self._filtered: np.ndarray | None = None
+
+    def skip(self, scans: int) -> None:
+        """Let the time of so many scans go by without them: the computer was too slow for them."""
+        self._scans += scans
+        self._frames = int(self._scans * self.frames_per_second / SCANS_PER_SECOND)
 
     def scan(self) -> bytes:
         """Read the whole matrix once; the frame if one is due, else nothing."""
@@ -79,8 +86,9 @@ class Board:
         if due == self._frames:
             return b""
         self._frames = due
+        self._sent += 1
         return protocol.encode(
-            due - 1,
+            self._sent - 1,
             round(self._scans / SCANS_PER_SECOND * 1e6),
             self._filtered,
             self.circuit.adc_bits,
@@ -103,10 +111,8 @@ def serve(
 
     Raises:
         FileNotFoundError: there is no folder for `link`.
-        FileExistsError: `link` is there and no symbolic link.
+        FileExistsError: `link` is there; only the link of a board that is gone is replaced.
     """
-    if link.exists() and not link.is_symlink():
-        raise FileExistsError(f"{link} exists and is not a link to a simulated board")
     if not link.parent.is_dir():
         raise FileNotFoundError(f"{link.parent}: no such folder for a link to a simulated board")
     master, slave = os.openpty()
@@ -115,9 +121,7 @@ def serve(
         name = os.ttyname(slave)
         os.close(slave)  # from here on the master's end tells whether somebody has the port open
         os.set_blocking(master, False)
-        part = link.with_name(f"{link.name}.{os.getpid()}")
-        part.symlink_to(name)
-        part.replace(link)
+        _make_link(link, name)
         try:
             on_ready()
             _pump(board, master, running, baud)
@@ -126,6 +130,22 @@ def serve(
                 link.unlink()
     finally:
         os.close(master)
+
+
+def _make_link(link: Path, name: str) -> None:
+    """Link to the pty of this name; what is there and no dead board's stays as it is."""
+    target = os.readlink(link) if link.is_symlink() else ""
+    # The pty of a board that was killed is gone, and its link dangles. A link to an unplugged
+    # device dangles as well, but leads elsewhere.
+    if target.rstrip(_DIGITS) == name.rstrip(_DIGITS) and not os.path.exists(target):
+        link.unlink()
+    try:
+        link.symlink_to(name)
+    except FileExistsError:
+        what = f"is a link to {target}, made by somebody else" if target else "is no link"
+        raise FileExistsError(
+            f"{link} exists and {what}: remove it, or give the simulated board another link"
+        ) from None
 
 
 def _pump(board: Board, master: int, running: Callable[[], bool], baud: int) -> None:
@@ -139,7 +159,12 @@ def _pump(board: Board, master: int, running: Callable[[], bool], baud: int) -> 
     next_tick = time.monotonic()
     while running():
         next_tick += tick
-        time.sleep(max(0.0, next_tick - time.monotonic()))
+        ahead = next_tick - time.monotonic()
+        time.sleep(max(0.0, ahead))
+        if ahead < -_CATCHES_UP:  # a real board's clock does not stand still meanwhile
+            missed = int(-ahead / tick)
+            board.skip(missed)
+            next_tick += missed * tick
         events = dict(poller.poll(0)).get(master, 0)
         was, connected = connected, not events & select.POLLHUP
         if not connected:

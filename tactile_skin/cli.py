@@ -8,6 +8,7 @@ import logging
 import os
 import select
 import signal
+import stat
 import sys
 import threading
 from pathlib import Path
@@ -15,6 +16,8 @@ from pathlib import Path
 from . import __version__
 from .files import one_line
 from .threads import one_thread
+
+_KEYS_WITHIN = 0.1  # s that a reset under way may keep the end of the skin waiting
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -216,12 +219,10 @@ def _keys(reset):
     if os.name != "posix" or not sys.stdin.isatty():
         yield
         return
-    over = threading.Event()
+    ended, end = os.pipe()
 
     def read():
-        while not over.is_set():
-            if not select.select([sys.stdin], [], [], 0.2)[0]:
-                continue
+        while ended not in select.select([sys.stdin, ended], [], [])[0]:
             line = os.read(sys.stdin.fileno(), 1024)
             if not line:
                 return  # its end
@@ -236,8 +237,11 @@ def _keys(reset):
     try:
         yield
     finally:
-        over.set()
-        reader.join()
+        os.write(end, b"\n")
+        reader.join(_KEYS_WITHIN)
+        if not reader.is_alive():  # else it still waits for an answer
+            os.close(ended)
+        os.close(end)
 
 
 def _skin_of(config: Path | None):
@@ -266,6 +270,7 @@ def _check_folder(out: Path) -> None:
 
 def _sim(args) -> int:
     from . import board, scenes
+    from .launch import LAUNCHED
 
     for name, value, low in (("--baud", args.baud, 300), ("--seed", args.seed, 0)):
         if value < low:
@@ -274,14 +279,30 @@ def _sim(args) -> int:
     scene = scenes.script(args.scene, *circuit.shape)
     simulated = board.Board(circuit, curve, scene, args.noise, args.rate, args.seed)
     done = threading.Event()
-    for name in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(name, lambda *_: done.set())
+    numbers = [signal.SIGTERM, signal.SIGINT]
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:  # nohup
+        numbers.append(signal.SIGHUP)
+    for number in numbers:
+        signal.signal(number, lambda *_: done.set())
+    if LAUNCHED in os.environ and stat.S_ISFIFO(os.fstat(0).st_mode):
+        threading.Thread(target=_at_the_end_of_stdin, args=(done.set,), daemon=True).start()
 
     def ready():
         print(f"simulated board on {args.link}, scene {args.scene}", file=sys.stderr)
 
     board.serve(simulated, args.link, lambda: not done.is_set(), args.baud, ready)
     return 0
+
+
+def _at_the_end_of_stdin(then) -> None:
+    """Call it once whoever started this process is gone, however it went.
+
+    A pipe tells that at once and everywhere. Linux could send a signal instead (PR_SET_PDEATHSIG),
+    but does so when the thread that started the process ends.
+    """
+    while os.read(0, 1024):
+        pass
+    then()
 
 
 def _train(args) -> int:

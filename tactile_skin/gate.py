@@ -109,6 +109,7 @@ class Gate:
             self._seen = -math.inf
         since, linear, angular = self._command
         heard, decision = self._stop
+        decision = decision.at(t)
         if not 0.0 <= t - heard <= self.config.stop_timeout:
             return zero("the stop is silent")
         if decision.stop and decision.reason != PUSH:

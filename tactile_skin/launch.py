@@ -10,17 +10,20 @@ refused by name.
 
 from __future__ import annotations
 
+import atexit
 import concurrent.futures
 import contextlib
 import importlib
+import logging
+import math
 import os
 import re
 import shlex
 import shutil
-import signal
 import subprocess
 import sys
 import threading
+import time
 import uuid
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -31,9 +34,11 @@ from .config import ParameterFile
 from .events import Pushed, Released, Stroked
 from .files import FileError, parse_yaml, read_yaml, shorten
 from .hooks import EventHook, StopHook
-from .msg import DiagnosticArray, DiagnosticStatus, Trigger, Twist
-from .nodes.stop_on_push import STATUS, STATUS_TOPIC
+from .logs import QueuedLog
+from .msg import DiagnosticArray, Trigger, Twist
+from .nodes.stop_on_push import STATUS, STATUS_TOPIC, decision_of
 from .nodes.touch_events import PushListener, StrokeListener
+from .signals import SIGNALS, unwinding
 from .threads import one_thread
 
 PACKAGE = "tactile_skin"
@@ -53,6 +58,13 @@ _ONE_THREAD = ("compensation", "gesture_feature")  # each waits for the other's 
 _SHARED = ("circuit", "curve", "geometry")  # parameters that several nodes read
 _MAX_FILES = 30  # launch files of one launch: includes may double at each level
 _MAX_TEXT = 10_000  # characters of a filled-in value: it may double with each let
+_LOOK = 0.02  # s between two looks of `spin` at signals, nodes and commands
+# From a signal to the end of the process it takes a second at most, whatever hangs:
+_CLOSE_WITHIN = 0.1  # s that the end of one node may keep the others waiting
+_END_WITHIN = 0.3  # s for all nodes' last words, and for hooks to hear of the stop
+_HURRY = 0.5  # s after which commands of the launch file are killed, if a signal asked for the end
+_PATIENCE = 3.0  # s, if none did: they may have something to save
+LAUNCHED = "TACTILE_SKIN_LAUNCHED"  # in a command's environment: its launcher holds its stdin open
 
 
 class LaunchError(ValueError):
@@ -416,16 +428,27 @@ class Skin:
         self._processes: list[subprocess.Popen] = []
         self._hooks: list[StopHook | EventHook] = []
         self._settings = contextlib.ExitStack()  # of the process; closed, they are as before
+        self._log: QueuedLog | None = None
+        self._ended = False
         self.node = Node("user", context=self._context)
 
     def __enter__(self) -> Skin:
         try:
-            for command in self._plan.commands:
-                self._processes.append(start_command(command))
-            self.build()
+            self._enter()
+            SIGNALS.raise_pending()
+            return self
         except BaseException:
             self.__exit__()
             raise
+
+    @SIGNALS.deferred  # what raised in a callback from C, of threadpoolctl say, would be lost
+    def _enter(self) -> None:
+        SIGNALS.enter()
+        atexit.register(self._end)  # for who never comes to __exit__
+        self._log = QueuedLog.before(logging.getLogger(PACKAGE))
+        for command in self._plan.commands:
+            self._processes.append(start_command(command))
+        self.build()
         # The matrices are small. More threads than one would spin beside it, and on a small
         # computer keep the other nodes waiting for a tenth of a second.
         self._settings.enter_context(one_thread())
@@ -434,7 +457,6 @@ class Skin:
         sys.setswitchinterval(0.0005)
         for handles in (*self._stages(), [self.node]):
             self._executor.add_node(*handles)
-        return self
 
     def _stages(self) -> list[list[Node]]:
         """The nodes by thread: a skin's compensation and its features share one."""
@@ -456,6 +478,7 @@ class Skin:
             ValueError: a name or a value that is wrong; the message names it.
         """
         for action in self._plan.nodes:
+            SIGNALS.raise_pending()  # the last one took a while
             handle = self._handle(action)
             name = handle.get_fully_qualified_name()
             if any(name == other.get_fully_qualified_name() for other in self._handles):
@@ -466,40 +489,79 @@ class Skin:
         self._check_overrides()
         self._check_commands()
 
+    @SIGNALS.deferred
     def __exit__(self, *_) -> None:
-        """Stop in the way of the data: what is on its way still arrives."""
+        """End, with stop as the last word; a signal that comes meanwhile waits for it."""
+        self._end()
+        SIGNALS.raise_pending()
+
+    @SIGNALS.deferred
+    def _end(self) -> None:
+        if self._ended:
+            return
+        self._ended = True
+        now = time.monotonic()
+        until, patience, hurry = (now + s for s in (_END_WITHIN, _PATIENCE, _HURRY))
         self._context.try_shutdown()
-        for handle, node in zip(self._handles, self._nodes, strict=False):
-            if hasattr(node, "close"):
-                try:
-                    node.close()
-                except Exception:  # a closed stdout, say: the others must still close
-                    handle.get_logger().exception("close() raised")
-                self._executor.drain()
-        for stop_hook in self._hooks:
-            stop_hook.close()
-        self._executor.shutdown()
+        for hook in self._hooks:
+            if isinstance(hook, StopHook):
+                hook.end()
+        self._close_nodes(until)
+        for process in self._processes:  # the board after the last word; it ends beside the hooks
+            process.terminate()
+        for hook in self._hooks:
+            hook.close(max(0.0, until - time.monotonic()))
+        self._executor.shutdown(max(0.0, until - time.monotonic()))
         self._settings.close()
-        end_commands(self._processes)
+        end_commands(self._processes, lambda: hurry if SIGNALS.acted else patience)
+        if self._log is not None:
+            self._log.close()
+        atexit.unregister(self._end)
+        SIGNALS.leave()
+
+    def _close_nodes(self, until: float) -> None:
+        """In the way of the data: what is on its way still arrives.
+
+        A close that hangs, on a terminal that takes nothing say, does not keep the others.
+        """
+        drained = min(until, time.monotonic() + _CLOSE_WITHIN)
+        for handle, node in zip(self._handles, self._nodes, strict=False):
+            if not hasattr(node, "close"):
+                continue
+            closing = threading.Thread(
+                target=_close, args=(handle, node), name="skin close", daemon=True
+            )
+            try:
+                closing.start()
+            except RuntimeError:  # the interpreter is ending, and starts no more threads
+                _close(handle, node)
+            else:
+                closing.join(max(0.0, min(_CLOSE_WITHIN, until - time.monotonic())))
+            self._executor.drain(max(0.0, drained - time.monotonic()))
 
     def spin(self, timeout: float | None = None) -> None:
-        """Wait until a node ends the launch, a command fails, or `timeout` seconds went by.
+        """Wait until a node ends the launch, a command fails, a signal asks for the end, or
+        `timeout` seconds went by.
 
         Raises:
             LaunchError: a command of the launch file ended by itself with an error.
+            KeyboardInterrupt, SystemExit: a signal has ended an earlier `spin`.
         """
-        with _terminated(self.shutdown):
-            waited = 0.0
-            while timeout is None or waited < timeout:
-                step = 0.25 if timeout is None else min(0.25, timeout - waited)
-                if self._context.wait(step):
+        if SIGNALS.asked is not None:
+            raise unwinding(SIGNALS.asked)
+        end = math.inf if timeout is None else time.monotonic() + timeout
+        with SIGNALS.spinning():
+            # Not by waiting for an event: a signal handler that sets it would wait for its lock.
+            while self._context.ok() and (left := end - time.monotonic()) > 0.0:
+                if SIGNALS.asked is not None:
+                    self.shutdown()
                     return
-                waited += step
                 for process in self._processes:
                     if process.poll() not in (None, 0):
                         raise LaunchError(
                             f"{shlex.join(process.args)}: ended with {process.returncode}"
                         )
+                time.sleep(min(_LOOK, left))
 
     def shutdown(self) -> None:
         """Make `spin` return."""
@@ -510,25 +572,30 @@ class Skin:
         """Whether a node says that the run was in vain."""
         return any(getattr(node, "failed", False) for node in self._nodes)
 
-    def on_stop(self, hook: Callable[[bool, str], None]) -> None:
+    def on_stop(self, hook: Callable[[bool, str], None], heartbeat: float | None = None) -> None:
         """Call hook(stop, reason) now and at each change, in a thread of its own: see hooks.py.
 
         With several stop nodes, any of them stops.
 
+        Args:
+            heartbeat: call it at least this often, also while nothing changes [s], so that what
+                drives the motors can stop them when this process is killed or hangs.
+
         Raises:
             LaunchError: the launch file starts no stop_on_push.
+            ValueError: `heartbeat` is not above 0, or not finite.
         """
         topics = [
             handle.resolve_topic_name(STATUS_TOPIC) for handle in self._started("stop_on_push")
         ]
-        stop_hook = StopHook(hook, topics)
+        clock = self._context.clock
+        stop_hook = StopHook(hook, topics, clock, heartbeat)
         self._hooks.append(stop_hook)
         node = Node(f"stop_hook_{len(self._hooks)}", context=self._context)
 
         def listener(topic: str):
             def on_status(message: DiagnosticArray) -> None:
-                status = message.status[0]
-                stop_hook.hear(topic, status.level != DiagnosticStatus.OK, status.message)
+                stop_hook.hear(topic, decision_of(message, clock.now().nanoseconds / 1e9))
 
             return on_status
 
@@ -698,19 +765,6 @@ def _naming_its_file(action: NodeAction, full_name: str):
         raise
 
 
-@contextlib.contextmanager
-def _terminated(then: Callable[[], None]):
-    """Let SIGTERM end the skin in order, with the stop as its last word."""
-    if threading.current_thread() is not threading.main_thread():
-        yield  # signals are the main thread's
-        return
-    before = signal.signal(signal.SIGTERM, lambda *_: then())
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
-
-
 def _remaps(pairs: list[tuple[str, str]]) -> list[str]:
     return [word for pair in pairs for word in ("-r", ":=".join(pair))]
 
@@ -719,6 +773,13 @@ def _unknown(where: str, key: str, allowed) -> LaunchError:
     return LaunchError(
         f"{where}: parameter {key!r} is unknown; there are: {', '.join(sorted(allowed))}"
     )
+
+
+def _close(handle: Node, node) -> None:
+    try:
+        node.close()
+    except Exception:  # a closed stdout, say
+        handle.get_logger().exception("close() raised")
 
 
 def node_class(executable: str):
@@ -733,22 +794,34 @@ def _path() -> str:
 def start_command(command: list[str]) -> subprocess.Popen:
     """Start a command; the tools of this Python's environment come first on its PATH."""
     try:
-        # a session of its own: Ctrl-C ends the nodes first, and they end the command
-        return subprocess.Popen(command, env=os.environ | {"PATH": _path()}, start_new_session=True)
+        return subprocess.Popen(
+            command,
+            # Ends with this process, however that ends: who finds LAUNCHED may wait for it.
+            stdin=subprocess.PIPE,
+            env=os.environ | {"PATH": _path(), LAUNCHED: str(os.getpid())},
+            # a session of its own: Ctrl-C ends the nodes first, and they end the command
+            start_new_session=True,
+        )
     except OSError as error:
         raise LaunchError(f"executable {shlex.join(command)}: {error.strerror}") from error
 
 
-def end_commands(processes: list[subprocess.Popen]) -> None:
-    """Ask them to end; those that do not within 3 s are killed."""
+def end_commands(processes: list[subprocess.Popen], deadline: Callable[[], float] | None = None):
+    """Ask them to end, and kill those that have not at `deadline()`, a monotonic time [s].
+
+    It is asked for again and again; None: 3 s from now.
+    """
+    patience = time.monotonic() + _PATIENCE
     for process in processes:
         process.terminate()
+    while any(process.poll() is None for process in processes):
+        if time.monotonic() >= (deadline() if deadline else patience):
+            break
+        time.sleep(0.005)
     for process in processes:
-        try:
-            process.wait(3.0)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+        process.kill()
+        process.wait()
+        process.stdin.close()
 
 
 def launch(path=None, context: Context | None = None, **arguments) -> Skin:

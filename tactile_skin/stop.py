@@ -13,6 +13,8 @@ from typing import NamedTuple
 _STEADY = 3  # readings in a row, none late, that end "stale",
 _STEADY_FOR = 0.02  # s that they take: what was kept in a buffer meanwhile comes in one burst
 AHEAD = 0.02  # s that a reading's stamp may lie ahead of the clock
+WAY = 0.02  # s that a word of the stop may take to whom it concerns: threads, a network
+OUT_OF_DATE = "stale: the stop's last free rests on an old reading"
 PUSH = "push"  # the whole reason of a stop that nothing but a push asks for
 
 
@@ -21,6 +23,12 @@ class Decision(NamedTuple):
     # "push", "stale: ...", "fault: ...", "latched: the first of these", joined by " + "; empty
     # while free to move
     reason: str
+    # when a free that somebody was told runs out [s]; a stop never does
+    until: float = math.inf
+
+    def at(self, t: float) -> Decision:
+        """What is left of it at t: a free that has run out is a stop."""
+        return self if self.stop or t <= self.until else Decision(True, OUT_OF_DATE)
 
 
 @dataclass(frozen=True)

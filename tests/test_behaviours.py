@@ -12,14 +12,24 @@ import pytest
 from test_nodes import FRAME, GEOMETRY, Chain
 
 from tactile_skin import Circuit, PressureCurve, board, compensate, scenes
+from tactile_skin.bus import Time
 from tactile_skin.events import Pushed, Released
-from tactile_skin.msg import DiagnosticStatus, Trigger, Twist, Vector3
+from tactile_skin.msg import (
+    DiagnosticArray,
+    DiagnosticStatus,
+    Header,
+    KeyValue,
+    Trigger,
+    Twist,
+    Vector3,
+)
 from tactile_skin.nodes.cmd_vel_gate import CmdVelGate
 from tactile_skin.nodes.monitor import Monitor
 from tactile_skin.nodes.push_to_move import PushToMove
+from tactile_skin.nodes.stop_on_push import STATUS_TOPIC
 from tactile_skin.nodes.touch_events import PushListener, StrokeListener
 from tactile_skin.protocol import BinaryParser
-from tactile_skin.stop import StopConfig, StopPolicy
+from tactile_skin.stop import OUT_OF_DATE, StopConfig, StopPolicy
 
 ALL_AROUND = 2 * math.pi * 0.15 / 16  # m, pitch of 16 columns around the whole cylinder
 EIGHT = np.arange(8) * math.pi / 4
@@ -273,6 +283,59 @@ def test_a_squeeze_from_two_sides_leaves_no_motion(monkeypatch):
         robot.wish = (math.cos(course), math.sin(course), 0.0)
         assert not robot.live(0.05).any()
     assert robot.why() == "held back: push: it comes from several sides"
+
+
+# --- words that come late ---
+
+
+def say(robot, stamp: float, **values) -> None:
+    """A word of the stop, free, that rests on the reading of this stamp [s]."""
+    pairs = [KeyValue(key, value) for key, value in values.items()]
+    status = DiagnosticStatus(DiagnosticStatus.OK, "stop_on_push", "", "tactile_skin", pairs)
+    header = Header(Time(round(stamp * 1e9)).to_msg())
+    robot.status.publish(DiagnosticArray(header, [status]))
+    robot.executor.spin_some()
+
+
+@pytest.mark.parametrize("mover", [CmdVelGate, PushToMove])
+@pytest.mark.parametrize(
+    ("age", "values", "believed"),
+    [
+        (0.0, {"good_for": "0.1"}, True),
+        (0.1, {"good_for": "0.1"}, True),
+        (0.13, {"good_for": "0.1"}, False),
+        (60.0, {"good_for": "0.1"}, False),
+        (-0.01, {"good_for": "0.1"}, True),
+        (-0.03, {"good_for": "0.1"}, False),  # of the future: it proves nothing
+        (0.0, {}, False),
+        (0.0, {"good_for": "nan"}, False),
+        (0.0, {"good_for": "long"}, False),
+    ],
+)
+def test_a_free_on_an_old_reading_moves_nothing(mover, age, values, believed):
+    """However recently it was said."""
+    robot = Robot(mover)
+    robot.stop.node.destroy_node()
+    robot.status = robot.observer.create_publisher(DiagnosticArray, STATUS_TOPIC, 50)
+    robot.felt = scenes.finger(16, 16, 7.5, 7.5, 25.0, 2.2)
+    robot.wish = (-0.3, 0.0, 0.0)
+    for _ in range(30):
+        say(robot, robot.clock.now().nanoseconds / 1e9 - age, **values)
+        robot.live(FRAME)
+    assert robot.velocity.any() == believed
+    if not believed:
+        assert robot.why() == f"held back: {OUT_OF_DATE}"
+
+
+def test_a_stop_node_that_dies_is_believed_no_longer_than_its_reading(robot):
+    """Its silence alone would tell in 0.15 s; the last reading was 0.09 s old when it died."""
+    robot.wish = (0.3, 0.0, 0.0)
+    robot.live(0.2)
+    robot.live(0.09, frames=False)
+    robot.stop.node.destroy_node()
+    driven = robot.live(0.5)[:, 0]
+    assert np.count_nonzero(driven) * FRAME <= 0.04
+    assert robot.held_back.count(f"held back: {OUT_OF_DATE}") >= 1
 
 
 # --- push_to_move ---

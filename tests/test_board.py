@@ -195,7 +195,7 @@ def test_the_link_goes_with_the_board(tmp_path):
 def test_a_link_left_behind_is_replaced(tmp_path):
     """By a board that was killed, say."""
     link = tmp_path / "skin"
-    link.symlink_to("/dev/pts/nowhere")
+    link.symlink_to("/dev/pts/999999")
     with serving(link):
         assert link.exists()
 
@@ -212,6 +212,30 @@ def test_a_link_that_another_board_took_over_stays(tmp_path):
 def test_what_is_no_link_is_not_replaced(tmp_path, make):
     link = tmp_path / "skin"
     getattr(link, make)(*(["precious"] if make == "write_text" else []))
-    with pytest.raises(FileExistsError, match="skin exists and is not a link"):
+    with pytest.raises(FileExistsError, match="skin exists and is no link: remove it"):
         board.serve(make_board(), link, lambda: False)
     assert link.exists()
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_a_link_of_somebody_else_is_neither_replaced_nor_removed(tmp_path, there):
+    """Also while it leads nowhere, as that of a device that is not plugged in."""
+    link, device = tmp_path / "skin", tmp_path / "ttyUSB0"
+    if there:
+        device.touch()
+    link.symlink_to(device)
+    with pytest.raises(FileExistsError, match=f"skin exists and is a link to {device}"):
+        board.serve(make_board(), link, lambda: False)
+    assert os.readlink(link) == str(device)
+
+
+def test_a_link_to_a_terminal_that_is_open_stays(tmp_path):
+    """It may be another board's, or anybody's."""
+    master, slave = os.openpty()
+    link = tmp_path / "skin"
+    link.symlink_to(os.ttyname(slave))
+    with pytest.raises(FileExistsError, match="made by somebody else"):
+        board.serve(make_board(), link, lambda: False)
+    assert os.readlink(link) == os.ttyname(slave)
+    for end in (master, slave):
+        os.close(end)

@@ -8,6 +8,8 @@ import signal
 import subprocess
 import sys
 import threading
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -31,7 +33,7 @@ def call(capfd):
 
     What `main` does not catch, a user would see as a traceback; here it fails the test.
     """
-    kept = {s: signal.getsignal(s) for s in (signal.SIGTERM, signal.SIGINT)}
+    kept = {s: signal.getsignal(s) for s in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)}
 
     def call(*words):
         try:
@@ -210,7 +212,7 @@ def test_a_file_is_not_overwritten_by_a_board(call, tmp_path):
     (tmp_path / "precious").write_text("data")
     status, _, err = call("sim", "--link", tmp_path / "precious")
     assert status == 2
-    assert "precious exists and is not a link" in err
+    assert "precious exists and is no link" in err
     assert (tmp_path / "precious").read_text() == "data"
 
 
@@ -249,6 +251,34 @@ def test_a_board_ends_at_a_signal(tmp_path):
         process.terminate()
         assert process.wait(60) == 0
     assert not link.is_symlink()
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGHUP, signal.SIGTERM])
+def test_no_board_and_no_link_outlive_the_launcher(tmp_path, number):
+    link = tmp_path / "skin"
+    command = [sys.executable, "-m", "tactile_skin.cli", "launch", f"port:={link}"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+        for line in process.stdout:
+            if b"free" in line:
+                break
+        board_open = Path(os.readlink(link))
+        assert board_open.exists()
+        asked = time.monotonic()
+        process.send_signal(number)
+        process.stdout.read()  # until nobody has it open: the launcher and its board are gone
+        status = process.wait()
+    assert time.monotonic() - asked < 1.0
+    assert status == (-number if number == signal.SIGKILL else 0)
+    assert not link.is_symlink()
+
+
+def test_a_users_link_survives_a_launch_and_its_end(tmp_path):
+    link, device = tmp_path / "skin", tmp_path / "ttyUSB0"
+    link.symlink_to(device)
+    done = run_command("launch", f"port:={link}", "duration:=1")
+    assert done.returncode == 2
+    assert f"{link} exists and is a link to {device}" in done.stderr
+    assert os.readlink(link) == str(device)
 
 
 def test_the_shipped_config_says_what_the_defaults_are(tmp_path):

@@ -1,11 +1,14 @@
 """Launch files: the part of ROS 2's grammar that is understood, and what is refused by name."""
 
+import contextlib
 import itertools
+import logging
 import os
 import signal
 import sys
 import textwrap
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -645,28 +648,200 @@ def test_a_hook_without_a_stop_node_is_refused(write):
         skin.on_stop(print)
 
 
-def test_sigterm_ends_the_skin_with_a_stop_as_its_last_word(write):
-    heard = Heard()
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT", "SIGHUP"])
+def test_a_signal_ends_spin_with_a_stop_as_the_last_word(write, name):
+    """It returns; what is in the way of signals afterwards is what was there before."""
+    heard, number = Heard(), getattr(signal, name)
+    before = signal.getsignal(number)
     with launch(write(PATIENT_STOP)) as skin:
         skin.on_stop(heard)
         Robot(skin)
         heard.wait_for((False, ""))
-        before = signal.signal(signal.SIGTERM, signal.SIG_IGN)  # one that comes too early
-        over = threading.Event()
-
-        def terminate():
-            while not over.wait(0.02):
-                os.kill(os.getpid(), signal.SIGTERM)
-
-        sender = threading.Thread(target=terminate)
+        sender = threading.Timer(0.1, signal.pthread_kill, (threading.get_ident(), number))
         sender.start()
         skin.spin(PATIENCE)
-        over.set()
         sender.join()
-        assert signal.signal(signal.SIGTERM, before) is signal.SIG_IGN
         assert not skin._context.ok(), "the signal, not the timeout, ended it"
+        signal.raise_signal(number)  # the second Ctrl-C
+        with pytest.raises(SystemExit if number != signal.SIGINT else KeyboardInterrupt):
+            skin.spin()  # of a user who spins in a loop
+    assert signal.getsignal(number) is before
     assert heard.calls[-1][0] is True
     assert "the skin shuts down" in heard.calls[-1][1]
+
+
+def test_a_signal_unwinds_a_users_own_loop_once(write):
+    """The second one comes in the middle of the user's own clean-up, which it leaves alone."""
+    heard, cleaned = Heard(), []
+    with pytest.raises(SystemExit) as ended, launch(write(PATIENT_STOP)) as skin:
+        skin.on_stop(heard)
+        Robot(skin)
+        heard.wait_for((False, ""))
+        try:
+            signal.raise_signal(signal.SIGTERM)
+        finally:
+            signal.raise_signal(signal.SIGINT)
+            cleaned.append(True)
+    assert ended.value.code == 128 + signal.SIGTERM
+    assert cleaned
+    assert heard.calls[-1][0] is True
+
+
+def at_every_call(within, number, skip: int):
+    """A trace function that raises the signal at the `skip`-th call within this function."""
+    state = {"inside": False, "calls": 0, "raised": False}
+
+    def trace(frame, event, _):
+        state["inside"] |= frame.f_code is within.__code__
+        caught = signal.getsignal(number) is not signal.SIG_DFL
+        if state["inside"] and caught and event == "call" and not state["raised"]:
+            state["calls"] += 1
+            if state["calls"] > skip:
+                state["raised"] = True
+                signal.raise_signal(number)
+
+    return trace
+
+
+@pytest.mark.parametrize("skip", [0, 1, 3, 10, 30])
+@pytest.mark.parametrize("function", ["__enter__", "__exit__"])
+def test_a_signal_while_it_begins_or_ends_is_acted_on_after_the_last_word(write, function, skip):
+    """From the first instruction on, where no `with` would help."""
+    heard, path, before = Heard(), write(PATIENT_STOP), signal.getsignal(signal.SIGTERM)
+    trace, skin = at_every_call(getattr(Skin, function), signal.SIGTERM, skip), None
+    with pytest.raises(SystemExit):
+        try:
+            sys.settrace(trace)
+            with launch(path) as skin:
+                skin.on_stop(heard)
+                if function == "__exit__":
+                    Robot(skin)
+                    heard.wait_for((False, ""))
+        finally:
+            sys.settrace(None)
+    if skin is not None:
+        assert skin._ended
+        assert heard.calls[-1][0] is True
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_a_users_own_handler_stays_his(write):
+    seen = []
+    before = signal.signal(signal.SIGTERM, lambda *_: seen.append(True))
+    try:
+        with launch(write(PATIENT_STOP)) as skin:
+            signal.raise_signal(signal.SIGTERM)
+            skin.spin(0.0)
+            assert skin._context.ok()
+        assert seen == [True]
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def test_of_two_skins_the_inner_one_leaves_the_handlers_to_the_outer(write):
+    before = signal.getsignal(signal.SIGTERM)
+    with pytest.raises(SystemExit), launch(write(NODE % "")) as outer:
+        with launch(write(NODE % "")):
+            pass
+        assert signal.getsignal(signal.SIGTERM) is not before
+        signal.raise_signal(signal.SIGTERM)
+    assert outer._ended
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_a_skin_in_another_thread_leaves_signals_alone(write):
+    handlers = []
+
+    def run():
+        with launch(write(NODE % "")) as skin:
+            handlers.append(signal.getsignal(signal.SIGTERM))
+            skin.spin(0.05)
+
+    before = signal.getsignal(signal.SIGTERM)
+    thread = threading.Thread(target=run)
+    thread.start()
+    thread.join(PATIENCE)
+    assert handlers == [before]
+
+
+def test_a_hook_that_raises_on_the_last_word_is_told_again(write):
+    told = []
+
+    def hook(stop, reason):
+        told.append(stop)
+        if "the skin shuts down" in reason and told.count(True) < 4:
+            raise OSError("motor bus time-out")
+
+    with launch(write(PATIENT_STOP)) as skin:
+        skin.on_stop(hook)
+        skin.spin(0.1)
+    assert told.count(True) >= 3
+
+
+def test_hooks_and_nodes_that_hang_do_not_keep_the_end(write, monkeypatch):
+    """Nor the last word of the others."""
+    heard, release, begun = Heard(), threading.Event(), threading.Semaphore(0)
+
+    def hang(*_):
+        begun.release()
+        release.wait(PATIENCE)
+
+    context, said = Context(), []
+    moves = "- node: {pkg: tactile_skin, exec: cmd_vel_gate}\n"
+    skin = launch(
+        write("- node: {pkg: tactile_skin, exec: monitor}\n" + PATIENT_STOP + moves), context
+    )
+    with skin:
+        for hook in (hang, heard, hang):
+            skin.on_stop(hook)
+        skin.on_stroke = None
+        monkeypatch.setattr(skin._nodes[0], "close", hang)
+        skin.node.create_subscription(Twist, "cmd_vel", said.append, 100)
+        skin.node.create_timer(0.01, hang)
+        heard.wait_for_reason("no reading yet")
+        for _ in range(3):
+            assert begun.acquire(timeout=PATIENCE)
+        start = time.monotonic()
+    assert time.monotonic() - start < 1.0
+    assert heard.calls[-1][0] is True
+    assert "the skin shuts down" in heard.calls[-1][1]
+    release.set()
+
+
+def test_a_blocked_standard_error_keeps_no_hook_from_its_next_try(write, monkeypatch):
+    """A pipe that nobody reads, or a terminal after Ctrl-S."""
+    read_end, write_end = os.pipe()
+    os.set_blocking(write_end, False)
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            os.write(write_end, b"x" * 4096)
+    os.set_blocking(write_end, True)
+    tries = threading.Semaphore(0)
+
+    def hook(stop, reason):
+        tries.release()
+        raise OSError("motor bus time-out")
+
+    stream = os.fdopen(write_end, "w")
+    handler = logging.StreamHandler(stream)
+    logging.getLogger().addHandler(handler)
+    try:
+        start = time.monotonic()
+        with launch(write(NODE % "")) as skin:
+            skin.on_stop(hook)
+            for _ in range(4):
+                assert tries.acquire(timeout=PATIENCE)
+            ended = time.monotonic()
+        assert time.monotonic() - ended < 1.0
+        assert not handler.lock._is_owned()
+        assert start < ended
+        left = [t for t in threading.enumerate() if t.name == "log"]
+        assert not left
+    finally:
+        logging.getLogger().removeHandler(handler)
+        os.close(read_end)
+        with contextlib.suppress(OSError):
+            stream.close()
 
 
 # --- hooks for pushes, releases and strokes ---

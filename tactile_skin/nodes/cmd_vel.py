@@ -6,10 +6,10 @@ import threading
 from collections.abc import Callable
 
 from ..gate import Motion
-from ..msg import DiagnosticArray, DiagnosticStatus, Twist, Vector3
+from ..msg import DiagnosticArray, Twist, Vector3
 from ..stop import Decision
 from . import diagnostics
-from .stop_on_push import STATUS, STATUS_TOPIC
+from .stop_on_push import STATUS, STATUS_TOPIC, decision_of
 
 PERIOD = 0.02  # s, between two velocities at most
 
@@ -41,13 +41,12 @@ class CmdVel:
         return self._node.get_clock().now().nanoseconds / 1e9
 
     def on_status(self, msg: DiagnosticArray) -> None:
-        status = msg.status[0]
-        stop = status.level != DiagnosticStatus.OK
-        word = Decision(stop, status.message if stop else "")
-        self._take_stop(self.now(), word)
-        if word != self._word:  # a stop need not wait for the timer
-            self._word = word
+        now = self.now()
+        word = decision_of(msg, now)
+        self._take_stop(now, word)
+        if self._word is None or word[:2] != self._word[:2]:  # a stop need not wait for the timer
             self.publish()
+        self._word = word
 
     def publish(self) -> None:
         if self._closed.acquire(blocking=False):

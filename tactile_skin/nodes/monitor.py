@@ -10,6 +10,7 @@ import numpy as np
 
 from ..bus import DurabilityPolicy, QoSProfile, Time
 from ..config import describe
+from ..logs import takes
 from ..msg import (
     DiagnosticArray,
     DiagnosticStatus,
@@ -146,6 +147,8 @@ class Monitor:
 
     def live_line(self) -> None:
         self._spoke = True
+        if not takes(self.out):  # Ctrl-S, say: the next line will do
+            return
         now = self._now()
         since, frames = self._rate_mark
         self._rate_mark = (now, self.frames)
@@ -175,8 +178,8 @@ class Monitor:
         return self.dropped + int(self._driver.get("lost", 0))
 
     def close(self) -> None:
-        """Print the summary, if there was a run to sum up."""
-        if self._first is None and not self._spoke:
+        """Print the summary, if there was a run to sum up and somebody takes it."""
+        if (self._first is None and not self._spoke) or not takes(self.out):
             return
         lines = self.summary()
         print("\n" * self.out.isatty() + "\n".join(lines), file=self.out, flush=True)

@@ -11,6 +11,7 @@ from ..serial_port import SerialReader, check_port
 from . import diagnostics
 
 _DOUBTFUL, _BAD = 0.05, 0.5  # of a second's frames damaged or lost: a warning; a stop
+_TICK = 1000  # ns that stamps are apart at least
 _SLOW = 0.1  # s on their way from which on frames are worth a warning
 
 
@@ -46,6 +47,7 @@ class SerialDriver:
         self._trouble = ""  # why frames are not published
         self._verdict = Verdict(0.0, True, "")
         self._liveness, self._connection, self._restarts = None, -1, 0
+        self._stamp = 0  # ns, of the last frame
         self._mark, self._rate, self._bad = (self._now(), 0, 0), 0.0, 0.0
         self._adc = node.create_publisher(Image, "skin/adc", 10)
         self._diagnostics = node.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
@@ -82,8 +84,10 @@ class SerialDriver:
         if trouble or not self._verdict.settled:
             return
         lag = self._verdict.lag
-        stamp = Time(now - round(lag * 1e9)) if lag > JITTER else Time(now)
-        self._adc.publish(image(frame.samples, "16UC1", Header(stamp.to_msg(), self.frame_id)))
+        taken = now - round(lag * 1e9) if lag > JITTER else now
+        self._stamp = min(max(taken, self._stamp + _TICK), now)  # they rise as the frames do
+        header = Header(Time(self._stamp).to_msg(), self.frame_id)
+        self._adc.publish(image(frame.samples, "16UC1", header))
 
     def _refuse(self, frame: Frame) -> str:
         """Why the frame is not of the board in the configuration; empty if it is."""

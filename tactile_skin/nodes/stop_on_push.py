@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 
 from ..bus import DurabilityPolicy, QoSProfile, Time
@@ -15,7 +16,7 @@ from ..msg import (
     Trigger,
     cloud_columns,
 )
-from ..stop import Decision, StopConfig, StopPolicy
+from ..stop import AHEAD, WAY, Decision, StopConfig, StopPolicy
 from . import QUEUE, diagnostics
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -26,12 +27,30 @@ HEARTBEAT = 0.02  # s, between decisions when no reading comes
 _END = 0.95  # of the curve's last force, which noise keeps a cell from reading quite
 
 
+def decision_of(msg: DiagnosticArray, t: float) -> Decision:
+    """What a message of skin/stop_status, heard at t, says, and how long it may be believed.
+
+    A free that does not say for how long, or whose reading lies ahead of t, is not believed.
+    """
+    status = msg.status[0]
+    if status.level != DiagnosticStatus.OK:
+        return Decision(True, status.message)
+    stamp = Time.from_msg(msg.header.stamp).nanoseconds / 1e9
+    try:
+        good_for = float({pair.key: pair.value for pair in status.values}["good_for"])
+    except (KeyError, ValueError):
+        return Decision(False, "", -math.inf)
+    return Decision(False, "", stamp + good_for + WAY if stamp <= t + AHEAD else -math.inf)
+
+
 class StopOnPush:
     """Publishes skin/stop (Bool, latched, with every decision: a heartbeat) and skin/stop_status
     (DiagnosticArray with the stamp of the reading that it rests on; ERROR and the reason while
-    stopped). The sum of the contacts' forces decides, so that a squeeze from both sides, whose
-    wrench is nothing, stops as well. The service `~/reset` frees a latched stop, and refuses while
-    its cause lasts.
+    stopped; `good_for`, how long after its stamp a free may be believed [s]).
+
+    The sum of the contacts' forces decides, so that a squeeze from both sides, whose wrench is
+    nothing, stops as well. The service `~/reset` frees a latched stop, and refuses while its cause
+    lasts.
     """
 
     def __init__(self, node):
@@ -123,7 +142,11 @@ class StopOnPush:
         self._said = decision
         self._stop.publish(Bool(decision.stop))
         level = diagnostics.ERROR if decision.stop else diagnostics.OK
-        values = {"force": f"{self._force:.2f}", "push": str(self.policy.pushed).lower()}
+        values = {
+            "force": f"{self._force:.2f}",
+            "push": str(self.policy.pushed).lower(),
+            "good_for": f"{self.policy.config.stale_after:g}",
+        }
         self._status.publish(
             diagnostics.report(self.node, level, decision.reason, values, self._header)
         )

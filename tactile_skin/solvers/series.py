@@ -31,7 +31,7 @@ _ALONE = 30.0  # chi^2 a reading that the circuit's nonlinearity may leave besid
 # 10 % off, 700 at least around palms (16 x 16 and 8 x 12).
 _SOFT = 200.0
 _CLEAR = 4.0  # as _ALONE, of a frame that is not suspect
-_SURER = 6.0  # standard deviations beside a network's force, which no further fit checks
+_SURER = 8.0  # standard deviations beside a network's force, which no further fit checks
 _TOLD = 1e-3  # share of r_par's pattern, squared, that the touched cells cannot take
 _RIDGE = 1e-5  # of the touched cells' precision: the readings may leave a combination open
 _DENSE = 400  # touched cells up to which to ask: the time is that of a Cholesky factor
@@ -61,8 +61,9 @@ def lean(reading: Reading, g: np.ndarray, beside: bool = True) -> Lean | None:
     """Of a frame with conductances g (rows, cols) [S]; None: the readings cannot tell.
 
     Args:
-        beside: whether the cells next to touched ones may be touched as well; without them it takes
-            half the time, and fabric and cover must carry nothing from cell to cell.
+        beside: whether the cells next to touched ones may be touched as well, and the readings be
+            off the model; without, it takes half the time, and fabric and cover must carry nothing
+            from cell to cell.
 
     Newton's step for r_par, past what the touched cells take of its pattern p: with the readings'
     misfit m and Jacobian J of the touched cells, in standard deviations of noise and of what the
@@ -72,7 +73,9 @@ def lean(reading: Reading, g: np.ndarray, beside: bool = True) -> Lean | None:
     free, g = _held_at_rest(reading, g, beside)
     network = laplacian.solve(g)
     adc = circuit.ratio(network.rho)
-    spread = np.sqrt(reading.fitted_noise**2 + model_variance(reading))  # ADC steps
+    spread = np.full(g.shape, reading.fitted_noise)  # ADC steps
+    if beside:
+        spread = np.sqrt(spread**2 + model_variance(reading))
     misfit = (reading.misfit(adc) / spread).ravel()
     weight = adc * adc * (circuit.full_scale / circuit.r_ref) / spread * reading.known
     pattern = weight.ravel()
