@@ -1,29 +1,42 @@
+"""The package's metadata, and what is found out while it is built: see also pyproject.toml."""
+
 import ast
+import sys
 from glob import glob
 from pathlib import Path
 
 from setuptools import Extension, find_packages, setup
 
 package_name = "tactile_skin"
+# `colcon build --symlink-install` runs a link to this file, in a folder without README
+readme = Path(__file__).resolve().with_name("README.md")
 
 
-def nodes() -> list[str]:
-    """The names in launch.NODES, read without importing what may not be installed yet."""
-    tree = ast.parse(Path(package_name, "launch.py").read_text())
-    tables = {t.id: s.value for s in tree.body if isinstance(s, ast.Assign) for t in s.targets}
-    return list(ast.literal_eval(tables["NODES"]))
+def literal(path: str, name: str):
+    """A constant of a module, read without importing what may not be installed yet."""
+    tree = ast.parse(Path(package_name, path).read_text(encoding="utf-8"))
+    values = {t.id: s.value for s in tree.body if isinstance(s, ast.Assign) for t in s.targets}
+    return ast.literal_eval(values[name])
 
+
+programs = ["tactile-skin = tactile_skin.cli:main"]
+# colcon runs `setup.py install` or `develop`: setup.cfg sends the programs to lib/tactile_skin,
+# where `ros2 run` looks for the nodes. pip runs neither, and would put a `monitor` on users' PATH.
+if {"install", "develop"} & set(sys.argv):
+    programs += [f"{name} = tactile_skin.ros:{name}" for name in literal("launch.py", "NODES")]
 
 setup(
     name=package_name,
-    version="0.1.0",
+    version=literal("__init__.py", "__version__"),
     description="A robot's skin from a low-cost resistive pressure matrix",
+    long_description=readme.read_text(encoding="utf-8"),
+    long_description_content_type="text/markdown",
     license="Apache-2.0",
     maintainer="The tactile_skin developers",
     maintainer_email="tactile_skin@example.org",
     python_requires=">=3.10",
     packages=find_packages(include=[package_name, f"{package_name}.*"]),
-    package_data={package_name: ["weights/*"]},
+    package_data={package_name: ["py.typed", "weights/*"]},
     # optional: without a compiler NumPy does the same, in twice the time
     ext_modules=[
         Extension(
@@ -40,25 +53,23 @@ setup(
         (f"share/{package_name}/launch", sorted(glob("launch/*.yaml"))),
         (f"share/{package_name}/config", sorted(glob("config/*"))),
     ],
-    install_requires=[
-        "numpy>=1.26",
-        "scipy>=1.11",
-        "torch>=2.1",
-        "pyserial>=3.5",
-        "pyyaml>=6.0",
-        "threadpoolctl>=3.0",
-    ],
+    install_requires=["numpy>=1.26", "scipy>=1.11", "pyserial>=3.5", "pyyaml>=6.0"],
     extras_require={
-        "progress": ["tqdm>=4.66"],  # of training and benchmarks
+        "train": ["torch>=2.1", "tqdm>=4.66"],
+        "progress": ["tqdm>=4.66"],  # of benchmarks
         "charts": ["matplotlib>=3.8"],
-        "onnx": ["onnx>=1.16", "onnxscript>=0.2"],  # of trained networks, to be run elsewhere
-        "test": ["hypothesis>=6.100", "pytest>=8.0", "rosbags>=0.10", "ruff>=0.15", "tqdm>=4.66"],
+        # of trained networks, to be run elsewhere
+        "onnx": ["torch>=2.1", "onnx>=1.16", "onnxscript>=0.2"],
+        "test": [
+            "hypothesis>=6.100",
+            "pytest>=8.0",
+            "rosbags>=0.10",
+            "ruff>=0.15",
+            "setuptools>=70.1",  # builds the wheel
+            "threadpoolctl>=3.0",
+            "tqdm>=4.66",
+        ],
     },
-    entry_points={
-        "console_scripts": [
-            "tactile-skin = tactile_skin.cli:main",
-            *(f"{name} = tactile_skin.ros:{name}" for name in nodes()),
-        ]
-    },
+    entry_points={"console_scripts": programs},
     zip_safe=False,
 )

@@ -16,6 +16,7 @@ import importlib
 import os
 import re
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -34,8 +35,8 @@ from .hooks import EventHook, StopHook
 from .msg import DiagnosticArray, DiagnosticStatus, Trigger, Twist
 from .nodes.stop_on_push import STATUS, STATUS_TOPIC
 from .nodes.touch_events import PushListener, StrokeListener
-
 from .threads import one_thread
+
 PACKAGE = "tactile_skin"
 NODES = {  # exec -> class, imported when it is started
     "serial_driver": "serial_driver.SerialDriver",
@@ -273,7 +274,7 @@ def _substitute(text: str, variables: dict, path: Path, anonymous: dict) -> str:
         if kind == "find-pkg-share" and words == [PACKAGE]:
             return str(share_dir())
         if kind == "exec-in-pkg" and len(words) == 2 and words[1] == PACKAGE:
-            return _executable(words[0])
+            return _executable(words[0], path)
         raise LaunchError(
             f"{path}: {match[0]}: not understood; must be $(var x), $(env X [default]), "
             f"$(dirname), $(anon x), $(find-pkg-share {PACKAGE}) or $(exec-in-pkg x {PACKAGE})"
@@ -285,10 +286,18 @@ def _substitute(text: str, variables: dict, path: Path, anonymous: dict) -> str:
     return filled
 
 
-def _executable(name: str) -> str:
-    """Where a program of the package is: lib/tactile_skin beside share, else on the PATH."""
+def _executable(name: str, path: Path) -> str:
+    """How to start a program of the package: as colcon or pip installed it, else by this Python."""
+    if name not in ("tactile-skin", *NODES):
+        there = ", ".join(("tactile-skin", *NODES))
+        raise LaunchError(f"{path}: {PACKAGE} has no program {name!r}; there are: {there}")
     built = share_dir().parents[1] / "lib" / PACKAGE / name
-    return str(built) if built.exists() else name
+    if built.exists():
+        return shlex.quote(str(built))
+    if name not in NODES and shutil.which(name, path=_path()):
+        return name
+    module = f"{PACKAGE}.ros {name}" if name in NODES else PACKAGE
+    return f"{shlex.quote(sys.executable)} -m {module}"
 
 
 # --- the running skin -----------------------------------------------------------------------------
@@ -597,12 +606,15 @@ def node_class(executable: str):
     return getattr(importlib.import_module(f".nodes.{module}", __package__), name)
 
 
+def _path() -> str:
+    return os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+
+
 def start_command(command: list[str]) -> subprocess.Popen:
     """Start a command; the tools of this Python's environment come first on its PATH."""
-    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     try:
         # a session of its own: Ctrl-C ends the nodes first, and they end the command
-        return subprocess.Popen(command, env=os.environ | {"PATH": path}, start_new_session=True)
+        return subprocess.Popen(command, env=os.environ | {"PATH": _path()}, start_new_session=True)
     except OSError as error:
         raise LaunchError(f"executable {shlex.join(command)}: {error.strerror}") from error
 

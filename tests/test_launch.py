@@ -90,9 +90,16 @@ def test_find_pkg_share(plan):
 
 
 def test_exec_in_pkg_is_a_program_of_the_package(plan, tmp_path, monkeypatch):
-    """By name from the PATH, or where colcon has put it."""
+    """Where colcon has put it, or pip; a node, and what is not on the PATH, by this Python."""
     line = echoed("$(exec-in-pkg tactile-skin tactile_skin)")
+    module = [sys.executable, "-m", "tactile_skin"]
+    monkeypatch.setattr("shutil.which", lambda name, path: None)
+    assert words(plan(line)) == [module]
+    monkeypatch.setattr("shutil.which", lambda name, path: name)
     assert words(plan(line)) == [["tactile-skin"]]
+    node = plan(echoed("$(exec-in-pkg monitor tactile_skin)"))
+    assert words(node) == [[sys.executable, "-m", "tactile_skin.ros", "monitor"]]
+    tmp_path = tmp_path / "a robot"  # with a space
     for folder in ("lib/tactile_skin", "share/tactile_skin"):
         (tmp_path / folder).mkdir(parents=True)
     built = tmp_path / "lib" / "tactile_skin" / "tactile-skin"
@@ -197,7 +204,14 @@ GRAMMAR = {  # what is wrong -> (entities, what the message must hold)
     ),
     "environment": (echoed("$(env SKIN_UNSET)"), ["$(env SKIN_UNSET)", "not set"]),
     "package": (echoed("$(find-pkg-share nav2)"), ["$(find-pkg-share nav2)", "tactile_skin"]),
-    "program": (echoed("$(exec-in-pkg a nav2)"), ["$(exec-in-pkg a nav2)", "tactile_skin"]),
+    "program": (
+        echoed("$(exec-in-pkg a tactile_skin)"),
+        ["no program 'a'", "tactile-skin", "monitor"],
+    ),
+    "another package's program": (
+        echoed("$(exec-in-pkg a nav2)"),
+        ["$(exec-in-pkg a nav2)", "tactile_skin"],
+    ),
     "argument without value": ("- arg: {name: a}\n", ["argument a has no default", "a:=value"]),
     "condition": (NODE % ", if: maybe", ["node: if = 'maybe'", "true or false"]),
     "node of another package": (
