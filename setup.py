@@ -8,6 +8,8 @@ from pathlib import Path
 from setuptools import Extension, find_packages, setup
 
 package_name = "tactile_skin"
+# `colcon build --symlink-install` runs a link to this file, in a folder without README
+readme = Path(__file__).resolve().with_name("README.md")
 
 
 def literal(path: str, name: str):
@@ -18,22 +20,16 @@ def literal(path: str, name: str):
 
 
 programs = ["tactile-skin = tactile_skin.cli:main"]
-data_files = [
-    (f"share/{package_name}", ["package.xml"]),
-    (f"share/{package_name}/launch", sorted(glob("launch/*.yaml"))),
-    (f"share/{package_name}/config", sorted(glob("config/*"))),
-]
 # colcon runs `setup.py install` or `develop`: setup.cfg sends the programs to lib/tactile_skin,
 # where `ros2 run` looks for the nodes. pip runs neither, and would put a `monitor` on users' PATH.
 if {"install", "develop"} & set(sys.argv):
     programs += [f"{name} = tactile_skin.ros:{name}" for name in literal("launch.py", "NODES")]
-    data_files += [("share/ament_index/resource_index/packages", [f"resource/{package_name}"])]
 
 setup(
     name=package_name,
     version=literal("__init__.py", "__version__"),
     description="A robot's skin from a low-cost resistive pressure matrix",
-    long_description=Path("README.md").read_text(encoding="utf-8"),
+    long_description=readme.read_text(encoding="utf-8"),
     long_description_content_type="text/markdown",
     license="Apache-2.0",
     maintainer="The tactile_skin developers",
@@ -51,7 +47,12 @@ setup(
             optional=True,
         )
     ],
-    data_files=data_files,
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
+        (f"share/{package_name}", ["package.xml"]),
+        (f"share/{package_name}/launch", sorted(glob("launch/*.yaml"))),
+        (f"share/{package_name}/config", sorted(glob("config/*"))),
+    ],
     install_requires=["numpy>=1.26", "scipy>=1.11", "pyserial>=3.5", "pyyaml>=6.0"],
     extras_require={
         "train": ["torch>=2.1", "tqdm>=4.66"],

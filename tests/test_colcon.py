@@ -40,15 +40,22 @@ def need(request, there, what: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def prefix(request, tmp_path_factory):
-    """The installation, share and lib, of a copy of the source tree."""
+def workspace(request, tmp_path_factory):
+    """With a copy of the source tree: its folder, and a function that builds with given options."""
     colcon = shutil.which("colcon", path=str(Path(sys.executable).parent))
     need(request, colcon, "colcon")
     workspace = tmp_path_factory.mktemp("workspace")
     skip = shutil.ignore_patterns(".*", "build", "install", "log", "*.egg-info", "__pycache__")
     shutil.copytree(SOURCE, workspace / "src" / "tactile_skin", ignore=skip)
-    run(colcon, "build", cwd=workspace)
-    return workspace / "install" / "tactile_skin"
+    return workspace, lambda *options: run(colcon, "build", *options, cwd=workspace)
+
+
+@pytest.fixture(scope="module")
+def prefix(workspace):
+    """The installation, share and lib."""
+    folder, build = workspace
+    build()
+    return folder / "install" / "tactile_skin"
 
 
 def test_what_ros_2_looks_for_is_where_it_looks(prefix):
@@ -64,6 +71,15 @@ def test_what_ros_2_looks_for_is_where_it_looks(prefix):
     assert (share / "package.xml").read_bytes() == (SOURCE / "package.xml").read_bytes()
     index = prefix / "share" / "ament_index" / "resource_index" / "packages" / "tactile_skin"
     assert index.is_file()
+
+
+def test_links_instead_of_copies(workspace):
+    """`--symlink-install` sets up the same from a folder with no more than it links."""
+    folder, build = workspace
+    build("--symlink-install", "--install-base", "linked", "--build-base", "links")
+    prefix = folder / "linked" / "tactile_skin"
+    assert {p.name for p in (prefix / "lib" / "tactile_skin").iterdir()} == {*NODES, "tactile-skin"}
+    assert (prefix / "share" / "tactile_skin" / "launch" / "skin.launch.yaml").is_symlink()
 
 
 def test_the_installed_programs_run(prefix, tmp_path):

@@ -127,33 +127,40 @@ def _fit(reading: Reading, g: np.ndarray, prior, warm: bool = False) -> Estimate
         # The fit may stop short of the minimum; the tests are for the minimum.
         rest = _downhill(point).flat[step.inside]
         ahead = lapack.spotrs(step.factor.T, rest, lower=1)[0]
-        rough = broad and _rough(reading, point)
-        if rough and prior is None:
-            message = suspect.by_cost(reading, point.cost - 0.5 * rest @ ahead)
-        score, of_r_par = (
-            ("", False)
-            if message
-            else suspect.by_score(
-                reading,
-                point.network.k,
-                point.weight,
-                point.misfit,
-                step.told,
-                step.jacobian,
-                step.factor,
-                ahead,
-                point.g.flat[step.inside],
-                broad,
-                rough,
-            )
-        )
-        if score and (rough or series.confirmed(reading, point.g, of_r_par)):
-            message = score
+        message = _by_score(reading, point, step, rest, ahead, broad, prior)
     status = "suspect" if message else "ok"
     if not converged:
         why = "no time to converge" if step.solved else "single precision holds no step"
         status, message = "failed", f"{why}: stopped after {iterations} steps"
     return Estimate(force, std, residual, status, message, "map", steps + iterations)
+
+
+def _by_score(reading: Reading, point, step, rest, ahead, broad: bool, prior) -> str:
+    """What the tests of the whole frame say, at the fit's minimum; empty if nothing.
+
+    Args:
+        rest: - d cost / d x of the unknowns; ahead: their step to the minimum.
+    """
+    rough = broad and _rough(reading, point)
+    if rough and prior is None:
+        message = suspect.by_cost(reading, point.cost - 0.5 * rest @ ahead)
+        if message:
+            return message
+    message, of_r_par = suspect.by_score(
+        reading,
+        point.network.k,
+        point.weight,
+        point.misfit,
+        step.told,
+        step.jacobian,
+        step.factor,
+        ahead,
+        point.g.flat[step.inside],
+        broad,
+    )
+    if message and (rough or series.confirmed(reading, point.g, of_r_par)):
+        return message
+    return ""
 
 
 def _level(reading: Reading, g: np.ndarray) -> bool:

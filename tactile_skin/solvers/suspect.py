@@ -100,18 +100,6 @@ def model_variance(reading: Reading) -> np.ndarray:
     return np.square(_MODEL * reading.steps) if reading.noise else np.zeros(reading.adc.shape)
 
 
-def inflation(reading: Reading, pattern: np.ndarray, which) -> float:
-    """Times its standard deviation from noise alone that a score on a pattern really has.
-
-    Args:
-        pattern: (m,) change of m readings, in standard deviations, past what a fit takes of it.
-        which: (m,) flat indices of those readings.
-    """
-    ratio = 1.0 + model_variance(reading).ravel()[which] / reading.fitted_noise**2
-    power = np.square(pattern)
-    return float(ratio @ power / max(power.sum(), 1e-30)) ** 0.5
-
-
 def by_cost(reading: Reading, cost: float) -> str:
     """A load on the whole skin whose variation the level prior does not explain.
 
@@ -130,7 +118,7 @@ def by_cost(reading: Reading, cost: float) -> str:
 
 
 def by_score(
-    reading: Reading, k, weight, misfit, told, jacobian, factor, ahead, g, broad, rough
+    reading: Reading, k, weight, misfit, told, jacobian, factor, ahead, g, broad
 ) -> tuple[str, bool]:
     """Score tests for a short between neighbouring lines and for a wrong r_par.
 
@@ -145,7 +133,6 @@ def by_score(
         ahead: what the unknowns still lack to the fit's minimum.
         g: conductances of the unknowns [S].
         broad: the level prior was used; its fit leans on r_par's pattern even when sound.
-        rough: each cell is loaded by chance: then no model error makes two lines read alike.
 
     Returns:
         what is wrong, empty if nothing; whether it is r_par.
@@ -160,24 +147,17 @@ def by_score(
     p[:, -1] = weight.ravel()[told]
     size = np.square(p).sum(0)
     along = jacobian.T @ p
-    taken = lapack.spotrs(factor.T, along, lower=1)[0]
+    hidden = (along * lapack.spotrs(factor.T, along, lower=1)[0]).sum(0)
     score = p.T @ misfit.ravel()[told].astype(np.float32) - along.T @ ahead
     least = np.append(np.full(pairs.size, _HIDDEN[0]), _HIDDEN[1])
-    score /= np.sqrt(np.maximum(size - (along * taken).sum(0), least * size) + 1e-30)
+    score /= np.sqrt(np.maximum(size - hidden, least * size) + 1e-30)
     score /= ROUNDED[0] if rounded(reading) else 1.0
-
-    def beyond(k: int, limit: float) -> bool:
-        if abs(score[k]) <= limit:
-            return False
-        left = p[:, k] - jacobian @ taken[:, k]
-        return rough or abs(score[k]) > limit * inflation(reading, left, told)
-
-    if pairs.size and score[(worst := score[:-1].argmax())] > 0.0 and beyond(worst, _SHORT):
-        line = pairs[worst]
+    if pairs.size and score[:-1].max() > _SHORT:
+        line = pairs[score[:-1].argmax()]
         name, i = ("rows", line) if line < rows - 1 else ("columns", line - rows)
         return f"{name} {i} and {i + 1} read alike, as if shorted", False
     touched = g > LIFTED / reading.curve.points[0][1]
-    if not broad and beyond(-1, _R_PAR) and _can_tell(jacobian[:, touched], p[:, -1]):
+    if not broad and abs(score[-1]) > _R_PAR and _can_tell(jacobian[:, touched], p[:, -1]):
         way = "low" if score[-1] < 0 else "high"
         return f"readings lean as if r_par = {reading.circuit.r_par:g} ohm was too {way}", True
     return "", False
