@@ -130,7 +130,7 @@ def draw(data: dict):
         words = f"{100 * silent:.1f} %" if silent >= 0.0005 else ""
         words += f"  {row['missed']} of {row['pushes']}" if missed else ""
         axis.text(x + 0.5, y + 0.5, words, ha="center", va="center", fontsize=6.5,
-                  color="white" if missed else "black")  # fmt: skip
+                  color="white" if missed or silent > 0.15 else "black")  # fmt: skip
     axis.set_xlim(0, len(shapes))
     axis.set_ylim(len(names), 0)
     axis.set_xticks(np.arange(len(shapes)) + 0.5, shapes, fontsize=9)
