@@ -27,9 +27,12 @@ _TOLERANCE = 0.25  # share of r_par that it may be off; more is another fault
 _SURE = 5.5  # standard deviations: another r_par is told from the circuit's own
 _UPRIGHT = 3.5  # the same, which a right one may leave
 _ALONE = 30.0  # chi^2 a reading that the circuit's nonlinearity may leave beside a wrong r_par
-# The same of a skin around the touches that is not at rest: 12 at most beside a short or an r_par
-# 10 % off, 700 at least around palms (16 x 16 and 8 x 12).
-_SOFT = 200.0
+# The same of a skin around the touches that is not at rest: below 3 beside a short or an r_par
+# 10 % off, above 20 around nearly all palms (16 x 16 and 8 x 12).
+_SOFT = 5.0
+# Share of r_par: two-terminal resistance of the hardest pressed crossing, below which a wrong r_par
+# or a short moves a picture by 30 g a cell; palms of 5 to 60 N leave more.
+_HARD = 0.3
 _CLEAR = 4.0  # as _ALONE, of a frame that is not suspect
 _SURER = 8.0  # standard deviations beside a network's force, which no further fit checks
 _TOLD = 1e-3  # share of r_par's pattern, squared, that the touched cells cannot take
@@ -107,20 +110,20 @@ def lean(reading: Reading, g: np.ndarray, beside: bool = True) -> Lean | None:
 
 
 def confirmed(reading: Reading, g: np.ndarray, r_par: bool) -> bool:
-    """Whether a score test of a fit is right: the skin around the touches is at rest, as it
-    supposes, and a wrong r_par wrong by more than does not matter.
+    """Whether a score test of a fit is right, of which a palm is no example.
 
     A palm presses ever less towards its rim. A prior that prefers touches with an edge then leaves
-    misfits that look like a short, or like another r_par.
+    misfits that look like a short, or like another r_par. Either the skin around the touch is at
+    rest, and an r_par off by more than does not matter; or the touch is so hard that it would.
 
     Args:
         g: (rows, cols) conductance [S] that the fit found.
         r_par: whether the test is that for r_par.
     """
     found = lean(reading, g)
-    if found is None or found.left > _SOFT:
-        return False
-    return not r_par or abs(found.shift) > _MATTERS * reading.circuit.r_par
+    if found is not None and found.left <= _SOFT:
+        return not r_par or abs(found.shift) > _MATTERS * reading.circuit.r_par
+    return bool(laplacian.solve(g).rho.min() < _HARD * reading.circuit.r_par)
 
 
 def seek(reading: Reading, fit: Fit, nominal: Estimate) -> Estimate:
