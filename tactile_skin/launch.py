@@ -37,7 +37,7 @@ from .events import Pushed, Released, Stroked
 from .hooks import EventHook, StopHook
 from .logs import QueuedLog
 from .msg import DiagnosticArray, Trigger, Twist
-from .nodes.stop_on_push import STATUS, STATUS_TOPIC, decision_of
+from .nodes.stop_on_push import STATUS, STATUS_TOPIC, word_of
 from .nodes.touch_events import PushListener, StrokeListener
 from .signals import SIGNALS, unwinding
 
@@ -492,7 +492,7 @@ class Skin:
 
         def listener(topic: str):
             def on_status(message: DiagnosticArray) -> None:
-                stop_hook.hear(topic, decision_of(message, clock.now().nanoseconds / 1e9))
+                stop_hook.hear(topic, word_of(message, clock.now().nanoseconds / 1e9))
 
             return on_status
 
