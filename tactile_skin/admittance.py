@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .gate import Motion, zero
-from .stop import AHEAD, PUSH, Decision
+from .stop import AHEAD, PUSH, Decision, Word
 
 _REST = 1e-3  # m/s, rad/s: slower than this, and not pushed, is at rest
 
@@ -113,16 +113,16 @@ class Admittance:
 
     def __init__(self, config: AdmittanceConfig):
         self.config = config
-        self._stop = (-math.inf, Decision(True, ""))
+        self._stop = (-math.inf, Word(True, ""))
         self._seen = -math.inf  # stamp of the newest touch
         self._wrench = np.zeros(3)  # (3,) force along x, y [N] and torque about z [N m]
         self._trouble = ""  # why the newest touch leads nowhere
         self._t: float | None = None  # of the last step
         self._velocity = np.zeros(3)  # (3,) along x, y [m/s] and about z [rad/s]
 
-    def stop(self, t: float, decision: Decision) -> None:
+    def stop(self, t: float, word: Decision | Word) -> None:
         """The stop's word."""
-        self._stop = t, decision
+        self._stop = t, Word(*word)
 
     def touch(self, stamp: float, total: float, force, torque) -> None:
         """What a reading says of the touch, in the base frame.
@@ -151,8 +151,8 @@ class Admittance:
         # after a longer pause than that the touch is too old to say what happened meanwhile
         dt = 0.0 if self._t is None else min(max(0.0, t - self._t), config.touch_timeout)
         self._t = t
-        heard, decision = self._stop
-        decision = decision.at(t)
+        heard, word = self._stop
+        decision = word.at(t)
         reason = ""
         if not 0.0 <= t - heard <= config.stop_timeout:
             reason = "the stop is silent"

@@ -27,7 +27,9 @@ def main(argv: list[str] | None = None) -> int:
         level=logging.INFO, format="%(levelname)s %(name)s: %(message)s", stream=sys.stderr
     )
     try:
-        with one_thread():
+        if args.run is _launch:  # the skin does it itself, where no signal gets lost in it
+            return _launch(args)
+        with one_thread():  # the matrices are small: more threads wait for one another
             return args.run(args)
     except KeyboardInterrupt:
         return 130

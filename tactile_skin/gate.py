@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .stop import AHEAD, PUSH, Decision
+from .stop import AHEAD, PUSH, Decision, Word
 
 _EDGE = math.sin(0.1)  # sine of the angle into the contact at which a motion is blocked
 
@@ -67,7 +67,7 @@ class Gate:
     def __init__(self, config: GateConfig):
         self.config = config
         self._command = (-math.inf, np.zeros(3), np.zeros(3))
-        self._stop = (-math.inf, Decision(True, ""))
+        self._stop = (-math.inf, Word(True, ""))
         self._seen, self._total = -math.inf, 0.0  # stamp and force of the newest touch
         self._push: tuple[np.ndarray, np.ndarray] | None = None  # direction, (n, 3) places
         self._trouble = "its direction is not known"  # why there is no `_push`
@@ -76,9 +76,9 @@ class Gate:
         """A velocity is asked for: (3,) [m/s] and (3,) [rad/s], in the base frame."""
         self._command = t, np.asarray(linear, float), np.asarray(angular, float)
 
-    def stop(self, t: float, decision: Decision) -> None:
+    def stop(self, t: float, word: Decision | Word) -> None:
         """The stop's word."""
-        self._stop = t, decision
+        self._stop = t, Word(*word)
         self._forget_what_is_over()
 
     def touch(self, stamp: float, total: float, force, places) -> None:
@@ -108,8 +108,8 @@ class Gate:
         if self._seen > t + AHEAD:  # the clock was set back: what was seen is of no time
             self._seen = -math.inf
         since, linear, angular = self._command
-        heard, decision = self._stop
-        decision = decision.at(t)
+        heard, word = self._stop
+        decision = word.at(t)
         if not 0.0 <= t - heard <= self.config.stop_timeout:
             return zero("the stop is silent")
         if decision.stop and decision.reason != PUSH:

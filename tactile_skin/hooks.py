@@ -12,7 +12,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-from .stop import Decision
+from .stop import Word
 
 _SILENCE = 0.25  # s without a word from the stop node, which speaks every 0.02 s, that mean stop
 _RETRY = 0.1  # s before a hook that raised is called again
@@ -30,11 +30,9 @@ class StopWords:
     """
 
     def __init__(self, topics: list[str], t: float):
-        self._words = {
-            topic: (t, Decision(True, "no word from the stop node yet")) for topic in topics
-        }
+        self._words = {topic: (t, Word(True, "no word from the stop node yet")) for topic in topics}
 
-    def hear(self, t: float, topic: str, word: Decision) -> bool:
+    def hear(self, t: float, topic: str, word: Word) -> bool:
         """The stop node behind `topic` said this; whether it is another word than before."""
         before, self._words[topic] = self._words[topic][1], (t, word)
         return before[:2] != word[:2]
@@ -42,9 +40,7 @@ class StopWords:
     def at(self, t: float) -> tuple[bool, str]:
         """Stop, and why: any of them stops, one that is silent, and a free that has run out."""
         words = [
-            word.at(t)
-            if 0.0 <= t - heard <= _SILENCE
-            else Decision(True, "the stop node is silent")
+            word.at(t) if 0.0 <= t - heard <= _SILENCE else Word(True, "the stop node is silent")
             for heard, word in self._words.values()
         ]
         return any(w.stop for w in words), " + ".join(w.reason for w in words if w.reason)
@@ -90,7 +86,7 @@ class StopHook:
         self._log, self._thread = _named(hook, self._run)
         self._thread.start()
 
-    def hear(self, topic: str, word: Decision) -> None:
+    def hear(self, topic: str, word: Word) -> None:
         """The stop node behind `topic` decided; returns at once."""
         with self._changed:
             new = self._words.hear(self._now(), topic, word)

@@ -23,12 +23,20 @@ class Decision(NamedTuple):
     # "push", "stale: ...", "fault: ...", "latched: the first of these", joined by " + "; empty
     # while free to move
     reason: str
-    # when a free that somebody was told runs out [s]; a stop never does
-    until: float = math.inf
+
+
+class Word(NamedTuple):
+    """A decision as somebody else heard it."""
+
+    stop: bool
+    reason: str
+    until: float = math.inf  # when a free runs out [s]; a stop never does
 
     def at(self, t: float) -> Decision:
         """What is left of it at t: a free that has run out is a stop."""
-        return self if self.stop or t <= self.until else Decision(True, OUT_OF_DATE)
+        if self.stop or t <= self.until:
+            return Decision(self.stop, self.reason)
+        return Decision(True, OUT_OF_DATE)
 
 
 @dataclass(frozen=True)

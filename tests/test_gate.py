@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tactile_skin.gate import Gate, GateConfig
-from tactile_skin.stop import OUT_OF_DATE, Decision
+from tactile_skin.stop import OUT_OF_DATE, Decision, Word
 
 FREE, PUSH = Decision(False, ""), Decision(True, "push")
 CONFIG = GateConfig()
@@ -40,12 +40,12 @@ def is_zero(motion) -> bool:
 def test_a_free_runs_out_with_the_reading_that_it_rests_on():
     """Also one that was heard this very moment; a stop does not run out."""
     gate = Gate(CONFIG)
-    gate.stop(10.0, Decision(False, "", until=10.05))
+    gate.stop(10.0, Word(False, "", until=10.05))
     assert ask(gate, (0.5, 0.0, 0.0), t=10.05).reason == ""
     late = ask(gate, (0.5, 0.0, 0.0), t=10.06)
     assert is_zero(late)
     assert late.reason == OUT_OF_DATE
-    gate.stop(10.06, Decision(True, "on fire", until=0.0))
+    gate.stop(10.06, Word(True, "on fire", until=0.0))
     assert ask(gate, (0.5, 0.0, 0.0), t=10.06).reason == "on fire"
 
 

@@ -7,15 +7,15 @@ import pytest
 
 from tactile_skin.bus import ManualClock
 from tactile_skin.hooks import StopHook, StopWords
-from tactile_skin.stop import OUT_OF_DATE, Decision
+from tactile_skin.stop import OUT_OF_DATE, Word
 
 PATIENCE = 30.0  # s, for what must happen
 SILENT = "the stop node is silent"
-PUSH = Decision(True, "push")
+PUSH = Word(True, "push")
 
 
-def free(until: float) -> Decision:
-    return Decision(False, "", until)
+def free(until: float) -> Word:
+    return Word(False, "", until)
 
 
 # --- the words, on a driven clock ---
@@ -41,7 +41,7 @@ def test_a_free_runs_out_although_it_just_arrived(words):
 
 
 def test_a_stop_does_not_run_out(words):
-    words.hear(10.0, "stop", Decision(True, "push", 0.0))
+    words.hear(10.0, "stop", Word(True, "push", 0.0))
     assert words.at(10.2) == (True, "push")
 
 

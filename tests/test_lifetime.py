@@ -26,8 +26,8 @@ def lifetime(*words) -> None:
 
 
 def test_the_last_word_is_stop():
-    """Each place with single and doubled signals; the rest is in the long run below."""
-    lifetime("--runs", "24")
+    """Each place with each single and doubled signal."""
+    lifetime("--runs", "48")
 
 
 @pytest.mark.slow

@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 from ..gate import Motion
 from ..msg import DiagnosticArray, Twist, Vector3
-from ..stop import Decision
+from ..stop import Word
 from . import diagnostics
-from .stop_on_push import STATUS, STATUS_TOPIC, decision_of
+from .stop_on_push import STATUS, STATUS_TOPIC, word_of
 
 PERIOD = 0.02  # s, between two velocities at most
 
@@ -23,12 +23,12 @@ class CmdVel:
 
     Args:
         decide: time [s] -> Motion.
-        take_stop: told (time [s], Decision) for each word of the stop.
+        take_stop: told (time [s], Word) for each word of the stop.
     """
 
     def __init__(self, node, decide: Callable, take_stop: Callable):
         self._node, self._decide, self._take_stop = node, decide, take_stop
-        self._word: Decision | None = None
+        self._word: Word | None = None
         self._reason: str | None = None
         self._closed = threading.Lock()  # held for good once the last word is said
         self._cmd_vel = node.create_publisher(Twist, "cmd_vel", 1)
@@ -42,7 +42,7 @@ class CmdVel:
 
     def on_status(self, msg: DiagnosticArray) -> None:
         now = self.now()
-        word = decision_of(msg, now)
+        word = word_of(msg, now)
         self._take_stop(now, word)
         if self._word is None or word[:2] != self._word[:2]:  # a stop need not wait for the timer
             self.publish()

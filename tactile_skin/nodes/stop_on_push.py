@@ -16,7 +16,7 @@ from ..msg import (
     Trigger,
     cloud_columns,
 )
-from ..stop import AHEAD, WAY, Decision, StopConfig, StopPolicy
+from ..stop import AHEAD, WAY, Decision, StopConfig, StopPolicy, Word
 from . import QUEUE, diagnostics
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -27,20 +27,20 @@ HEARTBEAT = 0.02  # s, between decisions when no reading comes
 _END = 0.95  # of the curve's last force, which noise keeps a cell from reading quite
 
 
-def decision_of(msg: DiagnosticArray, t: float) -> Decision:
+def word_of(msg: DiagnosticArray, t: float) -> Word:
     """What a message of skin/stop_status, heard at t, says, and how long it may be believed.
 
     A free that does not say for how long, or whose reading lies ahead of t, is not believed.
     """
     status = msg.status[0]
     if status.level != DiagnosticStatus.OK:
-        return Decision(True, status.message)
+        return Word(True, status.message)
     stamp = Time.from_msg(msg.header.stamp).nanoseconds / 1e9
     try:
         good_for = float({pair.key: pair.value for pair in status.values}["good_for"])
     except (KeyError, ValueError):
-        return Decision(False, "", -math.inf)
-    return Decision(False, "", stamp + good_for + WAY if stamp <= t + AHEAD else -math.inf)
+        return Word(False, "", -math.inf)
+    return Word(False, "", stamp + good_for + WAY if stamp <= t + AHEAD else -math.inf)
 
 
 class StopOnPush:

@@ -146,7 +146,7 @@ def _by_score(reading: Reading, point, step, rest, ahead, broad: bool, prior) ->
         message = suspect.by_cost(reading, point.cost - 0.5 * rest @ ahead)
         if message:
             return message
-    message, of_r_par = suspect.by_score(
+    found = suspect.by_score(
         reading,
         point.network.k,
         point.weight,
@@ -158,9 +158,8 @@ def _by_score(reading: Reading, point, step, rest, ahead, broad: bool, prior) ->
         point.g.flat[step.inside],
         broad,
     )
-    if message and (rough or series.confirmed(reading, point.g, of_r_par)):
-        return message
-    return ""
+    right = (text for text, r_par in found if rough or series.confirmed(reading, point.g, r_par))
+    return next(right, "")
 
 
 def _level(reading: Reading, g: np.ndarray) -> bool:

@@ -123,7 +123,9 @@ def confirmed(reading: Reading, g: np.ndarray, r_par: bool) -> bool:
     found = lean(reading, g)
     if found is not None and found.left <= _SOFT:
         return not r_par or abs(found.shift) > _MATTERS * reading.circuit.r_par
-    return bool(laplacian.solve(g).rho.min() < _HARD * reading.circuit.r_par)
+    hard = laplacian.solve(g).rho.min() < _HARD * reading.circuit.r_par
+    # where hardly a cell is at rest, hard pressed lines are alike anyway
+    return bool(hard and (r_par or found is not None))
 
 
 def seek(reading: Reading, fit: Fit, nominal: Estimate) -> Estimate:

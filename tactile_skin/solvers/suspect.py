@@ -119,7 +119,7 @@ def by_cost(reading: Reading, cost: float) -> str:
 
 def by_score(
     reading: Reading, k, weight, misfit, told, jacobian, factor, ahead, g, broad
-) -> tuple[str, bool]:
+) -> list[tuple[str, bool]]:
     """Score tests for a short between neighbouring lines and for a wrong r_par.
 
     How far does the misfit lie along the change p that the fault would make in the readings, past
@@ -135,7 +135,7 @@ def by_score(
         broad: the level prior was used; its fit leans on r_par's pattern even when sound.
 
     Returns:
-        what is wrong, empty if nothing; whether it is r_par.
+        what may be wrong, the likelier first, each with whether it is r_par.
     """
     rows = weight.shape[0]
     pairs = np.flatnonzero(np.concatenate([_alike(reading), _alike(reading, turned=True)]))
@@ -152,15 +152,18 @@ def by_score(
     least = np.append(np.full(pairs.size, _HIDDEN[0]), _HIDDEN[1])
     score /= np.sqrt(np.maximum(size - hidden, least * size) + 1e-30)
     score /= ROUNDED[0] if rounded(reading) else 1.0
+    found = []
     if pairs.size and score[:-1].max() > _SHORT:
         line = pairs[score[:-1].argmax()]
         name, i = ("rows", line) if line < rows - 1 else ("columns", line - rows)
-        return f"{name} {i} and {i + 1} read alike, as if shorted", False
+        text = f"{name} {i} and {i + 1} read alike, as if shorted"
+        found.append((score[:-1].max() / _SHORT, text, False))
     touched = g > LIFTED / reading.curve.points[0][1]
     if not broad and abs(score[-1]) > _R_PAR and _can_tell(jacobian[:, touched], p[:, -1]):
         way = "low" if score[-1] < 0 else "high"
-        return f"readings lean as if r_par = {reading.circuit.r_par:g} ohm was too {way}", True
-    return "", False
+        text = f"readings lean as if r_par = {reading.circuit.r_par:g} ohm was too {way}"
+        found.append((abs(score[-1]) / _R_PAR, text, True))
+    return [(text, is_r_par) for _, text, is_r_par in sorted(found, reverse=True)]
 
 
 def _can_tell(jacobian: np.ndarray, p: np.ndarray) -> bool:
