@@ -44,7 +44,7 @@ def test_device_time_is_that_of_the_scan():
 
 def test_sequence_numbers_wrap():
     simulated = make_board(frames_per_second=390, circuit=Circuit(1, 1))
-    simulated._frames = simulated._scans = 65_535
+    simulated._frames = simulated._scans = simulated._sent = 65_535
     assert [f.sequence for f in frames_of(simulated, 3)] == [65_535, 0, 1]
 
 
