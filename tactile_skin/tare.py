@@ -26,6 +26,8 @@ _SHARE = 0.5  # of a later measurement that is taken over
 _NEWS = 4.0  # times its noise by which a measurement differs from what is known
 _COMMON = 0.004  # by which all cells together may rest off the curve, at first
 _LINE = 0.2  # by which a whole line may rest off the others
+_JUMP = 0.1  # by which all cells together may change between two measurements, and
+_DRIFT = 0.02 / 60.0  # 1/s, by which they may besides: as a robot's cover warms up
 _FALL = 0.05  # by which a whole line may conduct less than at the first measurement
 
 
@@ -39,6 +41,7 @@ class Tare:
 
     def __init__(self, circuit: Circuit, curve: PressureCurve):
         self.curve, self.message = curve, ""
+        self._learned = -np.inf  # s, when the rest was measured last
         self._first: np.ndarray | None = None  # (rows, cols) [S] that was measured first
         self._circuit = circuit
         # Between its ends newton finds whatever a skin at rest may be; its forces mean nothing.
@@ -62,7 +65,9 @@ class Tare:
         Returns:
             whether `curve` changed.
         """
-        if force.max() > _TOUCH or t < self._last:  # whether the pause was over cannot be told
+        if t < self._last:
+            self._learned = -np.inf  # how long ago cannot be told, nor whether a pause is over
+        if force.max() > _TOUCH or t < self._last:
             self._begin(t + _PAUSE)
         self._last = t
         if t < self._after:
@@ -101,11 +106,13 @@ class Tare:
         if self._first is None:
             self._first = now
         else:
+            before = 1.0 / self.curve.rest_resistance
             self.message = self._leads(np.log(now / self._first), cells)
+            self.message = self.message or self._jump(np.log(now / before)[cells])
             if self.message:
                 return False
-            before = 1.0 / self.curve.rest_resistance
             now = before + _SHARE * (now - before)
+        self._learned = self._last
         rest = np.where(cells, 1.0 / now, self.curve.points[0][1])
         self.curve = self.curve.resting_at(rest)
         return True
@@ -131,6 +138,18 @@ class Tare:
             much = f"{np.expm1(common):+.1%}"
             return f"all cells conduct {much} at rest: is r_par, r_ref or the curve's start wrong?"
         return ""
+
+    def _jump(self, change: np.ndarray) -> str:
+        """A fabric warms and ages as a whole, but slowly.
+
+        Args:
+            change: (cells,) log of each one's conductance over that known.
+        """
+        common = np.median(change)
+        if abs(common) <= _JUMP + _DRIFT * (self._last - self._learned):
+            return ""
+        much = f"{np.expm1(common):+.0%}"
+        return f"all cells conduct {much} at once: has the supply or the reference changed?"
 
     def _leads(self, change: np.ndarray, cells: np.ndarray) -> str:
         """A lead that breaks puts a resistance before its whole line, which hides most of a push.

@@ -448,7 +448,7 @@ def test_a_fault_seen_at_rest_is_not_healed_by_a_touch_that_hides_it(monkeypatch
         return last_report(chain).level
 
     rest, bad = np.zeros((16, 16)), DiagnosticStatus.ERROR
-    feel(30, touch, "ok")
+    assert feel(5, rest, "ok") == DiagnosticStatus.OK
     assert feel(30, touch, "suspect") == bad
     assert feel(60, touch, "ok") == DiagnosticStatus.OK, "the touch is believed again"
     assert feel(15, rest, "suspect") == bad
@@ -646,3 +646,17 @@ def test_a_board_of_another_size_is_an_error_and_gives_no_reading(driven, wrong)
 def test_what_the_driver_cannot_do_is_refused_at_its_start(driven, wrong, named):
     with pytest.raises(ValueError, match=named):
         driven(**wrong)
+
+
+def test_a_skin_that_is_loaded_from_the_start_stops_until_it_is_let_go():
+    """A hand on it, or an ADC that reads too high from the start, would be taken for rest later."""
+    chain = Chain("auto")
+    chain.scene = "one_finger"
+    chain.play(100)
+    assert "loaded since the start, most at row" in chain.reason
+    chain.scene = "idle"
+    chain.frames_until(False)
+    chain.play(150)
+    chain.scene = "one_finger"
+    chain.settle()
+    assert not chain.stopped, chain.reason

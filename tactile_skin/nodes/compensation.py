@@ -26,8 +26,9 @@ class Compensation:
     a second and whenever the level changes: WARN for a suspect frame, ERROR, which stops the
     robot, for a failed one and while they are suspect too often (doubt.py). A frame that fails is
     not published. What the cells conduct at rest is measured between touches (`Tare`); until the
-    first time, a second after the start, a fabric whose cells differ is suspect. The service
-    `~/reset` forgets the fault, and the last frame, from which the next one starts.
+    first time, a second after the start, a fabric whose cells differ is suspect, and a skin that
+    was touched from the first frame on is an ERROR until it is let go. The service `~/reset`
+    forgets the fault, and the last frame, from which the next one starts.
     """
 
     def __init__(self, node):
@@ -75,6 +76,7 @@ class Compensation:
         self._doubts = 0
         self._doubt, self._fault, self._why = Doubt(), False, ""
         self._ceiling, self._saturated = Ceiling(self.circuit.adc_bits), ""
+        self._loaded = "no reading yet" if self._follows else ""  # since the start, where
         self._level, self._message, self._residual = diagnostics.OK, "ok", 0.0
         self._taken: Counter[str] = Counter()
         self._scale = 2 ** (16 - self.circuit.adc_bits) * self.circuit.full_scale
@@ -118,7 +120,9 @@ class Compensation:
         self._why = estimate.message if suspect else self._why
         kept = f"{self._why} ({self._doubt.kept})" if self._doubt.kept else ""
         self._saturated = self._ceiling.frame(samples)
-        words = self._saturated, estimate.message or kept, self._tare.message
+        if self._loaded:
+            self._loaded = _where(estimate.force) if touched else ""
+        words = self._loaded, self._saturated, estimate.message or kept, self._tare.message
         self._judge(estimate.status, "; ".join(filter(None, words)))
 
     def on_reset(self, _, response):
@@ -131,7 +135,7 @@ class Compensation:
 
     def _judge(self, status: str, message: str) -> None:
         level = diagnostics.OK if status == "ok" and not message else diagnostics.WARN
-        if status == "failed" or ((self._fault or self._saturated) and self._stops):
+        if status == "failed" or ((self._fault or self._saturated or self._loaded) and self._stops):
             level = diagnostics.ERROR
         if message or level == diagnostics.OK:
             self._message = message or "ok"
@@ -144,3 +148,12 @@ class Compensation:
         values["tare"] = self._tare.message or ("ok" if self._follows else "off")
         values |= {f"frames_{name}": n for name, n in self._taken.items()}
         self._diagnostics.publish(diagnostics.report(self.node, self._level, self._message, values))
+
+
+def _where(force: np.ndarray) -> str:
+    """What to say of a skin that has been touched from its first frame on."""
+    row, col = np.unravel_index(force.argmax(), force.shape)
+    return (
+        f"the skin is loaded since the start, most at row {row}, column {col}: take the load off, "
+        "so that what the cells read at rest can be measured"
+    )
