@@ -110,8 +110,7 @@ _RARELY = 0.02  # share of frames by which a sound board repeats itself, until i
 _FORGET = 1.0 / 300.0  # share of that measurement which each frame renews
 _LONGEST = 2.0  # s after which repeated frames are frozen, however often the board repeats itself
 _REMEMBERED = 4096  # frames, 40 s at 100 a second, among which a frame is looked for again
-_LINE_WINDOW = 0.2  # s, and
-_LINE_FRAMES = 20  # frames, in which a cell moves at least once
+_STILL_FOR, _STILL_FRAMES = 0.2, 20  # s, and frames, in which a cell with noise moves
 _MOVING = 0.9  # of the cells must do so, or the board is too quiet to tell a line that does not
 _STILL = 0.02  # of a sound board's cells may stay still in that time, at least
 
@@ -160,52 +159,47 @@ class Repeats:
 
 
 class StillLines:
-    """Lines whose cells never move while those of all others do: a part of the scan is frozen."""
+    """Lines whose cells do not move while those of all others do: a part of the scan is frozen."""
 
     def __init__(self, shape: tuple[int, int], full_scale: int):
         self._full_scale = full_scale
-        self._evidence = np.zeros(sum(shape))  # log probability of having moved by chance
         self._last: np.ndarray | None = None
-        self._text = ""
-        self._begin(math.inf)
-
-    def _begin(self, t: float) -> None:
-        self._since, self._frames, self._moved, self._known = t, 0, None, None
+        self._since = np.zeros(shape)  # s, when each cell moved last, and
+        self._frames = np.zeros(shape, np.int32)  # frames since then
+        self._usual = 1.0  # share of cells that move in that time
 
     def frame(self, t: float, samples: np.ndarray) -> str:
         """What is wrong with the frame that arrived at t [s]; empty if nothing."""
-        if self._last is not None:
-            moved = samples != self._last
-            # a reading at either end of the scale has no room for noise
-            known = (samples > 0) & (samples < self._full_scale)
-            self._moved = moved if self._moved is None else self._moved | moved
-            self._known = known if self._known is None else self._known & known
-            self._frames += 1
-        self._since = min(self._since, t)
+        moved = samples != self._last if self._last is not None else np.ones(samples.shape, bool)
         self._last = samples
-        if t - self._since >= _LINE_WINDOW and self._frames >= _LINE_FRAMES:
-            self._text = self._judge(self._moved, self._known)
-            self._begin(t)
-        return self._text
-
-    def _judge(self, moved: np.ndarray, known: np.ndarray) -> str:
-        moved = moved & known
-        still, chance = [], []
-        for axis in (1, 0):  # the rows, then the columns
-            cells, moving = known.sum(axis), moved.sum(axis)
-            alive = moving > 0
-            share = moving.sum() / (cells[alive].sum() + 1)  # of few cells all may move by chance
-            still.append(~alive & (cells > 0) & (share >= _MOVING))
-            chance.append(np.log(max(1.0 - share, _STILL)) * cells)
-        still, chance = np.concatenate(still), np.concatenate(chance)
-        self._evidence = np.where(still, self._evidence + chance, 0.0)
-        dead = np.flatnonzero(self._evidence < math.log(_CHANCE))
-        if not dead.size:
+        self._since[moved] = t
+        self._frames += 1
+        self._frames[moved] = 0
+        still = (t - self._since >= _STILL_FOR) & (self._frames >= _STILL_FRAMES)
+        if not still.any():
             return ""
-        rows = moved.shape[0]
-        names = [f"row {k}" if k < rows else f"column {k - rows}" for k in dead[:4].tolist()]
-        more = "" if dead.size <= 4 else f" and {dead.size - 4} more"
-        return f"{', '.join(names)}{more}: samples without any noise while the others have it"
+        # a reading at either end of the scale has no room for noise
+        known = (samples > 0) & (samples < self._full_scale)
+        names = []
+        for name, axis in (("row", 1), ("column", 0)):
+            cells = known.sum(axis)
+            dead = (cells > 0) & ((still & known).sum(axis) == cells)
+            alive = known & ~np.expand_dims(dead, axis)
+            # of few cells all may move by chance
+            share = 1.0 - ((still & alive).sum() + 1.0) / (alive.sum() + 1.0)
+            self._usual += _FORGET * (share - self._usual)
+            share = min(share, self._usual)
+            if share < _MOVING:
+                continue
+            # how long they all would stand still by chance, but for once in 1e9
+            chance = math.log(max(1.0 - share, _STILL)) * cells / _STILL_FRAMES
+            least = np.where(known, self._frames, np.iinfo(np.int32).max).min(axis)
+            dead &= chance * least < math.log(_CHANCE)
+            names += [f"{name} {k}" for k in np.flatnonzero(dead).tolist()]
+        if not names:
+            return ""
+        more = "" if len(names) <= 4 else f" and {len(names) - 4} more"
+        return f"{', '.join(names[:4])}{more}: samples without any noise while the others have it"
 
 
 # --- the board ----------------------------------------------------------------------------------
