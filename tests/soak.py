@@ -274,8 +274,9 @@ def soak(args, watch: Watch, board_process: Helper, tickers: list[Helper]) -> li
     board_process.end()
     print(
         f"sent {board_process.lines[-1].split()[0]}, received {watch.received}, lost "
-        f"{counters.lost}, damaged {counters.corrupt}, published {watch.readings}, decided {watch.decisions}; "
-        f"{len(stalls)} stalls of the host, {1e3 * longest:.0f} ms the longest; stops {stops}"
+        f"{counters.lost}, damaged {counters.corrupt}, published {watch.readings}, decided "
+        f"{watch.decisions}; {len(stalls)} stalls of the host, "
+        f"{1e3 * longest:.0f} ms the longest; stops {stops}"
     )
     print(f"missed frames by whose they are: {blamed}")
     own = blamed["the skin"]
