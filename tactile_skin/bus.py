@@ -55,18 +55,33 @@ class Clock:
     def now(self) -> Time:
         return Time(self._offset + time.monotonic_ns())
 
+    @staticmethod
+    def monotonic() -> float:
+        """Seconds that went by, since whenever."""
+        return time.monotonic()
+
 
 class ManualClock:
     """A clock that a test drives."""
 
     def __init__(self, seconds: float = 1000.0):
         self._now = round(seconds * 1e9)
+        self._set = 0
 
     def now(self) -> Time:
         return Time(self._now)
 
+    def monotonic(self) -> float:
+        """Seconds that went by, since whenever."""
+        return (self._now - self._set) * 1e-9
+
     def advance(self, seconds: float) -> None:
         self._now += round(seconds * 1e9)
+
+    def set(self, seconds: float) -> None:
+        """Show another time of day, by so much, although no time goes by."""
+        self._now += round(seconds * 1e9)
+        self._set += round(seconds * 1e9)
 
 
 # --- quality of service -------------------------------------------------------------------------

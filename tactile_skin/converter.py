@@ -32,6 +32,7 @@ class Ceiling:
         self._last: np.ndarray | None = None
         self._still: np.ndarray | None = None  # (rows, cols) frames since each reading moved
         self._count = _PRIOR  # readings that stood still, and all
+        self._present = False  # the last frame shows it
 
     def frame(self, samples: np.ndarray) -> str:
         """What is wrong, with this frame or since an earlier one; empty if nothing."""
@@ -39,7 +40,7 @@ class Ceiling:
             self._last, self._still = samples, np.zeros(samples.shape, np.int32)
             return ""
         self._still = np.where(samples == self._last, self._still + 1, 0)
-        self._last = samples
+        self._last, self._present = samples, False
         top = int(samples.max())
         if self.height is not None and top > self.height * self._scale:
             self.height = None  # it was none
@@ -56,6 +57,15 @@ class Ceiling:
             n = np.count_nonzero(still & at_top)
             if n and n * math.log(max(stood / max(seen, 1.0), _SELDOM)) < math.log(_CHANCE):
                 self.height = top / self._scale
+                self._present = True
+        return self._said()
+
+    def forget(self) -> str:
+        """Forget what no longer shows; what is wrong with the last frame, empty if nothing."""
+        self.height = self.height if self._present else None
+        return self._said()
+
+    def _said(self) -> str:
         if self.height is None:
             return ""
         return (

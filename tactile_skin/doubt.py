@@ -25,19 +25,27 @@ class Doubt:
     """
 
     def __init__(self):
+        self._recent: deque[bool] = deque(maxlen=_WATCHED)
+        self._now = False  # the last frames are in doubt
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything: whoever asks for it has looked at the skin."""
+        """Forget all that is past, as whoever asks for it has looked at the skin.
+
+        What the last frames are goes on to count: a reset is no cure.
+        """
         self.kept = ""
-        self._recent: deque[bool] = deque(maxlen=_WATCHED)
-        self._now = False  # the last frames are in doubt
         self._at_rest, self._lasting = 0, False  # frames in doubt with nothing touching
         self._touches = 0  # with a fault since the last one without doubt
         self._counted = False  # the present touch is among them
         self._held = False  # the last one's fault is not over
         self._began = self._last = -math.inf
         self._touched = False
+
+    @property
+    def present(self) -> bool:
+        """Whether the last frames are in doubt, whatever was before."""
+        return self._now
 
     def frame(self, t: float, suspect: bool, touched: bool) -> bool:
         """Take a frame; whether there is a fault.

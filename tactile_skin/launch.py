@@ -655,32 +655,43 @@ class Skin:
     def reset_stop(self, timeout: float = 1.0) -> tuple[bool, str]:
         """Ask every stop node to end its latched stop: whether all did, and what they say.
 
-        A stop whose cause lasts stays. Waits `timeout` [s] for each answer.
+        Before, each compensation is asked to forget the faults that its last frames no longer
+        show. A stop whose cause lasts stays. Waits `timeout` [s] for each answer.
 
         Raises:
             LaunchError: the launch file starts no stop_on_push.
         """
-        answers = []
-        for handle in self._started("stop_on_push"):
-            name = f"{handle.get_fully_qualified_name()}/reset"
-            future = self.node.create_client(Trigger, name).call_async(Trigger.Request())
-            try:
-                answers.append(future.result(timeout))
-            except concurrent.futures.TimeoutError:
-                future.cancel()  # a reset that was given up must not free the robot later
-                answers.append(Trigger.Response(False, f"{name} does not answer"))
+        stops = self._started("stop_on_push")
+        # Each says on diagnostics how it is before it answers, and a stop node takes what came
+        # first first: its own reset finds that said.
+        forgotten = [self._reset(handle, timeout) for handle in self._of_kind("compensation")]
+        silent = [a for a in forgotten if not a.success]
+        answers = silent or [self._reset(handle, timeout) for handle in stops]
         return all(a.success for a in answers), "; ".join(a.message for a in answers)
+
+    def _reset(self, handle: Node, timeout: float):
+        """The answer of the node's service ~/reset."""
+        name = f"{handle.get_fully_qualified_name()}/reset"
+        future = self.node.create_client(Trigger, name).call_async(Trigger.Request())
+        try:
+            return future.result(timeout)
+        except concurrent.futures.TimeoutError:
+            future.cancel()  # a reset that was given up must not free the robot later
+            return Trigger.Response(False, f"{name} does not answer")
 
     def _started(self, executable: str) -> list[Node]:
         """The nodes of a kind, of which there must be one."""
-        found = [
+        found = self._of_kind(executable)
+        if not found:
+            raise LaunchError(f"the launch file starts no {executable}")
+        return found
+
+    def _of_kind(self, executable: str) -> list[Node]:
+        return [
             handle
             for action, handle in zip(self._plan.nodes, self._handles, strict=False)
             if action.executable == executable
         ]
-        if not found:
-            raise LaunchError(f"the launch file starts no {executable}")
-        return found
 
     def _handle(self, action: NodeAction) -> Node:
         full_name = f"{action.namespace}/{action.name}"

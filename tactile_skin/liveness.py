@@ -166,7 +166,10 @@ class StillLines:
         self._last: np.ndarray | None = None
         self._since = np.zeros(shape)  # s, when each cell moved last, and
         self._frames = np.zeros(shape, np.int32)  # frames since then
-        self._usual = 1.0  # share of cells that move in that time
+        self._usual = [
+            1.0,
+            1.0,
+        ]  # share of cells that move in that time, but for dead rows; columns
 
     def frame(self, t: float, samples: np.ndarray) -> str:
         """What is wrong with the frame that arrived at t [s]; empty if nothing."""
@@ -187,8 +190,8 @@ class StillLines:
             alive = known & ~np.expand_dims(dead, axis)
             # of few cells all may move by chance
             share = 1.0 - ((still & alive).sum() + 1.0) / (alive.sum() + 1.0)
-            self._usual += _FORGET * (share - self._usual)
-            share = min(share, self._usual)
+            self._usual[axis] += _FORGET * (share - self._usual[axis])
+            share = min(share, self._usual[axis])
             if share < _MOVING:
                 continue
             # how long they all would stand still by chance, but for once in 1e9

@@ -70,7 +70,8 @@ class Counters:
         restarts: jumps of the sequence number that only a restarted board explains.
         skipped_bytes: bytes that belonged to no frame that counts.
         out_of_range: of the corrupt ones, frames with right CRCs and a sample beyond what their
-            header says the ADC can give: the board's adc_bits or fraction_bits are wrong.
+            header says the ADC can give: the board's adc_bits or fraction_bits are wrong. Of text,
+            lines of the right length with such a number.
     """
 
     frames: int = 0
@@ -128,6 +129,7 @@ class BinaryParser:
         self._at_boundary = False  # the buffer starts right behind a good frame
         self._length = 1  # of the last frame [bytes]
         self._layout: tuple[int, ...] | None = None  # its rows, cols, adc_bits, fraction_bits
+        self.trouble = ""  # what was wrong with the last one, for a person; empty: damage
 
     @property
     def wanted(self) -> int:
@@ -164,6 +166,10 @@ class BinaryParser:
             if shift and samples.max() >= _SAMPLES >> shift:  # shifted, it would read as another
                 self.counters.corrupt += 1
                 self.counters.out_of_range += 1
+                self.trouble = (
+                    f"samples of more than the {adc_bits} + {fraction_bits} bits that the board "
+                    "says: check its adc_bits and fraction_bits"
+                )
                 self._skip(size + _CRC.size)
                 self._at_boundary = True
                 continue
@@ -238,6 +244,7 @@ class TextParser:
         self._buffer = bytearray()
         self._in_line = False  # what comes before the first line end is the rest of a line
         self._longest = 12 * self.rows * self.cols + 2
+        self.trouble = ""  # what was wrong with the last line, for a person; empty: no numbers
 
     wanted = 1  # a line's length is not known before its end
 
@@ -267,7 +274,9 @@ class TextParser:
                 raise ValueError
             steps = np.array([float(w) for w in words])
         except ValueError:
-            steps = np.empty(0)
+            steps, self.trouble = np.empty(0), ""
+        else:
+            self.trouble = self._wrong(steps)
         full_scale = 2**self.adc_bits - 1
         in_range = (steps >= 0) & (steps <= full_scale)  # False for NaN
         if steps.size != self.rows * self.cols or not in_range.all():
@@ -277,6 +286,17 @@ class TextParser:
         self.counters.frames += 1
         sequence = self.counters.frames % _SEQUENCES
         return Frame(samples.reshape(self.rows, self.cols), self.adc_bits, sequence, None)
+
+    def _wrong(self, steps: np.ndarray) -> str:
+        """Which setting does not go with a line of these numbers; empty if none."""
+        wanted = self.rows * self.cols
+        if steps.size != wanted:
+            size = f"{self.rows} x {self.cols} = {wanted}"
+            return f"lines of {steps.size} numbers, the configuration says {size}"
+        if steps.max() >= 2**self.adc_bits:
+            self.counters.out_of_range += 1
+            return f"numbers up to {steps.max():g}, the configuration says {self.adc_bits} bits"
+        return ""
 
 
 PARSERS = ("binary", "text")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import stat
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -89,7 +91,8 @@ class SerialReader:
             may sit elsewhere on the robot.
         make_parser: gives a new parser; called for each connection.
         on_frame: takes each frame, in the reader's thread.
-        say: takes a line of text whenever the connection comes or goes.
+        say: takes a line of text whenever the connection comes or goes. What it raises is told
+            on stderr, and ends nothing.
         watchdog: seconds without a frame after which the port is opened anew.
         wait: seconds in which a port that is not there yet is no trouble worth a word.
         refuse: says why a frame is not of the board that is looked for; empty if it is.
@@ -115,6 +118,7 @@ class SerialReader:
         self._make_parser, self._on_frame, self._say = make_parser, on_frame, say
         self._refuse = refuse
         self._board: tuple | None = None  # identity of the board that "auto" found
+        self._told: dict[str, str] = {}  # port -> why it gave no frame, since one last did
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"serial {port}", daemon=True)
 
@@ -128,7 +132,12 @@ class SerialReader:
 
     def _run(self) -> None:
         while not self._stop.is_set():
-            ports = self._ports()
+            try:
+                ports = self._ports()
+            except Exception as error:  # a port that goes while the system lists them
+                self._lost(f"the serial ports cannot be listed: {error!r}")
+                self._stop.wait(0.25)
+                continue
             for name in ports:
                 try:
                     # two readers of one port would each get half of the bytes
@@ -136,9 +145,9 @@ class SerialReader:
                     with serial.serial_for_url(name, self.baud, timeout=0.05, **alone) as port:
                         self._read(port)
                 except (*PORT_ERRORS, ValueError) as error:  # ValueError: a baud it cannot do
-                    self._lost(_explain(name, error))
+                    self._lost(_explain(name, error), name)
                 except Exception as error:  # of a subscriber's: reading goes on
-                    self._lost(f"port {name}: {error!r}")
+                    self._lost(f"port {name}: {error!r}", name)
                 if self._stop.is_set():
                     return
             if not ports:
@@ -164,40 +173,52 @@ class SerialReader:
         self.parser = self._make_parser()  # half a frame of before is worth nothing
         self.parser.counters = counters
         port.reset_input_buffer()
-        last_frame, before = time.monotonic(), counters.skipped_bytes
+        last_frame, heard = time.monotonic(), 0
         while not self._stop.is_set():
             # the rest of a frame at once: each read costs more than the parsing of one
             wanted = self.parser.wanted
             data = port.read(wanted if wanted > 1 else max(1, port.in_waiting))
             frames = self.parser.feed(data) if data else []
+            heard += len(data)
             if frames:
-                last_frame, before = time.monotonic(), counters.skipped_bytes
+                last_frame, heard = time.monotonic(), 0
                 if self.connected_to is None:
                     if self.port == "auto" and (why := self._refuse(frames[0])):
-                        self._lost(f"{port.name}: {why}")
+                        self._lost(f"{port.name}: {why}", port.name)
                         return
                     self._found(port.name or port.portstr)
                 for frame in frames:
                     self._on_frame(frame)
             elif time.monotonic() - last_frame > self.watchdog:
-                skipped = self.parser.counters.skipped_bytes - before
-                heard = f"{skipped} bytes, but no frame" if skipped else "nothing"
-                self._lost(f"{port.name}: {heard} for {self.watchdog:g} s, opening it anew")
+                what = f"{heard} bytes, but no frame" if heard else "nothing"
+                why = f" ({self.parser.trouble})" if self.parser.trouble else ""
+                text = f"{port.name}: {what} for {self.watchdog:g} s{why}, opening it anew"
+                self._lost(text, port.name)
                 return
 
     def _found(self, name: str) -> None:
         self.connected_to, self.trouble = name, ""
         self._board = identity(name)
         self.reconnects += 1
-        self._say(f"frames arrive on {name}")
+        self._told.clear()
+        self._tell(f"frames arrive on {name}")
 
-    def _lost(self, why: str) -> None:
+    def _lost(self, why: str, name: str = "") -> None:
+        """No frame comes from the port of this name, or from any."""
         if self.connected_to is None and time.monotonic() < self._quiet_until:
             return
-        new, self.trouble = why != self.trouble, why  # the reason first: others read both
+        self.trouble = why  # the reason first: others read both
         self.connected_to = None
-        if new:
-            self._say(why)
+        if self._told.get(name) != why:  # once for each of several ports that take turns
+            self._told[name] = why
+            self._tell(why)
+
+    def _tell(self, text: str) -> None:
+        try:
+            self._say(text)
+        except (Exception, SystemExit) as error:  # of a log handler: the reading goes on
+            with contextlib.suppress(Exception):
+                print(f"{text}, and {error!r} while that was told", file=sys.stderr)
 
 
 def _number(error: BaseException) -> int | None:

@@ -68,3 +68,13 @@ def test_equal_readings_of_a_quiet_board_are_no_ceiling():
 def test_rest_is_no_ceiling():
     board = Board(noise=0.0)
     assert not any(board.frames(1000))
+
+
+def test_a_ceiling_is_forgotten_unless_the_last_frame_shows_it():
+    board = Board(ceiling=614.0)
+    board.frames(200)
+    board.frames(40, 800.0)
+    assert board.watch.forget().startswith("readings end at 614 ADC steps")
+    assert all(board.frames(20))
+    assert board.watch.forget() == ""
+    assert not any(board.frames(100))

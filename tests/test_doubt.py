@@ -76,6 +76,18 @@ def test_a_reset_forgets_it(skin):
     assert not any(skin.feel(1.0))
 
 
+def test_a_reset_forgets_nothing_that_is_still_there(skin):
+    """While the last frames are in doubt the robot must not move, not even for ten of them."""
+    skin.feel(0.5, suspect=True, touched=True)
+    skin.doubt.reset()
+    assert skin.doubt.present
+    assert all(skin.feel(0.2, suspect=True, touched=True))
+    skin.feel(0.3)
+    skin.doubt.reset()
+    assert not skin.doubt.present
+    assert not any(skin.feel(1.0))
+
+
 def test_touches_with_rest_between_them_count_once_each(skin):
     """One touch whose doubt comes and goes is one."""
     for _ in range(5):

@@ -995,6 +995,44 @@ def test_a_latched_stop_is_reset_from_a_program(write):
         heard.wait_for((False, ""))
 
 
+WITH_COMPENSATION = LATCHED_STOP + "- node: {pkg: tactile_skin, exec: compensation}\n"
+
+
+@pytest.mark.parametrize("latched", [False, True])
+def test_a_reset_first_ends_a_fault_that_is_kept_from_an_earlier_touch(write, latched):
+    """It lives in the compensation; alone the stop's reset would be refused."""
+    heard = Heard()
+    with launch(
+        write(WITH_COMPENSATION.replace("latch, value: true", f"latch, value: {latched}".lower()))
+    ) as skin:
+        skin.on_stop(heard)
+        Robot(skin)
+        compensation = skin._nodes[1]
+        heard.wait_for((False, ""))
+        handle, (service,) = skin._handles[1], skin._handles[1]._services
+        compensation._fault = True  # as a doubt that is held
+        handle.create_timer(0.01, lambda: compensation._judge("ok", "it was under each touch"))
+        fault = "fault: compensation: it was under each touch"
+        heard.wait_for((True, f"{fault} + latched: {fault}" if latched else fault))
+        assert service.srv_name == "/compensation/reset"
+        assert skin.reset_stop(PATIENCE) == (True, "free")
+        heard.wait_for((False, ""))
+
+
+def test_a_compensation_that_does_not_answer_keeps_the_stop(write):
+    hangs, release = threading.Event(), threading.Event()
+    with launch(write(WITH_COMPENSATION)) as skin:
+
+        def hang():
+            hangs.set()
+            release.wait(PATIENCE)
+
+        skin._handles[1].create_timer(0.001, hang)
+        assert hangs.wait(PATIENCE)
+        assert skin.reset_stop(0.01) == (False, "/compensation/reset does not answer")
+        release.set()
+
+
 def test_a_reset_may_be_asked_for_in_a_callback(write):
     """The node behind skin.node has a thread of its own: it may wait for the stop node's answer."""
     answers, done = [], threading.Event()

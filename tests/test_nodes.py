@@ -28,6 +28,7 @@ from tactile_skin.msg import (
     PointCloud2,
     PointStamped,
     PolygonStamped,
+    Trigger,
     Vector3Stamped,
     WrenchStamped,
     cloud_columns,
@@ -454,6 +455,53 @@ def test_a_fault_seen_at_rest_is_not_healed_by_a_touch_that_hides_it(monkeypatch
     assert feel(15, rest, "suspect") == bad
     assert feel(100, touch, "ok") == bad
     assert feel(30, rest, "ok") == DiagnosticStatus.OK
+
+
+def feels(monkeypatch, force, status) -> None:
+    """From here on each frame is found so."""
+    found = Estimate(force, 0.1 + 0.0 * force, 0.0, status, status.strip("ok"), "naive", 0)
+    monkeypatch.setattr("tactile_skin.nodes.compensation.compensate", lambda *a, **k: found)
+
+
+def test_a_reset_forgets_what_was_under_a_touch_and_says_so_at_once(monkeypatch):
+    """On diagnostics, before it answers: who then resets the stop finds the fault gone."""
+    chain, rest, touch = Chain("naive"), np.zeros((16, 16)), np.zeros((16, 16))
+    touch[5, 5] = 1.0  # N
+    client = chain.observer.create_client(Trigger, "compensation/reset")
+
+    def play(frames):
+        for _ in range(frames):
+            chain.clock.advance(FRAME)
+            chain.publish(np.full((16, 16), 16_000, np.uint16))
+
+    for _ in range(2):
+        feels(monkeypatch, touch, "suspect")
+        play(30)
+        feels(monkeypatch, rest, "ok")
+        play(150)
+    assert chain.reason.startswith("fault: compensation: ")
+    assert "under each touch" in chain.reason
+    answer = client.call_async(Trigger.Request())
+    chain.executor.spin_some()  # the clock stands
+    assert answer.result(0).success
+    assert last_report(chain).level == DiagnosticStatus.OK
+    assert not chain.stopped
+    play(100)
+    assert not chain.stopped
+
+
+@pytest.mark.parametrize("status", ["suspect", "failed"])
+def test_a_reset_is_no_cure_for_what_is_still_wrong(monkeypatch, status):
+    chain = Chain("naive")
+    client = chain.observer.create_client(Trigger, "compensation/reset")
+    feels(monkeypatch, np.zeros((16, 16)), status)
+    for _ in range(30):
+        chain.clock.advance(FRAME)
+        chain.publish(np.full((16, 16), 16_000, np.uint16))
+    client.call_async(Trigger.Request())
+    chain.executor.spin_some()
+    assert last_report(chain).level == DiagnosticStatus.ERROR
+    assert "fault: compensation: " in chain.reason
 
 
 # --- the pressure picture ---

@@ -421,7 +421,23 @@ def test_a_bad_line_is_dropped_and_counted(bad):
     parser = text_parser()
     frames = parser.feed(BAD_LINES[bad] + b"\n" + line(STEPS))
     assert len(frames) == 1
-    assert parser.counters == protocol.Counters(frames=1, corrupt=1)
+    beyond = int(bad == "above the ADC's range")
+    assert parser.counters == protocol.Counters(frames=1, corrupt=1, out_of_range=beyond)
+
+
+@pytest.mark.parametrize(
+    ("bad", "said"),
+    [
+        (b"1,2,3,4,5", "lines of 5 numbers, the configuration says 2 x 3 = 6"),
+        (b"1,2,3,4,5,1024", "numbers up to 1024, the configuration says 10 bits"),
+        (b"1,2,x,4,5,6", ""),
+        (line(STEPS).strip(), ""),
+    ],
+)
+def test_a_line_that_does_not_go_with_the_configuration_says_why(bad, said):
+    parser = text_parser()
+    parser.feed(b"1,2\n" + bad + b"\n")
+    assert parser.trouble == said
 
 
 def test_an_endless_line_is_not_kept():

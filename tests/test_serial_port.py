@@ -3,14 +3,16 @@
 import errno
 import os
 import threading
+import time
 import tty
 
 import pytest
 import serial
-from simulated import CIRCUIT, PATIENCE, Serving, serving
+from serial.tools.list_ports_common import ListPortInfo
+from simulated import CIRCUIT, PATIENCE, Serving, make_board, serving
 
-from tactile_skin import serial_port
-from tactile_skin.protocol import BinaryParser
+from tactile_skin import Circuit, serial_port
+from tactile_skin.protocol import BinaryParser, TextParser
 from tactile_skin.serial_port import SerialReader, check_port
 
 
@@ -316,6 +318,189 @@ def test_auto_takes_the_first_port_that_sends_frames(
         heard.wait_for_frames()
         assert reader.connected_to == ports[2]
         reader.close()
+
+
+class Sockets:
+    """USB sockets of a computer, and the boards in them.
+
+    Attributes:
+        boards: device -> (identity, parameters of its circuit).
+    """
+
+    def __init__(self, folder, monkeypatch):
+        self._folder, self._served = folder, {}
+        self.boards = {}
+        monkeypatch.setattr(serial_port, "candidates", lambda: sorted(self.boards))
+        monkeypatch.setattr(
+            serial_port, "identity", lambda name: self.boards.get(name, ((name,),))[0]
+        )
+
+    def plug(self, name, board=("1a86", "7523", "A"), circuit=CIRCUIT) -> str:
+        link = self._folder / name
+        self._served[str(link)] = Serving(link, make_board(circuit=circuit))
+        self.boards[str(link)] = (board, circuit)
+        return str(link)
+
+    def unplug(self, link) -> None:
+        del self.boards[link]
+        self._served.pop(link).unplug()
+
+
+@pytest.fixture
+def sockets(tmp_path, monkeypatch):
+    sockets = Sockets(tmp_path, monkeypatch)
+    yield sockets
+    for link in list(sockets.boards):
+        sockets.unplug(link)
+
+
+def refuse(frame) -> str:
+    """As the driver does."""
+    wanted = CIRCUIT.shape
+    return "" if frame.samples.shape == wanted else f"sends {frame.samples.shape}, not {wanted}"
+
+
+def test_auto_leaves_a_board_of_another_size_for_the_next_port(sockets, heard, reading):
+    """Named, and once for all the times that it is looked at."""
+    other = sockets.plug("a", ("1a86", "7523", "B"), Circuit(4, 6))
+    reader = reading("auto", refuse=refuse)
+    heard.wait_for_line(f"{other}: sends (4, 6), not (4, 5)")
+    assert reader.connected_to is None
+    assert heard.frames == []
+    own = sockets.plug("b")
+    heard.wait_for_frames()
+    assert reader.connected_to == own
+    assert {f.samples.shape for f in heard.frames} == {(4, 5)}
+    reader.close()
+    assert heard.lines == [f"{other}: sends (4, 6), not (4, 5)", f"frames arrive on {own}"]
+
+
+def test_auto_says_once_what_is_wrong_with_each_of_several_ports(sockets, heard, reading):
+    for name, cols in (("a", 6), ("b", 7)):
+        sockets.plug(name, ("1a86", "7523", name), Circuit(4, cols))
+    looked = []
+
+    def look(frame):
+        looked.append(frame.samples.shape)
+        return refuse(frame)
+
+    reader = reading("auto", refuse=look)
+    heard.wait_for(lambda: len(heard.lines) >= 2)
+    until = time.monotonic() + PATIENCE
+    while len(looked) < 6 and time.monotonic() < until:
+        time.sleep(0.01)
+    reader.close()
+    assert len(looked) >= 6
+    assert len(heard.lines) == 2
+
+
+def test_auto_takes_no_other_board_while_its_own_is_unplugged(sockets, heard, reading):
+    """It may sit elsewhere on the robot; the same one is found again in another socket."""
+    own = sockets.plug("a")
+    reader = reading("auto", refuse=refuse)
+    heard.wait_for_frames()
+    other = sockets.plug("b", ("1a86", "7523", "B"))
+    sockets.unplug(own)
+    heard.wait_for_line("the board is unplugged; other boards are left alone")
+    already = len(heard.frames)
+    time.sleep(0.6)  # two looks
+    assert reader.connected_to is None
+    assert reader.trouble == "the board is unplugged; other boards are left alone"
+    assert len(heard.frames) == already
+    again = sockets.plug("c")
+    heard.wait_for_frames()
+    assert reader.connected_to == again
+    assert reader.reconnects == 1
+    reader.close()
+    assert f"frames arrive on {other}" not in heard.lines
+    assert heard.lines[-1] == f"frames arrive on {again}"
+
+
+@pytest.mark.parametrize(
+    ("serial_number", "location", "same"),
+    [("A", "1-2", True), ("B", "1-1", False), (None, "1-1", True), (None, "1-2", False)],
+)
+def test_a_board_is_known_by_its_number_or_else_by_its_socket(
+    monkeypatch, serial_number, location, same
+):
+    def there(device, number, where):
+        port = ListPortInfo(device)
+        port.vid, port.pid, port.serial_number, port.location = 0x1A86, 0x7523, number, where
+        return port
+
+    first = there("/dev/ttyUSB0", "A" if serial_number else None, "1-1")
+    later = there("/dev/ttyUSB3", serial_number, location)
+    monkeypatch.setattr(serial_port.list_ports, "comports", lambda: [first])
+    before = serial_port.identity("/dev/ttyUSB0")
+    monkeypatch.setattr(serial_port.list_ports, "comports", lambda: [later])
+    assert serial_port.candidates() == ["/dev/ttyUSB3"]
+    assert (serial_port.identity("/dev/ttyUSB3") == before) is same
+
+
+def test_what_is_not_on_usb_is_known_by_its_name(monkeypatch):
+    monkeypatch.setattr(serial_port.list_ports, "comports", lambda: [ListPortInfo("/dev/ttyS0")])
+    assert serial_port.candidates() == []
+    assert serial_port.identity("/dev/ttyS0") == ("/dev/ttyS0",)
+
+
+def test_ports_that_cannot_be_listed_end_nothing(sockets, monkeypatch, heard, reading):
+    def fail():
+        raise OSError("a port went")
+
+    monkeypatch.setattr(serial_port, "candidates", fail)
+    reader = reading("auto")
+    heard.wait_for_line("the serial ports cannot be listed: OSError('a port went')")
+    sockets.plug("a")
+    monkeypatch.setattr(serial_port, "candidates", lambda: sorted(sockets.boards))
+    heard.wait_for_frames()
+    reader.close()
+
+
+@pytest.mark.parametrize("error", [RuntimeError("full"), SystemExit(1)])
+def test_who_raises_when_he_is_told_ends_no_reading(tmp_path, heard, error, capsys):
+    """A log handler, say: the board is found, lost, and found again."""
+
+    def say(line):
+        heard.say(line)
+        raise error
+
+    reader = SerialReader(str(tmp_path / "skin"), 1_000_000, BinaryParser, heard.on_frame, say)
+    reader.start()
+    try:
+        heard.wait_for_line("does not exist")
+        for _ in range(2):
+            with serving(tmp_path / "skin"):
+                heard.wait_for_frames()
+            heard.wait_for(lambda: reader.connected_to is None)
+    finally:
+        reader.close()
+    assert f"{error!r} while that was told" in capsys.readouterr().err
+
+
+def test_a_text_board_of_another_size_is_told_from_a_silent_one(heard):
+    """Its lines are no frames: how long they are is said, and how long they should be."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    reader = SerialReader(
+        os.ttyname(slave),
+        115_200,
+        lambda: TextParser(8, 11),
+        heard.on_frame,
+        heard.say,
+        watchdog=0.1,
+    )
+    reader.start()
+    try:
+        pause = threading.Event()
+        while not heard.lines:
+            os.write(master, b",".join([b"7"] * 96) + b"\n")
+            pause.wait(0.005)
+        heard.wait_for_line("lines of 96 numbers, the configuration says 8 x 11 = 88")
+        assert "bytes, but no frame for 0.1 s" in heard.lines[0]
+    finally:
+        reader.close()
+        os.close(master)
+        os.close(slave)
 
 
 def test_auto_without_ports_says_so(monkeypatch, heard, reading):

@@ -28,7 +28,8 @@ class Compensation:
     not published. What the cells conduct at rest is measured between touches (`Tare`); until the
     first time, a second after the start, a fabric whose cells differ is suspect, and a skin that
     was touched from the first frame on is an ERROR until it is let go. The service `~/reset`
-    forgets the fault, and the last frame, from which the next one starts.
+    forgets faults that the last frames no longer show, says so on diagnostics before it answers,
+    and forgets the last frame, from which the next one starts.
     """
 
     def __init__(self, node):
@@ -78,6 +79,7 @@ class Compensation:
         self._ceiling, self._saturated = Ceiling(self.circuit.adc_bits), ""
         self._loaded = "no reading yet" if self._follows else ""  # since the start, where
         self._level, self._message, self._residual = diagnostics.OK, "ok", 0.0
+        self._status, self._present = "ok", ""  # of the last frame, and what is said of it
         self._taken: Counter[str] = Counter()
         self._scale = 2 ** (16 - self.circuit.adc_bits) * self.circuit.full_scale
         # Loads the weights, and says here, not in the first callback, that they do not fit.
@@ -98,7 +100,8 @@ class Compensation:
             adc = np.minimum(samples / self._scale, 1.0)
             estimate = self._compensate(adc)
         except ValueError as error:
-            self._judge("failed", str(error))
+            self._status, self._present = "failed", str(error)
+            self._judge(self._status, self._present)
             return
         # A touch that comes or goes leaves a few suspect frames, as the board's low-pass mixes
         # scans: they are next to the truth. More in a row may sit in a corner: start anew, unless
@@ -120,6 +123,7 @@ class Compensation:
         self._why = estimate.message if suspect else self._why
         kept = f"{self._why} ({self._doubt.kept})" if self._doubt.kept else ""
         self._saturated = self._ceiling.frame(samples)
+        self._status, self._present = estimate.status, estimate.message
         if self._loaded:
             self._loaded = _where(estimate.force) if touched else ""
         words = self._loaded, self._saturated, estimate.message or kept, self._tare.message
@@ -128,9 +132,11 @@ class Compensation:
     def on_reset(self, _, response):
         self._last = None
         self._doubt.reset()
-        self._ceiling = Ceiling(self.circuit.adc_bits)
-        self._fault, self._saturated = False, ""
-        response.success, response.message = True, "the last frame is forgotten"
+        self._fault, self._saturated = self._doubt.present, self._ceiling.forget()
+        words = self._saturated, self._present, self._tare.message
+        self._judge(self._status, "; ".join(filter(None, words)))
+        self.report()  # whoever asks the stop next finds it said
+        response.success, response.message = True, "faults that are past are forgotten"
         return response
 
     def _judge(self, status: str, message: str) -> None:

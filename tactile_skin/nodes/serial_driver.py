@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 from ..bus import Time
 from ..config import circuit_of, describe
 from ..liveness import JITTER, Liveness, Verdict
@@ -13,6 +15,8 @@ from . import diagnostics
 _DOUBTFUL, _BAD = 0.05, 0.5  # of a second's frames damaged or lost: a warning; a stop
 _TICK = 1000  # ns that stamps are apart at least
 _SLOW = 0.1  # s on their way from which on frames are worth a warning
+_NEW = Verdict(0.0, True, "")  # before the first frame
+_BEYOND = "samples beyond full scale: check the board's adc_bits"
 
 
 class SerialDriver:
@@ -45,10 +49,13 @@ class SerialDriver:
         size = (self.circuit.rows, self.circuit.cols, self.circuit.adc_bits)
         make_parser(protocol, *size)  # a wrong name is an error now, not in the reader's thread
         self._trouble = ""  # why frames are not published
-        self._verdict = Verdict(0.0, True, "")
+        self._verdict = _NEW
         self._liveness, self._connection, self._restarts = None, -1, 0
         self._stamp = 0  # ns, of the last frame
-        self._mark, self._rate, self._bad = (self._now(), 0, 0), 0.0, 0.0
+        # on ROS stamps are the time of day, which may be set, or a simulation's
+        self._monotonic = getattr(node.get_clock(), "monotonic", time.monotonic)
+        self._mark, self._rate = (self._now(), 0, 0, 0, 0), 0.0
+        self._bad, self._beyond = 0.0, False
         self._adc = node.create_publisher(Image, "skin/adc", 10)
         self._diagnostics = node.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
         if wait == 0.0:
@@ -76,7 +83,7 @@ class SerialDriver:
         now = self._now()
         trouble = self._refuse(frame)
         if not trouble:
-            self._verdict = self._judge(now / 1e9, frame)
+            self._verdict = self._judge(self._monotonic(), frame)
             trouble = self._verdict.trouble
         changed, self._trouble = trouble != self._trouble, trouble
         if changed:
@@ -111,18 +118,21 @@ class SerialDriver:
     def on_timer(self) -> None:
         """Once a second: measure the rate and the losses, and report."""
         counters = self._reader.parser.counters
-        # a frame that is damaged is also missing where frames have numbers
-        now, frames, bad = self._now(), counters.frames, max(counters.corrupt, counters.lost)
-        since, frames_before, bad_before = self._mark
-        self._mark = now, frames, bad
-        self._rate = (frames - frames_before) * 1e9 / max(now - since, 1)
-        self._bad = (bad - bad_before) / max(frames - frames_before + bad - bad_before, 1)
+        counts = counters.frames, counters.corrupt, counters.lost, counters.out_of_range
+        since, *before = self._mark
+        self._mark = self._now(), *counts
+        frames, corrupt, lost, beyond = (n - b for n, b in zip(counts, before, strict=True))
+        self._rate = frames * 1e9 / max(self._mark[0] - since, 1)
+        bad = max(corrupt, lost)  # a frame that is damaged is also missing where they have numbers
+        self._bad = bad / max(frames + bad, 1)
+        self._beyond = 2 * beyond >= corrupt > 0
         self._report()
 
     def _on_link(self, text: str) -> None:
         """In the reader's thread: the connection came or went."""
+        self._trouble, self._verdict = "", _NEW  # of another connection
+        self._report()  # first: a log handler may raise
         self.node.get_logger().info(text)
-        self._report()
 
     def _report(self) -> None:
         reader, counters = self._reader, self._reader.parser.counters
@@ -135,6 +145,8 @@ class SerialDriver:
         elif self._bad >= _DOUBTFUL:
             level = diagnostics.ERROR if self._bad >= _BAD else diagnostics.WARN
             message = f"{self._bad:.0%} of the last second's frames were damaged or lost"
+            if self._beyond:
+                message += f": {self._reader.parser.trouble or _BEYOND}"
         elif not self._verdict.settled:
             level, message = diagnostics.WARN, "frames do not come at the board's own pace yet"
         elif lag > _SLOW:
@@ -144,6 +156,7 @@ class SerialDriver:
             "rate": f"{self._rate:.2f}",
             "frames": counters.frames,
             "crc_errors": counters.corrupt,
+            "out_of_range": counters.out_of_range,
             "lost": counters.lost,
             "lag": f"{lag:.3f}",
             "skipped_bytes": counters.skipped_bytes,

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import blas, lapack
 
+from ..circuit import Circuit
 from . import laplacian
 from .estimate import Estimate
 from .fixed_point import last_guess
@@ -22,15 +23,16 @@ from .reading import Reading
 from .suspect import LIFTED, ROUNDED, model_variance, rounded
 
 _STEPS = 4
-_MATTERS = 0.025  # share of r_par: less moves the hardest touches by some grams
-_TOLERANCE = 0.25  # share of r_par that it may be off; more is another fault
+_LEAST = 0.15  # of r_ref: what a board's series resistance may be where none is configured
+_MATTERS = 0.025  # of `series_scale`: less moves the hardest touches by some grams
+_TOLERANCE = 0.25  # of `series_scale` that r_par may be off; more is another fault
 _SURE = 5.5  # standard deviations: another r_par is told from the circuit's own
 _UPRIGHT = 3.5  # the same, which a right one may leave
 _ALONE = 30.0  # chi^2 a reading that the circuit's nonlinearity may leave beside a wrong r_par
 # The same of a skin around the touches that is not at rest: below 3 beside a short or an r_par
 # 10 % off, above 20 around nearly all palms (16 x 16 and 8 x 12).
 _SOFT = 5.0
-# Share of r_par: two-terminal resistance of the hardest pressed crossing, below which a wrong r_par
+# Of `series_scale`: two-terminal resistance of the hardest pressed crossing, below which a wrong r_par
 # or a short moves a picture by 30 g a cell; palms of 5 to 60 N leave more.
 _HARD = 0.3
 _CLEAR = 4.0  # as _ALONE, of a frame that is not suspect
@@ -58,6 +60,11 @@ class Lean(NamedTuple):
 
     def beyond(self, limit: float) -> bool:
         return abs(self.shift) > limit * self.std
+
+
+def series_scale(circuit: Circuit) -> float:
+    """Series resistance [ohm] by whose share an error of r_par counts: r_par may be told as 0."""
+    return max(circuit.r_par, _LEAST * circuit.r_ref)
 
 
 def lean(reading: Reading, g: np.ndarray, beside: bool = True) -> Lean | None:
@@ -122,8 +129,8 @@ def confirmed(reading: Reading, g: np.ndarray, r_par: bool) -> bool:
     """
     found = lean(reading, g)
     if found is not None and found.left <= _SOFT:
-        return not r_par or abs(found.shift) > _MATTERS * reading.circuit.r_par
-    hard = laplacian.solve(g).rho.min() < _HARD * reading.circuit.r_par
+        return not r_par or abs(found.shift) > _MATTERS * series_scale(reading.circuit)
+    hard = laplacian.solve(g).rho.min() < _HARD * series_scale(reading.circuit)
     # where hardly a cell is at rest, hard pressed lines are alike anyway
     return bool(hard and (r_par or found is not None))
 
@@ -141,7 +148,7 @@ def seek(reading: Reading, fit: Fit, nominal: Estimate) -> Estimate:
         return nominal
     own, most, first = reading.circuit.r_par, _most(reading), lean(reading, g)
     most_left = _CLEAR if nominal.status == "ok" else _ALONE
-    matters = first is not None and abs(first.shift) > _MATTERS * own
+    matters = first is not None and abs(first.shift) > _MATTERS * series_scale(reading.circuit)
     if matters and first.beyond(_SURE) and first.left < most_left:
         r_par = own + first.shift
     elif most < own:
@@ -173,7 +180,7 @@ def follow(reading: Reading, fit: Fit, g: np.ndarray, r_par: float) -> Estimate 
     circuit, iterations = reading.circuit, 0
     for _ in range(_STEPS):
         r_par = min(r_par, _most(reading))
-        if abs(r_par - circuit.r_par) > _TOLERANCE * circuit.r_par:
+        if abs(r_par - circuit.r_par) > _TOLERANCE * series_scale(circuit):
             return None
         trial = replace(reading, circuit=replace(circuit, r_par=r_par))
         estimate = fit(trial, _held_at_rest(reading, g)[1])
@@ -186,7 +193,11 @@ def follow(reading: Reading, fit: Fit, g: np.ndarray, r_par: float) -> Estimate 
             break
         r_par += left.shift
     off = left._replace(shift=r_par + left.shift - circuit.r_par)
-    if left.beyond(_UPRIGHT) or not off.beyond(_SURE) or abs(off.shift) < _MATTERS * circuit.r_par:
+    if (
+        left.beyond(_UPRIGHT)
+        or not off.beyond(_SURE)
+        or abs(off.shift) < _MATTERS * series_scale(circuit)
+    ):
         return None
     return replace(estimate, iterations=iterations, r_par=r_par)
 
@@ -212,7 +223,7 @@ def guess(reading: Reading, g: np.ndarray) -> float | None:
     found = lean(reading, g, beside=False)
     if found is None or not found.beyond(_SURER) or found.left > _CLEAR:
         return None
-    off = abs(found.shift) > _TOLERANCE * reading.circuit.r_par
+    off = abs(found.shift) > _TOLERANCE * series_scale(reading.circuit)
     return None if off else reading.circuit.r_par + found.shift
 
 
