@@ -130,16 +130,28 @@ def _parser() -> argparse.ArgumentParser:
 
     from .dataset import CHOICES, TrainingConfig
 
+    about = {
+        "pairs": "readings to learn from",
+        "validation": "readings to pick the best epoch by",
+        "epochs": "passes over the pairs",
+        "batch": "pairs a step",
+        "rate": "highest learning rate",
+        "readout": "what the readings are like",
+        "seed": "of scenes, weights and order",
+        "start": "weights to go on from: a file, paper or physics",
+    }
     for item in dataclasses.fields(TrainingConfig):
         kind = {"int": int, "float": float, "str": str}[item.type]
         allowed = CHOICES.get(item.name)
-        choice = f"one of {', '.join(allowed)}; " if allowed else ""
+        choice = f"one of {', '.join(allowed)}" if allowed else ""
+        default = "new ones" if item.default == "" else item.default
+        words = about.get(item.name, ""), choice, f"default {default}"
         sub.add_argument(
             f"--{item.name}",
             type=kind,
             default=item.default,
             choices=allowed,
-            help=f"{choice}default {item.default}",
+            help="; ".join(filter(None, words)),
             metavar=item.name.upper(),
         )
 

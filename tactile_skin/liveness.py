@@ -133,7 +133,10 @@ class Repeats:
         self._run, self._since = 0, math.inf
 
     def frame(self, t: float, samples: np.ndarray) -> str:
-        """What is wrong with the frame that arrived at t [s]; empty if nothing."""
+        """What is wrong with the frame that arrived at t [s]; empty if nothing.
+
+        The text is the same for as long as the fault lasts: another one is another reason to stop.
+        """
         key = hash(samples.tobytes())
         known = len(self._hashes)
         again = 0 < self._period <= known and self._hashes[known - self._period] == key
@@ -152,7 +155,7 @@ class Repeats:
         enough = math.log(_CHANCE) / math.log(max(self._share, _RARELY))
         if repeats and lasts >= self._after and (self._run >= enough or lasts >= _LONGEST):
             if self._period == 1:
-                return f"the same frame for {lasts:.1f} s, to the last bit: the scan is frozen"
+                return "the same frame again and again, to the last bit: the scan is frozen"
             return f"the same {self._period} frames again and again: a buffer is sent, not a scan"
         self._share += _FORGET * (repeats - self._share)
         return ""
@@ -254,7 +257,7 @@ class Liveness:
         trouble = ""
         if len(self._restarts) == _RESTARTS and t - self._restarts[0] < _RESTARTS_WITHIN:
             trouble = (
-                f"the board started anew {_RESTARTS} times in {t - self._restarts[0]:.1f} s: "
+                f"the board started anew {_RESTARTS} times within {_RESTARTS_WITHIN:g} s: "
                 "is its supply or its plug loose?"
             )
         if self._repeats is not None:

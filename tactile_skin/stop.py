@@ -83,7 +83,7 @@ class StopPolicy:
 
     What latches: every stop of a robot that was free before, whatever its cause. A cable that comes
     loose and makes contact again must not send the robot off by itself, and a push least of all.
-    Before it was free for the first time only a push latches: a start is no incident.
+    Before it was free for the first time only a push latches: stops at start-up do not.
     """
 
     def __init__(self, config: StopConfig):

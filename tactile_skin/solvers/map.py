@@ -38,7 +38,8 @@ _SAME = 2.2  # standard deviations of chi^2 up to which a frame is like the last
 _NEAR_REST = 1.5  # times the conductance at rest: a starting cell below it starts at rest
 _WIDEN = 1.12  # the prior's majorant is wider in curvature than the prior: measured coverage
 _LEVEL = 5.0  # times the mean force, which no cell of an even load on the whole skin reaches
-_HARD = 0.5  # of the series resistance: with less two-terminal resistance an r_par 10 % off would move every cell
+# Of the series resistance: with less two-terminal resistance an r_par 10 % off moves every cell.
+_HARD = 0.5
 _UNEVEN = 0.25  # spread of log g from which on a load is more than a flat one on a fabric's scatter
 _ALIKE = 0.5  # neighbours' squared difference over that of any two cells: 1 at random, 0 for a palm
 _BROAD = 0.1  # share of cells at rest below which the whole skin counts as loaded

@@ -32,8 +32,8 @@ _ALONE = 30.0  # chi^2 a reading that the circuit's nonlinearity may leave besid
 # The same of a skin around the touches that is not at rest: below 3 beside a short or an r_par
 # 10 % off, above 20 around nearly all palms (16 x 16 and 8 x 12).
 _SOFT = 5.0
-# Of `series_scale`: two-terminal resistance of the hardest pressed crossing, below which a wrong r_par
-# or a short moves a picture by 30 g a cell; palms of 5 to 60 N leave more.
+# Of `series_scale`: two-terminal resistance of the hardest pressed crossing, below which a wrong
+# r_par or a short moves a picture by 30 g a cell; palms of 5 to 60 N leave more.
 _HARD = 0.3
 _CLEAR = 4.0  # as _ALONE, of a frame that is not suspect
 _SURER = 8.0  # standard deviations beside a network's force, which no further fit checks
