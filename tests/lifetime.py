@@ -192,6 +192,8 @@ def main() -> int:
     parser.add_argument("--hang", action="store_true", help="with hooks that hang")
     parser.add_argument("--log", default=os.devnull, help="file that the runs' errors go to")
     args = parser.parse_args()
+    # A shell's background job ignores SIGINT, and hands that on to what it starts.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     folder = Path(tempfile.mkdtemp())
     file = folder / "lifetime.launch.yaml"
     file.write_text(FILE)

@@ -708,3 +708,10 @@ def test_a_skin_that_is_loaded_from_the_start_stops_until_it_is_let_go():
     chain.scene = "one_finger"
     chain.settle()
     assert not chain.stopped, chain.reason
+
+
+@pytest.mark.parametrize(("rows", "warns"), [(2, True), (3, False)])
+def test_a_skin_too_small_to_tell_all_faults_warns(caplog, rows, warns):
+    overrides = [Parameter("circuit.rows", rows), Parameter("circuit.cols", 8)]
+    Compensation(Node("compensation", context=Context(), parameter_overrides=overrides))
+    assert ("Smallest skin" in caplog.text) is warns

@@ -18,6 +18,7 @@ from ..tare import Tare
 from . import QUEUE, diagnostics
 
 _IDLE = 15.0 * GRAM  # N on a cell: below it nothing touches; lines shorted at rest read as 13 g
+_FEWEST = 3  # rows and columns; with fewer some faults look like touches: docs/reliability.md
 _CORNER = 4  # suspect or failed frames in a row after which the last one is no start
 
 
@@ -59,6 +60,12 @@ class Compensation:
             value("tare", True, "whether to follow what the cells read at rest") and not threshold
         )
         self._stops = value("suspect_stops", True, "whether lasting suspicion stops the robot")
+        if min(self.circuit.shape) < _FEWEST:
+            node.get_logger().warning(
+                'on a skin of %d x %d cells some faults look like touches: see "Smallest skin" in '
+                "docs/reliability.md",
+                *self.circuit.shape,
+            )
         if method not in METHODS:
             raise ValueError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
         weights = network.load(path) if path else None

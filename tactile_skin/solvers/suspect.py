@@ -45,12 +45,29 @@ def by_reading(reading: Reading) -> str:
     rest = rest_reading(circuit, reading.curve) * circuit.full_scale
     low = known & (steps < _OPEN * rest - margin)
     high = known & (steps > circuit.ratio(0.0) * circuit.full_scale + margin)
-    for bad, way in ((low, "below an untouched skin's: a line open"), (high, "beyond r_par's")):
-        if bad.any():
-            row, col = np.argwhere(bad)[0]
-            return f"{np.count_nonzero(bad)} readings {way}? the first at row {row}, column {col}"
+    if low.any():
+        return (
+            f"{_place(low, known)}: below half of what an untouched skin reads: is a lead open, or "
+            "not connected?"
+        )
+    if high.any():
+        most = circuit.ratio(0.0) * circuit.full_scale
+        where = _place(high, known)
+        return f"{where}: above {most:.0f} ADC steps, the most that r_ref and r_par allow"
     touched = steps.max() > rest.max() + margin
     return piled(reading, *_CEILING) if touched and reading.noise > _UNEQUAL else ""
+
+
+def _place(bad: np.ndarray, known: np.ndarray) -> str:
+    """The line that most of the bad readings are on, or their number and the first."""
+    count = np.count_nonzero(bad)
+    for name, axis in (("row", 1), ("column", 0)):
+        lines = bad.sum(axis)
+        k = int(lines.argmax())
+        if 2 * lines[k] > count and lines[k] > 1 and 2 * lines[k] > known.sum(axis)[k]:
+            return f"{name} {k}, {lines[k]} readings"
+    row, col = np.argwhere(bad)[0]
+    return f"{count} reading{'s' * (count > 1)}, the first at row {row}, column {col}"
 
 
 def piled(reading: Reading, least: int = _PILE[0], others: float = _PILE[1]) -> str:
