@@ -23,6 +23,8 @@ from .reading import Reading
 from .suspect import LIFTED, ROUNDED, model_variance, rounded
 
 _STEPS = 4
+_RIM = 1.1  # times its conductance at rest: even the rim of a palm lies above
+_LOOSE = 0.05  # of `series_scale`: what is left of such a rim may look like 3 % of it
 _LEAST = 0.15  # of r_ref: what a board's series resistance may be where none is configured
 _MATTERS = 0.025  # of `series_scale`: less moves the hardest touches by some grams
 _TOLERANCE = 0.25  # of `series_scale` that r_par may be off; more is another fault
@@ -67,20 +69,23 @@ def series_scale(circuit: Circuit) -> float:
     return max(circuit.r_par, _LEAST * circuit.r_ref)
 
 
-def lean(reading: Reading, g: np.ndarray, beside: bool = True) -> Lean | None:
+def lean(
+    reading: Reading, g: np.ndarray, beside: bool = True, lifted: float = LIFTED
+) -> Lean | None:
     """Of a frame with conductances g (rows, cols) [S]; None: the readings cannot tell.
 
     Args:
         beside: whether the cells next to touched ones may be touched as well, and the readings be
             off the model; without, it takes half the time, and fabric and cover must carry nothing
             from cell to cell.
+        lifted: times its conductance at rest from which on a cell counts as touched.
 
     Newton's step for r_par, past what the touched cells take of its pattern p: with the readings'
     misfit m and Jacobian J of the touched cells, in standard deviations of noise and of what the
     model leaves out, and R = 1 - J J^+, it is - p.R m / p.R p.
     """
     circuit = reading.circuit
-    free, g = _held_at_rest(reading, g, beside)
+    free, g = _held_at_rest(reading, g, beside, lifted)
     network = laplacian.solve(g)
     adc = circuit.ratio(network.rho)
     spread = np.full(g.shape, reading.fitted_noise)  # ADC steps
@@ -127,10 +132,14 @@ def confirmed(reading: Reading, g: np.ndarray, r_par: bool) -> bool:
         g: (rows, cols) conductance [S] that the fit found.
         r_par: whether the test is that for r_par.
     """
+    scale = series_scale(reading.circuit)
     found = lean(reading, g)
     if found is not None and found.left <= _SOFT:
-        return not r_par or abs(found.shift) > _MATTERS * series_scale(reading.circuit)
-    hard = laplacian.solve(g).rho.min() < _HARD * series_scale(reading.circuit)
+        return not r_par or abs(found.shift) > _MATTERS * scale
+    rim = lean(reading, g, lifted=_RIM)
+    if r_par and rim is not None:
+        return rim.beyond(_SURE) and abs(rim.shift) > _LOOSE * scale
+    hard = laplacian.solve(g).rho.min() < _HARD * scale
     # where hardly a cell is at rest, hard pressed lines are alike anyway
     return bool(hard and (r_par or found is not None))
 
@@ -252,12 +261,14 @@ def _hardly_touched(reading: Reading, g: np.ndarray) -> int:
     return np.count_nonzero((g > _SEEMS * reading.bounds[0]) & ~free)
 
 
-def _held_at_rest(reading: Reading, g: np.ndarray, beside=True) -> tuple[np.ndarray, np.ndarray]:
+def _held_at_rest(
+    reading: Reading, g: np.ndarray, beside=True, lifted=LIFTED
+) -> tuple[np.ndarray, np.ndarray]:
     """(rows, cols) bool, the touched cells and those beside them, and g with the others at rest.
 
     Fabric and cover carry a little of a touch to the cells around it.
     """
-    touch = g >= LIFTED * reading.bounds[0]
+    touch = g >= lifted * reading.bounds[0]
     free = touch.copy()
     if beside:
         free[1:] |= touch[:-1]

@@ -60,7 +60,7 @@ def by_reading(reading: Reading) -> str:
 
 def _place(bad: np.ndarray, known: np.ndarray) -> str:
     """The line that most of the bad readings are on, or their number and the first."""
-    count = np.count_nonzero(bad)
+    count = int(np.count_nonzero(bad))
     for name, axis in (("row", 1), ("column", 0)):
         lines = bad.sum(axis)
         k = int(lines.argmax())
