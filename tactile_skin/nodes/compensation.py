@@ -26,11 +26,11 @@ class Compensation:
     """Publishes skin/pressure (32FC1, Pa, row-major) with the reading's stamp, and diagnostics once
     a second and whenever the level changes: WARN for a suspect frame, ERROR, which stops the
     robot, for a failed one and while they are suspect too often (doubt.py). A frame that fails is
-    not published. What the cells conduct at rest is measured between touches (`Tare`); until the
-    first time, a second after the start, a fabric whose cells differ is suspect, and a skin that
-    was touched from the first frame on is an ERROR until it is let go. The service `~/reset`
-    forgets faults that the last frames no longer show, says so on diagnostics before it answers,
-    and forgets the last frame, from which the next one starts.
+    not published. What the cells conduct at rest is measured between touches (`Tare`). Until the
+    first time, a second after the start, a fabric whose cells differ is suspect, and a skin of
+    which half was loaded from the first frame on is an ERROR until it is let go. The service
+    `~/reset` forgets faults that the last frames no longer show, says so on diagnostics before it
+    answers, and forgets the last frame, from which the next one starts.
     """
 
     def __init__(self, node):
@@ -84,7 +84,8 @@ class Compensation:
         self._doubts = 0
         self._doubt, self._fault, self._why = Doubt(), False, ""
         self._ceiling, self._saturated = Ceiling(self.circuit.adc_bits), ""
-        self._loaded = "no reading yet" if self._follows else ""  # since the start, where
+        self._at_rest = not self._follows  # whether half of the cells were at rest in any frame
+        self._loaded = ""  # since the start, where
         self._level, self._message, self._residual = diagnostics.OK, "ok", 0.0
         self._status, self._present = "ok", ""  # of the last frame, and what is said of it
         self._taken: Counter[str] = Counter()
@@ -131,8 +132,9 @@ class Compensation:
         kept = f"{self._why} ({self._doubt.kept})" if self._doubt.kept else ""
         self._saturated = self._ceiling.frame(samples)
         self._status, self._present = estimate.status, estimate.message
-        if self._loaded:
-            self._loaded = _where(estimate.force) if touched else ""
+        if not self._at_rest:
+            self._at_rest = np.median(estimate.force[self.circuit.populated]) < _IDLE
+            self._loaded = "" if self._at_rest else _where(estimate.force)
         words = self._loaded, self._saturated, estimate.message or kept, self._tare.message
         self._judge(estimate.status, "; ".join(filter(None, words)))
 
@@ -164,7 +166,7 @@ class Compensation:
 
 
 def _where(force: np.ndarray) -> str:
-    """What to say of a skin that has been touched from its first frame on."""
+    """What to say of a skin that has been loaded from its first frame on."""
     row, col = np.unravel_index(force.argmax(), force.shape)
     return (
         f"the skin is loaded since the start, most at row {row}, column {col}: take the load off, "

@@ -24,7 +24,7 @@ from .suspect import LIFTED, ROUNDED, model_variance, rounded
 
 _STEPS = 4
 _RIM = 1.1  # times its conductance at rest: even the rim of a palm lies above
-_LOOSE = 0.05  # of `series_scale`: what is left of such a rim may look like 3 % of it
+_LOOSE = 0.05  # of `series_scale` by which r_par is too small past such a rim
 _LEAST = 0.15  # of r_ref: what a board's series resistance may be where none is configured
 _MATTERS = 0.025  # of `series_scale`: less moves the hardest touches by some grams
 _TOLERANCE = 0.25  # of `series_scale` that r_par may be off; more is another fault
@@ -137,8 +137,9 @@ def confirmed(reading: Reading, g: np.ndarray, r_par: bool) -> bool:
     if found is not None and found.left <= _SOFT:
         return not r_par or abs(found.shift) > _MATTERS * scale
     rim = lean(reading, g, lifted=_RIM)
-    if r_par and rim is not None:
-        return rim.beyond(_SURE) and abs(rim.shift) > _LOOSE * scale
+    # what is left of a rim can only make r_par seem smaller than it is
+    if r_par and rim is not None and rim.beyond(_SURE) and rim.shift > _LOOSE * scale:
+        return True
     hard = laplacian.solve(g).rho.min() < _HARD * scale
     # where hardly a cell is at rest, hard pressed lines are alike anyway
     return bool(hard and (r_par or found is not None))
