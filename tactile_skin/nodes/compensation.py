@@ -84,7 +84,7 @@ class Compensation:
         self._doubts = 0
         self._doubt, self._fault, self._why = Doubt(), False, ""
         self._ceiling, self._saturated = Ceiling(self.circuit.adc_bits), ""
-        self._at_rest = not self._follows  # whether half of the cells were at rest in any frame
+        self._at_rest = not self._follows  # whether the whole skin was at rest in any frame
         self._loaded = ""  # since the start, where
         self._level, self._message, self._residual = diagnostics.OK, "ok", 0.0
         self._status, self._present = "ok", ""  # of the last frame, and what is said of it
@@ -133,8 +133,8 @@ class Compensation:
         self._saturated = self._ceiling.frame(samples)
         self._status, self._present = estimate.status, estimate.message
         if not self._at_rest:
-            self._at_rest = np.median(estimate.force[self.circuit.populated]) < _IDLE
-            self._loaded = "" if self._at_rest else _where(estimate.force)
+            half = np.median(estimate.force[self.circuit.populated]) >= _IDLE
+            self._at_rest, self._loaded = not touched, _where(estimate.force) if half else ""
         words = self._loaded, self._saturated, estimate.message or kept, self._tare.message
         self._judge(estimate.status, "; ".join(filter(None, words)))
 
