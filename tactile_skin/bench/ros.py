@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import itertools
 import os
 import pickle
 import select
@@ -21,7 +22,7 @@ import tempfile
 import threading
 import time
 import tty
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -29,26 +30,29 @@ import numpy as np
 from .. import board, launch, ros, scenes
 from ..circuit import Circuit
 from ..curve import PressureCurve
-from ..protocol import BinaryParser
+from ..protocol import BinaryParser, encode
 
 PATIENCE = 60.0  # s, for what must happen
 WARM_UP = 1.0  # s, not counted
 DECIDED = ("skin/pressure", "skin/contacts", "skin/wrench", "skin/push_direction")
 
 
-def record(frames: int, scene: str = "demo", seed: int = 0) -> list[bytes]:
-    """The bytes of so many frames of a simulated board, a string of bytes per frame."""
+def endless(scene: str = "demo", seed: int = 0) -> Iterator[bytes]:
+    """The frames of a simulated board, a string of bytes per frame."""
     circuit = Circuit()
     played = board.Board(circuit, PressureCurve(), scenes.script(scene, *circuit.shape), seed=seed)
-    found = []
-    while len(found) < frames:
+    while True:
         if frame := played.scan():
-            found.append(frame)
-    return found
+            yield frame
+
+
+def record(frames: int, scene: str = "demo", seed: int = 0) -> list[bytes]:
+    """So many of them."""
+    return list(itertools.islice(endless(scene, seed), frames))
 
 
 class Player:
-    """Plays recorded bytes on a pseudo-terminal.
+    """Plays frames on a pseudo-terminal, numbered and timed anew as if one board had sent them all.
 
     Attributes:
         port: what a serial driver opens.
@@ -63,8 +67,9 @@ class Player:
         os.set_blocking(self._master, False)
         self.port = os.ttyname(self._slave)
         self.written: list[float] = []
+        self._number = 0
 
-    def play(self, frames: list[bytes], going: Callable[[], bool] = lambda: True) -> None:
+    def play(self, frames: Iterable[bytes], going: Callable[[], bool] = lambda: True) -> None:
         """Write all of them, or as many as there are while `going`."""
         tick = time.monotonic()
         for frame in frames:
@@ -72,8 +77,14 @@ class Player:
                 return
             tick += 1.0 / self.rate
             time.sleep(max(0.0, tick - time.monotonic()))
-            self._write(frame)
+            self._write(self._anew(frame))
             self.written.append(time.time())
+
+    def _anew(self, frame: bytes) -> bytes:
+        (read,) = BinaryParser().feed(frame)
+        now, bits = round(time.monotonic() * 1e6), read.adc_bits
+        self._number += 1
+        return encode(self._number, now, read.samples, bits, 16 - bits)
 
     def _write(self, frame: bytes) -> None:
         """Whole, if a reader that is late makes room within a second."""
@@ -85,15 +96,12 @@ class Player:
                 select.select([], [self._master], [], 0.1)
 
     @contextlib.contextmanager
-    def looping(self, frames: list[bytes]):
-        """Play them again and again in a thread."""
+    def playing(self, frames: Iterable[bytes]):
+        """Play them in a thread."""
         over = threading.Event()
-
-        def loop():
-            while not over.is_set():
-                self.play(frames, lambda: not over.is_set())
-
-        thread = threading.Thread(target=loop, name="player")
+        thread = threading.Thread(
+            target=self.play, args=(frames, lambda: not over.is_set()), name="player"
+        )
         thread.start()
         try:
             yield
@@ -268,7 +276,7 @@ def measure(version: int, seconds: float, topics: list[str], seed: int = 0) -> d
             graph.start_node(action)
         # another that tells which frame has which stamp
         stamps, name = graph.listen("skin/adc"), graph.listen(*topics)
-        with player.looping(record(50, "idle", seed + 1)):
+        with player.playing(endless("idle", seed + 1)):
             graph.wait_until_heard(stamps, "skin/adc")
             graph.wait_until_heard(name, *topics)
         time.sleep(1.0)
