@@ -545,7 +545,7 @@ def skin(version):
         for action in plan.values():
             graph.start_node(action)
         name = graph.listen()
-        with player.playing(endless(IDLE)):
+        with player.playing(endless(IDLE, seed=99)):
             graph.wait_until_heard(name)
         graph.heard(name)
         yield graph, player, plan
@@ -638,7 +638,7 @@ def test_the_values_are_those_in_process_for_the_same_bytes(skin, monkeypatch):
     graph, player, plan = skin
     frames = record(150, DEMO) + record(60, PUSH, seed=1) + record(60, IDLE, seed=2)
     name = graph.listen()
-    with player.playing(endless(IDLE)):
+    with player.playing(endless(IDLE, seed=99)):
         graph.wait_until_heard(name)
     time.sleep(0.5)
     assert reset(graph).startswith("True ")
@@ -735,7 +735,7 @@ def test_a_node_whose_executor_ends_fails(version):
 def test_a_killed_node_stops_the_robot_and_rejoins(skin):
     """The rest survives; meanwhile the stop says stale; the plain subscriber goes on."""
     graph, player, plan = skin
-    with player.playing(endless(IDLE)):
+    with player.playing(endless(IDLE, seed=99)):
         name = graph.listen()
         graph.wait_until_heard(name)
         graph.wait_for(lambda: graph.hears(name, "stop free\n"), "the robot may move")
@@ -774,7 +774,7 @@ def test_a_master_that_is_killed_and_restarted_is_rejoined(skin):
     graph, player, _plan = skin
     if graph.version == 2:
         pytest.skip("ROS 2 has no master")
-    with player.playing(endless(IDLE)):
+    with player.playing(endless(IDLE, seed=99)):
         old = graph.listen()
         graph.wait_until_heard(old)
         killed = time.time()
@@ -869,7 +869,7 @@ def test_a_node_whose_name_is_taken_ends(skin):
     if graph.version == 2:
         pytest.skip("ROS 2 lets both live")
     name = graph.listen()
-    with player.playing(endless(IDLE)):
+    with player.playing(endless(IDLE, seed=99)):
         graph.wait_for(lambda: graph.hears(name, "stop free\n"), "the robot may move")
         older = graph.processes.pop("stop_on_push")
         graph.start_node(plan["stop_on_push"])
