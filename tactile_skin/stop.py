@@ -89,7 +89,7 @@ class StopPolicy:
     def __init__(self, config: StopConfig):
         self.config = config
         self._newest = -math.inf  # stamp of the newest reading
-        self._arrived = -math.inf  # when the last one came, however old it was
+        self._old_at = -math.inf  # when the last one came that was too old, or no news
         self._force = 0.0  # of the newest reading
         self._in_time = 0  # readings in a row of which none was late
         self._late = -math.inf  # stamp of the last one that was
@@ -111,7 +111,8 @@ class StopPolicy:
                 ahead of t, proves nothing, and so does not keep the robot moving.
         """
         stamp = t if stamp is None else stamp
-        self._arrived = t
+        if stamp <= self._newest or t - stamp > self.config.stale_after:
+            self._old_at = t
         if self._newest > t + AHEAD:  # the clock was set back: begin anew, stopped
             self._newest, self._above_since, self._held_until = -math.inf, None, None
         if not (math.isfinite(force) and math.isfinite(peak) and force >= 0.0):
@@ -181,7 +182,7 @@ class StopPolicy:
         if self._newest == -math.inf:
             reasons.append("stale: no reading yet")
         elif not -AHEAD <= t - self._newest <= self.config.stale_after:
-            here = 0.0 <= t - self._arrived <= self.config.stale_after
+            here = 0.0 <= t - self._old_at <= self.config.stale_after
             reasons.append(f"stale: readings {'are old when they come' if here else 'stay away'}")
         elif self._in_time < _STEADY or self._newest - self._late < _STEADY_FOR:
             reasons.append("stale: readings only just came back")
