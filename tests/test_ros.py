@@ -756,7 +756,7 @@ def test_a_killed_node_stops_the_robot_and_rejoins(skin):
         time.sleep(3.0)
         heard = by_topic(graph.heard(name))
     stopped = min(t for t, _, stop in heard["skin/stop"] if t > killed and stop)
-    assert stopped - killed < 0.5, "as heard, not as the listener's output was read"
+    assert stopped - killed < 1.0  # stale_after is 0.5 s here
     arrivals = np.array([t for t, *_ in heard["skin/pressure"]])
     assert max(np.diff(arrivals)) > 0.5  # nobody else spoke for it
     assert sum(arrivals > back) > 40
