@@ -23,7 +23,10 @@ programs = ["tactile-skin = tactile_skin.cli:main"]
 # colcon runs `setup.py install` or `develop`: setup.cfg sends the programs to lib/tactile_skin,
 # where `ros2 run` looks for the nodes. pip runs neither, and would put a `monitor` on users' PATH.
 if {"install", "develop"} & set(sys.argv):
-    programs += [f"{name} = tactile_skin.ros:{name}" for name in literal("launch.py", "NODES")]
+    programs += [
+        f"{name} = tactile_skin.ros:{name}"
+        for name in literal("middleware/launch_file.py", "NODES")
+    ]
 
 setup(
     name=package_name,
@@ -36,13 +39,13 @@ setup(
     maintainer_email="tactile_skin@example.org",
     python_requires=">=3.10",
     packages=find_packages(include=[package_name, f"{package_name}.*"]),
-    package_data={package_name: ["py.typed", "weights/*"]},
+    package_data={package_name: ["py.typed", "learning/weights/*"]},
     # optional: without a compiler NumPy does the same, in twice the time
     ext_modules=[
         Extension(
-            f"{package_name}._kernel",
-            sorted(glob(f"{package_name}/kernel/*.c")),
-            depends=[f"{package_name}/kernel/kernel.h"],
+            f"{package_name}.physics._kernel",
+            sorted(glob(f"{package_name}/physics/kernel/*.c")),
+            depends=[f"{package_name}/physics/kernel/kernel.h"],
             extra_compile_args=["-O3"],
             optional=True,
         )

@@ -3,8 +3,8 @@
 from tactile_skin import Circuit, PressureCurve, forward, compensate
 """
 
-from .circuit import Circuit, forward
-from .curve import PressureCurve
+from .physics.circuit import Circuit, forward
+from .physics.curve import PressureCurve
 from .solvers import Estimate, compensate
 
 __all__ = ["Circuit", "Estimate", "PressureCurve", "compensate", "forward"]

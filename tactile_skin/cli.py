@@ -6,7 +6,6 @@ import argparse
 import contextlib
 import logging
 import os
-import select
 import signal
 import stat
 import sys
@@ -15,9 +14,8 @@ from pathlib import Path
 
 from . import __version__
 from .files import one_line
-from .threads import one_thread
-
-_KEYS_WITHIN = 0.1  # s that a reset under way may keep the end of the skin waiting
+from .middleware.stdin import at_the_end_of_stdin, keys
+from .middleware.threads import one_thread
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -88,7 +86,7 @@ def _parser() -> argparse.ArgumentParser:
         "a simulated board: the real bytes on a pseudo-terminal that any serial program can open",
         epilog="example:\n  tactile-skin sim --link /tmp/skin --scene two_fingers",
     )
-    from . import scenes
+    from .learning import scenes
 
     sub.add_argument(
         "--link", type=Path, required=True, help="symbolic link to make, the port to open"
@@ -128,7 +126,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     import dataclasses
 
-    from .dataset import CHOICES, TrainingConfig
+    from .learning.dataset import CHOICES, TrainingConfig
 
     about = {
         "pairs": "readings to learn from",
@@ -222,58 +220,9 @@ def _launch(args) -> int:
 
         return ros.launch_processes(plan, ros.choose(args.ros))
     skin = launch.Skin(plan)
-    with skin, contextlib.suppress(KeyboardInterrupt), _keys(skin.reset_stop):
+    with skin, contextlib.suppress(KeyboardInterrupt), keys(skin.reset_stop):
         skin.spin()
     return 1 if skin.failed else 0
-
-
-@contextlib.contextmanager
-def _keys(reset):
-    """On a terminal, r and Enter ask for the reset of a latched stop."""
-    if os.name != "posix" or not sys.stdin.isatty():
-        yield
-        return
-    ended, end = os.pipe()
-
-    def read():
-        while ended not in select.select([sys.stdin, ended], [], [])[0]:
-            line = os.read(sys.stdin.fileno(), 1024)
-            if not line:
-                return  # its end
-            try:
-                if line.strip() == b"r":
-                    print(f"reset: {reset()[1]}", file=sys.stderr)
-            except (ValueError, RuntimeError) as error:
-                print(f"reset: {error}", file=sys.stderr)
-
-    reader = threading.Thread(target=read, name="keys", daemon=True)
-    reader.start()
-    try:
-        yield
-    finally:
-        os.write(end, b"\n")
-        reader.join(_KEYS_WITHIN)
-        if not reader.is_alive():  # else it still waits for an answer
-            os.close(ended)
-        os.close(end)
-
-
-def _skin_of(config: Path | None):
-    """Circuit and curve of a parameter file, as the compensation node would read them."""
-    from .bus import Context, Node
-    from .config import ParameterFile, circuit_of, curve_of
-
-    overrides = [] if config is None else ParameterFile(config).overrides("/compensation")
-    node = Node("compensation", context=Context(), parameter_overrides=overrides)
-    try:
-        circuit, curve = circuit_of(node), curve_of(node)
-    except ValueError as error:
-        raise ValueError(f"{config}: {error}") from error
-    unknown = [name for name in node.undeclared() if name.startswith(("circuit.", "curve."))]
-    if unknown:
-        allowed = ", ".join(node.parameter_names())
-        raise ValueError(f"{config}: parameter {unknown[0]!r} is unknown; there are: {allowed}")
-    return circuit, curve
 
 
 def _check_folder(out: Path) -> None:
@@ -283,15 +232,17 @@ def _check_folder(out: Path) -> None:
 
 
 def _sim(args) -> int:
-    from . import board, scenes
-    from .launch import LAUNCHED
+    from .board import simulator
+    from .learning import scenes
+    from .middleware.config import read_skin
+    from .middleware.processes import LAUNCHED
 
     for name, value, low in (("--baud", args.baud, 300), ("--seed", args.seed, 0)):
         if value < low:
             raise ValueError(f"{name} = {value}: must be {low} or more")
-    circuit, curve = _skin_of(args.config)
+    circuit, curve, _ = read_skin(args.config)
     scene = scenes.script(args.scene, *circuit.shape)
-    simulated = board.Board(circuit, curve, scene, args.noise, args.rate, args.seed)
+    simulated = simulator.Board(circuit, curve, scene, args.noise, args.rate, args.seed)
     done = threading.Event()
     numbers = [signal.SIGTERM, signal.SIGINT]
     if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:  # nohup
@@ -299,43 +250,33 @@ def _sim(args) -> int:
     for number in numbers:
         signal.signal(number, lambda *_: done.set())
     if LAUNCHED in os.environ and stat.S_ISFIFO(os.fstat(0).st_mode):
-        threading.Thread(target=_at_the_end_of_stdin, args=(done.set,), daemon=True).start()
+        threading.Thread(target=at_the_end_of_stdin, args=(done.set,), daemon=True).start()
 
     def ready():
         print(f"simulated board on {args.link}, scene {args.scene}", file=sys.stderr)
 
-    board.serve(simulated, args.link, lambda: not done.is_set(), args.baud, ready)
+    simulator.serve(simulated, args.link, lambda: not done.is_set(), args.baud, ready)
     return 0
-
-
-def _at_the_end_of_stdin(then) -> None:
-    """Call it once whoever started this process is gone, however it went.
-
-    A pipe tells that at once and everywhere. Linux could send a signal instead (PR_SET_PDEATHSIG),
-    but does so when the thread that started the process ends.
-    """
-    while os.read(0, 1024):
-        pass
-    then()
 
 
 def _train(args) -> int:
     import dataclasses
 
-    from . import network
-    from .dataset import TrainingConfig
+    from .learning import network
+    from .learning.dataset import TrainingConfig
+    from .middleware.config import read_skin
 
     if args.threads < 1:
         raise ValueError(f"--threads = {args.threads}: must be 1 or more")
     _check_folder(args.out)
-    circuit, curve = _skin_of(args.config)
+    circuit, curve, _ = read_skin(args.config)
     names = [item.name for item in dataclasses.fields(TrainingConfig)]
     config = TrainingConfig(**{name: getattr(args, name) for name in names})
     if config.start and config.start not in network.NETWORKS:
         network.load(config.start)
     torch, tqdm = _torch("train"), _tqdm()
     torch.set_num_threads(args.threads)
-    from . import training
+    from .learning import training
 
     def track(items, desc):
         return tqdm(items, desc=desc, leave=False, disable=None)
@@ -350,14 +291,14 @@ def _train(args) -> int:
 
 
 def _export(args) -> int:
-    from . import network
+    from .learning import network
 
     shipped = args.weights in network.NETWORKS
     weights = network.shipped(args.weights) if shipped else network.load(args.weights)
     if args.out.is_dir() or not args.out.parent.is_dir():
         raise ValueError(f"{args.out}: must be a file in a folder that exists")
     _torch("onnx")
-    from . import export
+    from .learning import export
 
     export.to_onnx(weights, args.out)
     print(f"{args.out}: {weights.kind} network, {weights.rows} x {weights.cols}, force in newton")
@@ -366,7 +307,8 @@ def _export(args) -> int:
 
 def _bench(args) -> int:
     _check_folder(args.out)
-    from .bench import choose, fault_table, run, speed, touch_to_stop
+    from .bench import choose, run, speed, touch_to_stop
+    from .bench.damage import table
 
     unknown = [part for part in args.parts if part not in run.PARTS]
     if unknown:
@@ -384,14 +326,14 @@ def _bench(args) -> int:
     if "touch_to_stop" in written:
         print(touch_to_stop.table(written["touch_to_stop"]), "", sep="\n")
     if "faults" in written:
-        print(fault_table.table(written["faults"]))
+        print(table.table(written["faults"]))
     print(f"pictures: {', '.join(str(args.out / f'{name}.png') for name in written)}")
     return 0
 
 
 def _given(args, parts) -> dict[str, dict]:
     """Part -> what the command line gives its `measure`: today for `faults` only."""
-    from .bench import reliability
+    from .bench.damage import reliability
 
     options = ("shapes", "faults", "minutes", "streams", "jobs")
     given = {name: getattr(args, name) for name in options if getattr(args, name) is not None}

@@ -26,9 +26,11 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_skin import Circuit, PressureCurve, board, scenes
-from tactile_skin.bus import Time
+from tactile_skin import Circuit, PressureCurve
+from tactile_skin.board import simulator
 from tactile_skin.launch import Skin, find, read_plan
+from tactile_skin.learning import scenes
+from tactile_skin.middleware.bus import Time
 from tactile_skin.msg import DiagnosticArray, Image
 from tactile_skin.nodes.stop_on_push import STATUS, STATUS_TOPIC
 
@@ -67,10 +69,10 @@ def run_board(link: str, rate: float, scene: str) -> None:
     while not over.is_set():
         if not plugged.wait(0.01):
             continue
-        simulated = board.Board(
+        simulated = simulator.Board(
             circuit, PressureCurve(), scenes.script(scene, *circuit.shape), frames_per_second=rate
         )
-        board.serve(simulated, Path(link), plugged.is_set, BAUD)
+        simulator.serve(simulated, Path(link), plugged.is_set, BAUD)
         sent += simulated._sent
         with contextlib.suppress(BrokenPipeError):
             print(sent, time.monotonic(), flush=True)

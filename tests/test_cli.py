@@ -15,8 +15,10 @@ import numpy as np
 import pytest
 import yaml
 
-from tactile_skin import Circuit, PressureCurve, cli, network
-from tactile_skin.launch import share_dir
+from tactile_skin import Circuit, PressureCurve, cli
+from tactile_skin.launch import read_skin, share_dir
+from tactile_skin.learning import network
+from tactile_skin.middleware.stdin import keys
 
 COMMANDS = ("launch", "sim", "train", "bench")
 
@@ -283,8 +285,8 @@ def test_a_users_link_survives_a_launch_and_its_end(tmp_path):
 
 def test_the_shipped_config_says_what_the_defaults_are(tmp_path):
     """Circuit and curve of config/skin.yaml are those that the shipped weights were made for."""
-    assert cli._skin_of(share_dir() / "config" / "skin.yaml") == (Circuit(), PressureCurve())
-    assert cli._skin_of(None) == (Circuit(), PressureCurve())
+    assert read_skin(share_dir() / "config" / "skin.yaml")[:2] == (Circuit(), PressureCurve())
+    assert read_skin()[:2] == (Circuit(), PressureCurve())
 
 
 # --- keys on a terminal ---
@@ -307,7 +309,7 @@ def test_r_and_enter_reset_a_latched_stop(terminal, capsys):
         asked.release()
         return False, "still stopped: push"
 
-    with cli._keys(reset):
+    with keys(reset):
         os.write(terminal, b"x\n")
         os.write(terminal, b"r\n")
         assert asked.acquire(timeout=20.0)
@@ -322,14 +324,14 @@ def test_a_reset_without_a_stop_node_is_one_line(terminal, capsys):
         told.set()
         raise ValueError("the launch file starts no stop_on_push")
 
-    with cli._keys(reset):
+    with keys(reset):
         os.write(terminal, b"r\n")
         assert told.wait(20.0)
     assert capsys.readouterr().err == "reset: the launch file starts no stop_on_push\n"
 
 
 def test_a_terminal_that_is_left_ends_nothing(terminal):
-    with cli._keys(lambda: pytest.fail("nobody asked")):
+    with keys(lambda: pytest.fail("nobody asked")):
         os.write(terminal, b"\x04")  # Ctrl-D
 
 
@@ -337,5 +339,5 @@ def test_without_a_terminal_nobody_reads_the_input(monkeypatch):
     with open(os.devnull) as stdin:
         monkeypatch.setattr(sys, "stdin", stdin)
         before = threading.active_count()
-        with cli._keys(None):
+        with keys(None):
             assert threading.active_count() == before

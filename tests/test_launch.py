@@ -16,12 +16,11 @@ import pytest
 import yaml
 from simulated import CIRCUIT, serving
 
-from tactile_skin import PressureCurve, board
-from tactile_skin.admittance import ANGULAR, AdmittanceConfig
-from tactile_skin.bus import Context, Node, Parameter, ParameterError
-from tactile_skin.config import ParameterFile
-from tactile_skin.gate import GateConfig
-from tactile_skin.hooks import EventHook
+from tactile_skin import PressureCurve
+from tactile_skin.behaviours.admittance import ANGULAR, AdmittanceConfig
+from tactile_skin.behaviours.gate import GateConfig
+from tactile_skin.behaviours.hooks import EventHook
+from tactile_skin.board import simulator
 from tactile_skin.launch import (
     NODES,
     LaunchError,
@@ -32,6 +31,8 @@ from tactile_skin.launch import (
     read_plan,
     share_dir,
 )
+from tactile_skin.middleware.bus import Context, Node, Parameter, ParameterError
+from tactile_skin.middleware.config import ParameterFile
 from tactile_skin.msg import Bool, Header, PointCloud2, Twist, cloud
 from tactile_skin.nodes.stop_on_push import LATCHED
 
@@ -119,7 +120,9 @@ def test_exec_in_pkg_is_a_program_of_the_package(plan, tmp_path, monkeypatch):
         (tmp_path / folder).mkdir(parents=True)
     built = tmp_path / "lib" / "tactile_skin" / "tactile-skin"
     built.touch()
-    monkeypatch.setattr("tactile_skin.launch.share_dir", lambda: tmp_path / "share/tactile_skin")
+    monkeypatch.setattr(
+        "tactile_skin.middleware.launch_file.share_dir", lambda: tmp_path / "share/tactile_skin"
+    )
     assert words(plan(line)) == [[str(built)]]
 
 
@@ -231,9 +234,12 @@ GRAMMAR = {  # what is wrong -> (entities, what the message must hold)
     "condition": (NODE % ", if: maybe", ["node: if = 'maybe'", "true or false"]),
     "node of another package": (
         "- node: {pkg: nav2, exec: planner}\n",
-        ["nav2/planner", "tactile_skin/stop_on_push", "executable"],
+        ["nav2/planner: pkg", "tactile_skin.nodes", "executable"],
     ),
-    "unknown node": ("- node: {pkg: tactile_skin, exec: stop}\n", ["tactile_skin/stop:"]),
+    "unknown node": (
+        "- node: {pkg: tactile_skin, exec: stop}\n",
+        ["tactile_skin/stop: exec", "stop_on_push"],
+    ),
     "param without value": (NODE % ", param: [{name: a}]", ["stop_on_push: param", "'a'"]),
     "param is no list": (NODE % ", param: {from: a.yaml}", ["node: param", "list of maps"]),
     "param holds words": (NODE % ", param: [threshold]", ["node: param", "threshold"]),
@@ -1010,6 +1016,7 @@ def test_a_reset_first_ends_a_fault_that_is_kept_from_an_earlier_touch(write, la
         compensation = skin._nodes[1]
         heard.wait_for((False, ""))
         handle, (service,) = skin._handles[1], skin._handles[1]._services
+        compensation._waits = False  # rest was measured
         compensation._fault = True  # as a doubt that is held
         handle.create_timer(0.01, lambda: compensation._judge("ok", "it was under each touch"))
         fault = "fault: compensation: it was under each touch"
@@ -1092,7 +1099,7 @@ def test_a_reset_that_was_given_up_does_not_happen_later(write):
 # --- a cable that is cut ---
 
 
-class Mute(board.Board):
+class Mute(simulator.Board):
     """A board that can fall silent, as one whose cable is cut behind the adapter."""
 
     mute = False

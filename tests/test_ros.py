@@ -25,11 +25,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from yardsticks.ros import DECIDED, Graph, Player, endless, plan_of, record
 
 import tactile_skin
-from tactile_skin import bus, launch, msg, ros
-from tactile_skin.bench.ros import DECIDED, Graph, Player, endless, plan_of, record
-from tactile_skin.bus import Context, ManualClock, Node, Parameter, SingleThreadedExecutor
+from tactile_skin import launch, msg, ros
+from tactile_skin.board.protocol import BinaryParser
+from tactile_skin.middleware import bus
+from tactile_skin.middleware.bus import (
+    Context,
+    ManualClock,
+    Node,
+    Parameter,
+    SingleThreadedExecutor,
+)
+from tactile_skin.middleware.launch_file import NODES, NodeAction
+from tactile_skin.middleware.launched import make_node
+from tactile_skin.middleware.ros import messages, ros2
+from tactile_skin.middleware.ros import node as ros_node
 from tactile_skin.msg import (
     DiagnosticArray,
     Header,
@@ -40,7 +52,6 @@ from tactile_skin.msg import (
     image,
 )
 from tactile_skin.nodes.stop_on_push import STATUS_TOPIC
-from tactile_skin.protocol import BinaryParser
 
 MESSAGES = [c for c in vars(msg).values() if dataclasses.is_dataclass(c) and hasattr(c, "TYPE")]
 IDLE, DEMO, PUSH = "idle", "demo", "push_left"
@@ -66,7 +77,7 @@ class Missing:
             raise ModuleNotFoundError(name)
 sys.meta_path.insert(0, Missing)
 for name in {modules!r}:
-    if name not in ("tactile_skin.training", "tactile_skin.export", "tactile_skin.bench.chart"):
+    if name.split(".")[-1] not in ("training", "export", "chart"):
         importlib.import_module(name)
 from tactile_skin.launch import launch
 with launch(duration=0.3, port={str(tmp_path / "skin")!r}) as skin:
@@ -88,7 +99,7 @@ def test_a_node_without_its_ros_says_so(words, capsys, monkeypatch):
     assert "not installed" in err or "is installed" in err
 
 
-@pytest.mark.parametrize("name", launch.NODES)
+@pytest.mark.parametrize("name", NODES)
 def test_each_node_has_an_entry_point(name, capsys):
     with pytest.raises(SystemExit) as end:
         getattr(ros, name)(["--help"])
@@ -112,7 +123,7 @@ def test_setup_installs_each_node_for_colcon(monkeypatch, command):
     runpy.run_path("setup.py")
     scripts = dict(s.split(" = ") for s in made["entry_points"]["console_scripts"])
     assert scripts.pop("tactile-skin") == "tactile_skin.cli:main"
-    assert scripts == {name: f"tactile_skin.ros:{name}" for name in launch.NODES}
+    assert scripts == {name: f"tactile_skin.ros:{name}" for name in NODES}
     assert "share/ament_index/resource_index/packages" in dict(made["data_files"])
 
 
@@ -176,7 +187,7 @@ def test_a_process_gets_what_the_node_would_get_in_process(file):
             "2",
         ]
         _, args = ros.split_arguments(words[4:])
-        expected = launch.Skin(plan)._handle(action)
+        expected = make_node(action, Context())
         assert (args.name, args.namespace) == (action.name, "left")
         name = f"{args.namespace}/{args.name}"
         assert {p.name: p.value for p in args.overrides(name)} == expected._overrides
@@ -209,7 +220,7 @@ def started(monkeypatch, tmp_path, **programs) -> tuple[launch.Plan, Path]:
     log = tmp_path / "log"
     plan = launch.Plan()
     for name, code in programs.items():
-        plan.nodes.append(launch.NodeAction("monitor", name, "", [], []))
+        plan.nodes.append(NodeAction("monitor", name, "", [], []))
         programs[name] = f"import os, signal, time; log = open({str(log)!r}, 'a', 1)\n{code}"
     monkeypatch.setattr(ros, "command", lambda a, _: [sys.executable, "-c", programs[a.name]])
     return plan, log
@@ -275,13 +286,21 @@ class StandIn:
             module = types.ModuleType(name)
             vars(module).update(attributes)
             monkeypatch.setitem(sys.modules, name, module)
-        monkeypatch.setattr(ros, "ros_class", lambda kind: kind)
+        for module in (messages, ros_node):
+            monkeypatch.setattr(module, "ros_class", lambda kind: kind)
 
     def add_node(self, node):
         pass
 
     def create_subscription(self, kind, topic, callback, qos):
         self.subscriptions[topic] = callback
+
+    def create_publisher(self, kind, topic, qos):
+        return types.SimpleNamespace(
+            publish=lambda message: None,
+            get_subscription_count=lambda: 0,
+            wait_for_all_acked=lambda duration: True,
+        )
 
     def create_service(self, kind, name, callback):
         self.services[name] = callback
@@ -313,8 +332,8 @@ def stand_in(monkeypatch):
 @pytest.fixture
 def on_stand_in(stand_in):
     """A node on it, which is run."""
-    theirs = ros.Ros2("n", "/")
-    node, executor = ros.RosNode(theirs, "n"), bus.MultiThreadedExecutor()
+    theirs = ros2.Ros2("n", "/")
+    node, executor = ros_node.RosNode(theirs, "n"), bus.MultiThreadedExecutor()
     executor.add_node(node)
     theirs.start()
     yield node, theirs
@@ -345,7 +364,7 @@ def test_a_service_that_raises_answers_that_it_failed(on_stand_in, stand_in):
 def test_a_service_that_hangs_answers_that_it_does(on_stand_in, stand_in, monkeypatch):
     """What waits in its queue then does not happen later; what has begun is told to have."""
     node, theirs = on_stand_in
-    monkeypatch.setattr(ros, "_SERVICE_WITHIN", 0.01)
+    monkeypatch.setattr(ros_node, "_SERVICE_WITHIN", 0.01)
     hangs, release, asked = threading.Event(), threading.Event(), []
 
     def hang(_, response):
@@ -363,13 +382,13 @@ def test_a_service_that_hangs_answers_that_it_does(on_stand_in, stand_in, monkey
         (False, "the node did not answer within 0.01 s")
     }
     release.set()
-    monkeypatch.setattr(ros, "_SERVICE_WITHIN", 20.0)
+    monkeypatch.setattr(ros_node, "_SERVICE_WITHIN", 20.0)
     stand_in.ask("/slow")
     assert len(asked) == 2
     assert theirs.ok()
 
 
-def test_a_message_that_cannot_be_taken_is_logged(on_stand_in, stand_in, caplog):
+def test_a_message_that_cannot_be_taken_is_logged_and_counted(on_stand_in, stand_in, caplog):
     node, theirs = on_stand_in
     seen = queue.Queue()
     node.create_subscription(msg.Float32, "t", seen.put, 10)
@@ -378,6 +397,7 @@ def test_a_message_that_cannot_be_taken_is_logged(on_stand_in, stand_in, caplog)
     assert seen.get(timeout=20.0) == msg.Float32(2.0)
     assert theirs.ok()
     assert "a message on /t was not taken" in caplog.text
+    assert node.callback_errors == 1
 
 
 @pytest.mark.usefixtures("signals_stay")
@@ -408,7 +428,7 @@ def test_what_ros_cannot_log_harms_nobody(capsys):
             raise RuntimeError("rcl is not initialised")
 
     logger = logging.Logger("n")
-    logger.addHandler(ros._ToRos(Gone()))
+    logger.addHandler(ros_node.ToRos(Gone()))
     logger.error("a word")
     assert "rcl is not initialised" in capsys.readouterr().err
 
@@ -419,7 +439,7 @@ def test_what_ros_cannot_log_harms_nobody(capsys):
 @pytest.fixture(scope="module")
 def version(request):
     """1 or 2: what this Python has."""
-    found = ros.installed()
+    found = ros_node.installed()
     missing = "neither rospy nor rclpy can be imported by this Python"
     if found == 1 and not shutil.which("roscore"):
         found, missing = None, "roscore is not installed"
@@ -436,7 +456,7 @@ def version(request):
 def filled(kind, dice):
     """A message with a value of its own in each field."""
     values = []
-    for name, hint in ros._fields(kind):
+    for name, hint in messages._fields(kind):
         if dataclasses.is_dataclass(hint):
             values.append(filled(hint, dice))
         elif typing.get_origin(hint) is list:
@@ -462,10 +482,10 @@ def test_a_message_comes_back_from_ros_as_it_was(kind, version):
     if kind is msg.Time and version == 1:
         pytest.skip("a Time is no message of its own in ROS 1")
     message = filled(kind, random.Random(5))
-    theirs = ros.to_ros(message)
+    theirs = messages.to_ros(message)
     assert type(theirs).__module__.split(".")[0] == kind.TYPE.split("/")[0]
-    assert ros.from_ros(kind, through_the_wire(theirs, version)) == message
-    assert ros.from_ros(kind, ros.ros_class(kind)()) == kind()  # the same defaults
+    assert messages.from_ros(kind, through_the_wire(theirs, version)) == message
+    assert messages.from_ros(kind, messages.ros_class(kind)()) == kind()  # the same defaults
 
 
 def through_the_wire(message, version):
@@ -485,7 +505,7 @@ def through_the_wire(message, version):
 def test_fields_and_constants_are_those_of_the_installed_ros(kind, version):
     if kind is msg.Time and version == 1:
         pytest.skip("a Time is no message of its own in ROS 1")
-    theirs = ros.ros_class(kind)
+    theirs = messages.ros_class(kind)
     if version == 2:
         names = list(theirs.get_fields_and_field_types())
     else:
@@ -499,7 +519,7 @@ def test_fields_and_constants_are_those_of_the_installed_ros(kind, version):
 
 @pytest.mark.ros
 def test_a_message_of_another_type_is_refused(version):
-    publisher = ros._Publisher(msg.Bool, "/skin/stop", print, lambda: 1)
+    publisher = ros_node._Publisher(msg.Bool, "/skin/stop", print, lambda: 1)
     with pytest.raises(TypeError, match=r"skin/stop carries std_msgs/msg/Bool, not Float32"):
         publisher.publish(msg.Float32(1.0))
 
@@ -538,7 +558,8 @@ def skin(version):
     plan = plan_of(
         player.port,
         serial_driver={"watchdog": 60.0},
-        compensation={"time_limit": 10.0, "tare": False},  # a tare remembers what came before
+        # a tare remembers what came before, and so does a noise that is measured
+        compensation={"time_limit": 10.0, "tare": False, "noise": 0.5},
         stop_on_push={"stale_after": 0.5},
     )
     with Graph(version) as graph:
@@ -608,9 +629,8 @@ class InProcess:
             observer.create_subscription(kind, topic, self._noter(topic), 100)
         self._adc = observer.create_publisher(Image, "skin/adc", 10)
         self.executor.add_node(observer)
-        skin = launch.Skin(launch.Plan(nodes=list(plan.values())), self.context)
         for name in ("compensation", "gesture_feature", "stop_on_push"):
-            handle = skin._handle(plan[name])
+            handle = make_node(plan[name], self.context)
             launch.node_class(plan[name].executable)(handle)
             self.executor.add_node(handle)
 

@@ -141,7 +141,7 @@ def test_the_pages_yaml_fits_the_skin():
 def test_rviz_shows_topics_that_the_nodes_publish():
     """Each with a display for its type; the frame is the skin's."""
     from tactile_skin import launch
-    from tactile_skin.bus import Context, Node
+    from tactile_skin.middleware.bus import Context, Node
 
     shown = yaml.safe_load((share_dir() / "config" / "skin.rviz").read_text())
     manager = shown["Visualization Manager"]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tactile_skin import ros
+from tactile_skin.middleware.ros import ros2
 
 # fmt: off
 DOCUMENTED = {
@@ -58,7 +58,7 @@ PYTHON |= {"_qos", "_isolated"}
 
 
 def calls() -> list[ast.Call]:
-    tree = ast.parse(Path(ros.__file__).read_text())
+    tree = ast.parse(Path(ros2.__file__).read_text())
     (found,) = [n for n in tree.body if isinstance(n, ast.ClassDef) and n.name == "Ros2"]
     return [n for n in ast.walk(found) if isinstance(n, ast.Call)]
 

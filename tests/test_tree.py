@@ -1,39 +1,145 @@
-"""The tree shows the way of the data: pure modules know no port, no bus, no parameters."""
+"""The tree shows the way of the data: what each folder may import, without circles."""
 
 import ast
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "tactile_skin"
-PURE = ["circuit", "curve", "scenes", "network", "geometry", "features", "tracking"]
-PURE += ["files", "gestures", "stop", "tare", "events", "gate", "admittance"]
-PURE += sorted(f"solvers/{path.stem}" for path in (PACKAGE / "solvers").glob("*.py"))
-WORLD = {"serial", "socket", "threading", "tactile_skin.bus", "bus", "msg", "config", "nodes"}
+# Each folder, or module of the root, and those that it may import; itself and errors always.
+MAY = {
+    "errors": (),
+    "files": (),
+    "yaml_files": ("files",),
+    "msg": (),
+    "physics": ("files", "yaml_files"),  # the latter while it reads a file: no PyYAML otherwise
+    "touch": ("files",),
+    "behaviours": (),
+    "learning": ("files", "physics"),
+    "solvers": ("files", "physics", "learning"),
+    "calibration": ("physics", "solvers"),
+    "board": ("physics",),
+    "middleware": ("files", "yaml_files", "msg", "physics", "touch"),
+    "nodes": (
+        "msg",
+        "physics",
+        "touch",
+        "behaviours",
+        "learning",
+        "solvers",
+        "calibration",
+        "board",
+        "middleware",
+    ),
+    "launch": ("files", "msg", "touch", "behaviours", "middleware", "nodes"),
+    "ros": ("files", "yaml_files", "msg", "middleware", "nodes", "launch"),
+    "bench": None,  # everything but the command line
+    "cli": None,
+    "__init__": ("physics", "solvers"),
+    "__main__": ("cli",),
+}
+PURE = ("physics", "touch", "behaviours", "learning", "solvers", "calibration")
+WORLD = {"serial", "socket", "socketserver", "subprocess", "yaml", "select", "asyncio", "signal"}
+# that use threads: scratch memory of each, and a hook's own
+THREADS = {"learning/network", "behaviours/hooks"}
+MODULES = 12  # in a folder
+LINES = 400  # in a module
+MODULE_PATHS = sorted(p for p in PACKAGE.rglob("*.py"))
 
 
-def imports(module: str) -> set[str]:
-    found = set()
-    for node in ast.walk(ast.parse((PACKAGE / f"{module}.py").read_text())):
+def place(path: Path) -> str:
+    """The folder, or the module of the root, that a file belongs to."""
+    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def imports(path: Path) -> tuple[set[str], set[str]]:
+    """Places of ours, and top-level names of others, that a module imports."""
+    ours, others = set(), set()
+    package = ["tactile_skin", *path.relative_to(PACKAGE).parts[:-1]]
+    for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
+            names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
-            found |= {node.module} if node.module else {alias.name for alias in node.names}
-    return found
+            base = package[: len(package) - node.level + 1] if node.level else []
+            module = ".".join([*base, *filter(None, [node.module])])
+            names = [f"{module}.{alias.name}" for alias in node.names]
+        else:
+            continue
+        for name in names:
+            head, *rest = name.split(".")
+            if head != "tactile_skin":
+                others.add(head)
+            elif rest and ((PACKAGE / rest[0]).is_dir() or (PACKAGE / f"{rest[0]}.py").is_file()):
+                ours.add(rest[0])
+            else:
+                ours.add("__init__")  # a name of the package itself
+    return ours, others
 
 
-@pytest.mark.parametrize("module", PURE)
-def test_pure_modules_import_nothing_of_the_world(module):
-    allowed = {"threading"} if module == "network" else set()  # scratch memory per thread
-    assert not imports(module) & (WORLD - allowed)
+@pytest.mark.parametrize("path", MODULE_PATHS, ids=lambda p: p.relative_to(PACKAGE).as_posix())
+def test_a_module_imports_only_what_its_folder_may(path):
+    here = place(path)
+    allowed = MAY[here]
+    ours, others = imports(path)
+    if allowed is not None:
+        assert ours - {here, "__init__", "errors"} <= set(allowed)
+        if here not in ("__init__", "__main__"):
+            version = "__version__"
+            assert "__init__" not in ours or version in path.read_text()
+    elif here != "cli":
+        assert "cli" not in ours
+    if here in PURE:
+        assert not others & WORLD
+        name = path.relative_to(PACKAGE).with_suffix("").as_posix()
+        assert "threading" not in others or name in THREADS
+
+
+def test_every_place_is_known():
+    assert {place(path) for path in MODULE_PATHS} == set(MAY)
+
+
+def test_there_is_no_circle(capsys):
+    """Prints the tree, each folder above those that it imports: pytest -s."""
+    used = {here: set() for here in MAY}
+    for path in MODULE_PATHS:
+        used[place(path)] |= imports(path)[0] - {place(path), "__init__"}
+    order: list[str] = []
+    while left := [name for name in MAY if name not in order]:
+        free = [name for name in left if used[name] <= set(order)]
+        assert free, f"a circle among {left}"
+        order += free
+    with capsys.disabled():
+        print()
+        for name in reversed(order):
+            print(f"  {name:12} -> {', '.join(sorted(used[name])) or '-'}")
+
+
+@pytest.mark.parametrize("folder", sorted({p.parent for p in MODULE_PATHS}), ids=lambda p: p.name)
+def test_no_folder_is_crowded(folder):
+    modules = [p.name for p in folder.glob("*.py") if p.name != "__init__.py"]
+    assert len(modules) <= MODULES, modules
+
+
+@pytest.mark.parametrize("path", MODULE_PATHS, ids=lambda p: p.relative_to(PACKAGE).as_posix())
+def test_no_module_is_long(path):
+    assert len(path.read_text().splitlines()) <= LINES
+
+
+@pytest.mark.parametrize("folder", PURE)
+def test_a_pure_folder_works_without_pyyaml(folder):
+    """No module of it, nor what it imports, imports yaml: only reading a YAML file does."""
+    modules = [
+        ".".join(["tactile_skin", *path.relative_to(PACKAGE).with_suffix("").parts])
+        for path in MODULE_PATHS
+        if place(path) == folder and "torch" not in imports(path)[1]
+    ]
+    code = f"import sys, {', '.join(modules)}; sys.exit('yaml' in sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=PACKAGE.parent, timeout=60)
 
 
 def test_a_robot_needs_no_pytorch_to_run():
     """Only training, and the export of what it made, import torch; cli.py within these commands."""
-    users = [p.stem for p in PACKAGE.rglob("*.py") if "torch" in imports_of(p)]
+    users = [p.stem for p in MODULE_PATHS if "torch" in imports(p)[1]]
     assert set(users) == {"training", "export", "cli"}
-
-
-def imports_of(path: Path) -> set[str]:
-    tree = ast.parse(path.read_text())
-    return {a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names}

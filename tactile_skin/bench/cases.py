@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from .. import scenes
-from ..circuit import Circuit, forward
-from ..curve import GRAM, PressureCurve
+from ..learning import scenes
+from ..physics.circuit import Circuit, forward
+from ..physics.curve import GRAM, PressureCurve
 from ..solvers import METHODS, compensate
 from . import chart
-from .measure import errors
+from .measure import NOISE, errors
 
 PEAKS = (50.0, 100.0, 200.0, 400.0, 800.0)  # g on the object's hardest cell
 _PICTURED = 400.0  # g, the peak that is shown as pictures
@@ -84,7 +84,7 @@ def measure(n: int, seed: int, track=lambda items: items) -> dict:
         "ghosts" (two fingers and a palm) as plain data.
     """
     circuit, curve = Circuit(), PressureCurve()
-    rng = np.random.default_rng(seed)
+    rng, noise = np.random.default_rng(seed), NOISE["scan"]
     pictures = []
     sums = {method: {name: [] for name in OBJECTS} for method in METHODS}
     for name in track(list(OBJECTS)):
@@ -93,7 +93,7 @@ def measure(n: int, seed: int, track=lambda items: items) -> dict:
             ideal = forward(circuit, curve.resistance(force))
             adc = [scenes.read_out(circuit, ideal, "scan", rng) for _ in range(n)]
             for method in METHODS:
-                found = [compensate(frame, circuit, curve, method).force for frame in adc]
+                found = [compensate(f, circuit, curve, method, noise=noise).force for f in adc]
                 sums[method][name].append(float(np.mean([f.sum() for f in found])))
                 if peak == _PICTURED and method == "naive":
                     pictures.append({"object": name, **picture(force, adc[0], circuit, curve)})
@@ -110,7 +110,8 @@ def measure(n: int, seed: int, track=lambda items: items) -> dict:
 
 def picture(force: np.ndarray, adc: np.ndarray, circuit: Circuit, curve: PressureCurve) -> dict:
     """One case as lists: truth and what methods find [g], and the reading [ADC steps]."""
-    found = {m: compensate(adc, circuit, curve, m).force for m in _SHOWN}
+    noise = NOISE["scan"]
+    found = {m: compensate(adc, circuit, curve, m, noise=noise).force for m in _SHOWN}
     return {
         "truth_g": _rounded(force / GRAM),
         "reading_steps": _rounded(adc * circuit.full_scale),
@@ -142,7 +143,7 @@ def ghosts(circuit: Circuit, curve: PressureCurve, rng) -> dict:
     adc = scenes.read_out(circuit, forward(circuit, curve.resistance(force)), "scan", rng)
     panels = [{"title": "what is pressed", "load_g": _rounded(force / GRAM)}]
     for method, title in (("naive", "each reading on its own"), ("auto", "tactile_skin")):
-        found = compensate(adc, circuit, curve, method).force
+        found = compensate(adc, circuit, curve, method, noise=NOISE["scan"]).force
         panels.append({"title": title, "load_g": _rounded(found / GRAM)})
     for panel in panels:
         panel["sum_n"] = float(np.sum(panel["load_g"]) * GRAM)

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .. import scenes
-from ..circuit import Circuit
-from ..curve import GRAM, PressureCurve
+from ..learning import scenes
+from ..physics.circuit import Circuit
+from ..physics.curve import GRAM, PressureCurve
 from .textile import Textile, expose
 
 # What every real skin has a little of: the ADC's noise, the paper's coupling of 0.5 %, 1 ohm of a

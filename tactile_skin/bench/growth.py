@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..circuit import Circuit
-from ..curve import PressureCurve
+from ..physics.circuit import Circuit
+from ..physics.curve import PressureCurve
 from ..solvers import METHODS, compensate
 from . import chart
-from .measure import Clock, errors, frames
+from .measure import NOISE, Clock, errors, frames
 
 SIZES = (8, 12, 16, 24, 32, 48, 64)
 
@@ -25,6 +25,7 @@ def measure(n: int, seed: int, track=lambda items: items, sizes=SIZES) -> dict:
     curve = PressureCurve()
     keys = ("sizes", "p50_ms", "p50_y", "mean_g")
     seen = {method: {key: [] for key in keys} for method in METHODS}
+    noise = NOISE["scan"]
     for size in track(list(sizes)):
         circuit = Circuit(size, size)
         rng = np.random.default_rng([seed, size])
@@ -33,11 +34,13 @@ def measure(n: int, seed: int, track=lambda items: items, sizes=SIZES) -> dict:
         force, adc = (np.concatenate(part) for part in zip(*pairs, strict=True))
         for method in METHODS:
             try:
-                compensate(adc[0], circuit, curve, method)
+                compensate(adc[0], circuit, curve, method, noise=noise)
             except ValueError:
                 continue
             clock = Clock()
-            found = [clock(compensate, frame, circuit, curve, method).force for frame in adc]
+            found = [
+                clock(compensate, frame, circuit, curve, method, noise=noise).force for frame in adc
+            ]
             p50 = clock.quantile(0.5)
             values = (size, p50 * clock.y * 1e3, p50, errors(np.array(found), force)["mean_g"])
             for key, value in zip(keys, values, strict=True):

@@ -10,9 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import scenes
-from ..circuit import Circuit, forward, kernel
-from ..curve import GRAM, PressureCurve
+from ..learning import scenes
+from ..physics.circuit import Circuit, forward
+from ..physics.curve import GRAM, PressureCurve
+from ..physics.kernel import implementation
+from ..solvers.reading import ROUNDING_NOISE, SCAN_NOISE
 
 GHOST = 20.0  # g on a cell that nothing touches
 _DENSE = np.random.default_rng(0).standard_normal((257, 258))
@@ -71,6 +73,10 @@ def errors(found: np.ndarray, truth: np.ndarray) -> dict[str, float]:
     }
 
 
+# RMS noise of each readout [ADC steps]: a running skin has measured its own
+NOISE = {"ideal": 0.0, "adc10": ROUNDING_NOISE, "scan": SCAN_NOISE}
+
+
 def frames(family: str, readout: str, n: int, rng, circuit: Circuit, curve: PressureCurve):
     """n scenes of one family and their readings: force [N], ADC ratio, each (n, rows, cols)."""
     force = np.minimum(scenes.sample(family, n, *circuit.shape, rng), curve.max_force)
@@ -121,5 +127,5 @@ def machine() -> dict[str, str]:
         "processor": model,
         "cores": str(os.cpu_count()),
         "python": platform.python_version(),
-        "kernel": "compiled" if kernel else "in NumPy",
+        "kernel": implementation(),
     } | libraries

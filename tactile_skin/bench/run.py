@@ -6,7 +6,8 @@ import time
 from pathlib import Path
 
 from ..solvers import METHODS
-from . import cases, chart, growth, reliability, speed, stability, touch_to_stop, way
+from . import cases, chart, growth, speed, stability, touch_to_stop, way
+from .damage import reliability
 from .measure import machine
 
 PARTS = {  # name -> module, and the arguments of its `measure` in full and quick

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from .. import scenes
-from ..circuit import Circuit, forward
-from ..curve import PressureCurve
+from ..learning import scenes
+from ..physics.circuit import Circuit, forward
+from ..physics.curve import PressureCurve
 from ..solvers import METHODS, compensate
 from . import chart
-from .measure import Clock, day, errors, frames
+from .measure import NOISE, Clock, day, errors, frames
 
 TOUCHES = ("blobs", "rects")  # whose errors a point means; `random` loads the whole skin
 PAPER = {"cnn_ms": 2.2, "cnn_g": 11.0, "naive_g": 150.0}  # its sections V and VI
@@ -32,9 +32,12 @@ def measure(n: int, day_frames: int, seed: int, track=lambda items: items) -> di
         rng = np.random.default_rng([seed, cases.index((readout, family))])
         force, adc = frames(family, readout, n, rng, circuit, curve)
         for method in METHODS:
-            compensate(adc[0], circuit, curve, method)  # loads what is loaded once
+            noise = NOISE[readout]
+            compensate(adc[0], circuit, curve, method, noise=noise)  # loads what is loaded once
             clock = Clock()
-            found = [clock(compensate, frame, circuit, curve, method).force for frame in adc]
+            found = [
+                clock(compensate, frame, circuit, curve, method, noise=noise).force for frame in adc
+            ]
             times = {"p50_y": clock.quantile(0.5), "p99_y": clock.quantile(0.99)}
             families[readout, method][family] = errors(np.array(found), force) | times
             if family in TOUCHES:
@@ -89,7 +92,7 @@ def stream(n: int, rng, circuit: Circuit, curve: PressureCurve) -> dict:
     force, adc = day(n, rng, circuit, curve)
     clock, last, found, taken = Clock(), None, np.empty_like(force), {}
     for k, frame in enumerate(adc):
-        last = clock(compensate, frame, circuit, curve, "auto", start=last)
+        last = clock(compensate, frame, circuit, curve, "auto", start=last, noise=NOISE["scan"])
         found[k] = last.force
         taken[last.method] = taken.get(last.method, 0) + 1
     touched = force.any((1, 2))

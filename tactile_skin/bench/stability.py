@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..circuit import Circuit
-from ..curve import GRAM, PressureCurve
+from ..physics.circuit import Circuit
+from ..physics.curve import GRAM, PressureCurve
 from ..solvers import METHODS, compensate
 from . import chart
 from .faults import TROUBLES, Trouble

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import shift
 
-from ..circuit import Circuit
-from ..curve import GRAM, PressureCurve
+from ..physics.circuit import Circuit
+from ..physics.curve import GRAM, PressureCurve
 
 _SCANS = 4  # a frame is their mean, see scenes.read_out
 

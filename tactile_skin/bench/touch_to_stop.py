@@ -16,11 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import board, features, scenes
-from ..circuit import Circuit
-from ..curve import PressureCurve
-from ..geometry import make_geometry
+from ..board import simulator
+from ..learning import scenes
+from ..physics.circuit import Circuit
+from ..physics.curve import PressureCurve
 from ..solvers import compensate
+from ..touch import features
+from ..touch.geometry import make_geometry
 
 RISES = (0.0, 0.02, 0.05, 0.1)  # s, from the first touch to the whole force of a push
 LIMIT_MS, CUT_LIMIT_MS = 25.0, 150.0
@@ -137,7 +139,7 @@ def _seen(scans) -> float | None:
 # --- the board's process -------------------------------------------------------------------------
 
 
-class _Recorder(board.Board):
+class _Recorder(simulator.Board):
     """A board that notes when it scanned what; silent while `mute`."""
 
     def __init__(self, pushes, seed: int):
@@ -179,18 +181,18 @@ def _board(pipe, link: str, rises, cuts: int, seed: int) -> None:
     played = _START + len(pushes) * _PERIOD
 
     def with_silences() -> bool:
-        t = recorder._scans / board.SCANS_PER_SECOND - played
+        t = recorder._scans / simulator.SCANS_PER_SECOND - played
         was, recorder.mute = recorder.mute, t >= 0.0 and t % 1.5 < 0.5 and t < 1.5 * cuts
         if was and not recorder.mute:
             silent.append(recorder.silent_since)
             recorder.silent_since = None
         return t < 1.5 * cuts + 1.0
 
-    board.serve(recorder, path, with_silences)
+    simulator.serve(recorder, path, with_silences)
     recorder.pushes = []
     for _ in range(cuts):
         time.sleep(0.7)  # closed
-        scans = int(rng.uniform(1.5, 1.55) * board.SCANS_PER_SECOND)
+        scans = int(rng.uniform(1.5, 1.55) * simulator.SCANS_PER_SECOND)
 
         def until_the_cut(scans=scans) -> bool:
             closed[-1] = time.monotonic()  # the port closes when this says no
@@ -198,7 +200,7 @@ def _board(pipe, link: str, rises, cuts: int, seed: int) -> None:
 
         recorder.restart()
         closed.append(0.0)
-        board.serve(recorder, path, until_the_cut)
+        simulator.serve(recorder, path, until_the_cut)
     pipe.send({"pushes": recorder.scans, "silent": silent, "closed": closed})
     pipe.close()
 

@@ -15,9 +15,9 @@ import tty
 
 import numpy as np
 
-from .. import scenes
-from ..circuit import Circuit
-from ..curve import PressureCurve
+from ..learning import scenes
+from ..physics.circuit import Circuit
+from ..physics.curve import PressureCurve
 from . import chart
 
 RATES = (100, 390)  # frames a second: over USB serial, and each scan of the board
@@ -108,11 +108,11 @@ def run_skins(n: int, method: str, rate: int, seconds: float, seed: int) -> dict
 
 def _board(pipe, n: int, rate: int, seed: int) -> None:
     """Play the demo scene's bytes on n pseudo-terminals until terminated."""
-    from .. import board
+    from ..board import simulator
 
     circuit = Circuit()
     scene = scenes.script("demo", *circuit.shape)
-    played = board.Board(circuit, PressureCurve(), scene, frames_per_second=rate, seed=seed)
+    played = simulator.Board(circuit, PressureCurve(), scene, frames_per_second=rate, seed=seed)
     masters, slaves = zip(*(os.openpty() for _ in range(n)), strict=True)
     for master, slave in zip(masters, slaves, strict=True):
         tty.setraw(slave)
@@ -120,7 +120,7 @@ def _board(pipe, n: int, rate: int, seed: int) -> None:
     pipe.send([os.ttyname(slave) for slave in slaves])
     tick = time.monotonic()
     while True:
-        tick += 1.0 / board.SCANS_PER_SECOND
+        tick += 1.0 / simulator.SCANS_PER_SECOND
         time.sleep(max(0.0, tick - time.monotonic()))
         frame = played.scan()
         if frame:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from ..gate import Motion
+from ..behaviours.gate import Motion
+from ..behaviours.stop import Word
 from ..msg import DiagnosticArray, Twist, Vector3
-from ..stop import Word
 from . import diagnostics
 from .stop_on_push import STATUS, STATUS_TOPIC, word_of
 
@@ -16,10 +16,10 @@ PERIOD = 0.02  # s, between two velocities at most
 
 class CmdVel:
     """Publishes cmd_vel at least 50 times a second, zeros included: a base that keeps its last
-    command stops. The last word is zero.
+    command stops. The final message is zero.
 
-    It tells on diagnostics why the robot is held back, always at level OK: an error there would be
-    a stop of its own.
+    It reports on diagnostics why motion is not permitted, always at level OK: an error there would
+    be another stop.
 
     Args:
         decide: time [s] -> Motion.
@@ -30,7 +30,7 @@ class CmdVel:
         self._node, self._decide, self._take_stop = node, decide, take_stop
         self._word: Word | None = None
         self._reason: str | None = None
-        self._closed = threading.Lock()  # held for good once the last word is said
+        self._closed = threading.Lock()  # never released once the final zero is published
         self._cmd_vel = node.create_publisher(Twist, "cmd_vel", 1)
         self._diagnostics = node.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
         node.create_subscription(DiagnosticArray, STATUS_TOPIC, self.on_status, STATUS)

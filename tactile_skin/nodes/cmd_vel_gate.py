@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..config import describe
-from ..gate import Gate, GateConfig
+from ..behaviours.gate import Gate, GateConfig
+from ..middleware.config import describe
 from ..msg import Twist
 from .cmd_vel import CmdVel
 from .touch import Touch, on_touch, xyz

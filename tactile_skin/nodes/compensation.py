@@ -2,23 +2,34 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 
 import numpy as np
 
-from .. import network
-from ..bus import Time
-from ..config import circuit_of, curve_of, describe, geometry_of
-from ..converter import Ceiling
-from ..curve import GRAM
-from ..doubt import Doubt
+from ..board.converter import Ceiling, Windows
+from ..calibration.cells import Cells
+from ..calibration.doubt import Doubt
+from ..calibration.noise import Noise
+from ..calibration.tare import Tare
+from ..learning import network
+from ..middleware.bus import Time
+from ..middleware.config import adc_of, circuit_of, curve_of, describe, geometry_of
 from ..msg import DiagnosticArray, Image, Trigger, image, image_array
+from ..physics.circuit import forward
+from ..physics.curve import GRAM
 from ..solvers import METHODS, Estimate, compensate
-from ..tare import Tare
+from ..solvers.reading import ROUNDING_NOISE
 from . import QUEUE, diagnostics
 
 _IDLE = 15.0 * GRAM  # N on a cell: below it nothing touches; lines shorted at rest read as 13 g
+_LIGHT, _STIRRED = 1.0 * GRAM, 3  # N on so many cells: a touch that begins, not noise
 _FEWEST = 3  # rows and columns; with fewer some faults look like touches: docs/reliability.md
+_FULL = 2.0  # s for which half of the cells may be loaded without a word
+_NO_REST = "half of the skin is loaded: too few cells are at rest to check the circuit by"
+_HOLD = 1.0  # s for which a reason is said at least, while the robot is stopped for one
+_NUMBER = re.compile(r"-?\d+(\.\d+)?")  # in two reasons alike but for their numbers
+_LEARNED = "cnn", "physics"  # methods that use weights
 _CORNER = 4  # suspect or failed frames in a row after which the last one is no start
 
 
@@ -27,8 +38,8 @@ class Compensation:
     a second and whenever the level changes: WARN for a suspect frame, ERROR, which stops the
     robot, for a failed one and while they are suspect too often (doubt.py). A frame that fails is
     not published. What the cells conduct at rest is measured between touches (`Tare`). Until the
-    first time, a second after the start, a fabric whose cells differ is suspect, and a skin of
-    which half was loaded from the first frame on is an ERROR until it is let go. The service
+    first time, a second after the start, what would be a fault is "measuring rest: hands off", and
+    so is a skin of which half was loaded from the first frame on, until it is let go. The service
     `~/reset` forgets faults that the last frames no longer show, says so on diagnostics before it
     answers, and forgets the last frame, from which the next one starts.
     """
@@ -36,6 +47,7 @@ class Compensation:
     def __init__(self, node):
         self.node = node
         self.circuit, curve = circuit_of(node), curve_of(node)
+        self._adc = adc_of(node, self.circuit)
         self._tare = Tare(self.circuit, curve)
         self.cell_area = geometry_of(node, self.circuit).cell_area
 
@@ -51,9 +63,7 @@ class Compensation:
             0.0,
             65535.0,
         )
-        noise = value(
-            "noise", 0.0, "RMS noise of a reading [ADC steps]; 0: told from the readings", 0.0, 1e3
-        )
+        noise = value("noise", 0.0, "RMS noise of a reading [ADC steps]; 0: measured", 0.0, 1e3)
         time_limit = value("time_limit", 0.05, "after which a frame is given up [s]", 1e-4, 10.0)
         # Where the board keeps readings to itself, rest cannot be measured.
         self._follows = (
@@ -73,23 +83,33 @@ class Compensation:
             weights.check(self.circuit, curve)
         self._method = method
         self._arguments = {
-            "weights": weights,
-            "threshold": threshold / self.circuit.full_scale,
+            "weights": weights if method in _LEARNED else None,
+            "threshold": self._adc.threshold(threshold),
             "time_limit": time_limit,
-            "noise": noise or None,
+            "noise": self._adc.share(noise) * self.circuit.full_scale or None,
+            "missing": method in ("map", "auto"),
         }
         self._pressure = node.create_publisher(Image, "skin/pressure", 10)
         self._diagnostics = node.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
+        self._noise = Noise(self.circuit.populated)
+        self._cell_count = np.count_nonzero(self.circuit.populated)
         self._last: Estimate | None = None  # the last frame: where the next starts from
         self._doubts = 0
         self._doubt, self._fault, self._why = Doubt(), False, ""
-        self._ceiling, self._saturated = Ceiling(self.circuit.adc_bits), ""
+        most = self._adc.rising_count(float(self.circuit.ratio(0.0)))
+        self._windows = Windows(self.circuit.adc_bits)
+        top = self.circuit.full_scale if self._adc.inverted else None
+        self._ceiling, self._saturated = Ceiling(self.circuit.adc_bits, most, top), ""
+        self._cells, self._odd = Cells(self.circuit.shape), ""
+        self._full_since = np.inf  # s, since when half of the cells or more have been loaded
+        self._said = -np.inf  # s, when the message was new
+        self._waits, self._waiting = self._follows, False  # until rest was measured; a stop for it
         self._at_rest = not self._follows  # whether the whole skin was at rest in any frame
         self._loaded = ""  # since the start, where
         self._level, self._message, self._residual = diagnostics.OK, "ok", 0.0
         self._status, self._present = "ok", ""  # of the last frame, and what is said of it
         self._taken: Counter[str] = Counter()
-        self._scale = 2 ** (16 - self.circuit.adc_bits) * self.circuit.full_scale
+        self._aside: Counter[tuple[int, int]] = Counter()  # since the last report
         # Loads the weights, and says here, not in the first callback, that they do not fit.
         self._compensate(np.full(self.circuit.shape, 0.05))
         node.create_subscription(Image, "skin/adc", self.on_adc, QUEUE)
@@ -97,15 +117,16 @@ class Compensation:
         node.create_timer(1.0, self.report)
 
     def _compensate(self, adc) -> Estimate:
-        return compensate(
-            adc, self.circuit, self._tare.curve, self._method, start=self._last, **self._arguments
-        )
+        given = dict(self._arguments)
+        if given["noise"] is None and self._noise.each is not None:
+            given["noise"] = np.maximum(self._noise.each, ROUNDING_NOISE)
+        curve = self._tare.curve
+        return compensate(adc, self.circuit, curve, self._method, start=self._last, **given)
 
     def on_adc(self, msg: Image) -> None:
         try:
-            # The low-pass may round the largest reading up by less than a step.
             samples = image_array(msg)
-            adc = np.minimum(samples / self._scale, 1.0)
+            adc = self._adc.ratio_of(samples)
             estimate = self._compensate(adc)
         except ValueError as error:
             self._status, self._present = "failed", str(error)
@@ -121,8 +142,10 @@ class Compensation:
         self._residual = estimate.residual
         t = Time.from_msg(msg.header.stamp).nanoseconds / 1e9
         if estimate.status != "failed":
-            if self._follows and self._tare.update(t, adc, estimate.force):
+            if self._follows and self._tare.update(t, self._whole(adc, estimate), estimate.force):
                 self._last = None
+            if self._waits and self._tare.measured:  # what was in doubt before says nothing now
+                self._waits, self._doubt = False, Doubt()
             pressure = estimate.force / self.cell_area
             self._pressure.publish(image(pressure, "32FC1", msg.header))
         touched = estimate.force.max() >= _IDLE
@@ -130,37 +153,91 @@ class Compensation:
         self._fault = self._doubt.frame(t, suspect, touched)
         self._why = estimate.message if suspect else self._why
         kept = f"{self._why} ({self._doubt.kept})" if self._doubt.kept else ""
+        samples = self._adc.rising(samples)
         self._saturated = self._ceiling.frame(samples)
+        if (window := self._windows.frame(samples)) is not None:
+            self._saturated = self._ceiling.window(window)
+        stirs = touched or np.count_nonzero(estimate.force > _LIGHT) >= _STIRRED
+        self._noise.frame(t, np.nan_to_num(adc) * self.circuit.full_scale, stirs)
+        self._odd = self._noisy_cells() or self._cells.frame(t, estimate.force)
+        if estimate.aside is not None:
+            self._aside.update(map(tuple, np.argwhere(estimate.aside)))
         self._status, self._present = estimate.status, estimate.message
+        half = 2 * np.count_nonzero(estimate.force >= _IDLE) > self._cell_count
+        self._full_since = min(self._full_since, t) if half else np.inf
         if not self._at_rest:
-            half = np.median(estimate.force[self.circuit.populated]) >= _IDLE
             self._at_rest, self._loaded = not touched, _where(estimate.force) if half else ""
-        words = self._loaded, self._saturated, estimate.message or kept, self._tare.message
-        self._judge(estimate.status, "; ".join(filter(None, words)))
+        elif t - self._full_since > _FULL:
+            self._odd = self._odd or _NO_REST
+        self._judge(estimate.status, self._words(estimate.message or kept))
+
+    def _whole(self, adc: np.ndarray, estimate: Estimate) -> np.ndarray:
+        """The frame with what the picture says of crossings that were not read."""
+        unread = np.isnan(adc)
+        if not unread.any():
+            return adc
+        model = forward(self.circuit, self._tare.curve.resistance(estimate.force))
+        return np.where(unread, model, adc)
 
     def on_reset(self, _, response):
         self._last = None
         self._doubt.reset()
         self._fault, self._saturated = self._doubt.present, self._ceiling.forget()
-        words = self._saturated, self._present, self._tare.message
-        self._judge(self._status, "; ".join(filter(None, words)))
+        self._judge(self._status, self._words(self._present))
         self.report()  # whoever asks the stop next finds it said
         response.success, response.message = True, "faults that are past are forgotten"
         return response
 
+    def _words(self, present: str) -> str:
+        words = self._loaded, self._saturated, present, self._tare.message, self._odd
+        return "; ".join(filter(None, words))
+
     def _judge(self, status: str, message: str) -> None:
         level = diagnostics.OK if status == "ok" and not message else diagnostics.WARN
-        if status == "failed" or ((self._fault or self._saturated or self._loaded) and self._stops):
+        wrong = self._fault or self._saturated or self._loaded
+        if status == "failed" or (wrong and self._stops):
             level = diagnostics.ERROR
-        if message or level == diagnostics.OK:
-            self._message = message or "ok"
+        before = self._waiting
+        self._waiting = self._waits and level == diagnostics.ERROR and status != "failed"
+        if self._waiting:
+            why = self._loaded or self._tare.message
+            message = f"measuring rest: hands off{f' ({why})' if why else ''}"
+        held = before == self._waiting and self._holds(level, message)
+        if not held and (message or level == diagnostics.OK):
+            self._message, self._said = message or "ok", self._now()
         changed, self._level = level != self._level, level
         if changed:
             self.report()
 
+    def _holds(self, level: int, message: str) -> bool:
+        """Whether to go on saying what was said: each new reason of a stop calls every hook."""
+        if level != diagnostics.ERROR or level != self._level:
+            return False
+        same = _NUMBER.sub("", message) == _NUMBER.sub("", self._message)
+        return same or self._now() - self._said < _HOLD
+
+    def _now(self) -> float:
+        return self.node.get_clock().now().nanoseconds / 1e9
+
+    def _noisy_cells(self) -> str:
+        cells = np.argwhere(self._noise.noisy)
+        if not len(cells):
+            return ""
+        names = ", ".join(f"row {row}, column {col}" for row, col in cells[:3])
+        more = f" and {len(cells) - 3} more" if len(cells) > 3 else ""
+        return f"{names}{more}: much more noise than the others: a loose contact?"
+
     def report(self) -> None:
         values = {"residual": f"{self._residual:.3f}", "method": self._method}
+        values[diagnostics.WAITING] = str(self._waiting).lower()
         values["tare"] = self._tare.message or ("ok" if self._follows else "off")
+        if self._noise.rms is not None:
+            values["noise"] = f"{self._noise.rms:.2f}"
+        if self._aside:
+            (row, col), n = self._aside.most_common(1)[0]
+            where = f"row {row}, column {col}: {n} times"
+            values["set_aside"] = f"{self._aside.total()} readings, most often {where}"
+            self._aside.clear()
         values |= {f"frames_{name}": n for name, n in self._taken.items()}
         self._diagnostics.publish(diagnostics.report(self.node, self._level, self._message, values))
 

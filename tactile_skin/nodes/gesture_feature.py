@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .. import features
-from ..bus import Time
-from ..config import circuit_of, describe, geometry_of
-from ..gestures import Gesture, Gestures
+from ..middleware.bus import Time
+from ..middleware.config import circuit_of, describe, geometry_of
 from ..msg import (
     Float32,
     Header,
@@ -22,7 +20,9 @@ from ..msg import (
     cloud_of,
     image_array,
 )
-from ..tracking import RELEASED, STATES, Touch, Tracker, stroke
+from ..touch import features
+from ..touch.gestures import Gesture, Gestures
+from ..touch.tracking import RELEASED, STATES, Touch, Tracker, stroke
 from . import QUEUE
 
 _CONTACT = ("x", "y", "z", "force", "area", "peak", "id", "vx", "vy", "vz", "state")

@@ -8,9 +8,9 @@ from collections import deque
 
 import numpy as np
 
-from ..bus import DurabilityPolicy, QoSProfile, Time
-from ..config import describe
-from ..logs import takes
+from ..middleware.bus import DurabilityPolicy, QoSProfile, Time
+from ..middleware.config import describe
+from ..middleware.logs import takes
 from ..msg import (
     DiagnosticArray,
     DiagnosticStatus,
@@ -30,7 +30,7 @@ _EVERY_DECISION = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LO
 
 
 class Monitor:
-    """Counts what passes by, as any subscriber could: it knows topics only.
+    """Counts messages as any subscriber could: it uses topics only.
 
     With a `duration` it ends the launch that many seconds after the first frame.
     """
@@ -58,6 +58,7 @@ class Monitor:
         self._cmd_vel: Twist | None = None  # while a node of the skin moves the robot
         self._waiting = "no decision yet"
         self._spoke = False  # a live line was printed
+        self._told = ""  # the reason of the last one
         self._start = self._now()
         self._rate_mark = (self._start, 0)
         node.create_subscription(Image, "skin/adc", self.on_adc, 100)
@@ -106,7 +107,7 @@ class Monitor:
             self.latencies.append((now - stamp) / 1e9)
         elif stamp != self._decided[0]:
             self._decided = stamp, now
-        if not self.node.context.ok():  # the stop that a shutdown brings is none of the run's
+        if not self.node.context.ok():  # the stop of a shutdown does not count
             return
         status = msg.status[0]
         reason = status.message if status.level != DiagnosticStatus.OK else ""
@@ -155,7 +156,9 @@ class Monitor:
         rate = (self.frames - frames) / max((now - since) / 1e9, 1e-9)
         push = "no push direction"
         if any(self._direction):
-            push = "push ({:+.2f} {:+.2f} {:+.2f})".format(*self._direction)
+            push = "push ({:+.2f} {:+.2f} {:+.2f})".format(
+                *(round(v, 2) + 0.0 for v in self._direction)
+            )
         reason = self._waiting
         if self.stops and self.stops[-1][1] is None:
             reason = self.stops[-1][2]
@@ -165,10 +168,15 @@ class Monitor:
         )
         if self._cmd_vel is not None:
             linear, turn = self._cmd_vel.linear, self._cmd_vel.angular.z
-            line += f"  cmd_vel ({linear.x:+.2f} {linear.y:+.2f} m/s {turn:+.2f} rad/s)"
+            # 0.0 is added after rounding, so that nothing reads as -0.00
+            x, y, turn = (round(value, 2) + 0.0 for value in (linear.x, linear.y, turn))
+            line += f"  cmd_vel ({x:+.2f} {y:+.2f} m/s {turn:+.2f} rad/s)"
         line = "  ".join([line, *self._troubles.values()])
         if self.out.isatty():
             width = shutil.get_terminal_size().columns - 1
+            if reason and reason != self._told and len(line) > width:
+                print(f"\r\x1b[2K{reason}", file=self.out)  # what to do stands at its end
+            self._told = reason
             print(f"\r\x1b[2K{line[:width]}", end="", file=self.out, flush=True)
         else:
             print(line, file=self.out, flush=True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..config import describe
+from ..middleware.config import describe
 from ..msg import Point32, PointStamped, Polygon, PolygonStamped, Vector3Stamped
 from . import QUEUE
 

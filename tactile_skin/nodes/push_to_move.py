@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ..admittance import ANGULAR, LINEAR, Admittance, AdmittanceConfig, Axis
-from ..config import describe
+from ..behaviours.admittance import ANGULAR, LINEAR, Admittance, AdmittanceConfig, Axis
+from ..middleware.config import describe
 from .cmd_vel import CmdVel
 from .touch import Touch, on_touch
 

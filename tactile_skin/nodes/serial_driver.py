@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import time
 
-from ..bus import Time
-from ..config import circuit_of, describe
-from ..liveness import JITTER, Liveness, Verdict
+import numpy as np
+
+from ..board.absent import Absent
+from ..board.frame import Frame
+from ..board.liveness import JITTER, Liveness, Verdict
+from ..board.protocol import make_parser
+from ..board.serial_port import SerialReader, check_port
+from ..middleware.bus import Time
+from ..middleware.config import adc_of, circuit_of, describe
 from ..msg import DiagnosticArray, Header, Image, image
-from ..protocol import Frame, make_parser
-from ..serial_port import SerialReader, check_port
 from . import diagnostics
 
 _DOUBTFUL, _BAD = 0.05, 0.5  # of a second's frames damaged or lost: a warning; a stop
@@ -20,15 +24,19 @@ _BEYOND = "samples beyond full scale: check the board's adc_bits"
 
 
 class SerialDriver:
-    """Publishes skin/adc (16UC1: ADC steps * 2**(16 - adc_bits)), stamped with the arrival of the
-    frame's last byte, less the time that it was held back on its way; and diagnostics once a
-    second. Frames that no living board sends (liveness.py) are not published, and are an ERROR,
-    which stops the robot; so is a link that damages or loses half of the frames.
+    """Publishes skin/adc (16UC1: ADC steps * 2**(16 - adc_bits); 65535: not read), stamped with the
+    arrival of the frame's last byte, less the time that it was held back on its way; and
+    diagnostics once a second. Frames that no living board sends (liveness.py) are not published,
+    and are an ERROR, which stops the robot; so is a link that damages or loses half of the frames.
     """
 
     def __init__(self, node):
         self.node = node
         self.circuit = circuit_of(node)
+        self._adc_of_board = adc_of(node, self.circuit)
+        scanned = self._adc_of_board.scanned
+        self._named = np.zeros(self.circuit.shape, bool) if scanned is None else ~scanned
+        self._absent, self._unread = self._looking(), ""
 
         def value(name, default, *bounds):
             return node.declare_parameter(name, default, describe(*bounds)).value
@@ -84,7 +92,9 @@ class SerialDriver:
         trouble = self._refuse(frame)
         if not trouble:
             self._verdict = self._judge(self._monotonic(), frame)
-            trouble = self._verdict.trouble
+            unread, blind = self._absent.frame(frame.samples, frame.unread)
+            trouble = self._verdict.trouble or (unread if blind else "")
+            self._unread = "" if blind else unread
         changed, self._trouble = trouble != self._trouble, trouble
         if changed:
             self._report()  # a stop need not wait for the next second
@@ -94,23 +104,31 @@ class SerialDriver:
         taken = now - round(lag * 1e9) if lag > JITTER else now
         self._stamp = min(max(taken, self._stamp + _TICK), now)  # they rise as the frames do
         header = Header(Time(self._stamp).to_msg(), self.frame_id)
-        self._adc.publish(image(frame.samples, "16UC1", header))
+        samples = self._adc_of_board.marked(frame.samples, frame.unread)
+        self._adc.publish(image(samples, "16UC1", header))
 
     def _refuse(self, frame: Frame) -> str:
         """Why the frame is not of the board in the configuration; empty if it is."""
-        sent, wanted = frame.samples.shape, self.circuit.shape
-        if (sent, frame.adc_bits) == (wanted, self.circuit.adc_bits):
+        circuit, (rows, cols) = self.circuit, frame.samples.shape
+        sent = {"rows": rows, "cols": cols, "adc_bits": frame.adc_bits}
+        wrong = {k: v for k, v in sent.items() if v != getattr(circuit, k)}
+        if not wrong:
             return ""
+        settings = ", ".join(f"circuit.{k}: {v}" for k, v in wrong.items())
         return (
-            f"the board sends {sent} at {frame.adc_bits} bits, "
-            f"the configuration says {wanted} at {self.circuit.adc_bits} bits"
+            f"the board sends {rows} x {cols} at {frame.adc_bits} bits, the configuration says "
+            f"{circuit.rows} x {circuit.cols} at {circuit.adc_bits} bits: set {settings}"
         )
+
+    def _looking(self) -> Absent:
+        return Absent(self._named, self.circuit.populated)
 
     def _judge(self, t: float, frame: Frame) -> Verdict:
         reader = self._reader
         if self._liveness is None or reader.reconnects != self._connection:
             self._connection = reader.reconnects
             self._liveness = Liveness(self.circuit.shape, self._frozen_after)
+            self._absent = self._looking()
             self._restarts = reader.parser.counters.restarts
         before, self._restarts = self._restarts, reader.parser.counters.restarts
         return self._liveness.frame(t, frame, self._restarts > before)
@@ -130,7 +148,7 @@ class SerialDriver:
 
     def _on_link(self, text: str) -> None:
         """In the reader's thread: the connection came or went."""
-        self._trouble, self._verdict = "", _NEW  # of another connection
+        self._trouble, self._verdict, self._unread = "", _NEW, ""  # of another connection
         self._report()  # first: a log handler may raise
         self.node.get_logger().info(text)
 
@@ -144,13 +162,17 @@ class SerialDriver:
             level, message = diagnostics.ERROR, reader.trouble
         elif self._bad >= _DOUBTFUL:
             level = diagnostics.ERROR if self._bad >= _BAD else diagnostics.WARN
-            message = f"{self._bad:.0%} of the last second's frames were damaged or lost"
-            if self._beyond:
-                message += f": {self._reader.parser.trouble or _BEYOND}"
+            # the share is among the values: each other text would be another reason to stop
+            most = "half or more" if self._bad >= _BAD else "some"
+            message = f"{most} of the last second's frames were damaged or lost"
+            if why := self._reader.parser.trouble or (_BEYOND if self._beyond else ""):
+                message += f": {why}"
         elif not self._verdict.settled:
             level, message = diagnostics.WARN, "frames do not come at the board's own pace yet"
         elif lag > _SLOW:
             level, message = diagnostics.WARN, f"frames were {lag:.2f} s on their way: a slow link?"
+        elif self._unread:
+            level, message = diagnostics.WARN, self._unread
         values = {
             "port": reader.connected_to or reader.port,
             "rate": f"{self._rate:.2f}",
@@ -158,6 +180,7 @@ class SerialDriver:
             "crc_errors": counters.corrupt,
             "out_of_range": counters.out_of_range,
             "lost": counters.lost,
+            "bad": f"{self._bad:.3f}",
             "lag": f"{lag:.3f}",
             "skipped_bytes": counters.skipped_bytes,
             "restarts": counters.restarts,
@@ -170,4 +193,4 @@ class SerialDriver:
 
     def close(self) -> None:
         self._reader.close()
-        self._report()  # the last word: the final counts
+        self._report()  # the final counts

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import threading
 
-from ..bus import DurabilityPolicy, QoSProfile, Time
-from ..config import curve_of, describe
+from ..behaviours.stop import AHEAD, WAY, Decision, StopConfig, StopPolicy, Word
+from ..middleware.bus import DurabilityPolicy, QoSProfile, Time
+from ..middleware.config import curve_of, describe
 from ..msg import (
     Bool,
     DiagnosticArray,
@@ -16,7 +17,6 @@ from ..msg import (
     Trigger,
     cloud_columns,
 )
-from ..stop import AHEAD, WAY, Decision, StopConfig, StopPolicy, Word
 from . import QUEUE, diagnostics
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -28,9 +28,9 @@ _END = 0.95  # of the curve's last force, which noise keeps a cell from reading 
 
 
 def word_of(msg: DiagnosticArray, t: float) -> Word:
-    """What a message of skin/stop_status, heard at t, says, and how long it may be believed.
+    """The decision in a message of skin/stop_status received at t, and until when it is valid.
 
-    A free that does not say for how long, or whose reading lies ahead of t, is not believed.
+    "Free" without `good_for`, or with a stamp ahead of t, is not valid at all.
     """
     status = msg.status[0]
     if status.level != DiagnosticStatus.OK:
@@ -45,11 +45,12 @@ def word_of(msg: DiagnosticArray, t: float) -> Word:
 
 class StopOnPush:
     """Publishes skin/stop (Bool, latched, with every decision: a heartbeat) and skin/stop_status
-    (DiagnosticArray with the stamp of the reading that it rests on; ERROR and the reason while
-    stopped; `good_for`, how long after its stamp a free may be believed [s]).
+    (DiagnosticArray with the stamp of the reading that it is based on; ERROR and the reason while
+    stopped; `good_for`, how long after its stamp "free" is valid [s], the stale_after in force;
+    `interval`, usual between readings [s]).
 
     The sum of the contacts' forces decides, so that a squeeze from both sides, whose wrench is
-    nothing, stops as well. The service `~/reset` frees a latched stop, and refuses while its cause
+    zero, stops as well. The service `~/reset` frees a latched stop, and refuses while its cause
     lasts.
     """
 
@@ -70,7 +71,12 @@ class StopOnPush:
                 debounce=value("debounce", "time above it before it counts [s]", 0.0, 0.2),
                 lead=value("lead", "how far ahead a rising force is looked at [s]", 0.0, 0.05),
                 hold=value("hold", "time a stop is kept after the release [s]", 0.0, 60.0),
-                stale_after=value("stale_after", "oldest reading that still counts [s]", 0.01, 1.0),
+                stale_after=value(
+                    "stale_after",
+                    "oldest reading that still counts [s]; 0: 2.5 measured intervals, 0.1 to 0.5 s",
+                    0.0,
+                    1.0,
+                ),
                 latch=node.declare_parameter(
                     "latch", default.latch, describe("a stop lasts until ~/reset is called")
                 ).value,
@@ -87,7 +93,7 @@ class StopOnPush:
         self._header = Header()
         self._force = 0.0
         self._said: Decision | None = None
-        self._closed = threading.Lock()  # held for good once the last word is said
+        self._closed = threading.Lock()  # never released once the final stop is published
         node.create_subscription(PointCloud2, "skin/contacts", self.on_contacts, QUEUE)
         node.create_subscription(DiagnosticArray, diagnostics.TOPIC, self.on_diagnostics, 50)
         node.create_service(Trigger, "~/reset", self.on_reset)
@@ -116,7 +122,9 @@ class StopOnPush:
                 and status.hardware_id == "tactile_skin"
             ):
                 bad = status.level >= DiagnosticStatus.ERROR
-                self.policy.fault(status.name, (status.message or "error") if bad else "")
+                waiting = (diagnostics.WAITING, "true") in ((v.key, v.value) for v in status.values)
+                message = (status.message or "error") if bad else ""
+                self.policy.fault(status.name, message, waiting)
         decision = self.policy.decide(self._now())
         if decision != self._said:  # a fault need not wait for the timer
             self._publish(decision)
@@ -142,17 +150,19 @@ class StopOnPush:
         self._said = decision
         self._stop.publish(Bool(decision.stop))
         level = diagnostics.ERROR if decision.stop else diagnostics.OK
+        interval = self.policy.interval
         values = {
             "force": f"{self._force:.2f}",
             "push": str(self.policy.pushed).lower(),
-            "good_for": f"{self.policy.config.stale_after:g}",
+            "good_for": f"{self.policy.stale_after:g}",
+            "interval": "unknown" if interval is None else f"{interval:.4f}",
         }
         self._status.publish(
             diagnostics.report(self.node, level, decision.reason, values, self._header)
         )
 
     def close(self) -> None:
-        """The last word is stop: nobody watches the skin from here on."""
+        """Publish a final stop: nothing monitors the skin from here on."""
         self._closed.acquire()
         self.policy.fault(diagnostics.name_of(self.node), "the skin shuts down")
         self._say(self.policy.decide(self._now()))

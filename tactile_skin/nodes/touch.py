@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..bus import Time
+from ..middleware.bus import Time
 from ..msg import PointCloud2, PointStamped, WrenchStamped, cloud_columns
 from . import QUEUE
 

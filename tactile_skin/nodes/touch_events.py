@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from ..bus import Time
-from ..events import PushEvents, StrokeEvents
+from ..middleware.bus import Time
 from ..msg import DiagnosticArray, Float32, Vector3Stamped
+from ..touch.events import PushEvents, StrokeEvents
 from . import QUEUE
 from .stop_on_push import STATUS, STATUS_TOPIC
 from .touch import Touch, on_touch, xyz

@@ -4,24 +4,27 @@ reading.py      one checked frame           estimate.py   what comes out
 naive.py        the paper's naive method    learned.py    the networks
 fixed_point.py  the literature's iteration  newton.py     the exact inverse
 map.py          noise-aware, with prior.py  auto.py       the cheapest that the frame allows
-laplacian.py    the network's algebra       suspect.py, judge.py   whether to believe it
+aside.py        readings of bad contacts    suspect.py    whether to believe it
 series.py       which r_par explains the reading, where the circuit's does not
 """
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import replace
 
-from ..circuit import Circuit
-from ..curve import PressureCurve
+import numpy as np
+
+from ..physics.circuit import Circuit
+from ..physics.curve import PressureCurve
 from .auto import auto
-from .estimate import Estimate
+from .estimate import Estimate, batch_of
 from .fixed_point import fixed_point
 from .learned import cnn, physics
 from .map import map_estimate
 from .naive import naive
 from .newton import explained, newton
-from .reading import check_prior, check_reading, check_start
+from .reading import Reading, check_prior, check_reading, check_start
 from .suspect import piled
 
 METHODS = {
@@ -34,6 +37,9 @@ METHODS = {
     "auto": auto,
 }
 
+# What each method takes beside the reading. `start` is allowed with all: a stream hands it on
+# whatever its method.
+_TAKES = {name: tuple(inspect.signature(m).parameters)[1:] for name, m in METHODS.items()}
 _UNFITTED = "naive", "fixed_point", "cnn", "physics"
 
 __all__ = ["METHODS", "Estimate", "check_reading", "compensate"]
@@ -48,54 +54,78 @@ def compensate(
     weights=None,
     start: Estimate | None = None,
     prior: tuple | None = None,
-    noise: float | None = None,
+    noise=None,
     missing: bool = False,
     threshold: float = 0.0,
     time_limit: float | None = None,
 ) -> Estimate:
-    """Undo the cross-talk of one frame.
+    """Undo the cross-talk of one frame, or of each of a batch.
 
     Args:
-        adc: (rows, cols) reading as ADC ratio, in [0, 1]. Where the circuit has no cell, NaN says
-            that the crossing was not read.
+        adc: (rows, cols) reading as ADC ratio, in [0, 1], or (n, rows, cols) of n frames, each on
+            its own. Where the circuit has no cell, NaN says that the crossing was not read.
         method: "naive" (paper section V: each reading taken for its own cell), "fixed_point" (the
             literature's g <- g * rho(g) / rho_measured), "newton" (the exact inverse), "map"
             (least squares in ADC steps with a prior), "cnn" (the paper's network), "physics" (one
             that is fed with the circuit's physics), or "auto" (the cheapest that the frame
             allows; `Estimate.method` names it, "rest" if nothing touches).
-        weights: a `network.Weights` for the learned methods; None: those shipped with the package.
-        start: the last frame's estimate, from which newton, map and auto then go on.
-        prior: (mean, std) of each cell's force [N], arrays (rows, cols) or numbers, joined to the
-            built-in prior of map as independent knowledge: a network's output, say. A std of
-            infinity says nothing.
+        weights: a `network.Weights` for cnn and physics; None: those shipped with the package.
+        start: the last frame's estimate, from which newton, map and auto then go on, and which the
+            others ignore; every frame of a batch goes on from it.
+        prior: of map and auto: (mean, std) of each cell's force [N], arrays (rows, cols) or
+            numbers, joined to the built-in prior as independent knowledge: a network's output, say.
+            A std of infinity says nothing.
         noise: RMS noise of a reading in ADC steps; None: told from the grid that the values lie
             on (whole steps: rounding; fractions of 1/64 step: noise and averaging; else exact).
         missing: whether NaN marks a missing reading (map and auto only).
         threshold: ADC ratio up to which a reading says no more than that it is not higher
             (map and auto only).
-        time_limit: seconds after which an iteration gives up; its last estimate is "failed".
+        time_limit: seconds after which an iteration gives up on a frame; its last estimate is
+            "failed".
+
+    Returns:
+        The estimate, of a batch with a leading axis: force and std (n, rows, cols), all else (n,).
 
     Raises:
         ValueError: wrong shape, NaN where a reading is due, a reading outside [0, 1], an argument
-            of another type or outside its range, an unknown method, a method that needs what is
-            missing, or weights that were made for another circuit or curve.
+            of another type or outside its range, an unknown method, an argument that the method
+            does not use, a method that needs what is missing, or weights that were made for another
+            circuit or curve. Of a batch, the message names the frame.
     """
     if method not in METHODS:
         raise ValueError(f"method {method!r}: must be one of {', '.join(METHODS)}")
+    given = {"weights": weights, "prior": prior}
+    for name, value in given.items():
+        if value is not None and name not in _TAKES[method]:
+            users = " and ".join(m for m, takes in _TAKES.items() if name in takes)
+            raise ValueError(f"method {method!r} does not use {name}: only {users} do")
     if start is not None:
         check_start(start, circuit)
     if prior is not None:
-        prior = check_prior(prior, circuit)
-    reading = check_reading(
-        adc,
-        circuit,
-        curve,
-        missing=missing,
-        threshold=threshold,
-        noise=noise,
-        time_limit=time_limit,
-    )
-    estimate = METHODS[method](reading, weights=weights, start=start, prior=prior)
+        given["prior"] = check_prior(prior, circuit)
+    given["start"] = start
+    given = {name: given[name] for name in _TAKES[method]}
+    checks = {
+        "missing": missing,
+        "threshold": threshold,
+        "noise": noise,
+        "time_limit": time_limit,
+    }
+    adc = np.asarray(adc, dtype=float)
+    if adc.ndim != 3:
+        return _one(check_reading(adc, circuit, curve, **checks), method, given)
+    estimates = []
+    for k, frame in enumerate(adc):
+        try:
+            estimates.append(_one(check_reading(frame, circuit, curve, **checks), method, given))
+        except ValueError as error:
+            raise ValueError(f"frame {k} of {len(adc)}: {error}") from error
+    return batch_of(estimates, circuit.shape)
+
+
+def _one(reading: Reading, method: str, given: dict) -> Estimate:
+    """One frame by one method, with the arguments that it takes."""
+    estimate = METHODS[method](reading, **given)
     if estimate.status == "ok" and method in _UNFITTED and reading.whole:
         # By how much these methods miss a reading says little.
         doubt = piled(reading)

@@ -2,32 +2,94 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Estimate:
-    """What `compensate` found in one frame.
+    """What `compensate` found in one frame, or in each of n. The pictures are read-only.
 
     Attributes:
-        force: (rows, cols) force on each cell [N].
-        std: (rows, cols) one standard deviation of `force` [N].
-        residual: RMS misfit between the reading and the circuit model of `force`, in ADC steps.
+        force: (rows, cols) force on each cell [N]; of a batch (n, rows, cols).
+        std: as `force`, one standard deviation of it [N].
+        residual: RMS misfit between the reading and the circuit model of `force`, in ADC steps;
+            of a batch (n,), as is all below.
         status: "ok", "suspect" (the circuit model does not explain the reading) or "failed".
         message: why, for a person; empty when ok.
         method: the method that was used ("auto" names its choice).
         iterations: steps that it took; 0 for a closed form.
         r_par: series resistance [ohm] with which `force` explains the reading, where the circuit's
-            does not; None: it does, or none was sought.
+            does not; None, in a batch NaN: it does, or none was sought.
+        noise: RMS of a reading that was supposed, or measured in the frame [ADC steps].
+        aside: (rows, cols) bool, readings that were set aside since a bad contact, and no cell,
+            explains them; None: there are none.
     """
 
     force: np.ndarray
     std: np.ndarray
-    residual: float
-    status: str
-    message: str
-    method: str
-    iterations: int
-    r_par: float | None = None
+    residual: float | np.ndarray
+    status: str | np.ndarray
+    message: str | np.ndarray
+    method: str | np.ndarray
+    iterations: int | np.ndarray
+    r_par: float | np.ndarray | None = None
+    noise: float | np.ndarray = 0.0
+    aside: np.ndarray | None = None
+
+    def __post_init__(self):
+        # Frames share pictures: an idle skin's are kept, and a frame like the last has that one's.
+        for name in ("force", "std", "aside"):
+            if getattr(self, name) is None:
+                continue
+            picture = np.asarray(getattr(self, name))
+            if picture.flags.writeable:
+                picture = picture.view()  # the caller's own stays as it is
+                picture.setflags(write=False)
+            object.__setattr__(self, name, picture)
+
+    def __repr__(self):
+        shape = self.force.shape
+        cells = " x ".join(map(str, shape[-2:]))
+        if len(shape) == 3:
+            counts = [f"{n} {name}" for name, n in Counter(self.status.tolist()).most_common()]
+            methods = ", ".join(sorted(set(self.method.tolist())))
+            found = f"{methods}: {', '.join(counts)}; {shape[0]} frames of {cells} cells"
+            most = self.force.max(initial=0.0)
+            return f"Estimate({found}, at most {most:.3g} N on a cell)"
+        why = f" ({self.message})" if self.message else ""
+        where = ""
+        if len(shape) == 2 and self.force.size and (most := self.force.max()) > 0:
+            row, col = np.unravel_index(self.force.argmax(), shape)
+            where = f", most {most:.3g} N at row {row}, column {col}"
+        return (
+            f"Estimate({self.method}: {self.status}{why}; {cells} cells, {self.force.sum():.3g} N "
+            f"in all{where}; residual {self.residual:.3g} ADC steps, {self.iterations} iterations)"
+        )
+
+
+def batch_of(estimates: list[Estimate], shape: tuple[int, int]) -> Estimate:
+    """Frames of (rows, cols) = `shape` as one estimate with a leading axis."""
+
+    def all_of(name: str, kind) -> np.ndarray:
+        return np.array([getattr(e, name) for e in estimates], kind)
+
+    def pictures(name: str) -> np.ndarray:
+        return all_of(name, float).reshape(-1, *shape)
+
+    return Estimate(
+        force=pictures("force"),
+        std=pictures("std"),
+        residual=all_of("residual", float),
+        status=all_of("status", str),
+        message=all_of("message", str),
+        method=all_of("method", str),
+        iterations=all_of("iterations", int),
+        r_par=all_of("r_par", float),  # None becomes NaN
+        noise=all_of("noise", float),
+        aside=np.array(
+            [np.zeros(shape, bool) if e.aside is None else e.aside for e in estimates], bool
+        ).reshape(-1, *shape),
+    )

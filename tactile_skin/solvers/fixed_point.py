@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import lapack
 
-from ..circuit import compiled, connected_rho
+from ..physics import kernel
 from .estimate import Estimate
-from .judge import judge
 from .reading import Reading
+from .suspect import judge
 
 STEPS = 60
-_HISTORY = 6  # earlier steps that the acceleration combines
+_LEVEL = 5.0  # times the mean force, which no cell of an even load on the whole skin reaches
 
 
-def fixed_point(reading: Reading, **_) -> Estimate:
+def fixed_point(reading: Reading) -> Estimate:
     """The fixed point until the reading is met to the ADC's rounding."""
     reading.need_whole("fixed_point")
     g, iterations = iterate(reading, first_guess(reading), STEPS, 0.25)
@@ -39,54 +38,50 @@ def last_guess(reading: Reading, start: Estimate) -> np.ndarray:
     return reading.circuit.populated / reading.curve.resistance(start.force)
 
 
-def iterate(reading: Reading, g, steps: int, target: float) -> tuple[np.ndarray, int]:
-    """Anderson-accelerated fixed point in log g, until the RMS misfit is `target` ADC steps.
+def fill(reading: Reading, g: np.ndarray) -> np.ndarray:
+    """Start cells whose own reading is missing from the mean of their read neighbours' log g.
 
-    Plain steps converge linearly, and slowly under a broad load. Each accelerated step combines
-    the last few such that their misfits of log rho cancel best (Walker & Ni 2011).
+    From rest, the prior would take them for holes in a touch.
+    """
+    unread = reading.circuit.populated & ~reading.known & ~reading.capped
+    if not unread.any():
+        return g
+    read = reading.circuit.populated & ~unread
+    count = np.pad(read.astype(float), 1)
+    total = np.pad(np.where(read, np.log(np.where(read, g, 1.0)), 0.0), 1)
+    count, total = (np.lib.stride_tricks.sliding_window_view(a, (3, 3)) for a in (count, total))
+    mean = total.sum((2, 3)) / np.maximum(count.sum((2, 3)), 1.0)
+    return np.where(unread & (count.sum((2, 3)) > 0), np.exp(mean), g)
+
+
+def is_level(reading: Reading, g: np.ndarray) -> bool:
+    """Whether g may be of a load spread as the level prior says: no cell far above the mean."""
+    cells = reading.circuit.populated
+    force = reading.curve.force(1.0 / np.where(cells, g, 1.0))[cells]
+    return bool(force.max() < _LEVEL * force.mean())
+
+
+def iterate(reading: Reading, g, steps: int, target: float) -> tuple[np.ndarray, int]:
+    """`kernel.fixed_point` over the cells that were read, until the RMS misfit is `target` steps.
+
+    Args:
+        target: [ADC steps].
 
     Returns:
         g (rows, cols) [S], within the curve's bounds, and the steps taken.
     """
     circuit = reading.circuit
-    cells = circuit.populated & reading.known  # the others stay at rest
-    cells = np.flatnonzero(cells)
+    cells = np.flatnonzero(circuit.populated & reading.known).astype(np.int32)  # others stay
     low, high = (np.log(bound.ravel()[cells]) for bound in reading.bounds)
-    rho_measured = reading.rho.ravel()[cells]
-    goal = cells.size * (target / circuit.full_scale) ** 2
-    if fast := compiled(circuit.shape):
-        there, at = g.copy(), cells.astype(np.int32)
-        divider = circuit.r_ref, circuit.r_par
-        taken = fast.iterate(
-            *circuit.shape, there, at, rho_measured, low, high, *divider, goal, steps
-        )
-        if taken >= 0:
-            return there, taken
-    g = g.copy()
-    flat = g.reshape(-1)
-    x = np.log(flat[cells])  # (cells,)
-    adc = circuit.ratio(rho_measured)
-    d_misfit = np.empty((_HISTORY, x.size))
-    d_image = np.empty((_HISTORY, x.size))
-    last_misfit, last_image = None, None
-    for step in range(steps):
-        rho = connected_rho(g).ravel()[cells]
-        error = circuit.ratio(rho) - adc
-        if error @ error <= goal or reading.late():
-            return g, step
-        misfit = np.log(rho / rho_measured)
-        image = x + misfit  # the plain step
-        new = image
-        if step:
-            slot = (step - 1) % _HISTORY
-            np.subtract(misfit, last_misfit, out=d_misfit[slot])
-            np.subtract(image, last_image, out=d_image[slot])
-            used = min(step, _HISTORY)
-            gram = d_misfit[:used] @ d_misfit[:used].T
-            gram.flat[:: used + 1] += 1e-10 * gram.trace() + 1e-30
-            share = lapack.dposv(gram, d_misfit[:used] @ misfit)[1]
-            new = image - share @ d_image[:used]
-        last_misfit, last_image = misfit, image
-        x = np.minimum(np.maximum(new, low), high)
-        flat[cells] = np.exp(x)
-    return g, steps
+    return kernel.fixed_point(
+        g,
+        cells,
+        reading.rho.ravel()[cells],
+        low,
+        high,
+        r_ref=circuit.r_ref,
+        r_par=circuit.r_par,
+        goal=cells.size * (target / circuit.full_scale) ** 2,
+        steps=steps,
+        deadline=reading.deadline,
+    )

@@ -7,22 +7,22 @@ from functools import lru_cache
 
 import numpy as np
 
-from .. import network
-from ..circuit import connected_rho
+from ..learning import network
+from ..physics.kernel import connected_rho
 from . import series
 from .estimate import Estimate
-from .judge import judge, network_of
 from .reading import Reading
+from .suspect import judge, network_of
 
 _ALONE = 0.95  # share of a crossing's conductance from which on its own cell is all there is
 
 
-def cnn(reading: Reading, weights=None, **_) -> Estimate:
+def cnn(reading: Reading, weights=None) -> Estimate:
     """The paper's network: one pass over the ADC picture, no iteration."""
     return _learned(reading, weights, "cnn", "paper")
 
 
-def physics(reading: Reading, weights=None, **_) -> Estimate:
+def physics(reading: Reading, weights=None) -> Estimate:
     """A network of the same size, fed with a few steps of the fixed point.
 
     If its answer shows the board's r_par to be another than the circuit's, it looks again.

@@ -14,13 +14,15 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from ..circuit import kernel
-from . import laplacian, series, suspect
+from ..physics import laplacian
+from ..physics.conjugate_gradients import conjugate_gradients
+from ..physics.quadratic import inverse_diagonal, solve_in_box
 from . import prior as prior_terms
-from .conjugate_gradients import conjugate_gradients
+from . import series, suspect
+from .aside import without_bad_contacts
 from .estimate import Estimate
-from .fixed_point import first_guess, iterate, last_guess
-from .reading import ROUNDING_NOISE, Reading
+from .fixed_point import fill, first_guess, is_level, iterate, last_guess
+from .reading import ROUNDING_NOISE, Reading, noise_at_rest
 
 STEPS = 12
 START_STEPS = 10  # of the fixed point: a step costs a twentieth of a Gauss-Newton step
@@ -32,20 +34,20 @@ _JOIN = 0.03  # share of the best cell's gain from which a cell at rest becomes 
 _MEMORY = 4  # costs that a step may rise to: a bound met on the way costs height at first
 _DENSE = 600  # unknowns up to which a Cholesky factor beats conjugate gradients
 _CG_STEPS = 100
-_BOX_ROUNDS = 4
-_RIDGES = 1e-3, 1e-2, 1e-1, 1.0
 _SAME = 2.2  # standard deviations of chi^2 up to which a frame is like the last one
 _NEAR_REST = 1.5  # times the conductance at rest: a starting cell below it starts at rest
 _WIDEN = 1.12  # the prior's majorant is wider in curvature than the prior: measured coverage
-_LEVEL = 5.0  # times the mean force, which no cell of an even load on the whole skin reaches
-# Of the series resistance: with less two-terminal resistance an r_par 10 % off moves every cell.
-_HARD = 0.5
+_HARD = 0.5  # of the series resistance: with less rho an r_par 10 % off moves every cell
 _UNEVEN = 0.25  # spread of log g from which on a load is more than a flat one on a fabric's scatter
 _ALIKE = 0.5  # neighbours' squared difference over that of any two cells: 1 at random, 0 for a palm
+# Noise that is measured in the frame: fits that may be made, factor within which two agree,
+# standard deviations beyond which a reading is off.
+_TRIES, _AGREE, _FAR = 6, 1.15, 3.0
+_USUAL_NOISE = 3.0, 0.6  # readings that it counts for, and ADC steps RMS
 _BROAD = 0.1  # share of cells at rest below which the whole skin counts as loaded
 
 
-def map_estimate(reading: Reading, start: Estimate | None = None, prior=None, **_) -> Estimate:
+def map_estimate(reading: Reading, start: Estimate | None = None, prior=None) -> Estimate:
     """Most probable force, from `start` or from a few steps of the fixed point.
 
     A start may lead into a corner, and the estimate then be suspect: who keeps a stream's last
@@ -69,6 +71,15 @@ def map_estimate(reading: Reading, start: Estimate | None = None, prior=None, **
         if found is not None and found.status == "ok":
             return series.named(found, reading)
     estimate = fit(reading, g, warm)
+    if warm and estimate.status != "ok" and not reading.late():
+        again = fit(reading, first_guess(reading), False)  # the start may lead into a corner
+        estimate = estimate if again.status == "failed" else again
+    if not reading.given:
+        reading = replace(reading, noise=estimate.noise)
+    if estimate.status == "suspect" and not reading.late():
+        found = without_bad_contacts(reading, fit, estimate)
+        if found is not None:
+            return found
     if warm and estimate.status != "ok":
         return estimate
     return series.seek(reading, fit, estimate)
@@ -82,24 +93,29 @@ def _held(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | None:
     """
     if start.method != "map" or start.status != "ok" or not reading.noise:
         return None
+    noise = reading.noise if reading.given else start.noise
     residual = reading.residual(reading.circuit.ratio(laplacian.solve(g).rho))
-    if residual**2 > reading.noise**2 * (1.0 + _SAME * (2.0 / reading.told) ** 0.5):
+    if residual**2 > noise**2 * (1.0 + _SAME * (2.0 / reading.told) ** 0.5):
         return None
     return replace(start, residual=residual, iterations=0)
 
 
-def _fit(reading: Reading, g: np.ndarray, prior, warm: bool = False) -> Estimate:
+def _fit(
+    reading: Reading, g: np.ndarray, prior, warm: bool = False, tries: int = _TRIES
+) -> Estimate:
     """Args:
     warm: g is next to the answer; a step that went as foretold is then the last one.
+    tries: fits that may be made to find the noise, where it was not given.
     """
-    circuit = reading.circuit
-    noise = reading.fitted_noise
-    g, steps = iterate(reading, g, WARM_STEPS if warm else START_STEPS, _NEAR * noise)
-    g = _fill(reading, g)
+    circuit, begin, most = reading.circuit, g, WARM_STEPS if warm else START_STEPS
+    g, steps = iterate(reading, g, most, _NEAR * reading.fitted_noise)
+    g = fill(reading, g)
+    if not reading.given and tries == _TRIES:
+        reading = _with_noise_at_rest(reading, g)
     low = reading.bounds[0]
     at_rest = circuit.populated & (g < _NEAR_REST * low)
     broad = np.count_nonzero(at_rest) < _BROAD * np.count_nonzero(circuit.populated)
-    broad = broad and _level(reading, g)
+    broad = broad and is_level(reading, g)
     g = np.where(at_rest, low, g)
     point = _Point.at(reading, g, broad, prior)
     costs = [point.cost]
@@ -118,6 +134,13 @@ def _fit(reading: Reading, g: np.ndarray, prior, warm: bool = False) -> Estimate
         if settled or reading.late():
             break
     converged = step.solved and (settled or iterations == STEPS)
+    if not reading.given and tries and converged and not reading.late():
+        noise = _noise_left(reading, point, step)
+        if noise is not None and not 1.0 / _AGREE < noise / reading.noise < _AGREE:
+            again = reading.with_noise(noise)
+            if again.noise != reading.noise:
+                found = _fit(again, begin, prior, warm, tries - 1)
+                return replace(found, iterations=found.iterations + steps + iterations)
     with np.errstate(divide="ignore"):
         force = reading.curve.force(1.0 / point.g) * circuit.populated
     std = _spread(reading, point, step, force)
@@ -133,7 +156,35 @@ def _fit(reading: Reading, g: np.ndarray, prior, warm: bool = False) -> Estimate
     if not converged:
         why = "no time to converge" if step.solved else "single precision holds no step"
         status, message = "failed", f"{why}: stopped after {iterations} steps"
-    return Estimate(force, std, residual, status, message, "map", steps + iterations)
+    return Estimate(
+        force, std, residual, status, message, "map", steps + iterations, noise=reading.noise
+    )
+
+
+def _with_noise_at_rest(reading: Reading, g: np.ndarray) -> Reading:
+    """The reading with the noise of those cells that the first guess g [S] has at rest."""
+    low = reading.bounds[0]
+    at_rest = reading.known & reading.circuit.populated & (g < _NEAR_REST * low)
+    adc = reading.circuit.ratio(laplacian.solve(np.where(at_rest, low, g)).rho)
+    noise = noise_at_rest(reading.misfit(adc)[at_rest])
+    return reading.with_noise(_USUAL_NOISE[1] if noise is None else noise)
+
+
+def _noise_left(reading: Reading, point: _Point, step: _Step) -> float | None:
+    """RMS noise [ADC steps] by what a fit leaves, of which it took a share for its unknowns.
+
+    None: the fit cannot tell. A few readings that are far off do not count by how far, and where
+    the unknowns take nearly all readings the noise is what boards usually have.
+    """
+    taken = 0.0
+    if step.jacobian is not None and step.inside.size:
+        if step.factor is None:
+            return None
+        taken = np.square(lapack.strtrs(step.factor, step.jacobian.T, trans=1)[0]).sum()
+    left = reading.told - taken
+    square = np.minimum(np.square(point.misfit), _FAR**2).sum() * reading.fitted_noise**2
+    weight, usual = _USUAL_NOISE
+    return float(((square + weight * usual**2) / (left + weight)) ** 0.5)
 
 
 def _by_score(reading: Reading, point, step, rest, ahead, broad: bool, prior) -> str:
@@ -143,7 +194,7 @@ def _by_score(reading: Reading, point, step, rest, ahead, broad: bool, prior) ->
         rest: - d cost / d x of the unknowns; ahead: their step to the minimum.
     """
     rough = broad and _rough(reading, point)
-    if rough and prior is None:
+    if rough and prior is None and reading.given:  # the cost is one of known noise
         message = suspect.by_cost(reading, point.cost - 0.5 * rest @ ahead)
         if message:
             return message
@@ -163,13 +214,6 @@ def _by_score(reading: Reading, point, step, rest, ahead, broad: bool, prior) ->
     return next(right, "")
 
 
-def _level(reading: Reading, g: np.ndarray) -> bool:
-    """Whether g may be of a load spread as the level prior says: no cell far above the mean."""
-    cells = reading.circuit.populated
-    force = reading.curve.force(1.0 / np.where(cells, g, 1.0))[cells]
-    return bool(force.max() < _LEVEL * force.mean())
-
-
 def _rough(reading: Reading, point: _Point) -> bool:
     """Whether the whole skin is loaded hard, and each cell by chance, as the level prior says.
 
@@ -182,22 +226,6 @@ def _rough(reading: Reading, point: _Point) -> bool:
     apart = [np.square(np.diff(x, axis=axis)).ravel() for axis in (0, 1)]
     spread = np.nanvar(x)
     return bool(spread > _UNEVEN**2 and np.nanmean(np.concatenate(apart)) > _ALIKE * 2.0 * spread)
-
-
-def _fill(reading: Reading, g: np.ndarray) -> np.ndarray:
-    """Start cells whose own reading is missing from the mean of their read neighbours' log g.
-
-    From rest, the prior would take them for holes in a touch.
-    """
-    unread = reading.circuit.populated & ~reading.known & ~reading.capped
-    if not unread.any():
-        return g
-    read = reading.circuit.populated & ~unread
-    count = np.pad(read.astype(float), 1)
-    total = np.pad(np.where(read, np.log(np.where(read, g, 1.0)), 0.0), 1)
-    count, total = (np.lib.stride_tricks.sliding_window_view(a, (3, 3)) for a in (count, total))
-    mean = total.sum((2, 3)) / np.maximum(count.sum((2, 3)), 1.0)
-    return np.where(unread & (count.sum((2, 3)) > 0), np.exp(mean), g)
 
 
 class _Point(NamedTuple):
@@ -215,7 +243,7 @@ class _Point(NamedTuple):
     @classmethod
     def at(cls, reading: Reading, g: np.ndarray, broad: bool, extra) -> _Point:
         circuit, curve = reading.circuit, reading.curve
-        noise = reading.fitted_noise
+        noise = reading.spread
         network = laplacian.solve(g)
         adc = circuit.ratio(network.rho)
         misfit = reading.misfit(adc)
@@ -301,53 +329,11 @@ def _gauss_newton(reading: Reading, point: _Point) -> _Step:
     precision = _precision(jacobian, point.prior, prior_terms.differences(circuit), free)
     here = g.ravel()[free]
     ends = ((bound.ravel()[free] - here) / gx.ravel()[free] for bound in (low, high))
-    dx, factor, inside = _solve_in_box(precision, b, *ends)
+    dx, factor, inside = solve_in_box(precision, b, *ends)
     # A factor of what single precision holds as infinite is none, though it may look like one.
     if factor is None or not np.isfinite(precision.diagonal()).all() or not np.isfinite(dx).all():
         return _Step(free, dx, 0.0, None, free, None, None, solved=False)
     return _Step(free, dx, 0.5 * b @ dx, factor, free[inside], told, jacobian[:, inside])
-
-
-def _solve_in_box(precision: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray):
-    """Minimise 1/2 dx precision dx - b dx; what would leave [low, high] is put on its end.
-
-    Clipping alone would leave the others where they would be right without the bounds, and the
-    step would often go up.
-
-    Args:
-        precision: (n, n), upper triangle.
-
-    Returns:
-        dx, the Cholesky factor over the unknowns inside (None: there is none), which those are.
-    """
-    inside = np.ones(b.size, bool)
-    dx = np.zeros(b.size)
-    if kernel:
-        space = np.empty(precision.shape, np.float32)
-        m = kernel.solve_in_box(precision, b, low, high, _BOX_ROUNDS, dx, inside, space)
-        if m < 0:
-            return np.zeros(b.size), None, inside
-        return dx, space.reshape(-1)[: m * m].reshape(m, m), inside
-    matrix, pull = precision, b
-    for rounds in range(_BOX_ROUNDS):
-        factor, info = lapack.spotrf(matrix, lower=0, clean=0)
-        for ridge in _RIDGES if info else ():  # not positive definite to single precision
-            matrix = matrix.copy()
-            matrix.reshape(-1)[:: matrix.shape[0] + 1] *= 1.0 + ridge
-            factor, info = lapack.spotrf(matrix, lower=0, clean=0)
-            if not info:
-                break
-        if info:  # not even so: numbers beyond single precision
-            return np.zeros(b.size), None, inside
-        dx[inside] = lapack.spotrs(factor, pull)[0]
-        out = inside & ((dx < low) | (dx > high))
-        if rounds + 1 == _BOX_ROUNDS or not out.any() or (out == inside).all():
-            break
-        inside &= ~out
-        dx = np.minimum(np.maximum(dx, low), high)
-        pull = (b - blas.ssymv(1.0, precision.T, np.where(inside, 0.0, dx), lower=1))[inside]
-        matrix = precision[inside][:, inside]  # upper triangle, as precision's
-    return np.minimum(np.maximum(dx, low), high), factor, inside
 
 
 def _precision(jacobian, prior: prior_terms.Quadratic, between, free: np.ndarray) -> np.ndarray:
@@ -356,24 +342,12 @@ def _precision(jacobian, prior: prior_terms.Quadratic, between, free: np.ndarray
     precision.reshape(-1)[:: free.size + 1] += prior.diagonal.ravel()[free]
     if prior.entries is None:
         return precision
-    place = np.full(between.cells, -1, np.int32)
+    place = np.full(prior.diagonal.size, -1, np.int32)
     place[free] = np.arange(free.size)
-    if kernel:
-        kernel.join(precision, free.size, place, prior.entries, between.here, between.there)
-        return precision
     here, there = place[between.here], place[between.there]
     both = np.flatnonzero((here >= 0) & (there >= 0))
     precision[here[both], there[both]] += prior.entries[both]
     return precision
-
-
-def _inverse_diagonal(factor: np.ndarray) -> np.ndarray:
-    """Of (U^T U)^-1, U (n, n)."""
-    if kernel:
-        diagonal = np.empty(len(factor))
-        kernel.inverse_diagonal(factor, diagonal)
-        return diagonal
-    return lapack.spotri(factor.T, lower=1)[0].diagonal()
 
 
 def _conjugate_gradients(point: _Point, between, free: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -418,7 +392,7 @@ def _spread(reading: Reading, point: _Point, step: _Step, force) -> np.ndarray:
     """
     std_x = 1.0 / np.sqrt(point.curvature + 1e-12)
     if step.factor is not None:
-        std_x.flat[step.inside] = np.sqrt(_inverse_diagonal(step.factor))
+        std_x.flat[step.inside] = np.sqrt(inverse_diagonal(step.factor))
     std_x = np.minimum(_WIDEN * std_x, 10.0)
     curve = reading.curve
     resistance = curve.resistance(force)

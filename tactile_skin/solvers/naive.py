@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from .estimate import Estimate
-from .judge import judge
 from .reading import Reading
+from .suspect import judge
 
 
-def naive(reading: Reading, **_) -> Estimate:
+def naive(reading: Reading) -> Estimate:
     """Each reading taken for its own cell's resistance: sees ghosts where parallel paths cross."""
     reading.need_whole("naive")
     circuit = reading.circuit

@@ -12,12 +12,12 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import lapack
 
-from . import laplacian
-from .conjugate_gradients import conjugate_gradients
+from ..physics import laplacian
+from ..physics.conjugate_gradients import conjugate_gradients
 from .estimate import Estimate
 from .fixed_point import first_guess, iterate, last_guess
-from .judge import judge
 from .reading import Reading
+from .suspect import judge
 
 STEPS = 40  # 5 is usual; bounds the time of readings that no circuit explains
 START_STEPS = 8  # of the fixed point: a step costs a sixth of a Newton step
@@ -33,7 +33,7 @@ _TRIES = 16  # steps of the fixed point
 _DENSE = 400  # unknowns up to which a Cholesky factor beats conjugate gradients
 
 
-def newton(reading: Reading, start: Estimate | None = None, **_) -> Estimate:
+def newton(reading: Reading, start: Estimate | None = None) -> Estimate:
     """Projected Newton from `start`, or from a few steps of the fixed point."""
     reading.need_whole("newton")
     if start is None:

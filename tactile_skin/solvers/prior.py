@@ -9,74 +9,61 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy import sparse
-
-from ..circuit import kernel
 
 # Spread and weight of the two kinds of differences, chosen on 40 scenes of blobs and rects each.
 _STEP = 0.5, 0.1  # weight, spread of x_i - x_j between direct neighbours
 _TWIST = 1.5, 0.15  # of x_ij - x_i+1,j - x_i,j+1 + x_i+1,j+1, the mixed second difference
 _REST = 1.0, 0.3  # of x - x_rest, one-sided: at rest unless the reading says otherwise
-_SPREADS = np.array([*_STEP, *_TWIST, *_REST])
 
 
 class Differences:
-    """The differences between cells that the prior looks at: d = matrix @ x, x flat.
+    """Which cells the prior compares: those beside and below one another, and squares of four.
 
     Attributes:
-        cells: number of crossings.
-        matrix: (differences, cells) sparse; back: its transpose.
-        weight, square: (differences,) of each one's cost weight/2 log(square + d^2).
-        here, there: (entries,) flat cells, here < there, that some difference joins.
-        joined: the same differences as the kernel takes them.
+        shape: (rows, cols).
+        weight, square: (differences,) of each one's cost weight/2 log(square + d^2), the weight 0
+            where a cell is missing; first those to the right, then downwards, then of squares.
+        here, there: (entries,) int32, flat cells, here < there, that a difference joins: to the
+            right, downwards, and along both diagonals.
     """
 
     def __init__(self, shape: tuple[int, int], cells: np.ndarray | None = None):
-        self.cells = shape[0] * shape[1]
-        number = np.arange(self.cells).reshape(shape)
-        upper, lower, left, right = number[:-1], number[1:], number[:, :-1], number[:, 1:]
-        corners = upper[:, :-1], upper[:, 1:], lower[:, :-1], lower[:, 1:]
-        blocks, weight, square, all_ends = [], [], [], []
-        for ends, signs, (w, spread) in (
-            ((left, right), (-1.0, 1.0), _STEP),
-            ((upper, lower), (-1.0, 1.0), _STEP),
-            (corners, (1.0, -1.0, -1.0, 1.0), _TWIST),
-        ):
-            ends = np.stack([end.ravel() for end in ends], 1)  # (n, 2 or 4)
-            if cells is not None:
-                ends = ends[cells.ravel()[ends].all(1)]
-            all_ends.append(ends)
-            values = np.broadcast_to(signs, ends.shape).ravel()
-            first = np.arange(ends.shape[0] + 1) * ends.shape[1]
-            size = (ends.shape[0], self.cells)
-            blocks.append(sparse.csr_array((values, ends.ravel(), first), size))
-            weight.append(np.full(ends.shape[0], w))
-            square.append(np.full(ends.shape[0], spread**2))
-        self.matrix = sparse.csr_array(sparse.vstack(blocks))
-        self.back = sparse.csr_array(self.matrix.T)
-        self.weight, self.square = np.concatenate(weight), np.concatenate(square)
-        pattern = sparse.triu(abs(self.back) @ abs(self.matrix), 1, format="coo")
-        number = np.sort(pattern.row.astype(np.int64) * self.cells + pattern.col)
-        self.here, self.there = (n.astype(np.int32) for n in np.divmod(number, self.cells))
-        entries = self.back[self.here].multiply(self.back[self.there])
-        self._to_precision = sparse.csr_array(sparse.vstack([self.back.power(2), entries]))
-        self.joined = []
-        for ends in (np.concatenate(all_ends[:2]), all_ends[2]):
-            first, second = np.triu_indices(ends.shape[1], 1)
-            pair = ends[:, first] * self.cells + ends[:, second]
-            at = np.searchsorted(number, pair)
-            self.joined += [np.ascontiguousarray(ends, np.int32), at.astype(np.int32)]
+        self.shape = shape
+        cells = np.ones(shape, bool) if cells is None else cells
+        right, down = cells[:, 1:] & cells[:, :-1], cells[1:] & cells[:-1]
+        kinds = (right, _STEP), (down, _STEP), (right[1:] & right[:-1], _TWIST)
+        self.weight = np.concatenate([w * there.ravel() for there, (w, _) in kinds])
+        self.square = np.concatenate([np.full(there.size, s**2) for there, (_, s) in kinds])
+        self._sizes = right.size, right.size + down.size
+        n = np.arange(cells.size, dtype=np.int32).reshape(shape)
+        pairs = (
+            (n[:, :-1], n[:, 1:]),
+            (n[:-1], n[1:]),
+            (n[:-1, :-1], n[1:, 1:]),
+            (n[:-1, 1:], n[1:, :-1]),
+        )
+        self.here, self.there = (np.concatenate([p[k].ravel() for p in pairs]) for k in (0, 1))
 
-    def precision(self, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Of matrix^T diag(w) matrix the diagonal (cells,) and what lies between here and there."""
-        both = self._to_precision @ w
-        return both[: self.cells], both[self.cells :]
+    def pictures(self, of: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Views of (differences,): (rows, cols-1), (rows-1, cols), (rows-1, cols-1)."""
+        rows, cols = self.shape
+        one, two = self._sizes
+        return (
+            of[:one].reshape(rows, cols - 1),
+            of[one:two].reshape(rows - 1, cols),
+            of[two:].reshape(rows - 1, cols - 1),
+        )
+
+
+def differences(circuit) -> Differences:
+    """Between a circuit's cells; kept, whatever else of the circuit changes."""
+    mask = circuit.mask
+    return _differences(circuit.shape, None if mask is None else mask.tobytes())
 
 
 @lru_cache(maxsize=16)
-def differences(circuit) -> Differences:
-    """Between a circuit's cells."""
-    return Differences(circuit.shape, circuit.mask)
+def _differences(shape: tuple[int, int], mask: bytes | None) -> Differences:
+    return Differences(shape, None if mask is None else np.frombuffer(mask, bool).reshape(shape))
 
 
 class Quadratic(NamedTuple):
@@ -103,24 +90,39 @@ def touches(x: np.ndarray, x_rest: float, between: Differences) -> Quadratic:
     Args:
         x: (rows, cols), of cells that do not exist x_rest.
     """
-    if kernel:
-        gradient, diagonal = np.empty(x.shape), np.empty(x.shape)
-        entries = np.empty(between.here.size)
-        value = kernel.touches(
-            np.ascontiguousarray(x), x_rest, *between.joined, _SPREADS, gradient, diagonal, entries
-        )
-        return Quadratic(value, gradient, diagonal, entries)
-    d = between.matrix @ x.ravel()
+    d = np.empty(between.weight.size)
+    right, down, twist = between.pictures(d)
+    np.subtract(x[:, 1:], x[:, :-1], out=right)
+    np.subtract(x[1:], x[:-1], out=down)
+    np.subtract(right[1:], right[:-1], out=twist)
     square = d * d
     square += between.square
     w = between.weight / square
     weight, spread = _REST
     above = (x - (x_rest - spread)) / spread
     value = 0.5 * (between.weight @ np.log(square)) + weight * np.log(above).sum()
+    # a square of four is the difference of the two to the right in it
+    d *= w
+    right[1:] += twist
+    right[:-1] -= twist
     gradient = (weight / spread) / above
-    gradient += (between.back @ (w * d)).reshape(x.shape)
-    diagonal, entries = between.precision(w)
-    return Quadratic(float(value), gradient, diagonal.reshape(x.shape), entries)
+    gradient[:, 1:] += right
+    gradient[:, :-1] -= right
+    gradient[1:] += down
+    gradient[:-1] -= down
+    right, down, twist = between.pictures(w)
+    right[1:] += twist
+    right[:-1] += twist
+    diagonal = np.zeros(x.shape)
+    diagonal[:, 1:] += right
+    diagonal[:, :-1] += right
+    diagonal[1:] += down
+    diagonal[:-1] += down
+    down[:, 1:] += twist
+    down[:, :-1] += twist
+    right *= -1.0
+    down *= -1.0
+    return Quadratic(float(value), gradient, diagonal, np.concatenate([w, twist.ravel()]))
 
 
 def level(force: np.ndarray, slope: np.ndarray, cells: np.ndarray) -> Quadratic:

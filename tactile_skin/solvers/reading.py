@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
 
-from ..circuit import Circuit, two_terminal_resistance
-from ..curve import PressureCurve
 from ..files import shorten
+from ..physics import laplacian
+from ..physics.circuit import Circuit, two_terminal_resistance
+from ..physics.conjugate_gradients import conjugate_gradients
+from ..physics.curve import PressureCurve
 from .estimate import Estimate
 
 SCAN_NOISE = 0.52  # ADC steps RMS: mean of 4 samples with 1 step of noise, each rounded
+MOST_NOISE = 3.5  # ADC steps RMS that a board is supposed to have at most, where nothing is said
 ROUNDING_NOISE = 12**-0.5  # ADC steps RMS of rounding to whole steps
-_FRACTION = 64  # the board sends at most 6 fractional bits (its low-pass filter's)
+# Share of the smallest magnitudes that a spread is taken from, and the standard deviation over
+# their mean, of a normal distribution. A median would jump with the steps of an ADC.
+_KEPT, _NORMAL = 0.8, 1.790
+_QUIET = 8  # readings of cells at rest that the noise is measured by, at least
 # N, of a prior: no cell feels more, none is known better; the squares of both stay numbers.
 _MOST_MEAN, _LEAST_STD = 1e6, 1e-6
 
@@ -30,6 +36,8 @@ class Reading:
         capped: (rows, cols) bool, readings known only to lie at or below `threshold`.
         threshold: ADC ratio, 0 where no reading is capped.
         noise: RMS noise of a reading, in ADC steps; 0 for an exact one.
+        given: whether the caller said so; if not, it is measured in the frame.
+        excess: (rows, cols) times `noise` that each reading has, 1 or more; None: all have 1.
         deadline: `time.monotonic` to stop at, infinity for none.
     """
 
@@ -41,6 +49,12 @@ class Reading:
     deadline: float
     circuit: Circuit
     curve: PressureCurve
+    given: bool = True
+    excess: np.ndarray | None = None
+
+    def with_noise(self, noise: float) -> Reading:
+        """The same frame with a noise that was measured in it [ADC steps]."""
+        return replace(self, noise=min(max(noise, ROUNDING_NOISE), MOST_NOISE))
 
     @cached_property
     def steps(self) -> np.ndarray:
@@ -66,6 +80,11 @@ class Reading:
     def fitted_noise(self) -> float:
         """RMS noise [ADC steps] that a least-squares fit supposes: of rounding, if of nothing."""
         return max(self.noise, ROUNDING_NOISE)
+
+    @cached_property
+    def spread(self) -> float | np.ndarray:
+        """`fitted_noise`, of each reading where they differ."""
+        return self.fitted_noise * (1.0 if self.excess is None else self.excess)
 
     @cached_property
     def rho(self) -> np.ndarray:
@@ -117,7 +136,7 @@ def check_reading(
     *,
     missing: bool = False,
     threshold: float = 0.0,
-    noise: float | None = None,
+    noise=None,
     time_limit: float | None = None,
 ) -> Reading:
     """The frame as a `Reading`; ValueError says what is wrong with it, and where."""
@@ -126,6 +145,9 @@ def check_reading(
         raise ValueError(f"reading has shape {adc.shape}: the circuit is {circuit.shape}")
     if not 0.0 <= threshold < 1.0:
         raise ValueError(f"threshold = {threshold!r}: must be an ADC ratio in [0, 1)")
+    noise, excess = (
+        (noise, None) if noise is None or np.ndim(noise) == 0 else _uneven(noise, circuit)
+    )
     if noise is not None and not 0.0 <= noise < circuit.full_scale:
         raise ValueError(f"noise = {noise!r} ADC steps: must be 0 or more, below full scale")
     if time_limit is not None and not time_limit > 0:
@@ -138,10 +160,12 @@ def check_reading(
         capped = known & (adc <= threshold)
         known = known & ~capped
         adc = np.where(known, adc, 0.0)
-    if noise is None:
-        noise = _noise_of(adc * circuit.full_scale)
     deadline = np.inf if time_limit is None else time.monotonic() + time_limit
-    return Reading(adc, known, capped, float(threshold), noise, deadline, circuit, curve)
+    given = noise is not None
+    noise = noise if given else ROUNDING_NOISE
+    return Reading(
+        adc, known, capped, float(threshold), noise, deadline, circuit, curve, given, excess
+    )
 
 
 def check_start(start: Estimate, circuit: Circuit) -> None:
@@ -174,6 +198,16 @@ def check_prior(prior, circuit: Circuit) -> tuple[np.ndarray, np.ndarray]:
     if not (std > 0.0).all():
         _refuse("prior std", std, std > 0.0, "above 0 N")
     return mean, np.maximum(std, _LEAST_STD)
+
+
+def _uneven(noise, circuit: Circuit) -> tuple[float, np.ndarray]:
+    """The usual noise of (rows, cols) readings [ADC steps], and by how much each exceeds it."""
+    noise = _picture("noise", noise, circuit)
+    good = (noise > 0.0) & (noise < circuit.full_scale)
+    if not good.all():
+        _refuse("noise", noise, good, "above 0 ADC steps, below full scale")
+    usual = float(np.median(noise[circuit.populated]))
+    return usual, np.maximum(noise / usual, 1.0)
 
 
 def _picture(name: str, value, circuit: Circuit) -> np.ndarray:
@@ -219,16 +253,25 @@ def _known(adc: np.ndarray, circuit: Circuit, missing: bool) -> np.ndarray:
     return ~unread
 
 
-def _noise_of(steps: np.ndarray) -> float:
-    """RMS noise [ADC steps] that the grid of the values tells.
+def noise_at_rest(misfit: np.ndarray) -> float | None:
+    """RMS noise [ADC steps] of readings that lie below a model in which nothing can be lower.
 
-    Whole steps: one rounding. Multiples of a board's fraction of a step: a mean of noisy samples.
-    Anything else came from no ADC and is taken as exact.
+    Noise that lifts such a reading may pass for a light touch; noise that lowers it cannot.
+
+    Args:
+        misfit: reading minus model of cells at rest [ADC steps].
+
+    Returns:
+        None: there are too few.
     """
-    grid = steps * _FRACTION
-    if np.abs(grid - np.rint(grid)).max() > 1e-3:
-        return 0.0
-    return ROUNDING_NOISE if np.abs(steps - np.rint(steps)).max() < 1e-3 else SCAN_NOISE
+    below = -misfit[misfit < 0.0]
+    return spread_of(below) if below.size >= _QUIET else None
+
+
+def spread_of(magnitudes: np.ndarray) -> float:
+    """Standard deviation of normal values by their magnitudes; a fifth may be anything."""
+    kept = max(1, round(_KEPT * magnitudes.size))
+    return _NORMAL * float(np.partition(magnitudes.ravel(), kept - 1)[:kept].mean())
 
 
 @lru_cache(maxsize=16)
@@ -238,3 +281,41 @@ def rest_reading(circuit: Circuit, curve: PressureCurve) -> np.ndarray:
     adc = circuit.ratio(two_terminal_resistance(g))
     adc.setflags(write=False)
     return adc
+
+
+def r_par_pattern(reading: Reading, k: np.ndarray) -> np.ndarray:
+    """(rows, cols) d (r_par + rho) / d r_par of a frame whose touched cells stay as they are.
+
+    1 where the cells rest as the curve says. Where their rest was measured, it was measured with
+    the r_par that was supposed, and falls as that rises: an untouched skin reads the same whatever
+    r_par is.
+
+    Args:
+        k: inverse of the frame's Laplacian (lines, lines) [ohm].
+    """
+    if reading.curve.offset is None:
+        return np.ones(reading.adc.shape)
+    shift = rest_shift(reading.circuit, reading.curve)
+    return 1.0 - laplacian.hessian_product(k, shift)
+
+
+@lru_cache(maxsize=16)
+def rest_shift(circuit: Circuit, curve: PressureCurve) -> np.ndarray:
+    """(rows, cols) [S/ohm] by which the cells at rest conduct more for each ohm of r_par.
+
+    So that what an untouched skin reads stays: the sum of t_ab^2 d g_b is 1 for each crossing.
+    """
+    cells = np.flatnonzero(circuit.populated)
+    network = laplacian.solve(circuit.populated / curve.rest_resistance)
+    picture = np.zeros(circuit.shape)
+
+    def product(p: np.ndarray) -> np.ndarray:
+        picture.flat[cells] = p
+        return laplacian.hessian_product(network.k, picture).flat[cells]
+
+    diagonal = np.square(network.rho.flat[cells])
+    picture.flat[cells] = conjugate_gradients(
+        product, diagonal, np.ones(cells.size), steps=300, target=1e-6
+    )
+    picture.setflags(write=False)
+    return picture

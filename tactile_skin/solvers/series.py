@@ -14,13 +14,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from ..circuit import Circuit
-from . import laplacian
+from ..physics import laplacian
+from ..physics.circuit import Circuit
 from .estimate import Estimate
 from .fixed_point import last_guess
-from .judge import network_of
-from .reading import Reading
-from .suspect import LIFTED, ROUNDED, model_variance, rounded
+from .reading import Reading, r_par_pattern, rest_shift
+from .suspect import LIFTED, ROUNDED, model_variance, network_of, rounded
 
 _STEPS = 4
 _RIM = 1.1  # times its conductance at rest: even the rim of a palm lies above
@@ -34,9 +33,6 @@ _ALONE = 30.0  # chi^2 a reading that the circuit's nonlinearity may leave besid
 # The same of a skin around the touches that is not at rest: below 3 beside a short or an r_par
 # 10 % off, above 20 around nearly all palms (16 x 16 and 8 x 12).
 _SOFT = 5.0
-# Of `series_scale`: two-terminal resistance of the hardest pressed crossing, below which a wrong
-# r_par or a short moves a picture by 30 g a cell; palms of 5 to 60 N leave more.
-_HARD = 0.3
 _CLEAR = 4.0  # as _ALONE, of a frame that is not suspect
 _SURER = 8.0  # standard deviations beside a network's force, which no further fit checks
 _TOLD = 1e-3  # share of r_par's pattern, squared, that the touched cells cannot take
@@ -88,12 +84,12 @@ def lean(
     free, g = _held_at_rest(reading, g, beside, lifted)
     network = laplacian.solve(g)
     adc = circuit.ratio(network.rho)
-    spread = np.full(g.shape, reading.fitted_noise)  # ADC steps
+    spread = np.full(g.shape, reading.spread)  # ADC steps
     if beside:
         spread = np.sqrt(spread**2 + model_variance(reading))
     misfit = (reading.misfit(adc) / spread).ravel()
     weight = adc * adc * (circuit.full_scale / circuit.r_ref) / spread * reading.known
-    pattern = weight.ravel()
+    pattern = (weight * r_par_pattern(reading, network.k)).ravel()
     both = np.array([pattern, misfit])
     gram = both @ both.T
     size = gram[0, 0]
@@ -125,8 +121,8 @@ def confirmed(reading: Reading, g: np.ndarray, r_par: bool) -> bool:
     """Whether a score test of a fit is right, of which a palm is no example.
 
     A palm presses ever less towards its rim. A prior that prefers touches with an edge then leaves
-    misfits that look like a short, or like another r_par. Either the skin around the touch is at
-    rest, and an r_par off by more than does not matter; or the touch is so hard that it would.
+    misfits that look like a short, or like another r_par. So the skin around the touch must be at
+    rest, and an r_par be off by more than does not matter.
 
     Args:
         g: (rows, cols) conductance [S] that the fit found.
@@ -135,14 +131,12 @@ def confirmed(reading: Reading, g: np.ndarray, r_par: bool) -> bool:
     scale = series_scale(reading.circuit)
     found = lean(reading, g)
     if found is not None and found.left <= _SOFT:
-        return not r_par or abs(found.shift) > _MATTERS * scale
+        # cells that are lightly touched make r_par seem smaller than it is, never larger
+        sure = _UPRIGHT if found.shift > 0.0 else _SURE
+        return not r_par or (abs(found.shift) > _MATTERS * scale and found.beyond(sure))
     rim = lean(reading, g, lifted=_RIM)
     # what is left of a rim can only make r_par seem smaller than it is
-    if r_par and rim is not None and rim.beyond(_SURE) and rim.shift > _LOOSE * scale:
-        return True
-    hard = laplacian.solve(g).rho.min() < _HARD * scale
-    # where hardly a cell is at rest, hard pressed lines are alike anyway
-    return bool(hard and (r_par or found is not None))
+    return bool(r_par and rim is not None and rim.beyond(_SURE) and rim.shift > _LOOSE * scale)
 
 
 def seek(reading: Reading, fit: Fit, nominal: Estimate) -> Estimate:
@@ -190,12 +184,14 @@ def follow(reading: Reading, fit: Fit, g: np.ndarray, r_par: float) -> Estimate 
     circuit, iterations = reading.circuit, 0
     for _ in range(_STEPS):
         r_par = min(r_par, _most(reading))
-        if abs(r_par - circuit.r_par) > _TOLERANCE * series_scale(circuit):
+        if r_par < 0.0 or abs(r_par - circuit.r_par) > _TOLERANCE * series_scale(circuit):
             return None
-        trial = replace(reading, circuit=replace(circuit, r_par=r_par))
+        trial = _with_r_par(reading, r_par)
         estimate = fit(trial, _held_at_rest(reading, g)[1])
         iterations += estimate.iterations
         g = last_guess(reading, estimate)
+        if not reading.given:  # the noise that was measured with another r_par held its misfit
+            trial = replace(trial, noise=estimate.noise)
         left = lean(trial, g)
         if left is None or reading.late():
             return None
@@ -210,6 +206,17 @@ def follow(reading: Reading, fit: Fit, g: np.ndarray, r_par: float) -> Estimate 
     ):
         return None
     return replace(estimate, iterations=iterations, r_par=r_par)
+
+
+def _with_r_par(reading: Reading, r_par: float) -> Reading:
+    """The frame as one of a board with this r_par [ohm], whose rest was measured with it."""
+    circuit, curve = reading.circuit, reading.curve
+    if curve.offset is not None:
+        shift = (r_par - circuit.r_par) * rest_shift(circuit, curve)
+        rest = np.where(circuit.populated, 1.0 / curve.rest_resistance + shift, 1.0)
+        least = 0.1 / curve.rest_resistance  # the shift is a first order one
+        curve = curve.resting_at(1.0 / np.maximum(rest, least))
+    return replace(reading, circuit=replace(circuit, r_par=r_par), curve=curve)
 
 
 def named(estimate: Estimate, reading: Reading) -> Estimate:

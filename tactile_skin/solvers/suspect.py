@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, lapack
 
-from . import laplacian
-from .reading import ROUNDING_NOISE, Reading, rest_reading
+from ..physics import laplacian
+from ..physics.kernel import connected_rho
+from .estimate import Estimate
+from .reading import ROUNDING_NOISE, Reading, r_par_pattern, rest_reading
 
 # Thresholds in standard deviations. Chosen so that all tests together call less than 2 % of sound
 # frames suspect; a score's spread on sound frames is above 1, since the prior is not Gaussian.
@@ -20,6 +22,9 @@ ROUNDED = 2.8, 1.2
 # and cover carry to the next cells (paper section IV), some ohm of the stripes, rows read in turn.
 # Chosen on streams of damaged boards (bench faults, seeds 3 and 4), scored on others.
 _MODEL = 0.003
+_ROUNDED_MOST = 1.3  # times the noise of rounding that it may be measured as
+_MEASURED = 1.1  # times a noise that was measured in the same frame, which is not exact
+_ASIDE = 6.0  # standard deviations of the mean misfit, where the noise was measured
 _BEYOND = 5.0  # of noise, past what no skin can read
 _OPEN = 0.5  # times the reading at rest: fabrics differ from the curve by less
 _EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
@@ -76,6 +81,9 @@ def piled(reading: Reading, least: int = _PILE[0], others: float = _PILE[1]) -> 
     A flat touch reads like that too: only the circuit tells whether there are cells that read so.
     """
     top = reading.steps.max()
+    circuit = reading.circuit
+    if top >= circuit.ratio(np.max(reading.curve.least_resistance)) * circuit.full_scale:
+        return ""  # cells at the curve's end read alike
     below = (top - reading.steps)[reading.known]
     at_top = np.count_nonzero(below < _SHORT_OF)
     if at_top < least or np.count_nonzero(below < _GAP * _SHORT_OF) > (1.0 + others) * at_top:
@@ -95,10 +103,15 @@ def by_residual(
     misfit = reading.misfit(adc)
     n = max(reading.told, 1)
     noise = slack * max(reading.noise, floor) * (ROUNDED[1] if rounded(reading) else 1.0)
+    noise *= 1.0 if reading.given else _MEASURED
     square = np.square(misfit)
-    variance = noise**2 + model_variance(reading)
+    excess = 1.0 if reading.excess is None else np.square(reading.excess)
+    variance = noise**2 * excess + model_variance(reading)
     if (square / variance).sum() <= n * (1.0 + _RESIDUAL * (2.0 / n) ** 0.5):
-        return ""
+        if reading.given or abs(misfit.sum()) <= _ASIDE * np.sqrt(variance.sum()):
+            return ""
+        side = "above" if misfit.sum() > 0.0 else "below"
+        return f"readings lie {side} the model throughout, by {abs(misfit.sum()) / n:.2f} ADC steps"
     residual = (square.sum() / n) ** 0.5
     noise = np.mean(variance) ** 0.5
     where = ""
@@ -161,7 +174,7 @@ def by_score(
     p = np.empty((told.size, pairs.size + 1), np.float32)
     lines = pairs.astype(np.int32)
     p[:, :-1] = laplacian.sensitivity(k, weight, told, lines, lines + np.int32(1))
-    p[:, -1] = weight.ravel()[told]
+    p[:, -1] = (weight * r_par_pattern(reading, k)).ravel()[told]
     size = np.square(p).sum(0)
     along = jacobian.T @ p
     hidden = (along * lapack.spotrs(factor.T, along, lower=1)[0]).sum(0)
@@ -200,7 +213,8 @@ def _can_tell(jacobian: np.ndarray, p: np.ndarray) -> bool:
 
 def rounded(reading: Reading) -> bool:
     """Whether nothing but rounding to whole steps is known to trouble the readings."""
-    return 0.0 < reading.noise <= ROUNDING_NOISE
+    most = ROUNDING_NOISE if reading.given else _ROUNDED_MOST * ROUNDING_NOISE
+    return 0.0 < reading.noise <= most
 
 
 def _alike(reading: Reading, turned: bool = False) -> np.ndarray:
@@ -213,3 +227,57 @@ def _alike(reading: Reading, turned: bool = False) -> np.ndarray:
     apart = np.where(pair, np.square(np.diff(steps, axis=0)), 0.0).sum(1) / n
     noise = reading.fitted_noise
     return apart < 2.0 * noise**2 * (1.0 + 3.0 * np.sqrt(2.0 / n))
+
+
+_SIGNS = np.array([1.0, -1.0])[:, None, None]
+
+
+def judge(
+    force,
+    reading: Reading,
+    method: str,
+    iterations=0,
+    *,
+    converged=True,
+    slack=None,
+    network=None,
+) -> Estimate:
+    """Spread and status from the misfit.
+
+    How far would each cell's resistance have to move, alone, to meet its own reading
+    (d u / d log R = -g u^2 rho^2 / R_ref)? An impossible reading is always suspect, a misfit only
+    after a method that fits.
+
+    Args:
+        slack: times the noise by which a method that fits may miss a sound reading; None: it does
+            not fit.
+        network: `network_of(force, reading)` where it is known already.
+    """
+    circuit, curve = reading.circuit, reading.curve
+    resistance, g, rho = network or network_of(force, reading)
+    model = circuit.ratio(rho)
+    slope = g * np.square(model * rho) * (circuit.full_scale / circuit.r_ref)  # steps per log R
+    misfit = reading.misfit(model)
+    shift = np.sqrt(np.square(misfit) + max(reading.noise, 1e-9) ** 2) / np.maximum(slope, 1e-9)
+    # both ends at once: half the time
+    ends = curve.force_at(_SIGNS * np.minimum(shift, 50.0) - np.log(resistance))
+    std = 0.5 * (ends[0] - ends[1])
+    message = by_reading(reading)
+    if slack and not message:
+        message = by_residual(reading, model, slack=slack)
+    status = "suspect" if message else "ok"
+    if not converged:
+        status, message = "failed", f"no convergence in {iterations} steps"
+    if circuit.mask is not None:
+        std *= circuit.populated
+    residual, noise = reading.rms(misfit), reading.noise
+    return Estimate(force, std, residual, status, message, method, iterations, noise=noise)
+
+
+def network_of(force, reading: Reading) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(rows, cols) resistance [ohm], conductance [S] and two-terminal resistance [ohm] of cells."""
+    resistance = reading.curve.resistance(force)
+    g = 1.0 / resistance
+    if reading.circuit.mask is not None:
+        g *= reading.circuit.populated
+    return resistance, g, connected_rho(g)

@@ -1,0 +1,37 @@
+"""A node of your own, started by a launch file: it publishes how hard the skin is touched, 0 to 1.
+
+own_node.launch.yaml names this module as `pkg` and the class as `exec`. A node gets a handle with
+the methods of an rclpy node: parameters in, callbacks, publish.
+
+    python examples/own_node.py        # 20 seconds on a simulated board
+    python examples/own_node.py 5
+"""
+
+import sys
+from pathlib import Path
+
+from tactile_skin.launch import launch
+from tactile_skin.msg import Float32, WrenchStamped
+
+
+class TouchLevel:
+    """skin/wrench -> touch_level: |force| / full_scale, at most 1."""
+
+    def __init__(self, node):
+        self.full_scale = node.declare_parameter("full_scale", 30.0).value  # N
+        self.publisher = node.create_publisher(Float32, "touch_level", 10)
+        node.create_subscription(WrenchStamped, "skin/wrench", self.on_wrench, 10)
+
+    def on_wrench(self, message: WrenchStamped) -> None:
+        force = message.wrench.force
+        newtons = (force.x**2 + force.y**2 + force.z**2) ** 0.5
+        self.publisher.publish(Float32(min(newtons / self.full_scale, 1.0)))
+
+
+if __name__ == "__main__":
+    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 20.0
+    levels = []
+    with launch(Path(__file__).with_name("own_node.launch.yaml")) as skin:
+        skin.node.create_subscription(Float32, "touch_level", levels.append, 10)
+        skin.spin(seconds)
+    print(f"{len(levels)} levels, the largest {max(m.data for m in levels):.2f}")

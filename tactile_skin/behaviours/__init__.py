@@ -1,0 +1,4 @@
+"""What the robot does about it: the stop, the gate of its motion, pushing it along, hooks.
+
+Imports nothing of ours.
+"""

@@ -1,0 +1,88 @@
+"""How often readings come, how long the last one is good for, and what to say if that is too long.
+
+With `stale_after` = 0 that time follows the board: 2.5 usual intervals, so that one reading may be
+lost and the next come half an interval late. It is at least 0.1 s, since threads and USB hold
+readings back by tens of milliseconds at any rate, and at most 0.5 s: that is the promise, whatever
+a board does, and a board below two readings a second cannot keep it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+LEAST, MOST = 0.1, 0.5  # s, of what is measured
+_INTERVALS = 2.5  # usual ones for which a reading is good
+_KEPT, _ENOUGH = 16, 4  # intervals that are measured by; before, the least holds
+_LATELY = 5  # intervals that tell how often readings come now
+_NEWS = 1.25  # by which a number changes before it is named anew: each text is another stop
+_ALLOWED = 3.0  # usual intervals that are advised
+_LONGEST = 1.0  # s, that the parameter may be
+
+
+class Pace:
+    """Attributes:
+    stale_after: how old the last reading may be, in force now [s].
+    """
+
+    def __init__(self, stale_after: float):
+        """Args:
+        stale_after: [s]; 0: measured.
+        """
+        self.measured = stale_after == 0.0
+        self.stale_after = stale_after or LEAST
+        self.forget()
+
+    def forget(self) -> None:
+        """The clock was set: nothing is known of the readings' distance; what is in force stays."""
+        self._gaps: deque[float] = deque(maxlen=_KEPT)
+        self._named = self._named_gap = 0.0  # s
+
+    @property
+    def interval(self) -> float | None:
+        """Usual between readings [s]; None: too few have come."""
+        return _middle(self._gaps) if len(self._gaps) >= _ENOUGH else None
+
+    def gap(self, seconds: float) -> None:
+        """A reading came, so long after the last one."""
+        self._gaps.append(seconds)
+        if not self.measured or (usual := self.interval) is None:
+            return
+        wanted = min(max(_INTERVALS * usual, LEAST), MOST)
+        small = 1 / _NEWS < wanted / self.stale_after < _NEWS
+        if not small or (wanted in (LEAST, MOST)):
+            self.stale_after = wanted
+
+    @property
+    def patience(self) -> float:
+        """Silence [s] after which readings stay away, however slowly they came."""
+        return max(5.0 * self.stale_after, 3.0 * self._named)
+
+    def slow(self) -> str:
+        """What is wrong if readings keep coming and none is in time; one text for one cause."""
+        lately = list(self._gaps)[-_LATELY:]
+        if not lately:
+            return "readings only just came back"
+        usual, limit = _middle(lately), self.stale_after
+        if not 1 / _NEWS < usual / max(self._named, 1e-9) < _NEWS:
+            self._named = usual
+        if self._named <= limit:
+            longest = max(lately)
+            if longest > _NEWS * self._named_gap:
+                self._named_gap = longest
+            return (
+                f"gaps of {self._named_gap:.2g} s between readings that usually come every "
+                f"{self._named:.2g} s, but stale_after = {limit:.2g} s: is the computer or the "
+                "link overloaded?"
+            )
+        text = f"readings come every {self._named:.2g} s, but stale_after = {limit:.2g} s"
+        if self.measured:
+            return f"{text}, measured, at most {MOST:g} s: let the board send more often"
+        if _ALLOWED * self._named > _LONGEST:
+            return f"{text}, at most {_LONGEST:g} s: let the board send more often"
+        least = math.ceil(100.0 * _ALLOWED * self._named) / 100.0
+        return f"{text}: set stop_on_push.stale_after: {least:g}, or 0.0 to have it measured"
+
+
+def _middle(values) -> float:
+    return sorted(values)[(len(values) - 1) // 2]

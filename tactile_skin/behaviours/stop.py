@@ -1,0 +1,232 @@
+"""When the robot must stop: one page, no clock and no bus of its own.
+
+Whatever is not known to be safe stops: a push, readings that are old, stay away or make no sense,
+and whatever a stage of the skin reports as wrong. With `latch` a stop also outlives its cause.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from .pace import Pace
+
+_STEADY = 3  # readings in a row, none late, that end "stale",
+_STEADY_FOR = 0.02  # s that they take: what was kept in a buffer meanwhile comes in one burst
+AHEAD = 0.02  # s that a reading's stamp may lie ahead of the clock
+WAY = 0.02  # s that a word of the stop may take to whom it concerns: threads, a network
+OUT_OF_DATE = "stale: the stop's last free rests on an old reading"
+PUSH = "push"  # the whole reason of a stop that nothing but a push asks for
+
+
+class Decision(NamedTuple):
+    stop: bool
+    # "push", "stale: ...", "waiting: ...", "fault: ...", "latched: the first of these", joined by
+    # " + "; empty while free to move
+    reason: str
+
+
+class Word(NamedTuple):
+    """A decision as somebody else heard it."""
+
+    stop: bool
+    reason: str
+    until: float = math.inf  # when a free runs out [s]; a stop never does
+
+    def at(self, t: float) -> Decision:
+        """What is left of it at t: a free that has run out is a stop."""
+        if self.stop or t <= self.until:
+            return Decision(self.stop, self.reason)
+        return Decision(True, OUT_OF_DATE)
+
+
+@dataclass(frozen=True)
+class StopConfig:
+    """Attributes:
+    threshold: contact force that is a push [N].
+    release: contact force below which a push is over [N]; at most the threshold.
+    peak: force on one cell that is a push [N]: a hard edge, whose cells end before they reach
+        the threshold together.
+    debounce: how long the force must stay above the threshold [s]; 0: one reading is enough, which
+        is right where a checksum and a low-pass guard each reading.
+    lead: how far ahead a rising force is looked at [s]: it counts with what it gained since the
+        last reading, times lead over their distance in time, at most once. Makes up for the
+        board's low-pass and the wait for the next frame; 0: not at all.
+    hold: how long a push is held after the force fell below `release` [s].
+    stale_after: how old the last reading may be [s]; 0: measured, 2.5 usual intervals, at least
+        0.1 s and at most 0.5 s (pace.py).
+    latch: a stop lasts until `reset`, also once its cause is gone.
+    """
+
+    threshold: float = 30.0
+    release: float = 20.0
+    peak: float = 9.0
+    debounce: float = 0.0
+    lead: float = 0.01
+    hold: float = 0.3
+    stale_after: float = 0.0
+    latch: bool = False
+
+    def __post_init__(self):
+        for name in ("threshold", "release", "peak"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"stop: {name} = {getattr(self, name)!r}: must be above 0")
+        for name in ("debounce", "lead", "hold", "stale_after"):
+            if not getattr(self, name) >= 0:
+                raise ValueError(f"stop: {name} = {getattr(self, name)!r}: must be 0 or more")
+        if self.release > self.threshold:
+            raise ValueError(
+                f"stop: release = {self.release} N: must be at most threshold = {self.threshold} N"
+            )
+
+
+class StopPolicy:
+    """Hysteresis, debounce, latch and the fail-safe; all times are of one monotonic clock [s].
+
+    What latches: every stop of a robot that was free before, whatever its cause. A cable that comes
+    loose and makes contact again must not send the robot off by itself, and a push least of all.
+    Before it was free for the first time only a push latches: stops at start-up do not.
+    """
+
+    def __init__(self, config: StopConfig):
+        self.config = config
+        self._pace = Pace(config.stale_after)
+        self._lates = 0  # readings that were late since they were last steady, and
+        self._olds = 0  # those of them that were old when they came
+        self._newest = -math.inf  # stamp of the newest reading
+        self._old_at = -math.inf  # when the last one came that was too old, or no news
+        self._force = 0.0  # of the newest reading
+        self._in_time = 0  # readings in a row of which none was late
+        self._late = -math.inf  # stamp of the last one that was
+        self._above_since: float | None = None
+        self._held_until: float | None = None  # a push is on while this is set
+        self._faults: dict[str, str] = {}
+        self._was_free = False
+        self._latched = ""  # the reason of the stop that waits for a reset
+
+    def reading(
+        self, t: float, force: float, peak: float = 0.0, stamp: float | None = None
+    ) -> Decision:
+        """A reading arrived at t.
+
+        Args:
+            force: total contact force [N].
+            peak: largest force on one cell [N].
+            stamp: when it was taken, t by default. One that is no newer than the last, or lies
+                ahead of t, proves nothing, and so does not keep the robot moving.
+        """
+        stamp = t if stamp is None else stamp
+        if stamp <= self._newest or t - stamp > self.stale_after:
+            self._old_at = t
+        if self._newest > t + AHEAD:  # the clock was set back: begin anew, stopped
+            self._newest, self._above_since, self._held_until = -math.inf, None, None
+            self._lates = self._olds = 0
+            self._pace.forget()
+        if not (math.isfinite(force) and math.isfinite(peak) and force >= 0.0):
+            self.fault("reading", f"a force of {force} N, {peak} N on one cell")
+            return self.decide(t)
+        self.fault("reading", "")
+        if stamp <= self._newest or stamp > t + AHEAD:
+            return self.decide(t)
+        config = self.config
+        gap = stamp - self._newest
+        if math.isfinite(gap):
+            self._pace.gap(gap)
+        old = t - stamp > self.stale_after
+        late = old or gap > self.stale_after
+        self._in_time, self._late = (0, stamp) if late else (self._in_time + 1, self._late)
+        self._lates, self._olds = self._lates + late, self._olds + old
+        # After a gap nobody knows how fast it rose; frames that arrive in a burst rise too fast.
+        share = 0.0 if late else min(1.0, config.lead / gap)
+        ahead = force + share * max(0.0, force - self._force)
+        self._newest, self._force = stamp, force
+        if self._steady:
+            self._lates = self._olds = 0
+        if ahead >= config.threshold or peak >= config.peak:
+            self._above_since = stamp if self._above_since is None else self._above_since
+            # Nor how long it has lasted: then it counts at once.
+            if late or stamp - self._above_since >= config.debounce:
+                self._held_until = stamp + config.hold
+        else:
+            self._above_since = None
+        if self._held_until is not None:
+            if force > config.release:
+                self._held_until = stamp + config.hold
+            elif stamp >= self._held_until:
+                self._held_until = None
+        return self.decide(t)
+
+    def fault(self, source: str, message: str, waiting: bool = False) -> None:
+        """A stage reports itself as wrong, or as sound again with an empty message.
+
+        Args:
+            waiting: it is not wrong, but not ready yet.
+        """
+        if message:
+            kind = "waiting" if waiting else "fault"
+            self._faults[source] = f"{kind}: {source}: {message}"
+            self._latch(self._faults[source])  # it may be gone before the next decision
+        else:
+            self._faults.pop(source, None)
+
+    @property
+    def stale_after(self) -> float:
+        """How old the last reading may be, in force now [s]."""
+        return self._pace.stale_after
+
+    @property
+    def interval(self) -> float | None:
+        """Usual between readings [s]; None: too few have come."""
+        return self._pace.interval
+
+    @property
+    def _steady(self) -> bool:
+        return self._in_time >= _STEADY and self._newest - self._late >= _STEADY_FOR
+
+    @property
+    def pushed(self) -> bool:
+        """Whether a push is on, whatever else stops the robot."""
+        return self._held_until is not None
+
+    def decide(self, t: float) -> Decision:
+        """What holds at t, also when no reading comes: call it on a timer."""
+        reasons = self._causes(t)
+        self._was_free = self._was_free or not reasons
+        if reasons:
+            self._latch(reasons[0])
+        if self._latched:
+            reasons.append(f"latched: {self._latched}")
+        return Decision(bool(reasons), " + ".join(reasons))
+
+    def reset(self, t: float) -> str:
+        """Free a latched stop; while a cause of it lasts it stays, and the causes are returned."""
+        causes = self._causes(t)
+        if not causes:
+            self._latched = ""
+        return " + ".join(causes)
+
+    def _latch(self, reason: str) -> None:
+        if self.config.latch and not self._latched and (self._was_free or reason == PUSH):
+            self._latched = reason
+
+    def _causes(self, t: float) -> list[str]:
+        reasons = [PUSH] if self.pushed else []
+        reasons += [text for _, text in sorted(self._faults.items())]
+        fresh = -AHEAD <= t - self._newest <= self.stale_after
+        if not (fresh and self._steady):
+            reasons.append(f"stale: {self._stale(t, fresh)}")
+        return reasons
+
+    def _stale(self, t: float, fresh: bool) -> str:
+        """Why readings do not count; the same words for as long as the cause is the same."""
+        if self._newest == -math.inf:
+            return "no reading yet"
+        if self._lates >= 2 and 0.0 <= t - self._newest <= self._pace.patience:
+            if 2 * self._olds >= self._lates:
+                return "readings are old when they come"
+            return self._pace.slow()
+        if fresh:
+            return "readings only just came back"
+        here = 0.0 <= t - self._old_at <= self.stale_after
+        return f"readings {'are old when they come' if here else 'stay away'}"

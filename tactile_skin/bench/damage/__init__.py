@@ -1,0 +1,1 @@
+"""`tactile-skin bench faults`: damaged boards through the whole chain, and what was missed."""

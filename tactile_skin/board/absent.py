@@ -1,0 +1,67 @@
+"""Crossings without a reading: which ones, and whether the configuration knows of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+_FRAMES = 30  # in which a crossing has read nothing but 0, since the first one
+_FEW = 0.25  # of the crossings: if more of them read 0, the ADC is too coarse for the fabric
+_MANY = 0.25  # of the crossings without a reading: the rest does not tell the picture
+_SAY = 4  # crossings that are named
+
+
+class Absent:
+    """Looks for crossings that the board does not read, and nobody named.
+
+    A matrix of fabric reads no exact 0 at one crossing while the others of its row and its column
+    read something: through its neighbours current flows to it even without a cell. Where a board
+    prints 0 for what it skips, that is what stands out.
+    """
+
+    def __init__(self, named: np.ndarray, populated: np.ndarray):
+        """Args:
+        named: (rows, cols) bool, crossings that the configuration says are not read.
+        populated: (rows, cols) bool, crossings that carry a cell.
+        """
+        self._named, self._populated = named, populated
+        self._zero = populated & ~named  # always, so far
+        self._looking = True  # whether any of these is left
+        self._frames = 0
+
+    def frame(self, samples: np.ndarray, unread: np.ndarray | None) -> tuple[str, bool]:
+        """What to say of the crossings after this frame, and whether the picture cannot be trusted.
+
+        Args:
+            unread: (rows, cols) bool, what the board itself says that it did not read.
+        """
+        if unread is None and not self._looking:
+            return "", False
+        told = np.zeros(self._named.shape, bool) if unread is None else unread & ~self._named
+        self._frames += 1
+        self._zero &= (samples == 0) & ~told
+        self._looking = bool(self._zero.any())
+        if told.any():
+            for name, axis in (("row", 1), ("column", 0)):
+                cells = self._populated & ~self._named
+                blind = cells.any(axis) & ~(cells & ~told).any(axis)
+                if blind.any():
+                    line = int(blind.argmax())
+                    return f"{name} {line}: the board reads none of its crossings", True
+            if told[self._populated].mean() > _MANY:
+                return f"more than {_MANY:.0%} of the crossings are not read", True
+        if self._frames < _FRAMES:
+            silent = told
+        else:
+            zero = self._zero
+            alone = (~zero).any(1)[:, None] & (~zero).any(0) & (zero.mean() < _FEW)
+            silent = told | (zero & alone)
+        silent &= self._populated
+        if not silent.any():
+            return "", False
+        names = [f"row {i}, column {j}" for i, j in np.argwhere(silent).tolist()]
+        more = f" and {len(names) - _SAY} more" if len(names) > _SAY else ""
+        return (
+            f"no reading at {'; '.join(names[:_SAY])}{more}: repair it, or name it in "
+            "circuit.scanned (circuit.mask, if no cell is there)",
+            False,
+        )

@@ -1,0 +1,152 @@
+"""Whether the ADC converts all that there is to read: a ceiling, seen over many frames.
+
+One frame with some equal readings proves nothing: a flat touch looks so. Over time a ceiling gives
+itself away by readings that stand at the largest value ever seen, without the noise that all
+others have; or, if the ceiling lies before the ADC, which adds its own noise, by readings that
+stand together at one height while all others change.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+_STILL = 8  # frames in which a reading that has noise moves
+_CHANCE = 1e-6  # of a sound skin's readings standing at one height, in one frame
+_PRIOR = 1.0, 1e3  # readings that stood still, of so many, before any was counted
+_FORGET = 1e-3  # share of that count which each frame renews
+_SELDOM = 1e-8  # share of readings that stand still, at least: none stood still in the whole count
+_ABOVE = 16.0  # ADC steps over the middle reading: below, nothing presses
+_WINDOW = 10  # frames that are looked at together: 0.1 s at 100 a second
+_CALM = 0.25  # of the readings are not moved by a touch
+_ROUND = 0.3  # ADC steps by which the mean of rounded readings may be off
+_SHELF = 4  # readings at one height
+_MOVES = 20.0  # times the noise by which others differ when they stand there again
+_NEAR_MOST = 0.9  # of what a short circuit would read: above, all hard touches read alike
+
+
+class Window(NamedTuple):
+    """Attributes:
+    mean, spread: (rows, cols) of each reading in some frames [ADC steps].
+    noise: spread of the readings that nothing moves.
+    low: (rows, cols) lowest mean of each reading so far: at rest.
+    """
+
+    mean: np.ndarray
+    spread: np.ndarray
+    noise: float
+    low: np.ndarray
+
+
+class Windows:
+    """Cuts the stream into windows."""
+
+    def __init__(self, adc_bits: int):
+        self._scale = 1 << (16 - adc_bits)
+        self._frames: list[np.ndarray] = []
+        self._low: np.ndarray | None = None
+
+    def frame(self, samples: np.ndarray) -> Window | None:
+        """The window that this frame ends, if it does."""
+        self._frames.append(samples)
+        if len(self._frames) < _WINDOW:
+            return None
+        steps = np.array(self._frames) / self._scale
+        self._frames = []
+        mean, spread = steps.mean(0), steps.std(0)
+        self._low = mean if self._low is None else np.minimum(self._low, mean)
+        read = spread[mean > 0.0]  # 0: not read, or below the ADC's range
+        noise = float(np.quantile(read, _CALM)) if read.size else 0.0
+        return Window(mean, spread, noise, self._low)
+
+
+class Ceiling:
+    """Readings that stand still at the largest value: a saturated input.
+
+    Attributes:
+        height: where it is [ADC steps]; None: none was seen.
+    """
+
+    def __init__(self, adc_bits: int, most: float = math.inf, falls_from: float | None = None):
+        """Args:
+        most: what a short circuit would read [ADC steps], near which all hard touches read alike.
+        falls_from: of a board whose readings fall with pressure, the largest one [ADC steps];
+            what is given here is what they have fallen by.
+        """
+        self._falls_from = falls_from
+        self._scale = 1 << (16 - adc_bits)
+        self._most = _NEAR_MOST * most
+        # where readings stood still [ADC steps], and what the others read then
+        self._shelf, self._picture = math.inf, None
+        self.height: float | None = None
+        self._last: np.ndarray | None = None
+        self._still: np.ndarray | None = None  # (rows, cols) frames since each reading moved
+        self._count = _PRIOR  # readings that stood still, and all
+        self._present = False  # the last frame shows it
+
+    def frame(self, samples: np.ndarray) -> str:
+        """What is wrong, with this frame or since an earlier one; empty if nothing."""
+        if self._last is None:
+            self._last, self._still = samples, np.zeros(samples.shape, np.int32)
+            return ""
+        self._still = np.where(samples == self._last, self._still + 1, 0)
+        self._last, self._present = samples, False
+        top = int(samples.max())
+        if self.height is not None and top > self.height * self._scale:
+            self.height = None  # it was none
+        still = self._still >= _STILL
+        at_top = samples == top
+        others = ~at_top & (samples > 0)
+        stood, seen = self._count
+        keep = 1.0 - _FORGET
+        self._count = (
+            keep * stood + np.count_nonzero(still & others),
+            keep * seen + np.count_nonzero(others),
+        )
+        if top - np.median(samples) > _ABOVE * self._scale:
+            n = np.count_nonzero(still & at_top)
+            if n and n * math.log(max(stood / max(seen, 1.0), _SELDOM)) < math.log(_CHANCE):
+                self.height = top / self._scale
+                self._present = True
+        return self._said()
+
+    def window(self, window: Window) -> str:
+        """The same, of a ceiling before the ADC, whose noise is on top of it."""
+        self._shelf, told = self._stands(window)
+        if told:
+            self.height, self._present = self._shelf, True
+        return self._said()
+
+    def _stands(self, window: Window) -> tuple[float, bool]:
+        """Where the largest readings stand together; whether others changed since the last time."""
+        mean, spread, noise = window.mean, window.spread, window.noise + _ROUND
+        top = float(mean.max())
+        shelf = mean > top - noise
+        if (
+            np.count_nonzero(shelf) < _SHELF
+            or top > self._most
+            or top - np.median(window.low) < _ABOVE
+            or spread[shelf].max() > 2.0 * noise
+        ):
+            return self._shelf, False
+        if self._picture is None or abs(top - self._shelf) > noise:
+            self._shelf, self._picture = top, mean
+            return top, False
+        moved = np.abs(mean - self._picture)[~shelf]
+        return top, bool(moved.max(initial=0.0) > _MOVES * noise)
+
+    def forget(self) -> str:
+        """Forget what no longer shows; what is wrong with the last frame, empty if nothing."""
+        self.height = self.height if self._present else None
+        return self._said()
+
+    def _said(self) -> str:
+        if self.height is None:
+            return ""
+        end = self.height if self._falls_from is None else self._falls_from - self.height
+        return (
+            f"readings end at {end:.0f} ADC steps and stand there while others move: "
+            "is the input saturated?"
+        )

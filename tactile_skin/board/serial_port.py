@@ -1,0 +1,252 @@
+"""A serial port that is found, opened, read, watched, and opened again after any failure."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import stat
+import sys
+import threading
+import time
+from collections.abc import Callable
+
+import serial
+from serial.tools import list_ports
+
+from .protocol import BinaryParser, Frame, TextParser
+
+try:
+    from termios import error as _termios_error
+except ImportError:  # not on POSIX
+    _termios_error = OSError
+
+_EARLY = 1.0  # s of bytes without a frame after which it is said what they are, if that is known
+_IN_USE = "is in use by another program (two programs cannot read one board)"
+_NOT_ALLOWED = "may not be opened by this user: is it in the group dialout?"
+_GONE = "is gone: was the board unplugged?"
+_TROUBLES = {
+    errno.EAGAIN: _IN_USE,  # of a lock, which this driver takes as well
+    errno.EBUSY: _IN_USE,  # opened by a program that asked to be alone
+    errno.EACCES: _NOT_ALLOWED,
+    errno.EPERM: _NOT_ALLOWED,
+    errno.ENOENT: "does not exist",
+    errno.EISDIR: "is a directory, not a serial device",
+    errno.EIO: _GONE,
+    errno.ENODEV: _GONE,
+    errno.ENXIO: _GONE,
+}
+
+PORT_ERRORS = (serial.SerialException, OSError, _termios_error)  # what a vanished port raises
+
+
+def candidates() -> list[str]:
+    """Serial ports that may be a board: those on USB."""
+    return sorted(p.device for p in list_ports.comports() if p.vid is not None)
+
+
+def identity(device: str) -> tuple:
+    """What a board is known by when it is plugged in again: its USB ids, and its serial number or,
+    where it has none, its USB socket. The device's name where it is not on USB."""
+    for port in list_ports.comports():
+        if port.device == device and port.vid is not None:
+            return port.vid, port.pid, port.serial_number or port.location
+    return (device,)
+
+
+def check_port(port: str) -> None:
+    """Raise ValueError, saying what there is, if the port is not there or no serial device."""
+    found = ", ".join(candidates()) or "none"
+    if port == "auto":
+        if not candidates():
+            raise ValueError(
+                "port auto: no USB serial port found; plug the board in or give a port"
+            )
+    elif "://" in port:
+        serial.serial_for_url(port, do_not_open=True)  # ValueError names an unknown protocol
+    elif os.name == "posix" and not os.path.exists(port):
+        raise ValueError(f"port {port}: does not exist; USB serial ports found: {found}")
+    elif os.name == "posix" and (wrong := _not_serial(port)):
+        raise ValueError(f"port {port}: {wrong}; USB serial ports found: {found}")
+
+
+def _not_serial(port: str) -> str:
+    """Why what is there cannot be a serial device; empty if it may be one."""
+    try:
+        mode = os.stat(port).st_mode
+    except OSError:
+        return ""
+    if stat.S_ISCHR(mode):
+        return ""
+    kinds = ((stat.S_ISDIR, "is a directory"), (stat.S_ISREG, "is a regular file"))
+    kind = next((name for holds, name in kinds if holds(mode)), "is not a device")
+    return f"{kind}, not a serial device"
+
+
+class SerialReader:
+    """Reads frames in a thread of its own for as long as it is told to.
+
+    Args:
+        port: device, pyserial URL, or "auto": the first USB port on which a frame arrives that
+            `refuse` does not refuse. From then on it is that board, on whatever port: another one
+            may sit elsewhere on the robot.
+        make_parser: gives a new parser; called for each connection.
+        on_frame: takes each frame, in the reader's thread.
+        say: takes a line of text whenever the connection comes or goes. What it raises is told
+            on stderr, and ends nothing.
+        watchdog: seconds without a frame after which the port is opened anew.
+        wait: seconds in which a port that is not there yet is no trouble worth a word.
+        refuse: says why a frame is not of the board that is looked for; empty if it is.
+    """
+
+    def __init__(
+        self,
+        port: str,
+        baud: int,
+        make_parser: Callable[[], BinaryParser | TextParser],
+        on_frame: Callable[[Frame], None],
+        say: Callable[[str], None],
+        watchdog: float = 3.0,
+        wait: float = 0.0,
+        refuse: Callable[[Frame], str] = lambda frame: "",
+    ):
+        self.port, self.baud, self.watchdog = port, baud, watchdog
+        self.connected_to: str | None = None
+        self.reconnects = -1  # the first connection is none
+        self.trouble = f"waiting for {port}"
+        self._quiet_until = time.monotonic() + wait
+        self.parser = make_parser()
+        self._make_parser, self._on_frame, self._say = make_parser, on_frame, say
+        self._refuse = refuse
+        self._board: tuple | None = None  # identity of the board that "auto" found
+        self._told: dict[str, str] = {}  # port -> why it gave no frame, since one last did
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"serial {port}", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def close(self) -> None:
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join(2.0)
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            try:
+                ports = self._ports()
+            except Exception as error:  # a port that goes while the system lists them
+                self._lost(f"the serial ports cannot be listed: {error!r}")
+                self._stop.wait(0.25)
+                continue
+            for name in ports:
+                try:
+                    # two readers of one port would each get half of the bytes
+                    alone = {"exclusive": True} if name.startswith("/") else {}
+                    with serial.serial_for_url(name, self.baud, timeout=0.05, **alone) as port:
+                        self._read(port)
+                except (*PORT_ERRORS, ValueError) as error:  # ValueError: a baud it cannot do
+                    self._lost(_explain(name, error), name)
+                except Exception as error:  # of a subscriber's: reading goes on
+                    self._lost(f"port {name}: {error!r}", name)
+                if self._stop.is_set():
+                    return
+            if not ports:
+                known = self._board is not None
+                self._lost(
+                    "the board is unplugged; other boards are left alone"
+                    if known
+                    else "no USB serial port found"
+                )
+            self._stop.wait(0.25)
+
+    def _ports(self) -> list[str]:
+        """Where to look for the board now."""
+        if self.port != "auto":
+            return [self.port]
+        return [
+            name for name in candidates() if self._board is None or identity(name) == self._board
+        ]
+
+    def _read(self, port) -> None:
+        """Read until the port fails, goes silent, or the reader is closed."""
+        counters = self.parser.counters
+        self.parser = self._make_parser()  # half a frame of before is worth nothing
+        self.parser.counters = counters
+        port.reset_input_buffer()
+        last_frame, heard = time.monotonic(), 0
+        while not self._stop.is_set():
+            # the rest of a frame at once: each read costs more than the parsing of one
+            wanted = self.parser.wanted
+            data = port.read(wanted if wanted > 1 else max(1, port.in_waiting))
+            frames = self.parser.feed(data) if data else []
+            heard += len(data)
+            if frames:
+                last_frame, heard = time.monotonic(), 0
+                if self.connected_to is None:
+                    if self.port == "auto" and (why := self._refuse(frames[0])):
+                        self._lost(f"{port.name}: {why}", port.name)
+                        return
+                    self._found(port.name or port.portstr)
+                for frame in frames:
+                    self._on_frame(frame)
+                continue
+            silence = time.monotonic() - last_frame
+            if silence > self.watchdog:
+                self._lost(self._unusable(port, heard), port.name)
+                return
+            known = heard and self.parser.trouble and self.port != "auto"
+            if known and silence > _EARLY and self.connected_to is None:
+                self._lost(self._unusable(port, heard), port.name)
+
+    def _unusable(self, port, heard: int) -> str:
+        """Why there is no frame, in words that stay the same while the cause does."""
+        if not heard:
+            return f"{port.name}: nothing for {self.watchdog:g} s, opening it anew"
+        why = self.parser.trouble or "check serial_driver.baud and serial_driver.protocol"
+        return f"{port.name} at {self.baud} baud: bytes arrive, but no frame: {why}"
+
+    def _found(self, name: str) -> None:
+        self.connected_to, self.trouble = name, ""
+        self._board = identity(name)
+        self.reconnects += 1
+        self._told.clear()
+        self._tell(f"frames arrive on {name}")
+
+    def _lost(self, why: str, name: str = "") -> None:
+        """No frame comes from the port of this name, or from any."""
+        if self.connected_to is None and time.monotonic() < self._quiet_until:
+            return
+        self.trouble = why  # the reason first: others read both
+        self.connected_to = None
+        if self._told.get(name) != why:  # once for each of several ports that take turns
+            self._told[name] = why
+            self._tell(why)
+
+    def _tell(self, text: str) -> None:
+        try:
+            self._say(text)
+        except (Exception, SystemExit) as error:  # of a log handler: the reading goes on
+            with contextlib.suppress(Exception):
+                print(f"{text}, and {error!r} while that was told", file=sys.stderr)
+
+
+def _number(error: BaseException) -> int | None:
+    """The errno behind an error of pyserial's, which tells some in a text alone."""
+    for each in (error, error.__context__):
+        number = getattr(each, "errno", None) or (each.args[0] if each and each.args else None)
+        if isinstance(number, int):
+            return number
+    return None
+
+
+def _explain(port: str, error: Exception) -> str:
+    """What is wrong with a port, for a person who can mend it."""
+    number = _number(error)
+    if number is None and "device disconnected" in str(error):  # pyserial: it reads as if at an end
+        number = errno.EIO
+    if number == errno.ENOTTY:
+        return f"port {port} {_not_serial(port) or 'is not a serial device'}"
+    if number in _TROUBLES:
+        return f"port {port} {_TROUBLES[number]}"
+    return f"port {port}: {os.strerror(number) if number else error}"

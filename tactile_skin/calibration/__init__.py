@@ -1,0 +1,4 @@
+"""What this board is, found from its own frames, and whether it is so still.
+
+Imports physics and solvers.
+"""

@@ -1,0 +1,86 @@
+"""When frames in doubt are a fault, and when that fault is over: no clock and no bus of its own.
+
+One frame in doubt is nothing: a touch that comes or goes leaves a few. Half of the last ones are a
+fault. What is wrong at rest stays wrong under a touch, which may hide it; what was wrong under a
+touch may not show at rest, and is not over because the hand is gone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+_WATCHED = 20  # frames: 0.2 s at 100 a second
+_ENTER, _LEAVE = 10, 5  # frames in doubt among them that make, and that end, a fault
+_REST = 1.0  # s of rest without doubt after which a fault under one touch is over
+_SOUND = 0.5  # s of touch without doubt after which any is
+_AGAIN = 2  # touches in a row with a fault from which on rest proves nothing
+
+
+class Doubt:
+    """Follows the doubt of one skin's frames; all times are of one clock [s].
+
+    Attributes:
+        kept: why a fault holds although the present frames are not in doubt; empty if it does not.
+    """
+
+    def __init__(self):
+        # at first as many count as in doubt as make a fault: a skin that is wrong from the start is
+        # never free
+        self._recent = deque([True] * _ENTER + [False] * (_WATCHED - _ENTER), maxlen=_WATCHED)
+        self._now = False  # the last frames are in doubt
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all that is past, as whoever asks for it has looked at the skin.
+
+        What the last frames are goes on to count: a reset is no cure.
+        """
+        self.kept = ""
+        self._at_rest, self._lasting = 0, False  # frames in doubt with nothing touching
+        self._touches = 0  # with a fault since the last one without doubt
+        self._counted = False  # the present touch is among them
+        self._held = False  # the last one's fault is not over
+        self._began = self._last = -math.inf
+        self._touched = False
+
+    @property
+    def present(self) -> bool:
+        """Whether the last frames are in doubt, whatever was before."""
+        return self._now
+
+    def frame(self, t: float, suspect: bool, touched: bool) -> bool:
+        """Take a frame; whether there is a fault.
+
+        Args:
+            t: when it was read.
+            suspect: whether it is in doubt.
+            touched: whether anything was found to touch.
+        """
+        self._recent.append(suspect)
+        doubts = sum(self._recent)
+        self._now = doubts >= (_LEAVE if self._now else _ENTER)
+        if suspect or touched != self._touched or t < self._last:
+            self._began = t  # of a stretch without doubt, all touch or all rest
+        self._last, self._touched = t, touched
+        clear = t - self._began
+        if touched:
+            if self._now and not self._counted:
+                self._touches, self._counted, self._held = self._touches + 1, True, True
+            if clear >= _SOUND:
+                self._touches, self._counted, self._held = 0, False, False
+        else:
+            # a fault that a touch hides for a while is still there
+            self._at_rest = min(max(self._at_rest + (1 if suspect else -1), 0), _ENTER)
+            if self._at_rest in (0, _ENTER):
+                self._lasting = self._at_rest > 0
+            if clear >= _REST:
+                self._counted, self._held = False, self._held and self._touches >= _AGAIN
+        self.kept = ""
+        if self._held and not self._now:
+            self.kept = (
+                "so it was under each touch: until one is not in doubt, or a reset"
+                if self._touches >= _AGAIN
+                else f"so it was under the last touch: until {_REST:g} s of rest"
+            )
+        return self._now or self._lasting or self._held

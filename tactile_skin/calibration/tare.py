@@ -1,0 +1,228 @@
+"""What each cell conducts while nothing touches, followed as the fabric ages, creeps and warms.
+
+A fabric's cells differ at rest, and drift. `PressureCurve.resting_at` tells that to the solvers;
+here it is measured, in the pauses between touches. The first measurement takes whatever level a
+fabric may rest at, of readings that stand still; from then on nothing is learnt while a touch is
+felt, nor shortly after. A cell is never taken for resting that conducts more than its fellows by
+what `LEAST` presses. A line that falls is no fabric's doing, and is not followed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..physics.circuit import Circuit
+from ..physics.curve import GRAM, PressureCurve
+from ..solvers import compensate
+from ..solvers.reading import SCAN_NOISE, rest_reading
+
+LEAST = 2.0 * GRAM  # N on a cell; what conducts more is a touch, and stays one
+_MOST = 4.0  # times the usual cell's resistance at rest; a cell that conducts less is broken
+# Conductance of the usual cell over the curve's at rest, between which any fabric may lie: chosen,
+# 4.5 g on each cell of the shipped curve conduct three times as much.
+_LEVEL = 0.1, 3.0
+_ONE_VOLTAGE = 4.0  # times the noise of the mean, within which readings are one voltage
+_AS_THE_CURVE = 0.02  # log of the usual cell's conductance over the curve's
+_STILL = 3.0, 0.03  # ADC steps, and share of a reading, by which it may move during the first
+_TOUCH = 10.0 * GRAM  # N on a cell, felt: a touch
+_WINDOW = 1.0  # s that a measurement takes
+_FRAMES = 40  # frames that it takes at least
+_PAUSE = 1.0  # s after a touch: the fabric recovers
+_WAIT = 0.1  # s that must follow a measurement without a touch: its onset is too weak to be felt
+_SHARE = 0.5  # of a later measurement that is taken over
+_NEWS = 4.0  # times its noise by which a measurement differs from what is known
+_LINE = 0.2  # by which a whole line may rest off the others
+_JUMP = 0.1  # by which all cells together may change between two measurements, and
+_DRIFT = 0.02 / 60.0  # 1/s, by which they may besides: as a robot's cover warms up
+_FALL = 0.05  # by which a whole line may conduct less than at the first measurement
+
+
+class Tare:
+    """Follows the rest of one skin.
+
+    Attributes:
+        curve: the given curve, with the cells' offsets once they are known.
+        message: why the last measurement could not be used; empty if it could.
+        measured: whether there was one that could.
+    """
+
+    def __init__(self, circuit: Circuit, curve: PressureCurve):
+        self.curve, self.message, self.measured = curve, "", False
+        self._learned = -np.inf  # s, when the rest was measured last
+        self._first: np.ndarray | None = None  # (rows, cols) [S] that was measured first
+        self._circuit = circuit
+        # Between its ends newton finds whatever a skin at rest may be; its forces mean nothing.
+        at_rest = curve.points[0][1]
+        self._least = at_rest / float(curve.resistance(LEAST))  # as a factor of conductance
+        ends = at_rest * _MOST / _LEVEL[0], at_rest / (_LEVEL[1] * self._least)
+        self._range = PressureCurve((0.0, 1.0), ends)
+        self._begun: np.ndarray | None = None  # the first reading of the first measurement
+        self._last = -np.inf  # s, when the last frame was read
+        self._begin(-np.inf)
+
+    def _begin(self, after: float) -> None:
+        self._after, self._since, self._until = after, np.inf, np.inf
+        self._sum, self._frames = np.zeros(self._circuit.shape), 0
+
+    def update(self, t: float, adc: np.ndarray, force: np.ndarray) -> bool:
+        """Take a frame.
+
+        Args:
+            t: when it was read [s]. On ROS that is the time of day: set back, it begins anew.
+            adc: (rows, cols) ADC ratio.
+            force: (rows, cols) that was found in it [N].
+
+        Returns:
+            whether `curve` changed.
+        """
+        if t < self._last:
+            self._learned = -np.inf  # how long ago cannot be told, nor whether a pause is over
+        if t < self._last:
+            self._begin(t + _PAUSE)
+        elif not self.measured:
+            if self._begun is None or self._moved(adc):
+                self._begun, self.message = adc, ""
+                self._begin(t)
+        elif force.max() > _TOUCH:
+            self._begin(t + _PAUSE)
+        self._last = t
+        if t < self._after:
+            return False
+        self._since = min(self._since, t)
+        if self._until == np.inf:
+            self._sum += adc
+            self._frames += 1
+            if t - self._since >= _WINDOW and self._frames >= _FRAMES:
+                self._until = t
+        if t - self._until < _WAIT:
+            return False
+        mean, frames = self._sum / self._frames, self._frames
+        self._begin(t)
+        return self._learn(mean, SCAN_NOISE / frames**0.5)
+
+    def _moved(self, adc: np.ndarray) -> bool:
+        steps, full = np.abs(adc - self._begun), self._circuit.full_scale
+        return bool((steps * full > _STILL[0] + _STILL[1] * self._begun * full).any())
+
+    def _learn(self, adc: np.ndarray, noise: float) -> bool:
+        """Args:
+        noise: of the mean reading, in ADC steps.
+        """
+        off = (adc - rest_reading(self._circuit, self.curve)) * self._circuit.full_scale
+        if np.square(off).mean() < (_NEWS * noise) ** 2:
+            self.message, self.measured = "", True
+            return False
+        found = compensate(adc, self._circuit, self._range, "newton", noise=0.0)
+        cells, at_rest = self._circuit.populated, self.curve.points[0][1]
+        now = 1.0 / self._range.resistance(found.force)  # S
+        self.message = "the readings fit no skin" if found.status == "failed" else ""
+        self.message = self.message or self._alike(adc, now * at_rest, cells, noise)
+        self.message = self.message or self._fabric(now * at_rest, cells)
+        self.message = self.message or self._wires(np.log(now * at_rest), cells)
+        if self.message:
+            self.message = f"rest not measured: {self.message}"
+            return False
+        self.measured = True
+        if self._first is None:
+            self._first = now
+        else:
+            before = 1.0 / self.curve.rest_resistance
+            self.message = self._leads(np.log(now / self._first), cells)
+            self.message = self.message or self._jump(np.log(now / before)[cells])
+            if self.message:
+                return False
+            now = before + _SHARE * (now - before)
+        self._learned = self._last
+        rest = np.where(cells, 1.0 / now, self.curve.points[0][1])
+        self.curve = self.curve.resting_at(rest)
+        return True
+
+    def _alike(self, adc: np.ndarray, level: np.ndarray, cells: np.ndarray, noise: float) -> str:
+        """Whether all readings are one voltage: no fabric's cells are as alike; empty if not.
+
+        A skin that rests just as the curve says is a simulated one, and may be.
+        """
+        spread = adc[cells].std() * self._circuit.full_scale
+        if spread > _ONE_VOLTAGE * noise or abs(np.log(np.median(level[cells]))) < _AS_THE_CURVE:
+            return ""
+        steps = adc[cells].mean() * self._circuit.full_scale
+        return f"all readings are {steps:.1f} ADC steps, but for noise: is the matrix connected?"
+
+    def _fabric(self, level: np.ndarray, cells: np.ndarray) -> str:
+        """What no fabric rests at; empty if nothing.
+
+        Args:
+            level: (rows, cols) conductance over the curve's at rest.
+        """
+        usual, at_rest = float(np.median(level[cells])), self.curve.points[0][1]
+        if not _LEVEL[0] <= usual <= _LEVEL[1]:
+            return (
+                f"at rest a cell has {at_rest / usual:.0f} ohm, and curve.resistance begins with "
+                f"{at_rest:.0f}: is the skin loaded? if not, begin the curve with what it has"
+            )
+        factor = np.where(cells, level / usual, 1.0)
+        for bad, end in ((factor.argmax(), factor.max()), (factor.argmin(), factor.min())):
+            if end > self._least or end < 1.0 / _MOST:
+                row, col = np.unravel_index(bad, factor.shape)
+                why = "does something press there?" if end > 1.0 else "is it connected?"
+                return f"row {row}, column {col} conducts {end:.2g} times the usual cell: {why}"
+        return ""
+
+    def _wires(self, off: np.ndarray, cells: np.ndarray) -> str:
+        """What is no fabric's doing, and would be hidden by a tare; empty if nothing.
+
+        Cells scatter; all of a line are off because of the circuit.
+
+        Args:
+            off: (rows, cols) log of each cell's conductance over the curve's, at rest.
+        """
+        common = np.median(off[cells])
+        for name, lines, _ in _lines(off, cells, common):
+            worst = np.abs(lines - common).argmax()
+            if abs(lines[worst] - common) > _LINE:
+                much = f"{np.expm1(lines[worst] - common):+.0%}"
+                return f"{name} {worst} conducts {much} at rest, compared with the others"
+        return ""
+
+    def _jump(self, change: np.ndarray) -> str:
+        """A fabric warms and ages as a whole, but slowly.
+
+        Args:
+            change: (cells,) log of each one's conductance over that known.
+        """
+        common = np.median(change)
+        if abs(common) <= _JUMP + _DRIFT * (self._last - self._learned):
+            return ""
+        much = f"{np.expm1(common):+.0%}"
+        return f"all cells conduct {much} at once: has the supply or the reference changed?"
+
+    def _leads(self, change: np.ndarray, cells: np.ndarray) -> str:
+        """A lead that breaks puts a resistance before its whole line, which hides most of a push.
+
+        Fabric changes cell by cell, or as a whole. A line must have fallen both by itself and
+        against the others: where a palm lay, cells conduct more for a while.
+
+        Args:
+            change: (rows, cols) log of each cell's conductance over that measured first.
+        """
+        common, spread = _middle(change[cells])
+        for name, lines, count in _lines(change, cells, common):
+            fall = np.maximum(lines, lines - common)
+            worst = fall.argmin()
+            if fall[worst] < -_FALL - 4.0 * spread / count[worst] ** 0.5:
+                much = f"{np.expm1(fall[worst]):+.0%}"
+                return f"{name} {worst} conducts {much} since the start: is its lead breaking?"
+        return ""
+
+
+def _middle(values: np.ndarray) -> tuple[float, float]:
+    """Median of (n,) values, and how far they scatter: 1.5 times the median of the deviations."""
+    middle = np.median(values)
+    return middle, 1.5 * np.median(np.abs(values - middle))
+
+
+def _lines(values: np.ndarray, cells: np.ndarray, empty: float):
+    """(name, medians, numbers of cells) of all rows, then of all columns."""
+    for name, axis in (("row", 1), ("column", 0)):
+        median = np.ma.median(np.ma.array(values, mask=~cells), axis=axis)
+        yield name, median.filled(empty), np.maximum(cells.sum(axis), 1)

@@ -1,0 +1,43 @@
+"""The errors of this package, in one tree.
+
+    TactileSkinError
+    |-- FileError          a file, or a text read as YAML, is refused
+    |-- LaunchError        a launch file or argument cannot be carried out
+    |-- ParameterError     an unknown parameter, a wrong type, a value outside its range
+    |-- TopicTypeError     a topic carries another type already (a TypeError, too)
+    |-- RosError           ROS, or a part of it, is not installed
+    `-- TrainingDied       a run of training cannot recover
+
+All are ValueErrors: a value that the caller gave, or its file holds, is refused. Plain ValueErrors
+are raised for the arguments of pure functions.
+"""
+
+from __future__ import annotations
+
+
+class TactileSkinError(ValueError):
+    """What this package refuses; the message names the thing, its value and what is allowed."""
+
+
+class FileError(TactileSkinError):
+    """A file, or a text read as YAML, that is refused; the message names it, and the line."""
+
+
+class LaunchError(TactileSkinError):
+    """A launch file or argument that cannot be carried out; the message names file and key."""
+
+
+class ParameterError(TactileSkinError):
+    """A parameter with an unknown name, a wrong type or a value outside its range."""
+
+
+class TopicTypeError(TactileSkinError, TypeError):
+    """A topic that carries another type already."""
+
+
+class RosError(TactileSkinError):
+    """ROS, or a part of it, is not there; the message says what to install."""
+
+
+class TrainingDied(TactileSkinError, RuntimeError):
+    """The run cannot recover: outputs all equal, no better than a constant, or not finite."""

@@ -1,0 +1,127 @@
+"""What the learned inverse learns from: scenes pushed through the forward model (paper V-B)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from ..physics.circuit import forward
+from ..physics.curve import GRAM
+from . import network, scenes
+
+_CHUNK = 2000  # scenes made at a time: bounds memory, and seeds each chunk by its number
+# What a real board has, in turn: noise, noise with R_par and curve off, rounding alone, nothing.
+_BOARD = ("scan", "off", "scan", "adc10", "ideal")
+_FAMILIES = (*scenes.FAMILIES, "fingers")  # the last so that pairs of touches leave no ghosts
+CHOICES = {
+    "loss": ("l1", "mse"),
+    "optimizer": ("adam", "sgd"),
+    "readout": (*scenes.READOUTS, "board"),
+    "network": network.NETWORKS,
+}
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """What a run depends on besides circuit and curve; kept beside its weights.
+
+    Attributes:
+        pairs, validation: number of (reading, force) pairs to learn from and to pick the best
+            epoch by; a quarter each of blobs, rects, random and fingers.
+        epochs, batch: passes over the pairs, and pairs per step.
+        rate: highest learning rate; a short linear rise, then a cosine to 0.
+        loss: "mse" as the paper, or "l1", which fits the mean absolute error that is reported.
+        optimizer: "sgd" as the paper, or "adam".
+        readout: what the readings are like, see `scenes.read_out`; "board": a mix of all, some
+            from boards whose R_par is off by up to 5 % and whose curve by up to 20 %.
+        network: "paper", or "physics": fed with what the circuit says, for noisy boards.
+        seed: of scenes, initial weights and order.
+        start: weights to go on from, a file or one of `network.NETWORKS` for the shipped ones;
+            empty: new ones. A lower rate suits.
+    """
+
+    pairs: int = 100_000
+    validation: int = 30_000
+    epochs: int = 60
+    batch: int = 64
+    rate: float = 1e-2
+    loss: str = "l1"
+    optimizer: str = "adam"
+    readout: str = "ideal"
+    network: str = "paper"
+    seed: int = 0
+    start: str = ""
+
+    def __post_init__(self):
+        for name in ("pairs", "validation", "epochs", "batch"):
+            if not isinstance(getattr(self, name), int) or getattr(self, name) < 1:
+                raise ValueError(
+                    f"{name} = {getattr(self, name)!r}: must be a whole number above 0"
+                )
+        for name, allowed in CHOICES.items():
+            if getattr(self, name) not in allowed:
+                raise ValueError(f"{name} = {getattr(self, name)!r}: must be one of {allowed}")
+        if not self.rate > 0:
+            raise ValueError(f"rate = {self.rate!r}: must be above 0")
+
+
+def make_pairs(circuit, curve, n: int, network_kind: str, readout: str, seed, track=iter):
+    """Draw n scenes of all families, and what a network sees of them.
+
+    Args:
+        network_kind: of `network.NETWORKS`: what the inputs are.
+        readout: of `CHOICES`.
+        seed: an int or a tuple of them; chunks are seeded by number, so that the result does not
+            depend on how the work is divided.
+        track: wraps the iterable of chunks, for a progress bar.
+
+    Returns:
+        (n, channels, rows, cols) inputs, (n, rows, cols) force [N], both float32.
+    """
+    channels = 1 if network_kind == "paper" else network.PHYSICS_INPUTS
+    inputs = np.empty((n, channels, *circuit.shape), np.float32)
+    force = np.empty((n, *circuit.shape), np.float32)
+    for chunk in track(range(math.ceil(n / _CHUNK))):
+        rng = np.random.default_rng([*np.atleast_1d(seed), chunk])
+        here = slice(chunk * _CHUNK, min((chunk + 1) * _CHUNK, n))
+        family, kind = _FAMILIES[chunk % len(_FAMILIES)], readout
+        sample = _fingers if family == "fingers" else partial(scenes.sample, family)
+        truth = sample(here.stop - here.start, *circuit.shape, rng)
+        truth = np.minimum(truth, curve.max_force) * circuit.populated
+        resistance = curve.resistance(truth)
+        if readout == "board":
+            kind = _BOARD[chunk // len(_FAMILIES) % len(_BOARD)]
+        if kind == "off":  # other boards and fabrics than the configuration says
+            resistance *= 1.0 + rng.uniform(-0.2, 0.2, (len(truth), 1, 1))
+        adc = forward(circuit, resistance)
+        if kind == "off":
+            rho = circuit.r_ref / adc - circuit.r_ref - circuit.r_par
+            r_par_error = circuit.r_par * rng.uniform(-0.05, 0.05, (len(truth), 1, 1))
+            adc, kind = circuit.ratio(rho + r_par_error), "scan"
+        adc = scenes.read_out(circuit, adc, kind, rng)
+        if network_kind == "paper":
+            inputs[here, 0] = adc
+        else:
+            inputs[here] = network.physics_inputs(adc, circuit, curve).swapaxes(0, 1)
+        force[here] = truth
+    return inputs, force
+
+
+def _fingers(n: int, rows: int, cols: int, rng) -> np.ndarray:
+    """(n, rows, cols) force [N] of 2 to 4 fingertips of 2 to 20 N each, anywhere."""
+    y, x = np.arange(rows)[:, None], np.arange(cols)
+    force = np.zeros((n, rows, cols))
+    count = rng.integers(2, 5, n)
+    for k in range(4):
+        row, col, width, load = (
+            rng.uniform(low, high, (n, 1, 1))
+            for low, high in ((0.0, rows - 1.0), (0.0, cols - 1.0), (0.6, 1.6), (2.0, 20.0))
+        )
+        distance2 = ((y - row) ** 2 + (x - col) ** 2) / width**2
+        tip = np.where(distance2 < 9.0, np.exp(-0.5 * distance2), 0.0)
+        tip *= load / tip.sum((1, 2), keepdims=True)
+        force += np.where(count[:, None, None] > k, tip, 0.0)
+    return np.minimum(force, scenes.MAX_LOAD * GRAM)

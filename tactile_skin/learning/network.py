@@ -1,0 +1,348 @@
+"""The learned inverses at work: weights on disk, and one pass through a network.
+
+Two networks: the paper's, which sees the ADC picture alone, and one of the same size that is fed
+with what the circuit's physics says for a few microseconds (`physics_inputs`).
+
+PyTorch trains them (training.py); here the pass is a handful of matrix products, which for one
+frame takes a third of PyTorch's time and spares a robot the import. A test holds the two equal.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import threading
+import warnings
+import zipfile
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.lib.stride_tricks import as_strided, sliding_window_view
+
+from ..files import FileError, one_line, read_bytes
+from ..physics.circuit import Circuit, circuit_from, two_terminal_resistance
+from ..physics.curve import PressureCurve
+from ..physics.kernel import connected_rho
+
+SHIPPED = Path(__file__).parent / "weights"
+DILATIONS = (1, 2, 3)  # of the parallel context convolutions (paper Fig. 7)
+_FORMAT = 1
+_FRAMES_AT_ONCE = 16  # of a recording: what a pass holds stays in the cache
+NETWORKS = ("paper", "physics")
+PHYSICS_INPUTS = 5
+HEAD = ((27, 9), (9, 9), (9, 9), (9, 1))  # inputs and outputs of the plain convolutions
+_MOST_BYTES = 1024 * 1024  # of a weights file, packed or not: ours take 30 kB
+_MOST_ARRAYS = 50  # in a weights file: ours hold 21
+_STEPS = 6  # of the fixed point
+_SEEN = 2  # of them before the network's second input
+
+
+def physics_inputs(adc: np.ndarray, circuit: Circuit, curve: PressureCurve) -> np.ndarray:
+    """What the circuit says of a reading, for the second network.
+
+    Args:
+        adc: (n, rows, cols) ADC ratio.
+
+    Returns:
+        (5, n, rows, cols) float32: log conductance as read, after 2 and after 6 steps of the
+        fixed point g <- g (rho(g) / rho_measured)^1.5 between the curve's ends, from 0 at rest
+        to 1 at its end; the force of the last, as a share of the curve's maximum; log10 of how
+        strongly the cell shows in its own reading.
+    """
+    low, high = 1.0 / curve.rest_resistance, 1.0 / curve.least_resistance
+    scale = 1.0 / np.log(high / low)
+    cells = circuit.populated
+    rho_measured = np.maximum(circuit.two_terminal(adc), 1.0)  # ohm; a short stays finite
+    out = np.empty((PHYSICS_INPUTS, *adc.shape), np.float32)
+    out[0] = np.log(np.clip(1.0 / rho_measured, low, high) / low) * scale
+    # Foster: the sum of g rho is lines - 1
+    share = (sum(circuit.shape) - 1) / np.count_nonzero(cells)
+    g = np.clip(share / rho_measured, low, high)
+    for channel, steps in ((1, _SEEN), (2, _STEPS - _SEEN)):
+        rho = _relax(g, rho_measured, low, high, steps, circuit)
+        out[channel] = np.log(g / low) * scale
+    out[3] = curve.force(1.0 / g) / curve.max_force
+    seen = g * np.square(circuit.ratio(rho) * rho)  # - R_ref d u / d log R
+    out[4] = np.log10(np.maximum(seen, 1e-6))
+    return out
+
+
+def _relax(g, rho_measured, low: float, high: float, steps: int, circuit: Circuit) -> np.ndarray:
+    """Steps of the fixed point from g (n, rows, cols) [S], in place; rho before the last [ohm]."""
+    one = len(g) == 1 and circuit.mask is None
+    for _ in range(steps):
+        if one:
+            rho = connected_rho(g[0])[None]
+        else:
+            rho = two_terminal_resistance(g if circuit.mask is None else g * circuit.populated)
+        ratio = rho / rho_measured
+        g *= ratio
+        g *= np.sqrt(ratio)  # to the power of 1.5; 1 is the literature's, 2 the edge of stability
+        np.minimum(np.maximum(g, low, out=g), high, out=g)
+    return rho
+
+
+def shapes(kind: str, rows: int, cols: int) -> dict[str, tuple[int, ...]]:
+    """The arrays of a network of `NETWORKS` by PyTorch's names, and the shape of each."""
+    inputs = 1 if kind == "paper" else PHYSICS_INPUTS
+    found = {"input_mean": (inputs, 1, 1), "input_std": (inputs, 1, 1)}
+    if kind == "paper":
+        found |= {"row.weight": (1, 1, 1, cols), "row.bias": (1,)}
+        found |= {"col.weight": (1, 1, rows, 1), "col.bias": (1,)}
+        inputs = 3  # with what the line kernels say
+    layers = {f"context.{k}": (inputs, HEAD[0][0] // len(DILATIONS)) for k in range(len(DILATIONS))}
+    layers |= {f"head.{k}": sizes for k, sizes in enumerate(HEAD)}
+    for name, (a, b) in layers.items():
+        found |= {f"{name}.weight": (b, a, 3, 3), f"{name}.bias": (b,)}
+    return found
+
+
+class Weights:
+    """A trained network, and what it was made for.
+
+    Args:
+        state: arrays by PyTorch's names, as `training.PaperNet` and `PhysicsNet` have them.
+        meta: "circuit" and "curve" as their `describe()`, and what the training says of itself.
+        path: where it came from, for messages.
+
+    Raises:
+        ValueError: an array is missing, unknown, of another shape or not finite, or the meta data
+            are no circuit and curve; the message names it.
+    """
+
+    def __init__(self, state: dict[str, np.ndarray], meta: dict, path: Path):
+        for key in ("circuit", "curve"):
+            if not isinstance(meta, dict) or not isinstance(meta.get(key), dict):
+                raise ValueError(f"meta: {key}: is missing, or no map of names to values")
+        self._circuit = circuit_from(meta["circuit"])
+        self._curve = PressureCurve(**meta["curve"])
+        self.rows, self.cols = self._circuit.shape
+        self.kind = "paper" if any(name[:4] in ("row.", "col.") for name in state) else "physics"
+        state = _checked(state, shapes(self.kind, self.rows, self.cols))
+        self.state, self.meta, self.path = state, meta, path
+        self._mean, self._std = state["input_mean"], state["input_std"]  # (channels, 1, 1)
+        self._lines = None
+        if self.kind == "paper":
+            self._lines = (
+                (state["row.weight"].reshape(self.cols), float(state["row.bias"][0])),
+                (state["col.weight"].reshape(self.rows), float(state["col.bias"][0])),
+            )
+        # Taps outermost, as the gathered columns are; the last column holds the biases, which
+        # meet a channel of ones.
+        self._context = np.stack(
+            [
+                np.hstack([w.transpose(0, 2, 3, 1).reshape(len(w), -1), bias[:, None]])
+                for w, bias in _layers(state, "context")
+            ]
+        )  # (dilations, 9, 9 * channels + 1)
+        self._heads = [_by_tap(w, bias) for w, bias in _layers(state, "head")]
+        self._fits = None, None  # circuit and curve that were found to fit
+        self._scratch = threading.local()  # several skins may share the weights
+
+    def check(self, circuit: Circuit, curve: PressureCurve) -> None:
+        """Raise ValueError, naming each difference, unless the weights fit circuit and curve.
+
+        The width of the ADC may differ: the network sees ratios.
+        """
+        if circuit is self._fits[0] and curve is self._fits[1]:  # a stream's next frame
+            return
+        made, here = self.meta["circuit"], circuit.describe()
+        differs = [
+            f"{key} = {made[key]} (yours: {here[key]})"
+            for key in ("rows", "cols", "r_ref", "r_par", "mask")
+            if made[key] != here[key]
+        ]
+        if self.meta["curve"] != curve.describe():
+            differs.append("another pressure curve")
+        if differs:
+            raise ValueError(
+                f"weights {self.path} were made for another skin: {', '.join(differs)}; "
+                "make your own with `tactile-skin train`, or choose another method"
+            )
+        self._fits = circuit, curve
+
+    def predict(self, adc) -> np.ndarray:
+        """(..., rows, cols) ADC ratio -> force [N], same shape.
+
+        Raises:
+            ValueError: another number of rows or columns than the network was made for, or numbers
+                that grow beyond all bounds on their way, as they do with senseless weights.
+        """
+        adc = np.asarray(adc)
+        if adc.shape[-2:] != (self.rows, self.cols):
+            raise ValueError(
+                f"readings of shape {adc.shape}: the network wants (..., {self.rows}, {self.cols})"
+            )
+        frames = adc.reshape(-1, self.rows, self.cols)
+        out = np.empty(frames.shape)
+        for start in range(0, len(frames), _FRAMES_AT_ONCE):
+            here = slice(start, start + _FRAMES_AT_ONCE)
+            with np.errstate(over="ignore", invalid="ignore"):  # seen below
+                out[here] = self._pass(frames[here])
+        if not np.isfinite(out.sum()):
+            raise ValueError(f"weights {self.path}: the network's force is not finite")
+        return out.reshape(adc.shape)
+
+    def _pass(self, frames: np.ndarray) -> np.ndarray:
+        n = len(frames)
+        if getattr(self._scratch, "n", None) != n:
+            self._allocate(n)
+        scratch, inside = self._scratch, self._scratch.inside  # (channels, n, rows, cols)
+        if self._lines is None:
+            inputs = physics_inputs(frames, self._circuit, self._curve)
+            np.divide(inputs - self._mean[:, None], self._std[:, None], out=inside)
+        else:
+            (row, row_bias), (col, col_bias) = self._lines
+            x = inside[0]  # (n, rows, cols)
+            np.divide(frames - self._mean, self._std, out=x, casting="same_kind")
+            inside[1] = np.maximum(x @ row + row_bias, 0.0)[:, :, None]
+            inside[2] = np.maximum(col @ x + col_bias, 0.0)[:, None, :]
+        for gathered, window in scratch.context:  # (3, 3, channels, n, rows, cols) each
+            gathered[...] = window
+        h = np.matmul(self._context, scratch.columns, out=scratch.looked)
+        h = h.reshape(-1, *frames.shape)  # (27, n, rows, cols)
+        for weight, (inner, padded, taps, shifted, flat, summed) in zip(
+            self._heads, scratch.layers, strict=True
+        ):
+            np.maximum(h, 0.0, out=inner)
+            np.matmul(weight, padded, out=taps)
+            np.add.reduce(shifted, (0, 1), out=flat)
+            h = summed
+        return np.maximum(h[0], 0.0) * self._curve.max_force
+
+    def _allocate(self, n: int) -> None:
+        """Buffers for n frames, and views of them; padding stays 0, and channels of ones 1."""
+        rows, cols, pad = self.rows, self.cols, max(DILATIONS)
+        scratch = self._scratch
+        channels = self._context.shape[2] // 9
+        picture = np.zeros((channels, n, rows + 2 * pad, cols + 2 * pad), np.float32)
+        scratch.inside = picture[:, :, pad : pad + rows, pad : pad + cols]
+        windows = sliding_window_view(picture, (rows, cols), (2, 3))
+        windows = windows.transpose(2, 3, 0, 1, 4, 5)  # (7, 7, channels, n, rows, cols)
+        columns = np.ones((len(DILATIONS), 9 * channels + 1, n * rows * cols), np.float32)
+        scratch.columns = columns
+        scratch.context = [
+            (
+                columns[k, :-1].reshape(3, 3, channels, n, rows, cols),
+                windows[pad - d : pad + d + 1 : d, pad - d : pad + d + 1 : d],
+            )
+            for k, d in enumerate(DILATIONS)
+        ]
+        scratch.looked = np.empty((*self._context.shape[:2], n * rows * cols), np.float32)
+        # A 3x3 convolution of a zero-padded picture kept flat: one product gives what each of the
+        # nine taps adds, and each lies at an offset of its own.
+        wide, size = cols + 2, n * (rows + 2) * (cols + 2)
+        used = size - 2 * wide - 2
+        scratch.layers = []
+        for weight in self._heads:
+            channels, out = weight.shape[1] - 1, len(weight) // 9
+            padded = np.zeros((channels + 1, n, rows + 2, wide), np.float32)
+            padded[-1] = 1.0
+            taps = np.empty((9 * out, size), np.float32)
+            line, item = taps.strides
+            shifted = as_strided(
+                taps,
+                (3, 3, out, used),
+                (3 * out * line + wide * item, out * line + item, line, item),
+                writeable=False,
+            )
+            flat = np.zeros((out, size), np.float32)
+            summed = flat.reshape(out, n, rows + 2, wide)[:, :, :rows, :cols]
+            inner = padded[:-1, :, 1:-1, 1:-1]
+            scratch.layers.append(
+                (inner, padded.reshape(-1, size), taps, shifted, flat[:, :used], summed)
+            )
+        scratch.n = n
+
+
+def _checked(state: dict, wanted: dict[str, tuple[int, ...]]) -> dict[str, np.ndarray]:
+    """The arrays as float32, in the order of `wanted`; ValueError unless they are just those."""
+    for what, names in (("missing", wanted.keys() - state), ("unknown", state.keys() - wanted)):
+        if names:
+            raise ValueError(f"array {min(names)!r} is {what}: must be {', '.join(wanted)}")
+    checked = {}
+    for name, shape in wanted.items():
+        array = np.asarray(state[name])
+        if array.shape != shape or array.dtype.kind != "f":
+            raise ValueError(
+                f"array {name!r} is {array.dtype} of shape {array.shape}: must be float of {shape}"
+            )
+        with np.errstate(over="ignore"):
+            checked[name] = array.astype(np.float32)
+        if not np.isfinite(checked[name]).all():
+            raise ValueError(f"array {name!r}: must be finite")
+    if not (checked["input_std"] > 0).all():
+        raise ValueError("array 'input_std': must be above 0")
+    return checked
+
+
+def _layers(state: dict, name: str) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Weights (out, in, 3, 3) and biases (out,) of the numbered layers of one name, in order."""
+    count = sum(key.startswith(name) and key.endswith("weight") for key in state)
+    names = [f"{name}.{k}" for k in range(count)]
+    return [
+        (state[f"{key}.weight"].astype(np.float32), state[f"{key}.bias"].astype(np.float32))
+        for key in names
+    ]
+
+
+def _by_tap(weight: np.ndarray, bias: np.ndarray) -> np.ndarray:
+    """(9 * out, in + 1) of a 3x3 convolution: taps outermost, the biases at its middle one."""
+    out, channels = weight.shape[:2]
+    stacked = np.zeros((3, 3, out, channels + 1), np.float32)
+    stacked[..., :-1] = weight.transpose(2, 3, 0, 1)
+    stacked[1, 1, :, -1] = bias
+    return stacked.reshape(9 * out, channels + 1)
+
+
+def save(path, state: dict[str, np.ndarray], meta: dict) -> None:
+    """Write weights with what they were made for: arrays, and a JSON text."""
+    text = json.dumps({"format": _FORMAT} | meta)
+    np.savez(path, meta=np.array(text), **state)
+
+
+def load(path) -> Weights:
+    """Read weights written by `save`.
+
+    Raises:
+        FileError: the file is not one of those; the message names it and what is wrong.
+        OSError: it cannot be read.
+    """
+    try:
+        data = read_bytes(path, _MOST_BYTES)
+    except FileNotFoundError as error:
+        raise FileNotFoundError(f"weights {path}: no such file") from error
+    except FileError as error:
+        raise FileError(f"weights {error}") from error
+    try:
+        arrays = _unpack(data)
+        meta = json.loads(str(arrays.pop("meta", None)))
+        if not isinstance(meta, dict) or meta.get("format") != _FORMAT:
+            raise ValueError(f"meta: format: must be {_FORMAT}")
+        return Weights(arrays, meta, Path(path))
+    except Exception as error:  # whatever a foreign or damaged file raises in zip, JSON or arrays
+        reason = one_line(error) if isinstance(error, ValueError) else repr(error)
+        raise FileError(f"weights {path}: not a weights file of tactile_skin: {reason}") from error
+
+
+def _unpack(data: bytes) -> dict[str, np.ndarray]:
+    """The arrays of an .npz, as `save` writes it; any exception if it is not one."""
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        members = archive.infolist()
+    if len(members) > _MOST_ARRAYS or len({m.filename for m in members}) < len(members):
+        raise ValueError(f"{len(members)} arrays: must be at most {_MOST_ARRAYS}, of one name each")
+    if sum(member.file_size for member in members) > _MOST_BYTES:
+        raise ValueError(f"unpacks to too much: must be at most {_MOST_BYTES // 1024} KiB")
+    if not {m.compress_type for m in members} <= {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}:
+        raise ValueError("packed as `save` never does")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # of arrays that only old programs wrote
+        with np.load(io.BytesIO(data), allow_pickle=False) as file:
+            return dict(file)
+
+
+@cache
+def shipped(name: str) -> Weights:
+    """The weights that come with the package, for the default circuit and curve."""
+    return load(SHIPPED / f"{name}.npz")

@@ -1,0 +1,171 @@
+"""Synthetic pressure scenes: what a skin may feel, as force per cell.
+
+The three families are the paper's (section V-B): Gaussian blobs in random rectangles, filled
+rectangles, and random matrices. Its text leaves the numbers open; the ones here are this
+project's, and every figure names them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..physics.circuit import Circuit
+from ..physics.curve import GRAM
+
+FAMILIES = ("blobs", "rects", "random")
+MAX_LOAD = 1000.0  # g a cell, as the paper's
+_SIDE = (2, 9)  # cells, shortest and longest side of a rectangle
+_NOISE = 0.05  # relative, of each cell
+
+
+def sample(family: str, n: int, rows: int, cols: int, rng: np.random.Generator) -> np.ndarray:
+    """Draw n scenes of one family: (n, rows, cols) force per cell [N], at most 1 kg of load.
+
+    blobs: 1 to 4 rectangles of 2 to 9 cells a side, each a*exp(-(dy/(h/3))^2 - (dx/(w/3))^2) about
+    its middle, a = U(0, 1000) g, 5 % multiplicative noise a cell, summed. rects: the same, filled
+    constant. random: U(0, 1) a cell times one U(0, 1) * 1000 g.
+
+    Raises:
+        ValueError: an unknown family.
+    """
+    if family == "random":
+        scale = rng.uniform(0.0, MAX_LOAD, (n, 1, 1))
+        return rng.uniform(0.0, 1.0, (n, rows, cols)) * scale * GRAM
+    if family not in FAMILIES:
+        raise ValueError(f"family {family!r}: must be one of {', '.join(FAMILIES)}")
+    load = np.zeros((n, rows, cols))
+    count = rng.integers(1, 5, n)
+    y, x = np.arange(rows)[:, None], np.arange(cols)[None, :]
+    for k in range(4):
+        h = _column(np.minimum(rng.integers(_SIDE[0], _SIDE[1] + 1, n), rows))
+        w = _column(np.minimum(rng.integers(_SIDE[0], _SIDE[1] + 1, n), cols))
+        top = rng.integers(0, rows - h + 1)
+        left = rng.integers(0, cols - w + 1)
+        amplitude = _column(rng.uniform(0.0, MAX_LOAD, n))
+        inside = (y >= top) & (y < top + h) & (x >= left) & (x < left + w)
+        inside &= _column(count > k)
+        shape = 1.0
+        if family == "blobs":
+            dy, dx = y - (top + (h - 1) / 2), x - (left + (w - 1) / 2)
+            shape = np.exp(-((dy / (h / 3)) ** 2) - (dx / (w / 3)) ** 2)
+        noise = 1.0 + _NOISE * rng.standard_normal((n, rows, cols))
+        load += np.where(inside, amplitude * shape * noise, 0.0)
+    return np.clip(load, 0.0, MAX_LOAD) * GRAM
+
+
+def _column(values: np.ndarray) -> np.ndarray:
+    return values[:, None, None]
+
+
+READOUTS = ("ideal", "adc10", "scan")
+
+
+def read_out(circuit: Circuit, adc: np.ndarray, readout: str, rng: np.random.Generator):
+    """What a board makes of the ideal ADC ratio, same shape.
+
+    ideal: nothing. adc10: rounded to the circuit's ADC steps (10 bits, by default). scan: 1 ADC
+    step RMS noise on each sample, rounded, mean of 4 scans - what a board of 390 scans a second
+    has for each of 100 frames a second.
+
+    Raises:
+        ValueError: an unknown readout.
+    """
+    if readout == "ideal":
+        return adc
+    steps = adc * circuit.full_scale
+    if readout == "adc10":
+        return np.rint(steps) / circuit.full_scale
+    if readout != "scan":
+        raise ValueError(f"readout {readout!r}: must be one of {', '.join(READOUTS)}")
+    total = sum(np.rint(steps + rng.standard_normal(adc.shape)) for _ in range(4))
+    return np.clip(total / 4.0, 0.0, circuit.full_scale) / circuit.full_scale
+
+
+# --- scripted scenes: functions of time, for the simulated board ---------------------------------
+
+
+def finger(rows: int, cols: int, row: float, col: float, newtons: float, width: float = 0.9):
+    """A fingertip pressed on the skin: (rows, cols) force [N], summing to `newtons`.
+
+    Args:
+        row, col: centre, in cells.
+        width: standard deviation of its pressure, in cells.
+    """
+    y, x = np.arange(rows)[:, None], np.arange(cols)[None, :]
+    distance2 = (y - row) ** 2 + (x - col) ** 2
+    shape = np.where(distance2 < (3.0 * width) ** 2, np.exp(-distance2 / (2 * width**2)), 0.0)
+    return newtons * shape / shape.sum()
+
+
+def _pulse(t: float, start: float, end: float, ramp: float = 0.15) -> float:
+    """0 outside (start, end), 1 within, raised-cosine flanks [s]."""
+    if not start < t < end:
+        return 0.0
+    edge = min(t - start, end - t) / ramp
+    return 1.0 if edge >= 1.0 else 0.5 - 0.5 * np.cos(np.pi * edge)
+
+
+def _idle(t, rows, cols):
+    return np.zeros((rows, cols))
+
+
+def _one_finger(t, rows, cols):
+    return finger(rows, cols, 0.35 * rows, 0.6 * cols, 4.0)
+
+
+def _two_fingers(t, rows, cols):
+    """Two corners of a rectangle: the other two are where the naive method sees ghosts."""
+    first = finger(rows, cols, 0.25 * rows, 0.3 * cols, 12.0)
+    return first + finger(rows, cols, 0.7 * rows, 0.75 * cols, 12.0)
+
+
+def _push_left(t, rows, cols):
+    """A palm on the robot's left: high columns, see geometry.py."""
+    return finger(rows, cols, 0.5 * (rows - 1), cols - 3.0, 60.0, width=1.6)
+
+
+def _stroke(t, rows, cols):
+    """A finger drawn across the columns, there and back in 4 s."""
+    phase = 0.5 - 0.5 * np.cos(2 * np.pi * t / 4.0)
+    return finger(rows, cols, 0.5 * (rows - 1), 2.0 + phase * (cols - 5.0), 5.0)
+
+
+_DEMO = (  # start [s], end [s], what is done
+    (1.0, 3.5, _one_finger),
+    (4.5, 8.0, _two_fingers),
+    (9.0, 11.5, _push_left),
+    (12.5, 16.5, _stroke),
+)
+_DEMO_PERIOD = 18.0  # s
+
+
+def _demo(t, rows, cols):
+    """Idle, one finger, two fingers, a push from the left, a stroke; then anew."""
+    t %= _DEMO_PERIOD
+    force = np.zeros((rows, cols))
+    for start, end, scene in _DEMO:
+        level = _pulse(t, start, end)
+        if level > 0.0:
+            force += level * scene(t - start, rows, cols)
+    return force
+
+
+SCRIPTS = {
+    "demo": _demo,
+    "idle": _idle,
+    "one_finger": _one_finger,
+    "two_fingers": _two_fingers,
+    "push_left": _push_left,
+    "stroke": _stroke,
+}
+
+
+def script(name: str, rows: int, cols: int):
+    """A scripted scene: function of the time [s] that gives (rows, cols) force per cell [N].
+
+    Raises:
+        ValueError: an unknown name.
+    """
+    if name not in SCRIPTS:
+        raise ValueError(f"scene {name!r}: must be one of {', '.join(SCRIPTS)}")
+    return lambda t: SCRIPTS[name](t, rows, cols)

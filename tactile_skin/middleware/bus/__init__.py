@@ -1,0 +1,53 @@
+"""Topics, services, timers and parameters within one process, with rclpy's signatures.
+
+A node written against this module runs unchanged on rclpy's Node. What differs is chosen for a
+robot's stop: queues are bounded and drop the oldest (counted), a callback that raises is logged,
+counted and isolated, and `MultiThreadedExecutor` gives each node a thread of its own, so that a
+slow subscriber delays nobody but itself.
+"""
+
+from .calls import Client, Service, Timer
+from .clock import Clock, Duration, ManualClock, Time
+from .executors import MultiThreadedExecutor, SingleThreadedExecutor
+from .node import Node
+from .parameters import (
+    FloatingPointRange,
+    IntegerRange,
+    Parameter,
+    ParameterDescriptor,
+    ParameterError,
+)
+from .topics import (
+    Context,
+    DurabilityPolicy,
+    Publisher,
+    QoSProfile,
+    Subscription,
+    TopicTypeError,
+    as_qos,
+)
+
+__all__ = [
+    "Client",
+    "Clock",
+    "Context",
+    "DurabilityPolicy",
+    "Duration",
+    "FloatingPointRange",
+    "IntegerRange",
+    "ManualClock",
+    "MultiThreadedExecutor",
+    "Node",
+    "Parameter",
+    "ParameterDescriptor",
+    "ParameterError",
+    "Publisher",
+    "QoSProfile",
+    "Service",
+    "SingleThreadedExecutor",
+    "Subscription",
+    "Time",
+    "Timer",
+    "TopicTypeError",
+    "as_qos",
+]

@@ -1,0 +1,288 @@
+"""A node: its names, what it is made of, and how its callbacks are called."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import math
+import sys
+import threading
+from collections import deque
+from concurrent.futures import Future
+
+from .calls import DUE, Client, Service, Timer
+from .parameters import Parameter, ParameterDescriptor, ParameterError, checked
+from .topics import Context, Publisher, QoSProfile, Subscription, as_qos, default_context
+from .turns import Turns, Wake
+
+
+class Node:
+    """A named set of callbacks, as rclpy's Node.
+
+    Args:
+        node_name: last part of its full name.
+        context: the topics it sees; None: those of the process.
+        cli_args: ``["--ros-args", "-r", "from:=to", ...]``; topic and service remappings.
+        namespace: prefix of its relative names.
+        parameter_overrides: values that win over the defaults its parameters are declared with.
+    """
+
+    def __init__(
+        self,
+        node_name: str,
+        *,
+        context: Context | None = None,
+        cli_args: list[str] | None = None,
+        namespace: str = "",
+        parameter_overrides: list[Parameter] | None = None,
+    ):
+        self.context = context or default_context
+        self._name = node_name
+        self._namespace = "/" + namespace.strip("/") if namespace.strip("/") else "/"
+        self._overrides = {p.name: p.value for p in parameter_overrides or []}
+        self._parameters: dict[str, Parameter] = {}
+        self._lock = threading.RLock()
+        self._wake = Wake()
+        # Whose message or request comes next, in the order of their arrival, one entry for each.
+        self._inbox: deque[Subscription | Service] = deque()
+        self._gone = False
+        self._subscriptions: list[Subscription] = []
+        self._timers: list[Timer] = []
+        self._services: list[Service] = []
+        self._publishers: list[Publisher] = []
+        self._errors: dict[int, tuple[int, float]] = {}
+        self._in_callback = False
+        self._turns = Turns((self,))
+        self._remappings = dict(map(self._remapping, _remap_rules(cli_args or [])))
+
+    # names
+
+    def get_name(self) -> str:
+        return self._name
+
+    def get_namespace(self) -> str:
+        return self._namespace
+
+    def get_fully_qualified_name(self) -> str:
+        return f"{self._namespace.rstrip('/')}/{self._name}"
+
+    def resolve_topic_name(self, topic: str) -> str:
+        """Full name of a topic: namespace, private "~/" and remappings applied."""
+        name = self._expand(topic)
+        return self._remappings.get(name, name)
+
+    def undeclared(self) -> list[str]:
+        """Names of overrides that no parameter of this node has: most likely misspelt."""
+        return sorted(set(self._overrides) - set(self._parameters))
+
+    def parameter_names(self) -> list[str]:
+        return sorted(self._parameters)
+
+    def _expand(self, name: str) -> str:
+        if not name or name.endswith("/") or " " in name:
+            raise ValueError(f"{name!r} is not a topic or service name")
+        if name.startswith("/"):
+            return name
+        if name.startswith("~/"):
+            return f"{self.get_fully_qualified_name()}/{name[2:]}"
+        return f"{self._namespace.rstrip('/')}/{name}"
+
+    def _remapping(self, rule: str) -> tuple[str, str]:
+        source, _, target = rule.partition(":=")
+        return self._expand(source), self._expand(target)
+
+    # what a node is made of
+
+    def create_publisher(self, msg_type, topic: str, qos_profile: QoSProfile | int) -> Publisher:
+        publisher = Publisher(self, msg_type, self.resolve_topic_name(topic), as_qos(qos_profile))
+        self._publishers.append(publisher)
+        return publisher
+
+    def create_subscription(
+        self, msg_type, topic: str, callback, qos_profile: QoSProfile | int
+    ) -> Subscription:
+        name = self.resolve_topic_name(topic)
+        subscription = Subscription(self, msg_type, name, callback, as_qos(qos_profile))
+        with self._lock:
+            self._subscriptions.append(subscription)
+        self._wake.set()
+        return subscription
+
+    def create_timer(self, timer_period_sec: float, callback) -> Timer:
+        if not timer_period_sec > 0:
+            raise ValueError(f"timer_period_sec = {timer_period_sec!r}: must be above 0")
+        timer = Timer(self, round(timer_period_sec * 1e9), callback)
+        with self._lock:
+            self._timers.append(timer)
+        self._wake.set()
+        return timer
+
+    def create_service(self, srv_type, srv_name: str, callback) -> Service:
+        service = Service(self, srv_type, self.resolve_topic_name(srv_name), callback)
+        with self._lock:
+            self._services.append(service)
+        return service
+
+    def create_client(self, srv_type, srv_name: str) -> Client:
+        return Client(self, srv_type, self.resolve_topic_name(srv_name))
+
+    def get_clock(self):
+        return self.context.clock
+
+    def get_logger(self) -> logging.Logger:
+        return logging.getLogger(f"tactile_skin.{self._name}")
+
+    def declare_parameter(
+        self, name: str, value, descriptor: ParameterDescriptor | None = None
+    ) -> Parameter:
+        """Announce a parameter; its value is the override, or the given default.
+
+        Raises:
+            ParameterError: the override has another type, or lies outside the descriptor's range.
+        """
+        if name in self._parameters:
+            raise ParameterError(f"parameter {name} of node {self._name} is declared twice")
+        override = self._overrides.get(name, value)
+        valid = checked(self._name, name, override, value, descriptor or ParameterDescriptor())
+        self._parameters[name] = Parameter(name, valid)
+        return self._parameters[name]
+
+    def get_parameter(self, name: str) -> Parameter:
+        if name not in self._parameters:
+            raise ParameterError(f"parameter {name} of node {self._name} is not declared")
+        return self._parameters[name]
+
+    def destroy_node(self) -> None:
+        """Leave all topics and services; callbacks under way finish."""
+        with self.context._lock, self._lock:
+            for s in self._subscriptions:
+                others = self.context._subscriptions[s.topic_name]
+                self.context._subscriptions[s.topic_name] = tuple(o for o in others if o is not s)
+            for p in self._publishers:
+                self.context._publishers[p.topic_name].remove(p)
+            for service in self._services:
+                del self.context._services[service.srv_name]
+                for _, future in service._queue:
+                    if future.set_running_or_notify_cancel():
+                        future.set_exception(RuntimeError(f"{service.srv_name}: its node is gone"))
+            for kept in (self._subscriptions, self._publishers, self._timers, self._services):
+                kept.clear()
+            self._inbox.clear()
+            self._gone = True
+        self._wake.set()
+
+    # what an executor does with it
+
+    def _until_due(self) -> float | None:
+        """How long until the next timer is due [s], if there is one."""
+        with self._lock:
+            due = min(map(DUE, self._timers), default=math.inf)
+        if due == math.inf:
+            return None
+        return max(0.0, (due - self.context.clock.now().nanoseconds) / 1e9)
+
+    def _take_timer(self, now: int):
+        """The call of the timer that is due first, as (callback, arguments, future), or None."""
+        with self._lock:
+            timer = min(self._timers, key=DUE, default=None)
+            if timer is None or timer._due > now:
+                return None
+            timer._step(now)
+            self._in_callback = True
+            return timer.callback, (), None
+
+    def _take_message(self):
+        """The call of the oldest message or request, as (callback, arguments, future), or None."""
+        with self._lock:
+            if not self._inbox:
+                return None
+            self._in_callback = True
+            return self._inbox.popleft()._next()
+
+    def _run_ready(self, now: int) -> bool:
+        """Call every message and every timer that is due at `now` [ns]; whether there was any."""
+        ran = False
+        while self._turns.run_one(now):
+            ran = True
+        return ran
+
+    def _idle(self) -> bool:
+        """Whether no message waits and no callback runs."""
+        with self._lock:
+            return not self._inbox and not self._in_callback
+
+    def _call(self, callback, arguments, future: Future | None) -> None:
+        try:
+            if future is not None and not future.set_running_or_notify_cancel():
+                return  # nobody waits for the response any more
+            result = callback(*arguments)
+        except (Exception, SystemExit) as error:  # a node's thread must not end silently
+            self._report(callback, error)
+            if future is not None:
+                _settle(future.set_exception, error)
+        else:
+            if future is not None:
+                _settle(future.set_result, result)
+        finally:
+            self._in_callback = False
+
+    def _report(self, callback, error: BaseException) -> None:
+        """Log an isolated callback's exception: the first in full, then one line in 5 s."""
+        count, last = self._errors.get(id(callback), (0, -1e9))  # by id: it may not be hashable
+        now = self.context.clock.now().nanoseconds / 1e9
+        said = count == 0 or now - last >= 5.0
+        self._errors[id(callback)] = count + 1, now if said else last
+        if not said:
+            return
+        try:
+            name = getattr(callback, "__qualname__", None) or repr(callback)
+            if count == 0:
+                self.get_logger().error("callback %s raised", name, exc_info=error)
+            else:
+                self.get_logger().error("callback %s raised %d times: %r", name, count + 1, error)
+        except (Exception, SystemExit) as broken:  # of a log handler: it must not end the thread
+            _complain(f"node {self._name}: {type(error).__name__}", broken)
+
+    @property
+    def publishers(self) -> tuple[Publisher, ...]:
+        """Its publishers, as rclpy's."""
+        return tuple(self._publishers)
+
+    @property
+    def dropped(self) -> int:
+        """Number of messages that the queues of its subscriptions have dropped."""
+        with self._lock:
+            return sum(subscription.dropped for subscription in self._subscriptions)
+
+    @property
+    def callback_errors(self) -> int:
+        """Number of exceptions that callbacks of this node have raised."""
+        return sum(count for count, _ in tuple(self._errors.values()))
+
+
+def _settle(settle, value) -> None:
+    """Give a Future its result, whatever a listener to it or a log handler raises."""
+    try:
+        settle(value)
+    except (Exception, SystemExit) as broken:
+        _complain("the answer of a service", broken)
+
+
+def _complain(what: str, broken: BaseException) -> None:
+    """What could not be logged goes to stderr, if there is one."""
+    with contextlib.suppress(Exception):
+        print(f"{what}, and {type(broken).__name__} while that was told", file=sys.stderr)
+
+
+def _remap_rules(cli_args: list[str]) -> list[str]:
+    rules, rest = [], list(cli_args)
+    while rest:
+        word = rest.pop(0)
+        if word == "--ros-args":
+            continue
+        if word not in ("-r", "--remap") or not rest or ":=" not in rest[0]:
+            raise ValueError(f"cli_args: {word!r}: only '-r from:=to' is understood")
+        if rest[0].startswith("__"):
+            raise ValueError(f"cli_args: {rest[0]!r}: only topics and services can be remapped")
+        rules.append(rest.pop(0))
+    return rules

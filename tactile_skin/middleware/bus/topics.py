@@ -1,0 +1,132 @@
+"""Topics: who publishes, who listens, and how many messages wait."""
+
+from __future__ import annotations
+
+import enum
+import threading
+from collections import defaultdict, deque
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ...errors import TopicTypeError
+from .clock import Clock
+
+if TYPE_CHECKING:
+    from .calls import Service
+    from .node import Node
+
+
+class DurabilityPolicy(enum.Enum):
+    VOLATILE = 2
+    TRANSIENT_LOCAL = 1
+
+
+@dataclass(frozen=True)
+class QoSProfile:
+    """depth: messages kept for a subscriber that lags. TRANSIENT_LOCAL: "latched" in ROS 1."""
+
+    depth: int = 10
+    durability: DurabilityPolicy = DurabilityPolicy.VOLATILE
+
+    def __post_init__(self):
+        if self.depth < 1:
+            raise ValueError(f"depth = {self.depth}: must be 1 or more")
+
+
+def as_qos(profile: QoSProfile | int) -> QoSProfile:
+    """A depth alone is a profile, as in rclpy."""
+    return profile if isinstance(profile, QoSProfile) else QoSProfile(depth=profile)
+
+
+class Context:
+    """One set of topics and services; nodes of different contexts do not see each other."""
+
+    def __init__(self, clock=None):
+        self.clock = clock or Clock()
+        self._lock = threading.RLock()
+        self._topic_type: dict[str, type] = {}
+        self._publishers: dict[str, list[Publisher]] = defaultdict(list)
+        self._subscriptions: dict[str, tuple[Subscription, ...]] = defaultdict(tuple)
+        self._services: dict[str, Service] = {}
+        self._down = threading.Event()
+
+    def ok(self) -> bool:
+        return not self._down.is_set()
+
+    def try_shutdown(self) -> None:
+        """Ask everything that spins in this context to end."""
+        self._down.set()
+
+    def wait(self, timeout_sec: float | None = None) -> bool:
+        """Wait for the shutdown; whether it came."""
+        return self._down.wait(timeout_sec)
+
+    def _claim(self, topic: str, msg_type: type) -> None:
+        known = self._topic_type.setdefault(topic, msg_type)
+        if known is not msg_type:
+            raise TopicTypeError(f"topic {topic} carries {known.TYPE}, not {msg_type.TYPE}")
+
+
+default_context = Context()
+
+
+class Publisher:
+    def __init__(self, node: Node, msg_type: type, topic: str, qos: QoSProfile):
+        self.topic_name, self.msg_type, self.qos_profile = topic, msg_type, qos
+        self._context = node.context
+        latched = qos.durability is DurabilityPolicy.TRANSIENT_LOCAL
+        self._kept = deque(maxlen=qos.depth if latched else 0)
+        with self._context._lock:
+            self._context._claim(topic, msg_type)
+            self._context._publishers[topic].append(self)
+
+    def publish(self, message) -> None:
+        """Hand the message to every subscriber; never blocks on one."""
+        if type(message) is not self.msg_type:
+            raise TypeError(
+                f"topic {self.topic_name} carries {self.msg_type.TYPE}, not {message!r}"
+            )
+        with self._context._lock:
+            self._kept.append(message)
+            subscriptions = self._context._subscriptions[self.topic_name]
+        for subscription in subscriptions:
+            subscription.put(message)
+
+    def get_subscription_count(self) -> int:
+        return len(self._context._subscriptions[self.topic_name])
+
+
+class Subscription:
+    """Attributes: `dropped`, messages that a slow callback made the queue lose."""
+
+    def __init__(self, node: Node, msg_type: type, topic: str, callback, qos: QoSProfile):
+        self.topic_name, self.msg_type, self.qos_profile = topic, msg_type, qos
+        self.callback, self.dropped = callback, 0
+        self._node = node
+        self._queue: deque = deque()
+        context = node.context
+        with context._lock:
+            context._claim(topic, msg_type)
+            if qos.durability is DurabilityPolicy.TRANSIENT_LOCAL:
+                for publisher in context._publishers[topic]:
+                    for message in publisher._kept:
+                        self.put(message)
+            context._subscriptions[topic] += (self,)
+
+    def put(self, message) -> None:
+        """A message has arrived, in whatever thread."""
+        node = self._node
+        with node._lock:
+            if node._gone:
+                return
+            if len(self._queue) >= self.qos_profile.depth:
+                self._queue.popleft()
+                node._inbox.remove(self)
+                self.dropped += 1
+            self._queue.append(message)
+            node._inbox.append(self)
+        node._wake.set()
+
+    def _next(self):
+        """The oldest message's call, as (callback, arguments, future)."""
+        return self.callback, (self._queue.popleft(),), None

@@ -1,0 +1,204 @@
+"""Parameters of the nodes as the things that the pure modules work with, and ROS 2 YAML files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import FileError, ParameterError
+from ..files import shorten
+from ..physics.adc import Adc
+from ..physics.circuit import Circuit
+from ..physics.curve import PressureCurve
+from ..touch.geometry import CELL_AREA, PITCH, SHAPES, Geometry, make_geometry
+from ..yaml_files import read_yaml
+from .bus import (
+    Context,
+    FloatingPointRange,
+    IntegerRange,
+    Node,
+    Parameter,
+    ParameterDescriptor,
+)
+
+SHARED = ("circuit", "curve", "geometry")  # parameters that several nodes read
+
+
+class _Skin(NamedTuple):
+    circuit: Circuit
+    curve: PressureCurve
+    geometry: Geometry
+
+
+class SkinConfig(_Skin):
+    """What a parameter file says of the skin itself: circuit, curve, geometry = read_skin(...).
+
+    Attributes:
+        adc: from the board's counts to the ratio that the solvers take: `adc.ratio(counts)`.
+    """
+
+    adc: Adc
+
+
+def read_skin(path=None, node: str = "compensation") -> SkinConfig:
+    """Circuit, curve and geometry of a parameter file such as config/skin.yaml.
+
+    Args:
+        path: ROS 2 parameter file; None: the defaults of all parameters.
+        node: name, with its namespace, of the node whose parameters are read: "left/compensation".
+
+    Raises:
+        FileError: not a parameter file; the message names the file and the key.
+        ValueError: a value that is out of range, or an unknown name under circuit, curve or
+            geometry; the message names the file.
+        OSError: the file, or the table of cells that it names, cannot be read.
+    """
+    overrides = [] if path is None else ParameterFile(path).overrides(f"/{node.strip('/')}")
+    reader = Node("compensation", context=Context(), parameter_overrides=overrides)
+    try:
+        circuit, curve = circuit_of(reader), curve_of(reader)
+        skin = SkinConfig(circuit, curve, geometry_of(reader, circuit))
+        skin.adc = adc_of(reader, circuit)
+    except ValueError as error:
+        raise type(error)(f"{path}: {error}") from error
+    unknown = [name for name in reader.undeclared() if name.split(".")[0] in SHARED]
+    if unknown:
+        raise ParameterError(
+            f"{path}: parameter {unknown[0]!r} is unknown; "
+            f"there are: {', '.join(reader.parameter_names())}"
+        )
+    return skin
+
+
+def describe(text: str, low=None, high=None) -> ParameterDescriptor:
+    """A parameter's description, and its range where it has one."""
+    if low is None:
+        return ParameterDescriptor(text)
+    if isinstance(low, int):
+        return ParameterDescriptor(text, integer_range=[IntegerRange(low, high)])
+    return ParameterDescriptor(text, floating_point_range=[FloatingPointRange(low, high)])
+
+
+def circuit_of(node: Node) -> Circuit:
+    """The circuit from the node's parameters ``circuit.*``."""
+
+    def value(name, default, *bounds):
+        return node.declare_parameter(f"circuit.{name}", default, describe(*bounds)).value
+
+    rows = value("rows", 16, "row stripes", 1, 64)
+    cols = value("cols", 16, "column stripes", 1, 64)
+    r_ref = value("r_ref", 1780.0, "reference resistor [ohm]", 1.0, 1e7)
+    r_par = value("r_par", 326.0, "series resistance of the multiplexers [ohm]", 0.0, 1e6)
+    adc_bits = value("adc_bits", 10, "width of the ADC", 4, 16)
+    mask = value("mask", "", "cells that exist: a word of 0 and 1 per row; empty: all")
+    return Circuit(rows, cols, r_ref, r_par, adc_bits, mask_of(mask))
+
+
+def adc_of(node: Node, circuit: Circuit) -> Adc:
+    """How its board's ADC reads it, from the node's parameters ``circuit.*`` of the ADC."""
+
+    def value(name, default, *bounds):
+        return node.declare_parameter(f"circuit.{name}", default, describe(*bounds)).value
+
+    return Adc(
+        circuit,
+        value("adc_offset", 0.0, "what the ADC reads too low [ADC steps]", -65535.0, 65535.0),
+        value(
+            "adc_full_scale",
+            0.0,
+            "what the divider's supply would read [ADC steps]; 0: 2^adc_bits - 1",
+            0.0,
+            1e6,
+        ),
+        value("inverted", False, "readings fall with pressure"),
+        mask_of(
+            value("scanned", "", "crossings that are read: a word of 0 and 1 per row; empty: all"),
+            "scanned",
+        ),
+    )
+
+
+def mask_of(text: str, name: str = "mask") -> np.ndarray | None:
+    """ "110 011" -> (rows, cols) bool; empty: None, all of them."""
+    words = text.split()
+    if any(set(word) - {"0", "1"} or len(word) != len(words[0]) for word in words):
+        raise ValueError(f"circuit.{name} = {text!r}: must be words of 0 and 1, one per row")
+    return np.array([[c == "1" for c in word] for word in words]) if words else None
+
+
+def curve_of(node: Node) -> PressureCurve:
+    """The curve from the node's parameters ``curve.force`` [N] and ``curve.resistance`` [ohm]."""
+    default = PressureCurve().describe()
+    force = node.declare_parameter("curve.force", default["force"], describe("[N] per cell"))
+    resistance = node.declare_parameter("curve.resistance", default["resistance"])
+    return PressureCurve(force.value, resistance.value)
+
+
+def geometry_of(node: Node, circuit: Circuit) -> Geometry:
+    """The geometry from the node's parameters ``geometry.*``."""
+
+    def value(name, default, *bounds):
+        return node.declare_parameter(f"geometry.{name}", default, describe(*bounds)).value
+
+    return make_geometry(
+        value("shape", "plane", f"one of {', '.join(SHAPES)}"),
+        circuit.rows,
+        circuit.cols,
+        value("pitch", PITCH, "between neighbouring cells [m]", 1e-4, 1.0),
+        value("cell_area", CELL_AREA, "that senses, of one cell [m^2]", 1e-8, 1.0),
+        value("radius", 0.15, "of the cylinder or sphere [m]", 1e-3, 100.0),
+        value("translation", [0.0, 0.0, 0.0], "of the skin in the base frame [m]"),
+        value("rpy", [0.0, 0.0, 0.0], "of the skin in the base frame [rad]"),
+        value("table", "", "CSV file of the cells' positions and normals, of shape: table"),
+        circuit.populated,
+    )
+
+
+class ParameterFile:
+    """A ROS 2 parameter file: ``node_name: {ros__parameters: {...}}``, ``/**`` for every node.
+
+    Raises:
+        FileError: not such a file, or none; the message names the file and the key.
+    """
+
+    def __init__(self, path):
+        self.path = Path(path)
+        try:
+            data = read_yaml(path)
+        except OSError as error:
+            raise FileError(f"parameter file {path}: {error.strerror}") from error
+        if data is None:
+            data = {}
+        if not isinstance(data, dict):
+            raise FileError(f"{path}: must map node names to ros__parameters")
+        self.sections: dict[str, dict] = {}
+        for name, section in data.items():
+            if not isinstance(section, dict) or set(section) != {"ros__parameters"}:
+                raise FileError(f"{path}: {name}: must hold ros__parameters and nothing else")
+            if name.startswith("/") and name[1:] in data:
+                raise FileError(f"{path}: {name}: is the section {name[1:]} again")
+            values = section["ros__parameters"]
+            self.sections[name] = _flat({} if values is None else values, f"{path}: {name}")
+
+    def overrides(self, node: str) -> list[Parameter]:
+        """What the file says for the node of this full name, its own section last."""
+        found = {}
+        for name in ("/**", node.lstrip("/"), "/" + node.lstrip("/")):
+            found |= self.sections.get(name, {})
+        return [Parameter(key, value) for key, value in found.items()]
+
+
+def _flat(tree, where: str, under: str = "") -> dict:
+    """{"circuit": {"rows": 8}} -> {"circuit.rows": 8}."""
+    if not isinstance(tree, dict):
+        raise FileError(f"{where} = {shorten(tree)}: must map names to values")
+    flat = {}
+    for key, value in tree.items():
+        name = f"{under}{key}"
+        below = _flat(value, where, f"{name}.") if isinstance(value, dict) else {name: value}
+        if twice := below.keys() & flat:
+            raise FileError(f"{where}: {min(twice)} is given twice")
+        flat |= below
+    return flat

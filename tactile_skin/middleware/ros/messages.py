@@ -1,0 +1,77 @@
+"""Messages of msg.py <-> those of ROS 1 and 2, field by field."""
+
+from __future__ import annotations
+
+import array
+import dataclasses
+import functools
+import importlib
+import typing
+
+from ... import msg
+from ...errors import RosError
+
+
+@functools.cache
+def ros_class(kind: type) -> type:
+    """ROS's own class of a message or service of msg.py.
+
+    Raises:
+        RosError: the package with its definition is not installed.
+    """
+    package, folder, name = kind.TYPE.split("/")
+    try:
+        return getattr(importlib.import_module(f"{package}.{folder}"), name)
+    except ImportError as error:
+        raise RosError(f"{kind.TYPE}: the ROS package {package} is not installed") from error
+
+
+def to_ros(message, made=None):
+    """A message of msg.py -> ROS's own, field by field; `made`: the object to fill, if it is made.
+
+    Fields have the same names in ROS 1 and ROS 2. Where their Python types differ, the fresh
+    object's own value shows which is wanted.
+    """
+    made = ros_class(type(message))() if made is None else made
+    for field in dataclasses.fields(message):
+        value, like = getattr(message, field.name), getattr(made, field.name)
+        setattr(made, field.name, _encoded(value, like))
+    return made
+
+
+def _encoded(value, like):
+    if isinstance(value, msg.Time) and hasattr(like, "nsecs"):  # ROS 1's genpy.Time
+        return type(like)(value.sec, value.nanosec)
+    if dataclasses.is_dataclass(value):
+        return to_ros(value)
+    if isinstance(like, array.array):  # ROS 2's uint8[]
+        return array.array(like.typecode, value)
+    if isinstance(like, bytes) and isinstance(value, int):  # ROS 2's byte
+        return bytes([value])
+    if isinstance(value, list):
+        return [to_ros(item) if dataclasses.is_dataclass(item) else item for item in value]
+    return value
+
+
+def from_ros(kind: type, message):
+    """A message of ROS -> the one of msg.py that is its like."""
+    return kind(*(_decoded(hint, getattr(message, name)) for name, hint in _fields(kind)))
+
+
+@functools.cache
+def _fields(kind: type) -> list[tuple[str, type]]:
+    hints = typing.get_type_hints(kind)
+    return [(field.name, hints[field.name]) for field in dataclasses.fields(kind)]
+
+
+def _decoded(hint, value):
+    if hint is msg.Time and hasattr(value, "nsecs"):
+        return msg.Time(value.secs, value.nsecs)
+    if dataclasses.is_dataclass(hint):
+        return from_ros(hint, value)
+    if typing.get_origin(hint) is list:
+        (inner,) = typing.get_args(hint)
+        return [_decoded(inner, item) for item in value]
+    if hint is int and isinstance(value, bytes):
+        return value[0]
+    return bytes(value) if hint is bytes else value

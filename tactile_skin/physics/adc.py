@@ -1,0 +1,144 @@
+"""From what the ADC reads to the circuit's ratio: offset, full scale, polarity, what is not read.
+
+The solvers know a ratio from 0 to 1, the voltage over the reference resistor as a share of the
+divider's supply. Boards send counts, and few of them are that ratio times 2^bits - 1: an ESP32
+reads 0 up to 142 mV, an ADC may have a reference of its own, and where the reference resistor is on
+the side of the supply readings fall with pressure. This is the one place that knows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from .circuit import Circuit
+
+NOT_READ = 65535  # of skin/adc: no reading of this crossing; the largest reading is one less
+
+
+@dataclass(frozen=True, eq=False)
+class Adc:
+    """The converter of one board; by default a count is the ratio times 2^bits - 1.
+
+    The voltage's share of the supply is (count + offset) / full_scale.
+
+    Args:
+        circuit: whose readings these are.
+        offset: what the ADC reads too low [ADC steps]; negative: too high.
+        full_scale: what the supply of the divider would read, were there no offset and no end of
+            the range [ADC steps]; 0: 2^bits - 1.
+        inverted: readings fall with pressure.
+        scanned: (rows, cols) bool, crossings that the board reads; None: all of them.
+
+    Raises:
+        ValueError: a full scale or an offset that leaves no range, a picture of another shape.
+    """
+
+    circuit: Circuit
+    offset: float = 0.0
+    full_scale: float = 0.0
+    inverted: bool = False
+    scanned: np.ndarray | None = field(default=None, repr=False)
+
+    def __post_init__(self):
+        full = self.full_scale or float(self.circuit.full_scale)
+        if not 1.0 <= full < np.inf:
+            raise ValueError(f"adc_full_scale = {self.full_scale!r}: must be 1 or more, or 0")
+        if not abs(self.offset) < full:
+            raise ValueError(
+                f"adc_offset = {self.offset!r} ADC steps: "
+                f"must be less than the full scale, {full:g}"
+            )
+        object.__setattr__(self, "full_scale", full)
+        if self.scanned is not None:
+            scanned = np.array(self.scanned, dtype=bool)
+            if scanned.shape != self.circuit.shape:
+                raise ValueError(
+                    f"scanned has shape {scanned.shape}: the circuit is {self.circuit.shape}"
+                )
+            if not scanned.any():
+                raise ValueError("scanned: no crossing is read")
+            scanned.setflags(write=False)
+            object.__setattr__(self, "scanned", scanned)
+
+    @cached_property
+    def _sample(self) -> int:
+        """Of skin/adc, in an ADC step."""
+        return 2 ** (16 - self.circuit.adc_bits)
+
+    @cached_property
+    def _top(self) -> int:
+        """The largest count, as a sample of skin/adc."""
+        return self.circuit.full_scale * self._sample
+
+    def unread(self, samples: np.ndarray) -> np.ndarray:
+        """(..., rows, cols) bool: crossings that are named as such, marked, or 0 with no cell.
+
+        Args:
+            samples: of skin/adc.
+        """
+        unread = samples == NOT_READ
+        if self.circuit.mask is not None:  # through its neighbours it would read more than 0
+            unread |= ~self.circuit.mask & (samples == 0)
+        return unread if self.scanned is None else unread | ~self.scanned
+
+    def marked(self, samples: np.ndarray, unread: np.ndarray | None = None) -> np.ndarray:
+        """Samples as skin/adc carries them: NOT_READ where no reading is, and only there.
+
+        Args:
+            unread: (rows, cols) bool, what the board itself says that it did not read.
+        """
+        known = np.minimum(samples, NOT_READ - 1)
+        absent = self.unread(known)
+        if unread is not None:
+            absent |= unread
+        return np.where(absent, samples.dtype.type(NOT_READ), known) if absent.any() else known
+
+    def ratio_of(self, samples: np.ndarray) -> np.ndarray:
+        """skin/adc -> ADC ratio in [0, 1] for the solvers, NaN where there is no reading.
+
+        Raises:
+            ValueError: there is none at all.
+        """
+        absent = self.unread(samples)
+        if absent.all():
+            raise ValueError("no crossing of the frame was read")
+        ratio = self.ratio(samples / self._sample)
+        return np.where(absent, np.nan, ratio) if absent.any() else ratio
+
+    def ratio(self, count):
+        """A reading [ADC steps] -> ADC ratio in [0, 1]; what lies beyond is noise, and cut off.
+
+        The low-pass may round the largest reading up by less than a step.
+        """
+        share = (count + self.offset) / self.full_scale
+        return np.clip(1.0 - share if self.inverted else share, 0.0, 1.0)
+
+    def count(self, ratio):
+        """The inverse of `ratio`, where nothing is cut off [ADC steps]."""
+        share = 1.0 - ratio if self.inverted else ratio
+        return share * self.full_scale - self.offset
+
+    def share(self, steps: float) -> float:
+        """So many ADC steps as a ratio: of noise, say."""
+        return steps / self.full_scale
+
+    def threshold(self, steps: float) -> float:
+        """Ratio up to which a board that sends nothing true below so many steps says nothing."""
+        if not steps:
+            return 0.0
+        return float(self.share(steps) if self.inverted else self.ratio(steps))
+
+    def rising(self, samples: np.ndarray) -> np.ndarray:
+        """Samples that rise with pressure whatever the polarity; 0 where there is no reading."""
+        absent = self.unread(samples)
+        if self.inverted:
+            samples = self._top - np.minimum(samples, self._top)
+        return np.where(absent, samples.dtype.type(0), samples) if absent.any() else samples
+
+    def rising_count(self, ratio: float) -> float:
+        """What `rising` makes of a ratio [ADC steps]."""
+        count = float(self.count(ratio))
+        return self.circuit.full_scale - count if self.inverted else count

@@ -1,0 +1,220 @@
+"""The resistor matrix and its read-out: what the ADC sees for given cell resistances.
+
+A skin of ``rows x cols`` cells is a bipartite resistor network: one node per stripe, one resistor
+(the taxel) where a row stripe crosses a column stripe. The read-out connects one row and one
+column and lets every other line float, so it sees the *two-terminal resistance* between the two
+stripes, not the taxel alone: that is the cross-talk.
+
+All readings of a frame follow from one small inverse (numpy_kernel.py, docs/derivation.md). The
+paper (section IV-B) solves one system of ``rows*cols + 1`` equations per reading instead; it stands
+in the tests as the oracle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from . import laplacian
+from .kernel import connected_rho
+
+
+@dataclass(frozen=True, eq=False)
+class Circuit:
+    """The read-out circuit of one skin (paper section III-B); the defaults are the paper's.
+
+    Args:
+        rows, cols: number of row and column stripes.
+        r_ref: reference resistor of the voltage divider [ohm].
+        r_par: parasitic series resistance of the multiplexers [ohm].
+        adc_bits: width of the ADC; full scale reads ``2**adc_bits - 1``.
+        mask: (rows, cols) bool, which crossings carry a cell; None: all of them.
+
+    Raises:
+        ValueError: a size, resistance or width outside its range, a mask of another shape, or one
+            that falls into parts with no cell between them (their cells could not be told apart).
+    """
+
+    rows: int = 16
+    cols: int = 16
+    r_ref: float = 1780.0
+    r_par: float = 326.0
+    adc_bits: int = 10
+    mask: np.ndarray | None = field(default=None, repr=False)
+
+    def __post_init__(self):
+        for name, low, high in (("rows", 1, 255), ("cols", 1, 255), ("adc_bits", 1, 16)):
+            value = getattr(self, name)
+            if not isinstance(value, (int, np.integer)) or not low <= value <= high:
+                raise ValueError(f"{name} = {value!r}: must be a whole number from {low} to {high}")
+        for name, low in (("r_ref", "above 0"), ("r_par", "0 or more")):
+            value = getattr(self, name)
+            if not np.isfinite(value) or value < 0 or (value == 0 and name == "r_ref"):
+                raise ValueError(f"{name} = {value!r} ohm: must be finite and {low}")
+        if self.mask is not None:
+            mask = np.array(self.mask, dtype=bool)
+            if mask.shape != self.shape:
+                raise ValueError(f"mask has shape {mask.shape}: the circuit is {self.shape}")
+            if not _connected(mask[None])[0]:
+                raise ValueError("mask: the cells must connect all rows and columns to one another")
+            mask.setflags(write=False)
+            object.__setattr__(self, "mask", None if mask.all() else mask)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.rows, self.cols
+
+    @cached_property
+    def populated(self) -> np.ndarray:
+        """(rows, cols) bool, which crossings carry a cell; read-only."""
+        if self.mask is not None:
+            return self.mask
+        everywhere = np.ones(self.shape, bool)
+        everywhere.setflags(write=False)
+        return everywhere
+
+    @property
+    def full_scale(self) -> int:
+        """Reading of the ADC at its reference voltage, in ADC steps."""
+        return 2**self.adc_bits - 1
+
+    def ratio(self, rho):
+        """Two-terminal resistance [ohm] -> ADC ratio in [0, 1] (voltage divider)."""
+        return self.r_ref / (self.r_ref + self.r_par + rho)
+
+    def two_terminal(self, adc):
+        """ADC ratio -> two-terminal resistance [ohm], the inverse of `ratio`; never negative.
+
+        Zero reads as an infinite resistance.
+        """
+        with np.errstate(divide="ignore"):
+            return np.maximum(self.r_ref / adc - (self.r_ref + self.r_par), 0.0)
+
+    def describe(self) -> dict:
+        """The circuit as plain numbers and strings, as it is kept beside trained weights."""
+        mask = None if self.mask is None else ["".join("01"[int(c)] for c in r) for r in self.mask]
+        return {
+            "rows": int(self.rows),
+            "cols": int(self.cols),
+            "r_ref": float(self.r_ref),
+            "r_par": float(self.r_par),
+            "adc_bits": int(self.adc_bits),
+            "mask": mask,
+        }
+
+    def __eq__(self, other):
+        return isinstance(other, Circuit) and self.describe() == other.describe()
+
+    def __hash__(self):
+        return hash((self.shape, self.r_ref, self.r_par, self.adc_bits))
+
+
+def circuit_from(description: dict) -> Circuit:
+    """The circuit of a `Circuit.describe()`.
+
+    Raises:
+        ValueError: a key is missing or unknown, or as `Circuit`.
+    """
+    if (wanted := Circuit().describe().keys()) != description.keys():
+        raise ValueError(f"circuit has {', '.join(description)}: must be {', '.join(wanted)}")
+    mask = description["mask"]
+    cells = None if mask is None else np.array([[c == "1" for c in row] for row in mask])
+    return Circuit(**description | {"mask": cells})
+
+
+def forward(circuit: Circuit, resistance) -> np.ndarray:
+    """What the board reads, not quantised.
+
+    Args:
+        resistance: (..., rows, cols) resistance of each cell [ohm], above 0; infinity is an open
+            cell. Where the circuit's mask says that there is no cell, the value is ignored.
+
+    Returns:
+        (..., rows, cols) ADC ratio in [0, 1]. A crossing with no cell is read like any other,
+        through its neighbours; 0 where no path connects the two lines.
+
+    Raises:
+        ValueError: wrong shape, NaN, or a resistance that is not above 0.
+    """
+    resistance = np.asarray(resistance, dtype=float)
+    if resistance.shape[-2:] != circuit.shape:
+        raise ValueError(
+            f"resistance has shape {resistance.shape}: it must end in {circuit.shape} (rows, cols)"
+        )
+    if circuit.mask is not None:
+        resistance = np.where(circuit.mask, resistance, np.inf)
+    if not (resistance > 0).all():
+        bad = resistance[~(resistance > 0)].flat[0]
+        raise ValueError(f"resistance of {bad} ohm: every cell's must be above 0")
+    return circuit.ratio(two_terminal_resistance(1.0 / resistance))
+
+
+def two_terminal_resistance(conductance: np.ndarray) -> np.ndarray:
+    """Resistance between row i and column j with every other line floating.
+
+    Args:
+        conductance: (..., rows, cols) of the cells [S], 0 where there is none.
+
+    Returns:
+        (..., rows, cols) rho [ohm]; infinite where no path connects the two lines.
+    """
+    g = np.asarray(conductance, dtype=float)
+    frames = g.reshape(-1, *g.shape[-2:])
+    rho = np.empty(frames.shape)
+    present = frames > 0
+    connected = np.ones(len(frames), bool) if present.all() else _connected(present)
+    for k, frame in enumerate(frames):
+        rho[k] = connected_rho(frame) if connected[k] else _rho_in_parts(frame)
+    return rho.reshape(g.shape)
+
+
+def jacobian(circuit: Circuit, resistance) -> np.ndarray:
+    """Derivative of `forward`, exact: d adc[i, j] / d resistance[k, l].
+
+    With t_ab = A_ik + D_jl - C_il - C_kj for a = (i, j), b = (k, l), the transfer resistance
+    between two crossings: d rho_a / d g_b = -t_ab^2 (docs/derivation.md).
+
+    Args:
+        resistance: (rows, cols) [ohm], finite wherever the circuit has a cell.
+
+    Returns:
+        (rows, cols, rows, cols) [1/ohm]; 0 for cells that the mask leaves out.
+    """
+    resistance = np.asarray(resistance, dtype=float)
+    if resistance.shape != circuit.shape:
+        raise ValueError(f"resistance has shape {resistance.shape}, not {circuit.shape}")
+    g = np.where(circuit.populated, 1.0 / resistance, 0.0)
+    network = laplacian.solve(g)
+    adc = circuit.ratio(network.rho)
+    d_rho = laplacian.transfer_resistance(network) ** 2 * g**2  # (rows, cols, rows, cols), by R
+    return -(adc**2 / circuit.r_ref)[:, :, None, None] * d_rho
+
+
+def _row_reach(present: np.ndarray) -> np.ndarray:
+    """(..., rows, rows) bool: which rows a path of cells connects."""
+    p = present.astype(np.float32)
+    reach = p @ p.swapaxes(-1, -2) > 0
+    for _ in range(max(present.shape[-2] - 1, 1).bit_length()):
+        step = reach.astype(np.float32)
+        reach = step @ step > 0
+    return reach
+
+
+def _connected(present: np.ndarray) -> np.ndarray:
+    """(n,) bool: whether the cells of each (rows, cols) picture connect all its lines."""
+    return _row_reach(present).all((-2, -1)) & present.any(-2).all(-1)
+
+
+def _rho_in_parts(g: np.ndarray) -> np.ndarray:
+    """rho of one frame whose network falls into parts: infinite between them."""
+    rho = np.full(g.shape, np.inf)
+    present = g > 0
+    for reach in np.unique(_row_reach(present), axis=0):
+        rows = np.flatnonzero(reach)
+        cols = np.flatnonzero(present[rows].any(0)) if rows.size else rows
+        if cols.size:
+            part = np.ix_(rows, cols)
+            rho[part] = connected_rho(g[part])
+    return rho

@@ -1,0 +1,179 @@
+"""The characteristic curve of a taxel: force on a cell <-> its resistance (paper Fig. 5)."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+
+from ..errors import FileError
+from ..files import shorten
+
+GRAM = 9.80665e-3  # N: weight of one gram; the paper and its figures speak in grams a cell
+
+# The paper prints its Fig. 5 as a picture only. These points meet what its text says: more than
+# 10 kohm at rest, below 100 ohm pressed, loads up to 1 kg a cell.
+_DEFAULT_LOAD = np.array([0, 5, 10, 20, 50, 100, 200, 500, 1000]) * GRAM  # N
+_DEFAULT_RESISTANCE = (40000, 12000, 6500, 3500, 1500, 800, 420, 170, 85)  # ohm
+
+
+class PressureCurve:
+    """Resistance of one cell over the force on it, monotone, invertible to rounding.
+
+    log(resistance) is a monotone cubic (PCHIP) over sqrt(force) through the given points,
+    tabulated finely; between the table's points both directions are linear in those coordinates,
+    so that each is the exact inverse of the other and costs one `np.interp`.
+
+    Args:
+        force: (n,) [N] per cell, rising, the first 0.
+        resistance: (n,) [ohm] at those forces, falling, above 0.
+
+    Attributes:
+        points: the given (force, resistance).
+        offset: (rows, cols) conductance [S] that each cell has on top of the curve's, see
+            `resting_at`; None: none.
+
+    Raises:
+        ValueError: fewer than two points, or points out of order or range.
+    """
+
+    _TABLE_POINTS = 4097
+
+    def __init__(self, force=_DEFAULT_LOAD, resistance=_DEFAULT_RESISTANCE):
+        force = np.asarray(force, dtype=float)
+        resistance = np.asarray(resistance, dtype=float)
+        if force.ndim != 1 or force.shape != resistance.shape or force.size < 2:
+            raise ValueError(
+                f"curve: force has {force.size} and resistance {resistance.size} values: "
+                "both need the same number, two or more"
+            )
+        if force[0] != 0 or not (np.diff(force) > 0).all() or not np.isfinite(force).all():
+            raise ValueError(f"curve: force = {force.tolist()} N: must start at 0 and rise")
+        falling = (np.diff(resistance) < 0).all() and resistance[-1] > 0
+        if not falling or not np.isfinite(resistance).all():
+            raise ValueError(
+                f"curve: resistance = {resistance.tolist()} ohm: must fall, be finite and above 0"
+            )
+        self.points = tuple(map(tuple, np.stack([force, resistance], 1).tolist()))
+        self.offset = None
+        # Here: a bad file is refused before the 0.2 s that this import takes.
+        from scipy.interpolate import PchipInterpolator
+
+        root = np.sqrt(force)
+        # The given points stay in the table: the curve passes through them exactly.
+        self._root = np.union1d(np.linspace(0.0, root[-1], self._TABLE_POINTS), root)
+        with np.errstate(all="ignore"):
+            self._log_g = -PchipInterpolator(root, np.log(resistance))(self._root)
+            falls = bool((np.diff(self._log_g) >= 0).all())  # not so where a slope is not finite
+        if not falls:
+            raise ValueError(
+                f"curve: force = {force.tolist()} N, resistance = {resistance.tolist()} ohm: "
+                "points too close to one another"
+            )
+
+    @classmethod
+    def load(cls, path) -> PressureCurve:
+        """Read a curve from YAML: two lists, ``force`` [N] and ``resistance`` [ohm].
+
+        Raises:
+            FileError: the file is not such YAML; the message names the file and the key.
+            OSError: the file cannot be read.
+        """
+        from ..yaml_files import read_yaml  # here, so that physics works without PyYAML
+
+        data = read_yaml(path)
+        if not isinstance(data, dict) or set(data) != {"force", "resistance"}:
+            found = sorted(data) if isinstance(data, dict) else type(data).__name__
+            raise FileError(f"{path}: needs the keys force [N] and resistance [ohm], has {found}")
+        for name, values in data.items():
+            if not isinstance(values, list) or not {type(v) for v in values} <= {int, float}:
+                raise FileError(f"{path}: {name} = {shorten(values)}: must be a list of numbers")
+        try:
+            return cls(**data)
+        except ValueError as error:
+            raise FileError(f"{path}: {error}") from error
+
+    def resting_at(self, resistance) -> PressureCurve:
+        """The curve of cells that rest at (rows, cols) resistances [ohm] of their own.
+
+        What a cell conducts more or less than the curve at rest, it does under any load: a tare.
+        A pressed cell conducts a hundred times as much and hardly feels it.
+        """
+        resistance = np.asarray(resistance, dtype=float)
+        if not (resistance > self.points[-1][1]).all() or not np.isfinite(resistance).all():
+            bad = resistance[~((resistance > self.points[-1][1]) & np.isfinite(resistance))]
+            raise ValueError(
+                f"curve: a cell that rests at {bad.flat[0]} ohm: must be finite and above the "
+                f"curve's end, {self.points[-1][1]:g} ohm"
+            )
+        tared = copy.copy(self)
+        tared.offset = 1.0 / resistance - 1.0 / self.points[0][1]
+        tared.offset.setflags(write=False)
+        return tared
+
+    @property
+    def max_force(self) -> float:
+        """Largest force that the curve tells from a larger one [N per cell]."""
+        return self.points[-1][0]
+
+    @property
+    def rest_resistance(self):
+        """Resistance of an untouched cell [ohm]; (rows, cols) with an offset."""
+        return self._with_offset(self.points[0][1])
+
+    @property
+    def least_resistance(self):
+        """Resistance at `max_force` [ohm]; (rows, cols) with an offset."""
+        return self._with_offset(self.points[-1][1])
+
+    def _with_offset(self, resistance):
+        return resistance if self.offset is None else 1.0 / (1.0 / resistance + self.offset)
+
+    def resistance(self, force) -> np.ndarray:
+        """Force on a cell [N] -> its resistance [ohm]; arrays; clipped to the curve."""
+        root = np.sqrt(np.maximum(force, 0.0))
+        return self._with_offset(np.exp(-np.interp(root, self._root, self._log_g)))
+
+    def force(self, resistance) -> np.ndarray:
+        """Resistance of a cell [ohm] -> force on it [N]; clipped to [0, max_force].
+
+        0 ohm and infinity are allowed: a short reads as `max_force`, an open cell as 0.
+        """
+        with np.errstate(divide="ignore"):
+            return self.force_at(-np.log(resistance))
+
+    def force_at(self, log_g) -> np.ndarray:
+        """log of a cell's conductance [S] -> force on it [N], as `force`."""
+        if self.offset is not None:
+            with np.errstate(divide="ignore"):
+                log_g = np.log(np.maximum(np.exp(log_g) - self.offset, 0.0))
+        return np.square(np.interp(log_g, self._log_g, self._root))
+
+    def slope(self, force) -> np.ndarray:
+        """d force / d log(resistance) [N], of the curve without its offset."""
+        root = np.sqrt(np.clip(force, 0.0, self.max_force))
+        k = np.clip(np.searchsorted(self._root, root, side="right"), 1, self._root.size - 1)
+        d_root = (self._root[k] - self._root[k - 1]) / (self._log_g[k - 1] - self._log_g[k])
+        return 2.0 * root * d_root
+
+    def describe(self) -> dict:
+        """The curve's points as plain lists, as kept beside trained weights and read by `load`.
+
+        The offset, which belongs to one skin and day, is left out.
+        """
+        force, resistance = zip(*self.points, strict=True)
+        return {"force": list(force), "resistance": list(resistance)}
+
+    def __eq__(self, other):
+        if not isinstance(other, PressureCurve) or self.points != other.points:
+            return False
+        if self.offset is None or other.offset is None:
+            return self.offset is other.offset
+        return np.array_equal(self.offset, other.offset)
+
+    def __hash__(self):
+        return hash(self.points)
+
+    def __repr__(self):
+        top, rest, least = self.max_force, self.points[0][1], self.points[-1][1]
+        return f"PressureCurve(0..{top:.3g} N -> {rest:.3g}..{least:.3g} ohm)"

@@ -1,0 +1,129 @@
+"""The inner loops of the solvers: the only interface to their two implementations.
+
+The choice is made once, at import: the compiled one (`_kernel`, the C files in kernel/) where
+setup.py found a compiler, else NumPy's (numpy_kernel.py), which also serves skins of more lines
+than the compiled arrays hold and networks that are singular to rounding. Only what makes a whole
+frame of 16 x 16 cells at least 1.15 times faster is in C.
+
+Arrays of floats may have any strides: what C needs in another order is copied.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from . import numpy_kernel
+from .numpy_kernel import Network
+
+try:
+    from . import _kernel
+except ImportError:
+    _kernel = None
+
+__all__ = ["Network", "connected_rho", "fixed_point", "implementation", "sensitivity", "solve"]
+
+
+def implementation() -> str:
+    """What runs for small skins: "compiled" or "in NumPy"."""
+    return "compiled" if _kernel else "in NumPy"
+
+
+def _compiled(shape: tuple[int, int]) -> bool:
+    return _kernel is not None and sum(shape) <= _kernel.LINES
+
+
+def connected_rho(g: np.ndarray) -> np.ndarray:
+    """Two-terminal resistance of each crossing of a connected network, which it does not check.
+
+    Args:
+        g: (rows, cols) conductances [S].
+
+    Returns:
+        (rows, cols) [ohm].
+    """
+    if _compiled(g.shape):
+        rho = np.empty(g.shape)
+        if _kernel.two_terminal(*g.shape, np.ascontiguousarray(g), rho):
+            return rho
+    return numpy_kernel.connected_rho(g)
+
+
+def solve(g: np.ndarray) -> Network:
+    """The network of conductances g (rows, cols) [S], which must be connected."""
+    if _compiled(g.shape):
+        lines = sum(g.shape)
+        root, k, rho = np.empty((lines, lines)), np.empty((lines, lines)), np.empty(g.shape)
+        if _kernel.network(*g.shape, np.ascontiguousarray(g), root, k, rho):
+            return Network(root, k, rho)
+    return numpy_kernel.solve(g)
+
+
+def sensitivity(k: np.ndarray, weight: np.ndarray, told, one, other) -> np.ndarray:
+    """weight_a * across_ab^2: how reading a follows a conductance put between two lines b.
+
+    Args:
+        k: (lines, lines) K [ohm].
+        weight: (rows, cols) of each reading.
+        told: (m,) int32, flat, which readings; one, other: (n,) int32, the lines.
+
+    Returns:
+        (m, n) float32.
+    """
+    if _compiled(weight.shape):
+        out = np.empty((told.size, one.size), np.float32)
+        k, weight = np.ascontiguousarray(k), np.ascontiguousarray(weight)
+        _kernel.sensitivity(*weight.shape, k, weight, told, one, other, out)
+        return out
+    return numpy_kernel.sensitivity(k, weight, told, one, other)
+
+
+def fixed_point(
+    g: np.ndarray,
+    cells: np.ndarray,
+    measured: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    *,
+    r_ref: float,
+    r_par: float,
+    goal: float,
+    steps: int,
+    deadline: float = np.inf,
+) -> tuple[np.ndarray, int]:
+    """Anderson-accelerated fixed point g <- g * rho(g) / measured in log g (Walker & Ni 2011).
+
+    Args:
+        g: (rows, cols) where to begin [S]; not changed.
+        cells: (n,) int32, flat, the cells that move; the others stay.
+        measured: (n,) measured two-terminal resistance of each [ohm].
+        low, high: (n,) bounds of log g.
+        r_ref, r_par: of the voltage divider [ohm], by which the misfit is weighed.
+        goal: sum of the squared misfits of the ADC ratios at which to stop.
+        steps: at most so many.
+        deadline: `time.monotonic` at which to stop.
+
+    Returns:
+        g (rows, cols) and the steps taken.
+    """
+    if _compiled(g.shape):
+        there = np.array(g, order="C")
+        seconds = deadline - time.monotonic()
+        taken = _kernel.iterate(
+            *g.shape, there, cells, measured, low, high, r_ref, r_par, goal, steps, seconds
+        )
+        if taken >= 0:
+            return there, taken
+    return numpy_kernel.fixed_point(
+        g,
+        cells,
+        measured,
+        low,
+        high,
+        r_ref=r_ref,
+        r_par=r_par,
+        goal=goal,
+        steps=steps,
+        deadline=deadline,
+    )

@@ -1,0 +1,166 @@
+/* The network of one frame: numpy_kernel.py holds the same in NumPy. */
+#include "kernel.h"
+
+#include <math.h>
+
+/* R of numpy_kernel.reduced_root; -1 if S is singular to rounding, or holds NaN. */
+VECTORISED static int reduced_root(const double *restrict g, int rows, int cols,
+                                   Network *restrict n)
+{
+    double turned_g[CELLS], row_sum[LINES], s[LINES * LINES], total = 0.0;
+
+    for (int j = 0; j < cols; j++)
+        n->col_sum[j] = 0.0;
+    for (int i = 0; i < rows; i++) {
+        row_sum[i] = 0.0;
+        for (int j = 0; j < cols; j++) {
+            row_sum[i] += g[i * cols + j];
+            n->col_sum[j] += g[i * cols + j];
+            turned_g[j * rows + i] = g[i * cols + j];
+        }
+        total += row_sum[i];
+    }
+    double fill = total / ((double)rows * rows);
+    for (int i = 0; i < rows; i++) {
+        double *restrict row = s + i * rows;
+        for (int k = 0; k < rows; k++)
+            row[k] = fill;
+        row[i] += row_sum[i];
+        for (int j = 0; j < cols; j++) {
+            double share = n->scaled[i * cols + j] = g[i * cols + j] / n->col_sum[j];
+            const double *restrict other = turned_g + j * rows;
+            for (int k = 0; k < rows; k++)
+                row[k] -= share * other[k];
+        }
+    }
+    /* S = U^T U, U in the upper triangle of s */
+    for (int i = 0; i < rows; i++) {
+        double pivot = s[i * rows + i];
+        if (!(pivot > 0.0))
+            return -1;
+        double scale = 1.0 / sqrt(pivot);
+        for (int k = i; k < rows; k++)
+            s[i * rows + k] *= scale;
+        for (int j = i + 1; j < rows; j++) {
+            double factor = s[i * rows + j];
+            for (int k = j; k < rows; k++)
+                s[j * rows + k] -= factor * s[i * rows + k];
+        }
+    }
+    /* R = U^-1, row by row of its transpose: (U^T) R^T = 1 */
+    for (int i = 0; i < rows; i++) {
+        double *restrict row = n->turned + i * rows;
+        for (int k = 0; k < rows; k++)
+            row[k] = 0.0;
+        row[i] = 1.0;
+        for (int j = 0; j < i; j++) {
+            double factor = s[j * rows + i];
+            for (int k = 0; k <= j; k++)
+                row[k] -= factor * n->turned[j * rows + k];
+        }
+        double scale = 1.0 / s[i * rows + i];
+        for (int k = 0; k <= i; k++)
+            row[k] *= scale;
+    }
+    for (int i = 0; i < rows; i++)
+        for (int k = 0; k < rows; k++)
+            n->root[i * rows + k] = n->turned[k * rows + i];
+    return 0;
+}
+
+/* A and C, the first two blocks of K. */
+VECTORISED static void blocks(int rows, int cols, Network *restrict n)
+{
+    for (int i = 0; i < rows; i++) {
+        double *restrict a = n->a + i * rows, *restrict c = n->c + i * cols;
+        for (int k = 0; k < rows; k++)
+            a[k] = 0.0;
+        for (int j = i; j < rows; j++)
+            for (int k = 0; k <= j; k++)
+                a[k] += n->root[i * rows + j] * n->turned[j * rows + k];
+        for (int k = 0; k < cols; k++)
+            c[k] = 0.0;
+        for (int j = 0; j < rows; j++)
+            for (int k = 0; k < cols; k++)
+                c[k] += a[j] * n->scaled[j * cols + k];
+    }
+}
+
+int network_of(const double *g, int rows, int cols, Network *n)
+{
+    if (reduced_root(g, rows, cols, n) < 0)
+        return -1;
+    blocks(rows, cols, n);
+    return 0;
+}
+
+/* K, (lines, lines), and its root W, of numpy_kernel.Network. */
+VECTORISED void whole(int rows, int cols, const Network *restrict n, double *restrict root,
+                      double *restrict k)
+{
+    int lines = rows + cols;
+
+    for (int j = 0; j < cols; j++) {
+        double *restrict d = k + (rows + j) * lines + rows;
+        for (int l = 0; l < cols; l++)
+            d[l] = 0.0;
+        for (int i = 0; i < rows; i++)
+            for (int l = 0; l < cols; l++)
+                d[l] += n->scaled[i * cols + j] * n->c[i * cols + l];
+        d[j] += 1.0 / n->col_sum[j];
+    }
+    for (int i = 0; i < lines * lines; i++)
+        root[i] = 0.0;
+    for (int i = 0; i < rows; i++) {
+        for (int l = 0; l < rows; l++) {
+            root[i * lines + l] = n->root[i * rows + l];
+            k[i * lines + l] = n->a[i * rows + l];
+        }
+        for (int j = 0; j < cols; j++)
+            k[i * lines + rows + j] = k[(rows + j) * lines + i] = n->c[i * cols + j];
+    }
+    for (int j = 0; j < cols; j++) {
+        double *restrict row = root + (rows + j) * lines;
+        for (int i = 0; i < rows; i++)
+            for (int l = i; l < rows; l++)
+                row[l] += n->scaled[i * cols + j] * n->root[i * rows + l];
+        row[rows + j] = 1.0 / sqrt(n->col_sum[j]);
+    }
+}
+
+/* rho_ij = A_ii + D_jj - 2 C_ij */
+VECTORISED void two_terminal(int rows, int cols, const Network *restrict n, double *restrict rho)
+{
+    double d[LINES];
+
+    for (int j = 0; j < cols; j++)
+        d[j] = 1.0 / n->col_sum[j];
+    for (int i = 0; i < rows; i++)
+        for (int j = 0; j < cols; j++)
+            d[j] += n->scaled[i * cols + j] * n->c[i * cols + j];
+    for (int i = 0; i < rows; i++)
+        for (int j = 0; j < cols; j++)
+            rho[i * cols + j] = n->a[i * rows + i] + d[j] - 2.0 * n->c[i * cols + j];
+}
+
+/* weight_a across_ab^2 of kernel.sensitivity, (told, n), in single precision. */
+VECTORISED void sensitivity(int rows, int cols, const double *restrict k,
+                            const double *restrict weight, const int *restrict told,
+                            ptrdiff_t n_told, const int *restrict one, const int *restrict other,
+                            ptrdiff_t n, float *restrict out)
+{
+    int lines = rows + cols;
+    double voltage[LINES];
+
+    for (ptrdiff_t a = 0; a < n_told; a++) {
+        const double *restrict row = k + told[a] / cols * lines;
+        const double *restrict col = k + (rows + told[a] % cols) * lines;
+        for (int l = 0; l < lines; l++)
+            voltage[l] = row[l] - col[l];
+        double w = weight[told[a]];
+        for (ptrdiff_t b = 0; b < n; b++) {
+            double across = voltage[one[b]] - voltage[other[b]];
+            out[a * n + b] = (float)(w * across * across);
+        }
+    }
+}

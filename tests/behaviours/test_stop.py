@@ -1,0 +1,429 @@
+"""The robot stops for a push and for whatever it does not know, and goes on only when free."""
+
+import dataclasses
+import random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tactile_skin.behaviours.stop import StopConfig, StopPolicy
+
+CONFIG = StopConfig(threshold=10.0, release=6.0, debounce=0.02, lead=0.0)
+
+
+def feed(policy, start, seconds, force, rate=100):
+    """Readings of one force at 100 a second; the last decision."""
+    decision = None
+    for k in range(round(seconds * rate)):
+        decision = policy.reading(start + k / rate, force)
+    return decision
+
+
+def test_before_the_first_reading_it_stops():
+    decision = StopPolicy(CONFIG).decide(0.0)
+    assert decision.stop and decision.reason == "stale: no reading yet"
+
+
+def test_an_idle_skin_is_free():
+    assert feed(StopPolicy(CONFIG), 0.0, 1.0, 0.0) == (False, "")
+
+
+def test_a_push_stops_after_the_debounce_and_not_before():
+    policy = StopPolicy(CONFIG)
+    feed(policy, 0.0, 0.5, 0.0)
+    decisions = [policy.reading(0.5 + k / 100, 12.0) for k in range(4)]
+    assert [d.stop for d in decisions] == [False, False, True, True]
+    assert decisions[2].reason == "push"
+
+
+def test_a_single_spike_is_no_push():
+    policy = StopPolicy(CONFIG)
+    feed(policy, 0.0, 0.1, 0.0)
+    for k in range(10, 110):
+        assert not policy.reading(k / 100, 50.0 if k % 10 == 0 else 0.0).stop
+
+
+def test_without_debounce_one_reading_is_enough():
+    policy = StopPolicy(StopConfig(threshold=10.0, release=6.0, debounce=0.0))
+    feed(policy, 0.0, 0.1, 0.0)
+    assert policy.reading(0.1, 10.0) == (True, "push")
+
+
+def test_hysteresis_keeps_the_stop_between_the_thresholds():
+    policy = StopPolicy(CONFIG)
+    feed(policy, 0.0, 0.1, 12.0)
+    assert feed(policy, 0.1, 2.0, 8.0).stop
+    assert feed(policy, 2.1, 0.25, 5.0).stop, "held after the release"
+    assert not feed(policy, 2.35, 0.2, 5.0).stop
+
+
+def test_readings_that_stay_away_stop():
+    policy = StopPolicy(CONFIG)
+    feed(policy, 0.0, 0.5, 0.0)
+    assert not policy.decide(0.58).stop
+    assert policy.decide(0.60) == (True, "stale: readings stay away")
+    assert policy.reading(0.7, 0.0) == (True, "stale: readings only just came back")
+    assert feed(policy, 0.71, 0.02, 0.0).stop
+    assert not policy.reading(0.73, 0.0).stop
+
+
+def test_a_push_is_not_forgotten_while_readings_stay_away():
+    policy = StopPolicy(CONFIG)
+    feed(policy, 0.0, 0.1, 20.0)
+    assert policy.decide(5.0).reason == "push + stale: readings stay away"
+    assert feed(policy, 5.0, 0.02, 0.0).stop
+    assert not feed(policy, 5.02, 0.05, 0.0).stop
+
+
+def test_a_burst_after_a_gap_frees_nothing():
+    """What lay in a port's buffer while the computer hung is parsed, and stamped, in a moment."""
+    policy = StopPolicy(CONFIG)
+    feed(policy, 0.0, 0.5, 0.0)
+    for k in range(10):
+        assert policy.reading(5.0 + k * 1e-4, 0.0).stop
+    assert policy.reading(5.01, 0.0).stop
+    assert not policy.reading(5.021, 0.0).stop
+
+
+def test_a_push_after_a_gap_counts_at_once():
+    policy = StopPolicy(CONFIG)
+    feed(policy, 0.0, 0.1, 0.0)
+    assert policy.reading(1.0, 20.0).reason.startswith("push")
+
+
+def test_readings_at_a_ninth_of_the_rate_still_stop_for_a_push():
+    policy = StopPolicy(CONFIG)
+    for k in range(20):
+        assert "push" in policy.reading(k / 9, 100.0).reason
+        assert policy.decide(k / 9 + 0.05).stop
+
+
+def test_old_readings_and_repeated_ones_do_not_keep_the_robot_moving():
+    policy = StopPolicy(CONFIG)
+    feed(policy, 0.0, 0.5, 0.0)
+    for k in range(50):
+        late = policy.reading(0.5 + k / 100, 0.0, stamp=0.5 + k / 100 - 0.2)
+    assert late == (True, "stale: readings are old when they come")
+    policy = StopPolicy(CONFIG)
+    feed(policy, 0.0, 0.5, 0.0)
+    for k in range(50):
+        repeated = policy.reading(0.5 + k / 100, 0.0, stamp=0.49)
+    assert repeated == (True, "stale: readings are old when they come")
+
+
+def test_a_clock_that_is_set_back_stops_and_begins_anew():
+    """By an hour, as when a robot's time is set: not free for an hour on a reading of the past."""
+    policy = StopPolicy(StopConfig())
+    feed(policy, 5000.0, 1.0, 0.0)
+    assert not policy.decide(5001.0).stop
+    assert policy.decide(1400.0) == (True, "stale: readings stay away")
+    assert policy.reading(1400.01, 0.0) == (True, "stale: readings only just came back")
+    feed(policy, 1400.02, 0.1, 0.0)
+    assert not policy.decide(1400.12).stop
+    feed(policy, 1400.13, 0.1, 40.0)
+    assert policy.decide(1400.23) == (True, "push")
+
+
+def test_a_stamp_from_the_future_proves_nothing():
+    policy = StopPolicy(CONFIG)
+    for k in range(100):
+        decision = policy.reading(k / 100, 0.0, stamp=3600.0 + k / 100)
+    assert decision.reason == "stale: no reading yet"
+
+
+@pytest.mark.parametrize("force", [float("nan"), float("inf"), -1.0])
+def test_a_force_that_cannot_be_stops_until_it_can(force):
+    policy = StopPolicy(CONFIG)
+    feed(policy, 0.0, 0.5, 0.0)
+    assert policy.reading(0.5, force).reason.startswith("fault: reading")
+    assert not policy.reading(0.51, 0.0).stop
+
+
+def test_a_hard_edge_on_one_cell_is_a_push():
+    """Three cells at the end of the curve hold 29 N, whatever lies on them."""
+    policy = StopPolicy(CONFIG)
+    feed(policy, 0.0, 0.5, 0.0)
+    for k in range(3):
+        decision = policy.reading(0.5 + k / 100, 9.5, peak=9.5)
+    assert decision == (True, "push")
+
+
+def test_a_fault_stops_until_it_is_taken_back():
+    policy = StopPolicy(CONFIG)
+    feed(policy, 0.0, 0.1, 0.0)
+    policy.fault("compensation", "open line")
+    assert policy.decide(0.1) == (True, "fault: compensation: open line")
+    policy.fault("compensation", "")
+    assert not policy.decide(0.1).stop
+
+
+@pytest.mark.parametrize(
+    ("kwargs", "message"),
+    [
+        ({"threshold": 0.0}, "threshold = 0.0"),
+        ({"threshold": 5.0, "release": 6.0}, "release = 6.0"),
+        ({"stale_after": -0.1}, "stale_after = -0.1"),
+        ({"debounce": -1.0}, "debounce = -1.0"),
+        ({"hold": float("nan")}, "hold = nan"),
+        ({"lead": -0.01}, "lead = -0.01"),
+    ],
+)
+def test_settings_that_switch_the_stop_off_are_refused(kwargs, message):
+    with pytest.raises(ValueError, match=message):
+        StopConfig(**kwargs)
+
+
+# --- lead ---
+
+LEADING = StopConfig(threshold=10.0, release=6.0, lead=0.01)
+
+
+def rising(forces, config=LEADING, dt=0.01):
+    """Decisions on readings of these forces, after half a second of nothing."""
+    policy = StopPolicy(config)
+    feed(policy, 0.0, 0.5, 0.0)
+    return [policy.reading(0.49 + (k + 1) * dt, force).stop for k, force in enumerate(forces)]
+
+
+def test_a_force_that_will_soon_exceed_the_threshold_counts():
+    assert rising([3.0, 6.4, 9.9]) == [False, False, True]
+    assert rising([3.0, 6.6, 9.9]) == [False, True, True]
+
+
+def test_a_force_that_rises_slowly_or_falls_counts_as_it_is():
+    assert not any(rising([k / 10 for k in range(99)]))
+    assert not any(rising([4.9, 7.4, 5.0, 7.4, 0.0]))
+
+
+def test_no_reading_counts_more_than_twice():
+    """Also one of a burst, a millisecond after the last."""
+    assert rising([4.9], dt=0.001) == [False]
+    assert rising([5.1], dt=0.001) == [True]
+
+
+def test_the_first_reading_after_a_gap_says_nothing_of_how_fast_it_rose():
+    policy = StopPolicy(LEADING)
+    feed(policy, 0.0, 0.5, 0.0)
+    assert "push" not in policy.reading(1.0, 9.0).reason
+
+
+# --- latch ---
+
+LATCHING = dataclasses.replace(CONFIG, latch=True)
+
+
+def free(config=LATCHING, until=0.5):
+    """A policy that has been free; its readings end at `until` [s]."""
+    policy = StopPolicy(config)
+    assert not feed(policy, 0.0, until, 0.0).stop
+    return policy
+
+
+def test_a_latched_push_lasts_until_the_reset():
+    policy = free()
+    assert feed(policy, 0.5, 0.1, 20.0).reason == "push + latched: push"
+    assert feed(policy, 0.6, 5.0, 0.0) == (True, "latched: push")
+    assert policy.reset(5.6) == ""
+    assert not policy.decide(5.6).stop
+    assert not feed(policy, 5.6, 1.0, 0.0).stop
+
+
+def test_a_reset_is_refused_while_the_cause_lasts_and_says_why():
+    """Also during the hold after a release; it is not kept for later."""
+    policy = free()
+    feed(policy, 0.5, 0.1, 20.0)
+    assert policy.reset(0.6) == "push"
+    feed(policy, 0.6, 0.2, 0.0)
+    assert policy.reset(0.8) == "push", "held"
+    assert feed(policy, 0.8, 1.0, 0.0) == (True, "latched: push")
+    policy.fault("compensation", "open line")
+    assert policy.reset(1.8) == "fault: compensation: open line"
+    policy.fault("compensation", "")
+    assert policy.reset(2.5) == "stale: readings stay away"
+    assert policy.decide(2.5).reason == "stale: readings stay away + latched: push"
+
+
+def test_a_latched_stop_names_its_first_cause():
+    policy = free()
+    policy.fault("compensation", "open line")
+    feed(policy, 0.5, 0.5, 20.0)
+    policy.fault("compensation", "")
+    assert feed(policy, 1.0, 1.0, 0.0).reason == "latched: fault: compensation: open line"
+
+
+def test_a_stream_that_came_back_stays_stopped_when_latched():
+    policy = free()
+    policy.decide(0.7)
+    assert feed(policy, 0.8, 1.0, 0.0) == (True, "latched: stale: readings stay away")
+
+
+def test_a_gap_that_no_timer_saw_latches_too():
+    policy = free()
+    assert feed(policy, 0.8, 1.0, 0.0).reason == "latched: stale: readings only just came back"
+
+
+def test_a_fault_shorter_than_the_timer_latches_too():
+    policy = free()
+    policy.fault("serial_driver", "unplugged")
+    policy.fault("serial_driver", "")
+    assert policy.reading(0.5, 0.0) == (True, "latched: fault: serial_driver: unplugged")
+
+
+def test_what_stops_a_robot_before_it_was_free_does_not_latch_but_a_push_does():
+    policy = StopPolicy(LATCHING)
+    policy.decide(0.0)
+    policy.fault("serial_driver", "not there yet")
+    policy.decide(0.1)
+    policy.fault("serial_driver", "")
+    assert not feed(policy, 0.2, 0.5, 0.0).stop
+    policy = StopPolicy(LATCHING)
+    feed(policy, 0.0, 0.5, 20.0)
+    assert feed(policy, 0.5, 1.0, 0.0) == (True, "latched: push")
+
+
+def test_a_reset_without_a_latch_frees_nothing_early():
+    policy = free(CONFIG)
+    feed(policy, 0.5, 0.1, 20.0)
+    assert policy.reset(0.6) == "push"
+    assert policy.reading(0.6, 0.0) == (True, "push")
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.floats(0.0, 0.3), st.sampled_from([0.0, 8.0, 20.0]), st.booleans(), st.booleans()
+        ),
+        max_size=60,
+    )
+)
+def test_no_latched_stop_ends_without_a_reset_that_was_granted(steps):
+    """Whatever readings, gaps and faults come: stop to free only right after a reset."""
+    policy, t, stopped = free(), 0.5, False
+    for dt, force, faulty, reset in steps:
+        t += dt
+        policy.fault("stage", "bad" if faulty else "")
+        now = policy.reading(t, force).stop
+        assert now or not stopped
+        stopped = now
+        if reset:
+            granted = policy.reset(t) == ""
+            stopped = policy.decide(t).stop
+            assert stopped is not granted
+
+
+# --- how often readings come ---
+
+FIXED = dataclasses.replace(CONFIG, stale_after=0.1)
+
+
+def reasons_of(policy, rate, seconds, start=0.0, jitter=0.0):
+    """Readings at a rate, and a decision every 20 ms, as the node's heartbeat has it; each new
+    decision: (t, stop, reason)."""
+    rng, said, period = random.Random(1), [], 1.0 / rate
+    times = [(start + k / 50, None) for k in range(round(seconds * 50))]
+    times += [
+        (start + k * period + jitter * period * rng.random(), 0.0)
+        for k in range(round(seconds * rate))
+    ]
+    for t, force in sorted(times, key=lambda pair: pair[0]):
+        decision = policy.decide(t) if force is None else policy.reading(t, force)
+        if not said or said[-1][1:] != decision:
+            said.append((t, *decision))
+    return said
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.15])
+@pytest.mark.parametrize(("rate", "interval", "advice"), [(8, "0.1", "0."), (5, "0.2", "0.")])
+def test_a_board_that_is_too_slow_is_told_once_with_its_interval(rate, interval, advice, jitter):
+    """It was told 255 times in 15 s, naming neither the parameter nor the rate."""
+    said = reasons_of(StopPolicy(FIXED), rate, 15.0, jitter=jitter)
+    assert len(said) <= 6
+    assert all(stop for _, stop, _ in said)
+    reason = said[-1][2]
+    assert reason.startswith(f"stale: readings come every {interval}")
+    assert "s, but stale_after = 0.1 s: set stop_on_push.stale_after: " + advice in reason
+    assert said[-1][0] < 1.0
+
+
+def test_a_stream_that_slows_down_is_told_too_and_stops_at_once():
+    policy = StopPolicy(FIXED)
+    reasons_of(policy, 100, 2.0)
+    said = reasons_of(policy, 8, 10.0, start=2.0)
+    assert said[-1][2].startswith("stale: readings come every 0.12 s, but stale_after = 0.1 s")
+    assert said[1][1] and said[1][0] <= 2.0 + 0.12 + 0.02
+    assert len(said) <= 8
+
+
+def test_readings_that_then_stay_away_are_told_so():
+    policy = StopPolicy(FIXED)
+    reasons_of(policy, 8, 5.0)
+    assert policy.decide(10.0).reason == "stale: readings stay away"
+
+
+def test_readings_in_bursts_are_told_with_their_gaps():
+    """60 a second on average, 12 at a time."""
+    policy, said = StopPolicy(FIXED), set()
+    for k in range(100):
+        t = 0.2 * k
+        for i in range(2):
+            policy.reading(t + i / 60, 0.0)
+        said.add(policy.decide(t + 0.19).reason)
+    assert len(said) <= 4
+    assert any("gaps of 0.18 s between readings that usually come every" in text for text in said)
+
+
+@pytest.mark.parametrize(
+    ("rate", "good_for"), [(500, 0.1), (100, 0.1), (60, 0.1), (30, 0.1), (8, 0.3125), (5, 0.5)]
+)
+def test_measured_a_reading_is_good_for_two_and_a_half_intervals(rate, good_for):
+    """At least 0.1 s, and at most 0.5 s, which is the promise; and free within a second or two."""
+    policy = StopPolicy(CONFIG)
+    assert policy.stale_after == 0.1
+    said = reasons_of(policy, rate, 6.0, jitter=0.1)
+    assert policy.stale_after == pytest.approx(good_for, rel=0.25)
+    assert 0.1 <= policy.stale_after <= 0.5
+    assert said[-1][1:] == (False, "")
+    assert said[-1][0] < 10.0 / rate + 0.1
+    last = 6.0
+    stops = next(t for t in (last + k / 1000 for k in range(2000)) if policy.decide(t).stop)
+    assert stops - last <= policy.stale_after + 0.001
+
+
+@pytest.mark.parametrize("rate", [1.0, 1.9])
+def test_no_rate_stretches_it_beyond_the_promise(rate):
+    policy = StopPolicy(CONFIG)
+    said = reasons_of(policy, rate, 30.0)
+    assert policy.stale_after <= 0.5
+    assert all(stop for _, stop, _ in said)
+    assert "measured, at most 0.5 s: let the board send more often" in said[-1][2]
+
+
+def test_one_pause_does_not_stretch_it():
+    policy = StopPolicy(CONFIG)
+    reasons_of(policy, 100, 2.0)
+    for start in (2.4, 2.9, 3.4):
+        reasons_of(policy, 100, 0.1, start=start)
+        assert policy.stale_after == 0.1
+
+
+def test_a_lost_reading_stops_no_slow_board():
+    policy = StopPolicy(CONFIG)
+    for k in range(100):
+        if k % 10 != 9:
+            decision = policy.reading(k / 8, 0.0)
+        policy.decide(k / 8 + 0.12)
+        assert k < 12 or not decision.stop
+
+
+def test_a_board_that_gets_faster_is_held_to_it():
+    policy = StopPolicy(CONFIG)
+    reasons_of(policy, 8, 5.0)
+    reasons_of(policy, 100, 1.0, start=5.0)
+    assert policy.stale_after == 0.1
+
+
+def test_a_push_is_felt_at_8_a_second_too():
+    policy = StopPolicy(StopConfig())
+    reasons_of(policy, 8, 5.0)
+    assert policy.reading(5.0, 40.0) == (True, "push")

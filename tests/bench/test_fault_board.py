@@ -1,0 +1,243 @@
+"""The board that can be damaged: its physics, and that each fault does what it says."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from kirchhoff import adc_ratio
+
+from tactile_skin import Circuit, PressureCurve
+from tactile_skin.bench import choose
+from tactile_skin.bench.damage import table
+from tactile_skin.bench.damage.board import KNOTS, NOWHERE, FaultBoard, Wiring, between_leads
+from tactile_skin.bench.damage.reliability import FAULTS
+from tactile_skin.bench.damage.wires import ELECTRICAL
+from tactile_skin.board import protocol
+
+CURVE = PressureCurve()
+SHAPE = (5, 4)
+
+
+def cells(shape=SHAPE, seed=0):
+    return np.random.default_rng(seed).uniform(100.0, 5000.0, shape)
+
+
+def literal(resistance, wiring: Wiring) -> np.ndarray:
+    """Resistance between the leads, one reading at a time: a current of 1 A in, and out."""
+    rows, cols = resistance.shape
+    n_rows = max(int(wiring.row_of.max()) + 1, rows)
+    nodes = n_rows + max(int(wiring.col_of.max()) + 1, cols)
+    branches = [
+        (wiring.row_of[i, j], n_rows + wiring.col_of[i, j], 1.0 / resistance[i, j])
+        for i in range(rows)
+        for j in range(cols)
+    ]
+    branches += [(a + ka * n_rows, b + kb * n_rows, g) for ka, a, kb, b, g in wiring.ties]
+    nodal = np.zeros((nodes, nodes))
+    for a, b, g in branches:
+        nodal[[a, b], [a, b]] += g
+        nodal[[a, b], [b, a]] -= g
+    rho = np.full((rows, cols), np.inf)
+    for i, row in enumerate(wiring.rows):
+        for j, col in enumerate(wiring.cols):
+            if row == NOWHERE or col == NOWHERE:
+                continue
+            into = np.zeros(nodes)
+            into[row], into[n_rows + col] = 1.0, -1.0
+            voltage = np.zeros(nodes)  # of the last node: 0
+            voltage[:-1] = np.linalg.solve(nodal[:-1, :-1], into[:-1])
+            rho[i, j] = voltage[row] - voltage[n_rows + col]
+    return rho + wiring.row_lead[:, None] + wiring.col_lead
+
+
+# --- the truth ---
+
+
+def test_a_sound_wiring_meets_the_papers_equations():
+    resistance = cells()
+    rho = between_leads(1.0 / resistance[None], Wiring.sound(*SHAPE))[0]
+    expected = adc_ratio(resistance, 1780.0, 326.0)
+    np.testing.assert_allclose(1780.0 / (1780.0 + 326.0 + rho), expected, rtol=1e-5)
+
+
+@pytest.mark.filterwarnings("ignore:Could not import `badcrossbar.plot`")
+def test_leads_meet_badcrossbar():
+    """Driven from both ends, its currents give the admittance between all leads."""
+    badcrossbar = pytest.importorskip("badcrossbar")
+    resistance, rows = cells(), SHAPE[0]
+
+    def admittance(r):
+        """Of a unit voltage on each word line, every bit line at 0 V."""
+        found = badcrossbar.compute(np.eye(len(r)), r, r_i=1e-3)
+        device, output = np.asarray(found.currents.device), np.asarray(found.currents.output)
+        return device.sum(1), output.T  # (words, words), (bits, words)
+
+    of_rows, rows_to_cols = admittance(resistance)
+    of_cols, _ = admittance(resistance.T[::-1, ::-1])
+    y = np.block([[of_rows, -rows_to_cols.T], [-rows_to_cols, of_cols[::-1, ::-1]]])
+    k = np.linalg.pinv((y + y.T) / 2.0)
+    expected = k.diagonal()[:rows, None] + k.diagonal()[rows:] - 2.0 * k[:rows, rows:]
+    rho = between_leads(1.0 / resistance[None], Wiring.sound(*SHAPE))[0]
+    np.testing.assert_allclose(rho, expected, rtol=1e-3)
+
+
+WIRES = [
+    fault.name
+    for fault in ELECTRICAL
+    if fault.name.split()[0] in ("open", "bad", "broken", "short", "address", "swapped", "line")
+]
+
+
+@pytest.mark.parametrize("name", WIRES)
+def test_damaged_wires_meet_a_solve_of_each_reading(name):
+    board = damaged(name, SHAPE)
+    resistance = cells()
+    found = between_leads(1.0 / resistance[None], board.wiring)[0]
+    np.testing.assert_allclose(found, literal(resistance, board.wiring), rtol=1e-4)
+    sound = between_leads(1.0 / resistance[None], Wiring.sound(*SHAPE))[0]
+    assert not np.allclose(found, sound, rtol=1e-3)
+
+
+# --- the faults ---
+
+
+def board_of(shape=SHAPE, seed=0, **kinds) -> FaultBoard:
+    return FaultBoard(Circuit(*shape), CURVE, np.random.default_rng(seed), **kinds)
+
+
+def fault_of(name: str):
+    return next(fault for fault in FAULTS if fault.name == name)
+
+
+def damaged(name: str, shape=SHAPE, **kinds) -> FaultBoard:
+    board = board_of(shape, **kinds)
+    fault_of(name).damage(board)
+    return board
+
+
+def frames(board: FaultBoard, force):
+    """What arrives and is whole: (t, frame)."""
+    parser = protocol.make_parser(board.protocol, *board.circuit.shape, 10)
+    return [(t, frame) for t, data in board.advance(force) for frame in parser.feed(data)]
+
+
+def pressed(seconds: float, shape=SHAPE, newtons=2.0):
+    force = np.zeros((round(seconds * KNOTS), *shape))
+    force[:, 1:3, 1:3] = newtons
+    return force
+
+
+def samples(name: str, seconds=0.5, **kinds) -> np.ndarray:
+    """(n, rows, cols) ADC steps that arrive from a board that is damaged after a second."""
+    board = board_of(**kinds)
+    board.advance(np.zeros((KNOTS, *SHAPE)))
+    board.damaged_at = board.t
+    fault_of(name).damage(board)
+    return np.array([frame.samples / 64.0 for _, frame in frames(board, pressed(seconds))])
+
+
+def test_names_are_unique_and_each_fault_says_what_it_is():
+    assert len({fault.name for fault in FAULTS}) == len(FAULTS) >= 60
+    assert all(fault.about for fault in FAULTS)
+
+
+def test_the_page_lists_the_faults():
+    page = (Path(__file__).parents[2] / "docs/reliability.md").read_text()
+    assert choose.fill(page, {"faults": table.listing(FAULTS)}) == page
+    assert "| frozen scan |" in page
+
+
+@pytest.mark.parametrize("kind", ["binary", "text"])
+def test_a_sound_board_reads_like_the_forward_model(kind):
+    board = board_of(protocol=kind)
+    found = frames(board, pressed(0.5))
+    assert len(found) in (48, 49, 50)
+    assert board.ratio(pressed(0.1))[0] == pytest.approx(
+        adc_ratio(1.0 / board.conductance(pressed(0.1))[0], 1780.0, 326.0), rel=1e-5
+    )
+    steps = np.mean([frame.samples / 64.0 for _, frame in found[10:]], 0)
+    assert np.abs(steps - board.ratio(pressed(0.1))[0] * 1023).max() < 1.0
+
+
+def test_dead_samples_stand_still():
+    assert np.ptp(samples("frozen scan"), 0).max() == 0.0
+    assert np.ptp(samples("frozen scan", protocol="text"), 0).max() == 0.0
+    assert np.ptp(samples("ADC stuck at 40 %")[20:]) == 0.0
+    rows = np.ptp(samples("one row frozen"), 0).max(1) == 0.0
+    assert rows.sum() == 1
+    assert (np.ptp(samples("half of the rows frozen"), 0).max(1) == 0.0).sum() == 2
+    thawed = samples("frozen for 2 s", 2.5)
+    assert np.ptp(thawed[:190], 0).max() == 0.0 and np.ptp(thawed[205:], 0).max() > 0.0
+
+
+def test_a_ring_repeats_itself():
+    ring = samples("ring of 5")
+    np.testing.assert_array_equal(ring[5:], ring[:-5])
+    assert np.ptp(ring, 0).max() > 0.0
+    board = board_of()
+    board.advance(np.zeros((KNOTS, *SHAPE)))
+    fault_of("ring of 20, whole").damage(board)
+    numbers = [frame.sequence for _, frame in frames(board, pressed(0.5))]
+    assert numbers[20:] == numbers[:-20] and len(set(numbers)) == 20
+
+
+def test_numbers_and_times_go_where_the_fault_says():
+    def after(name):
+        board = board_of()
+        board.advance(np.zeros((2 * KNOTS, *SHAPE)))
+        fault_of(name).damage(board)
+        found = [frame for _, frame in frames(board, pressed(1.5))]
+        return (np.array([getattr(f, key) for f in found]).astype(np.int64) for key in
+                ("sequence", "device_time_us"))  # fmt: skip
+
+    number, time = after("number backward")
+    assert (np.diff(number) % 65536 == 65535).all() and (np.diff(time) > 0).all()
+    number, time = after("both backward")
+    assert (np.diff(number) % 65536 == 65535).all() and (np.diff(time) < 0).all()
+    number, time = after("time stands still")
+    assert (np.diff(number) == 1).all() and (np.diff(time) == 0).all()
+    _, time = after("time at half pace")
+    assert np.diff(time).mean() == pytest.approx(5000, rel=0.02)
+    number, time = after("restart every 0.5 s")
+    assert (number == 0).sum() == 3 and time.max() < 520_000
+
+
+def test_the_link_loses_damages_and_delays():
+    def share(name, **kinds):
+        return len(samples(name, 2.0, **kinds)) / 200
+
+    assert share("60 % lost") == pytest.approx(0.4, abs=0.1)
+    assert share("every 8th frame") == pytest.approx(0.125, abs=0.02)
+    assert share("50 % corrupt") == pytest.approx(0.5, abs=0.1)
+    assert share("50 % corrupt", protocol="text") == pytest.approx(0.5, abs=0.1)
+    board = board_of()
+    board.pushes = [(1.0, 4.0)]
+    fault_of("backlog, fast").damage(board)
+    times = np.array([t for t, _ in frames(board, pressed(4.0))])
+    gap = np.diff(times).argmax()
+    assert len(times) >= 399 and (np.diff(times) > 0).all()
+    assert 0.3 <= np.diff(times)[gap] <= 2.6 and np.diff(times)[gap + 1] < 1e-3
+
+
+def test_bits_ceilings_and_drifts():
+    assert (samples("bit 5 stuck at 1", readout="single").astype(int) & 32 == 32).all()
+    assert (samples("bit 5 stuck at 0", readout="single").astype(int) & 32 == 0).all()
+    force_free = samples("saturated at 40 %", readout="single")
+    assert force_free.max() <= 0.4 * 1023 + 0.5
+    low, sound = samples("supply falls", 4.0)[-1], samples("open row", 4.0)[-1]
+    assert (sound < 3.0).all(1).sum() == 1
+    assert low.max() < 0.9 * board_of().ratio(pressed(0.1))[0].max() * 1023
+    loose = samples("loose lead", 3.0, readout="single") <= 4.0
+    line = loose.all(2) if loose.all(2).any() else loose.all(1)
+    assert 0.1 < line.any(1).mean() < 0.9
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
+def test_every_fault_happens_on_the_smallest_skins(fault):
+    for shape in ((2, 2), (1, 8)):
+        for kind in fault.protocols:
+            board = board_of(shape, protocol=kind)
+            force = np.full((20, *shape), 1.0)
+            board.advance(force)
+            fault.damage(board)
+            assert all(isinstance(data, bytes) for _, data in board.advance(force))

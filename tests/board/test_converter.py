@@ -1,0 +1,168 @@
+"""A ceiling of the ADC is seen, whatever the board's noise; a flat touch is none."""
+
+import numpy as np
+import pytest
+
+from tactile_skin import Circuit
+from tactile_skin.board.converter import Ceiling, Windows
+from tactile_skin.physics.adc import Adc
+
+BITS, FRACTION = 10, 64
+REST = 41.0  # ADC steps
+
+
+class Board:
+    """Readings of 8 x 8 cells: rest, and a touch on a block of them."""
+
+    def __init__(self, noise=1.0, whole=False, ceiling=np.inf):
+        self.rng = np.random.default_rng(2)
+        self.noise, self.whole, self.ceiling = noise, whole, ceiling
+        self.picture = REST + self.rng.uniform(-3.0, 3.0, (8, 8))
+        self.watch = Ceiling(BITS)
+
+    def frame(self, touch=0.0, cells=np.s_[2:4, 2:4]) -> str:
+        steps = self.picture.copy()
+        steps[cells] += touch
+        steps = np.minimum(steps + self.noise * self.rng.standard_normal(steps.shape), self.ceiling)
+        steps = np.rint(steps) if self.whole else np.rint(steps * FRACTION) / FRACTION
+        return self.watch.frame(np.rint(steps * FRACTION).astype(np.uint16))
+
+    def frames(self, n, *args):
+        return [self.frame(*args) for _ in range(n)]
+
+
+@pytest.mark.parametrize("noise", [0.3, 1.0, 2.0])
+@pytest.mark.parametrize("whole", [False, True])
+def test_a_sound_board_has_no_ceiling(noise, whole):
+    board = Board(noise, whole)
+    for touch in np.random.default_rng(3).uniform(50.0, 700.0, 100):
+        assert not any(board.frames(40, touch))
+        assert not any(board.frames(40))
+
+
+@pytest.mark.parametrize(("cells", "before"), [(np.s_[2:4, 2:4], 200), (np.s_[5:6, 5:6], 3000)])
+def test_readings_that_stand_at_one_height_are_told_soon(cells, before):
+    """Of a press on one cell, too, once it is known that others do not stand still by chance."""
+    board = Board(ceiling=614.0)
+    board.frames(before)
+    said = board.frames(40, 800.0, cells)
+    assert 8 <= next(k for k, text in enumerate(said) if text) <= 12
+    assert said[-1].startswith("readings end at 614 ADC steps")
+    assert all(board.frames(500)), "the ceiling is there when nothing touches it, too"
+
+
+def test_it_is_over_once_something_reads_higher():
+    board = Board(ceiling=614.0)
+    board.frames(200)
+    board.frames(40, 800.0)
+    board.ceiling = np.inf
+    assert not any(board.frames(40, 700.0)[1:])
+
+
+def test_equal_readings_of_a_quiet_board_are_no_ceiling():
+    """Whole steps with hardly any noise: most readings stand still, and some at one height."""
+    board = Board(noise=0.05, whole=True)
+    board.picture = np.rint(board.picture)
+    for touch in (100.0, 300.0, 500.0):
+        assert not any(board.frames(100, touch))
+
+
+def test_rest_is_no_ceiling():
+    board = Board(noise=0.0)
+    assert not any(board.frames(1000))
+
+
+def test_a_ceiling_is_forgotten_unless_the_last_frame_shows_it():
+    board = Board(ceiling=614.0)
+    board.frames(200)
+    board.frames(40, 800.0)
+    assert board.watch.forget().startswith("readings end at 614 ADC steps")
+    assert all(board.frames(20))
+    assert board.watch.forget() == ""
+    assert not any(board.frames(100))
+
+
+class Clipped(Board):
+    """Clips before the ADC, which adds its own noise: no reading stands still."""
+
+    def frame(self, touch=0.0, cells=np.s_[2:5, 2:5]):
+        steps = self.picture.copy()
+        steps[cells] += touch * self.texture[cells]
+        steps = np.minimum(steps, self.ceiling)
+        steps += self.noise * self.rng.standard_normal(steps.shape)
+        samples = np.rint(steps * FRACTION).astype(np.uint16)
+        said = self.watch.frame(samples)
+        window = self.windows.frame(samples)
+        return said if window is None else self.watch.window(window)
+
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.windows = Windows(BITS)
+        self.texture = np.exp(0.1 * self.rng.standard_normal((8, 8)))
+
+
+def test_a_ceiling_with_noise_is_told_at_the_second_touch():
+    board = Clipped(noise=0.5, ceiling=614.0)
+    board.frames(200)
+    assert not any(board.frames(50, 800.0))
+    board.frames(100)
+    assert board.frames(50, 750.0, np.s_[4:8, 4:8])[-1].startswith("readings end at 61")
+
+
+def test_hard_touches_of_a_sound_board_have_none():
+    board = Clipped(noise=0.5)
+    for touch in np.random.default_rng(3).uniform(300.0, 700.0, 200):
+        row, col = board.rng.integers(0, 5, 2)
+        assert not any(board.frames(20, touch, np.s_[row : row + 3, col : col + 3]))
+        assert not any(board.frames(10))
+
+
+class Turned(Board):
+    """Readings that fall with pressure, as the compensation node hands them on."""
+
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.adc = Adc(Circuit(8, 8, adc_bits=BITS), inverted=True)
+        self.watch = Ceiling(BITS, self.adc.rising_count(0.85), self.adc.circuit.full_scale)
+
+    def frame(self, touch=0.0, cells=np.s_[2:4, 2:4]) -> str:
+        steps = self.picture.copy()
+        steps[cells] += touch
+        steps = np.minimum(steps + self.noise * self.rng.standard_normal(steps.shape), self.ceiling)
+        sent = np.clip(np.rint(1023.0 - steps), 0, 1023) * FRACTION
+        return self.watch.frame(self.adc.rising(sent.astype(np.uint16)))
+
+
+def test_an_inverted_board_at_rest_is_no_ceiling_though_it_reads_the_most():
+    board = Turned(noise=1.0)
+    board.picture[:] = 0.0  # at the very end of the range: half of the noise is cut off
+    for touch in (50.0, 300.0, 700.0):
+        assert not any(board.frames(40, touch))
+        assert not any(board.frames(40))
+
+
+def test_the_ceiling_of_an_inverted_board_is_named_as_it_prints_it():
+    board = Turned(ceiling=614.0)
+    board.frames(200)
+    assert board.frames(40, 800.0)[-1].startswith("readings end at 409 ADC steps")
+
+
+def test_what_a_short_circuit_reads_is_counted_with_the_offset():
+    """Hard touches all read alike near it: no ceiling. With offset and another full scale, too."""
+    adc = Adc(Circuit(8, 8, adc_bits=12), offset=176.2, full_scale=2703.0)
+    assert adc.rising_count(0.845) == pytest.approx(0.845 * 2703.0 - 176.2)
+
+
+def test_crossings_that_are_not_read_hide_no_ceiling():
+    """They stand still at 0, without the noise that all others have."""
+    board = Clipped(noise=0.5, ceiling=614.0)
+    inner = board.watch.frame
+    dead = np.zeros((8, 8), bool)
+    dead[:, 6:] = True
+    frame = board.windows.frame
+    board.watch.frame = lambda samples: inner(np.where(dead, 0, samples))
+    board.windows.frame = lambda samples: frame(np.where(dead, 0, samples))
+    board.frames(200)
+    board.frames(50, 800.0)
+    board.frames(100)
+    assert board.frames(50, 750.0, np.s_[4:8, 2:6])[-1].startswith("readings end at 61")

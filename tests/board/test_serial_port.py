@@ -1,0 +1,549 @@
+"""The reader of a serial port: whatever happens to the port, it goes on, and says so."""
+
+import errno
+import os
+import threading
+import time
+import tty
+
+import pytest
+import serial
+from serial.tools.list_ports_common import ListPortInfo
+from simulated import CIRCUIT, PATIENCE, Serving, make_board, serving
+
+from tactile_skin import Circuit
+from tactile_skin.board import serial_port
+from tactile_skin.board.protocol import BinaryParser, TextParser
+from tactile_skin.board.serial_port import SerialReader, check_port
+
+
+class Heard:
+    """What a reader delivers and says, to be waited for."""
+
+    def __init__(self):
+        self.frames, self.lines = [], []
+        self._news = threading.Condition()
+
+    def on_frame(self, frame) -> None:
+        with self._news:
+            self.frames.append(frame)
+            self._news.notify_all()
+
+    def say(self, line: str) -> None:
+        with self._news:
+            self.lines.append(line)
+            self._news.notify_all()
+
+    def wait_for(self, condition) -> None:
+        with self._news:
+            assert self._news.wait_for(condition, PATIENCE), self.lines
+
+    def wait_for_frames(self, more: int = 10) -> None:
+        wanted = len(self.frames) + more
+        self.wait_for(lambda: len(self.frames) >= wanted)
+
+    def wait_for_line(self, text: str) -> None:
+        self.wait_for(lambda: any(text in line for line in self.lines))
+
+
+@pytest.fixture
+def heard():
+    return Heard()
+
+
+@pytest.fixture
+def reading(heard):
+    """A function that starts a reader on a port; it is closed after the test."""
+    readers = []
+
+    def start(port, **kwargs) -> SerialReader:
+        reader = SerialReader(
+            str(port), 1_000_000, BinaryParser, heard.on_frame, heard.say, **kwargs
+        )
+        readers.append(reader)
+        reader.start()
+        return reader
+
+    yield start
+    for reader in readers:
+        reader.close()
+
+
+@pytest.fixture
+def silent_port(tmp_path):
+    """A port that is there, and says nothing."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    link = tmp_path / "silent"
+    link.symlink_to(os.ttyname(slave))
+    yield link
+    os.close(master)
+    os.close(slave)
+
+
+def test_frames_arrive(tmp_path, heard, reading):
+    with serving(tmp_path / "skin"):
+        reader = reading(tmp_path / "skin")
+        heard.wait_for_frames(30)
+        assert reader.connected_to == str(tmp_path / "skin")
+        assert (reader.trouble, reader.reconnects) == ("", 0)
+        reader.close()
+    assert heard.lines == [f"frames arrive on {tmp_path / 'skin'}"]
+    first = heard.frames[0].sequence
+    assert [f.sequence for f in heard.frames] == list(range(first, first + len(heard.frames)))
+    assert {f.samples.shape for f in heard.frames} == {CIRCUIT.shape}
+    assert reader.parser.counters.corrupt == 0
+
+
+def test_no_frame_comes_after_close(tmp_path, heard, reading):
+    with serving(tmp_path / "skin"):
+        reader = reading(tmp_path / "skin")
+        heard.wait_for_frames()
+        reader.close()
+        reader.close()  # twice does no harm
+        assert not reader._thread.is_alive()
+
+
+def test_an_unplugged_board_is_found_again(tmp_path, heard, reading):
+    """Counted and said; the counters of the whole run go on."""
+    link = tmp_path / "skin"
+    served = Serving(link)
+    reader = reading(link)
+    try:
+        heard.wait_for_frames()
+    finally:
+        served.unplug()
+    heard.wait_for(lambda: reader.connected_to is None)
+    heard.wait_for(lambda: len(heard.lines) >= 2)
+    assert reader.trouble.startswith(f"port {link} ")
+    before = len(heard.frames)
+    with serving(link):
+        heard.wait_for_frames()
+        assert reader.connected_to == str(link)
+        assert reader.reconnects == 1
+        assert reader.trouble == ""
+        reader.close()
+    assert heard.lines.count(f"frames arrive on {link}") == 2
+    assert reader.parser.counters.frames == len(heard.frames) > before
+
+
+@pytest.mark.parametrize("error", [serial.SerialException("gone"), OSError(5, "gone"), "termios"])
+def test_whatever_a_vanished_port_raises_is_survived(monkeypatch, heard, reading, error):
+    """pyserial lets all of these through, depending on where it was when the port went."""
+    if error == "termios":
+        error = pytest.importorskip("termios").error(5, "gone")
+    opened_again = threading.Event()
+
+    def open_port(*_, **__):
+        if not heard.lines:
+            return Dying(error)
+        opened_again.set()
+        return serial.Serial()  # one that is not open: reading it fails as well
+
+    monkeypatch.setattr(serial, "serial_for_url", open_port)
+    reading("/dev/ttyTEST")
+    heard.wait_for_line("port /dev/ttyTEST")
+    assert "gone" in heard.lines[0]
+    assert opened_again.wait(PATIENCE)
+
+
+class Dying:
+    """A port that fails when it is read."""
+
+    name, in_waiting = "/dev/ttyTEST", 0
+
+    def __init__(self, error):
+        self._error = error
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        return None
+
+    def reset_input_buffer(self):
+        pass
+
+    def read(self, n):
+        raise self._error
+
+
+def test_a_silent_port_is_opened_anew(silent_port, heard, reading):
+    """By the watchdog; that it never sent is said, and no connection is counted."""
+    reader = reading(silent_port, watchdog=0.02)
+    heard.wait_for_line(f"{silent_port}: nothing for 0.02 s, opening it anew")
+    assert reader.connected_to is None
+    assert reader.reconnects == -1
+
+
+def test_garbage_is_silence_to_the_watchdog(tmp_path, heard, reading):
+    """A port that sends, but no frame, is no board."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    try:
+        reading(os.ttyname(slave), watchdog=0.02)
+        pause = threading.Event()
+        while not heard.lines:
+            os.write(master, b"hello ")
+            pause.wait(0.005)
+        heard.wait_for_line("bytes arrive, but no frame: check serial_driver.baud and")
+        assert heard.frames == []
+    finally:
+        os.close(master)
+        os.close(slave)
+
+
+def test_a_missing_port_is_waited_for(tmp_path, heard, reading):
+    """Said once, not with every attempt; when the board is plugged in, its frames come."""
+    link = tmp_path / "later"
+    reader = reading(link)
+    heard.wait_for_line("does not exist")
+    assert reader.connected_to is None
+    with serving(link):
+        heard.wait_for_frames()
+        reader.close()
+    assert heard.lines == [f"port {link} does not exist", f"frames arrive on {link}"]
+    assert reader.reconnects == 0
+
+
+def test_a_port_may_take_its_time_without_a_word(tmp_path, heard, reading):
+    reader = reading(tmp_path / "later", wait=3600.0)
+    assert reader.trouble == f"waiting for {tmp_path / 'later'}"
+    with serving(tmp_path / "later"):
+        heard.wait_for_frames()
+        reader.close()
+    assert heard.lines == [f"frames arrive on {tmp_path / 'later'}"]
+
+
+def test_a_baud_rate_that_the_port_cannot_do_is_said(monkeypatch, heard, reading):
+    """pyserial has a plain ValueError for it; the reader goes on."""
+
+    def refuse(*_, **__):
+        raise ValueError("Failed to set custom baud rate")
+
+    monkeypatch.setattr(serial, "serial_for_url", refuse)
+    reader = reading("/dev/ttyTEST")
+    heard.wait_for_line("port /dev/ttyTEST: Failed to set custom baud rate")
+    assert reader._thread.is_alive()
+
+
+def test_a_port_in_use_is_said_to_be(silent_port, heard, reading):
+    """Two readers would get half of the bytes each; when the other one leaves, this one goes on."""
+    with serial.Serial(str(silent_port), exclusive=True):
+        reader = reading(silent_port, watchdog=0.02)
+        heard.wait_for_line(
+            f"port {silent_port} is in use by another program (two programs cannot read one board)"
+        )
+        assert len(heard.lines) == 1
+    heard.wait_for_line("nothing for 0.02 s")
+    assert reader.connected_to is None
+
+
+@pytest.mark.parametrize(
+    ("number", "said"),
+    [
+        (errno.EBUSY, "is in use by another program"),
+        (errno.EACCES, "may not be opened by this user: is it in the group dialout?"),
+        (errno.EPERM, "may not be opened by this user: is it in the group dialout?"),
+        (errno.ENXIO, "is gone: was the board unplugged?"),
+        (errno.EMFILE, os.strerror(errno.EMFILE)),
+    ],
+)
+def test_what_keeps_a_port_from_being_opened_is_said(monkeypatch, heard, reading, number, said):
+    def refuse(*_, **__):
+        raise serial.SerialException(number, "could not open port")
+
+    monkeypatch.setattr(serial, "serial_for_url", refuse)
+    reading("/dev/ttyTEST")
+    heard.wait_for_line(said)
+    assert heard.lines[0].startswith("port /dev/ttyTEST")
+
+
+NO_PORTS = {  # what is there -> what is said of it
+    "directory": "is a directory, not a serial device",
+    "file": "is a regular file, not a serial device",
+    "fifo": "is not a device, not a serial device",
+    "/dev/null": "is not a serial device",
+}
+
+
+def no_port(tmp_path, kind):
+    path = tmp_path / kind.strip("/").replace("/", "_")
+    if kind == "directory":
+        path.mkdir()
+    elif kind == "fifo":
+        os.mkfifo(path)
+    else:
+        path.symlink_to(kind) if kind.startswith("/") else path.touch()
+    return path
+
+
+@pytest.mark.parametrize("kind", NO_PORTS)
+def test_what_is_no_serial_device_is_said_to_be_none(tmp_path, heard, reading, kind):
+    path = no_port(tmp_path, kind)
+    reading(path)
+    heard.wait_for_line(f"port {path} {NO_PORTS[kind]}")
+
+
+@pytest.mark.parametrize("kind", [kind for kind in NO_PORTS if not kind.startswith("/")])
+def test_what_is_no_serial_device_is_refused_at_the_start(tmp_path, kind):
+    path = no_port(tmp_path, kind)
+    with pytest.raises(ValueError, match=f"port {path}: {NO_PORTS[kind]}"):
+        check_port(str(path))
+
+
+def test_a_hangup_is_called_one(tmp_path, heard, reading):
+    """However pyserial tells it: here as a port that can be read and gives nothing."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    link = tmp_path / "tty"
+    link.symlink_to(os.ttyname(slave))
+    reader = reading(link, watchdog=PATIENCE)
+    pause = threading.Event()
+    while not reader.parser.counters.skipped_bytes:  # it reads
+        os.write(master, b"hello ")
+        pause.wait(0.005)
+    os.close(slave)
+    os.close(master)
+    heard.wait_for_line(f"port {link} is gone: was the board unplugged?")
+
+
+def test_auto_takes_the_first_port_that_sends_frames(
+    tmp_path, monkeypatch, silent_port, heard, reading
+):
+    """Not the first that is there."""
+    ports = [str(tmp_path / "gone"), str(silent_port), str(tmp_path / "skin")]
+    monkeypatch.setattr(serial_port, "candidates", lambda: ports)
+    with serving(tmp_path / "skin"):
+        reader = reading("auto", watchdog=0.5)
+        heard.wait_for_frames()
+        assert reader.connected_to == ports[2]
+        reader.close()
+
+
+class Sockets:
+    """USB sockets of a computer, and the boards in them.
+
+    Attributes:
+        boards: device -> (identity, parameters of its circuit).
+    """
+
+    def __init__(self, folder, monkeypatch):
+        self._folder, self._served = folder, {}
+        self.boards = {}
+        monkeypatch.setattr(serial_port, "candidates", lambda: sorted(self.boards))
+        monkeypatch.setattr(
+            serial_port, "identity", lambda name: self.boards.get(name, ((name,),))[0]
+        )
+
+    def plug(self, name, board=("1a86", "7523", "A"), circuit=CIRCUIT) -> str:
+        link = self._folder / name
+        self._served[str(link)] = Serving(link, make_board(circuit=circuit))
+        self.boards[str(link)] = (board, circuit)
+        return str(link)
+
+    def unplug(self, link) -> None:
+        del self.boards[link]
+        self._served.pop(link).unplug()
+
+
+@pytest.fixture
+def sockets(tmp_path, monkeypatch):
+    sockets = Sockets(tmp_path, monkeypatch)
+    yield sockets
+    for link in list(sockets.boards):
+        sockets.unplug(link)
+
+
+def refuse(frame) -> str:
+    """As the driver does."""
+    wanted = CIRCUIT.shape
+    return "" if frame.samples.shape == wanted else f"sends {frame.samples.shape}, not {wanted}"
+
+
+def test_auto_leaves_a_board_of_another_size_for_the_next_port(sockets, heard, reading):
+    """Named, and once for all the times that it is looked at."""
+    other = sockets.plug("a", ("1a86", "7523", "B"), Circuit(4, 6))
+    reader = reading("auto", refuse=refuse)
+    heard.wait_for_line(f"{other}: sends (4, 6), not (4, 5)")
+    assert reader.connected_to is None
+    assert heard.frames == []
+    own = sockets.plug("b")
+    heard.wait_for_frames()
+    assert reader.connected_to == own
+    assert {f.samples.shape for f in heard.frames} == {(4, 5)}
+    reader.close()
+    assert heard.lines == [f"{other}: sends (4, 6), not (4, 5)", f"frames arrive on {own}"]
+
+
+def test_auto_says_once_what_is_wrong_with_each_of_several_ports(sockets, heard, reading):
+    for name, cols in (("a", 6), ("b", 7)):
+        sockets.plug(name, ("1a86", "7523", name), Circuit(4, cols))
+    looked = []
+
+    def look(frame):
+        looked.append(frame.samples.shape)
+        return refuse(frame)
+
+    reader = reading("auto", refuse=look)
+    heard.wait_for(lambda: len(heard.lines) >= 2)
+    until = time.monotonic() + PATIENCE
+    while len(looked) < 6 and time.monotonic() < until:
+        time.sleep(0.01)
+    reader.close()
+    assert len(looked) >= 6
+    assert len(heard.lines) == 2
+
+
+def test_auto_takes_no_other_board_while_its_own_is_unplugged(sockets, heard, reading):
+    """It may sit elsewhere on the robot; the same one is found again in another socket."""
+    own = sockets.plug("a")
+    reader = reading("auto", refuse=refuse)
+    heard.wait_for_frames()
+    other = sockets.plug("b", ("1a86", "7523", "B"))
+    sockets.unplug(own)
+    heard.wait_for_line("the board is unplugged; other boards are left alone")
+    already = len(heard.frames)
+    time.sleep(0.6)  # two looks
+    assert reader.connected_to is None
+    assert reader.trouble == "the board is unplugged; other boards are left alone"
+    assert len(heard.frames) == already
+    again = sockets.plug("c")
+    heard.wait_for_frames()
+    assert reader.connected_to == again
+    assert reader.reconnects == 1
+    reader.close()
+    assert f"frames arrive on {other}" not in heard.lines
+    assert heard.lines[-1] == f"frames arrive on {again}"
+
+
+@pytest.mark.parametrize(
+    ("serial_number", "location", "same"),
+    [("A", "1-2", True), ("B", "1-1", False), (None, "1-1", True), (None, "1-2", False)],
+)
+def test_a_board_is_known_by_its_number_or_else_by_its_socket(
+    monkeypatch, serial_number, location, same
+):
+    def there(device, number, where):
+        port = ListPortInfo(device)
+        port.vid, port.pid, port.serial_number, port.location = 0x1A86, 0x7523, number, where
+        return port
+
+    first = there("/dev/ttyUSB0", "A" if serial_number else None, "1-1")
+    later = there("/dev/ttyUSB3", serial_number, location)
+    monkeypatch.setattr(serial_port.list_ports, "comports", lambda: [first])
+    before = serial_port.identity("/dev/ttyUSB0")
+    monkeypatch.setattr(serial_port.list_ports, "comports", lambda: [later])
+    assert serial_port.candidates() == ["/dev/ttyUSB3"]
+    assert (serial_port.identity("/dev/ttyUSB3") == before) is same
+
+
+def test_what_is_not_on_usb_is_known_by_its_name(monkeypatch):
+    monkeypatch.setattr(serial_port.list_ports, "comports", lambda: [ListPortInfo("/dev/ttyS0")])
+    assert serial_port.candidates() == []
+    assert serial_port.identity("/dev/ttyS0") == ("/dev/ttyS0",)
+
+
+def test_ports_that_cannot_be_listed_end_nothing(sockets, monkeypatch, heard, reading):
+    def fail():
+        raise OSError("a port went")
+
+    monkeypatch.setattr(serial_port, "candidates", fail)
+    reader = reading("auto")
+    heard.wait_for_line("the serial ports cannot be listed: OSError('a port went')")
+    sockets.plug("a")
+    monkeypatch.setattr(serial_port, "candidates", lambda: sorted(sockets.boards))
+    heard.wait_for_frames()
+    reader.close()
+
+
+@pytest.mark.parametrize("error", [RuntimeError("full"), SystemExit(1)])
+def test_who_raises_when_he_is_told_ends_no_reading(tmp_path, heard, error, capsys):
+    """A log handler, say: the board is found, lost, and found again."""
+
+    def say(line):
+        heard.say(line)
+        raise error
+
+    reader = SerialReader(str(tmp_path / "skin"), 1_000_000, BinaryParser, heard.on_frame, say)
+    reader.start()
+    try:
+        heard.wait_for_line("does not exist")
+        for _ in range(2):
+            with serving(tmp_path / "skin"):
+                heard.wait_for_frames()
+            heard.wait_for(lambda: reader.connected_to is None)
+    finally:
+        reader.close()
+    assert f"{error!r} while that was told" in capsys.readouterr().err
+
+
+def test_a_text_board_of_another_size_is_told_from_a_silent_one(heard):
+    """Its lines are no frames: how long they are is said, and how long they should be."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    reader = SerialReader(
+        os.ttyname(slave),
+        115_200,
+        lambda: TextParser(8, 11),
+        heard.on_frame,
+        heard.say,
+        watchdog=0.1,
+    )
+    reader.start()
+    try:
+        pause = threading.Event()
+        while not heard.lines:
+            os.write(master, b",".join([b"7"] * 96) + b"\n")
+            pause.wait(0.005)
+        heard.wait_for_line(
+            f"{reader.port} at 115200 baud: bytes arrive, but no frame: lines hold 96 numbers, but "
+            "circuit.rows = 8 x circuit.cols = 11 are 88: set circuit.rows and circuit.cols"
+        )
+    finally:
+        reader.close()
+        os.close(master)
+        os.close(slave)
+
+
+def test_auto_without_ports_says_so(monkeypatch, heard, reading):
+    monkeypatch.setattr(serial_port, "candidates", list)
+    reading("auto")
+    heard.wait_for_line("no USB serial port found")
+
+
+# --- check_port ---
+
+
+def test_a_missing_port_is_refused_by_name(monkeypatch, tmp_path):
+    monkeypatch.setattr(serial_port, "candidates", lambda: ["/dev/ttyUSB3"])
+    port = tmp_path / "ttyUSB0"
+    with pytest.raises(ValueError, match=f"port {port}: does not exist.*found: /dev/ttyUSB3"):
+        check_port(str(port))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="elsewhere a port is no file")
+def test_a_name_without_its_folder_is_refused_too():
+    with pytest.raises(ValueError, match="port ttyUSB77: does not exist"):
+        check_port("ttyUSB77")
+
+
+def test_an_unknown_url_is_refused():
+    with pytest.raises(ValueError, match="'carrier-pigeon'"):
+        check_port("carrier-pigeon://home")
+
+
+def test_auto_needs_a_port(monkeypatch):
+    monkeypatch.setattr(serial_port, "candidates", list)
+    with pytest.raises(ValueError, match="port auto: no USB serial port found"):
+        check_port("auto")
+
+
+def test_a_port_that_is_there_is_taken(monkeypatch):
+    """So is auto with a candidate, and a URL that pyserial knows."""
+    master, slave = os.openpty()
+    monkeypatch.setattr(serial_port, "candidates", lambda: ["/dev/ttyUSB3"])
+    for port in (os.ttyname(slave), "auto", "loop://"):
+        check_port(port)
+    os.close(master)
+    os.close(slave)

@@ -1,0 +1,243 @@
+"""The simulated board: what the ATmega328P does, and the real bytes on a real serial device."""
+
+import os
+
+import numpy as np
+import pytest
+import serial
+from simulated import CIRCUIT, make_board, serving
+
+from tactile_skin import Circuit, PressureCurve, forward
+from tactile_skin.board import simulator
+from tactile_skin.board.protocol import BinaryParser
+from tactile_skin.learning import scenes
+
+
+def frames_of(simulated, scans: int) -> list:
+    parser = BinaryParser()
+    frames = [f for _ in range(scans) for f in parser.feed(simulated.scan())]
+    assert parser.counters.skipped_bytes == 0
+    return frames
+
+
+# --- the electronics ---
+
+
+def test_a_second_of_scans_gives_100_frames():
+    frames = frames_of(make_board(), simulator.SCANS_PER_SECOND)
+    assert [f.sequence for f in frames] == list(range(100))
+
+
+@pytest.mark.parametrize("rate", [1, 50, 99.5, 390])
+def test_the_frame_rate_is_kept(rate):
+    frames = frames_of(make_board(frames_per_second=rate), 2 * simulator.SCANS_PER_SECOND)
+    assert len(frames) == int(2 * rate)
+
+
+def test_device_time_is_that_of_the_scan():
+    """In microseconds since the start; frames come with whole scans, 10 ms apart on average."""
+    frames = frames_of(make_board(), simulator.SCANS_PER_SECOND)
+    times = [f.device_time_us for f in frames]
+    assert times[-1] == 1_000_000
+    scan = 1e6 / simulator.SCANS_PER_SECOND
+    assert times == [round(round(t / scan) * scan) for t in times]
+    assert set(np.round(np.diff(times) / scan)) <= {3, 4}
+
+
+def test_sequence_numbers_wrap():
+    simulated = make_board(frames_per_second=390, circuit=Circuit(1, 1))
+    simulated._frames = simulated._scans = simulated._sent = 65_535
+    assert [f.sequence for f in frames_of(simulated, 3)] == [65_535, 0, 1]
+
+
+@pytest.mark.parametrize("scene", ["idle", "two_fingers"])
+@pytest.mark.parametrize("adc_bits", [8, 10, 12])
+def test_without_noise_it_sends_the_forward_models_reading(scene, adc_bits):
+    """To half an ADC step for its rounding, and less than a step for that of the low-pass."""
+    circuit = Circuit(6, 7, adc_bits=adc_bits)
+    frame = frames_of(make_board(scene, circuit, noise=0.0), 40)[-1]
+    assert frame.adc_bits == adc_bits
+    force = scenes.script(scene, *circuit.shape)(0.0)
+    steps = forward(circuit, PressureCurve().resistance(force)) * circuit.full_scale
+    sent = frame.samples / 2 ** (16 - adc_bits)
+    assert np.abs(sent - np.rint(steps)).max() < 0.5
+    assert np.abs(sent - steps).max() <= 1.0
+
+
+def test_the_low_pass_follows_a_step():
+    """5 scans after a finger came, nine tenths of it are there; and nothing overshoots."""
+    circuit = CIRCUIT
+
+    def scene(t):
+        pressed = t > 9.5 / simulator.SCANS_PER_SECOND
+        return np.full(circuit.shape, 1.0 if pressed else 0.0)
+
+    simulated = simulator.Board(circuit, PressureCurve(), scene, noise=0.0, frames_per_second=390)
+    level = np.array([f.samples.mean() for f in frames_of(simulated, 60)])
+    rise = (level - level[0]) / (level[-1] - level[0])
+    assert rise[9] == 0.0
+    assert rise[10] == pytest.approx(3 / 8, abs=0.01)
+    assert rise[14] > 0.9
+    assert (np.diff(rise) >= 0).all()
+
+
+def test_the_low_passs_noise_is_that_of_a_mean_of_4_scans():
+    """Half of a sample's; the sample's is the given noise with the ADC's rounding."""
+    simulated = make_board(noise=2.0, circuit=Circuit(8, 8), frames_per_second=390)
+    sent = np.array([f.samples / 64 for f in frames_of(simulated, 1500)[20:]])
+    of_a_sample = np.hypot(2.0, 1 / np.sqrt(12))
+    assert sent.std(0).mean() == pytest.approx(of_a_sample / 2, rel=0.05)
+
+
+def test_noise_never_leaves_the_adcs_range():
+    """An idle cell with much noise reads 0 at the least; a pressed one the full scale at most."""
+    circuit = Circuit(2, 2, adc_bits=4)
+    for force in (0.0, 9.0):
+        simulated = simulator.Board(
+            circuit, PressureCurve(), lambda t, f=force: np.full((2, 2), f), noise=20.0
+        )
+        for frame in frames_of(simulated, 200):
+            assert frame.samples.max() <= circuit.full_scale * 2**12
+
+
+def test_the_seed_decides_the_noise():
+    first, same, other = (
+        b"".join(simulated.scan() for _ in range(20))
+        for simulated in (make_board(seed=seed) for seed in (1, 1, 2))
+    )
+    assert first == same
+    assert first != other
+
+
+def test_a_restart_begins_anew():
+    """With sequence 0, time 0, and nothing left in the low-pass."""
+    simulated = make_board("two_fingers", noise=0.0)
+    before = b"".join(simulated.scan() for _ in range(50))
+    simulated.restart()
+    assert b"".join(simulated.scan() for _ in range(50)) == before
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"frames_per_second": 0},
+        {"frames_per_second": 391},
+        {"frames_per_second": float("nan")},
+        {"noise": -1.0},
+        {"noise": float("nan")},
+    ],
+)
+def test_bad_values_are_refused_by_name(bad):
+    with pytest.raises(ValueError, match=next(iter(bad))):
+        make_board(**bad)
+
+
+# --- on a pseudo-terminal ---
+
+
+def read_frames(port, n: int, parser: BinaryParser) -> list:
+    """At least n frames; ends without them only when the port stays silent for its timeout."""
+    frames = []
+    while len(frames) < n:
+        data = port.read(port.in_waiting or 1)
+        assert data, f"silent after {len(frames)} frames"
+        frames += parser.feed(data)
+    return frames
+
+
+def test_a_reader_gets_whole_frames_in_order(tmp_path):
+    """Through pyserial, as from a real port; a second opening restarts the board."""
+    parser = BinaryParser()
+    with serving(tmp_path / "skin") as served:
+        for restarts in (0, 1):
+            with serial.Serial(str(tmp_path / "skin"), simulator.BAUD, timeout=30) as port:
+                frames = read_frames(port, 40, parser)
+            first = frames[0].sequence
+            assert [f.sequence for f in frames] == list(range(first, first + len(frames)))
+            assert {f.samples.shape for f in frames} == {CIRCUIT.shape}
+            assert parser.counters.restarts == restarts
+            served.let_it_notice()
+    assert (parser.counters.corrupt, parser.counters.lost) == (0, 0)
+
+
+def test_the_first_frame_after_opening_is_number_0(tmp_path):
+    """Opened without pyserial, which throws away what came while it opened."""
+    with serving(tmp_path / "skin"):
+        port = os.open(tmp_path / "skin", os.O_RDONLY | os.O_NOCTTY)
+        try:
+            parser, frames = BinaryParser(), []
+            while not frames:
+                frames = parser.feed(os.read(port, 4096))
+        finally:
+            os.close(port)
+    assert frames[0].sequence == 0
+    assert parser.counters.skipped_bytes == 0
+
+
+def test_bytes_from_the_reader_do_no_harm(tmp_path):
+    """The board takes no commands, and must not stop for what is written to it."""
+    with (
+        serving(tmp_path / "skin"),
+        serial.Serial(str(tmp_path / "skin"), simulator.BAUD, timeout=30, write_timeout=30) as port,
+    ):
+        for _ in range(20):
+            port.write(bytes(1000))
+        assert len(read_frames(port, 5, BinaryParser())) >= 5
+
+
+def test_the_link_goes_with_the_board(tmp_path):
+    link = tmp_path / "skin"
+    with serving(link):
+        assert link.is_symlink()
+        assert os.readlink(link).startswith("/dev/")
+    assert not link.is_symlink()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_link_left_behind_is_replaced(tmp_path):
+    """By a board that was killed, say."""
+    link = tmp_path / "skin"
+    link.symlink_to("/dev/pts/999999")
+    with serving(link):
+        assert link.exists()
+
+
+def test_a_link_that_another_board_took_over_stays(tmp_path):
+    link = tmp_path / "skin"
+    with serving(link):
+        link.unlink()
+        link.symlink_to("another")
+    assert os.readlink(link) == "another"
+
+
+@pytest.mark.parametrize("make", ["write_text", "mkdir"])
+def test_what_is_no_link_is_not_replaced(tmp_path, make):
+    link = tmp_path / "skin"
+    getattr(link, make)(*(["precious"] if make == "write_text" else []))
+    with pytest.raises(FileExistsError, match="skin exists and is no link: remove it"):
+        simulator.serve(make_board(), link, lambda: False)
+    assert link.exists()
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_a_link_of_somebody_else_is_neither_replaced_nor_removed(tmp_path, there):
+    """Also while it leads nowhere, as that of a device that is not plugged in."""
+    link, device = tmp_path / "skin", tmp_path / "ttyUSB0"
+    if there:
+        device.touch()
+    link.symlink_to(device)
+    with pytest.raises(FileExistsError, match=f"skin exists and is a link to {device}"):
+        simulator.serve(make_board(), link, lambda: False)
+    assert os.readlink(link) == str(device)
+
+
+def test_a_link_to_a_terminal_that_is_open_stays(tmp_path):
+    """It may be another board's, or anybody's."""
+    master, slave = os.openpty()
+    link = tmp_path / "skin"
+    link.symlink_to(os.ttyname(slave))
+    with pytest.raises(FileExistsError, match="made by somebody else"):
+        simulator.serve(make_board(), link, lambda: False)
+    assert os.readlink(link) == os.ttyname(slave)
+    for end in (master, slave):
+        os.close(end)

@@ -1,0 +1,87 @@
+"""A cell that jumps about, or never moves, is named; touches are not."""
+
+import numpy as np
+import pytest
+
+from tactile_skin.calibration.cells import Cells
+
+SHAPE, FRAME = (8, 8), 0.01  # s
+AT = 2, 5
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(11)
+
+
+def tremor(rng, n, size=0.03):
+    """(n,) a hand's force over its mean."""
+    slow = np.convolve(rng.standard_normal(n + 30), np.ones(12) / 12**0.5, "same")[15 : n + 15]
+    return 1.0 + size * slow
+
+
+def finger(rng, n, width, newtons=4.0, at=(3.3, 4.1)):
+    row, col = np.indices(SHAPE)
+    picture = np.exp(-((row - at[0]) ** 2 + (col - at[1]) ** 2) / (2 * width**2))
+    rise = np.minimum(np.arange(n) / 8.0, 1.0)
+    return newtons * picture * (rise * tremor(rng, n))[:, None, None]
+
+
+def watch(frames, cells=None, start=0.0):
+    cells = cells or Cells(SHAPE)
+    return [cells.frame(start + k * FRAME, frame) for k, frame in enumerate(frames)]
+
+
+def one_cell(force):
+    frames = np.zeros((len(force), *SHAPE))
+    frames[:, AT[0], AT[1]] = force
+    return frames
+
+
+@pytest.mark.parametrize("width", [0.3, 0.6, 1.5])
+def test_a_finger_is_not_odd(rng, width):
+    """However long it presses, and on a single cell, too."""
+    assert not any(watch(finger(rng, 1000, width)))
+
+
+def test_taps_are_not_odd(rng):
+    """Ten taps of a finger, five a second, each with a rise and a fall of 40 ms."""
+    tap = np.interp(np.arange(20), [0, 4, 10, 14, 20], [0, 1, 1, 0, 0])
+    assert not any(watch(one_cell(np.tile(5.0 * tap, 10))))
+
+
+def test_a_cell_that_jumps_is_named_within_a_second(rng):
+    said = watch(one_cell(3.0 * np.exp(0.4 * rng.standard_normal(100))))
+    assert said[-1].startswith(f"row {AT[0]}, column {AT[1]} jumps about")
+
+
+def test_it_is_named_beside_a_finger_too(rng):
+    frames = finger(rng, 100, 0.6, at=(6.0, 1.0))
+    frames[:, AT[0], AT[1]] += 3.0 * np.exp(0.4 * rng.standard_normal(100))
+    assert f"row {AT[0]}, column {AT[1]}" in watch(frames)[-1]
+
+
+def test_it_is_over_once_the_cell_is_calm(rng):
+    cells = Cells(SHAPE)
+    watch(one_cell(3.0 * np.exp(0.4 * rng.standard_normal(100))), cells)
+    assert watch(np.zeros((300, *SHAPE)), cells, 1.0)[-1] == ""
+
+
+def test_a_cell_that_stands_still_alone_is_named(rng):
+    said = watch(one_cell(5.0 * (1.0 + 0.01 * rng.standard_normal(300))))
+    first = next(k for k, text in enumerate(said) if text)
+    assert first == pytest.approx(200, abs=2)
+    assert said[-1].startswith(f"row {AT[0]}, column {AT[1]} alone has stood at ")
+
+
+def test_an_object_on_several_cells_is_not(rng):
+    frames = np.zeros((500, *SHAPE))
+    frames[:, 2:4, 2:4] = 2.0
+    assert not any(watch(frames))
+
+
+def test_a_gap_in_time_begins_anew(rng):
+    cells = Cells(SHAPE)
+    frames = one_cell(np.full(150, 5.0))
+    assert not any(watch(frames, cells))
+    assert not any(watch(frames, cells, 100.0))

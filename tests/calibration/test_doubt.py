@@ -1,0 +1,119 @@
+"""When doubt is a fault, and what proves it gone."""
+
+import pytest
+
+from tactile_skin.calibration.doubt import Doubt
+
+FRAME = 0.01  # s
+
+
+class Skin:
+    def __init__(self):
+        self.doubt, self.t = Doubt(), 10.0
+
+    def feel(self, seconds, suspect=False, touched=False) -> list[bool]:
+        """Whether there was a fault, frame by frame."""
+        faults = []
+        for _ in range(round(seconds / FRAME)):
+            self.t += FRAME
+            faults.append(self.doubt.frame(self.t, suspect, touched))
+        return faults
+
+
+@pytest.fixture
+def skin():
+    """One that was sound for a while."""
+    skin = Skin()
+    skin.feel(0.3)
+    return skin
+
+
+def test_a_skin_in_doubt_from_its_first_frame_is_never_free():
+    assert all(Skin().feel(0.5, suspect=True))
+
+
+def test_a_sound_one_is_free_at_once():
+    assert not any(Skin().feel(0.5))
+
+
+def test_a_few_doubts_are_no_fault(skin):
+    """A touch that comes and goes."""
+    for _ in range(50):
+        assert not any(skin.feel(0.05, suspect=True, touched=True))
+        assert not any(skin.feel(0.3, touched=True))
+        assert not any(skin.feel(0.3))
+
+
+def test_half_of_the_last_frames_are(skin):
+    assert skin.feel(0.5, suspect=True, touched=True).index(True) == 9
+
+
+def test_a_fault_under_a_touch_outlasts_it_until_the_skin_has_rested(skin):
+    skin.feel(0.5, suspect=True, touched=True)
+    faults = skin.feel(2.0)
+    assert faults.index(False) == pytest.approx(100, abs=1)
+
+
+def test_why_it_is_kept_is_said(skin):
+    skin.feel(0.5, suspect=True, touched=True)
+    skin.feel(0.5)
+    assert "under the last touch: until 1 s of rest" in skin.doubt.kept
+    skin.feel(1.0)
+    assert skin.doubt.kept == ""
+
+
+def test_a_touch_that_is_believed_ends_it_as_well(skin):
+    """A doubt while a touch came does not stop the robot for as long as the hand stays."""
+    skin.feel(0.3, suspect=True, touched=True)
+    faults = skin.feel(1.0, touched=True)
+    assert faults.index(False) == pytest.approx(50, abs=1)
+
+
+def test_a_fault_that_comes_back_with_the_touch_is_not_healed_by_rest(skin):
+    """A multiplexer line that is stuck: nothing shows while nothing touches."""
+    for _ in range(2):
+        skin.feel(0.5, suspect=True, touched=True)
+        skin.feel(1.5)
+    assert all(skin.feel(600.0))
+    assert "under each touch" in skin.doubt.kept
+    assert skin.feel(1.0, touched=True)[-1] is False
+
+
+def test_a_reset_forgets_it(skin):
+    for _ in range(3):
+        skin.feel(0.5, suspect=True, touched=True)
+        skin.feel(1.5)
+    skin.doubt.reset()
+    assert not any(skin.feel(1.0))
+
+
+def test_a_reset_forgets_nothing_that_is_still_there(skin):
+    """While the last frames are in doubt the robot must not move, not even for ten of them."""
+    skin.feel(0.5, suspect=True, touched=True)
+    skin.doubt.reset()
+    assert skin.doubt.present
+    assert all(skin.feel(0.2, suspect=True, touched=True))
+    skin.feel(0.3)
+    skin.doubt.reset()
+    assert not skin.doubt.present
+    assert not any(skin.feel(1.0))
+
+
+def test_touches_with_rest_between_them_count_once_each(skin):
+    """One touch whose doubt comes and goes is one."""
+    for _ in range(5):
+        skin.feel(0.3, suspect=True, touched=True)
+        skin.feel(0.3, touched=True)
+    assert skin.feel(1.2)[-1] is False
+
+
+def test_what_is_wrong_at_rest_stays_wrong_under_a_touch(skin):
+    skin.feel(0.3, suspect=True)
+    assert all(skin.feel(5.0, touched=True))
+    assert not skin.feel(1.0)[-1]
+
+
+def test_a_clock_that_is_set_back_keeps_a_fault_no_longer_than_its_rest(skin):
+    skin.feel(0.5, suspect=True, touched=True)
+    skin.t -= 3600.0
+    assert skin.feel(1.2)[-1] is False

@@ -1,0 +1,153 @@
+"""The pass through the network equals PyTorch's, and weights know what they were made for."""
+
+import numpy as np
+import pytest
+
+from tactile_skin import Circuit, PressureCurve, compensate, forward
+from tactile_skin.bench.measure import GHOST, frames
+from tactile_skin.learning import network, scenes
+from tactile_skin.physics.curve import GRAM
+
+torch = pytest.importorskip("torch", reason="the extra train")
+make_net = pytest.importorskip("tactile_skin.learning.training").make_net
+
+
+def random_weights(rows, cols, kind="paper"):
+    torch.manual_seed(0)
+    net = make_net(kind, rows, cols)
+    for parameter in net.parameters():  # biases too: the pass must not forget them
+        parameter.data += 0.1 * torch.randn_like(parameter)
+    net.input_mean += 0.3
+    net.input_std *= 0.4
+    state = {k: v.numpy() for k, v in net.state_dict().items()}
+    meta = {"circuit": Circuit(rows, cols).describe(), "curve": PressureCurve().describe()}
+    return net, state, meta
+
+
+def parameters(net):
+    return sum(p.numel() for p in net.parameters())
+
+
+def test_the_papers_network_has_4544_parameters():
+    assert parameters(make_net("paper", 16, 16)) == 4544
+
+
+def test_the_physics_fed_network_is_no_larger_than_agreed():
+    assert parameters(make_net("physics", 16, 16)) == 4996
+
+
+@pytest.mark.parametrize("kind", network.NETWORKS)
+@pytest.mark.parametrize("shape", [(16, 16), (5, 9), (12, 3)])
+def test_the_pass_equals_pytorchs(kind, shape):
+    net, state, meta = random_weights(*shape, kind)
+    weights = network.Weights(state, meta, "here")
+    adc = np.random.default_rng(1).uniform(0.05, 0.8, (7, *shape))
+    inputs = adc[:, None]
+    if kind == "physics":
+        inputs = network.physics_inputs(adc, Circuit(*shape), PressureCurve()).swapaxes(0, 1)
+    with torch.inference_mode():
+        expected = net.eval()(torch.from_numpy(inputs).float()).numpy() * PressureCurve().max_force
+    assert expected.std() > 0.1
+    for found in (weights.predict(adc), np.stack([weights.predict(a) for a in adc])):
+        np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4)
+
+
+def test_physics_inputs_are_the_truth_where_the_touch_is_light():
+    """After six steps of the fixed point little is left for the network to do."""
+    circuit, curve = Circuit(), PressureCurve()
+    force = np.zeros((1, 16, 16))
+    force[0, 5, 5:8] = 0.3
+    inputs = network.physics_inputs(forward(circuit, curve.resistance(force)), circuit, curve)
+    assert inputs.shape == (5, 1, 16, 16) and np.isfinite(inputs).all()
+    np.testing.assert_allclose(inputs[3] * curve.max_force, force, atol=0.03)
+    assert np.abs(inputs[0] - inputs[2]).max() > 0.1
+
+
+def test_a_long_recording_equals_its_frames():
+    _, state, meta = random_weights(4, 4)
+    weights = network.Weights(state, meta, "here")
+    adc = np.random.default_rng(2).random((600, 4, 4))
+    np.testing.assert_allclose(weights.predict(adc)[599], weights.predict(adc[599]), rtol=1e-5)
+
+
+def test_weights_survive_the_disk(tmp_path):
+    _, state, meta = random_weights(6, 6)
+    network.save(tmp_path / "w.npz", state, meta)
+    loaded = network.load(tmp_path / "w.npz")
+    adc = np.random.default_rng(3).random((6, 6))
+    np.testing.assert_array_equal(
+        loaded.predict(adc), network.Weights(state, meta, "here").predict(adc)
+    )
+    loaded.check(Circuit(6, 6), PressureCurve())
+    loaded.check(Circuit(6, 6, adc_bits=12), PressureCurve())
+    with pytest.raises(ValueError, match=r"r_par = 326.0 \(yours: 100.0\)"):
+        loaded.check(Circuit(6, 6, r_par=100.0), PressureCurve())
+    with pytest.raises(ValueError, match=r"rows = 6 \(yours: 16\)"):
+        loaded.check(Circuit(), PressureCurve())
+
+
+def test_another_size_of_reading_is_refused():
+    _, state, meta = random_weights(6, 6)
+    with pytest.raises(ValueError, match=r"wants \(..., 6, 6\)"):
+        network.Weights(state, meta, "here").predict(np.zeros((16, 16)))
+
+
+@pytest.mark.parametrize("content", [b"", b"not a zip", b"PK\x03\x04 broken"])
+def test_a_foreign_file_is_named(tmp_path, content):
+    file = tmp_path / "w.npz"
+    file.write_bytes(content)
+    with pytest.raises(ValueError, match="not a weights file") as error:
+        network.load(file)
+    assert str(file) in str(error.value)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"none\.npz"):
+        network.load(tmp_path / "none.npz")
+
+
+def test_shipped_weights_say_what_they_are():
+    weights = network.shipped("paper")
+    weights.check(Circuit(), PressureCurve())
+    assert weights.meta["config"]["pairs"] == 100_000
+    assert weights.meta["config"]["validation"] == 30_000
+    assert {"seed", "epochs", "loss"} <= set(weights.meta["config"])
+    assert weights.meta["epoch"] >= 1 and weights.meta["validation_g"] > 0
+
+
+# --- what the shipped ones must do, on scenes that they have not seen -----------------------------
+
+
+def error(kind, family, readout, n=900):
+    """Mean error [g a cell] of a shipped network; scenes, readings [N, ADC ratio]."""
+    rng = np.random.default_rng(20261)
+    force, adc = frames(family, readout, n, rng, Circuit(), PressureCurve())
+    return np.abs(network.shipped(kind).predict(adc) - force).mean() / GRAM, force, adc
+
+
+@pytest.mark.parametrize(("family", "most"), [("blobs", 11), ("rects", 30), ("random", 52)])
+def test_the_papers_network_errs_no_more_than_the_papers(family, most):
+    assert error("paper", family, "ideal")[0] < most
+
+
+@pytest.mark.parametrize(("family", "most"), [("blobs", 6), ("rects", 13)])
+def test_the_physics_fed_network_on_noisy_scans(family, most):
+    assert error("physics", family, "scan")[0] < most
+
+
+def test_the_physics_fed_network_is_near_the_noise_limit_under_a_load_everywhere():
+    """There the noise leaves little to know: the error goes with the load, and `map` is no better.
+
+    Both on the same frames, whose mean load is anything.
+    """
+    found, force, adc = error("physics", "random", "scan", 40)
+    best = np.array([compensate(a, Circuit(), PressureCurve(), "map").force for a in adc])
+    assert found < 1.04 * np.abs(best - force).mean() / GRAM
+
+
+@pytest.mark.parametrize("kind", network.NETWORKS)
+def test_two_fingers_leave_no_ghost(kind):
+    force = scenes.script("two_fingers", 16, 16)(0.0)
+    adc = forward(Circuit(), PressureCurve().resistance(force))
+    found = network.shipped(kind).predict(adc)
+    assert found[force == 0].max() < GHOST * GRAM

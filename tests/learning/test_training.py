@@ -1,0 +1,162 @@
+"""Training repeats itself, survives being killed, and notices its own death."""
+
+import csv
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tactile_skin import Circuit, PressureCurve
+from tactile_skin.learning import network
+from tactile_skin.learning.dataset import TrainingConfig, make_pairs
+
+torch = pytest.importorskip("torch", reason="the extra train")
+training = pytest.importorskip("tactile_skin.learning.training")
+TrainingDied, train = training.TrainingDied, training.train
+
+CIRCUIT, CURVE = Circuit(6, 7), PressureCurve()
+TINY = TrainingConfig(pairs=600, validation=90, epochs=4, batch=50, rate=5e-3, seed=3)
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    """The runs are tiny: two threads would wait for one another, long where a core is busy."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+def run(out, config=TINY, **kwargs):
+    lines = []
+    path = train(CIRCUIT, CURVE, config, out, say=lines.append, **kwargs)
+    return network.load(path), lines
+
+
+def same(a: network.Weights, b: network.Weights) -> bool:
+    adc = np.random.default_rng(0).random((5, 6, 7))
+    return np.array_equal(a.predict(adc), b.predict(adc))
+
+
+def test_the_same_seed_gives_the_same_weights_and_another_does_not(tmp_path):
+    first, _ = run(tmp_path / "a")
+    assert same(first, run(tmp_path / "b")[0])
+    assert not same(first, run(tmp_path / "c", replace(TINY, seed=4))[0])
+
+
+def test_the_physics_fed_network_trains_too(tmp_path):
+    weights, _ = run(tmp_path, replace(TINY, network="physics", readout="board", epochs=6))
+    assert weights.path.name == "physics.npz"
+    assert weights.predict(np.full((6, 7), 0.2)).shape == (6, 7)
+
+
+def test_a_killed_run_resumes_to_the_same_result(tmp_path):
+    whole, _ = run(tmp_path / "whole")
+
+    class Killed(Exception):
+        pass
+
+    def kill_in_third_epoch(items, desc):
+        for k, item in enumerate(items):
+            if desc.startswith("epoch 3") and k == 5:
+                raise Killed
+            yield item
+
+    with pytest.raises(Killed):
+        run(tmp_path / "killed", track=kill_in_third_epoch)
+    resumed, lines = run(tmp_path / "killed")
+    assert any("resuming" in line and "after epoch 2 of 4" in line for line in lines)
+    assert same(whole, resumed)
+
+
+def test_a_checkpoint_of_another_run_is_refused_with_what_differs(tmp_path):
+    run(tmp_path)
+    with pytest.raises(ValueError, match="another rate"):
+        run(tmp_path, replace(TINY, rate=1e-3))
+    restarted, _ = run(tmp_path, replace(TINY, rate=1e-3), resume=False)
+    assert restarted.meta["config"]["rate"] == 1e-3
+
+
+def test_it_learns_and_keeps_the_best_epoch(tmp_path):
+    weights, _ = run(tmp_path, replace(TINY, epochs=12))
+    with (tmp_path / "history.csv").open() as file:
+        history = list(csv.DictReader(file))
+    errors = [float(line["validation_g"]) for line in history]
+    assert len(errors) == 12
+    assert min(errors) < 0.7 * errors[0]
+    assert weights.meta["validation_g"] == min(errors)
+    assert weights.meta["epoch"] == errors.index(min(errors)) + 1
+    weights.check(CIRCUIT, CURVE)
+
+
+def test_dead_outputs_stop_the_run(tmp_path, monkeypatch):
+    make_net = training.make_net
+
+    def dead(*args):
+        net = make_net(*args)
+        for parameter in net.parameters():
+            torch.nn.init.constant_(parameter, -0.1)
+        return net
+
+    monkeypatch.setattr(training, "make_net", dead)
+    with pytest.raises(TrainingDied, match="epoch 1: all outputs are equal"):
+        run(tmp_path)
+
+
+def test_a_diverging_run_stops(tmp_path, monkeypatch):
+    monkeypatch.setattr(torch.nn.utils, "clip_grad_norm_", lambda *_: None)
+    with pytest.raises(TrainingDied):
+        run(tmp_path, replace(TINY, rate=1e30, optimizer="sgd", loss="mse"))
+
+
+def test_a_run_that_learns_nothing_stops(tmp_path):
+    with pytest.raises(TrainingDied, match="that of a constant answer"):
+        run(tmp_path, replace(TINY, rate=1e-12))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"epochs": 0}, "epochs = 0"),
+        ({"loss": "huber"}, "loss = 'huber'"),
+        ({"readout": "film"}, "readout = 'film'"),
+        ({"rate": -1.0}, "rate = -1.0"),
+    ],
+)
+def test_a_config_that_cannot_be_is_refused(change, message):
+    with pytest.raises(ValueError, match=message):
+        replace(TINY, **change)
+
+
+@pytest.mark.parametrize("network_kind", network.NETWORKS)
+def test_pairs_do_not_depend_on_how_many_are_made(network_kind):
+    """The first pairs of a larger set are those of a smaller one."""
+    few = make_pairs(CIRCUIT, CURVE, 2000, network_kind, "board", 5)
+    many = make_pairs(CIRCUIT, CURVE, 4000, network_kind, "board", 5)
+    np.testing.assert_array_equal(few[0], many[0][:2000])
+    np.testing.assert_array_equal(few[1], many[1][:2000])
+
+
+def test_a_run_goes_on_from_weights_that_are_there(tmp_path):
+    weights, _ = run(tmp_path / "first", replace(TINY, epochs=8))
+    _, anew = run(tmp_path / "anew", replace(TINY, epochs=1))
+    more = replace(TINY, epochs=1, rate=1e-3, start=str(weights.path))
+    _, further = run(tmp_path / "further", more)
+    error = [float(lines[-1].split("best ")[1].split()[0]) for lines in (anew, further)]
+    assert error[1] < 0.9 * error[0]
+    with pytest.raises(ValueError, match="of a paper network, not 'physics'"):
+        run(tmp_path / "kind", replace(more, network="physics"))
+    with pytest.raises(ValueError, match="16 x 16, not 6 x 7"):
+        run(tmp_path / "shape", replace(more, start="paper"))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_line_kernels_start_open(seed):
+    """There is one of each: dead, the network would not know of its lines."""
+    torch.manual_seed(seed)
+    net = training.make_net("paper", *CIRCUIT.shape)
+    inputs = torch.from_numpy(make_pairs(CIRCUIT, CURVE, 300, "paper", "ideal", seed)[0])
+    inputs = (inputs - inputs.mean()) / inputs.std()
+    with torch.inference_mode():
+        for line in (net.row, net.col):
+            assert (line(inputs) > 0).float().mean() > 0.7

@@ -1,0 +1,90 @@
+"""From a parameter file to circuit, curve and geometry."""
+
+import numpy as np
+import pytest
+
+from tactile_skin import Circuit, PressureCurve
+from tactile_skin.errors import FileError, ParameterError
+from tactile_skin.launch import read_skin, share_dir
+
+SKIN = """
+/**:
+  ros__parameters:
+    circuit: {rows: 4, cols: 6, r_par: 100.0}
+    curve: {force: [0.0, 1.0], resistance: [9000.0, 90.0]}
+    geometry: {shape: cylinder, radius: 0.2}
+left/compensation:
+  ros__parameters: {circuit: {r_par: 200.0}}
+"""
+
+
+def write(tmp_path, text=SKIN):
+    path = tmp_path / "mine.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_a_file_gives_circuit_curve_and_geometry(tmp_path):
+    circuit, curve, geometry = read_skin(write(tmp_path))
+    assert circuit == Circuit(4, 6, r_par=100.0)
+    assert curve == PressureCurve([0.0, 1.0], [9000.0, 90.0])
+    assert geometry.position.shape == (4, 6, 3)
+    assert np.hypot(*geometry.position[0, 0, :2]) == pytest.approx(0.2)
+
+
+def test_a_node_may_have_a_section_of_its_own(tmp_path):
+    assert read_skin(write(tmp_path), "left/compensation").circuit.r_par == 200.0
+
+
+def test_without_a_file_the_defaults_hold():
+    """They are the shipped file's, but for the shape, which is an example there."""
+    shipped, default = read_skin(share_dir() / "config" / "skin.yaml"), read_skin()
+    assert default[:2] == shipped[:2]
+    assert (default.geometry.normal == [1.0, 0.0, 0.0]).all()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "error", "named"),
+    [
+        ("rows: 4", "rowz: 4", ParameterError, "circuit.rowz"),
+        ("radius: 0.2", "radius: 0.01", ValueError, "do not fit around"),
+        ("rows: 4", "rows: 400", ParameterError, "must be from 1 to 64"),
+        ("ros__parameters:\n", "parameters:\n", FileError, "ros__parameters"),
+    ],
+)
+def test_what_is_wrong_is_refused_with_the_file(tmp_path, old, new, error, named):
+    with pytest.raises(error, match=r"mine\.yaml: ") as raised:
+        read_skin(write(tmp_path, SKIN.replace(old, new)))
+    assert named in str(raised.value)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(FileError, match=r"none\.yaml: No such file"):
+        read_skin(tmp_path / "none.yaml")
+
+
+def test_a_file_says_how_the_boards_adc_reads(tmp_path):
+    """It is no part of what is unpacked, and of no other node than those that read the board."""
+    adc = "adc_offset: 12.0, adc_full_scale: 700.0, inverted: true, scanned: '111111 111110 " + (
+        "111111 111111'"
+    )
+    skin = read_skin(write(tmp_path, SKIN.replace("rows: 4", f"rows: 4, {adc}")))
+    assert len(skin) == 3
+    assert (skin.adc.offset, skin.adc.full_scale, skin.adc.inverted) == (12.0, 700.0, True)
+    assert np.argwhere(~skin.adc.scanned).tolist() == [[1, 5]]
+    assert read_skin().adc.ratio(1023.0) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [
+        ("scanned: '11 11'", r"scanned has shape \(2, 2\): the circuit is \(4, 6\)"),
+        ("scanned: '12'", "circuit.scanned = '12': must be words of 0 and 1"),
+        ("adc_offset: 2000.0", "adc_offset = 2000.0 ADC steps: must be less than the full scale"),
+        ("adc_full_scale: -1.0", "must be from 0.0 to 1000000.0"),
+        ("inverted: 1", "must be of type bool"),
+    ],
+)
+def test_an_adc_that_cannot_be_is_refused(tmp_path, given, named):
+    with pytest.raises(ValueError, match=named):
+        read_skin(write(tmp_path, SKIN.replace("rows: 4", f"rows: 4, {given}")))

@@ -1,0 +1,204 @@
+"""compensation of boards as people have them: offset, full scale, polarity, absent crossings."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+
+from tactile_skin import Circuit, PressureCurve, forward
+from tactile_skin.middleware.bus import (
+    Context,
+    ManualClock,
+    Node,
+    Parameter,
+    SingleThreadedExecutor,
+)
+from tactile_skin.msg import (
+    DiagnosticArray,
+    DiagnosticStatus,
+    Header,
+    Image,
+    PointCloud2,
+    cloud,
+    image,
+    image_array,
+)
+from tactile_skin.nodes.compensation import Compensation
+from tactile_skin.nodes.monitor import Monitor
+from tactile_skin.nodes.stop_on_push import STATUS, STATUS_TOPIC, StopOnPush, word_of
+from tactile_skin.physics.adc import NOT_READ, Adc
+
+CELL_AREA = 1.44e-4
+CIRCUIT = Circuit(8, 12, r_ref=4700.0, r_par=70.0, adc_bits=12)
+GIVEN = {"rows": 8, "cols": 12, "r_ref": 4700.0, "r_par": 70.0, "adc_bits": 12}
+
+
+class Fed:
+    """A compensation node, and the board that feeds it 50 frames a second.
+
+    Attributes:
+        force: (rows, cols) of the last frame's picture [N].
+    """
+
+    def __init__(self, adc: Adc, **parameters):
+        self.adc, self.rng = adc, np.random.default_rng(3)
+        self.clock = ManualClock(10.0)
+        context = Context(self.clock)
+        self.executor = SingleThreadedExecutor()
+        given = {f"circuit.{k}": v for k, v in GIVEN.items()} | {"geometry.cell_area": CELL_AREA}
+        given |= {"noise": 1.0, "time_limit": 5.0} | parameters
+        overrides = [Parameter(k, v) for k, v in given.items()]
+        node = Node("compensation", context=context, parameter_overrides=overrides)
+        self.node = Compensation(node)
+        observer = Node("observer", context=context)
+        self.force, self.reports = None, []
+        observer.create_subscription(Image, "skin/pressure", self._on_pressure, 10)
+        observer.create_subscription(
+            DiagnosticArray, "diagnostics", lambda m: self.reports.append(m.status[0]), 100
+        )
+        self._publisher = observer.create_publisher(Image, "skin/adc", 10)
+        self.absent = np.zeros(CIRCUIT.shape, bool)  # crossings that are not read
+        self.printed = NOT_READ  # there
+        self.executor.add_node(node)
+        self.executor.add_node(observer)
+
+    def _on_pressure(self, message) -> None:
+        self.force = image_array(message) * CELL_AREA
+
+    def feel(self, force: np.ndarray, frames: int = 1) -> None:
+        """The board reads these forces, with a step of noise."""
+        ratio = forward(self.adc.circuit, PressureCurve().resistance(force))
+        for _ in range(frames):
+            steps = self.adc.count(ratio) + self.rng.standard_normal(ratio.shape)
+            samples = np.rint(np.clip(np.rint(steps), 0, 4095) * 16).astype(np.uint16)
+            samples[self.absent] = self.printed
+            self.clock.advance(0.02)
+            header = Header(self.clock.now().to_msg(), "base_link")
+            self._publisher.publish(image(samples, "16UC1", header))
+            self.executor.spin_some()
+
+
+def touch() -> np.ndarray:
+    force = np.zeros(CIRCUIT.shape)
+    force[2:5, 3:6] = [[0.5, 1.0, 0.5], [1.0, 3.0, 1.0], [0.5, 1.0, 0.5]]
+    force[6, 9:11] = 2.0
+    return force
+
+
+BOARDS = {
+    "plain": {},
+    "offset": {"adc_offset": 37.0},
+    "offset below": {"adc_offset": -25.0},
+    "3.3 V divider at a 5 V reference": {"adc_full_scale": 2703.0},
+    "reference below the supply": {"adc_full_scale": 4200.0},
+    "inverted": {"inverted": True},
+    "all": {"adc_offset": 37.0, "adc_full_scale": 3900.0, "inverted": True},
+}
+
+
+@pytest.mark.parametrize("kind", BOARDS)
+def test_the_picture_is_right_on_every_kind_of_board(kind):
+    given = BOARDS[kind]
+    keys = {"adc_offset": "offset", "adc_full_scale": "full_scale", "inverted": "inverted"}
+    adc = Adc(CIRCUIT, **{keys[k]: v for k, v in given.items()})
+    fed = Fed(adc, **{f"circuit.{k}": v for k, v in given.items()})
+    fed.feel(np.zeros(CIRCUIT.shape), 60)
+    fed.feel(touch(), 5)
+    assert fed.node._level == DiagnosticStatus.OK, fed.node._message
+    assert fed.force.sum() == pytest.approx(touch().sum(), rel=0.1)
+    assert np.abs(fed.force - touch()).max() < 0.5
+
+
+@pytest.mark.parametrize("how", ["marked", "named"])
+def test_a_crossing_that_is_not_read_adds_no_force(how):
+    """Today's board prints 0 there: taken for a reading it added 9 to 14 % of the force."""
+    absent = np.zeros(CIRCUIT.shape, bool)
+    absent[3, 8] = absent[6, 2] = True
+    words = " ".join("".join("10"[int(a)] for a in row) for row in absent)
+    given = {"circuit.scanned": words} if how == "named" else {}
+    fed = Fed(Adc(CIRCUIT), **given)
+    fed.absent, fed.printed = absent, 0 if how == "named" else NOT_READ
+    fed.feel(np.zeros(CIRCUIT.shape), 60)
+    assert fed.node._tare.message == ""
+    fed.feel(touch(), 5)
+    assert fed.node._level == DiagnosticStatus.OK, fed.node._message
+    assert fed.force.sum() == pytest.approx(touch().sum(), rel=0.05)
+
+
+def test_a_crossing_with_no_cell_that_is_printed_as_0_is_no_reading():
+    mask = np.ones(CIRCUIT.shape, bool)
+    mask[:2, 10:] = False
+    words = " ".join("".join("01"[int(c)] for c in row) for row in mask)
+    circuit = Circuit(8, 12, r_ref=4700.0, r_par=70.0, adc_bits=12, mask=mask)
+    fed = Fed(Adc(circuit), **{"circuit.mask": words})
+    fed.absent, fed.printed = ~mask, 0
+    fed.feel(np.zeros(CIRCUIT.shape), 60)
+    fed.feel(touch(), 5)
+    assert fed.node._level == DiagnosticStatus.OK, fed.node._message
+    assert fed.force.sum() == pytest.approx(touch().sum(), rel=0.05)
+
+
+class Terminal(io.StringIO):
+    """80 columns."""
+
+    def isatty(self):
+        return True
+
+
+def test_a_reason_longer_than_the_terminal_is_printed_whole_once(monkeypatch):
+    """Its end says which setting to change."""
+    monkeypatch.setenv("COLUMNS", "80")
+    clock = ManualClock(10.0)
+    context, executor = Context(clock), SingleThreadedExecutor()
+    node, observer = Node("monitor", context=context), Node("observer", context=context)
+    monitor = Monitor(node)
+    monitor.out = Terminal()
+    executor.add_node(node)
+    publisher = observer.create_publisher(DiagnosticArray, STATUS_TOPIC, STATUS)
+    reason = "stale: readings come every 0.12 s, but stale_after = 0.1 s: " + "set it. " * 4
+    status = DiagnosticStatus(DiagnosticStatus.ERROR, "stop_on_push", reason, "tactile_skin", [])
+    for _ in range(5):
+        publisher.publish(DiagnosticArray(Header(clock.now().to_msg(), ""), [status]))
+        clock.advance(0.2)
+        executor.spin_some()
+        monitor.live_line()
+    lines = monitor.out.getvalue().split("\n")
+    assert lines[0] == f"\r\x1b[2K{reason}"
+    assert monitor.out.getvalue().count(reason) == 1
+    assert len(lines) == 2
+
+
+@pytest.mark.parametrize(("rate", "at_most"), [(8.0, 0.35), (3.0, 0.53), (100.0, 0.13)])
+def test_free_is_valid_for_the_time_in_force_and_no_longer(rate, at_most):
+    """What hooks, gate and push_to_move make of the status, at any time between two readings."""
+    clock = ManualClock(10.0)
+    context, executor = Context(clock), SingleThreadedExecutor()
+    node, observer = Node("stop_on_push", context=context), Node("observer", context=context)
+    StopOnPush(node)
+    words = []
+    observer.create_subscription(
+        DiagnosticArray,
+        STATUS_TOPIC,
+        lambda m: words.append(word_of(m, clock.now().nanoseconds / 1e9)),
+        STATUS,
+    )
+    contacts = observer.create_publisher(PointCloud2, "skin/contacts", 10)
+    for each in (node, observer):
+        executor.add_node(each)
+    t, due, newest, free = 0.0, 0.0, 0.0, []
+    while t < 6.0:
+        clock.advance(0.005)
+        t += 0.005
+        if due <= t < 5.0:
+            header = Header(clock.now().to_msg(), "base_link")
+            columns = {key: [0.0] for key in ("x", "y", "z", "force", "peak")}
+            contacts.publish(cloud(columns, header))
+            due, newest = due + 1.0 / rate, t
+        executor.spin_some()
+        stops = words[-1].at(clock.now().nanoseconds / 1e9).stop
+        free += [] if stops else [t]
+        assert stops or t - newest <= at_most
+        assert not stops or not 3.0 < t < 5.0
+    assert free

@@ -1,0 +1,173 @@
+"""The node gesture_feature: its clouds, as any subscriber reads them."""
+
+from collections import defaultdict
+
+import numpy as np
+import pytest
+
+from tactile_skin.learning.scenes import finger
+from tactile_skin.middleware.bus import (
+    Context,
+    ManualClock,
+    Node,
+    Parameter,
+    SingleThreadedExecutor,
+)
+from tactile_skin.msg import (
+    Float32,
+    Header,
+    Image,
+    PointCloud2,
+    Vector3Stamped,
+    cloud_columns,
+    image,
+)
+from tactile_skin.nodes.gesture_feature import GestureFeature
+
+CELL_AREA = 1.44e-4  # m^2
+
+
+class Skin:
+    """The node alone, fed with forces a hundred times a second."""
+
+    def __init__(self, **parameters):
+        self.clock, self.executor, self.seen = (
+            ManualClock(),
+            SingleThreadedExecutor(),
+            defaultdict(list),
+        )
+        context = Context(self.clock)
+        overrides = [Parameter(f"geometry.{k}", v) for k, v in parameters.items()]
+        nodes = [Node("gesture_feature", context=context, parameter_overrides=overrides)]
+        nodes.append(Node("observer", context=context))
+        for node in nodes:
+            self.executor.add_node(node)
+        self.node = nodes[0]
+        for kind, topic in (
+            (PointCloud2, "skin/contacts"),
+            (PointCloud2, "skin/gestures"),
+            (Vector3Stamped, "skin/stroke"),
+            (Float32, "skin/stroke_confidence"),
+        ):
+            nodes[1].create_subscription(kind, topic, self.seen[topic].append, 10)
+        GestureFeature(self.node)
+        self.pressure = nodes[1].create_publisher(Image, "skin/pressure", 10)
+
+    def feel(self, force) -> None:
+        self.clock.advance(0.01)
+        header = Header(self.clock.now().to_msg(), "base_link")
+        self.pressure.publish(image(force / CELL_AREA, "32FC1", header))
+        self.executor.spin_some()
+        assert self.node.callback_errors == 0
+
+    def contacts(self):
+        return cloud_columns(self.seen["skin/contacts"][-1])
+
+    def gestures(self):
+        return cloud_columns(self.seen["skin/gestures"][-1])
+
+
+NOTHING = np.zeros((16, 16))
+
+
+def test_a_contact_has_its_place_force_id_velocity_and_state():
+    skin = Skin()
+    skin.feel(NOTHING)
+    skin.feel(finger(16, 16, 7.5, 3.0, 5.0))
+    first = skin.contacts()
+    assert list(first) == ["x", "y", "z", "force", "area", "peak", "id", "vx", "vy", "vz", "state"]
+    assert first["state"] == 0
+    for k in range(20):
+        skin.feel(finger(16, 16, 7.5, 3.0 + 0.2 * k, 5.0))
+    now = skin.contacts()
+    assert now["id"] == first["id"] == 1
+    assert now["state"] == 1
+    assert now["force"] == pytest.approx(5.0, rel=0.03)
+    assert now["y"] == pytest.approx((3.0 + 0.2 * 19 - 7.5) * 0.018, abs=5e-4)
+    assert now["vy"] == pytest.approx(0.2 * 0.018 / 0.01, rel=0.03)
+    assert now["vx"] == pytest.approx(0.0, abs=1e-3)
+    assert now["vz"] == pytest.approx(0.0, abs=1e-3)
+    stroke = skin.seen["skin/stroke"][-1].vector
+    assert stroke.y == pytest.approx(float(now["vy"][0]), abs=1e-6)
+    assert skin.seen["skin/stroke_confidence"][-1].data > 0.9
+
+
+def test_a_released_touch_is_no_point_but_a_last_gesture():
+    """What takes points for obstacles must not see one where nothing is."""
+    skin = Skin()
+    for _ in range(11):
+        skin.feel(finger(16, 16, 5.0, 5.0, 5.0))
+    assert skin.gestures()["state"] == 1
+    for _ in range(10):
+        skin.feel(NOTHING)
+        assert skin.seen["skin/contacts"][-1].width == 0
+    last = skin.gestures()
+    assert last["state"] == 2
+    assert last["id"] == 1
+    assert last["duration"] == pytest.approx(0.1)
+    assert last["max_pressure"] == pytest.approx(finger(16, 16, 5.0, 5.0, 5.0).max() / CELL_AREA)
+    assert last["peak_count"] == 1
+    told = len(skin.seen["skin/gestures"])
+    skin.feel(NOTHING)
+    assert len(skin.seen["skin/gestures"]) == told
+
+
+def test_gestures_are_named_in_the_fields_terms():
+    skin = Skin()
+    skin.feel(finger(16, 16, 5.0, 5.0, 5.0))
+    assert list(skin.gestures()) == [
+        "x",
+        "y",
+        "z",
+        "id",
+        "state",
+        "duration",
+        "mean_pressure",
+        "max_pressure",
+        "pressure_variability",
+        "contact_area",
+        "max_pressure_contact_area",
+        "peak_count",
+        "displacement",
+        "net_displacement",
+    ]
+
+
+def test_a_table_of_cells_is_a_geometry(tmp_path):
+    """A cover measured cell by cell: here a plane that faces left."""
+    lines = ["row,col,x,y,z,nx,ny,nz"]
+    lines += [f"{r},{c},{-0.02 * c},0.3,{-0.02 * r},0,1,0" for r in range(16) for c in range(16)]
+    table = tmp_path / "cover.csv"
+    table.write_text("\n".join(lines))
+    skin = Skin(shape="table", table=str(table))
+    skin.feel(finger(16, 16, 5.0, 8.0, 5.0))
+    found = skin.contacts()
+    place = [float(found[name][0]) for name in "xyz"]
+    np.testing.assert_allclose(place, [-0.16, 0.3, -0.1], atol=1e-3)
+
+
+@pytest.mark.parametrize("bad", [-1.0, np.nan, np.inf])
+def test_a_pressure_that_is_none_gives_no_contacts(bad):
+    """And so, as nothing is said, a stop."""
+    skin = Skin()
+    skin.feel(NOTHING)
+    with pytest.raises(AssertionError):
+        skin.feel(np.full((16, 16), bad))
+    assert skin.node.callback_errors == 1
+    assert len(skin.seen["skin/contacts"]) == 1
+
+
+def test_who_comes_late_hears_of_the_whole_touch():
+    """A topic that nobody hears is not published, but what it tells goes on being followed."""
+    early, late = Skin(), Skin()
+    heard = late.node.context._subscriptions
+    later = {topic: heard.pop(topic) for topic in ("/skin/gestures", "/skin/stroke")}
+    for k in range(20):
+        heard |= later if k == 10 else {}
+        for skin in (early, late):
+            skin.feel(finger(16, 16, 7.5, 3.0 + 0.2 * k, 5.0))
+    assert len(early.seen["skin/gestures"]) == len(early.seen["skin/stroke"]) == 20
+    assert len(late.seen["skin/gestures"]) == len(late.seen["skin/stroke"]) == 10
+    for name, values in early.gestures().items():
+        np.testing.assert_array_equal(late.gestures()[name], values)
+    assert early.gestures()["displacement"] > 0.03

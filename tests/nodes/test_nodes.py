@@ -1,0 +1,752 @@
+"""The chain from a frame to the stop, on a driven clock and in one thread; and the driver."""
+
+import math
+import threading
+from collections import defaultdict
+
+import numpy as np
+import pytest
+from simulated import CIRCUIT, PATIENCE, serving
+
+from tactile_skin import Circuit, PressureCurve, compensate, forward
+from tactile_skin.board import simulator
+from tactile_skin.board.protocol import BinaryParser
+from tactile_skin.learning import scenes
+from tactile_skin.middleware.bus import (
+    Context,
+    ManualClock,
+    MultiThreadedExecutor,
+    Node,
+    Parameter,
+    ParameterError,
+    SingleThreadedExecutor,
+    Time,
+)
+from tactile_skin.msg import (
+    Bool,
+    DiagnosticArray,
+    DiagnosticStatus,
+    Header,
+    Image,
+    PointCloud2,
+    PointStamped,
+    PolygonStamped,
+    Trigger,
+    Vector3Stamped,
+    WrenchStamped,
+    cloud_columns,
+    image,
+    image_array,
+)
+from tactile_skin.nodes.compensation import Compensation
+from tactile_skin.nodes.gesture_feature import GestureFeature
+from tactile_skin.nodes.monitor import Monitor
+from tactile_skin.nodes.push_arrow import PushArrow
+from tactile_skin.nodes.serial_driver import SerialDriver
+from tactile_skin.nodes.stop_on_push import HEARTBEAT, LATCHED, STATUS_TOPIC, StopOnPush
+from tactile_skin.solvers import Estimate
+
+CELL_AREA = 1.44e-4  # m^2
+GEOMETRY = {"geometry.shape": "cylinder", "geometry.cell_area": CELL_AREA}
+STOP = {"threshold": 30.0, "release": 20.0, "hold": 0.3, "stale_after": 0.1}
+STOP |= {"debounce": 0.05, "lead": 0.0}
+FRAME = 1.0 / simulator.FRAMES_PER_SECOND  # s
+
+
+class Chain:
+    """compensation -> gesture_feature -> stop_on_push, and a simulated board that feeds them.
+
+    Attributes:
+        scene: name of what the board feels; may be changed at any time.
+        seen: topic -> messages, oldest first.
+    """
+
+    def __init__(self, method="cnn", **stop):
+        self.clock, self.executor = ManualClock(), SingleThreadedExecutor()
+        self.context = Context(self.clock)
+        self.seen = defaultdict(list)
+        self.observer = self.node("observer", {})
+        for kind, topic, qos in (
+            (Image, "skin/adc", 100),
+            (Image, "skin/pressure", 100),
+            (WrenchStamped, "skin/wrench", 100),
+            (Vector3Stamped, "skin/push_direction", 100),
+            (PointCloud2, "skin/contacts", 100),
+            (Bool, "skin/stop", 100),
+            (DiagnosticArray, STATUS_TOPIC, 100),
+            (DiagnosticArray, "diagnostics", 100),
+        ):
+            self.observer.create_subscription(kind, topic, self.seen[topic].append, qos)
+        self.compensation = Compensation(self.node("compensation", GEOMETRY | {"method": method}))
+        self.features = GestureFeature(self.node("gesture_feature", GEOMETRY))
+        self.stop = StopOnPush(self.node("stop_on_push", STOP | stop))
+        self._adc = self.observer.create_publisher(Image, "skin/adc", 10)
+        self.diagnostics = self.observer.create_publisher(DiagnosticArray, "diagnostics", 10)
+        self.scene, self._scripts = "idle", {n: scenes.script(n, 16, 16) for n in scenes.SCRIPTS}
+        self._board = simulator.Board(
+            Circuit(), PressureCurve(), lambda t: self._scripts[self.scene](t)
+        )
+        self._parser = BinaryParser()
+
+    def node(self, name, parameters) -> Node:
+        overrides = [Parameter(k, v) for k, v in parameters.items()]
+        node = Node(name, context=self.context, parameter_overrides=overrides)
+        self.executor.add_node(node)
+        return node
+
+    def wait(self, seconds: float) -> None:
+        """Time goes by with no frame."""
+        self.clock.advance(seconds)
+        self.executor.spin_some()
+
+    def header(self) -> Header:
+        return Header(self.clock.now().to_msg(), "base_link")
+
+    def publish(self, samples) -> None:
+        self._adc.publish(image(samples, "16UC1", self.header()))
+        self.executor.spin_some()
+
+    def play(self, frames: int) -> None:
+        """The board sends so many frames, 10 ms apart."""
+        while frames:
+            for frame in self._parser.feed(self._board.scan()):
+                self.clock.advance(FRAME)
+                self.publish(frame.samples)
+                frames -= 1
+
+    def settle(self) -> None:
+        """The readings of another scene have reached the low-pass's end."""
+        self.play(8)
+
+    @property
+    def stopped(self) -> bool:
+        return self.seen["skin/stop"][-1].data
+
+    @property
+    def reason(self) -> str:
+        status = self.seen[STATUS_TOPIC][-1].status[0]
+        assert (status.level == DiagnosticStatus.ERROR) is self.stopped
+        return status.message
+
+    def frames_until(self, wanted: bool, at_most: int = 200) -> int:
+        """Frames played until the stop is as wanted."""
+        for n in range(at_most):
+            if self.stopped is wanted:
+                return n
+            self.play(1)
+        raise AssertionError(f"stopped is {self.stopped} after {at_most} frames: {self.reason}")
+
+    def errors(self) -> int:
+        return sum(n.callback_errors for n in self.executor._nodes)
+
+    def report(self, level, message="", name="elsewhere", hardware="tactile_skin") -> None:
+        status = DiagnosticStatus(level, name, message, hardware)
+        self.diagnostics.publish(DiagnosticArray(self.header(), [status]))
+        self.executor.spin_some()
+
+
+@pytest.fixture
+def chain():
+    chain = Chain()
+    yield chain
+    assert chain.errors() == 0
+
+
+@pytest.fixture
+def moving(chain):
+    """The robot may move: idle frames arrive."""
+    chain.play(4)
+    assert not chain.stopped
+    return chain
+
+
+# --- the stop ---
+
+
+def test_stopped_before_the_first_reading(chain):
+    chain.executor.spin_some()
+    assert chain.stopped
+    assert chain.reason == "stale: no reading yet"
+
+
+def test_idle_is_free(chain):
+    chain.play(4)
+    assert not chain.stopped
+    chain.play(100)
+    assert not any(m.data for m in chain.seen["skin/stop"][-100:])
+    assert chain.reason == ""
+
+
+def test_a_push_stops_after_the_debounce(moving):
+    """The first frame above the threshold begins it; the stop comes 50 ms later."""
+    moving.scene = "push_left"
+    already = len(moving.seen["skin/contacts"])
+    moving.frames_until(True)
+    assert moving.reason == "push"
+    forces = [cloud_columns(m)["force"].sum() for m in moving.seen["skin/contacts"][already:]]
+    above = [f >= STOP["threshold"] for f in forces]
+    assert len(above) - above.index(True) == math.ceil(STOP["debounce"] / FRAME) + 1
+
+
+def test_a_knock_shorter_than_the_debounce_does_not_stop(moving):
+    moving.scene = "push_left"
+    moving.play(3)
+    moving.scene = "idle"
+    moving.play(40)
+    forces = [cloud_columns(m)["force"].sum() for m in moving.seen["skin/contacts"]]
+    assert max(forces) > STOP["threshold"]
+    assert not any(m.data for m in moving.seen["skin/stop"][-43:])
+
+
+def test_a_light_touch_does_not_stop(moving):
+    moving.scene = "one_finger"
+    moving.play(50)
+    assert not moving.stopped
+    assert cloud_columns(moving.seen["skin/contacts"][-1])["force"].sum() > 1.0
+
+
+def test_a_release_frees_after_the_hold(moving):
+    moving.scene = "push_left"
+    moving.frames_until(True)
+    moving.settle()
+    moving.scene = "idle"
+    already = len(moving.seen["skin/contacts"])
+    moving.frames_until(False)
+    forces = [cloud_columns(m)["force"].sum() for m in moving.seen["skin/contacts"][already:]]
+    held = sum(f <= STOP["release"] for f in forces) - 1  # frames after the last above release
+    assert held * FRAME == pytest.approx(STOP["hold"], abs=FRAME + 1e-9)
+    assert moving.reason == ""
+
+
+def test_a_stream_that_ends_stops_as_stale(moving):
+    """Within stale_after and one heartbeat, with no reading to bring it about."""
+    silent = 0.0
+    while not moving.stopped:
+        assert silent < STOP["stale_after"] + HEARTBEAT
+        moving.wait(0.001)
+        silent += 0.001
+    assert silent > STOP["stale_after"] - HEARTBEAT
+    assert moving.reason == "stale: readings stay away"
+    moving.play(4)
+    assert not moving.stopped
+
+
+def test_a_push_is_not_forgotten_while_the_stream_is_gone(moving):
+    """The reasons add up; back comes the push, not free."""
+    moving.scene = "push_left"
+    moving.frames_until(True)
+    moving.wait(1.0)
+    assert moving.reason == "push + stale: readings stay away"
+    moving.play(4)
+    assert moving.reason == "push"
+
+
+def test_the_stop_is_a_heartbeat(moving):
+    """Said again and again, so that a lock that expires also stops."""
+    before = len(moving.seen["skin/stop"])
+    for _ in range(50):
+        moving.wait(HEARTBEAT)
+    assert len(moving.seen["skin/stop"]) - before == 50
+
+
+def test_readings_are_heartbeats_too(moving):
+    """One decision each: the timer speaks only where they leave a gap."""
+    before = len(moving.seen["skin/stop"])
+    moving.play(50)
+    assert len(moving.seen["skin/stop"]) - before == 50
+    moving.wait(HEARTBEAT)
+    assert len(moving.seen["skin/stop"]) - before == 51
+
+
+def test_the_stop_is_latched(moving):
+    """Whoever subscribes late knows at once."""
+    moving.wait(1.0)
+    seen = []
+    late = moving.node("late", {})
+    late.create_subscription(Bool, "skin/stop", seen.append, LATCHED)
+    moving.executor.spin_some()
+    assert [m.data for m in seen] == [True]
+
+
+def test_a_clock_that_is_set_back_stops_for_a_few_frames(moving):
+    """On ROS stamps are the time of day, which may be set while the robot moves."""
+    moving.clock.advance(-3600.0)
+    moving.play(1)
+    assert moving.stopped
+    assert moving.reason == "stale: readings only just came back"
+    moving.play(3)
+    assert not moving.stopped
+    moving.scene = "push_left"
+    moving.frames_until(True, 30)
+    assert moving.reason == "push"
+
+
+def test_a_fault_stops_and_its_end_frees(moving):
+    moving.report(DiagnosticStatus.ERROR, "on fire")
+    moving.play(1)
+    assert moving.stopped
+    assert moving.reason == "fault: elsewhere: on fire"
+    moving.report(DiagnosticStatus.OK, "put out")
+    moving.play(1)
+    assert not moving.stopped
+
+
+@pytest.mark.parametrize("level", [DiagnosticStatus.OK, DiagnosticStatus.WARN])
+def test_what_is_no_error_does_not_stop(moving, level):
+    moving.report(level, "warm")
+    moving.play(1)
+    assert not moving.stopped
+
+
+def test_the_diagnostics_of_other_parts_of_the_robot_do_not_stop(moving):
+    moving.report(DiagnosticStatus.ERROR, "arm is off", hardware="arm")
+    moving.play(1)
+    assert not moving.stopped
+
+
+def test_shutting_down_stops(moving):
+    moving.stop.close()
+    moving.executor.spin_some()
+    assert moving.stopped
+    assert "the skin shuts down" in moving.reason
+
+
+def test_the_status_has_the_stamp_of_the_reading_it_rests_on(moving):
+    moving.play(1)
+    assert moving.seen[STATUS_TOPIC][-1].header == moving.seen["skin/contacts"][-1].header
+
+
+def test_a_squeeze_stops_although_its_wrench_is_nothing(moving):
+    """The sum of the contacts' forces decides."""
+    squeeze = scenes.finger(16, 16, 7.5, 1.0, 30.0, 1.5) + scenes.finger(16, 16, 7.5, 14, 30.0, 1.5)
+    moving._scripts["squeeze"] = lambda t: squeeze
+    moving.scene = "squeeze"
+    moving.frames_until(True)
+    assert moving.reason == "push"
+
+
+@pytest.mark.parametrize(
+    ("bad", "named"),
+    [
+        ({"threshold": -1.0}, "threshold"),
+        ({"stale_after": -0.1}, "stale_after"),
+        ({"release": 31.0}, "release"),
+        ({"hold": "long"}, "hold"),
+        ({"peak": 9.5}, "peak = 9.5 N: the curve ends at 9.80665 N"),
+        ({"curve.force": [0.0, 5.0], "curve.resistance": [40000.0, 85.0]}, "at most 4.75 N"),
+    ],
+)
+def test_bad_stop_parameters_are_refused_by_name(bad, named):
+    with pytest.raises((ValueError, ParameterError), match=named):
+        Chain(**bad)
+
+
+# --- directions ---
+
+
+def test_a_push_from_the_left_points_to_the_right(moving):
+    """REP 103: y is left. The skin is a cylinder, its high columns on the robot's left."""
+    moving.scene = "push_left"
+    moving.settle()
+    wrench = moving.seen["skin/wrench"][-1].wrench
+    assert wrench.force.y < -10.0
+    assert abs(wrench.force.z) < 0.05 * abs(wrench.force.y)
+    direction = moving.seen["skin/push_direction"][-1].vector
+    v = np.array([direction.x, direction.y, direction.z])
+    assert np.linalg.norm(v) == pytest.approx(1.0)
+    force = np.array([wrench.force.x, wrench.force.y, wrench.force.z])
+    np.testing.assert_allclose(v, force / np.linalg.norm(force), atol=1e-6)
+    points = cloud_columns(moving.seen["skin/contacts"][-1])
+    assert points["y"][0] > 0.05
+
+
+def test_there_is_no_direction_without_a_touch(moving):
+    moving.play(1)
+    direction = moving.seen["skin/push_direction"][-1].vector
+    assert (direction.x, direction.y, direction.z) == (0.0, 0.0, 0.0)
+
+
+def test_every_message_has_the_readings_stamp_and_frame(moving):
+    moving.play(1)
+    header = moving.seen["skin/pressure"][-1].header
+    assert header.frame_id == "base_link"
+    for topic in ("skin/wrench", "skin/push_direction", "skin/contacts"):
+        assert moving.seen[topic][-1].header == header
+
+
+def test_the_arrow_shows_the_push_and_is_gone_without_one(moving):
+    """It ends at the centre of force, points where the push goes, and has its length."""
+    seen = moving.seen["skin/push_arrow"]
+    PushArrow(moving.node("push_arrow", {"length": 0.2}))
+    moving.observer.create_subscription(PolygonStamped, "skin/push_arrow", seen.append, 100)
+    centres = []
+    moving.observer.create_subscription(PointStamped, "skin/centre", centres.append, 100)
+    moving.play(1)
+    assert seen[-1].polygon.points == []
+    moving.scene = "push_left"
+    moving.settle()
+    tail, *_, tip, _, _ = ((p.x, p.y, p.z) for p in seen[-1].polygon.points)
+    direction = moving.seen["skin/push_direction"][-1].vector
+    centre = centres[-1].point
+    np.testing.assert_allclose(tip, (centre.x, centre.y, centre.z))
+    shaft = np.subtract(tip, tail)
+    np.testing.assert_allclose(shaft, 0.2 * np.array([direction.x, direction.y, direction.z]))
+    assert seen[-1].header == moving.seen["skin/push_direction"][-1].header
+
+
+# --- bad frames ---
+
+
+def last_report(chain, name="compensation"):
+    reports = [m.status[0] for m in chain.seen["diagnostics"] if m.status[0].name == name]
+    return reports[-1]
+
+
+@pytest.mark.parametrize("shape", [(8, 16), (16, 15)])
+def test_a_frame_of_another_shape_stops_and_gives_no_pressure(moving, shape):
+    before = len(moving.seen["skin/pressure"])
+    moving.publish(np.zeros(shape, np.uint16))
+    assert len(moving.seen["skin/pressure"]) == before
+    report = last_report(moving)
+    assert report.level == DiagnosticStatus.ERROR
+    assert str(shape) in report.message
+    moving.wait(HEARTBEAT)
+    assert moving.stopped
+    assert moving.reason.startswith("fault: compensation: ")
+    moving.play(2)
+    assert last_report(moving).level == DiagnosticStatus.OK
+    assert not moving.stopped
+
+
+def test_an_image_of_another_encoding_is_refused(moving):
+    before = len(moving.seen["skin/pressure"])
+    wrong = image(np.zeros((16, 16)), "32FC1", moving.header())
+    wrong.encoding = "mono16"
+    moving._adc.publish(wrong)
+    moving.executor.spin_some()
+    assert len(moving.seen["skin/pressure"]) == before
+    assert "mono16" in last_report(moving).message
+
+
+def test_the_largest_sample_is_a_reading(moving):
+    """A short between two lines reads the full scale; that is a pressed cell, no error."""
+    before = len(moving.seen["skin/pressure"])
+    moving.publish(np.full((16, 16), 65_534, np.uint16))
+    assert len(moving.seen["skin/pressure"]) == before + 1
+
+
+@pytest.mark.parametrize("method", ["cnn", "auto"])
+def test_a_frame_in_which_nothing_was_read_is_no_idle_skin(method):
+    chain = Chain(method)
+    chain.play(60)
+    before = len(chain.seen["skin/pressure"])
+    chain.publish(np.full((16, 16), 65_535, np.uint16))
+    assert len(chain.seen["skin/pressure"]) == before
+    assert "no crossing of the frame was read" in chain.reason
+
+
+def test_a_fault_seen_at_rest_is_not_healed_by_a_touch_that_hides_it(monkeypatch):
+    """Two shorted lines read off at rest, and alike under a touch that lies on both."""
+    chain = Chain("naive")
+    chain.compensation._follows = chain.compensation._waits = False  # the frames are all alike
+    touch = np.zeros((16, 16))
+    touch[5, 5] = 1.0  # N
+
+    def feel(frames, force, status):
+        found = Estimate(force, 0.1 + 0.0 * force, 0.0, status, status.strip("ok"), "naive", 0)
+        monkeypatch.setattr("tactile_skin.nodes.compensation.compensate", lambda *a, **k: found)
+        for _ in range(frames):
+            chain.clock.advance(FRAME)
+            chain.publish(np.full((16, 16), 16_000, np.uint16))
+        chain.wait(1.0)  # for a report
+        return last_report(chain).level
+
+    rest, bad = np.zeros((16, 16)), DiagnosticStatus.ERROR
+    assert feel(5, rest, "ok") == DiagnosticStatus.OK
+    assert feel(30, touch, "suspect") == bad
+    assert feel(60, touch, "ok") == DiagnosticStatus.OK, "the touch is believed again"
+    assert feel(15, rest, "suspect") == bad
+    assert feel(100, touch, "ok") == bad
+    assert feel(30, rest, "ok") == DiagnosticStatus.OK
+
+
+def feels(monkeypatch, force, status) -> None:
+    """From here on each frame is found so."""
+    found = Estimate(force, 0.1 + 0.0 * force, 0.0, status, status.strip("ok"), "naive", 0)
+    monkeypatch.setattr("tactile_skin.nodes.compensation.compensate", lambda *a, **k: found)
+
+
+def test_a_reset_forgets_what_was_under_a_touch_and_says_so_at_once(monkeypatch):
+    """On diagnostics, before it answers: who then resets the stop finds the fault gone."""
+    chain, rest, touch = Chain("naive"), np.zeros((16, 16)), np.zeros((16, 16))
+    chain.compensation._follows = chain.compensation._waits = False  # the frames are all alike
+    touch[5, 5] = 1.0  # N
+    client = chain.observer.create_client(Trigger, "compensation/reset")
+
+    def play(frames):
+        for _ in range(frames):
+            chain.clock.advance(FRAME)
+            chain.publish(np.full((16, 16), 16_000, np.uint16))
+
+    for _ in range(2):
+        feels(monkeypatch, touch, "suspect")
+        play(30)
+        feels(monkeypatch, rest, "ok")
+        play(150)
+    assert chain.reason.startswith("fault: compensation: ")
+    assert "under each touch" in chain.reason
+    answer = client.call_async(Trigger.Request())
+    chain.executor.spin_some()  # the clock stands
+    assert answer.result(0).success
+    assert last_report(chain).level == DiagnosticStatus.OK
+    assert not chain.stopped
+    play(100)
+    assert not chain.stopped
+
+
+def test_a_doubt_before_the_rest_was_measured_is_no_fault(monkeypatch):
+    chain = Chain("naive")
+    feels(monkeypatch, np.zeros((16, 16)), "suspect")
+    for _ in range(30):
+        chain.clock.advance(FRAME)
+        chain.publish(np.full((16, 16), 16_000, np.uint16))
+    assert chain.reason == "waiting: compensation: measuring rest: hands off"
+    assert chain.stopped
+
+
+@pytest.mark.parametrize("status", ["suspect", "failed"])
+def test_a_reset_is_no_cure_for_what_is_still_wrong(monkeypatch, status):
+    chain = Chain("naive")
+    chain.compensation._waits = False  # rest was measured
+    client = chain.observer.create_client(Trigger, "compensation/reset")
+    feels(monkeypatch, np.zeros((16, 16)), status)
+    for _ in range(30):
+        chain.clock.advance(FRAME)
+        chain.publish(np.full((16, 16), 16_000, np.uint16))
+    client.call_async(Trigger.Request())
+    chain.executor.spin_some()
+    assert last_report(chain).level == DiagnosticStatus.ERROR
+    assert "fault: compensation: " in chain.reason
+
+
+# --- the pressure picture ---
+
+
+def ghosts(chain) -> np.ndarray:
+    """Force of the cells [N] that lie far from both fingers."""
+    chain.scene = "two_fingers"
+    chain.settle()
+    force = image_array(chain.seen["skin/pressure"][-1]) * CELL_AREA
+    touched = np.argwhere(chain._scripts["two_fingers"](0.0) > 0)  # (n, 2)
+    cells = np.argwhere(np.ones((16, 16)))
+    gap = np.abs(cells[:, None] - touched[None]).max(-1).min(-1)  # cells to the nearest finger
+    return force.ravel()[gap >= 2]
+
+
+def test_the_naive_method_shows_ghosts_where_the_network_does_not():
+    """Above 20 g, 0.196 N, on cells that nobody touches."""
+    naive, network = (np.count_nonzero(ghosts(Chain(m)) > 0.196) for m in ("naive", "cnn"))
+    assert naive >= 10
+    assert network < naive / 5
+
+
+def test_pressure_is_in_pascal(moving):
+    """The force that `compensate` finds on a cell, over the area of that cell that senses."""
+    moving.scene = "two_fingers"
+    moving.settle()
+    (frame,) = moving.seen["skin/adc"][-1:]
+    adc = image_array(frame) / 64 / 1023
+    force = compensate(adc, Circuit(), PressureCurve(), "cnn").force
+    assert force.max() > 1.0
+    pressure = image_array(moving.seen["skin/pressure"][-1])
+    assert pressure.dtype == np.float32
+    np.testing.assert_allclose(pressure, force / CELL_AREA, rtol=1e-5)
+
+
+def test_the_chain_finds_the_force_of_two_fingers():
+    """12 N each, by a method that owes nothing to training."""
+    chain = Chain("fixed_point")
+    chain.scene = "two_fingers"
+    chain.settle()
+    force = cloud_columns(chain.seen["skin/contacts"][-1])["force"]
+    assert len(force) == 2
+    np.testing.assert_allclose(force, 12.0, rtol=0.15)
+
+
+def test_an_unknown_method_is_refused():
+    with pytest.raises(ValueError, match=r"method = 'magic': must be one of .*cnn"):
+        Chain("magic")
+
+
+# --- the monitor ---
+
+
+def test_the_summary_counts_frames_stops_and_drops(chain, capsys):
+    """And what the driver says it lost; a frame without a decision is a drop."""
+    monitor = Monitor(chain.node("monitor", {"duration": 3.0}))
+    chain.play(20)
+    chain.scene = "push_left"
+    chain.frames_until(True)
+    chain.scene = "idle"
+    chain.frames_until(False)
+    frames = len(chain.seen["skin/pressure"])
+    chain.clock.advance(FRAME)
+    chain.publish(np.zeros((8, 8), np.uint16))  # refused by compensation
+    chain.play(2)
+    monitor.close()
+    summary = capsys.readouterr().out
+    assert f"frames      {frames + 3} in" in summary
+    assert "drops       1 (0 lost on the wire, 1 on the way)" in summary
+    assert '"push"' in summary
+    assert "p50 0.00 ms, p99 0.00 ms" in summary  # the clock stands while callbacks run
+
+
+def test_a_decision_that_comes_before_its_reading_is_no_drop(chain):
+    """The driver tells one subscriber after the other, and may be held up in between."""
+    monitor = Monitor(chain.node("monitor", {}))
+    for stamp in (1, 2, 3):
+        header = Header(Time(nanoseconds=stamp * 10**7).to_msg(), "base_link")
+        reading = Image(header=header)
+        decision = DiagnosticArray(header, [DiagnosticStatus(name="stop_on_push")])
+        first, second = (monitor.on_adc, reading), (monitor.on_status, decision)
+        for callback, message in (second, first) if stamp == 2 else (first, second, second):
+            callback(message)  # the third is a heartbeat
+    assert monitor.frames == len(monitor.latencies) == 3
+    assert monitor.dropped == 0
+
+
+def test_the_monitor_ends_the_run_after_its_duration(chain):
+    monitor = Monitor(chain.node("monitor", {"duration": 0.5}))
+    chain.play(49)
+    assert chain.context.ok()
+    chain.play(4)
+    assert not chain.context.ok()
+    assert not monitor.failed
+
+
+def test_a_run_without_a_frame_has_failed(chain, capsys):
+    monitor = Monitor(chain.node("monitor", {"duration": 0.5}))
+    chain.wait(20.0)
+    assert chain.context.ok()
+    chain.wait(1.0)
+    assert not chain.context.ok()
+    assert monitor.failed
+    monitor.close()
+    assert "no frame arrived" in capsys.readouterr().out
+
+
+# --- the driver: it has a thread of its own, and a real port ---
+
+
+class Waiting:
+    """Notes the messages of a topic, and waits for one."""
+
+    def __init__(self, node, kind, topic):
+        self.seen, self._news = [], threading.Condition()
+        node.create_subscription(kind, topic, self._on_message, 100)
+
+    def _on_message(self, message) -> None:
+        with self._news:
+            self.seen.append(message)
+            self._news.notify_all()
+
+    def wait_for(self, wanted):
+        """The first message for which wanted(message) holds."""
+        with self._news:
+            assert self._news.wait_for(lambda: any(map(wanted, self.seen)), PATIENCE)
+            return next(m for m in self.seen if wanted(m))
+
+
+@pytest.fixture
+def driven(tmp_path):
+    """A function that runs a serial_driver on a board of 4 x 5 cells: (skin/adc, diagnostics)."""
+    context, executor, drivers = Context(), MultiThreadedExecutor(), []
+
+    def drive(**parameters):
+        observer = Node("observer", context=context)
+        adc = Waiting(observer, Image, "skin/adc")
+        reports = Waiting(observer, DiagnosticArray, "diagnostics")
+        executor.add_node(observer)
+        parameters = {"circuit.rows": 4, "circuit.cols": 5, "port": str(tmp_path / "skin")} | {
+            name.replace("__", "."): value for name, value in parameters.items()
+        }
+        overrides = [Parameter(k, v) for k, v in parameters.items()]
+        node = Node("serial_driver", context=context, parameter_overrides=overrides)
+        drivers.append(SerialDriver(node))
+        executor.add_node(node)
+        return adc, reports
+
+    with serving(tmp_path / "skin"):
+        yield drive
+        for driver in drivers:
+            driver.close()
+        assert executor.shutdown(PATIENCE)
+
+
+def test_the_driver_publishes_what_the_board_sends(driven):
+    """In ADC steps * 64, stamped, in the configured frame; diagnostics say where it comes from."""
+    adc, reports = driven(frame_id="arm")
+    message = adc.wait_for(lambda m: True)
+    assert image_array(message).shape == (4, 5)
+    idle = forward(CIRCUIT, np.full((4, 5), PressureCurve().rest_resistance)) * 1023 * 64
+    np.testing.assert_allclose(image_array(message), idle, atol=6 * 64)  # 1 step RMS of noise
+    assert message.header.frame_id == "arm"
+    assert message.header.stamp.sec > 0
+    report = reports.wait_for(lambda m: "frames from" in m.status[0].message).status[0]
+    assert (report.level, report.name) == (DiagnosticStatus.OK, "serial_driver")
+    values = {pair.key: pair.value for pair in report.values}
+    assert (values["crc_errors"], values["lost"], values["reconnects"]) == ("0", "0", "0")
+
+
+@pytest.mark.parametrize("wrong", [{"circuit__rows": 5}, {"circuit__adc_bits": 12}])
+def test_a_board_of_another_size_is_an_error_and_gives_no_reading(driven, wrong):
+    adc, reports = driven(**wrong)
+    bad = DiagnosticStatus.ERROR
+    reports.wait_for(
+        lambda m: m.status[0].level == bad and "the board sends 4 x 5" in m.status[0].message
+    )
+    assert adc.seen == []
+
+
+@pytest.mark.parametrize(
+    ("wrong", "named"),
+    [
+        ({"port": "/dev/ttyNONE0"}, "port /dev/ttyNONE0: does not exist"),
+        ({"protocol": "morse"}, "protocol 'morse': must be one of binary, text"),
+        ({"baud": 0}, "baud of node serial_driver = 0: must be from 300"),
+    ],
+)
+def test_what_the_driver_cannot_do_is_refused_at_its_start(driven, wrong, named):
+    with pytest.raises(ValueError, match=named):
+        driven(**wrong)
+
+
+def test_a_skin_that_is_loaded_from_the_start_stops_until_it_is_let_go():
+    """A palm on it, or an ADC that reads too high from the start; a finger leaves cells at rest."""
+
+    def feel(force):
+        adc = forward(Circuit(), PressureCurve().resistance(np.full((16, 16), force)))
+        rng = np.random.default_rng(1)
+        for _ in range(30):
+            chain.clock.advance(FRAME)
+            steps = np.rint(adc * 1023 * 64 + 32 * rng.standard_normal(adc.shape))
+            chain.publish(steps.astype(np.uint16))
+
+    chain = Chain("auto")
+    feel(0.2)
+    assert "loaded since the start, most at row" in chain.reason
+    feel(0.0)
+    assert not chain.stopped, chain.reason
+    feel(0.1)
+    assert not chain.stopped, chain.reason
+    chain = Chain("auto")
+    chain.scene = "one_finger"
+    chain.play(100)
+    assert not chain.stopped, chain.reason
+
+
+@pytest.mark.parametrize(("rows", "warns"), [(2, True), (3, False)])
+def test_a_skin_too_small_to_tell_all_faults_warns(caplog, rows, warns):
+    overrides = [Parameter("circuit.rows", rows), Parameter("circuit.cols", 8)]
+    Compensation(Node("compensation", context=Context(), parameter_overrides=overrides))
+    assert ("Smallest skin" in caplog.text) is warns

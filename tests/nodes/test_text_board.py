@@ -1,0 +1,253 @@
+"""A hobby board's lines through a real pty and the real driver: what its maker is told.
+
+docs/boards.md configures this board; its YAML is what is run here.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import threading
+import time
+import tty
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from simulated import PATIENCE, TextBoard, commas, printed, serving
+
+from tactile_skin.board import protocol
+from tactile_skin.launch import launch, read_skin
+from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Image, image_array
+from tactile_skin.nodes.stop_on_push import STATUS_TOPIC
+from tactile_skin.physics.adc import NOT_READ
+
+PAGE = Path(__file__).parents[2] / "docs" / "boards.md"
+LAUNCH = """launch:
+- node: {pkg: tactile_skin, exec: serial_driver, param: [{from: $(dirname)/mine.yaml}]}
+- node: {pkg: tactile_skin, exec: stop_on_push, param: [{from: $(dirname)/mine.yaml}]}
+- node: {pkg: tactile_skin, exec: compensation, param: [{from: $(dirname)/mine.yaml}]}
+- node: {pkg: tactile_skin, exec: gesture_feature, param: [{from: $(dirname)/mine.yaml}]}
+"""
+
+
+def example() -> dict:
+    """The parameter file of docs/boards.md."""
+    (block,) = re.findall(r"```yaml\n(# my_skin.*?)```", PAGE.read_text(), re.DOTALL)
+    return yaml.safe_load(block)
+
+
+class Heard:
+    """What a running skin says.
+
+    Attributes:
+        stops: each other text of the stop, oldest first.
+        levels: node -> (level, message) of its last report.
+        frames: of skin/adc.
+    """
+
+    def __init__(self):
+        self.stops, self.levels, self.frames = [], {}, []
+        self.values = {}
+        self._news = threading.Condition()
+
+    def on_status(self, message) -> None:
+        status = message.status[0]
+        with self._news:
+            if not self.stops or self.stops[-1] != status.message:
+                self.stops.append(status.message)
+            self.values = {pair.key: pair.value for pair in status.values}
+            self._news.notify_all()
+
+    def on_diagnostics(self, message) -> None:
+        with self._news:
+            for status in message.status:
+                self.levels[status.name] = status.level, status.message
+            self._news.notify_all()
+
+    def on_adc(self, message) -> None:
+        with self._news:
+            self.frames.append(image_array(message))
+            self._news.notify_all()
+
+    def wait_for(self, condition) -> None:
+        with self._news:
+            said = self._news.wait_for(condition, PATIENCE)
+            assert said, f"{self.stops[-5:]} {self.levels}"
+
+    def wait_for_stop(self, text: str) -> None:
+        self.wait_for(lambda: any(text in stop for stop in self.stops))
+
+
+@contextlib.contextmanager
+def skin_on(port, folder, **changes):
+    """A skin with the page's parameters, some changed, on a port."""
+    given = example()
+    given.setdefault("serial_driver", {"ros__parameters": {}})
+    given["serial_driver"]["ros__parameters"]["port"] = str(port)
+    for name, value in changes.items():
+        section, key = name.split("__")
+        if section == "circuit":
+            given["/**"]["ros__parameters"]["circuit"][key] = value
+        else:
+            given.setdefault(section, {"ros__parameters": {}})["ros__parameters"][key] = value
+    (folder / "mine.yaml").write_text(yaml.safe_dump(given))
+    (folder / "test.launch.yaml").write_text(LAUNCH)
+    heard = Heard()
+    with launch(folder / "test.launch.yaml") as skin:
+        skin.node.create_subscription(DiagnosticArray, STATUS_TOPIC, heard.on_status, 50)
+        skin.node.create_subscription(DiagnosticArray, "diagnostics", heard.on_diagnostics, 50)
+        skin.node.create_subscription(Image, "skin/adc", heard.on_adc, 100)
+        spinning = threading.Thread(target=skin.spin)
+        spinning.start()
+        try:
+            yield heard
+        finally:
+            skin.shutdown()
+            spinning.join(PATIENCE)
+
+
+def driver(heard) -> tuple[int, str]:
+    return next((v for k, v in heard.levels.items() if "serial_driver" in k), (None, ""))
+
+
+def test_the_pages_parameters_are_those_of_the_board(tmp_path):
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(example()))
+    skin = read_skin(tmp_path / "mine.yaml")
+    assert skin.circuit == TextBoard.CIRCUIT
+    assert skin.adc.ratio(4095.0) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("separator", "absent"), [(b",", b"nan"), (b";", b""), (b"\t", b"-"), (b" ", b"NaN")]
+)
+def test_its_lines_arrive_however_it_prints_them(tmp_path, separator, absent):
+    board = TextBoard(line=printed(separator, absent), absent=[(4, 11)])
+    with serving(tmp_path / "board", board), skin_on(tmp_path / "board", tmp_path) as heard:
+        heard.wait_for(lambda: len(heard.frames) > 10)
+        assert np.argwhere(heard.frames[-1] == NOT_READ).tolist() == [[4, 11]]
+        heard.wait_for(lambda: driver(heard)[1].startswith("no reading at row 4, column 11: "))
+
+
+MISTAKES = {
+    "cols": (
+        {"circuit__cols": 11},
+        "lines hold 96 numbers, but circuit.rows = 8 x circuit.cols = 11 are 88: set circuit.rows "
+        "and circuit.cols",
+    ),
+    "protocol": (
+        {"serial_driver__protocol": "binary"},
+        "what arrives is text: set serial_driver.protocol: text",
+    ),
+    "adc_bits": (
+        {"circuit__adc_bits": 8},
+        "but circuit.adc_bits = 8 ends at 255: set circuit.adc_bits: 12",
+    ),
+}
+
+
+def pressed(steps) -> bytes:
+    """All readings far above 8 bits, as if a hand lay on the skin."""
+    return commas(np.minimum(steps + 2100, 4095))
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_setting_that_does_not_fit_is_named_in_the_stop(tmp_path, mistake):
+    """At once, not after the watchdog; and in words that stay the same when the port is reopened.
+
+    The live line prints the reason of the stop as it is.
+    """
+    changes, said = MISTAKES[mistake]
+    board = TextBoard(line=pressed)
+    with (
+        serving(tmp_path / "board", board),
+        skin_on(tmp_path / "board", tmp_path, **changes, serial_driver__watchdog=1.5) as heard,
+    ):
+        heard.wait_for_stop(said)
+        assert "at 115200 baud: bytes arrive, but no frame: " in heard.stops[-1]
+        told = len(heard.stops)
+        time.sleep(2.0)  # the port is reopened meanwhile
+        assert heard.stops[told:] == []
+        level, message = driver(heard)
+        assert level == DiagnosticStatus.ERROR
+        assert message in heard.stops[-1]
+
+
+@contextlib.contextmanager
+def sending(make, rate=50.0):
+    """A port on which bytes arrive."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    os.set_blocking(master, False)
+    done = threading.Event()
+
+    def send():
+        while not done.wait(1.0 / rate):
+            with contextlib.suppress(BlockingIOError):
+                os.write(master, make())
+
+    thread = threading.Thread(target=send)
+    thread.start()
+    try:
+        yield os.ttyname(slave)
+    finally:
+        done.set()
+        thread.join()
+        os.close(master)
+        os.close(slave)
+
+
+def test_a_wrong_baud_rate_is_named(tmp_path):
+    """A pty has none: what a UART makes of bits at another rate is any bytes."""
+    rng = np.random.default_rng(1)
+    with (
+        sending(lambda: rng.bytes(100)) as port,
+        skin_on(port, tmp_path, serial_driver__watchdog=1.5) as heard,
+    ):
+        heard.wait_for_stop(
+            "at 115200 baud: bytes arrive, but no frame: bytes that are no text: is"
+        )
+
+
+def test_binary_frames_are_named(tmp_path):
+    numbers = iter(range(10_000))
+
+    def make():
+        samples = np.full((8, 12), 1000)
+        return protocol.encode(next(numbers), 0, samples, 12, 0)
+
+    with sending(make) as port, skin_on(port, tmp_path) as heard:
+        heard.wait_for_stop(
+            "binary frames of 8 x 12 at 12 bits arrive: set serial_driver.protocol: binary"
+        )
+
+
+def test_an_8_hz_board_is_free_with_a_measured_stale_after(tmp_path):
+    board = TextBoard(rate=8.0)
+    with (
+        serving(tmp_path / "board", board),
+        skin_on(tmp_path / "board", tmp_path, compensation__suspect_stops=False) as heard,
+    ):
+        heard.wait_for(lambda: heard.stops[-1:] == [""])
+        assert 0.25 < float(heard.values["good_for"]) < 0.4
+        assert 0.1 < float(heard.values["interval"]) < 0.16
+
+
+def test_an_8_hz_board_is_told_why_it_stops_with_0_1_s(tmp_path):
+    board = TextBoard(rate=8.0)
+    with (
+        serving(tmp_path / "board", board),
+        skin_on(
+            tmp_path / "board",
+            tmp_path,
+            compensation__suspect_stops=False,
+            stop_on_push__stale_after=0.1,
+        ) as heard,
+    ):
+        heard.wait_for_stop("stale: readings come every 0.1")
+        assert "s, but stale_after = 0.1 s: set stop_on_push.stale_after: " in heard.stops[-1]
+        told = len(heard.stops)
+        time.sleep(2.0)
+        assert len(heard.stops) <= told + 1  # 32, each a call of every hook

@@ -1,0 +1,73 @@
+"""The characteristic curve: monotone, exactly invertible, strict about its file."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tactile_skin import PressureCurve
+from tactile_skin.physics.curve import GRAM
+
+CURVE = PressureCurve()
+
+
+@given(st.floats(0.0, 1000.0))
+def test_force_and_resistance_are_each_others_inverse(grams):
+    force = grams * GRAM
+    assert CURVE.force(CURVE.resistance(force)) == pytest.approx(force, abs=1e-9)
+
+
+def test_passes_through_the_default_points():
+    grams = np.array([0, 5, 10, 20, 50, 100, 200, 500, 1000])
+    ohm = [40000, 12000, 6500, 3500, 1500, 800, 420, 170, 85]
+    np.testing.assert_allclose(CURVE.resistance(grams * GRAM), ohm, rtol=1e-9)
+
+
+def test_falls_everywhere():
+    assert (np.diff(CURVE.resistance(np.linspace(0.0, CURVE.max_force, 10_001))) < 0).all()
+
+
+def test_is_clipped_at_both_ends():
+    assert CURVE.force(np.inf) == 0.0
+    assert CURVE.force(1e6) == 0.0
+    assert CURVE.force(0.0) == pytest.approx(CURVE.max_force)
+    assert CURVE.resistance(2 * CURVE.max_force) == pytest.approx(CURVE.least_resistance)
+    assert CURVE.resistance(-1.0) == pytest.approx(CURVE.rest_resistance)
+
+
+def test_slope_equals_finite_differences():
+    force = np.array([0.03, 0.3, 1.1, 6.0])
+    step = 1e-6
+    resistance = CURVE.resistance(force)
+    numeric = (CURVE.force(resistance * (1 + step)) - CURVE.force(resistance * (1 - step))) / (
+        2 * step
+    )
+    np.testing.assert_allclose(CURVE.slope(force), numeric, rtol=1e-2)
+
+
+def test_round_trip_through_a_file(tmp_path):
+    file = tmp_path / "curve.yaml"
+    file.write_text("force: [0, 1, 5]\nresistance: [20000, 900, 100]\n")
+    curve = PressureCurve.load(file)
+    assert curve == PressureCurve([0, 1, 5], [20000, 900, 100])
+    assert curve.resistance(1.0) == pytest.approx(900.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("force: [0, 1]", "needs the keys"),
+        ("- 1", "needs the keys"),
+        ("force: [0, 1]\nresistance: [1, 2]", "must fall"),
+        ("force: [1, 2]\nresistance: [2, 1]", "must start at 0"),
+        ("force: [0, 1, 2]\nresistance: [2, 1]", "same number"),
+        ("force: [0, x]\nresistance: [2, 1]", "force = .*: must be a list of numbers"),
+        ("force: [0", "not valid YAML"),
+    ],
+)
+def test_a_bad_file_is_named(tmp_path, text, message):
+    file = tmp_path / "curve.yaml"
+    file.write_text(text)
+    with pytest.raises(ValueError, match=message) as error:
+        PressureCurve.load(file)
+    assert str(file) in str(error.value)

@@ -1,0 +1,42 @@
+"""The quadratic programme of a step."""
+
+import numpy as np
+import pytest
+
+from tactile_skin.physics import quadratic
+
+
+def definite(rng, n: int) -> np.ndarray:
+    a = rng.normal(size=(n, n + 3))
+    return (a @ a.T / n + 0.1 * np.eye(n)).astype(np.float32)
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 17, 130])
+def test_a_step_is_the_minimum_of_those_inside_and_lies_within_its_box(n):
+    rng, met = np.random.default_rng(5), 0
+    for _ in range(10):
+        s, b = definite(rng, n), rng.normal(size=n)
+        low, high = -rng.exponential(1.0, n), rng.exponential(1.0, n)
+        dx, factor, inside = quadratic.solve_in_box(np.triu(s), b, low, high)
+        assert ((dx >= low) & (dx <= high)).all()
+        u = np.triu(factor)
+        np.testing.assert_allclose(u.T @ u, s[np.ix_(inside, inside)], rtol=1e-3, atol=1e-4)
+        met += (~inside).sum()
+        if inside.all() and ((dx > low) & (dx < high)).all():
+            np.testing.assert_allclose(s @ dx, b, rtol=1e-3, atol=1e-3)
+    assert met or n == 1  # a single unknown that leaves the box is put on its end
+
+
+def test_a_step_without_a_factor():
+    s, b = np.array([[1.0, 2.0], [2.0, 1.0]], np.float32), np.ones(2)
+    ends = np.full(2, -9.0), np.full(2, 9.0)
+    assert quadratic.solve_in_box(s, b, *ends)[1] is not None  # definite with a ridge
+    dx, factor, _ = quadratic.solve_in_box(-np.eye(2, dtype=np.float32), b, *ends)
+    assert factor is None and not dx.any()
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 17, 130])
+def test_the_diagonal_of_an_inverse(n):
+    s = definite(np.random.default_rng(5), n)
+    found = quadratic.inverse_diagonal(np.linalg.cholesky(s).T.copy())
+    np.testing.assert_allclose(found, np.linalg.inv(s.astype(float)).diagonal(), rtol=1e-3)

@@ -1,0 +1,83 @@
+"""Readings that a bad contact explains are set aside, a few; a line that is open is not."""
+
+import numpy as np
+import pytest
+
+from tactile_skin import Circuit, PressureCurve, compensate, forward
+from tactile_skin.learning import scenes
+
+CIRCUIT, CURVE = Circuit(), PressureCurve()
+
+
+def read(rng, force):
+    return scenes.read_out(CIRCUIT, forward(CIRCUIT, CURVE.resistance(force)), "scan", rng)
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(3)
+
+
+def touch(rng):
+    place = rng.uniform(3, 12, 2)
+    return scenes.finger(16, 16, *place, rng.uniform(5, 30), rng.uniform(1.0, 2.0))
+
+
+def lowered(rng, adc, force, n):
+    """n readings beside the touch lie 20 to 60 ADC steps too low; and which."""
+    at = rng.permutation(np.argwhere((force < 1e-3) & (adc > 0.15)))[:n]
+    adc = adc.copy()
+    adc[tuple(at.T)] -= rng.uniform(20.0, 60.0, n) / CIRCUIT.full_scale
+    return adc, at
+
+
+def test_a_few_bad_contacts_do_not_spoil_the_picture(rng):
+    good = 0
+    for _ in range(40):
+        force = touch(rng)
+        adc, at = lowered(rng, read(rng, force), force, 5)
+        found = compensate(adc, CIRCUIT, CURVE)
+        if found.status == "ok":
+            assert found.aside is not None and found.aside[tuple(at.T)].mean() >= 0.6
+            assert found.force.sum() == pytest.approx(force.sum(), rel=0.05)
+            good += 1
+    assert good >= 36
+
+
+def test_a_sound_frame_sets_nothing_aside(rng):
+    assert all(compensate(read(rng, touch(rng)), CIRCUIT, CURVE).aside is None for _ in range(40))
+
+
+def test_many_are_not_set_aside(rng):
+    force = touch(rng)
+    adc, _ = lowered(rng, read(rng, force), force, 40)
+    found = compensate(adc, CIRCUIT, CURVE)
+    assert found.status == "suspect" and found.aside is None
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_an_open_line_is_suspect(rng, axis):
+    for _ in range(10):
+        adc = read(rng, touch(rng))
+        adc.swapaxes(0, axis)[rng.integers(16)] = 0.0
+        assert compensate(adc, CIRCUIT, CURVE).status == "suspect"
+
+
+def test_readings_that_are_too_high_are_not_set_aside(rng):
+    force = touch(rng)
+    adc, at = lowered(rng, read(rng, force), force, 5)
+    adc[tuple(at.T)] += 100.0 / CIRCUIT.full_scale
+    found = compensate(adc, CIRCUIT, CURVE)
+    assert found.aside is None
+
+
+def test_a_suspect_start_is_tried_from_nothing(rng):
+    """A start from another touch, or with half of the load, leads to the same answer."""
+    force = touch(rng)
+    adc = read(rng, force)
+    alone = compensate(adc, CIRCUIT, CURVE)
+    for other in (touch(rng), 0.5 * force, np.zeros((16, 16))):
+        start = compensate(read(rng, other), CIRCUIT, CURVE)
+        found = compensate(adc, CIRCUIT, CURVE, start=start)
+        assert found.status == "ok"
+        assert found.force.sum() == pytest.approx(alone.force.sum(), rel=0.03)

@@ -1,0 +1,354 @@
+"""The noise-aware inverse: its prior, its accuracy, its spread, its doubts."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from yardsticks.solvers import accuracy, with_net
+
+from tactile_skin import Circuit, PressureCurve, compensate, forward
+from tactile_skin.bench import textile
+from tactile_skin.bench.faults import EVERYDAY, FAULTS, faulty
+from tactile_skin.learning import scenes
+from tactile_skin.physics.curve import GRAM
+from tactile_skin.solvers import map as map_solver
+from tactile_skin.solvers import prior
+from tactile_skin.solvers.map import _gauss_newton, _Point, _precision
+from tactile_skin.solvers.reading import SCAN_NOISE, check_reading
+
+CIRCUIT, CURVE = Circuit(), PressureCurve()
+R_PAR_OFF = [fault for fault in FAULTS if fault.startswith("r_par")]
+
+
+def scan(force, rng, circuit=CIRCUIT):
+    return scenes.read_out(circuit, forward(circuit, CURVE.resistance(force)), "scan", rng)
+
+
+@pytest.mark.parametrize("holes", [0.0, 0.25])
+def test_the_priors_gradient_is_that_of_its_value(holes):
+    rng = np.random.default_rng(0)
+    x = rng.normal(1.0, 0.5, (5, 6))
+    cells = rng.random((5, 6)) >= holes if holes else None
+    between = prior.Differences((5, 6), cells)
+    gradient = prior.touches(x, -1.0, between).gradient
+    for i in np.ndindex(x.shape):
+        step = np.zeros(x.shape)
+        step[i] = 1e-6
+        up, down = (prior.touches(x + s, -1.0, between).value for s in (step, -step))
+        assert (up - down) / 2e-6 == pytest.approx(gradient[i], abs=1e-6)
+
+
+def test_the_priors_majorant_lies_above_it():
+    """What makes every full step of the prior alone go down."""
+    rng = np.random.default_rng(1)
+    x = rng.normal(1.0, 0.5, (5, 6))
+    between = prior.Differences((5, 6))
+    at_x = prior.touches(x, -1.0, between)
+    for scale in (1e-3, 0.1, 0.5):
+        d = scale * rng.uniform(-1.0, 1.0, x.shape)
+        curvature = (d * prior.product(at_x, d, between)).sum()
+        bound = at_x.value + (at_x.gradient * d).sum() + 0.5 * curvature
+        assert prior.touches(x + d, -1.0, between).value <= bound + 1e-9
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 5), (5, 1), (3, 4)])
+@pytest.mark.parametrize("masked", [False, True])
+def test_the_precision_is_that_of_the_differences_one_by_one(shape, masked):
+    rng = np.random.default_rng(6)
+    cells = np.ones(shape, bool)
+    if masked and min(shape) > 1:
+        cells[1, 2] = False
+    x = np.where(cells, rng.uniform(0.0, 2.0, shape), 0.0)
+    rows = []
+    for i, j in np.ndindex(shape):
+        for step, ends in (
+            ((0.5, 0.1), {(i, j): -1.0, (i, j + 1): 1.0}),
+            ((0.5, 0.1), {(i, j): -1.0, (i + 1, j): 1.0}),
+            ((1.5, 0.15), {(i, j): 1.0, (i, j + 1): -1.0, (i + 1, j): -1.0, (i + 1, j + 1): 1.0}),
+        ):
+            if all(a < shape[0] and b < shape[1] and cells[a, b] for a, b in ends):
+                d = sum(sign * x[end] for end, sign in ends.items())
+                row = np.zeros(shape)
+                for end, sign in ends.items():
+                    row[end] = sign
+                rows.append(np.sqrt(step[0] / (step[1] ** 2 + d * d)) * row.ravel())
+    each = np.array(rows).reshape(-1, x.size)
+    between = prior.Differences(shape, cells)
+    terms = prior.touches(x, 0.0, between)
+    free = np.flatnonzero(cells)[::2]
+    jacobian = rng.standard_normal((7, free.size)).astype(np.float32)
+    expected = jacobian.T @ jacobian + (each.T @ each)[np.ix_(free, free)]
+    found = _precision(jacobian, terms, between, free)
+    np.testing.assert_allclose(np.triu(found), np.triu(expected), rtol=1e-4, atol=1e-4)
+    direction = rng.standard_normal(shape) * cells
+    product = prior.product(terms, direction, between).ravel()
+    np.testing.assert_allclose(product, each.T @ (each @ direction.ravel()), atol=1e-9)
+
+
+def test_the_differences_depend_on_the_cells_alone():
+    """Another r_par, which a frame is fitted with, finds those of the last."""
+    mask = np.ones((16, 16), bool)
+    mask[3, 4] = False
+    between = prior.differences(CIRCUIT)
+    assert prior.differences(dataclasses.replace(CIRCUIT, r_par=300.0, r_ref=1000.0)) is between
+    holed = prior.differences(dataclasses.replace(CIRCUIT, mask=mask))
+    assert holed is not between
+    assert prior.differences(dataclasses.replace(CIRCUIT, mask=mask, adc_bits=12)) is holed
+    assert prior.differences(Circuit(8, 32)) is not between
+
+
+def test_separable_footprints_pay_for_no_twist():
+    """A Gaussian blob is separable: rotating its rows against each other costs more."""
+    y, x = np.arange(8)[:, None], np.arange(8)[None]
+    blob = -0.1 * ((y - 3.5) ** 2 + (x - 3.5) ** 2)
+    sheared = -0.1 * ((y - 3.5) ** 2 + (x - 3.5 - 0.5 * (y - 3.5)) ** 2)
+    between = prior.Differences((8, 8))
+    of_blob, of_sheared = (prior.touches(x_, -10.0, between) for x_ in (blob, sheared))
+    assert of_blob.value < of_sheared.value
+
+
+def test_the_step_goes_down_the_true_cost():
+    """Slope of cost over log g by central differences, against the step's right-hand side."""
+    circuit = Circuit(4, 5)
+    rng = np.random.default_rng(2)
+    truth = rng.uniform(0.1, 5.0, (4, 5))
+    reading = check_reading(scan(truth, rng, circuit), circuit, CURVE)
+    x = np.log(1.0 / CURVE.resistance(truth * rng.uniform(0.7, 1.3, truth.shape)))
+    point = _Point.at(reading, np.exp(x), False, None)
+    step = _gauss_newton(reading, point)
+    direction = np.zeros(20)
+    direction[step.free] = step.dx
+    direction = 1e-6 * direction.reshape(4, 5)
+    up, down = (
+        _Point.at(reading, np.exp(x + s), False, None).cost for s in (direction, -direction)
+    )
+    assert (up - down) / 2e-6 == pytest.approx(-2.0 * step.gain, rel=1e-3)
+
+
+@pytest.mark.parametrize(("family", "limit"), [("blobs", 4.2), ("rects", 13.0)])
+def test_errors_and_spread_on_scans(family, limit):
+    row = accuracy("map", family, "scan", 60, seed=3)
+    assert row["mean g"] < limit
+    assert 0.55 < row["touched within 1 std"] < 0.80
+    assert row["failed"] == 0.0
+
+
+@pytest.mark.parametrize("shape", ["disc", "tilted bar", "ramp"])
+def test_touches_that_are_not_separable_are_found_too(shape):
+    """The prior leans towards rectangles; other footprints cost accuracy, not the answer."""
+    y, x = np.arange(16)[:, None], np.arange(16)[None]
+    force = {
+        "disc": 200.0 * (np.hypot(y - 7.3, x - 8.1) < 4.2),
+        "tilted bar": 200.0 * ((np.abs(y - x) < 2.5) & (np.abs(y + x - 15) < 9)),
+        "ramp": 30.0 * np.clip(y - 4, 0, 8) * (np.abs(x - 8) < 4),
+    }[shape] * GRAM
+    found = compensate(scan(force, np.random.default_rng(4)), CIRCUIT, CURVE, "map")
+    assert found.status == "ok"
+    assert np.abs(found.force - force)[force > 0].mean() < 0.15 * force[force > 0].mean()
+    assert found.force[force == 0].max() < 20 * GRAM
+
+
+def test_outside_knowledge_helps():
+    force = scenes.sample("random", 1, 16, 16, np.random.default_rng(5))[0]
+    rng = np.random.default_rng(6)
+    adc = scan(force, rng)
+    hint = np.maximum(force + rng.normal(0.0, 0.2, force.shape), 0.0)
+    alone = compensate(adc, CIRCUIT, CURVE, "map")
+    helped = compensate(adc, CIRCUIT, CURVE, "map", prior=(hint, 0.2))
+    error = [np.abs(e.force - force).mean() for e in (alone, helped)]
+    assert error[1] < 0.8 * error[0]
+    assert helped.std.mean() < alone.std.mean()
+
+
+def test_readings_may_be_missing_or_capped():
+    force = np.zeros((16, 16))
+    force[4:8, 5:9] = 150 * GRAM
+    rng = np.random.default_rng(7)
+    adc = scan(force, rng)
+    gone = rng.random((16, 16)) < 0.08
+    missing = np.where(gone, np.nan, adc)
+    threshold = np.quantile(adc, 0.3)
+    capped = np.where(adc <= threshold, 0.0, adc)
+    for reading, arguments in (
+        (missing, {"missing": True}),
+        (capped, {"threshold": threshold}),
+    ):
+        for method in ("map", "auto"):
+            found = compensate(reading, CIRCUIT, CURVE, method, noise=0.52, **arguments)
+            assert np.abs(found.force - force).max() < 40 * GRAM, (method, arguments)
+        with pytest.raises(ValueError, match="use map or auto"):
+            compensate(reading, CIRCUIT, CURVE, "newton", **arguments)
+
+
+def test_a_factorisation_that_fails_is_no_success(monkeypatch):
+    def fail(precision, b, low, high):
+        return np.zeros(b.size), None, np.ones(b.size, bool)
+
+    monkeypatch.setattr(map_solver, "solve_in_box", fail)
+    adc = forward(CIRCUIT, CURVE.resistance(scenes.finger(16, 16, 7.0, 8.0, 12.0)))
+    found = compensate(adc, CIRCUIT, CURVE, "map")
+    assert (found.status, found.iterations > 0) == ("failed", True)
+
+
+def test_conjugate_gradients_that_run_away_are_no_success(monkeypatch):
+    monkeypatch.setattr(map_solver, "_DENSE", 0)
+    adc = forward(CIRCUIT, CURVE.resistance(scenes.finger(16, 16, 7.0, 8.0, 12.0)))
+    assert compensate(adc, CIRCUIT, CURVE, "map").status == "ok"
+    nothing = lambda *a, **k: np.full(a[2].size, np.nan)  # noqa: E731
+    monkeypatch.setattr(map_solver, "conjugate_gradients", nothing)
+    assert compensate(adc, CIRCUIT, CURVE, "map").status == "failed"
+
+
+def test_a_skin_at_rest_has_no_unknowns_and_is_no_failure():
+    adc = forward(CIRCUIT, CURVE.resistance(np.zeros((16, 16))))
+    found = compensate(adc, CIRCUIT, CURVE, "map")
+    assert (found.status, found.force.max()) == ("ok", 0.0)
+
+
+@pytest.mark.parametrize("fault", [f for f in FAULTS if f not in ("short", *R_PAR_OFF)])
+def test_a_fault_that_spoils_the_answer_is_suspect(fault):
+    rng = np.random.default_rng(8)
+    spoilt, suspect = 0, 0
+    for force in scenes.sample("rects", 25, 16, 16, rng):
+        adc = faulty(CIRCUIT, CURVE.resistance(force), fault, rng)
+        # what moves during the scan looks like noise, unless the noise is known
+        noise = SCAN_NOISE if fault == "moving" else None
+        adc = scenes.read_out(CIRCUIT, adc, "scan", rng)
+        found = compensate(adc, CIRCUIT, CURVE, "map", noise=noise)
+        if np.abs(found.force - force).mean() > 30 * GRAM:
+            spoilt += 1
+            suspect += found.status == "suspect" and found.message != ""
+    assert spoilt >= 10 and suspect >= 0.9 * spoilt
+
+
+@pytest.mark.parametrize("fault", R_PAR_OFF)
+def test_a_wrong_r_par_is_told_and_found(fault):
+    """The force is then right, though the circuit that the solver was given is not."""
+    rng = np.random.default_rng(8)
+    force = scenes.sample("rects", 25, 16, 16, rng)
+    right = CIRCUIT.r_par * (1.1 if "+" in fault else 0.9)
+    errors, trusting, found = [], [], []
+    for truth in force:
+        adc = faulty(CIRCUIT, CURVE.resistance(truth), fault, rng)
+        scanned = scenes.read_out(CIRCUIT, adc, "scan", rng)
+        estimate = compensate(scanned, CIRCUIT, CURVE, "map", noise=SCAN_NOISE)
+        errors.append(np.abs(estimate.force - truth).mean())
+        exact = compensate(adc, CIRCUIT, CURVE, "newton").force
+        trusting.append(np.abs(exact - truth).mean())
+        if estimate.r_par is not None:
+            assert estimate.status == "suspect" and f"{estimate.r_par:.0f}" in estimate.message
+            found.append(estimate.r_par)
+    assert len(found) >= 18
+    assert np.median(np.abs(np.subtract(found, right))) < 4.0  # ohm
+    assert np.mean(errors) < 0.4 * np.mean(trusting)
+
+
+def test_a_stream_with_a_wrong_r_par_goes_on_from_the_one_found():
+    """And lets go of it where the circuit's own explains the reading."""
+    other = dataclasses.replace(CIRCUIT, r_par=1.08 * CIRCUIT.r_par)
+    rng = np.random.default_rng(9)
+    force = np.zeros((16, 16))
+    force[4:9, 5:9] = 250 * GRAM
+    last = None
+    for k in range(5):
+        adc = forward(other, CURVE.resistance((1.0 + 0.02 * k) * force))
+        adc = scenes.read_out(CIRCUIT, adc, "scan", rng)
+        last = compensate(adc, CIRCUIT, CURVE, "auto", start=last)
+        assert last.r_par == pytest.approx(other.r_par, abs=6.0)
+        assert np.abs(last.force - (1.0 + 0.02 * k) * force).max() < 60 * GRAM
+    sound = compensate(scan(force, rng), CIRCUIT, CURVE, "auto", start=last)
+    assert (sound.status, sound.r_par) == ("ok", None)
+
+
+def test_two_lines_that_touch_are_named():
+    """Shorted under an uneven load, rows 6 and 7 read alike past what a sound skin shows."""
+    force = scenes.sample("random", 1, 16, 16, np.random.default_rng(9))[0]
+    g = 1.0 / CURVE.resistance(force)
+    merged = np.delete(g, 7, 0)
+    merged[6] += g[7]
+    adc = np.insert(forward(Circuit(15, 16), 1.0 / merged), 7, 0.0, 0)
+    adc[7] = adc[6]
+    adc = scenes.read_out(CIRCUIT, adc, "scan", np.random.default_rng(10))
+    assert compensate(adc, CIRCUIT, CURVE, "map").status == "suspect"
+
+
+def test_sound_scans_are_not_suspect():
+    rows = [accuracy("map", family, "scan", 60, seed=11) for family in scenes.FAMILIES]
+    assert np.mean([row["suspect"] for row in rows]) <= 0.03
+
+
+@pytest.mark.slow
+def test_figures_on_300_frames_a_family():
+    for family, limit in (("blobs", 4.2), ("rects", 13.0)):
+        row = accuracy("map", family, "scan", 300, seed=12)
+        assert row["mean g"] < limit
+        assert 0.60 < row["touched within 1 std"] < 0.76
+        assert row["suspect"] <= 0.02
+
+
+def test_a_frame_like_the_last_one_keeps_its_estimate():
+    """A standing touch costs one look; one that grows by a tenth is fitted anew."""
+    rng = np.random.default_rng(21)
+    force = scenes.finger(16, 16, 7.0, 8.0, 12.0, width=1.3)
+
+    last = compensate(scan(force, rng), CIRCUIT, CURVE, "map")
+    held = [compensate(scan(force, rng), CIRCUIT, CURVE, "map", start=last) for _ in range(20)]
+    assert sum(e.force is last.force for e in held) >= 10
+    assert all(0.3 < e.residual < 0.8 for e in held)
+    grown = compensate(scan(1.1 * force, rng), CIRCUIT, CURVE, "map", start=last)
+    assert grown.iterations > 0
+    assert grown.force.sum() == pytest.approx(1.1 * 12.0, rel=0.05)
+
+
+def test_with_the_net_as_its_prior_it_beats_the_net():
+    for family in ("blobs", "rects"):
+        row = with_net(family, 40, seed=22)
+        assert row["map with the net's prior"] < 0.9 * row["physics"]
+
+
+@pytest.mark.parametrize("shape", [(4, 4), (8, 12), (16, 16)])
+@pytest.mark.parametrize("spread", [1.0, 2.5, 4.0])
+def test_a_palm_is_not_suspect_and_its_sum_is_right(shape, spread):
+    """Soft towards its rim, on an everyday skin: no edge, as the prior likes it."""
+    rng = np.random.default_rng([*shape, round(10 * spread)])
+    circuit = Circuit(*shape)
+    row, col = np.indices(shape)
+    for _ in range(6):
+        centre = rng.uniform(0.0, np.array(shape) - 1.0)
+        force = np.exp(-(np.square(row - centre[0]) + np.square(col - centre[1])) / 2 / spread**2)
+        force *= rng.uniform(5.0, 60.0) / force.sum()
+        force = np.minimum(force, 9.0)
+        adc = textile.read(EVERYDAY, circuit, CURVE, force, rng)
+        estimate = compensate(adc, circuit, CURVE)
+        assert estimate.status == "ok", estimate.message
+        assert estimate.force.sum() == pytest.approx(force.sum(), rel=0.08)
+
+
+def test_a_noisy_reading_counts_little_once_its_noise_is_known():
+    """One crossing with 15 steps of noise, at rest, beside a touch and under it."""
+    rng = np.random.default_rng(6)
+    force = scenes.finger(16, 16, 7.0, 8.0, 15.0, width=1.3)
+    ideal = forward(CIRCUIT, CURVE.resistance(force)) * CIRCUIT.full_scale
+    for row, col in ((2, 3), (7, 12), (7, 8)):
+        noise = np.full((16, 16), 0.5)
+        noise[row, col] = 15.0
+        found = [
+            compensate(
+                (ideal + noise * rng.standard_normal((16, 16))) / CIRCUIT.full_scale,
+                CIRCUIT,
+                CURVE,
+                "map",
+                noise=noise,
+            )
+            for _ in range(20)
+        ]
+        assert np.mean([f.status == "ok" for f in found]) >= 0.9
+        for f in found:
+            assert f.force.sum() == pytest.approx(15.0, rel=0.1)
+
+
+def test_a_noise_of_each_reading_is_checked():
+    noise = np.full((16, 16), 0.5)
+    noise[3, 4] = -1.0
+    with pytest.raises(ValueError, match="row 3, column 4: must be above 0"):
+        compensate(np.full((16, 16), 0.05), CIRCUIT, CURVE, noise=noise)

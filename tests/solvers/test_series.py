@@ -1,0 +1,134 @@
+"""An r_par that is not the circuit's: told, found, and never seen where there is none."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tactile_skin import Circuit, PressureCurve, compensate, forward
+from tactile_skin.bench.textile import Textile, read
+from tactile_skin.learning import network, scenes
+from tactile_skin.physics.curve import GRAM
+from tactile_skin.solvers import series
+from tactile_skin.solvers.reading import SCAN_NOISE, check_reading
+
+CIRCUIT, CURVE = Circuit(), PressureCurve()
+
+
+def block(force=250.0, circuit=CIRCUIT):
+    """(rows, cols) [N]: one touch of 20 cells of so many grams."""
+    found = np.zeros(circuit.shape)
+    found[4:9, 5:9] = force * GRAM
+    return found * circuit.populated
+
+
+def read_by(circuit, force, rng, readout="scan"):
+    g = circuit.populated / CURVE.resistance(force)
+    with np.errstate(divide="ignore"):
+        return scenes.read_out(circuit, forward(circuit, 1.0 / g), readout, rng)
+
+
+@pytest.mark.parametrize("off", [-2.0, -0.5, 0.5, 2.0])
+def test_the_lean_is_newtons_step(off):
+    """Linear in r_par, where the touched cells are known."""
+    other = dataclasses.replace(CIRCUIT, r_par=CIRCUIT.r_par + off)
+    reading = check_reading(forward(other, CURVE.resistance(block())), CIRCUIT, CURVE)
+    found = series.lean(reading, 1.0 / CURVE.resistance(block()))
+    assert found.shift == pytest.approx(off, rel=0.05)
+    assert found.left < 0.01
+
+
+def test_the_leans_spread_covers_that_of_the_noise():
+    """It has room for what a real skin reads off the model."""
+    rng = np.random.default_rng(0)
+    g = 1.0 / CURVE.resistance(block())
+    leans = [
+        series.lean(
+            check_reading(read_by(CIRCUIT, block(), rng), CIRCUIT, CURVE, noise=SCAN_NOISE), g
+        )
+        for _ in range(150)
+    ]
+    shifts = np.array([found.shift / found.std for found in leans])
+    assert abs(shifts.mean()) < 0.3
+    assert 0.4 < shifts.std() < 1.0
+    assert np.mean([found.left for found in leans]) < 1.0
+
+
+def test_where_everything_is_touched_nothing_is_told():
+    force = scenes.sample("random", 1, 16, 16, np.random.default_rng(1))[0] + 20 * GRAM
+    reading = check_reading(read_by(CIRCUIT, force, np.random.default_rng(2)), CIRCUIT, CURVE)
+    assert series.lean(reading, 1.0 / CURVE.resistance(force)) is None
+
+
+@pytest.mark.parametrize("share", [0.92, 1.08])
+def test_a_skin_with_gaps_and_lost_readings_finds_it_too(share):
+    mask = np.ones((16, 16), bool)
+    mask[::5, 1::4] = False
+    circuit = Circuit(mask=mask)
+    other = dataclasses.replace(circuit, r_par=share * circuit.r_par)
+    rng = np.random.default_rng(3)
+    adc = np.where(rng.random((16, 16)) < 0.05, np.nan, read_by(other, block(circuit=other), rng))
+    found = compensate(adc, circuit, CURVE, "map", missing=True, noise=0.52)
+    assert found.r_par == pytest.approx(other.r_par, abs=6.0)
+    assert (found.status, found.force[~mask].max()) == ("suspect", 0.0)
+    assert np.abs(found.force - block(circuit=other)).max() < 60 * GRAM
+
+
+def soft_hand(rng):
+    """A hand laid on most of the skin, of a few grams, and a finger that presses."""
+    picture = scenes.sample("blobs", 1, 16, 16, rng)[0]
+    soft = rng.uniform(2.0, 30.0) * GRAM * np.exp(0.3 * rng.standard_normal((16, 16)))
+    where = np.zeros((16, 16), bool)
+    i, j = rng.integers(0, 6, 2)
+    where[i : i + 11, j : j + 9] = True
+    return np.minimum(np.maximum(picture, where * soft), CURVE.max_force)
+
+
+@pytest.mark.parametrize("kind", ["blobs", "rects", "soft hand"])
+@pytest.mark.parametrize("readout", ["scan", "adc10"])
+def test_a_sound_skin_is_not_told_of_another_r_par(kind, readout):
+    rng = np.random.default_rng(4)
+    others = 0
+    for _ in range(60):
+        one = soft_hand(rng) if kind == "soft hand" else scenes.sample(kind, 1, 16, 16, rng)[0]
+        adc = read_by(CIRCUIT, np.minimum(one, CURVE.max_force), rng, readout)
+        others += compensate(adc, CIRCUIT, CURVE, "map").r_par is not None
+    assert others <= 1
+
+
+@pytest.mark.parametrize(
+    "fault", [{"open": 1}, {"moving": 2.0}, {"ceiling": 0.5}, {"full_scale": 1}, {"broken": 1}]
+)
+def test_another_fault_is_not_taken_for_it(fault):
+    rng = np.random.default_rng(5)
+    for force in scenes.sample("rects", 15, 16, 16, rng):
+        adc = read(Textile(noise=1.0, **fault), CIRCUIT, CURVE, np.minimum(force, 9.8), rng)
+        assert compensate(adc, CIRCUIT, CURVE, "map", noise=SCAN_NOISE).r_par is None
+
+
+def test_a_board_far_off_is_another_fault():
+    """Half of r_par is no tolerance; and of a circuit without r_par none is sought."""
+    half = dataclasses.replace(CIRCUIT, r_par=0.5 * CIRCUIT.r_par)
+    adc = forward(half, CURVE.resistance(block()))
+    found = compensate(adc, CIRCUIT, CURVE, "map")
+    assert (found.status, found.r_par) == ("suspect", None)
+    none = Circuit(r_par=0.0)
+    found = compensate(forward(CIRCUIT, CURVE.resistance(block())), none, CURVE, "map")
+    assert (found.status, found.r_par) == ("suspect", None)
+
+
+def test_the_network_looks_again_with_the_r_par_that_it_shows():
+    """Boards 5 % off: half the error; sound ones as before."""
+    rng = np.random.default_rng(6)
+    force = np.minimum(scenes.sample("blobs", 80, 16, 16, rng), CURVE.max_force)
+    errors, alone, sound = [], [], 0
+    for truth in force:
+        board = Textile(noise=1.0, r_par=rng.choice((0.95, 1.05)))
+        adc = read(board, CIRCUIT, CURVE, truth, rng)
+        found = compensate(adc, CIRCUIT, CURVE, "physics")
+        errors.append(np.abs(found.force - truth).mean())
+        assert (found.r_par is None) == (found.status == "ok")
+        alone.append(np.abs(network.shipped("physics").predict(adc) - truth).mean())
+        sound += compensate(read_by(CIRCUIT, truth, rng), CIRCUIT, CURVE, "physics").r_par is None
+    assert np.mean(errors) < 0.6 * np.mean(alone)
+    assert sound >= 78

@@ -1,0 +1,83 @@
+"""Every example runs, says what it shows, and is short enough to be copied."""
+
+import ast
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+LINES = 40
+# name -> its arguments; at most two run at a time, so that the skins get the processor
+ARGUMENTS = {
+    "touch_events": ["18"],  # s: the demo's push comes after 9 s, its stroke after 12.5 s
+    "stop_hook": ["15"],
+    "print_contacts": ["4"],
+    "subscribe_pressure": ["4"],
+    "own_node": ["4"],
+    "record_frames": ["FRAMES", "3"],
+    "replay_frames": ["FRAMES"],
+    "compensate_frame": [],
+    "doubt_a_frame": [],
+    "read_config": [],
+}
+# name -> what it prints
+SAYS = {
+    "compensate_frame": ["naive  sum", "auto   sum 20.0", " 0 ghosts, ok"],
+    "doubt_a_frame": ["sound: ok", "broken: suspect row 9"],
+    "own_node": [" levels, the largest 1.00"],
+    "print_contacts": ["contact 1: ", "contact 2: ", " N at +0."],
+    "read_config": ["16 x 16 cells, 18 mm apart", "hardest cell: row 8, column 8"],
+    "record_frames": [" frames"],
+    "replay_frames": [", 0 in doubt, sum of force 2", "p99"],
+    "stop_hook": ["motors run", "motors stand: push", "motors stand: the skin shuts down"],
+    "subscribe_pressure": ["largest pressure of each cell"],
+    "touch_events": ["pushed with ", "released after ", "stroked at "],
+}
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """Name -> (stdout, stderr, status) of each example."""
+    frames = str(tmp_path_factory.mktemp("examples") / "frames.npy")
+    paths = [str(ROOT), os.environ.get("PYTHONPATH", "")]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
+
+    def run(name: str) -> tuple[str, str, int]:
+        words = [frames if word == "FRAMES" else word for word in ARGUMENTS[name]]
+        command = [sys.executable, str(ROOT / "examples" / f"{name}.py"), *words]
+        done = subprocess.run(
+            command, env=environment, capture_output=True, text=True, timeout=120, check=False
+        )
+        return done.stdout, done.stderr, done.returncode
+
+    longest, *others = ARGUMENTS
+    with ThreadPoolExecutor(1) as beside:
+        first = beside.submit(run, longest)
+        found = {name: run(name) for name in others}
+        return found | {longest: first.result()}
+
+
+def test_every_example_is_run():
+    assert {path.stem for path in EXAMPLES} == set(SAYS)
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.stem)
+def test_an_example_runs(finished, path):
+    out, err, status = finished[path.stem]
+    assert status == 0, err
+    assert "Traceback" not in err
+    for text in SAYS[path.stem]:
+        assert text in out, f"{out}\n{err}"
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.stem)
+def test_an_example_is_short_and_says_what_it_shows(path):
+    text = path.read_text()
+    assert len(text.splitlines()) < LINES
+    about = ast.get_docstring(ast.parse(text))
+    assert about and f"python examples/{path.name}" in about

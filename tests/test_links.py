@@ -1,0 +1,54 @@
+"""Relative links in the documents point to files and headings that exist."""
+
+import re
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+_FENCED = re.compile(r"^(```|~~~).*?^\1", re.DOTALL | re.MULTILINE)
+_LINK = re.compile(r"\[[^\]]*\]\(([^()\s]+)\)")
+_PATH = re.compile(r"`((?:tests|docs|launch|config|examples|tactile_skin)/[\w./-]+\.\w+)`")
+
+
+def text_of(page: Path) -> str:
+    """The page without its code blocks."""
+    return _FENCED.sub("", page.read_text(encoding="utf-8"))
+
+
+def anchors(page: Path) -> set[str]:
+    """What GitHub makes of the headings."""
+    found: set[str] = set()
+    used: Counter[str] = Counter()
+    for title in re.findall(r"^#+ +(.+?) *$", text_of(page), re.MULTILINE):
+        words = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", title).lower()
+        name = re.sub(r"[^\w\- ]", "", words).replace(" ", "-")
+        found.add(f"{name}-{used[name]}" if used[name] else name)
+        used[name] += 1
+    return found
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_every_link_points_to_something(page):
+    for link in _LINK.findall(text_of(page)):
+        if re.match(r"[a-z]+:", link):
+            continue
+        path, _, anchor = link.partition("#")
+        target = (page.parent / path).resolve() if path else page
+        assert target.exists(), f"{page.name}: {link}"
+        if anchor:
+            assert anchor in anchors(target), f"{page.name}: {link}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_every_path_that_is_named_exists(page):
+    for path in _PATH.findall(text_of(page)):
+        assert (ROOT / path).exists(), f"{page.name}: {path}"
+
+
+def test_an_anchor_is_made_as_on_github(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("# A board: that `repeats` itself\n## [Lag](x.md), 2\n```\n# no heading\n```\n")
+    assert anchors(page) == {"a-board-that-repeats-itself", "lag-2"}

@@ -1,0 +1,54 @@
+"""Training curves: `python tests/yardsticks/curves.py OUT.png NAME=history.csv ...`."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+from pathlib import Path
+
+_STYLES = ("-", "--", ":", "-.")
+
+
+def read(path: Path) -> tuple[list[int], list[float]]:
+    """Epochs and validation error [g a cell] of a `history.csv` of `tactile-skin train`."""
+    with path.open() as file:
+        lines = list(csv.DictReader(file))
+    return [int(x["epoch"]) for x in lines], [float(x["validation_g"]) for x in lines]
+
+
+def draw(histories: dict[str, Path], out: Path) -> None:
+    """One curve a run, named by its key."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    figure, axis = plt.subplots(figsize=(7.0, 4.0), layout="constrained")
+    for k, (name, path) in enumerate(histories.items()):
+        epochs, error = read(path)
+        axis.plot(epochs, error, _STYLES[k % len(_STYLES)], label=f"{name}: {min(error):.1f} g")
+    axis.set_yscale("log")
+    axis.set_yticks([20, 30, 50, 100], ["20", "30", "50", "100"])
+    axis.minorticks_off()
+    axis.set_xlabel("epoch")
+    axis.set_ylabel("validation error [g a cell]")
+    axis.grid(alpha=0.3)
+    axis.legend(frameon=False)
+    figure.savefig(out, dpi=110)
+    plt.close(figure)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("out", type=Path, metavar="OUT.png", help="picture to draw")
+    parser.add_argument("runs", nargs="+", metavar="NAME=history.csv", help="a run of `train`")
+    args = parser.parse_args()
+    runs = [run.partition("=") for run in args.runs]
+    for name, equals, path in runs:
+        if not equals or not Path(path).is_file():
+            parser.error(f"{name}{equals}{path}: must be NAME=FILE, the history.csv of a run")
+    draw({name: Path(path) for name, _, path in runs}, args.out)
+
+
+if __name__ == "__main__":
+    main()
