@@ -697,12 +697,17 @@ def test_the_values_are_those_in_process_for_the_same_bytes(skin, monkeypatch):
             assert values == (v.x, v.y, v.z)
             counted += 1
     assert counted == 4 * len(frames)
+
+    def what(reason):
+        """Without the text of `stale`: it tells of frames before these, which only ROS has seen."""
+        return "stale" if reason.startswith("stale: ") else reason
+
     decided, reasons = set(), set()
     for _, stamp, ((_, level, reason, _, _),) in heard["skin/stop_status"]:
         if stamp > before and stamp not in decided and stamp != adc[-1][0]:
             decided.add(stamp)
             status = here.seen[STATUS_TOPIC][stamp].status[0]
-            assert (level, reason) == (status.level, status.message)
+            assert (level, what(reason)) == (status.level, what(status.message))
             reasons.add(reason)
     assert len(decided) >= 0.98 * len(frames)  # the first that hears of a stamp is its decision
     assert {"", "push"} <= reasons
