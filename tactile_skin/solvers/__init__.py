@@ -4,7 +4,7 @@ reading.py      one checked frame           estimate.py   what comes out
 naive.py        the paper's naive method    learned.py    the networks
 fixed_point.py  the literature's iteration  newton.py     the exact inverse
 map.py          noise-aware, with prior.py  auto.py       the cheapest that the frame allows
-aside.py        readings of bad contacts    suspect.py    whether to believe it
+aside.py        readings of bad contacts    suspect.py    tests of the circuit model
 series.py       which r_par explains the reading, where the circuit's does not
 """
 
@@ -23,9 +23,9 @@ from .fixed_point import fixed_point
 from .learned import cnn, physics
 from .map import map_estimate
 from .naive import naive
-from .newton import explained, newton
+from .newton import fits_circuit, newton
 from .reading import Reading, check_prior, check_reading, check_start
-from .suspect import piled
+from .suspect import saturation
 
 METHODS = {
     "naive": naive,
@@ -37,10 +37,10 @@ METHODS = {
     "auto": auto,
 }
 
-# What each method takes beside the reading. `start` is allowed with all: a stream hands it on
+# Arguments of each method beside the reading. `start` is allowed with all: a stream passes it on
 # whatever its method.
 _TAKES = {name: tuple(inspect.signature(m).parameters)[1:] for name, m in METHODS.items()}
-_UNFITTED = "naive", "fixed_point", "cnn", "physics"
+_NOT_FITTED = "naive", "fixed_point", "cnn", "physics"
 
 __all__ = ["METHODS", "Estimate", "check_reading", "compensate"]
 
@@ -69,17 +69,17 @@ def compensate(
             (least squares in ADC steps with a prior), "cnn" (the paper's network), "physics" (one
             that is fed with the circuit's physics), or "auto" (the cheapest that the frame
             allows; `Estimate.method` names it, "rest" if nothing touches).
-        weights: a `network.Weights` for cnn and physics; None: those shipped with the package.
+        weights: a `network.Weights` for cnn and physics; None: those of the package.
         start: the last frame's estimate, from which newton, map and auto then go on, and which the
             others ignore; every frame of a batch goes on from it.
         prior: of map and auto: (mean, std) of each cell's force [N], arrays (rows, cols) or
             numbers, joined to the built-in prior as independent knowledge: a network's output, say.
             A std of infinity says nothing.
-        noise: RMS noise of a reading in ADC steps; None: told from the grid that the values lie
-            on (whole steps: rounding; fractions of 1/64 step: noise and averaging; else exact).
+        noise: RMS noise of a reading in ADC steps, a number or (rows, cols); 0: exact. None: map
+            and auto measure it in the frame, the others assume that of rounding to whole steps.
         missing: whether NaN marks a missing reading (map and auto only).
-        threshold: ADC ratio up to which a reading says no more than that it is not higher
-            (map and auto only).
+        threshold: ADC ratio of the board's threshold: a reading at or below it is only known not
+            to be above (map and auto only).
         time_limit: seconds after which an iteration gives up on a frame; its last estimate is
             "failed".
 
@@ -126,9 +126,9 @@ def compensate(
 def _one(reading: Reading, method: str, given: dict) -> Estimate:
     """One frame by one method, with the arguments that it takes."""
     estimate = METHODS[method](reading, **given)
-    if estimate.status == "ok" and method in _UNFITTED and reading.whole:
-        # By how much these methods miss a reading says little.
-        doubt = piled(reading)
-        if doubt and not explained(reading):
-            return replace(estimate, status="suspect", message=doubt)
+    if estimate.status == "ok" and method in _NOT_FITTED and reading.all_cells_read:
+        # The misfit of these methods proves nothing: the exact inverse decides.
+        message = saturation(reading)
+        if message and not fits_circuit(reading):
+            return replace(estimate, status="suspect", message=message)
     return estimate

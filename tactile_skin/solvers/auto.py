@@ -10,11 +10,12 @@ import numpy as np
 from .estimate import Estimate
 from .map import map_estimate
 from .newton import newton
-from .reading import Reading, rest_reading, spread_of
-from .suspect import by_residual, judge
+from .reading import Reading, check_reading, rest_reading, robust_std
+from .suspect import by_residual, estimate_from_force
 
-_IDLE_PEAK = 4.5  # standard deviations: one reading in 150,000 exceeds it by chance
-_EXACTLY_IDLE = 1e-9  # ADC steps, of an exact reading
+# By how much the readings of an untouched skin may differ from rest: standard deviations of noise,
+# which one reading in 150,000 exceeds by chance; ADC steps of an exact reading.
+_IDLE_PEAK, _EXACT_IDLE_PEAK = 4.5, 1e-9
 
 
 def auto(reading: Reading, start: Estimate | None = None, prior=None) -> Estimate:
@@ -24,25 +25,25 @@ def auto(reading: Reading, start: Estimate | None = None, prior=None) -> Estimat
     """
     circuit, curve = reading.circuit, reading.curve
     rest = rest_reading(circuit, curve)
-    if not reading.given:
+    if not reading.noise_given:
         misfit = reading.misfit(rest)
-        quiet = reading.with_noise(spread_of(np.abs(misfit)))
-        if (found := _at_rest(quiet, rest, prior)) is not None:
-            return found
+        quiet = reading.with_noise(robust_std(np.abs(misfit)))
+        if (idle := _idle_estimate(quiet, rest, prior)) is not None:
+            return idle
         return map_estimate(reading, start, prior)
-    if (found := _at_rest(reading, rest, prior)) is not None:
-        return found
-    if reading.noise == 0.0 and reading.whole and prior is None:
+    if (idle := _idle_estimate(reading, rest, prior)) is not None:
+        return idle
+    if reading.noise == 0.0 and reading.all_cells_read and prior is None:
         estimate = newton(reading, start)
         if estimate.status == "ok":
             return estimate
     return map_estimate(reading, start, prior)
 
 
-def _at_rest(reading: Reading, rest: np.ndarray, prior) -> Estimate | None:
-    """The estimate of an untouched skin, if this is one."""
+def _idle_estimate(reading: Reading, rest: np.ndarray, prior) -> Estimate | None:
+    """The estimate of an untouched skin if this is one, else None."""
     peak = np.abs(reading.misfit(rest)).max()
-    at_rest = prior is None and peak <= max(_IDLE_PEAK * reading.noise, _EXACTLY_IDLE)
+    at_rest = prior is None and peak <= max(_IDLE_PEAK * reading.noise, _EXACT_IDLE_PEAK)
     if at_rest and not (reading.noise and by_residual(reading, rest)):
         idle = _idle(reading.circuit, reading.curve, reading.noise)
         return replace(idle, residual=reading.residual(rest))
@@ -52,8 +53,5 @@ def _at_rest(reading: Reading, rest: np.ndarray, prior) -> Estimate | None:
 @lru_cache(maxsize=16)
 def _idle(circuit, curve, noise: float) -> Estimate:
     """The estimate of an untouched skin."""
-    everywhere = np.ones(circuit.shape, bool)
-    reading = Reading(
-        rest_reading(circuit, curve), everywhere, ~everywhere, 0.0, noise, np.inf, circuit, curve
-    )
-    return judge(np.zeros(circuit.shape), reading, "rest")
+    reading = check_reading(rest_reading(circuit, curve), circuit, curve, noise=noise)
+    return estimate_from_force(np.zeros(circuit.shape), reading, "rest")

@@ -7,19 +7,20 @@ import numpy as np
 from ..physics import kernel
 from .estimate import Estimate
 from .reading import Reading
-from .suspect import judge
+from .suspect import estimate_from_force
 
-STEPS = 60
+MAX_STEPS = 60
+_TARGET = 0.25  # ADC steps RMS at which to stop: below rounding to whole steps
 _LEVEL = 5.0  # times the mean force, which no cell of an even load on the whole skin reaches
 
 
 def fixed_point(reading: Reading) -> Estimate:
     """The fixed point until the reading is met to the ADC's rounding."""
-    reading.need_whole("fixed_point")
-    g, iterations = iterate(reading, first_guess(reading), STEPS, 0.25)
+    reading.need_all_cells("fixed_point")
+    g, iterations = iterate(reading, first_guess(reading), MAX_STEPS, _TARGET)
     with np.errstate(divide="ignore"):
         force = reading.curve.force(1.0 / g) * reading.circuit.populated
-    return judge(force, reading, "fixed_point", iterations)
+    return estimate_from_force(force, reading, "fixed_point", iterations)
 
 
 def first_guess(reading: Reading) -> np.ndarray:

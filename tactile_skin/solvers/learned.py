@@ -12,9 +12,9 @@ from ..physics.kernel import connected_rho
 from . import series
 from .estimate import Estimate
 from .reading import Reading
-from .suspect import judge, network_of
+from .suspect import estimate_from_force, network_of
 
-_ALONE = 0.95  # share of a crossing's conductance from which on its own cell is all there is
+_OWN_SHARE = 0.95  # of a crossing's conductance that is its own cell's, from which on it is alone
 
 
 def cnn(reading: Reading, weights=None) -> Estimate:
@@ -25,13 +25,14 @@ def cnn(reading: Reading, weights=None) -> Estimate:
 def physics(reading: Reading, weights=None) -> Estimate:
     """A network of the same size, fed with a few steps of the fixed point.
 
-    If its answer shows the board's r_par to be another than the circuit's, it looks again.
+    If its answer shows that the board's r_par is not the circuit's, the frame is corrected for that
+    and evaluated again.
     """
     return _learned(reading, weights, "physics", "physics")
 
 
 def _learned(reading: Reading, weights, method: str, kind: str) -> Estimate:
-    reading.need_whole(method)
+    reading.need_all_cells(method)
     weights = network.shipped(kind) if weights is None else weights
     if not isinstance(weights, network.Weights):
         found = type(weights).__name__
@@ -39,42 +40,44 @@ def _learned(reading: Reading, weights, method: str, kind: str) -> Estimate:
     if weights.kind != kind:
         raise ValueError(f"weights {weights.path}: of a {weights.kind} network, not for {method!r}")
     weights.check(reading.circuit, reading.curve)
-    force, there = _look(reading, weights)
-    r_par = series.guess(reading, there[1]) if kind == "physics" else None
-    told = reading
+    force, there = _analyse_frame(reading, weights)
+    r_par = series.guess_r_par(reading, there[1]) if kind == "physics" else None
+    corrected = reading
     if r_par is not None:
-        told = series.as_read_by_the_circuit(reading, r_par)
-        force, there = _look(told, weights)
-    force, there = _with_hard_edges(force, there, told)
-    estimate = judge(force, reading, method, network=there)
-    return estimate if r_par is None else series.named(replace(estimate, r_par=r_par), reading)
+        corrected = series.with_nominal_r_par(reading, r_par)
+        force, there = _analyse_frame(corrected, weights)
+    force, there = _with_single_cells(force, there, corrected)
+    estimate = estimate_from_force(force, reading, method, network=there)
+    if r_par is None:
+        return estimate
+    return series.report_r_par(replace(estimate, r_par=r_par), reading)
 
 
-def _look(reading: Reading, weights) -> tuple[np.ndarray, tuple]:
-    """(rows, cols) force [N] that the network sees, and `network_of` it."""
+def _analyse_frame(reading: Reading, weights) -> tuple[np.ndarray, tuple]:
+    """(rows, cols) force [N] by the network, and `network_of` it."""
     force = weights.predict(reading.adc)
     if reading.circuit.mask is not None:
         force *= reading.circuit.populated
     return force, network_of(force, reading)
 
 
-def _with_hard_edges(force: np.ndarray, there: tuple, reading: Reading):
-    """Cells that the reading gives away without a network; and `network_of` those, if known.
+def _with_single_cells(force: np.ndarray, there: tuple, reading: Reading):
+    """The force with cells that their reading determines alone; `network_of` it, if known.
 
     Args:
         there: `network_of` the force.
 
-    The networks learnt from touches of several cells: a corner of 10 kg on one cell they take for
-    half of it, or for nothing at the skin's rim, and a stop would not come. Through such a cell
-    flows nearly all that is read at its crossing, so that what flows around it, as the network
-    sees it, need not be known well.
+    The networks learnt from touches of several cells: of a corner of 10 kg on one cell they find
+    half, or nothing at the skin's rim, and a stop would not come. Nearly all of the current at the
+    crossing flows through such a cell, so the current around it, as the network's force implies it,
+    need not be accurate.
     """
-    # More flows around a cell the more is pressed: where even an untouched skin's flow around it is
-    # too much, there is nothing to find.
-    if not (reading.rho < _telling(reading.circuit, reading.curve)).any():
+    # The current around a cell rises with the load: where even that of an untouched skin is too
+    # large, there is no such cell.
+    if not (reading.rho < _max_own_rho(reading.circuit, reading.curve)).any():
         return force, there
     around = 1.0 / there[2] - there[1]  # S
-    alone = around * reading.rho < 1.0 - _ALONE
+    alone = around * reading.rho < 1.0 - _OWN_SHARE
     if reading.circuit.mask is not None:
         alone &= reading.circuit.populated
     if not alone.any():
@@ -85,11 +88,11 @@ def _with_hard_edges(force: np.ndarray, there: tuple, reading: Reading):
 
 
 @lru_cache(maxsize=16)
-def _telling(circuit, curve) -> np.ndarray:
-    """(rows, cols) reading [ohm] below which it may be that of its own cell alone.
+def _max_own_rho(circuit, curve) -> np.ndarray:
+    """(rows, cols) [ohm] below which a reading may be that of its own cell alone.
 
-    On an untouched skin the rest of it would then be less than what flows around the cell.
+    Of a higher one, the share of the paths around the cell is too large even on a skin at rest.
     """
     g = circuit.populated / curve.rest_resistance
     around = 1.0 / connected_rho(g) - g
-    return (1.0 - _ALONE) / around
+    return (1.0 - _OWN_SHARE) / around

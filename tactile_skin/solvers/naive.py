@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from .estimate import Estimate
 from .reading import Reading
-from .suspect import judge
+from .suspect import estimate_from_force
 
 
 def naive(reading: Reading) -> Estimate:
     """Each reading taken for its own cell's resistance: sees ghosts where parallel paths cross."""
-    reading.need_whole("naive")
+    reading.need_all_cells("naive")
     circuit = reading.circuit
     force = reading.curve.force(circuit.two_terminal(reading.adc)) * circuit.populated
-    return judge(force, reading, "naive")
+    return estimate_from_force(force, reading, "naive")

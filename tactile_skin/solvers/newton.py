@@ -17,25 +17,27 @@ from ..physics.conjugate_gradients import conjugate_gradients
 from .estimate import Estimate
 from .fixed_point import first_guess, iterate, last_guess
 from .reading import Reading
-from .suspect import judge
+from .suspect import estimate_from_force
 
-STEPS = 40  # 5 is usual; bounds the time of readings that no circuit explains
+MAX_STEPS = 40  # 5 is usual; bounds the time of readings that no circuit explains
 START_STEPS = 8  # of the fixed point: a step costs a sixth of a Newton step
-WARM_STEPS = 4  # the same from the last frame: a touch that moved misfits by far at its rim
+WARM_STEPS = 4  # the same from the last frame: the rim of a touch that moved misfits by far
 _DONE = 1e-7  # relative step of g; a thousandth of a gram is 6e-7 at full load
-_BOUND = 1.0 + 1e-9  # a cell this near a bound is on it, but for rounding
-_TOUCH = 0.2  # relative rise of a cell's conductance from rest that makes it an unknown
-_ANYTHING = 1e-8  # the same, in the end
-# Times its noise by which a sound reading is missed: where a bound acts, this is the best fit in
+_BOUND = 1.0 + 1e-9  # factor within which a cell is on a bound, but for rounding
+# Relative rise of a cell's conductance from rest that its own reading asks for and that makes it an
+# unknown: at first, and once the others are settled.
+_JOIN, _JOIN_LAST = 0.2, 1e-8
+# Times its noise by which a valid reading is missed: where a bound acts, this is the best fit in
 # another measure than ADC steps. 2 in 1,000 exceed 2, 1 in 10,000 exceeds 2.5.
-_NOISY = 2.2
-_TRIES = 16  # steps of the fixed point
-_DENSE = 400  # unknowns up to which a Cholesky factor beats conjugate gradients
+_SLACK = 2.2
+# Steps of the fixed point, and residual over noise, that show that cells explain a reading.
+_FIT_STEPS, _FIT_RESIDUAL = 16, 1.3
+_DENSE = 400  # unknowns up to which a Cholesky factor is faster than conjugate gradients
 
 
 def newton(reading: Reading, start: Estimate | None = None) -> Estimate:
     """Projected Newton from `start`, or from a few steps of the fixed point."""
-    reading.need_whole("newton")
+    reading.need_all_cells("newton")
     if start is None:
         g, steps = iterate(reading, first_guess(reading), START_STEPS, 1e-9)
     else:
@@ -43,14 +45,16 @@ def newton(reading: Reading, start: Estimate | None = None) -> Estimate:
     g, iterations, done = maximise(reading, g)
     with np.errstate(divide="ignore"):
         force = reading.curve.force(1.0 / g) * reading.circuit.populated
-    slack = _NOISY if reading.noise else 1.0
-    return judge(force, reading, "newton", steps + iterations, converged=done, slack=slack)
+    slack = _SLACK if reading.noise else 1.0
+    return estimate_from_force(
+        force, reading, "newton", steps + iterations, converged=done, slack=slack
+    )
 
 
-def explained(reading: Reading) -> bool:
-    """Whether there are cells that read so, to the noise. The fixed point mostly finds some."""
-    steps = iterate(reading, first_guess(reading), _TRIES, 1.3 * reading.noise)[1]
-    return steps < _TRIES or newton(reading).status != "suspect"
+def fits_circuit(reading: Reading) -> bool:
+    """Whether cells explain the reading within its noise. The fixed point mostly finds some."""
+    steps = iterate(reading, first_guess(reading), _FIT_STEPS, _FIT_RESIDUAL * reading.noise)[1]
+    return steps < _FIT_STEPS or newton(reading).status != "suspect"
 
 
 def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
@@ -67,8 +71,8 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
     low, high = reading.bounds
     rho_measured = reading.rho
     network = laplacian.solve(g)
-    free, solve, last, join = None, None, np.inf, _TOUCH
-    for iteration in range(STEPS):
+    free, solve, last, join = None, None, np.inf, _JOIN
+    for iteration in range(MAX_STEPS):
         rho = network.rho
         gradient = np.where(cells, rho - rho_measured, 0.0)
         # A cell on its bound is held there if the gradient pushes outwards. One at rest joins the
@@ -77,9 +81,9 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
         held = ((g <= low * _BOUND) & (rise < join)) | ((g >= high / _BOUND) & (gradient >= 0.0))
         now = np.flatnonzero(cells & ~held)
         if not now.size:
-            if join == _ANYTHING:
+            if join == _JOIN_LAST:
                 return g, iteration, True
-            join = _ANYTHING
+            join = _JOIN_LAST
             continue
         misfit = np.abs(gradient.flat[now] / rho.flat[now]).max()
         if solve is None or misfit > 0.05 * last or not np.array_equal(free, now):
@@ -94,9 +98,9 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
         moved = np.abs(new.flat[free] / g.flat[free] - 1.0).max()
         g = new
         if moved < _DONE:
-            if join == _ANYTHING:
+            if join == _JOIN_LAST:
                 return g, iteration + 1, True
-            join = _ANYTHING
+            join = _JOIN_LAST
         if reading.late():
             break
     return g, iteration + 1, False

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,14 +17,14 @@ from ..physics.curve import PressureCurve
 from .estimate import Estimate
 
 SCAN_NOISE = 0.52  # ADC steps RMS: mean of 4 samples with 1 step of noise, each rounded
-MOST_NOISE = 3.5  # ADC steps RMS that a board is supposed to have at most, where nothing is said
+MAX_NOISE = 3.5  # ADC steps RMS that a board is supposed to have at most, where nothing is said
 ROUNDING_NOISE = 12**-0.5  # ADC steps RMS of rounding to whole steps
-# Share of the smallest magnitudes that a spread is taken from, and the standard deviation over
-# their mean, of a normal distribution. A median would jump with the steps of an ADC.
-_KEPT, _NORMAL = 0.8, 1.790
-_QUIET = 8  # readings of cells at rest that the noise is measured by, at least
+# Share of the smallest magnitudes that a standard deviation is estimated from, and its ratio to
+# their mean for a normal distribution. A median would jump with the steps of an ADC.
+_KEPT, _STD_OVER_MEAN = 0.8, 1.790
+_MIN_AT_REST = 8  # readings of cells at rest that noise is measured by: it is then right to 25 %
 # N, of a prior: no cell feels more, none is known better; the squares of both stay numbers.
-_MOST_MEAN, _LEAST_STD = 1e6, 1e-6
+_MAX_PRIOR_MEAN, _MIN_PRIOR_STD = 1e6, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +37,8 @@ class Reading:
         capped: (rows, cols) bool, readings known only to lie at or below `threshold`.
         threshold: ADC ratio, 0 where no reading is capped.
         noise: RMS noise of a reading, in ADC steps; 0 for an exact one.
-        given: whether the caller said so; if not, it is measured in the frame.
-        excess: (rows, cols) times `noise` that each reading has, 1 or more; None: all have 1.
+        noise_given: whether the caller gave it; if not, it is measured in the frame.
+        noise_ratio: (rows, cols) times `noise` that each reading has, 1 or more; None: all have 1.
         deadline: `time.monotonic` to stop at, infinity for none.
     """
 
@@ -49,12 +50,12 @@ class Reading:
     deadline: float
     circuit: Circuit
     curve: PressureCurve
-    given: bool = True
-    excess: np.ndarray | None = None
+    noise_given: bool = True
+    noise_ratio: np.ndarray | None = None
 
     def with_noise(self, noise: float) -> Reading:
         """The same frame with a noise that was measured in it [ADC steps]."""
-        return replace(self, noise=min(max(noise, ROUNDING_NOISE), MOST_NOISE))
+        return replace(self, noise=min(max(noise, ROUNDING_NOISE), MAX_NOISE))
 
     @cached_property
     def steps(self) -> np.ndarray:
@@ -62,29 +63,29 @@ class Reading:
         return self.adc * self.circuit.full_scale
 
     @cached_property
-    def plain(self) -> bool:
+    def all_read(self) -> bool:
         """Whether each crossing of the matrix was read."""
         return bool(self.known.all())
 
     @cached_property
-    def whole(self) -> bool:
+    def all_cells_read(self) -> bool:
         """Whether each cell's own crossing was read."""
-        return self.plain or bool((self.known | ~self.circuit.populated).all())
+        return self.all_read or bool((self.known | ~self.circuit.populated).all())
 
     @cached_property
-    def told(self) -> int:
-        """Number of readings that say something."""
-        return self.known.size if self.plain else np.count_nonzero(self.known | self.capped)
+    def n_informative(self) -> int:
+        """Number of readings that carry a value or an upper limit."""
+        return self.known.size if self.all_read else np.count_nonzero(self.known | self.capped)
 
     @property
     def fitted_noise(self) -> float:
-        """RMS noise [ADC steps] that a least-squares fit supposes: of rounding, if of nothing."""
+        """RMS noise [ADC steps] that a least-squares fit assumes: that of rounding at least."""
         return max(self.noise, ROUNDING_NOISE)
 
     @cached_property
     def spread(self) -> float | np.ndarray:
         """`fitted_noise`, of each reading where they differ."""
-        return self.fitted_noise * (1.0 if self.excess is None else self.excess)
+        return self.fitted_noise * (1.0 if self.noise_ratio is None else self.noise_ratio)
 
     @cached_property
     def rho(self) -> np.ndarray:
@@ -104,7 +105,7 @@ class Reading:
         """(rows, cols) reading minus model in ADC steps; 0 where nothing contradicts the model."""
         full_scale = self.circuit.full_scale
         misfit = (self.adc - adc) * full_scale
-        if not self.plain:
+        if not self.all_read:
             misfit *= self.known
         if self.threshold:
             over = np.minimum((self.threshold - adc) * full_scale, 0.0)
@@ -112,21 +113,57 @@ class Reading:
         return misfit
 
     def residual(self, adc) -> float:
-        """RMS of `misfit` over the readings that say something."""
+        """RMS of `misfit` over the informative readings."""
         return self.rms(self.misfit(adc))
 
     def rms(self, misfit: np.ndarray) -> float:
         misfit = misfit.ravel()
-        return float((misfit @ misfit / max(self.told, 1)) ** 0.5)
+        return float((misfit @ misfit / max(self.n_informative, 1)) ** 0.5)
 
-    def need_whole(self, method: str) -> None:
+    def linearised(self, g: np.ndarray, std) -> Linearised:
+        """The model of the frame at conductances g (rows, cols) [S].
+
+        Args:
+            std: standard deviation of a reading [ADC steps], a number or (rows, cols).
+        """
+        network = laplacian.solve(g)
+        adc = self.circuit.ratio(network.rho)
+        misfit = self.misfit(adc)
+        misfit /= std
+        weight = adc * adc
+        weight *= self.circuit.full_scale / (self.circuit.r_ref * std)
+        if not self.all_read:
+            weight *= self.known | (misfit < 0)
+        return Linearised(g, network, adc, misfit, weight)
+
+    def need_all_cells(self, method: str) -> None:
         """ValueError unless every cell was read: only `map` can do without."""
-        if not self.whole:
+        if not self.all_cells_read:
             n = np.count_nonzero(self.circuit.populated & ~self.known)
             raise ValueError(
                 f"method {method!r} needs a reading of every cell, {n} are missing or below the "
                 "threshold: use map or auto"
             )
+
+
+class Linearised(NamedTuple):
+    """The circuit model of a frame and its derivative, in standard deviations of a reading.
+
+    All but `network` are (rows, cols).
+    """
+
+    g: np.ndarray  # S, the cells' conductance
+    network: laplacian.Network
+    adc: np.ndarray  # ratio
+    misfit: np.ndarray  # reading - model
+    weight: np.ndarray  # - d model / d rho [1/ohm]; 0 for readings that are not informative
+
+    def jacobian(self, readings: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """(m, n) float32 d model / d g [1/S], of flat readings (m,) int32 and cells (n,)."""
+        rows, cols = self.g.shape
+        row, col = np.divmod(cells.astype(np.int32), np.int32(cols))
+        col += np.int32(rows)
+        return laplacian.sensitivity(self.network.k, self.weight, readings, row, col)
 
 
 def check_reading(
@@ -192,12 +229,12 @@ def check_prior(prior, circuit: Circuit) -> tuple[np.ndarray, np.ndarray]:
     except (TypeError, ValueError) as error:
         raise ValueError(f"prior = {shorten(prior)}: must be two, mean and std") from error
     mean, std = _picture("prior mean", mean, circuit), _picture("prior std", std, circuit)
-    known = (mean >= 0.0) & (mean <= _MOST_MEAN)
+    known = (mean >= 0.0) & (mean <= _MAX_PRIOR_MEAN)
     if not known.all():
-        _refuse("prior mean", mean, known, f"from 0 to {_MOST_MEAN:g} N")
+        _refuse("prior mean", mean, known, f"from 0 to {_MAX_PRIOR_MEAN:g} N")
     if not (std > 0.0).all():
         _refuse("prior std", std, std > 0.0, "above 0 N")
-    return mean, np.maximum(std, _LEAST_STD)
+    return mean, np.maximum(std, _MIN_PRIOR_STD)
 
 
 def _uneven(noise, circuit: Circuit) -> tuple[float, np.ndarray]:
@@ -265,13 +302,13 @@ def noise_at_rest(misfit: np.ndarray) -> float | None:
         None: there are too few.
     """
     below = -misfit[misfit < 0.0]
-    return spread_of(below) if below.size >= _QUIET else None
+    return robust_std(below) if below.size >= _MIN_AT_REST else None
 
 
-def spread_of(magnitudes: np.ndarray) -> float:
-    """Standard deviation of normal values by their magnitudes; a fifth may be anything."""
+def robust_std(magnitudes: np.ndarray) -> float:
+    """Standard deviation of normal values from their magnitudes; a fifth may be outliers."""
     kept = max(1, round(_KEPT * magnitudes.size))
-    return _NORMAL * float(np.partition(magnitudes.ravel(), kept - 1)[:kept].mean())
+    return _STD_OVER_MEAN * float(np.partition(magnitudes.ravel(), kept - 1)[:kept].mean())
 
 
 @lru_cache(maxsize=16)

@@ -1,4 +1,4 @@
-"""An r_par that is not the circuit's: told, found, and never seen where there is none."""
+"""An r_par that is not the circuit's: found where it is, and not where it is not."""
 
 import dataclasses
 
@@ -29,35 +29,35 @@ def read_by(circuit, force, rng, readout="scan"):
 
 
 @pytest.mark.parametrize("off", [-2.0, -0.5, 0.5, 2.0])
-def test_the_lean_is_newtons_step(off):
+def test_the_shift_is_newtons_step(off):
     """Linear in r_par, where the touched cells are known."""
     other = dataclasses.replace(CIRCUIT, r_par=CIRCUIT.r_par + off)
     reading = check_reading(forward(other, CURVE.resistance(block())), CIRCUIT, CURVE)
-    found = series.lean(reading, 1.0 / CURVE.resistance(block()))
+    found = series.r_par_shift(reading, 1.0 / CURVE.resistance(block()))
     assert found.shift == pytest.approx(off, rel=0.05)
-    assert found.left < 0.01
+    assert found.chi2 < 0.01
 
 
-def test_the_leans_spread_covers_that_of_the_noise():
+def test_the_shifts_spread_covers_that_of_the_noise():
     """It has room for what a real skin reads off the model."""
     rng = np.random.default_rng(0)
     g = 1.0 / CURVE.resistance(block())
-    leans = [
-        series.lean(
+    found = [
+        series.r_par_shift(
             check_reading(read_by(CIRCUIT, block(), rng), CIRCUIT, CURVE, noise=SCAN_NOISE), g
         )
         for _ in range(150)
     ]
-    shifts = np.array([found.shift / found.std for found in leans])
+    shifts = np.array([f.shift / f.std for f in found])
     assert abs(shifts.mean()) < 0.3
     assert 0.4 < shifts.std() < 1.0
-    assert np.mean([found.left for found in leans]) < 1.0
+    assert np.mean([f.chi2 for f in found]) < 1.0
 
 
-def test_where_everything_is_touched_nothing_is_told():
+def test_where_everything_is_touched_r_par_is_not_determined():
     force = scenes.sample("random", 1, 16, 16, np.random.default_rng(1))[0] + 20 * GRAM
     reading = check_reading(read_by(CIRCUIT, force, np.random.default_rng(2)), CIRCUIT, CURVE)
-    assert series.lean(reading, 1.0 / CURVE.resistance(force)) is None
+    assert series.r_par_shift(reading, 1.0 / CURVE.resistance(force)) is None
 
 
 @pytest.mark.parametrize("share", [0.92, 1.08])
@@ -86,7 +86,7 @@ def soft_hand(rng):
 
 @pytest.mark.parametrize("kind", ["blobs", "rects", "soft hand"])
 @pytest.mark.parametrize("readout", ["scan", "adc10"])
-def test_a_sound_skin_is_not_told_of_another_r_par(kind, readout):
+def test_a_valid_skin_gets_no_other_r_par(kind, readout):
     rng = np.random.default_rng(4)
     others = 0
     for _ in range(60):
@@ -117,7 +117,7 @@ def test_a_board_far_off_is_another_fault():
     assert (found.status, found.r_par) == ("suspect", None)
 
 
-def test_the_network_looks_again_with_the_r_par_that_it_shows():
+def test_the_network_evaluates_the_frame_again_with_the_r_par_that_it_shows():
     """Boards 5 % off: half the error; sound ones as before."""
     rng = np.random.default_rng(6)
     force = np.minimum(scenes.sample("blobs", 80, 16, 16, rng), CURVE.max_force)
