@@ -36,7 +36,7 @@ from .middleware.signals import SIGNALS, unwinding
 from .middleware.threads import one_thread
 from .msg import DiagnosticArray, Trigger
 from .nodes import diagnostics
-from .nodes.stop_on_push import STATUS, STATUS_TOPIC, word_of
+from .nodes.stop_on_push import STATUS, STATUS_TOPIC, stop_message_of
 from .nodes.touch_events import PushListener, StrokeListener
 from .touch.events import Pushed, Released, Stroked
 
@@ -247,7 +247,7 @@ class Skin:
 
         def listener(topic: str):
             def on_status(message: DiagnosticArray) -> None:
-                stop_hook.hear(topic, word_of(message, clock.now().nanoseconds / 1e9))
+                stop_hook.hear(topic, stop_message_of(message, clock.now().nanoseconds / 1e9))
 
             return on_status
 

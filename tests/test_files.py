@@ -692,7 +692,7 @@ TABLES = {  # what is wrong -> (content, what the line must hold)
         TABLE.replace("1,0,0\n", "1.7e308,1.7e308,1.7e308\n"),
         "line 2: nx, ny, nz",
     ),
-    "cell twice": (TABLE + "1,1,0,1,1,1,0,0", "line 6: row 1, col 1: stands in line 5 already"),
+    "cell twice": (TABLE + "1,1,0,1,1,1,0,0", "line 6: row 1, col 1: already given in line 5"),
     "cell missing": (TABLE[:-17], "row 1, col 1: no line for this cell"),
     "a long header": ("x," * 5000 + "\n" + TABLE, "line 1: column names"),
     "column twice": (TABLE.replace("nz", "nx"), "line 1: column names"),

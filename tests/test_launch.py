@@ -636,7 +636,7 @@ def test_a_hook_hears_of_a_stop_node_that_fell_silent(write):
         Robot(skin)
         heard.wait_for((False, ""))
         skin._handles[0].destroy_node()
-        heard.wait_for((True, "the stop node is silent"))
+        heard.wait_for((True, "no message from the stop node"))
 
 
 @pytest.mark.parametrize(
@@ -1136,7 +1136,7 @@ def test_a_cut_cable_stops(tmp_path, cut):
             heard.wait_for_reason("fault: serial_driver: ")
         else:
             simulated.mute = True
-            heard.wait_for((True, "stale: readings stay away"))
+            heard.wait_for((True, "stale: readings no longer arrive"))
             simulated.mute = False
             heard.wait_for((False, ""))
 

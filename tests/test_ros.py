@@ -767,7 +767,8 @@ def test_a_killed_node_stops_the_robot_and_rejoins(skin):
         killed = time.time()
         graph.stop("compensation", signal.SIGKILL)
         graph.wait_for(
-            lambda: graph.hears(name, "stop stale: readings stay away\n"), "the stop says stale"
+            lambda: graph.hears(name, "stop stale: readings no longer arrive\n"),
+            "the stop says stale",
         )
         time.sleep(0.5)
         said = ("stop free\n", "heard skin/pressure\n")

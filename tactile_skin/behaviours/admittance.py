@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .gate import Motion, zero
-from .stop import AHEAD, PUSH, Decision, Word
+from .stop import MAX_AHEAD, PUSH, Decision, StopMessage
 
 _REST = 1e-3  # m/s, rad/s: slower than this, and not pushed, is at rest
 
@@ -109,20 +109,20 @@ class AdmittanceConfig:
 
 
 class Admittance:
-    """Takes touches and the stop's word as they come; all times are of one clock [s]."""
+    """Takes touches and the stop's messages as they come; all times are of one clock [s]."""
 
     def __init__(self, config: AdmittanceConfig):
         self.config = config
-        self._stop = (-math.inf, Word(True, ""))
+        self._stop = (-math.inf, StopMessage(True, ""))
         self._seen = -math.inf  # stamp of the newest touch
         self._wrench = np.zeros(3)  # (3,) force along x, y [N] and torque about z [N m]
         self._trouble = ""  # why the newest touch leads nowhere
         self._t: float | None = None  # of the last step
         self._velocity = np.zeros(3)  # (3,) along x, y [m/s] and about z [rad/s]
 
-    def stop(self, t: float, word: Decision | Word) -> None:
-        """The stop's word."""
-        self._stop = t, Word(*word)
+    def stop(self, t: float, message: Decision | StopMessage) -> None:
+        """A message of the stop."""
+        self._stop = t, StopMessage(*message)
 
     def touch(self, stamp: float, total: float, force, torque) -> None:
         """What a reading says of the touch, in the base frame.
@@ -141,24 +141,24 @@ class Admittance:
         if not (np.isfinite([*force, *torque]).all() and math.isfinite(total)):
             self._trouble = "the wrench is not finite"
         elif total > self.config.linear.dead_band and not one_side:
-            self._trouble = "hands on several sides"
+            self._trouble = "pushes from several sides"
 
     def step(self, t: float) -> Motion:
         """The velocity from now on; call it on a timer, and with each reading if you like."""
         config = self.config
-        if self._seen > t + AHEAD:  # the clock was set back: what was seen is of no time
+        if self._seen > t + MAX_AHEAD:  # the clock was set back: what was seen is of no time
             self._seen = -math.inf
         # after a longer pause than that the touch is too old to say what happened meanwhile
         dt = 0.0 if self._t is None else min(max(0.0, t - self._t), config.touch_timeout)
         self._t = t
-        heard, word = self._stop
-        decision = word.at(t)
+        heard, message = self._stop
+        decision = message.at(t)
         reason = ""
         if not 0.0 <= t - heard <= config.stop_timeout:
-            reason = "the stop is silent"
+            reason = "no message from the stop"
         elif decision.stop and decision.reason != PUSH:
             reason = decision.reason or "stop"
-        elif not -AHEAD <= t - self._seen <= config.touch_timeout:
+        elif not -MAX_AHEAD <= t - self._seen <= config.touch_timeout:
             reason = "no reading"
         elif self._trouble:
             reason = self._trouble

@@ -8,8 +8,8 @@ whatever the base can drive. It is
 - while a push is on: the command as it is if it moves the touched point with the push or along the
   skin; zero if it moves it against the push by more than 0.1 rad; in between it is slowed, so that
   noise of the direction does not make a robot stutter that drives along the skin;
-- zero while the direction of the push is not known: nobody told it, or it comes from several sides
-  (a squeeze).
+- zero while the direction of the push is unknown: it is not published, or the push comes from
+  several sides (a squeeze).
 
 A touched point moves at v + w x p, so a rotation that turns the skin into the hand is blocked, and
 one that turns it away is not; with two hands on one side the point that goes most against them
@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .stop import AHEAD, PUSH, Decision, Word
+from .stop import MAX_AHEAD, PUSH, Decision, StopMessage
 
 _EDGE = math.sin(0.1)  # sine of the angle into the contact at which a motion is blocked
 
@@ -62,23 +62,23 @@ class GateConfig:
 
 
 class Gate:
-    """Takes commands, touches and the stop's word as they come; all times are of one clock [s]."""
+    """Takes commands, touches and the stop's messages; all times are of one clock [s]."""
 
     def __init__(self, config: GateConfig):
         self.config = config
         self._command = (-math.inf, np.zeros(3), np.zeros(3))
-        self._stop = (-math.inf, Word(True, ""))
+        self._stop = (-math.inf, StopMessage(True, ""))
         self._seen, self._total = -math.inf, 0.0  # stamp and force of the newest touch
         self._push: tuple[np.ndarray, np.ndarray] | None = None  # direction, (n, 3) places
-        self._trouble = "its direction is not known"  # why there is no `_push`
+        self._trouble = "its direction is unknown"  # why there is no `_push`
 
     def command(self, t: float, linear, angular) -> None:
         """A velocity is asked for: (3,) [m/s] and (3,) [rad/s], in the base frame."""
         self._command = t, np.asarray(linear, float), np.asarray(angular, float)
 
-    def stop(self, t: float, word: Decision | Word) -> None:
-        """The stop's word."""
-        self._stop = t, Word(*word)
+    def stop(self, t: float, message: Decision | StopMessage) -> None:
+        """A message of the stop."""
+        self._stop = t, StopMessage(*message)
         self._forget_what_is_over()
 
     def touch(self, stamp: float, total: float, force, places) -> None:
@@ -105,13 +105,13 @@ class Gate:
 
     def decide(self, t: float) -> Motion:
         """What the robot may do at t, also when nothing comes: call it on a timer."""
-        if self._seen > t + AHEAD:  # the clock was set back: what was seen is of no time
+        if self._seen > t + MAX_AHEAD:  # the clock was set back: what was seen is of no time
             self._seen = -math.inf
         since, linear, angular = self._command
-        heard, word = self._stop
-        decision = word.at(t)
+        heard, message = self._stop
+        decision = message.at(t)
         if not 0.0 <= t - heard <= self.config.stop_timeout:
-            return zero("the stop is silent")
+            return zero("no message from the stop")
         if decision.stop and decision.reason != PUSH:
             return zero(decision.reason or "stop")
         if not 0.0 <= t - since <= self.config.command_timeout:
@@ -120,8 +120,8 @@ class Gate:
             return zero("the command is not finite")
         if not decision.stop:
             return Motion(linear, angular, "")
-        if not -AHEAD <= t - self._seen <= self.config.touch_timeout:
-            return zero("push: nobody tells its direction")
+        if not -MAX_AHEAD <= t - self._seen <= self.config.touch_timeout:
+            return zero("push: its direction is not published")
         if self._push is None:
             return zero(f"push: {self._trouble}")
         direction, places = self._push
@@ -132,12 +132,12 @@ class Gate:
         if not against.any():
             return Motion(linear, angular, "")
         share = max(0.0, 1.0 - float((into[against] / speed[against]).max()) / _EDGE)
-        return Motion(share * linear, share * angular, "push: against it")
+        return Motion(share * linear, share * angular, "push: motion against it")
 
     def _forget_what_is_over(self) -> None:
         """A push keeps its last direction while it is held after the release, and no longer."""
         if not self._stop[1].stop and self._total < self.config.touch:
-            self._push, self._trouble = None, "its direction is not known"
+            self._push, self._trouble = None, "its direction is unknown"
 
 
 def zero(reason: str) -> Motion:

@@ -12,43 +12,51 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-from .stop import Word
+from .stop import StopMessage
 
-_SILENCE = 0.25  # s without a word from the stop node, which speaks every 0.02 s, that mean stop
+_SILENCE = (
+    0.25  # s without a message of the stop node, which publishes every 0.02 s, that mean stop
+)
 _RETRY = 0.1  # s before a hook that raised is called again
-_LOOK = 0.05  # s between two looks at the clock, at most
+_CHECK_PERIOD = 0.05  # s, at most, between two checks of the clock
 _WAITING = 32  # events kept for a hook that is busy
-_LAST_WORD = "the skin shuts down"
+_FINAL_REASON = "the skin shuts down"
 
 
-class StopWords:
-    """What the stop nodes last said, and what it is worth: pure, all times are of one clock [s].
+class StopMessages:
+    """The last message of each stop node, and what follows from it; times are of one clock [s].
 
     Args:
         topics: names of the stop nodes that must all be free.
-        t: when they could speak first.
+        t: from which on they may publish.
     """
 
     def __init__(self, topics: list[str], t: float):
-        self._words = {topic: (t, Word(True, "no word from the stop node yet")) for topic in topics}
+        self._messages = {
+            topic: (t, StopMessage(True, "no message from the stop node yet")) for topic in topics
+        }
 
-    def hear(self, t: float, topic: str, word: Word) -> bool:
-        """The stop node behind `topic` said this; whether it is another word than before."""
-        before, self._words[topic] = self._words[topic][1], (t, word)
-        return before[:2] != word[:2]
+    def hear(self, t: float, topic: str, message: StopMessage) -> bool:
+        """The stop node behind `topic` said this; whether it differs from the last message."""
+        before, self._messages[topic] = self._messages[topic][1], (t, message)
+        return before[:2] != message[:2]
 
     def at(self, t: float) -> tuple[bool, str]:
         """Stop, and why: any of them stops, one that is silent, and a free that has run out."""
-        words = [
-            word.at(t) if 0.0 <= t - heard <= _SILENCE else Word(True, "the stop node is silent")
-            for heard, word in self._words.values()
+        messages = [
+            message.at(t)
+            if 0.0 <= t - heard <= _SILENCE
+            else StopMessage(True, "no message from the stop node")
+            for heard, message in self._messages.values()
         ]
-        return any(w.stop for w in words), " + ".join(w.reason for w in words if w.reason)
+        return any(m.stop for m in messages), " + ".join(m.reason for m in messages if m.reason)
 
     def next(self, t: float) -> float:
-        """When the words change by themselves, if nobody speaks; inf: not after t."""
+        """When `at` changes without a message; inf: not after t."""
         times = [
-            time for heard, word in self._words.values() for time in (heard + _SILENCE, word.until)
+            time
+            for heard, message in self._messages.values()
+            for time in (heard + _SILENCE, message.until)
         ]
         return min((time for time in times if time >= t), default=math.inf)
 
@@ -56,9 +64,9 @@ class StopWords:
 class StopHook:
     """Calls hook(stop, reason) at each change, in a thread of its own.
 
-    A stop that came and went while the hook was busy is still told. A hook that raises is called
-    again until it returns. When the stop node falls silent, or its last free rests on an old
-    reading, the hook hears of a stop. Its last word is stop.
+    A stop that came and went while the hook was busy is still reported. A hook that raises is
+    called again until it returns. When the stop node falls silent, or its last "free" is based on
+    an old reading, the hook is called with a stop. Its last call is a stop.
 
     Args:
         topics: names of the stop nodes that must all be free.
@@ -79,24 +87,24 @@ class StopHook:
         self._hook, self._clock = hook, clock
         self._heartbeat = math.inf if heartbeat is None else heartbeat
         self._changed = threading.Condition()
-        self._words = StopWords(topics, self._now())
+        self._messages = StopMessages(topics, self._now())
         self._missed: str | None = None  # reason of a stop since the last call
         self._closed = False
         self._give_up = math.inf  # monotonic time at which a hook that raises is called no more [s]
         self._log, self._thread = _named(hook, self._run)
         self._thread.start()
 
-    def hear(self, topic: str, word: Word) -> None:
+    def hear(self, topic: str, message: StopMessage) -> None:
         """The stop node behind `topic` decided; returns at once."""
         with self._changed:
-            new = self._words.hear(self._now(), topic, word)
-            if word.stop and self._missed is None:
-                self._missed = word.reason
+            new = self._messages.hear(self._now(), topic, message)
+            if message.stop and self._missed is None:
+                self._missed = message.reason
             if new:
                 self._changed.notify()
 
     def end(self) -> None:
-        """From here on it is stop, whatever anybody says; returns at once."""
+        """From here on it is a stop, whatever the messages say; returns at once."""
         with self._changed:
             self._closed = True
             self._changed.notify()
@@ -111,34 +119,38 @@ class StopHook:
         return self._clock.now().nanoseconds / 1e9
 
     def _state(self, t: float) -> tuple[bool, str]:
-        stop, reason = self._words.at(t)
+        stop, reason = self._messages.at(t)
         return (
-            (True, " + ".join(filter(None, [reason, _LAST_WORD])))
+            (True, " + ".join(filter(None, [reason, _FINAL_REASON])))
             if self._closed
             else (stop, reason)
         )
 
     def _run(self) -> None:
-        told: tuple[bool, str] | None = None
+        last_call: tuple[bool, str] | None = None
         due = math.inf  # when the hook is called also without a change
         while True:
             with self._changed:
                 t = self._now()
                 now = self._state(t)
-                if not now[0] and self._missed is not None and (told is None or not told[0]):
+                if (
+                    not now[0]
+                    and self._missed is not None
+                    and (last_call is None or not last_call[0])
+                ):
                     now = (True, self._missed)  # it came and went since the last call
-                if now == told and (self._closed or t < due):
+                if now == last_call and (self._closed or t < due):
                     if self._closed:
                         return
                     self._missed = None if now[0] else self._missed
-                    soon = min(self._words.next(t), due) - t
-                    self._changed.wait(min(max(soon, 0.001), _LOOK))
+                    soon = min(self._messages.next(t), due) - t
+                    self._changed.wait(min(max(soon, 0.001), _CHECK_PERIOD))
                     continue
                 self._missed = None
             try:
                 self._hook(*now)
-                told, due = now, t + self._heartbeat
-            except BaseException:  # the hook is the robot's last resort: tell it again
+                last_call, due = now, t + self._heartbeat
+            except BaseException:  # the hook is the robot's last resort: call it again
                 if time.monotonic() >= self._give_up:
                     return
                 self._log.exception("raised on (%s, %r); called again in %g s", *now, _RETRY)
@@ -150,7 +162,7 @@ class StopHook:
 class EventHook:
     """Calls hook(*arguments) for each event, in their order, in a thread of its own.
 
-    An exception is logged, and the next event told: an event, unlike a stop, is soon of the past.
+    An exception is logged, and the next event passed on: an event, unlike a stop, is soon past.
     While the hook is busy the oldest events that wait are dropped, counted in `dropped`.
     """
 
@@ -173,7 +185,7 @@ class EventHook:
             self._changed.notify()
 
     def close(self, timeout: float = 1.0) -> None:
-        """End; what was told before is still passed on, for at most `timeout` [s]."""
+        """End; earlier events are still passed on, for at most `timeout` [s]."""
         with self._changed:
             self._closed = True
             self._changed.notify()

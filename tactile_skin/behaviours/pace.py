@@ -11,13 +11,13 @@ from __future__ import annotations
 import math
 from collections import deque
 
-LEAST, MOST = 0.1, 0.5  # s, of what is measured
+MIN_STALE_AFTER, MAX_STALE_AFTER = 0.1, 0.5  # s, of what is measured: see above
 _INTERVALS = 2.5  # usual ones for which a reading is good
-_KEPT, _ENOUGH = 16, 4  # intervals that are measured by; before, the least holds
-_LATELY = 5  # intervals that tell how often readings come now
-_NEWS = 1.25  # by which a number changes before it is named anew: each text is another stop
-_ALLOWED = 3.0  # usual intervals that are advised
-_LONGEST = 1.0  # s, that the parameter may be
+_KEPT, _ENOUGH = 16, 4  # last intervals that are averaged; at least, else the minimum holds
+_LATELY = 5  # last intervals that the message is based on
+_NEWS = 1.25  # factor by which a number must change before the text does: each text calls the hooks
+_ADVISED = 3.0  # usual intervals that the message advises
+_MAX_PARAMETER = 1.0  # s, upper limit of the parameter stale_after
 
 
 class Pace:
@@ -30,7 +30,7 @@ class Pace:
         stale_after: [s]; 0: measured.
         """
         self.measured = stale_after == 0.0
-        self.stale_after = stale_after or LEAST
+        self.stale_after = stale_after or MIN_STALE_AFTER
         self.forget()
 
     def forget(self) -> None:
@@ -48,9 +48,9 @@ class Pace:
         self._gaps.append(seconds)
         if not self.measured or (usual := self.interval) is None:
             return
-        wanted = min(max(_INTERVALS * usual, LEAST), MOST)
+        wanted = min(max(_INTERVALS * usual, MIN_STALE_AFTER), MAX_STALE_AFTER)
         small = 1 / _NEWS < wanted / self.stale_after < _NEWS
-        if not small or (wanted in (LEAST, MOST)):
+        if not small or (wanted in (MIN_STALE_AFTER, MAX_STALE_AFTER)):
             self.stale_after = wanted
 
     @property
@@ -62,7 +62,7 @@ class Pace:
         """What is wrong if readings keep coming and none is in time; one text for one cause."""
         lately = list(self._gaps)[-_LATELY:]
         if not lately:
-            return "readings only just came back"
+            return "readings have only just resumed"
         usual, limit = _middle(lately), self.stale_after
         if not 1 / _NEWS < usual / max(self._named, 1e-9) < _NEWS:
             self._named = usual
@@ -77,10 +77,10 @@ class Pace:
             )
         text = f"readings come every {self._named:.2g} s, but stale_after = {limit:.2g} s"
         if self.measured:
-            return f"{text}, measured, at most {MOST:g} s: let the board send more often"
-        if _ALLOWED * self._named > _LONGEST:
-            return f"{text}, at most {_LONGEST:g} s: let the board send more often"
-        least = math.ceil(100.0 * _ALLOWED * self._named) / 100.0
+            return f"{text}, measured, at most {MAX_STALE_AFTER:g} s: let the board send more often"
+        if _ADVISED * self._named > _MAX_PARAMETER:
+            return f"{text}, at most {_MAX_PARAMETER:g} s: let the board send more often"
+        least = math.ceil(100.0 * _ADVISED * self._named) / 100.0
         return f"{text}: set stop_on_push.stale_after: {least:g}, or 0.0 to have it measured"
 
 

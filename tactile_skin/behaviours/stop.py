@@ -14,10 +14,10 @@ from .pace import Pace
 
 _STEADY = 3  # readings in a row, none late, that end "stale",
 _STEADY_FOR = 0.02  # s that they take: what was kept in a buffer meanwhile comes in one burst
-AHEAD = 0.02  # s that a reading's stamp may lie ahead of the clock
-WAY = 0.02  # s that a word of the stop may take to whom it concerns: threads, a network
-OUT_OF_DATE = "stale: the stop's last free rests on an old reading"
-PUSH = "push"  # the whole reason of a stop that nothing but a push asks for
+MAX_AHEAD = 0.02  # s that a reading's stamp may lie ahead of the clock
+TRANSPORT = 0.02  # s that a message of the stop may take to its subscribers: threads, a network
+OUT_OF_DATE = "stale: the stop's last 'free' is based on an old reading"
+PUSH = "push"  # the complete reason of a stop for a push alone
 
 
 class Decision(NamedTuple):
@@ -27,15 +27,15 @@ class Decision(NamedTuple):
     reason: str
 
 
-class Word(NamedTuple):
-    """A decision as somebody else heard it."""
+class StopMessage(NamedTuple):
+    """A decision as a subscriber received it."""
 
     stop: bool
     reason: str
-    until: float = math.inf  # when a free runs out [s]; a stop never does
+    until: float = math.inf  # when a "free" expires [s]; a stop never does
 
     def at(self, t: float) -> Decision:
-        """What is left of it at t: a free that has run out is a stop."""
+        """The decision at t: a "free" that has expired is a stop."""
         if self.stop or t <= self.until:
             return Decision(self.stop, self.reason)
         return Decision(True, OUT_OF_DATE)
@@ -119,15 +119,15 @@ class StopPolicy:
         stamp = t if stamp is None else stamp
         if stamp <= self._newest or t - stamp > self.stale_after:
             self._old_at = t
-        if self._newest > t + AHEAD:  # the clock was set back: begin anew, stopped
+        if self._newest > t + MAX_AHEAD:  # the clock was set back: begin anew, stopped
             self._newest, self._above_since, self._held_until = -math.inf, None, None
             self._lates = self._olds = 0
             self._pace.forget()
         if not (math.isfinite(force) and math.isfinite(peak) and force >= 0.0):
-            self.fault("reading", f"a force of {force} N, {peak} N on one cell")
+            self.fault("reading", f"invalid force: {force} N in all, {peak} N on one cell")
             return self.decide(t)
         self.fault("reading", "")
-        if stamp <= self._newest or stamp > t + AHEAD:
+        if stamp <= self._newest or stamp > t + MAX_AHEAD:
             return self.decide(t)
         config = self.config
         gap = stamp - self._newest
@@ -213,7 +213,7 @@ class StopPolicy:
     def _causes(self, t: float) -> list[str]:
         reasons = [PUSH] if self.pushed else []
         reasons += [text for _, text in sorted(self._faults.items())]
-        fresh = -AHEAD <= t - self._newest <= self.stale_after
+        fresh = -MAX_AHEAD <= t - self._newest <= self.stale_after
         if not (fresh and self._steady):
             reasons.append(f"stale: {self._stale(t, fresh)}")
         return reasons
@@ -224,9 +224,9 @@ class StopPolicy:
             return "no reading yet"
         if self._lates >= 2 and 0.0 <= t - self._newest <= self._pace.patience:
             if 2 * self._olds >= self._lates:
-                return "readings are old when they come"
+                return "readings are already old when they arrive"
             return self._pace.slow()
         if fresh:
-            return "readings only just came back"
+            return "readings have only just resumed"
         here = 0.0 <= t - self._old_at <= self.stale_after
-        return f"readings {'are old when they come' if here else 'stay away'}"
+        return f"readings {'are already old when they arrive' if here else 'no longer arrive'}"

@@ -1,4 +1,4 @@
-"""A run in words, with its numbers: what to choose when, and what fails without a word.
+"""A run in words, with its numbers: what to choose when, and what fails unreported.
 
 README and docs/bench.md hold these lines for the run whose pictures they show:
 

@@ -1,4 +1,4 @@
-"""Troubles of growing strength, as `textile.Textile` has them, and the faults that must be told."""
+"""Troubles of growing strength, as `textile.Textile` has them, and faults to be reported."""
 
 from __future__ import annotations
 

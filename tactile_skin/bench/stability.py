@@ -1,6 +1,6 @@
 """Where each method fails: error and detection over the strength of each trouble.
 
-Readings come from `textile`, a model richer than any solver's; the solver is told the nominal
+Readings come from `textile`, a model richer than any solver's; the solver is given the nominal
 circuit and curve. A frame *fails* when its mean error exceeds 30 g a cell and a fifth of its mean
 load. It fails *loudly* when the method calls it suspect or failed or refuses it, else *silently*.
 """
@@ -20,7 +20,7 @@ FAILS = 30.0  # g a cell, mean of the frame
 FAILS_SHARE = 0.2  # of the frame's mean load
 HOLDS = 0.05  # share of failing frames up to which a method holds
 DOUBTS = 0.2  # share of doubted frames from which a method that holds is of little use
-LOUD = 0.9  # share of the failing frames that must be told for a failure to count as loud
+LOUD = 0.9  # share of the failing frames that must be reported for a failure to count as loud
 
 
 def measure(n: int, seed: int, track=lambda items: items) -> dict:
@@ -49,9 +49,9 @@ def measure(n: int, seed: int, track=lambda items: items) -> dict:
         about = {"trouble": trouble.name, "unit": trouble.unit, "strengths": strengths}
         runs = {m: [seen[t, k, m] for k in range(len(strengths))] for m in METHODS}
         means = {m: [float(r["error"].mean()) for r in run] for m, run in runs.items()}
-        told = {m: [float(r["told"].mean()) for r in run] for m, run in runs.items()}
+        reported = {m: [float(r["reported"].mean()) for r in run] for m, run in runs.items()}
         error.append(about | {"mean_g": means})
-        detection.append(about | {"told": told})
+        detection.append(about | {"reported": reported})
         fate.append(about | {"methods": {m: verdict(trouble, run) for m, run in runs.items()}})
     return {
         "stability": {"frames": n, "troubles": fate},
@@ -65,48 +65,48 @@ def judged(adc, force, circuit: Circuit, curve: PressureCurve, method: str) -> d
 
     A refused frame has no estimate: its error is that of saying nothing at all, zero force.
     """
-    error, told = np.empty(len(adc)), np.zeros(len(adc), bool)
+    error, reported = np.empty(len(adc)), np.zeros(len(adc), bool)
     for k, frame in enumerate(adc):
         try:
             estimate = compensate(frame, circuit, curve, method)
-            found, told[k] = estimate.force, estimate.status != "ok"
+            found, reported[k] = estimate.force, estimate.status != "ok"
         except ValueError:
-            found, told[k] = np.zeros(circuit.shape), True
+            found, reported[k] = np.zeros(circuit.shape), True
         error[k] = np.abs(found - force[k]).mean() / GRAM
     mean_load = force.mean((1, 2)) / GRAM
     fails = error > np.maximum(FAILS, FAILS_SHARE * mean_load)
-    return {"error": error, "told": told, "fails": fails}
+    return {"error": error, "reported": reported, "fails": fails}
 
 
 def verdict(trouble: Trouble, runs: list[dict]) -> dict:
     """How a method fares under a trouble: `runs` are `judged` for each of its strengths.
 
     Returns:
-        fails, told and silent, shares of the frames in trouble; fate: "holds", "doubts" (it holds
-        and does not believe it), "loud" or "silent"; by_strength, shares for each strength;
-        false_alarms, the share of frames told without failing where there is no trouble (null
+        fails, reported and silent, shares of the frames in trouble; fate: "holds", "doubts" (it
+        holds and does not believe it), "loud" or "silent"; by_strength, shares for each strength;
+        false_alarms, the share of frames reported without failing where there is no trouble (null
         without such a strength).
     """
     fails = np.concatenate([r["fails"] for r in _in_trouble(trouble, runs)])
-    told = np.concatenate([r["told"] for r in _in_trouble(trouble, runs)])
-    silent = fails & ~told
+    reported = np.concatenate([r["reported"] for r in _in_trouble(trouble, runs)])
+    silent = fails & ~reported
     if fails.mean() <= HOLDS:
-        fate = "holds" if told.mean() <= DOUBTS else "doubts"
+        fate = "holds" if reported.mean() <= DOUBTS else "doubts"
     else:
         fate = "loud" if silent.sum() <= (1.0 - LOUD) * fails.sum() else "silent"
     false_alarms = None
     if trouble.sound is not None:
         sound = runs[trouble.strengths.index(trouble.sound)]
-        false_alarms = float((sound["told"] & ~sound["fails"]).mean())
+        false_alarms = float((sound["reported"] & ~sound["fails"]).mean())
     return {
         "fate": fate,
         "fails": float(fails.mean()),
-        "told": float(told.mean()),
+        "reported": float(reported.mean()),
         "silent": float(silent.mean()),
         "by_strength": {
             "fails": [float(r["fails"].mean()) for r in runs],
-            "told": [float(r["told"].mean()) for r in runs],
-            "silent": [float((r["fails"] & ~r["told"]).mean()) for r in runs],
+            "reported": [float(r["reported"].mean()) for r in runs],
+            "silent": [float((r["fails"] & ~r["reported"]).mean()) for r in runs],
         },
         "false_alarms": false_alarms,
     }
@@ -147,14 +147,14 @@ def draw_error(data: dict):
 
 
 def draw_detection(data: dict):
-    return _panels(data, "told", "share of frames that the method itself doubts", log=False)
+    return _panels(data, "reported", "share of frames that the method itself doubts", log=False)
 
 
-_FATES = {  # shade, what the number says, and the legend's words
+_FATES = {  # shade, what the number says, and the legend's text
     "holds": ("#f4f4f0", None, "holds"),
-    "doubts": ("#cfe3ee", "told", "holds, but doubts so many frames"),
+    "doubts": ("#cfe3ee", "reported", "holds, but doubts so many frames"),
     "loud": ("#f2b84b", "fails", "fails so often, and says so"),
-    "silent": ("#8c2d3c", "silent", "fails so often without a word"),
+    "silent": ("#8c2d3c", "silent", "fails so often unreported"),
 }
 
 
@@ -186,8 +186,8 @@ def draw_map(data: dict):
         plt.Rectangle((0, 0), 1, 1, facecolor=shade, edgecolor="#999999", linewidth=0.5)
         for shade, _, _ in _FATES.values()
     ]
-    words = [words for _, _, words in _FATES.values()]
-    figure.legend(handles, words, loc="outside lower center", ncols=4, fontsize=9.5, frameon=False)
+    labels = [label for _, _, label in _FATES.values()]
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=9.5, frameon=False)
     return figure
 
 

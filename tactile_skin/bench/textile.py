@@ -24,7 +24,7 @@ class Textile:
 
     Attributes:
         noise: RMS of a sample, in ADC steps.
-        r_par, r_ref: true value over the one that the solver is told.
+        r_par, r_ref: true value over the one that the solver is given.
         curve: relative error of what a load adds to each cell's conductance, of random sign.
         scatter: relative RMS scatter of the same from cell to cell.
         rest: relative RMS scatter of the cells' resistance at rest.

@@ -130,7 +130,7 @@ def _seen(scans) -> float | None:
         if force == 0.0:
             continue
         adc = np.minimum(samples / (2 ** (16 - circuit.adc_bits) * circuit.full_scale), 1.0)
-        found = features.look(compensate(adc, circuit, curve).force, geometry, _CELL)
+        found = features.analyse_frame(compensate(adc, circuit, curve).force, geometry, _CELL)
         if sum(contact.force for contact in found.contacts) >= _THRESHOLD:
             return t
     return None

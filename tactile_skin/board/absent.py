@@ -1,4 +1,4 @@
-"""Crossings without a reading: which ones, and whether the configuration knows of them."""
+"""Crossings without a reading: which ones, and whether the configuration names them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _SAY = 4  # crossings that are named
 
 
 class Absent:
-    """Looks for crossings that the board does not read, and nobody named.
+    """Looks for crossings that the board does not read, and the configuration does not name.
 
     A matrix of fabric reads no exact 0 at one crossing while the others of its row and its column
     read something: through its neighbours current flows to it even without a cell. Where a board
@@ -36,32 +36,32 @@ class Absent:
         """
         if unread is None and not self._looking:
             return "", False
-        told = np.zeros(self._named.shape, bool) if unread is None else unread & ~self._named
+        unnamed = np.zeros(self._named.shape, bool) if unread is None else unread & ~self._named
         self._frames += 1
-        self._zero &= (samples == 0) & ~told
+        self._zero &= (samples == 0) & ~unnamed
         self._looking = bool(self._zero.any())
-        if told.any():
+        if unnamed.any():
             for name, axis in (("row", 1), ("column", 0)):
                 cells = self._populated & ~self._named
-                blind = cells.any(axis) & ~(cells & ~told).any(axis)
+                blind = cells.any(axis) & ~(cells & ~unnamed).any(axis)
                 if blind.any():
                     line = int(blind.argmax())
                     return f"{name} {line}: the board reads none of its crossings", True
-            if told[self._populated].mean() > _MANY:
+            if unnamed[self._populated].mean() > _MANY:
                 return f"more than {_MANY:.0%} of the crossings are not read", True
         if self._frames < _FRAMES:
-            silent = told
+            silent = unnamed
         else:
             zero = self._zero
             alone = (~zero).any(1)[:, None] & (~zero).any(0) & (zero.mean() < _FEW)
-            silent = told | (zero & alone)
+            silent = unnamed | (zero & alone)
         silent &= self._populated
         if not silent.any():
             return "", False
         names = [f"row {i}, column {j}" for i, j in np.argwhere(silent).tolist()]
         more = f" and {len(names) - _SAY} more" if len(names) > _SAY else ""
         return (
-            f"no reading at {'; '.join(names[:_SAY])}{more}: repair it, or name it in "
-            "circuit.scanned (circuit.mask, if no cell is there)",
+            f"no reading at {'; '.join(names[:_SAY])}{more}: repair it, or exclude it "
+            "in circuit.scanned (in circuit.mask, if no cell is there)",
             False,
         )

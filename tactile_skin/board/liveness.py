@@ -155,8 +155,8 @@ class Repeats:
         enough = math.log(_CHANCE) / math.log(max(self._share, _RARELY))
         if repeats and lasts >= self._after and (self._run >= enough or lasts >= _LONGEST):
             if self._period == 1:
-                return "the same frame again and again, to the last bit: the scan is frozen"
-            return f"the same {self._period} frames again and again: a buffer is sent, not a scan"
+                return "the same frame repeats to the last bit: the scan is frozen"
+            return f"the same {self._period} frames repeat: the board sends a buffer, not its scan"
         self._share += _FORGET * (repeats - self._share)
         return ""
 
@@ -205,7 +205,7 @@ class StillLines:
         if not names:
             return ""
         more = "" if len(names) <= 4 else f" and {len(names) - 4} more"
-        return f"{', '.join(names[:4])}{more}: samples without any noise while the others have it"
+        return f"{', '.join(names[:4])}{more}: samples do not change, those of other lines do"
 
 
 # --- the board ----------------------------------------------------------------------------------
@@ -247,7 +247,7 @@ class Liveness:
         """A frame arrived at t, of a monotonic clock [s].
 
         Args:
-            restarted: whether its number says that the board started anew.
+            restarted: whether its number says that the board restarted.
         """
         lag, backward = self._delay.frame(t, frame.device_time_us)
         if restarted or backward:
@@ -257,7 +257,7 @@ class Liveness:
         trouble = ""
         if len(self._restarts) == _RESTARTS and t - self._restarts[0] < _RESTARTS_WITHIN:
             trouble = (
-                f"the board started anew {_RESTARTS} times within {_RESTARTS_WITHIN:g} s: "
+                f"the board restarted {_RESTARTS} times within {_RESTARTS_WITHIN:g} s: "
                 "is its supply or its plug loose?"
             )
         if self._repeats is not None:

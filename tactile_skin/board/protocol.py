@@ -112,7 +112,7 @@ class BinaryParser:
         """What the bytes are, if no frame was ever found in them."""
         self._unknown.feed(data)
         if self._unknown.is_text:
-            return "what arrives is text: set serial_driver.protocol: text"
+            return "text arrives: set serial_driver.protocol: text"
         if self._unknown.is_noise:
             return f"neither binary frames nor text: {BAUD}"
         return ""
@@ -147,8 +147,8 @@ class BinaryParser:
                 self.counters.corrupt += 1
                 self.counters.out_of_range += 1
                 self.trouble = (
-                    f"samples of more than the {adc_bits} + {fraction_bits} bits that the board "
-                    "says: check its adc_bits and fraction_bits"
+                    f"samples exceed the {adc_bits} + {fraction_bits} bits that the frame "
+                    "states: check its adc_bits and fraction_bits"
                 )
                 self._skip(size + _CRC.size)
                 self._at_boundary = True

@@ -21,7 +21,7 @@ try:
 except ImportError:  # not on POSIX
     _termios_error = OSError
 
-_EARLY = 1.0  # s of bytes without a frame after which it is said what they are, if that is known
+_EARLY = 1.0  # s of bytes without a frame after which the message says what they are, if known
 _IN_USE = "is in use by another program (two programs cannot read one board)"
 _NOT_ALLOWED = "may not be opened by this user: is it in the group dialout?"
 _GONE = "is gone: was the board unplugged?"
@@ -84,7 +84,7 @@ def _not_serial(port: str) -> str:
 
 
 class SerialReader:
-    """Reads frames in a thread of its own for as long as it is told to.
+    """Reads frames in a thread of its own until it is closed.
 
     Args:
         port: device, pyserial URL, or "auto": the first USB port on which a frame arrives that
@@ -92,10 +92,10 @@ class SerialReader:
             may sit elsewhere on the robot.
         make_parser: gives a new parser; called for each connection.
         on_frame: takes each frame, in the reader's thread.
-        say: takes a line of text whenever the connection comes or goes. What it raises is told
+        say: takes a line of text whenever the connection comes or goes. What it raises is reported
             on stderr, and ends nothing.
         watchdog: seconds without a frame after which the port is opened anew.
-        wait: seconds in which a port that is not there yet is no trouble worth a word.
+        wait: seconds in which a port that is not there yet is not reported.
         refuse: says why a frame is not of the board that is looked for; empty if it is.
     """
 
@@ -119,7 +119,7 @@ class SerialReader:
         self._make_parser, self._on_frame, self._say = make_parser, on_frame, say
         self._refuse = refuse
         self._board: tuple | None = None  # identity of the board that "auto" found
-        self._told: dict[str, str] = {}  # port -> why it gave no frame, since one last did
+        self._reported: dict[str, str] = {}  # port -> why it gave no frame, since one last did
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"serial {port}", daemon=True)
 
@@ -154,7 +154,7 @@ class SerialReader:
             if not ports:
                 known = self._board is not None
                 self._lost(
-                    "the board is unplugged; other boards are left alone"
+                    "the board is unplugged; other boards are not used"
                     if known
                     else "no USB serial port found"
                 )
@@ -200,9 +200,9 @@ class SerialReader:
                 self._lost(self._unusable(port, heard), port.name)
 
     def _unusable(self, port, heard: int) -> str:
-        """Why there is no frame, in words that stay the same while the cause does."""
+        """Why there is no frame, in a text that stays the same while the cause does."""
         if not heard:
-            return f"{port.name}: nothing for {self.watchdog:g} s, opening it anew"
+            return f"{port.name}: no bytes for {self.watchdog:g} s, reopening it"
         why = self.parser.trouble or "check serial_driver.baud and serial_driver.protocol"
         return f"{port.name} at {self.baud} baud: bytes arrive, but no frame: {why}"
 
@@ -210,7 +210,7 @@ class SerialReader:
         self.connected_to, self.trouble = name, ""
         self._board = identity(name)
         self.reconnects += 1
-        self._told.clear()
+        self._reported.clear()
         self._tell(f"frames arrive on {name}")
 
     def _lost(self, why: str, name: str = "") -> None:
@@ -219,8 +219,8 @@ class SerialReader:
             return
         self.trouble = why  # the reason first: others read both
         self.connected_to = None
-        if self._told.get(name) != why:  # once for each of several ports that take turns
-            self._told[name] = why
+        if self._reported.get(name) != why:  # once for each of several ports that take turns
+            self._reported[name] = why
             self._tell(why)
 
     def _tell(self, text: str) -> None:
@@ -228,7 +228,7 @@ class SerialReader:
             self._say(text)
         except (Exception, SystemExit) as error:  # of a log handler: the reading goes on
             with contextlib.suppress(Exception):
-                print(f"{text}, and {error!r} while that was told", file=sys.stderr)
+                print(f"{text}, and {error!r} while that was reported", file=sys.stderr)
 
 
 def _number(error: BaseException) -> int | None:

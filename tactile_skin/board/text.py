@@ -25,7 +25,7 @@ _ABSENT = {b"", b"-", b"nan", b"NaN", b"NAN"}
 _NEGATIVE = "negative numbers: print what the ADC reads, and set circuit.adc_offset"
 _SEPARATORS = b",;\t"
 _PRINTABLE = bytes(range(32, 127)) + b"\t\r\n"
-_MANY = 64  # bytes by which it is told what they are
+_MANY = 64  # bytes that are enough to tell text from noise
 _STRANGE = 0.05  # of a text's bytes are no text, at least, where the baud rate is wrong
 _NEWS = 1.25  # by which a number exceeds what was named before it is named: each text is news
 
@@ -110,7 +110,7 @@ class TextParser:
         """Say what the bytes are, while there is no frame in them."""
         self._unknown.feed(data)
         self._foreign = self.recognise(data) or self._foreign
-        noise = f"bytes that are no text: {BAUD}" if self._unknown.is_noise else ""
+        noise = f"the bytes are not text: {BAUD}" if self._unknown.is_noise else ""
         self.trouble = self._foreign or noise or self.trouble
 
     def _frame(self, line: bytes) -> Frame | None:
@@ -201,7 +201,7 @@ class TextParser:
             bits = max(math.floor(math.log2(counters.largest)) + 1, self.adc_bits)
             advice = f"set circuit.adc_bits: {bits}"
             if bits > 16 or bits == self.adc_bits:
-                advice = "these are no ADC steps"
+                advice = "these are not ADC steps"
             return (
                 f"numbers up to {counters.largest:g}, but circuit.adc_bits = {self.adc_bits} ends "
                 f"at {2**self.adc_bits - 1}: {advice}"

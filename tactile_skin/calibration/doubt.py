@@ -79,8 +79,8 @@ class Doubt:
         self.kept = ""
         if self._held and not self._now:
             self.kept = (
-                "so it was under each touch: until one is not in doubt, or a reset"
+                "seen under each touch: kept until a valid touch or a reset"
                 if self._touches >= _AGAIN
-                else f"so it was under the last touch: until {_REST:g} s of rest"
+                else f"seen under the last touch: kept until {_REST:g} s of rest"
             )
         return self._now or self._lasting or self._held

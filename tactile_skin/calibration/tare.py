@@ -4,7 +4,7 @@ A fabric's cells differ at rest, and drift. `PressureCurve.resting_at` tells tha
 here it is measured, in the pauses between touches. The first measurement takes whatever level a
 fabric may rest at, of readings that stand still; from then on nothing is learnt while a touch is
 felt, nor shortly after. A cell is never taken for resting that conducts more than its fellows by
-what `LEAST` presses. A line that falls is no fabric's doing, and is not followed.
+what `MAX_TARED_FORCE` presses. A line that falls is no fabric's doing, and is not followed.
 """
 
 from __future__ import annotations
@@ -16,8 +16,10 @@ from ..physics.curve import GRAM, PressureCurve
 from ..solvers import compensate
 from ..solvers.reading import SCAN_NOISE, rest_reading
 
-LEAST = 2.0 * GRAM  # N on a cell; what conducts more is a touch, and stays one
-_MOST = 4.0  # times the usual cell's resistance at rest; a cell that conducts less is broken
+MAX_TARED_FORCE = 2.0 * GRAM  # N on a cell; what conducts more is a touch, and stays one
+_MAX_RESISTANCE = (
+    4.0  # times the usual cell's resistance at rest; a cell that conducts less is broken
+)
 # Conductance of the usual cell over the curve's at rest, between which any fabric may lie: chosen,
 # 4.5 g on each cell of the shipped curve conduct three times as much.
 _LEVEL = 0.1, 3.0
@@ -53,8 +55,10 @@ class Tare:
         self._circuit = circuit
         # Between its ends newton finds whatever a skin at rest may be; its forces mean nothing.
         at_rest = curve.points[0][1]
-        self._least = at_rest / float(curve.resistance(LEAST))  # as a factor of conductance
-        ends = at_rest * _MOST / _LEVEL[0], at_rest / (_LEVEL[1] * self._least)
+        self._max_factor = at_rest / float(
+            curve.resistance(MAX_TARED_FORCE)
+        )  # as a factor of conductance
+        ends = at_rest * _MAX_RESISTANCE / _LEVEL[0], at_rest / (_LEVEL[1] * self._max_factor)
         self._range = PressureCurve((0.0, 1.0), ends)
         self._begun: np.ndarray | None = None  # the first reading of the first measurement
         self._last = -np.inf  # s, when the last frame was read
@@ -115,7 +119,7 @@ class Tare:
         found = compensate(adc, self._circuit, self._range, "newton", noise=0.0)
         cells, at_rest = self._circuit.populated, self.curve.points[0][1]
         now = 1.0 / self._range.resistance(found.force)  # S
-        self.message = "the readings fit no skin" if found.status == "failed" else ""
+        self.message = "no skin explains the readings" if found.status == "failed" else ""
         self.message = self.message or self._alike(adc, now * at_rest, cells, noise)
         self.message = self.message or self._fabric(now * at_rest, cells)
         self.message = self.message or self._wires(np.log(now * at_rest), cells)
@@ -146,7 +150,7 @@ class Tare:
         if spread > _ONE_VOLTAGE * noise or abs(np.log(np.median(level[cells]))) < _AS_THE_CURVE:
             return ""
         steps = adc[cells].mean() * self._circuit.full_scale
-        return f"all readings are {steps:.1f} ADC steps, but for noise: is the matrix connected?"
+        return f"all readings are {steps:.1f} ADC steps, within noise: is the matrix connected?"
 
     def _fabric(self, level: np.ndarray, cells: np.ndarray) -> str:
         """What no fabric rests at; empty if nothing.
@@ -157,15 +161,16 @@ class Tare:
         usual, at_rest = float(np.median(level[cells])), self.curve.points[0][1]
         if not _LEVEL[0] <= usual <= _LEVEL[1]:
             return (
-                f"at rest a cell has {at_rest / usual:.0f} ohm, and curve.resistance begins with "
-                f"{at_rest:.0f}: is the skin loaded? if not, begin the curve with what it has"
+                f"a cell has {at_rest / usual:.0f} ohm at rest, but curve.resistance begins with "
+                f"{at_rest:.0f}: is the skin loaded? If not, begin the curve with the former"
             )
         factor = np.where(cells, level / usual, 1.0)
         for bad, end in ((factor.argmax(), factor.max()), (factor.argmin(), factor.min())):
-            if end > self._least or end < 1.0 / _MOST:
+            if end > self._max_factor or end < 1.0 / _MAX_RESISTANCE:
                 row, col = np.unravel_index(bad, factor.shape)
                 why = "does something press there?" if end > 1.0 else "is it connected?"
-                return f"row {row}, column {col} conducts {end:.2g} times the usual cell: {why}"
+                much = f"{end:.2g} times as much as the median cell"
+                return f"row {row}, column {col} conducts {much}: {why}"
         return ""
 
     def _wires(self, off: np.ndarray, cells: np.ndarray) -> str:
@@ -181,7 +186,9 @@ class Tare:
             worst = np.abs(lines - common).argmax()
             if abs(lines[worst] - common) > _LINE:
                 much = f"{np.expm1(lines[worst] - common):+.0%}"
-                return f"{name} {worst} conducts {much} at rest, compared with the others"
+                return (
+                    f"{name} {worst} conducts {much} at rest, compared with the others: a bad lead?"
+                )
         return ""
 
     def _jump(self, change: np.ndarray) -> str:
@@ -194,7 +201,7 @@ class Tare:
         if abs(common) <= _JUMP + _DRIFT * (self._last - self._learned):
             return ""
         much = f"{np.expm1(common):+.0%}"
-        return f"all cells conduct {much} at once: has the supply or the reference changed?"
+        return f"all cells conduct {much} at once: did the supply or the reference change?"
 
     def _leads(self, change: np.ndarray, cells: np.ndarray) -> str:
         """A lead that breaks puts a resistance before its whole line, which hides most of a push.
@@ -211,7 +218,9 @@ class Tare:
             worst = fall.argmin()
             if fall[worst] < -_FALL - 4.0 * spread / count[worst] ** 0.5:
                 much = f"{np.expm1(fall[worst]):+.0%}"
-                return f"{name} {worst} conducts {much} since the start: is its lead breaking?"
+                return (
+                    f"{name} {worst} conducts {much} compared with the start: is its lead breaking?"
+                )
         return ""
 
 

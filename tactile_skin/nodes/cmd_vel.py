@@ -1,4 +1,4 @@
-"""What the nodes that move the robot have in common: the stop's word in, cmd_vel out."""
+"""What the nodes that move the robot have in common: the stop's messages in, cmd_vel out."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import threading
 from collections.abc import Callable
 
 from ..behaviours.gate import Motion
-from ..behaviours.stop import Word
+from ..behaviours.stop import StopMessage
 from ..msg import DiagnosticArray, Twist, Vector3
 from . import diagnostics
-from .stop_on_push import STATUS, STATUS_TOPIC, word_of
+from .stop_on_push import STATUS, STATUS_TOPIC, stop_message_of
 
 PERIOD = 0.02  # s, between two velocities at most
 
@@ -23,12 +23,12 @@ class CmdVel:
 
     Args:
         decide: time [s] -> Motion.
-        take_stop: told (time [s], Word) for each word of the stop.
+        take_stop: called with (time [s], StopMessage) for each message of the stop.
     """
 
     def __init__(self, node, decide: Callable, take_stop: Callable):
         self._node, self._decide, self._take_stop = node, decide, take_stop
-        self._word: Word | None = None
+        self._message: StopMessage | None = None
         self._reason: str | None = None
         self._closed = threading.Lock()  # never released once the final zero is published
         self._cmd_vel = node.create_publisher(Twist, "cmd_vel", 1)
@@ -42,11 +42,13 @@ class CmdVel:
 
     def on_status(self, msg: DiagnosticArray) -> None:
         now = self.now()
-        word = word_of(msg, now)
-        self._take_stop(now, word)
-        if self._word is None or word[:2] != self._word[:2]:  # a stop need not wait for the timer
+        message = stop_message_of(msg, now)
+        self._take_stop(now, message)
+        if (
+            self._message is None or message[:2] != self._message[:2]
+        ):  # a stop need not wait for the timer
             self.publish()
-        self._word = word
+        self._message = message
 
     def publish(self) -> None:
         if self._closed.acquire(blocking=False):
@@ -61,7 +63,7 @@ class CmdVel:
                 self.report()
 
     def report(self) -> None:
-        text = f"held back: {self._reason}" if self._reason else "ok"
+        text = f"motion withheld: {self._reason}" if self._reason else "ok"
         self._diagnostics.publish(diagnostics.report(self._node, diagnostics.OK, text, {}))
 
     def close(self) -> None:

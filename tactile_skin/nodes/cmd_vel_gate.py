@@ -1,4 +1,4 @@
-"""cmd_vel_gate: cmd_vel_in, the stop's word and the touch -> cmd_vel."""
+"""cmd_vel_gate: cmd_vel_in, the stop's messages and the touch -> cmd_vel."""
 
 from __future__ import annotations
 

@@ -25,12 +25,12 @@ from . import QUEUE, diagnostics
 _IDLE = 15.0 * GRAM  # N on a cell: below it nothing touches; lines shorted at rest read as 13 g
 _LIGHT, _STIRRED = 1.0 * GRAM, 3  # N on so many cells: a touch that begins, not noise
 _FEWEST = 3  # rows and columns; with fewer some faults look like touches: docs/reliability.md
-_FULL = 2.0  # s for which half of the cells may be loaded without a word
-_NO_REST = "half of the skin is loaded: too few cells are at rest to check the circuit by"
-_HOLD = 1.0  # s for which a reason is said at least, while the robot is stopped for one
+_FULL = 2.0  # s for which half of the cells may be loaded without a warning
+_NO_REST = "half of the skin is loaded: too few cells are at rest to check the circuit"
+_HOLD = 1.0  # s for which a reason is kept at least, while the robot is stopped for one
 _NUMBER = re.compile(r"-?\d+(\.\d+)?")  # in two reasons alike but for their numbers
 _LEARNED = "cnn", "physics"  # methods that use weights
-_CORNER = 4  # suspect or failed frames in a row after which the last one is no start
+_RESTART_AFTER = 4  # suspect or failed frames in a row after which the last one is no start
 
 
 class Compensation:
@@ -55,21 +55,23 @@ class Compensation:
             return node.declare_parameter(name, default, describe(*bounds)).value
 
         method = value("method", "auto", f"one of {', '.join(METHODS)}")
-        path = value("weights", "", "file of a network's weights; empty: the shipped ones")
+        path = value("weights", "", "file of a network's weights; empty: those of the package")
         threshold = value(
             "threshold",
             0.0,
-            "ADC steps up to which the board sends 0 or nothing true",
+            "ADC steps up to which the board sends 0 or no valid reading",
             0.0,
             65535.0,
         )
         noise = value("noise", 0.0, "RMS noise of a reading [ADC steps]; 0: measured", 0.0, 1e3)
-        time_limit = value("time_limit", 0.05, "after which a frame is given up [s]", 1e-4, 10.0)
+        time_limit = value("time_limit", 0.05, "time after which a frame fails [s]", 1e-4, 10.0)
         # Where the board keeps readings to itself, rest cannot be measured.
         self._follows = (
             value("tare", True, "whether to follow what the cells read at rest") and not threshold
         )
-        self._stops = value("suspect_stops", True, "whether lasting suspicion stops the robot")
+        self._stops = value(
+            "suspect_stops", True, "whether a lasting fault of the circuit stops the robot"
+        )
         if min(self.circuit.shape) < _FEWEST:
             node.get_logger().warning(
                 'on a skin of %d x %d cells some faults look like touches: see "Smallest skin" in '
@@ -107,7 +109,7 @@ class Compensation:
         self._at_rest = not self._follows  # whether the whole skin was at rest in any frame
         self._loaded = ""  # since the start, where
         self._level, self._message, self._residual = diagnostics.OK, "ok", 0.0
-        self._status, self._present = "ok", ""  # of the last frame, and what is said of it
+        self._status, self._present = "ok", ""  # of the last frame, and its message
         self._taken: Counter[str] = Counter()
         self._aside: Counter[tuple[int, int]] = Counter()  # since the last report
         # Loads the weights, and says here, not in the first callback, that they do not fit.
@@ -130,21 +132,23 @@ class Compensation:
             estimate = self._compensate(adc)
         except ValueError as error:
             self._status, self._present = "failed", str(error)
-            self._judge(self._status, self._present)
+            self._update_level(self._status, self._present)
             return
         # A touch that comes or goes leaves a few suspect frames, as the board's low-pass mixes
-        # scans: they are next to the truth. More in a row may sit in a corner: start anew, unless
-        # it is known what is wrong.
+        # scans: they are close to the truth. More in a row may be a bad local fit: start anew,
+        # unless the fault is known.
         in_doubt = estimate.status != "ok" and estimate.r_par is None
         self._doubts = self._doubts + 1 if in_doubt else 0
-        self._last = estimate if self._doubts < _CORNER else None
+        self._last = estimate if self._doubts < _RESTART_AFTER else None
         self._taken[estimate.method] += 1
         self._residual = estimate.residual
         t = Time.from_msg(msg.header.stamp).nanoseconds / 1e9
         if estimate.status != "failed":
-            if self._follows and self._tare.update(t, self._whole(adc, estimate), estimate.force):
+            if self._follows and self._tare.update(
+                t, self._fill_unread(adc, estimate), estimate.force
+            ):
                 self._last = None
-            if self._waits and self._tare.measured:  # what was in doubt before says nothing now
+            if self._waits and self._tare.measured:  # earlier doubts no longer count
                 self._waits, self._doubt = False, Doubt()
             pressure = estimate.force / self.cell_area
             self._pressure.publish(image(pressure, "32FC1", msg.header))
@@ -169,10 +173,10 @@ class Compensation:
             self._at_rest, self._loaded = not touched, _where(estimate.force) if half else ""
         elif t - self._full_since > _FULL:
             self._odd = self._odd or _NO_REST
-        self._judge(estimate.status, self._words(estimate.message or kept))
+        self._update_level(estimate.status, self._join_reasons(estimate.message or kept))
 
-    def _whole(self, adc: np.ndarray, estimate: Estimate) -> np.ndarray:
-        """The frame with what the picture says of crossings that were not read."""
+    def _fill_unread(self, adc: np.ndarray, estimate: Estimate) -> np.ndarray:
+        """The frame with the model's value at crossings that were not read."""
         unread = np.isnan(adc)
         if not unread.any():
             return adc
@@ -183,16 +187,16 @@ class Compensation:
         self._last = None
         self._doubt.reset()
         self._fault, self._saturated = self._doubt.present, self._ceiling.forget()
-        self._judge(self._status, self._words(self._present))
-        self.report()  # whoever asks the stop next finds it said
-        response.success, response.message = True, "faults that are past are forgotten"
+        self._update_level(self._status, self._join_reasons(self._present))
+        self.report()  # the stop must know before it is reset
+        response.success, response.message = True, "past faults are cleared"
         return response
 
-    def _words(self, present: str) -> str:
-        words = self._loaded, self._saturated, present, self._tare.message, self._odd
-        return "; ".join(filter(None, words))
+    def _join_reasons(self, present: str) -> str:
+        reasons = self._loaded, self._saturated, present, self._tare.message, self._odd
+        return "; ".join(filter(None, reasons))
 
-    def _judge(self, status: str, message: str) -> None:
+    def _update_level(self, status: str, message: str) -> None:
         level = diagnostics.OK if status == "ok" and not message else diagnostics.WARN
         wrong = self._fault or self._saturated or self._loaded
         if status == "failed" or (wrong and self._stops):
@@ -210,7 +214,7 @@ class Compensation:
             self.report()
 
     def _holds(self, level: int, message: str) -> bool:
-        """Whether to go on saying what was said: each new reason of a stop calls every hook."""
+        """Whether to keep the last reason: each new reason of a stop calls every hook."""
         if level != diagnostics.ERROR or level != self._level:
             return False
         same = _NUMBER.sub("", message) == _NUMBER.sub("", self._message)
@@ -225,7 +229,7 @@ class Compensation:
             return ""
         names = ", ".join(f"row {row}, column {col}" for row, col in cells[:3])
         more = f" and {len(cells) - 3} more" if len(cells) > 3 else ""
-        return f"{names}{more}: much more noise than the others: a loose contact?"
+        return f"{names}{more}: much noisier than the other cells: is a contact loose?"
 
     def report(self) -> None:
         values = {"residual": f"{self._residual:.3f}", "method": self._method}
@@ -243,9 +247,9 @@ class Compensation:
 
 
 def _where(force: np.ndarray) -> str:
-    """What to say of a skin that has been loaded from its first frame on."""
+    """The message for a skin that has been loaded since its first frame."""
     row, col = np.unravel_index(force.argmax(), force.shape)
     return (
-        f"the skin is loaded since the start, most at row {row}, column {col}: take the load off, "
-        "so that what the cells read at rest can be measured"
+        f"the skin has been loaded since the start, most at row {row}, column {col}: unload it, so "
+        "that its rest can be measured"
     )

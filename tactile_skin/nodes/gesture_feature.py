@@ -67,7 +67,7 @@ class GestureFeature:
                 f"must be 32FC1 {shape}, finite and 0 or more"
             )
         force = pressure * self.geometry.cell_area  # (rows, cols) [N], float64
-        frame = features.look(force, self.geometry, self.cell_threshold)
+        frame = features.analyse_frame(force, self.geometry, self.cell_threshold)
         t = Time.from_msg(header.stamp).nanoseconds / 1e9
         touches = self.tracker.update(t, frame)
         self._contacts.publish(contact_cloud(touches, header))  # first: the stop waits for it

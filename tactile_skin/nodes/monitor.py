@@ -57,8 +57,8 @@ class Monitor:
         self._direction = (0.0, 0.0, 0.0)
         self._cmd_vel: Twist | None = None  # while a node of the skin moves the robot
         self._waiting = "no decision yet"
-        self._spoke = False  # a live line was printed
-        self._told = ""  # the reason of the last one
+        self._printed = False  # a live line was printed
+        self._last_reason = ""  # the reason of the last one
         self._start = self._now()
         self._rate_mark = (self._start, 0)
         node.create_subscription(Image, "skin/adc", self.on_adc, 100)
@@ -78,7 +78,7 @@ class Monitor:
         stamp = Time.from_msg(msg.header.stamp).nanoseconds
         self._first = stamp if self._first is None else self._first
         self.frames += 1
-        if stamp == self._decided[0]:  # the driver was held up while it told its subscribers
+        if stamp == self._decided[0]:  # the driver was held up while it called its subscribers
             self.latencies.append((self._decided[1] - stamp) / 1e9)
         else:
             self._pending.append(stamp)
@@ -147,7 +147,7 @@ class Monitor:
             self.node.context.try_shutdown()
 
     def live_line(self) -> None:
-        self._spoke = True
+        self._printed = True
         if not takes(self.out):  # Ctrl-S, say: the next line will do
             return
         now = self._now()
@@ -174,9 +174,9 @@ class Monitor:
         line = "  ".join([line, *self._troubles.values()])
         if self.out.isatty():
             width = shutil.get_terminal_size().columns - 1
-            if reason and reason != self._told and len(line) > width:
+            if reason and reason != self._last_reason and len(line) > width:
                 print(f"\r\x1b[2K{reason}", file=self.out)  # what to do stands at its end
-            self._told = reason
+            self._last_reason = reason
             print(f"\r\x1b[2K{line[:width]}", end="", file=self.out, flush=True)
         else:
             print(line, file=self.out, flush=True)
@@ -187,7 +187,7 @@ class Monitor:
 
     def close(self) -> None:
         """Print the summary, if there was a run to sum up and somebody takes it."""
-        if (self._first is None and not self._spoke) or not takes(self.out):
+        if (self._first is None and not self._printed) or not takes(self.out):
             return
         lines = self.summary()
         print("\n" * self.out.isatty() + "\n".join(lines), file=self.out, flush=True)

@@ -1,4 +1,4 @@
-"""push_to_move: the touch and the stop's word -> cmd_vel that follows the hand."""
+"""push_to_move: the touch and the stop's messages -> cmd_vel that follows the hand."""
 
 from __future__ import annotations
 

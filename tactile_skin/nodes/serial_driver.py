@@ -20,7 +20,7 @@ _DOUBTFUL, _BAD = 0.05, 0.5  # of a second's frames damaged or lost: a warning; 
 _TICK = 1000  # ns that stamps are apart at least
 _SLOW = 0.1  # s on their way from which on frames are worth a warning
 _NEW = Verdict(0.0, True, "")  # before the first frame
-_BEYOND = "samples beyond full scale: check the board's adc_bits"
+_BEYOND = "samples exceed full scale: check the board's adc_bits"
 
 
 class SerialDriver:
@@ -36,7 +36,7 @@ class SerialDriver:
         self._adc_of_board = adc_of(node, self.circuit)
         scanned = self._adc_of_board.scanned
         self._named = np.zeros(self.circuit.shape, bool) if scanned is None else ~scanned
-        self._absent, self._unread = self._looking(), ""
+        self._absent, self._unread = self._new_absent(), ""
 
         def value(name, default, *bounds):
             return node.declare_parameter(name, default, describe(*bounds)).value
@@ -91,7 +91,7 @@ class SerialDriver:
         now = self._now()
         trouble = self._refuse(frame)
         if not trouble:
-            self._verdict = self._judge(self._monotonic(), frame)
+            self._verdict = self._check_liveness(self._monotonic(), frame)
             unread, blind = self._absent.frame(frame.samples, frame.unread)
             trouble = self._verdict.trouble or (unread if blind else "")
             self._unread = "" if blind else unread
@@ -120,15 +120,15 @@ class SerialDriver:
             f"{circuit.rows} x {circuit.cols} at {circuit.adc_bits} bits: set {settings}"
         )
 
-    def _looking(self) -> Absent:
+    def _new_absent(self) -> Absent:
         return Absent(self._named, self.circuit.populated)
 
-    def _judge(self, t: float, frame: Frame) -> Verdict:
+    def _check_liveness(self, t: float, frame: Frame) -> Verdict:
         reader = self._reader
         if self._liveness is None or reader.reconnects != self._connection:
             self._connection = reader.reconnects
             self._liveness = Liveness(self.circuit.shape, self._frozen_after)
-            self._absent = self._looking()
+            self._absent = self._new_absent()
             self._restarts = reader.parser.counters.restarts
         before, self._restarts = self._restarts, reader.parser.counters.restarts
         return self._liveness.frame(t, frame, self._restarts > before)
@@ -168,9 +168,12 @@ class SerialDriver:
             if why := self._reader.parser.trouble or (_BEYOND if self._beyond else ""):
                 message += f": {why}"
         elif not self._verdict.settled:
-            level, message = diagnostics.WARN, "frames do not come at the board's own pace yet"
+            level, message = diagnostics.WARN, "frames do not arrive at the board's own rate yet"
         elif lag > _SLOW:
-            level, message = diagnostics.WARN, f"frames were {lag:.2f} s on their way: a slow link?"
+            level, message = (
+                diagnostics.WARN,
+                f"frames arrive {lag:.2f} s late: is the link too slow?",
+            )
         elif self._unread:
             level, message = diagnostics.WARN, self._unread
         values = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 
-from ..behaviours.stop import AHEAD, WAY, Decision, StopConfig, StopPolicy, Word
+from ..behaviours.stop import MAX_AHEAD, TRANSPORT, Decision, StopConfig, StopMessage, StopPolicy
 from ..middleware.bus import DurabilityPolicy, QoSProfile, Time
 from ..middleware.config import curve_of, describe
 from ..msg import (
@@ -27,20 +27,22 @@ HEARTBEAT = 0.02  # s, between decisions when no reading comes
 _END = 0.95  # of the curve's last force, which noise keeps a cell from reading quite
 
 
-def word_of(msg: DiagnosticArray, t: float) -> Word:
+def stop_message_of(msg: DiagnosticArray, t: float) -> StopMessage:
     """The decision in a message of skin/stop_status received at t, and until when it is valid.
 
     "Free" without `good_for`, or with a stamp ahead of t, is not valid at all.
     """
     status = msg.status[0]
     if status.level != DiagnosticStatus.OK:
-        return Word(True, status.message)
+        return StopMessage(True, status.message)
     stamp = Time.from_msg(msg.header.stamp).nanoseconds / 1e9
     try:
         good_for = float({pair.key: pair.value for pair in status.values}["good_for"])
     except (KeyError, ValueError):
-        return Word(False, "", -math.inf)
-    return Word(False, "", stamp + good_for + WAY if stamp <= t + AHEAD else -math.inf)
+        return StopMessage(False, "", -math.inf)
+    return StopMessage(
+        False, "", stamp + good_for + TRANSPORT if stamp <= t + MAX_AHEAD else -math.inf
+    )
 
 
 class StopOnPush:

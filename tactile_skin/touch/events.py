@@ -27,17 +27,17 @@ class Stroked(NamedTuple):
 
 
 class PushEvents:
-    """Pairs what the stop says with where the touch is.
+    """Pairs the decisions of the stop with the place of the touch.
 
     A push is what stop_on_push calls one: its threshold, hysteresis, debounce and hold. The stop
-    may speak before the wrench of the same reading is there: the event waits for it, but not
-    longer than until the stop speaks again.
+    may decide before the wrench of the same reading is there: the event waits for it, but not
+    longer than until the next decision.
     """
 
     def __init__(self):
         self._touch: tuple[float, Pushed] | None = None  # newest, with its stamp
         self._since: float | None = None  # stamp of the reading that began the push
-        self._told = False
+        self._reported = False
 
     def touch(self, stamp: float, force, centre) -> list[Pushed | Released]:
         """Wrench and centre of the reading of this stamp."""
@@ -48,7 +48,7 @@ class PushEvents:
         """The stop decided on the reading of this stamp: whether a push is on."""
         began = pushed and self._since is None
         if began:
-            self._since, self._told = stamp, False
+            self._since, self._reported = stamp, False
         if self._since is None:
             return []
         events = self._begin() if self._here() or not began else []
@@ -61,9 +61,9 @@ class PushEvents:
         return self._touch is not None and self._since is not None and self._touch[0] >= self._since
 
     def _begin(self) -> list[Pushed | Released]:
-        if self._told:
+        if self._reported:
             return []
-        self._told = True
+        self._reported = True
         return [self._touch[1] if self._here() else Pushed(np.zeros(3), np.zeros(3))]
 
 

@@ -55,7 +55,7 @@ class Frame(NamedTuple):
 _NOTHING = Push(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), 0.0)
 
 
-def look(force: np.ndarray, geometry: Geometry, cell_threshold: float) -> Frame:
+def analyse_frame(force: np.ndarray, geometry: Geometry, cell_threshold: float) -> Frame:
     """Find the contacts of a frame and the push that they make together.
 
     The direction's confidence is |sum f n| / sum f, 1 where all touched cells face one way, 0 for

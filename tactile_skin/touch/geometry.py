@@ -203,7 +203,7 @@ def read_table(path, cells: np.ndarray, cell_area: float = CELL_AREA):
         )
         if cell in line_of:
             raise FileError(
-                f"{where}: row {cell[0]}, col {cell[1]}: stands in line {line_of[cell]} already"
+                f"{where}: row {cell[0]}, col {cell[1]}: already given in line {line_of[cell]}"
             )
         if not cells[cell]:
             raise FileError(f"{where}: row {cell[0]}, col {cell[1]}: circuit.mask has no such cell")

@@ -39,7 +39,9 @@ class Touch(NamedTuple):
     """One touch as it is at a frame."""
 
     id: int  # from 1
-    state: str  # "new" (its first frame), "held", or "released" (told once, with its last contact)
+    state: (
+        str  # "new" (its first frame), "held", or "released" (reported once, with its last contact)
+    )
     contact: Contact
     velocity: np.ndarray  # (3,) [m/s] of the centre; zero until it is known
     confidence: float  # 0..1, that it moves: near 0 for a touch that stands still
@@ -104,7 +106,7 @@ class _Track:
         """Where it would be without those that joined it."""
         return self.place + self.leaving * min(t - self.since, _FORESEEN)
 
-    def told(self, state: str) -> Touch:
+    def as_touch(self, state: str) -> Touch:
         return Touch(self.id, state, self.contact, self.velocity, self.confidence)
 
 
@@ -152,7 +154,7 @@ class Tracker:
 
         Returns:
             One touch for each of the frame's contacts, in their order, then those released. One
-            that was out of sight for less than 0.05 s, or joined another, is not told.
+            that was out of sight for less than 0.05 s, or joined another, is not reported.
         """
         released: list[_Track] = []
         if t < self._t:  # the clock was set back: what was seen has no place in time
@@ -178,7 +180,9 @@ class Tracker:
             else:
                 hidden.append(tracks[j])
         self._tracks, self._on, self._t = now + hidden, frame.labels, t
-        return [track.told(track.state) for track in now] + [r.told(RELEASED) for r in released]
+        return [track.as_touch(track.state) for track in now] + [
+            r.as_touch(RELEASED) for r in released
+        ]
 
     def _new(self, t: float) -> _Track:
         self._ids = self._ids % (_IDS - 1) + 1

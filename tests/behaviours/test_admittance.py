@@ -17,7 +17,7 @@ DT = 0.01
 
 
 class Led:
-    """An admittance that is fed like a robot's: readings and the stop's word at 100 a second."""
+    """An admittance as on a robot: readings and the stop's messages at 100 a second."""
 
     def __init__(self, config=None, start=10.0):
         self.t, self.policy = start, Admittance(config or AdmittanceConfig())
@@ -203,7 +203,7 @@ def test_how_far_it_rolls_on_when_the_hand_is_taken_away():
 @pytest.mark.parametrize(
     "word",
     [
-        Decision(True, "stale: readings stay away"),
+        Decision(True, "stale: readings no longer arrive"),
         Decision(True, "push + fault: compensation: open line"),
         Decision(True, "push + latched: push"),
         Decision(True, "latched: push"),
@@ -243,14 +243,14 @@ def test_readings_that_stay_away_are_zero_at_once():
 
 def test_a_silent_stop_is_zero_at_once():
     led = Led()
-    assert led.policy.step(led.t).reason == "the stop is silent"
+    assert led.policy.step(led.t).reason == "no message from the stop"
     led.hold(1.0, (40.0, 0.0, 0.0))
     for k in (*range(1, 15), *range(16, 20)):
         t = led.t + k * DT
         led.policy.touch(t, 40.0, (40.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         motion = led.policy.step(t)
         assert is_zero(motion) is (k > 15)
-    assert motion.reason == "the stop is silent"
+    assert motion.reason == "no message from the stop"
 
 
 def test_hands_on_several_sides_lead_nowhere():
@@ -259,7 +259,7 @@ def test_hands_on_several_sides_lead_nowhere():
     led.hold(1.0, (0.0, -40.0, 0.0))
     motion = led.push((0.0, -10.0, 0.0), total=70.0)
     assert is_zero(motion)
-    assert motion.reason == "hands on several sides"
+    assert motion.reason == "pushes from several sides"
 
 
 def test_light_touches_on_two_sides_do_not_cut_a_release_short():

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tactile_skin.behaviours.gate import Gate, GateConfig
-from tactile_skin.behaviours.stop import OUT_OF_DATE, Decision, Word
+from tactile_skin.behaviours.stop import OUT_OF_DATE, Decision, StopMessage
 
 FREE, PUSH = Decision(False, ""), Decision(True, "push")
 CONFIG = GateConfig()
@@ -40,12 +40,12 @@ def is_zero(motion) -> bool:
 def test_a_free_runs_out_with_the_reading_that_it_rests_on():
     """Also one that was heard this very moment; a stop does not run out."""
     gate = Gate(CONFIG)
-    gate.stop(10.0, Word(False, "", until=10.05))
+    gate.stop(10.0, StopMessage(False, "", until=10.05))
     assert ask(gate, (0.5, 0.0, 0.0), t=10.05).reason == ""
     late = ask(gate, (0.5, 0.0, 0.0), t=10.06)
     assert is_zero(late)
     assert late.reason == OUT_OF_DATE
-    gate.stop(10.06, Word(True, "on fire", until=0.0))
+    gate.stop(10.06, StopMessage(True, "on fire", until=0.0))
     assert ask(gate, (0.5, 0.0, 0.0), t=10.06).reason == "on fire"
 
 
@@ -63,7 +63,7 @@ def test_each_course_under_a_push_from_each_of_eight_sides(side, course):
         assert motion.reason == ""
     else:
         assert is_zero(motion)
-        assert motion.reason == "push: against it"
+        assert motion.reason == "push: motion against it"
 
 
 def test_a_push_from_the_left_never_blocks_moving_right():
@@ -153,8 +153,8 @@ def test_without_a_stop_the_command_passes_whole():
 @pytest.mark.parametrize(
     "reason",
     [
-        "stale: readings stay away",
-        "push + stale: readings stay away",
+        "stale: readings no longer arrive",
+        "push + stale: readings no longer arrive",
         "fault: compensation: open line",
         "push + fault: compensation: open line",
         "push + latched: push",
@@ -173,11 +173,11 @@ def test_every_stop_but_a_push_alone_is_zero_whatever_the_course(reason):
 
 def test_zero_before_the_stops_first_word_and_when_it_falls_silent():
     gate = Gate(CONFIG)
-    assert ask(gate, (1.0, 0.0, 0.0)).reason == "the stop is silent"
+    assert ask(gate, (1.0, 0.0, 0.0)).reason == "no message from the stop"
     gate.stop(10.0, FREE)
     assert not is_zero(ask(gate, (1.0, 0.0, 0.0), t=10.0 + CONFIG.stop_timeout - 0.01))
     silent = ask(gate, (1.0, 0.0, 0.0), t=10.0 + CONFIG.stop_timeout + 0.01)
-    assert is_zero(silent) and silent.reason == "the stop is silent"
+    assert is_zero(silent) and silent.reason == "no message from the stop"
 
 
 def test_a_command_that_nobody_repeats_ends():
@@ -233,7 +233,7 @@ def test_a_direction_that_nobody_renews_does_not_count():
         gate.stop(10.0 + dt, PUSH)
         motion = ask(gate, (-1.0, 0.0, 0.0), t=10.0 + dt)
         assert is_zero(motion) is not passes
-    assert motion.reason == "push: nobody tells its direction"
+    assert motion.reason == "push: its direction is not published"
 
 
 def test_a_stamp_from_the_future_is_no_news():
@@ -273,7 +273,7 @@ def test_the_next_push_does_not_take_the_last_ones_direction():
     gate.stop(10.02, FREE)
     gate.stop(10.03, PUSH)
     for course in EIGHT:
-        assert ask(gate, unit(course), t=10.03).reason == "push: its direction is not known"
+        assert ask(gate, unit(course), t=10.03).reason == "push: its direction is unknown"
 
 
 def test_a_push_has_its_direction_at_once():

@@ -5,17 +5,17 @@ import threading
 
 import pytest
 
-from tactile_skin.behaviours.hooks import StopHook, StopWords
-from tactile_skin.behaviours.stop import OUT_OF_DATE, Word
+from tactile_skin.behaviours.hooks import StopHook, StopMessages
+from tactile_skin.behaviours.stop import OUT_OF_DATE, StopMessage
 from tactile_skin.middleware.bus import ManualClock
 
 PATIENCE = 30.0  # s, for what must happen
-SILENT = "the stop node is silent"
-PUSH = Word(True, "push")
+SILENT = "no message from the stop node"
+PUSH = StopMessage(True, "push")
 
 
-def free(until: float) -> Word:
-    return Word(False, "", until)
+def free(until: float) -> StopMessage:
+    return StopMessage(False, "", until)
 
 
 # --- the words, on a driven clock ---
@@ -23,11 +23,11 @@ def free(until: float) -> Word:
 
 @pytest.fixture
 def words():
-    return StopWords(["stop"], 10.0)
+    return StopMessages(["stop"], 10.0)
 
 
 def test_it_is_stop_until_somebody_speaks(words):
-    assert words.at(10.1) == (True, "no word from the stop node yet")
+    assert words.at(10.1) == (True, "no message from the stop node yet")
 
 
 def test_a_free_runs_out_although_it_just_arrived(words):
@@ -41,7 +41,7 @@ def test_a_free_runs_out_although_it_just_arrived(words):
 
 
 def test_a_stop_does_not_run_out(words):
-    words.hear(10.0, "stop", Word(True, "push", 0.0))
+    words.hear(10.0, "stop", StopMessage(True, "push", 0.0))
     assert words.at(10.2) == (True, "push")
 
 
@@ -57,7 +57,7 @@ def test_a_clock_that_was_set_back_proves_nothing(words):
 
 
 def test_any_of_several_stops():
-    words = StopWords(["left", "right"], 0.0)
+    words = StopMessages(["left", "right"], 0.0)
     words.hear(0.0, "left", free(1.0))
     words.hear(0.0, "right", free(0.1))
     assert words.at(0.1) == (False, "")

@@ -62,8 +62,8 @@ def test_readings_that_stay_away_stop():
     policy = StopPolicy(CONFIG)
     feed(policy, 0.0, 0.5, 0.0)
     assert not policy.decide(0.58).stop
-    assert policy.decide(0.60) == (True, "stale: readings stay away")
-    assert policy.reading(0.7, 0.0) == (True, "stale: readings only just came back")
+    assert policy.decide(0.60) == (True, "stale: readings no longer arrive")
+    assert policy.reading(0.7, 0.0) == (True, "stale: readings have only just resumed")
     assert feed(policy, 0.71, 0.02, 0.0).stop
     assert not policy.reading(0.73, 0.0).stop
 
@@ -71,7 +71,7 @@ def test_readings_that_stay_away_stop():
 def test_a_push_is_not_forgotten_while_readings_stay_away():
     policy = StopPolicy(CONFIG)
     feed(policy, 0.0, 0.1, 20.0)
-    assert policy.decide(5.0).reason == "push + stale: readings stay away"
+    assert policy.decide(5.0).reason == "push + stale: readings no longer arrive"
     assert feed(policy, 5.0, 0.02, 0.0).stop
     assert not feed(policy, 5.02, 0.05, 0.0).stop
 
@@ -104,12 +104,12 @@ def test_old_readings_and_repeated_ones_do_not_keep_the_robot_moving():
     feed(policy, 0.0, 0.5, 0.0)
     for k in range(50):
         late = policy.reading(0.5 + k / 100, 0.0, stamp=0.5 + k / 100 - 0.2)
-    assert late == (True, "stale: readings are old when they come")
+    assert late == (True, "stale: readings are already old when they arrive")
     policy = StopPolicy(CONFIG)
     feed(policy, 0.0, 0.5, 0.0)
     for k in range(50):
         repeated = policy.reading(0.5 + k / 100, 0.0, stamp=0.49)
-    assert repeated == (True, "stale: readings are old when they come")
+    assert repeated == (True, "stale: readings are already old when they arrive")
 
 
 def test_a_clock_that_is_set_back_stops_and_begins_anew():
@@ -117,8 +117,8 @@ def test_a_clock_that_is_set_back_stops_and_begins_anew():
     policy = StopPolicy(StopConfig())
     feed(policy, 5000.0, 1.0, 0.0)
     assert not policy.decide(5001.0).stop
-    assert policy.decide(1400.0) == (True, "stale: readings stay away")
-    assert policy.reading(1400.01, 0.0) == (True, "stale: readings only just came back")
+    assert policy.decide(1400.0) == (True, "stale: readings no longer arrive")
+    assert policy.reading(1400.01, 0.0) == (True, "stale: readings have only just resumed")
     feed(policy, 1400.02, 0.1, 0.0)
     assert not policy.decide(1400.12).stop
     feed(policy, 1400.13, 0.1, 40.0)
@@ -240,8 +240,8 @@ def test_a_reset_is_refused_while_the_cause_lasts_and_says_why():
     policy.fault("compensation", "open line")
     assert policy.reset(1.8) == "fault: compensation: open line"
     policy.fault("compensation", "")
-    assert policy.reset(2.5) == "stale: readings stay away"
-    assert policy.decide(2.5).reason == "stale: readings stay away + latched: push"
+    assert policy.reset(2.5) == "stale: readings no longer arrive"
+    assert policy.decide(2.5).reason == "stale: readings no longer arrive + latched: push"
 
 
 def test_a_latched_stop_names_its_first_cause():
@@ -255,12 +255,12 @@ def test_a_latched_stop_names_its_first_cause():
 def test_a_stream_that_came_back_stays_stopped_when_latched():
     policy = free()
     policy.decide(0.7)
-    assert feed(policy, 0.8, 1.0, 0.0) == (True, "latched: stale: readings stay away")
+    assert feed(policy, 0.8, 1.0, 0.0) == (True, "latched: stale: readings no longer arrive")
 
 
 def test_a_gap_that_no_timer_saw_latches_too():
     policy = free()
-    assert feed(policy, 0.8, 1.0, 0.0).reason == "latched: stale: readings only just came back"
+    assert feed(policy, 0.8, 1.0, 0.0).reason == "latched: stale: readings have only just resumed"
 
 
 def test_a_fault_shorter_than_the_timer_latches_too():
@@ -358,7 +358,7 @@ def test_a_stream_that_slows_down_is_told_too_and_stops_at_once():
 def test_readings_that_then_stay_away_are_told_so():
     policy = StopPolicy(FIXED)
     reasons_of(policy, 8, 5.0)
-    assert policy.decide(10.0).reason == "stale: readings stay away"
+    assert policy.decide(10.0).reason == "stale: readings no longer arrive"
 
 
 def test_readings_in_bursts_are_told_with_their_gaps():

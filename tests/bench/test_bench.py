@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from kirchhoff import adc_ratio
 from yardsticks import watch
-from yardsticks.solvers import other_board, r_par_told
+from yardsticks.solvers import other_board, r_par_std
 
 from tactile_skin import Circuit, PressureCurve, cli, forward
 from tactile_skin.bench import (
@@ -113,7 +113,7 @@ def test_shorted_lines_read_nearly_alike(resistance):
     assert np.abs(rho[6] - rho[7]).max() < 1.0 and np.abs(rho[:, 9] - rho[:, 10]).max() < 1.0
 
 
-# --- boards that are not as the solver is told ---
+# --- boards that are not as configured ---
 
 
 def test_what_an_exact_inverse_misses_by_is_the_boards_doing():
@@ -128,7 +128,7 @@ def test_what_an_exact_inverse_misses_by_is_the_boards_doing():
 
 
 def test_a_frame_tells_r_par_less_where_the_rest_is_not_known():
-    row = r_par_told("rects", 4, seed=1)
+    row = r_par_std("rects", 4, seed=1)
     known, alike = row["rest known"][0], row["rest alike"][0]
     assert 0.3 < known < alike < 16.3, "5 % of 326 ohm"
 
@@ -257,7 +257,7 @@ def test_a_scale_of_two_has_slope_two_and_no_spread():
     assert cases.scale(truth, found) == pytest.approx({"slope": 2.0, "spread": 0.0})
 
 
-FATES = {  # fails, told: of ten frames in trouble
+FATES = {  # fails, reported: of ten frames in trouble
     "holds": (0, 0),
     "doubts": (0, 5),
     "loud": (8, 10),
@@ -267,14 +267,14 @@ FATES = {  # fails, told: of ten frames in trouble
 
 @pytest.mark.parametrize("fate", FATES)
 def test_a_verdict(fate):
-    fails, told = FATES[fate]
+    fails, reported = FATES[fate]
     trouble = next(t for t in TROUBLES if t.name == "short")  # 0, 1 and 2 pairs
-    sound = {"fails": np.zeros(5, bool), "told": np.array([True] + [False] * 4)}
-    frames = {"fails": np.arange(5) < fails / 2, "told": np.arange(5) < told / 2}
+    sound = {"fails": np.zeros(5, bool), "reported": np.array([True] + [False] * 4)}
+    frames = {"fails": np.arange(5) < fails / 2, "reported": np.arange(5) < reported / 2}
     result = stability.verdict(trouble, [sound, frames, frames])
     assert result["fate"] == fate
     assert result["false_alarms"] == pytest.approx(0.2)
-    assert result["silent"] == pytest.approx(max(fails - told, 0) / 10)
+    assert result["silent"] == pytest.approx(max(fails - reported, 0) / 10)
 
 
 def test_a_method_that_refuses_a_frame_fails_loudly():
@@ -283,7 +283,7 @@ def test_a_method_that_refuses_a_frame_fails_loudly():
     small = Circuit(8, 8)  # the shipped network is for 16 x 16
     adc = [np.full((8, 8), 0.5)]
     result = stability.judged(adc, force, small, CURVE, "cnn")
-    assert result["told"][0] and result["fails"][0]
+    assert result["reported"][0] and result["fails"][0]
 
 
 # --- the pictures ---

@@ -153,8 +153,8 @@ def test_silence_of_the_link_is_told():
     board = FaultBoard(Circuit(4, 4), CURVE, np.random.default_rng(0))
     force = np.zeros((200, 4, 4))
     record = play(chain, [pair for pair in board.advance(force) if pair[0] < 1.6], force)
-    assert not record.stopped[150] and record.told[175:].all()
-    assert record.reasons[-1] == "stale: readings stay away"
+    assert not record.stopped[150] and record.faulted[175:].all()
+    assert record.reasons[-1] == "stale: readings no longer arrive"
 
 
 # --- runs ---

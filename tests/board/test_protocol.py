@@ -441,7 +441,7 @@ COUNTS = "circuit.rows = 2 x circuit.cols = 3 are 6: set circuit.rows and circui
         ),
         (
             b"1,2,3,4,5,1023.5",
-            "numbers up to 1023.5, but circuit.adc_bits = 10 ends at 1023: these are no ADC steps",
+            "numbers up to 1023.5, but circuit.adc_bits = 10 ends at 1023: these are not ADC steps",
         ),
         (
             b"1,2,-3,4,5,6",
@@ -520,7 +520,7 @@ def test_text_that_arrives_where_frames_are_due_is_recognised():
     parser = BinaryParser()
     for k in range(20):
         parser.feed(line((STEPS + k) % 1024))
-    assert parser.trouble == "what arrives is text: set serial_driver.protocol: text"
+    assert parser.trouble == "text arrives: set serial_driver.protocol: text"
 
 
 def test_frames_that_arrive_where_text_is_due_are_recognised():

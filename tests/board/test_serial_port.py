@@ -171,7 +171,7 @@ class Dying:
 def test_a_silent_port_is_opened_anew(silent_port, heard, reading):
     """By the watchdog; that it never sent is said, and no connection is counted."""
     reader = reading(silent_port, watchdog=0.02)
-    heard.wait_for_line(f"{silent_port}: nothing for 0.02 s, opening it anew")
+    heard.wait_for_line(f"{silent_port}: no bytes for 0.02 s, reopening it")
     assert reader.connected_to is None
     assert reader.reconnects == -1
 
@@ -235,7 +235,7 @@ def test_a_port_in_use_is_said_to_be(silent_port, heard, reading):
             f"port {silent_port} is in use by another program (two programs cannot read one board)"
         )
         assert len(heard.lines) == 1
-    heard.wait_for_line("nothing for 0.02 s")
+    heard.wait_for_line("no bytes for 0.02 s")
     assert reader.connected_to is None
 
 
@@ -402,11 +402,11 @@ def test_auto_takes_no_other_board_while_its_own_is_unplugged(sockets, heard, re
     heard.wait_for_frames()
     other = sockets.plug("b", ("1a86", "7523", "B"))
     sockets.unplug(own)
-    heard.wait_for_line("the board is unplugged; other boards are left alone")
+    heard.wait_for_line("the board is unplugged; other boards are not used")
     already = len(heard.frames)
     time.sleep(0.6)  # two looks
     assert reader.connected_to is None
-    assert reader.trouble == "the board is unplugged; other boards are left alone"
+    assert reader.trouble == "the board is unplugged; other boards are not used"
     assert len(heard.frames) == already
     again = sockets.plug("c")
     heard.wait_for_frames()
@@ -475,7 +475,7 @@ def test_who_raises_when_he_is_told_ends_no_reading(tmp_path, heard, error, caps
             heard.wait_for(lambda: reader.connected_to is None)
     finally:
         reader.close()
-    assert f"{error!r} while that was told" in capsys.readouterr().err
+    assert f"{error!r} while that was reported" in capsys.readouterr().err
 
 
 def test_a_text_board_of_another_size_is_told_from_a_silent_one(heard):

@@ -57,7 +57,7 @@ def test_a_fault_under_a_touch_outlasts_it_until_the_skin_has_rested(skin):
 def test_why_it_is_kept_is_said(skin):
     skin.feel(0.5, suspect=True, touched=True)
     skin.feel(0.5)
-    assert "under the last touch: until 1 s of rest" in skin.doubt.kept
+    assert "seen under the last touch: kept until 1 s of rest" in skin.doubt.kept
     skin.feel(1.0)
     assert skin.doubt.kept == ""
 

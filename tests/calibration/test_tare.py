@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.board import simulator
 from tactile_skin.board.protocol import BinaryParser
-from tactile_skin.calibration.tare import LEAST, Tare
+from tactile_skin.calibration.tare import MAX_TARED_FORCE, Tare
 from tactile_skin.learning import scenes
 from tactile_skin.physics import laplacian
 from tactile_skin.physics.curve import GRAM
@@ -277,7 +277,7 @@ def test_whatever_is_read_no_more_is_tared_than_allowed(seed, spread):
         if k % 45 == 0:
             adc = forward(CIRCUIT, 1.0 / (REST * np.exp(spread * rng.standard_normal((16, 16)))))
         tare.update(0.03 * k, adc, IDLE)
-    least = CURVE.resistance(LEAST)
+    least = CURVE.resistance(MAX_TARED_FORCE)
     assert np.min(tare.curve.rest_resistance) >= least * (1 - 1e-9)
 
 

@@ -158,7 +158,7 @@ def test_zero_is_said_and_not_silence(robot):
     driven = robot.live(2.0, frames=False)
     assert len(robot.seen["cmd_vel"]) - before >= 100
     assert not driven.any()
-    assert robot.why() == "held back: stale: readings stay away"
+    assert robot.why() == "motion withheld: stale: readings no longer arrive"
 
 
 def test_a_planner_that_dies_stops_the_robot(robot):
@@ -168,7 +168,7 @@ def test_a_planner_that_dies_stops_the_robot(robot):
     driven = robot.live(1.0)[:, 0]
     assert driven[0] == 0.3
     assert np.count_nonzero(driven) * FRAME == pytest.approx(0.25, abs=0.03)
-    assert robot.why() == "held back: no command"
+    assert robot.why() == "motion withheld: no command"
 
 
 def test_a_stop_node_that_dies_stops_the_robot(robot):
@@ -177,7 +177,7 @@ def test_a_stop_node_that_dies_stops_the_robot(robot):
     robot.stop.node.destroy_node()
     driven = robot.live(0.5)[:, 0]
     assert np.count_nonzero(driven) * FRAME == pytest.approx(0.15, abs=0.03)
-    assert robot.why() == "held back: the stop is silent"
+    assert robot.why() == "motion withheld: no message from the stop"
 
 
 def test_a_push_while_the_stream_is_stale(robot):
@@ -186,10 +186,10 @@ def test_a_push_while_the_stream_is_stale(robot):
     robot.live(0.2)
     late = robot.live(0.5, frames=False)[:, 0]
     assert np.count_nonzero(late) * FRAME <= 0.12
-    assert robot.reason == "stale: readings stay away"
+    assert robot.reason == "stale: readings no longer arrive"
     robot.felt = scenes.finger(16, 16, 7.5, 7.5, 60.0, 2.2)  # nobody sees it yet
     assert not robot.live(0.5, frames=False).any()
-    assert robot.reason == "stale: readings stay away"
+    assert robot.reason == "stale: readings no longer arrive"
     assert not robot.live(0.5).any(), "also in the first frames, before they are trusted"
     assert robot.reason == "push"
     robot.felt = np.zeros((16, 16))
@@ -203,7 +203,7 @@ def test_a_push_whose_stream_ends_stays_a_push(robot):
     assert robot.live(0.5)[-1, 0] == -0.3
     driven = robot.live(0.5, frames=False)[:, 0]
     assert np.count_nonzero(driven) * FRAME <= 0.12
-    assert robot.reason == "push + stale: readings stay away"
+    assert robot.reason == "push + stale: readings no longer arrive"
 
 
 def test_latch_and_reset():
@@ -228,9 +228,9 @@ def test_a_latched_cable_fault_waits_for_somebody_too():
     robot.wish = (0.3, 0.0, 0.0)
     robot.live(0.2)
     robot.live(0.3, frames=False)
-    assert robot.reset() == (False, "still stopped: stale: readings stay away")
+    assert robot.reset() == (False, "still stopped: stale: readings no longer arrive")
     assert not robot.live(1.0)[-50:].any()
-    assert robot.reason == "latched: stale: readings stay away"
+    assert robot.reason == "latched: stale: readings no longer arrive"
     assert robot.reset() == (True, "free")
     assert robot.live(0.1)[-1, 0] == 0.3
 
@@ -242,7 +242,7 @@ def test_a_latched_stop_leaves_no_motion_away_from_the_hand():
     robot.wish = (-0.3, 0.0, 0.0)
     robot.felt = scenes.finger(16, 16, 7.5, 7.5, 60.0, 2.2)
     assert not robot.live(0.5)[-1].any()
-    assert robot.why() == "held back: push + latched: push"
+    assert robot.why() == "motion withheld: push + latched: push"
 
 
 @pytest.mark.parametrize("side", EIGHT, ids=lambda a: f"{math.degrees(a):.0f}")
@@ -268,7 +268,7 @@ def test_a_push_from_each_of_eight_sides_against_the_gate(side, monkeypatch):
             np.testing.assert_allclose(driven, np.tile(wish, (len(driven), 1)))
         elif away < -0.5:
             assert not driven.any()
-            assert robot.why() == "held back: push: against it"
+            assert robot.why() == "motion withheld: push: motion against it"
         else:
             assert (driven @ wish >= 0.0).all()
     assert robot.errors() == 0
@@ -284,7 +284,7 @@ def test_a_squeeze_from_two_sides_leaves_no_motion(monkeypatch):
     for course in EIGHT:
         robot.wish = (math.cos(course), math.sin(course), 0.0)
         assert not robot.live(0.05).any()
-    assert robot.why() == "held back: push: it comes from several sides"
+    assert robot.why() == "motion withheld: push: it comes from several sides"
 
 
 # --- words that come late ---
@@ -326,7 +326,7 @@ def test_a_free_on_an_old_reading_moves_nothing(mover, age, values, believed):
         robot.live(FRAME)
     assert robot.velocity.any() == believed
     if not believed:
-        assert robot.why() == f"held back: {OUT_OF_DATE}"
+        assert robot.why() == f"motion withheld: {OUT_OF_DATE}"
 
 
 def test_a_stop_node_that_dies_is_believed_no_longer_than_its_reading(robot):
@@ -337,7 +337,7 @@ def test_a_stop_node_that_dies_is_believed_no_longer_than_its_reading(robot):
     robot.stop.node.destroy_node()
     driven = robot.live(0.5)[:, 0]
     assert np.count_nonzero(driven) * FRAME <= 0.04
-    assert robot.held_back.count(f"held back: {OUT_OF_DATE}") >= 1
+    assert robot.held_back.count(f"motion withheld: {OUT_OF_DATE}") >= 1
 
 
 # --- push_to_move ---
@@ -371,7 +371,7 @@ def test_a_fault_while_led_is_zero_at_once():
     assert robot.live(1.0)[-1, 0] < -0.2
     robot.report(DiagnosticStatus.ERROR, "on fire")
     assert not robot.velocity.any()
-    assert robot.why() == "held back: push + fault: elsewhere: on fire"
+    assert robot.why() == "motion withheld: push + fault: elsewhere: on fire"
     robot.report(DiagnosticStatus.OK)
     assert -0.05 < robot.live(0.03)[-1, 0] < 0.0
 

@@ -27,7 +27,7 @@ from tactile_skin.msg import (
 )
 from tactile_skin.nodes.compensation import Compensation
 from tactile_skin.nodes.monitor import Monitor
-from tactile_skin.nodes.stop_on_push import STATUS, STATUS_TOPIC, StopOnPush, word_of
+from tactile_skin.nodes.stop_on_push import STATUS, STATUS_TOPIC, StopOnPush, stop_message_of
 from tactile_skin.physics.adc import NOT_READ, Adc
 
 CELL_AREA = 1.44e-4
@@ -181,7 +181,7 @@ def test_free_is_valid_for_the_time_in_force_and_no_longer(rate, at_most):
     observer.create_subscription(
         DiagnosticArray,
         STATUS_TOPIC,
-        lambda m: words.append(word_of(m, clock.now().nanoseconds / 1e9)),
+        lambda m: words.append(stop_message_of(m, clock.now().nanoseconds / 1e9)),
         STATUS,
     )
     contacts = observer.create_publisher(PointCloud2, "skin/contacts", 10)

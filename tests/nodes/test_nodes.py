@@ -226,7 +226,7 @@ def test_a_stream_that_ends_stops_as_stale(moving):
         moving.wait(0.001)
         silent += 0.001
     assert silent > STOP["stale_after"] - HEARTBEAT
-    assert moving.reason == "stale: readings stay away"
+    assert moving.reason == "stale: readings no longer arrive"
     moving.play(4)
     assert not moving.stopped
 
@@ -236,7 +236,7 @@ def test_a_push_is_not_forgotten_while_the_stream_is_gone(moving):
     moving.scene = "push_left"
     moving.frames_until(True)
     moving.wait(1.0)
-    assert moving.reason == "push + stale: readings stay away"
+    assert moving.reason == "push + stale: readings no longer arrive"
     moving.play(4)
     assert moving.reason == "push"
 
@@ -273,7 +273,7 @@ def test_a_clock_that_is_set_back_stops_for_a_few_frames(moving):
     moving.clock.advance(-3600.0)
     moving.play(1)
     assert moving.stopped
-    assert moving.reason == "stale: readings only just came back"
+    assert moving.reason == "stale: readings have only just resumed"
     moving.play(3)
     assert not moving.stopped
     moving.scene = "push_left"

@@ -139,7 +139,7 @@ def test_no_frame_is_published_before_they_come_at_the_boards_pace(text):
     driven.run(SETTLED - 10)
     assert driven.stamps == []
     assert driven.second().level == WARN
-    assert "do not come at the board's own pace yet" in driven.reports[-1].message
+    assert "do not arrive at the board's own rate yet" in driven.reports[-1].message
     driven.run(20)
     assert driven.stamps
 
@@ -187,7 +187,7 @@ def test_frames_that_stay_late_are_a_warning(binary):
     for _ in range(130):
         held.append(binary.frame())
         binary.arrive(held.pop(0) if len(held) > 30 else b"")
-    assert "on their way: a slow link?" in binary.second().message
+    assert "late: is the link too slow?" in binary.second().message
     assert binary.reports[-1].level == WARN
 
 
@@ -236,14 +236,14 @@ def test_one_restart_is_waited_out_and_three_are_an_error(binary):
         assert bool(binary.stamps) is (restart < 3)
         assert binary.value("restarts") == str(restart)
     assert binary.reports[-1].level == ERROR
-    assert "the board started anew 3 times" in binary.reports[-1].message
+    assert "the board restarted 3 times" in binary.reports[-1].message
 
 
 def test_a_number_that_jumps_is_a_restart_although_the_boards_clock_goes_on(binary):
     for restart in (1, 2, 3):
         binary.number = 20_000 * restart
         binary.run(50)
-    assert "the board started anew 3 times" in binary.second().message
+    assert "the board restarted 3 times" in binary.second().message
 
 
 @pytest.mark.parametrize("how", ["damaged", "lost"])

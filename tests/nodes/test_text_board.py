@@ -139,7 +139,7 @@ MISTAKES = {
     ),
     "protocol": (
         {"serial_driver__protocol": "binary"},
-        "what arrives is text: set serial_driver.protocol: text",
+        "text arrives: set serial_driver.protocol: text",
     ),
     "adc_bits": (
         {"circuit__adc_bits": 8},
@@ -207,7 +207,7 @@ def test_a_wrong_baud_rate_is_named(tmp_path):
         skin_on(port, tmp_path, serial_driver__watchdog=1.5) as heard,
     ):
         heard.wait_for_stop(
-            "at 115200 baud: bytes arrive, but no frame: bytes that are no text: is"
+            "at 115200 baud: bytes arrive, but no frame: the bytes are not text: is"
         )
 
 

@@ -17,18 +17,18 @@ THRESHOLD = 0.05
 
 
 def push(force, geometry, threshold=THRESHOLD):
-    return features.look(force, geometry, threshold).push
+    return features.analyse_frame(force, geometry, threshold).push
 
 
 def contacts(force, geometry=PLANE, threshold=THRESHOLD):
-    return features.look(force, geometry, threshold).contacts
+    return features.analyse_frame(force, geometry, threshold).contacts
 
 
 # --- push ---
 
 
 def test_nothing_touched_is_no_push():
-    frame = features.look(np.zeros((16, 16)), PLANE, THRESHOLD)
+    frame = features.analyse_frame(np.zeros((16, 16)), PLANE, THRESHOLD)
     assert not frame.push.force.any() and not frame.push.direction.any()
     assert frame.push.confidence == 0.0
     assert frame.contacts == [] and not frame.labels.any()
@@ -162,7 +162,7 @@ def test_cells_at_the_curves_end_are_one_touch():
 )
 def test_every_touched_cell_is_in_one_contact_with_its_neighbours(force):
     """No force is lost or counted twice, and each contact is one connected patch."""
-    frame = features.look(force, make_geometry("plane", 6, 7), 0.2)
+    frame = features.analyse_frame(force, make_geometry("plane", 6, 7), 0.2)
     patches, n = ndimage.label(force > 0.02, np.ones((3, 3)))
     touched = np.zeros(force.shape, bool)
     for k in range(1, n + 1):
@@ -184,7 +184,7 @@ def test_every_touched_cell_is_in_one_contact_with_its_neighbours(force):
 )
 def test_contacts_that_touch_have_a_valley_between_them(force):
     """On no way from one contact's peak to another's does the force stay above 0.6 of the lower."""
-    frame = features.look(force, make_geometry("plane", 6, 7), 0.2)
+    frame = features.analyse_frame(force, make_geometry("plane", 6, 7), 0.2)
     for k, contact in enumerate(frame.contacts, 1):
         high, _ = ndimage.label(force >= 0.6 * contact.peak, np.ones((3, 3)))
         place = high[(frame.labels == k) & (force == contact.peak)][0]

@@ -142,7 +142,7 @@ def test_a_table_leaves_out_cells_that_the_circuit_has_not(table):
         ("0,3,0, 2e-4", "0,3,0", "line 7: 8 values: must be 9"),
         ("1,1, 0.1", "2,1, 0.1", "line 7: row = '2': must be a whole number from 0 to 1"),
         ("1,1, 0.1", "1,x, 0.1", "line 7: col = 'x'"),
-        ("1,1, 0.1", "1,0, 0.1", "line 7: row 1, col 0: stands in line 6 already"),
+        ("1,1, 0.1", "1,0, 0.1", "line 7: row 1, col 0: already given in line 6"),
         ("1,1, 0.1, 0.01, 0.0, 0,3,0, 2e-4\n", "", "row 1, col 1: no line for this cell"),
         ("nz,area", "nz,weight", "line 2: column names .*weight.: must be row,col,x"),
         ("row,col", "row,row", "line 2: column names"),

@@ -17,7 +17,7 @@ def play(frames):
     """(touch, gesture) of the last frame that told any, for (rows, cols) forces [N]."""
     tracker, gestures, told = Tracker(PLANE.pitch), Gestures(PLANE), []
     for k, force in enumerate([*frames, *[np.zeros((8, 8))] * 8]):
-        frame = features.look(force, PLANE, 0.2)
+        frame = features.analyse_frame(force, PLANE, 0.2)
         touches = tracker.update(k * DT, frame)
         told += zip(touches, gestures.update(k * DT, frame, touches), strict=True)
     return told
@@ -116,6 +116,6 @@ def test_what_leaves_a_cell_changed_it():
 def test_no_touch_is_remembered_after_its_release():
     tracker, gestures = Tracker(PLANE.pitch), Gestures(PLANE)
     for k in range(300):
-        frame = features.look(patch(1.0) * (k % 20 < 10), PLANE, 0.2)
+        frame = features.analyse_frame(patch(1.0) * (k % 20 < 10), PLANE, 0.2)
         gestures.update(k * DT, frame, tracker.update(k * DT, frame))
         assert len(gestures._courses) <= 1

@@ -23,10 +23,10 @@ class Skin:
     def feel(self, *fingers, dt=DT):
         """One frame: fingers as (row, col, newtons) [cells]; returns the touches."""
         self.t += dt
-        return self.look(sum((tip(*f) for f in fingers), np.zeros((16, 16))))
+        return self.analyse_frame(sum((tip(*f) for f in fingers), np.zeros((16, 16))))
 
-    def look(self, force):
-        self.frame = features.look(force, PLANE, 0.2)
+    def analyse_frame(self, force):
+        self.frame = features.analyse_frame(force, PLANE, 0.2)
         return self.tracker.update(self.t, self.frame)
 
 
@@ -159,7 +159,7 @@ def test_two_palms_that_pass_as_one_contact_keep_their_ids(skin):
     rows, joined = {}, 0
     for k in range(66):
         skin.t += DT
-        touches = there(skin.look(palm(6.5, 1 + 0.2 * k) + palm(9, 14 - 0.2 * k)))
+        touches = there(skin.analyse_frame(palm(6.5, 1 + 0.2 * k) + palm(9, 14 - 0.2 * k)))
         joined += len(touches) == 1
         for touch in touches if len(touches) == 2 else ():
             row = 7.5 - touch.contact.position[2] / PITCH
@@ -175,7 +175,7 @@ def test_two_palms_joined_by_an_arm_between_keep_their_ids(skin):
     for k in range(60):
         skin.t += DT
         both = palm(8, 3, 30.0) + palm(8, 13, 40.0)
-        touches = there(skin.look(np.maximum(both, arm if 20 <= k < 40 else 0.0)))
+        touches = there(skin.analyse_frame(np.maximum(both, arm if 20 <= k < 40 else 0.0)))
         assert len(touches) == (1 if 20 <= k < 40 else 2)
         if k == 0:
             before = {touch.id: round(column(touch)) for touch in touches}
@@ -269,7 +269,7 @@ def test_a_finger_that_lifts_beside_a_palm_did_not_join_it(skin):
         skin.t += DT
         palm = finger(16, 16, 8, 5, 40.0, width=1.2 if k < 10 else 1.5)
         force = palm + (tip(8, 9.5) if k < 10 else 0.0)
-        told += [(k, t.id) for t in skin.look(force) if t.state == RELEASED]
+        told += [(k, t.id) for t in skin.analyse_frame(force) if t.state == RELEASED]
     assert told == [(15, 2)]
 
 

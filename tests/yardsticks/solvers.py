@@ -105,8 +105,8 @@ def other_board(family: str, off: str, n: int, seed=1) -> dict:
     return {"family": family, "off": off, "frames": n} | total
 
 
-def r_par_told(family: str, n: int, seed=1) -> dict:
-    """Standard deviation [ohm] to which a `scan` frame tells R_par, at best (Cramer-Rao).
+def r_par_std(family: str, n: int, seed=1) -> dict:
+    """Standard deviation [ohm] to which a `scan` frame determines R_par, at best (Cramer-Rao).
 
     At best: of a fit that knows which cells are touched, takes nothing for granted about how hard,
     and knows the others' resistance, or (second) only that it is the same for all.
@@ -115,7 +115,7 @@ def r_par_told(family: str, n: int, seed=1) -> dict:
     cells = circuit.rows * circuit.cols
     rng = np.random.default_rng(seed)
     force, adc = frames(family, "ideal", n, rng, circuit, curve)
-    told = np.empty((2, n))
+    std = np.empty((2, n))
     for k in range(n):
         resistance = curve.resistance(force[k])
         steps = jacobian(circuit, resistance).reshape(cells, cells) * resistance.ravel()
@@ -125,8 +125,8 @@ def r_par_told(family: str, n: int, seed=1) -> dict:
             u, scale, _ = np.linalg.svd(unknown, full_matrices=False)
             u = u[:, scale > 1e-9 * scale[0]]
             left = np.linalg.norm(pattern - u @ (u.T @ pattern)) * circuit.full_scale
-            told[row, k] = SCAN_NOISE / max(left, 1e-9)
-    quantiles = np.quantile(told, (0.5, 0.9), axis=1).T.tolist()
+            std[row, k] = SCAN_NOISE / max(left, 1e-9)
+    quantiles = np.quantile(std, (0.5, 0.9), axis=1).T.tolist()
     return {"family": family, "frames": n, "rest known": quantiles[0], "rest alike": quantiles[1]}
 
 
@@ -263,8 +263,8 @@ def main() -> None:
         for f in scenes.FAMILIES
         for off in ("R_par", "curve", "both")
     ]
-    # not `random`: where every cell is touched nothing tells R_par
-    rows += [("R_par in a frame", r_par_told, f, 60 // share) for f in ("blobs", "rects")]
+    # not `random`: where every cell is touched R_par is not determined
+    rows += [("R_par in a frame", r_par_std, f, 60 // share) for f in ("blobs", "rects")]
     rows += [("batches", batches, kind, 2000) for kind in network.NETWORKS]
     rows += [("map, last frame", tracking, "map", "scan", 40 // share)]
     rows += [(f"detection, {r}", detection, 300 // share, r) for r in ("scan", "adc10")]

@@ -111,7 +111,7 @@ def found_in(force: np.ndarray, rng, method: str = METHOD, spread: float = 0.0) 
     resistance *= np.exp(spread * rng.standard_normal(force.shape))
     adc = read_out(CIRCUIT, forward(CIRCUIT, resistance), "scan", rng)
     estimate = compensate(adc, CIRCUIT, CURVE, method)
-    return features.look(estimate.force, SKIN, CELL_THRESHOLD)
+    return features.analyse_frame(estimate.force, SKIN, CELL_THRESHOLD)
 
 
 # --- 1. one touch: force, centre, direction ------------------------------------------------------
@@ -254,7 +254,7 @@ def play(
             adc = np.minimum(sent.samples / 64.0 / CIRCUIT.full_scale, 1.0)
             estimate = compensate(adc, CIRCUIT, CURVE, METHOD, start=last)
             last = estimate if estimate.status == "ok" else None
-            frame = features.look(estimate.force, SKIN, CELL_THRESHOLD)
+            frame = features.analyse_frame(estimate.force, SKIN, CELL_THRESHOLD)
             t = sent.device_time_us / 1e6
             yield t, frame, tracker.update(t, frame)
 

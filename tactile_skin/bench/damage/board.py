@@ -118,7 +118,7 @@ class FaultBoard:
     """Fabric, wiring, ADC, low-pass and framing of one board, and the link that carries its bytes.
 
     Args:
-        circuit, curve: what the skin is told; the true cells scatter about it.
+        circuit, curve: the skin's configuration; the true cells scatter about it.
         noise: RMS of a sample [ADC steps].
         protocol: "binary" or "text" (whole steps, no checksum).
         readout: one of READOUTS.

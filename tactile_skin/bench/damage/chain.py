@@ -18,10 +18,10 @@ _PATIENT = 10.0  # s for a frame: a busy machine is not what is measured
 
 
 class Chain:
-    """From the bytes of a board to the stop's word, with no thread and no wall clock.
+    """From the bytes of a board to the stop's messages, with no thread and no wall clock.
 
     Args:
-        circuit: what the skin is told of its board.
+        circuit: the skin's configuration of its board.
         protocol: "binary" or "text".
         parameters: node name -> {parameter: value} on top of config/skin.yaml.
 
@@ -49,7 +49,7 @@ class Chain:
         self._driver = nodes["serial_driver"]
         self._area = nodes["gesture_feature"].geometry.cell_area
         self.force = np.zeros(circuit.shape)
-        self.stop, self.reason = True, "nothing said yet"
+        self.stop, self.reason = True, "no decision yet"
         self.levels: dict[str, tuple[int, str]] = {}
         self._observer = Node("observer", context=context)
         for topic, kind, callback, depth in (
@@ -114,8 +114,8 @@ class Chain:
 
 def _described(circuit: Circuit) -> dict:
     """The parameters circuit.* of a circuit."""
-    said = circuit.describe()
-    mask = said.pop("mask")
-    return {f"circuit.{key}": value for key, value in said.items()} | {
+    described = circuit.describe()
+    mask = described.pop("mask")
+    return {f"circuit.{key}": value for key, value in described.items()} | {
         "circuit.mask": " ".join(mask) if mask else ""
     }

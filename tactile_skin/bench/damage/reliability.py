@@ -1,8 +1,8 @@
 """Faults through the whole chain, counted: silent failures, missed pushes, false stops.
 
-Every 10 ms the picture that was published last and the word of the stop are held against what was
-really there. A tick *fails* when the picture is wrong, see `fails`; it is *silent* if besides no
-stage doubts anything and no stop but a push's is on. A push is *missed* if the robot was free
+Every 10 ms the last published picture and the decision of the stop are compared with the truth. A
+tick *fails* when the picture is wrong, see `fails`; it is *silent* if besides no stage doubts
+anything and there is no stop but for a push. A push is *missed* if the robot was free
 throughout, from 0.3 s after its start on, and *let go* if it was free at any time then. A fault is
 there from the start, or begins in the stream.
 """
@@ -46,7 +46,7 @@ SHAPES = {
     "disc": Circuit(16, 16, mask=_DISC),
     "32x32": Circuit(32, 32),
 }
-SOUND = (  # protocol, readout, noise of a sample [ADC steps], whether the skin is told its noise
+SOUND = (  # protocol, readout, noise of a sample [ADC steps], whether its noise is configured
     (BINARY, "low-pass", 0.3, True),
     (BINARY, "low-pass", 1.0, True),
     (BINARY, "low-pass", 2.0, True),
@@ -83,15 +83,15 @@ class Record:
 
     Attributes:
         truth, found: (n, rows, cols) [N].
-        stopped: whether the robot was; told: whether for another reason than a push; doubts:
+        stopped: whether the robot was; faulted: whether for another reason than a push; doubts:
             whether any stage reports more than OK.
-        reasons: why, where `told` begins.
+        reasons: why, where `faulted` begins.
     """
 
     truth: np.ndarray
     found: np.ndarray
     stopped: np.ndarray
-    told: np.ndarray
+    faulted: np.ndarray
     doubts: np.ndarray
     reasons: list[str]
 
@@ -106,7 +106,7 @@ def play(chain, arriving, force: np.ndarray, start: int = 0) -> Record:
     """
     n, arriving = len(force), iter(arriving)
     found = np.zeros(force.shape, np.float32)
-    word = np.zeros((3, n), bool)
+    flags = np.zeros((3, n), bool)
     reasons: list[str] = []
     due = next(arriving, None)
     for k in range(n):
@@ -118,11 +118,11 @@ def play(chain, arriving, force: np.ndarray, start: int = 0) -> Record:
             chain.feed(at, data)
         chain.until(t)
         found[k] = chain.force
-        told = chain.stop and chain.reason != PUSH_REASON
-        if told and not (k and word[1, k - 1]):
+        faulted = chain.stop and chain.reason != PUSH_REASON
+        if faulted and not (k and flags[1, k - 1]):
             reasons.append(chain.reason)
-        word[:, k] = chain.stop, told, chain.doubts
-    return Record(force, found, *word, reasons)
+        flags[:, k] = chain.stop, faulted, chain.doubts
+    return Record(force, found, *flags, reasons)
 
 
 def fails(record: Record, lag: float, end: float) -> np.ndarray:
@@ -134,7 +134,7 @@ def fails(record: Record, lag: float, end: float) -> np.ndarray:
     taken while a force changes, each reading has its own instant.
 
     Args:
-        end: of the curve [N]: more on a cell cannot be told.
+        end: of the curve [N]: more on a cell cannot be measured.
     """
     truth, found = np.minimum(record.truth, end), record.found
     low, high = (_latest(truth, lag, f) for f in (np.minimum, np.maximum))
@@ -144,9 +144,9 @@ def fails(record: Record, lag: float, end: float) -> np.ndarray:
     error = (error * touched).sum((1, 2)) / cells
     load = (high * touched).sum((1, 2)) / cells
     bad = error > np.maximum(FAILS * GRAM, FAILS_SHARE * load)
-    total, said = truth.sum((1, 2)), found.sum((1, 2))
+    total, measured = truth.sum((1, 2)), found.sum((1, 2))
     low, high = (_latest(total, lag, f) for f in (np.minimum, np.maximum))
-    off = np.maximum(low - said, said - high)
+    off = np.maximum(low - measured, measured - high)
     return bad | (off > np.maximum(TOTAL, TOTAL_SHARE * high))
 
 
@@ -166,11 +166,11 @@ def count(record: Record, pushes, onset: int, lag: float, end: float, begin: int
         begin: knot from which a stop counts as the answer to the fault.
     """
     bad = fails(record, lag, end)[onset:]
-    quiet = ~(record.doubts | record.told)[onset:]
+    quiet = ~(record.doubts | record.faulted)[onset:]
     free = ~record.stopped
     soon = round(SOON * KNOTS)
     late = [free[a + soon : b] for a, b in pushes if a >= onset and b - a > soon]
-    told = np.flatnonzero(record.told[begin:])
+    reports = np.flatnonzero(record.faulted[begin:])
     return {
         "frames": len(bad),
         "failing": int(bad.sum()),
@@ -180,7 +180,7 @@ def count(record: Record, pushes, onset: int, lag: float, end: float, begin: int
         "missed": sum(bool(x.all()) for x in late),
         "let_go": sum(bool(x.any()) for x in late),
         "free": int(free[onset + soon :].sum()),
-        "to_stop": [float(told[0] / KNOTS) if told.size else None],
+        "to_stop": [float(reports[0] / KNOTS) if reports.size else None],
     }
 
 
@@ -192,8 +192,10 @@ def configured(protocol: str, readout: str, noise: float) -> dict:
     """
     grid = 0.0 if protocol == BINARY and readout == "low-pass" else 1.0 / 12.0  # of whole steps
     samples = (noise**2 + 1.0 / 12.0) * _LEFT[readout] ** 2
-    told = {"compensation": {"noise": float(np.sqrt(samples + grid))}}
-    return told | ({"stop_on_push": {"lead": 0.0, "debounce": 0.01}} if protocol == TEXT else {})
+    settings = {"compensation": {"noise": float(np.sqrt(samples + grid))}}
+    return settings | (
+        {"stop_on_push": {"lead": 0.0, "debounce": 0.01}} if protocol == TEXT else {}
+    )
 
 
 # --- streams ------------------------------------------------------------------------------------
@@ -232,14 +234,14 @@ def run_fault(shape: str, name: str, protocol: str, early: bool, seconds: float,
 
 
 def run_sound(
-    shape: str, protocol: str, readout: str, noise: float, told: bool, seconds: float, seed
+    shape: str, protocol: str, readout: str, noise: float, noise_given: bool, seconds: float, seed
 ) -> dict:
     """A sound board for so long: `count`, `touches`, `false_stops` and the frames in them."""
     circuit, curve = SHAPES[shape], PressureCurve()
     rng = np.random.default_rng(seed)
     board = FaultBoard(circuit, curve, rng, noise, protocol, readout)
     parameters = configured(protocol, readout, noise)
-    if not told:
+    if not noise_given:
         del parameters["compensation"]
     chain = Chain(circuit, protocol, parameters)
     total: dict = {}
@@ -256,15 +258,15 @@ def run_sound(
         begin = 0 if n else round(IDLE * KNOTS)
         found = count(record, scene.pushes(), begin, lag, curve.max_force, begin)
         del found["to_stop"]
-        edges = np.diff(np.concatenate([[before], record.told[begin:]]).astype(int)) > 0
+        edges = np.diff(np.concatenate([[before], record.faulted[begin:]]).astype(int)) > 0
         found |= {
             "touches": len(scene.touches),
             "false_stops": int(edges.sum()),
-            "stopped": int(record.told[begin:].sum()),
+            "stopped": int(record.faulted[begin:].sum()),
             "reasons": _later(record, begin),
         }
         total = add(total, found)
-        before, n = bool(record.told[-1]), n + len(scene.force)
+        before, n = bool(record.faulted[-1]), n + len(scene.force)
     errors = chain.errors
     chain.close()
     return total | {"errors": errors}
@@ -272,7 +274,7 @@ def run_sound(
 
 def _later(record: Record, begin: int) -> list[str]:
     """The reasons of stops that begin at that knot or later."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], record.told]).astype(int)) > 0)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], record.faulted]).astype(int)) > 0)
     return [reason for k, reason in zip(edges, record.reasons, strict=True) if k >= begin]
 
 
@@ -367,7 +369,13 @@ def measure(
                 for s, f, p in rows
             ],
             "sound": [
-                dict(zip(("shape", "protocol", "readout", "noise", "told"), task[1:], strict=False))
+                dict(
+                    zip(
+                        ("shape", "protocol", "readout", "noise", "noise_given"),
+                        task[1:],
+                        strict=False,
+                    )
+                )
                 | result
                 for task, result in zip(sound, results[len(tasks) :], strict=True)
             ],

@@ -25,8 +25,8 @@ def table(data: dict) -> str:
     if data["sound"]:
         lines += ["### sound boards", "", _line(*_SOUND_COLUMNS), "|---|---" + "|---:" * 8 + "|"]
         lines += [_line(row["shape"], _board(row), *_sound_cells(row)) for row in data["sound"]]
-        told = _sum([row for row in data["sound"] if row["told"]])
-        lines += [_line("together", "noise told", *_sound_cells(told)), ""]
+        given = _sum([row for row in data["sound"] if row["noise_given"]])
+        lines += [_line("together", "noise given", *_sound_cells(given)), ""]
     return "\n".join(lines)
 
 
@@ -95,8 +95,8 @@ _SOUND_COLUMNS = (
 
 
 def _board(row: dict) -> str:
-    told = "" if row["told"] else ", noise not told"
-    return f"{row['protocol']}, {row['readout']}, {row['noise']:g} steps{told}"
+    given = "" if row["noise_given"] else ", noise not given"
+    return f"{row['protocol']}, {row['readout']}, {row['noise']:g} steps{given}"
 
 
 def _sound_cells(row: dict) -> list[str]:
@@ -139,7 +139,7 @@ def draw(data: dict):
     axis.tick_params(length=0)
     for spine in axis.spines.values():
         spine.set_visible(False)
-    figure.suptitle("frames that fail without a word; red: pushes missed, of how many", fontsize=9)
+    figure.suptitle("frames that fail unreported; red: pushes missed, of how many", fontsize=9)
     return figure
 
 

@@ -271,7 +271,7 @@ def _settle(settle, value) -> None:
 def _complain(what: str, broken: BaseException) -> None:
     """What could not be logged goes to stderr, if there is one."""
     with contextlib.suppress(Exception):
-        print(f"{what}, and {type(broken).__name__} while that was told", file=sys.stderr)
+        print(f"{what}, and {type(broken).__name__} while that was reported", file=sys.stderr)
 
 
 def _remap_rules(cli_args: list[str]) -> list[str]:
