@@ -27,7 +27,7 @@ _MEASURED = 1.1  # times a noise that was measured in the same frame, which is n
 _ASIDE = 6.0  # standard deviations of the mean misfit, where the noise was measured
 _BEYOND = 5.0  # of noise, past what no skin can read
 _OPEN = 0.5  # times the reading at rest: fabrics differ from the curve by less
-_EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
+EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
 # Share of a fault's pattern, squared, below which the fit can take all of it: a short's, r_par's.
 _HIDDEN = 1e-3, 1e-4
 _TOLD = 1e-3  # the same, above which the readings alone tell a wrong r_par from the touched cells'
@@ -92,7 +92,7 @@ def piled(reading: Reading, least: int = _PILE[0], others: float = _PILE[1]) -> 
 
 
 def by_residual(
-    reading: Reading, adc: np.ndarray, floor: float = _EXACT_NOISE, slack: float = 1.0
+    reading: Reading, adc: np.ndarray, floor: float = EXACT_NOISE, slack: float = 1.0
 ) -> str:
     """Why the misfit to the model's ADC ratio (rows, cols) is beyond noise; empty if it is not.
 
