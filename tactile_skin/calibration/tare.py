@@ -17,9 +17,7 @@ from ..solvers import compensate
 from ..solvers.reading import SCAN_NOISE, rest_reading
 
 MAX_TARED_FORCE = 2.0 * GRAM  # N on a cell; what conducts more is a touch, and stays one
-_MAX_RESISTANCE = (
-    4.0  # times the usual cell's resistance at rest; a cell that conducts less is broken
-)
+_MAX_RESISTANCE = 4.0  # times the usual cell's at rest; a cell that conducts less is broken
 # Conductance of the usual cell over the curve's at rest, between which any fabric may lie: chosen,
 # 4.5 g on each cell of the shipped curve conduct three times as much.
 _LEVEL = 0.1, 3.0

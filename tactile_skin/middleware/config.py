@@ -93,7 +93,8 @@ def circuit_of(node: Node) -> Circuit:
     r_par = value("r_par", 326.0, "series resistance of the multiplexers [ohm]", 0.0, 1e6)
     adc_bits = value("adc_bits", 10, "width of the ADC", 4, 16)
     mask = value("mask", "", "cells that exist: a word of 0 and 1 per row; empty: all")
-    return Circuit(rows, cols, r_ref, r_par, adc_bits, mask_of(mask))
+    r_line = value("r_line", 0.0, "of a stripe, from its lead to its far end [ohm]", 0.0, 1e4)
+    return Circuit(rows, cols, r_ref, r_par, adc_bits, mask_of(mask), r_line)
 
 
 def adc_of(node: Node, circuit: Circuit) -> Adc:

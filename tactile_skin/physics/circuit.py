@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
-from . import laplacian
+from . import laplacian, lines
 from .kernel import connected_rho
 
 
@@ -31,6 +31,8 @@ class Circuit:
         r_par: parasitic series resistance of the multiplexers [ohm].
         adc_bits: width of the ADC; full scale reads ``2**adc_bits - 1``.
         mask: (rows, cols) bool, which crossings carry a cell; None: all of them.
+        r_line: resistance of a stripe from its lead to its far end [ohm]: one for all, or rows +
+            cols of them, the rows' first. Rows are led out beside column 0, columns above row 0.
 
     Raises:
         ValueError: a size, resistance or width outside its range, a mask of another shape, or one
@@ -43,6 +45,7 @@ class Circuit:
     r_par: float = 326.0
     adc_bits: int = 10
     mask: np.ndarray | None = field(default=None, repr=False)
+    r_line: float | np.ndarray = 0.0
 
     def __post_init__(self):
         for name, low, high in (("rows", 1, 255), ("cols", 1, 255), ("adc_bits", 1, 16)):
@@ -53,6 +56,16 @@ class Circuit:
             value = getattr(self, name)
             if not np.isfinite(value) or value < 0 or (value == 0 and name == "r_ref"):
                 raise ValueError(f"{name} = {value!r} ohm: must be finite and {low}")
+        r_line = np.array(self.r_line, dtype=float)
+        if r_line.shape not in ((), (self.rows + self.cols,)):
+            raise ValueError(
+                f"r_line has shape {r_line.shape}: must be a number or rows + cols = "
+                f"{self.rows + self.cols} of them"
+            )
+        if not (np.isfinite(r_line) & (r_line >= 0.0)).all():
+            raise ValueError(f"r_line = {self.r_line!r} ohm: must be finite and 0 or more")
+        r_line.setflags(write=False)
+        object.__setattr__(self, "r_line", r_line if r_line.ndim else float(r_line))
         if self.mask is not None:
             mask = np.array(self.mask, dtype=bool)
             if mask.shape != self.shape:
@@ -74,6 +87,14 @@ class Circuit:
         everywhere = np.ones(self.shape, bool)
         everywhere.setflags(write=False)
         return everywhere
+
+    @cached_property
+    def stripes(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """(rows,) and (cols,) resistance of the stripes [ohm]; None: they have none."""
+        if not np.any(self.r_line):
+            return None
+        r_line = np.broadcast_to(self.r_line, self.rows + self.cols)
+        return r_line[: self.rows], r_line[self.rows :]
 
     @property
     def full_scale(self) -> int:
@@ -102,6 +123,7 @@ class Circuit:
             "r_par": float(self.r_par),
             "adc_bits": int(self.adc_bits),
             "mask": mask,
+            "r_line": np.asarray(self.r_line).tolist(),
         }
 
     def __eq__(self, other):
@@ -117,6 +139,7 @@ def circuit_from(description: dict) -> Circuit:
     Raises:
         ValueError: a key is missing or unknown, or as `Circuit`.
     """
+    description = {"r_line": 0.0} | description  # weights of old have none
     if (wanted := Circuit().describe().keys()) != description.keys():
         raise ValueError(f"circuit has {', '.join(description)}: must be {', '.join(wanted)}")
     mask = description["mask"]
@@ -148,7 +171,11 @@ def forward(circuit: Circuit, resistance) -> np.ndarray:
     if not (resistance > 0).all():
         bad = resistance[~(resistance > 0)].flat[0]
         raise ValueError(f"resistance of {bad} ohm: every cell's must be above 0")
-    return circuit.ratio(two_terminal_resistance(1.0 / resistance))
+    if circuit.stripes is None:
+        return circuit.ratio(two_terminal_resistance(1.0 / resistance))
+    frames = (1.0 / resistance).reshape(-1, *circuit.shape)
+    rho = np.array([lines.solve(g, *circuit.stripes).rho for g in frames])
+    return circuit.ratio(rho.reshape(resistance.shape))
 
 
 def two_terminal_resistance(conductance: np.ndarray) -> np.ndarray:
@@ -186,9 +213,15 @@ def jacobian(circuit: Circuit, resistance) -> np.ndarray:
     if resistance.shape != circuit.shape:
         raise ValueError(f"resistance has shape {resistance.shape}, not {circuit.shape}")
     g = np.where(circuit.populated, 1.0 / resistance, 0.0)
-    network = laplacian.solve(g)
+    if circuit.stripes is None:
+        network = laplacian.solve(g)
+        transfer = laplacian.transfer_resistance(network)
+    else:
+        network = lines.solve(g, *circuit.stripes)
+        row, col = np.split(np.moveaxis(network.across, 2, 0), [circuit.rows])
+        transfer = row[:, None] - col
     adc = circuit.ratio(network.rho)
-    d_rho = laplacian.transfer_resistance(network) ** 2 * g**2  # (rows, cols, rows, cols), by R
+    d_rho = transfer**2 * g**2  # (rows, cols, rows, cols), by R
     return -(adc**2 / circuit.r_ref)[:, :, None, None] * d_rho
 
 

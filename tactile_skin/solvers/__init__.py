@@ -15,17 +15,18 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..physics import lines
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from .auto import auto
 from .estimate import Estimate, batch_of
-from .fixed_point import fixed_point
+from .fixed_point import first_guess, fixed_point, iterate, last_guess
 from .learned import cnn, physics
 from .map import map_estimate
 from .naive import naive
 from .newton import fits_circuit, newton
 from .reading import Reading, check_prior, check_reading, check_start
-from .suspect import saturation
+from .suspect import EXACT_NOISE, saturation
 
 METHODS = {
     "naive": naive,
@@ -40,6 +41,9 @@ METHODS = {
 # Arguments of each method beside the reading. `start` is allowed with all: a stream passes it on
 # whatever its method.
 _TAKES = {name: tuple(inspect.signature(m).parameters)[1:] for name, m in METHODS.items()}
+_GUESS = 4, 8  # steps of the fixed point by which what the stripes add is first guessed
+_SHARE = 0.1, 2.0  # of a change, that is taken
+_ROUNDS, _CLOSE = 20, 0.3  # fits at most; standard deviations by which it may still change
 _NOT_FITTED = "naive", "fixed_point", "cnn", "physics"
 
 __all__ = ["METHODS", "Estimate", "check_reading", "compensate"]
@@ -124,7 +128,41 @@ def compensate(
 
 
 def _one(reading: Reading, method: str, given: dict) -> Estimate:
-    """One frame by one method, with the arguments that it takes."""
+    """One frame by one method, with the arguments that it takes.
+
+    The methods know stripes without resistance. What the stripes add to each reading depends little
+    on the picture, so it is taken from a guess, and from the estimate until it stays.
+    """
+    stripes = reading.circuit.stripes
+    if stripes is None or method == "naive":
+        return _of_ideal_stripes(reading, method, given)
+    ideal = replace(reading, circuit=replace(reading.circuit, r_line=0.0))
+    exact, close = reading.noise == 0.0, _CLOSE * (reading.noise or EXACT_NOISE)
+    start = given.get("start")
+    if start is not None:
+        g = last_guess(ideal, start)
+    else:
+        g = first_guess(ideal)
+        for steps in _GUESS:
+            behind = ideal.behind(lines.added(g, stripes, exact))
+            g = iterate(behind, first_guess(behind), steps, 0.0)[0]
+    added, share, last = lines.added(g, stripes, exact), 1.0, None
+    for _ in range(_ROUNDS):
+        behind = ideal.behind(added)
+        estimate = _of_ideal_stripes(behind, method, given)
+        now = lines.added(last_guess(ideal, estimate), stripes, exact)
+        change = np.abs(behind.adc - ideal.behind(now).adc).max() * ideal.circuit.full_scale
+        if change <= close or reading.late():
+            break
+        off = now - added
+        if last is not None:  # Aitken: cells that their readings hardly determine swing
+            turn = off - last
+            share = np.clip(-share * (last * turn).sum() / np.square(turn).sum(), *_SHARE)
+        added, last = np.maximum(added + share * off, 0.0), off
+    return estimate
+
+
+def _of_ideal_stripes(reading: Reading, method: str, given: dict) -> Estimate:
     estimate = METHODS[method](reading, **given)
     if estimate.status == "ok" and method in _NOT_FITTED and reading.all_cells_read:
         # The misfit of these methods proves nothing: the exact inverse decides.

@@ -57,6 +57,13 @@ class Reading:
         """The same frame with a noise that was measured in it [ADC steps]."""
         return replace(self, noise=min(max(noise, ROUNDING_NOISE), MAX_NOISE))
 
+    def behind(self, added: np.ndarray) -> Reading:
+        """The same frame if nothing lay in series but r_par: without (rows, cols) [ohm] more."""
+        r_ref = self.circuit.r_ref
+        with np.errstate(divide="ignore"):
+            adc = r_ref / np.maximum(r_ref / self.adc - added, r_ref)
+        return replace(self, adc=adc)
+
     @cached_property
     def steps(self) -> np.ndarray:
         """(rows, cols) the reading in ADC steps."""

@@ -29,12 +29,10 @@ _MEASURED_NOISE = 1.1  # times noise that was measured in the same frame, and is
 _MEAN_LIMIT = 6.0  # standard deviations of the mean misfit, where the noise was measured
 _IMPOSSIBLE = 5.0  # standard deviations of noise past what any skin can read: 1 in 3 million
 _OPEN = 0.5  # times the reading at rest: fabrics differ from the curve by less
-_EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
+EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
 # Share of a fault's squared pattern, of a short and of r_par, below which the fit absorbs it.
 _ABSORBED = 1e-3, 1e-4
-LIFTED = (
-    5.0  # times its conductance at rest from which on a cell is touched: 8 g on the shipped curve
-)
+LIFTED = 5.0  # times its conductance at rest that a touched cell has: 8 g on the shipped curve
 # A saturated input (docs/derivation.md, "When to doubt", 4). The ceiling is this thick, and the gap
 # below it as wide [ADC steps]; readings at it, and others in the gap for each of them, that a flat
 # touch may have too, and that noise leaves of no flat touch; noise [ADC steps] that does that.
@@ -101,7 +99,7 @@ def saturation(reading: Reading, least: int = _FLAT[0], others: float = _FLAT[1]
 
 
 def by_residual(
-    reading: Reading, adc: np.ndarray, floor: float = _EXACT_NOISE, slack: float = 1.0
+    reading: Reading, adc: np.ndarray, floor: float = EXACT_NOISE, slack: float = 1.0
 ) -> str:
     """Why the misfit to the model's ADC ratio (rows, cols) is beyond noise; empty if it is not.
 
