@@ -147,6 +147,6 @@ class Ceiling:
             return ""
         end = self.height if self._falls_from is None else self._falls_from - self.height
         return (
-            f"readings end at {end:.0f} ADC steps and stand there while others move: "
+            f"readings end at {end:.0f} ADC steps and stay there while others change: "
             "is the input saturated?"
         )

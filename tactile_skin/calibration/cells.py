@@ -59,12 +59,14 @@ class Cells:
         stuck = t - self._since >= _STANDS
         if self._noisy.any():
             row, col = np.unravel_index(self._reversals.argmax(), force.shape)
-            return f"row {row}, column {col} jumps about: a loose contact, or a noisy cell?"
+            return (
+                f"row {row}, column {col} jumps between high and low force: is its contact loose?"
+            )
         if stuck.any():
             row, col = np.argwhere(stuck)[0]
             return (
-                f"row {row}, column {col} alone has stood at {force[row, col]:.1f} N for "
-                f"{_STANDS:g} s and longer: does something lie there, or is the cell stuck?"
+                f"row {row}, column {col} alone has read a constant {force[row, col]:.1f} N "
+                f"for {_STANDS:g} s or longer: does something lie there, or is the cell stuck?"
             )
         return ""
 

@@ -1,8 +1,8 @@
 """When frames in doubt are a fault, and when that fault is over: no clock and no bus of its own.
 
-One frame in doubt is nothing: a touch that comes or goes leaves a few. Half of the last ones are a
-fault. What is wrong at rest stays wrong under a touch, which may hide it; what was wrong under a
-touch may not show at rest, and is not over because the hand is gone.
+A single suspect frame is no fault: a touch that comes or goes causes a few. Half of the last frames
+are one. A fault at rest persists under a touch, which may hide it; a fault under a touch may not
+show at rest, and is not over when the hand is gone.
 """
 
 from __future__ import annotations
@@ -10,11 +10,13 @@ from __future__ import annotations
 import math
 from collections import deque
 
-_WATCHED = 20  # frames: 0.2 s at 100 a second
-_ENTER, _LEAVE = 10, 5  # frames in doubt among them that make, and that end, a fault
-_REST = 1.0  # s of rest without doubt after which a fault under one touch is over
-_SOUND = 0.5  # s of touch without doubt after which any is
-_AGAIN = 2  # touches in a row with a fault from which on rest proves nothing
+# Chosen so that valid streams do not stop the robot and faults do within 0.2 s; scored by bench
+# faults, in docs/reliability.md.
+_WINDOW = 20  # frames: 0.2 s at 100 a second
+_FAULT, _OVER = 10, 5  # suspect frames among them that make, and that end, a fault
+_REST_SECONDS = 1.0  # s of rest without a suspect frame after which a fault under one touch is over
+_VALID_SECONDS = 0.5  # s of touch without a suspect frame after which any fault is
+_REPEATED = 2  # touches with a fault in succession from which on rest is no evidence
 
 
 class Doubt:
@@ -27,7 +29,7 @@ class Doubt:
     def __init__(self):
         # at first as many count as in doubt as make a fault: a skin that is wrong from the start is
         # never free
-        self._recent = deque([True] * _ENTER + [False] * (_WATCHED - _ENTER), maxlen=_WATCHED)
+        self._recent = deque([True] * _FAULT + [False] * (_WINDOW - _FAULT), maxlen=_WINDOW)
         self._now = False  # the last frames are in doubt
         self.reset()
 
@@ -59,7 +61,7 @@ class Doubt:
         """
         self._recent.append(suspect)
         doubts = sum(self._recent)
-        self._now = doubts >= (_LEAVE if self._now else _ENTER)
+        self._now = doubts >= (_OVER if self._now else _FAULT)
         if suspect or touched != self._touched or t < self._last:
             self._began = t  # of a stretch without doubt, all touch or all rest
         self._last, self._touched = t, touched
@@ -67,20 +69,20 @@ class Doubt:
         if touched:
             if self._now and not self._counted:
                 self._touches, self._counted, self._held = self._touches + 1, True, True
-            if clear >= _SOUND:
+            if clear >= _VALID_SECONDS:
                 self._touches, self._counted, self._held = 0, False, False
         else:
             # a fault that a touch hides for a while is still there
-            self._at_rest = min(max(self._at_rest + (1 if suspect else -1), 0), _ENTER)
-            if self._at_rest in (0, _ENTER):
+            self._at_rest = min(max(self._at_rest + (1 if suspect else -1), 0), _FAULT)
+            if self._at_rest in (0, _FAULT):
                 self._lasting = self._at_rest > 0
-            if clear >= _REST:
-                self._counted, self._held = False, self._held and self._touches >= _AGAIN
+            if clear >= _REST_SECONDS:
+                self._counted, self._held = False, self._held and self._touches >= _REPEATED
         self.kept = ""
         if self._held and not self._now:
             self.kept = (
                 "seen under each touch: kept until a valid touch or a reset"
-                if self._touches >= _AGAIN
-                else f"seen under the last touch: kept until {_REST:g} s of rest"
+                if self._touches >= _REPEATED
+                else f"seen under the last touch: kept until {_REST_SECONDS:g} s of rest"
             )
         return self._now or self._lasting or self._held

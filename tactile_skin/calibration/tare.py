@@ -2,9 +2,9 @@
 
 A fabric's cells differ at rest, and drift. `PressureCurve.resting_at` tells that to the solvers;
 here it is measured, in the pauses between touches. The first measurement takes whatever level a
-fabric may rest at, of readings that stand still; from then on nothing is learnt while a touch is
-felt, nor shortly after. A cell is never taken for resting that conducts more than its fellows by
-what `MAX_TARED_FORCE` presses. A line that falls is no fabric's doing, and is not followed.
+fabric may rest at, of readings that do not change; from then on nothing is measured during a touch,
+nor shortly after. A cell that conducts more than the median cell by what `MAX_TARED_FORCE` adds is
+not at rest. A line that conducts less is not the fabric's doing, and is not followed.
 """
 
 from __future__ import annotations
@@ -26,15 +26,17 @@ _AS_THE_CURVE = 0.02  # log of the usual cell's conductance over the curve's
 _STILL = 3.0, 0.03  # ADC steps, and share of a reading, by which it may move during the first
 _TOUCH = 10.0 * GRAM  # N on a cell, felt: a touch
 _WINDOW = 1.0  # s that a measurement takes
-_FRAMES = 40  # frames that it takes at least
-_PAUSE = 1.0  # s after a touch: the fabric recovers
-_WAIT = 0.1  # s that must follow a measurement without a touch: its onset is too weak to be felt
-_SHARE = 0.5  # of a later measurement that is taken over
-_NEWS = 4.0  # times its noise by which a measurement differs from what is known
-_LINE = 0.2  # by which a whole line may rest off the others
-_JUMP = 0.1  # by which all cells together may change between two measurements, and
-_DRIFT = 0.02 / 60.0  # 1/s, by which they may besides: as a robot's cover warms up
-_FALL = 0.05  # by which a whole line may conduct less than at the first measurement
+_MIN_FRAMES = 40  # frames that it takes: noise of 0.5 steps then averages to 0.1
+_RECOVERY = 1.0  # s after a touch in which the fabric recovers: nothing is measured
+_QUIET_AFTER = 0.1  # s without a touch that must follow a measurement: an onset is too weak to feel
+_GAIN = 0.5  # share of the change that a later measurement adds
+_SIGNIFICANT = 4.0  # standard deviations of its noise by which a measurement differs from the rest
+# Changes of log conductance that are not a fabric's, chosen on simulated boards (tests/calibration;
+# bench faults): of a line's median, compared with the others; of all cells between two
+# measurements, and besides in each second, as a robot's cover warms up; of a line since the first.
+_MAX_LINE_OFFSET = 0.2
+_MAX_STEP, _MAX_DRIFT = 0.1, 0.02 / 60.0
+_MAX_LINE_FALL = 0.05
 
 
 class Tare:
@@ -80,13 +82,13 @@ class Tare:
         if t < self._last:
             self._learned = -np.inf  # how long ago cannot be told, nor whether a pause is over
         if t < self._last:
-            self._begin(t + _PAUSE)
+            self._begin(t + _RECOVERY)
         elif not self.measured:
             if self._begun is None or self._moved(adc):
                 self._begun, self.message = adc, ""
                 self._begin(t)
         elif force.max() > _TOUCH:
-            self._begin(t + _PAUSE)
+            self._begin(t + _RECOVERY)
         self._last = t
         if t < self._after:
             return False
@@ -94,9 +96,9 @@ class Tare:
         if self._until == np.inf:
             self._sum += adc
             self._frames += 1
-            if t - self._since >= _WINDOW and self._frames >= _FRAMES:
+            if t - self._since >= _WINDOW and self._frames >= _MIN_FRAMES:
                 self._until = t
-        if t - self._until < _WAIT:
+        if t - self._until < _QUIET_AFTER:
             return False
         mean, frames = self._sum / self._frames, self._frames
         self._begin(t)
@@ -111,7 +113,7 @@ class Tare:
         noise: of the mean reading, in ADC steps.
         """
         off = (adc - rest_reading(self._circuit, self.curve)) * self._circuit.full_scale
-        if np.square(off).mean() < (_NEWS * noise) ** 2:
+        if np.square(off).mean() < (_SIGNIFICANT * noise) ** 2:
             self.message, self.measured = "", True
             return False
         found = compensate(adc, self._circuit, self._range, "newton", noise=0.0)
@@ -130,10 +132,10 @@ class Tare:
         else:
             before = 1.0 / self.curve.rest_resistance
             self.message = self._leads(np.log(now / self._first), cells)
-            self.message = self.message or self._jump(np.log(now / before)[cells])
+            self.message = self.message or self._step(np.log(now / before)[cells])
             if self.message:
                 return False
-            now = before + _SHARE * (now - before)
+            now = before + _GAIN * (now - before)
         self._learned = self._last
         rest = np.where(cells, 1.0 / now, self.curve.points[0][1])
         self.curve = self.curve.resting_at(rest)
@@ -182,21 +184,21 @@ class Tare:
         common = np.median(off[cells])
         for name, lines, _ in _lines(off, cells, common):
             worst = np.abs(lines - common).argmax()
-            if abs(lines[worst] - common) > _LINE:
+            if abs(lines[worst] - common) > _MAX_LINE_OFFSET:
                 much = f"{np.expm1(lines[worst] - common):+.0%}"
                 return (
                     f"{name} {worst} conducts {much} at rest, compared with the others: a bad lead?"
                 )
         return ""
 
-    def _jump(self, change: np.ndarray) -> str:
+    def _step(self, change: np.ndarray) -> str:
         """A fabric warms and ages as a whole, but slowly.
 
         Args:
             change: (cells,) log of each one's conductance over that known.
         """
         common = np.median(change)
-        if abs(common) <= _JUMP + _DRIFT * (self._last - self._learned):
+        if abs(common) <= _MAX_STEP + _MAX_DRIFT * (self._last - self._learned):
             return ""
         much = f"{np.expm1(common):+.0%}"
         return f"all cells conduct {much} at once: did the supply or the reference change?"
@@ -214,7 +216,7 @@ class Tare:
         for name, lines, count in _lines(change, cells, common):
             fall = np.maximum(lines, lines - common)
             worst = fall.argmin()
-            if fall[worst] < -_FALL - 4.0 * spread / count[worst] ** 0.5:
+            if fall[worst] < -_MAX_LINE_FALL - 4.0 * spread / count[worst] ** 0.5:
                 much = f"{np.expm1(fall[worst]):+.0%}"
                 return (
                     f"{name} {worst} conducts {much} compared with the start: is its lead breaking?"

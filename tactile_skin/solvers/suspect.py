@@ -54,22 +54,23 @@ def by_reading(reading: Reading) -> str:
     low = known & (steps < _OPEN * rest - margin)
     high = known & (steps > short_circuit + margin)
     if low.any():
-        where, bad = _place(low, known)
+        line, where, bad = _place(low, known)
         return (
-            f"{where}: below half of an untouched skin's {np.median(rest[bad]):.0f} ADC steps, at "
-            f"most {steps[bad].max():.0f}. Is a lead open, or not connected?"
+            f"{line + ' is open: ' if line else ''}{where} are at most {steps[bad].max():.0f} ADC "
+            f"steps (an untouched cell reads {np.median(rest[bad]):.0f}). Check the lead"
         )
     if high.any():
+        line, where, _ = _place(high, known)
         return (
-            f"{_place(high, known)[0]}: above {short_circuit:.0f} ADC steps, the most that "
-            f"r_ref = {circuit.r_ref:g} and r_par = {circuit.r_par:g} ohm allow. Are both right?"
+            f"{line + ': ' if line else ''}{where} exceed {short_circuit:.0f} ADC steps, the most "
+            f"that r_ref = {circuit.r_ref:g} and r_par = {circuit.r_par:g} ohm allow. Check both"
         )
     touched = steps.max() > rest.max() + margin
     return saturation(reading, *_SATURATED) if touched and reading.noise > _SPREADS else ""
 
 
-def _place(bad: np.ndarray, known: np.ndarray) -> tuple[str, np.ndarray]:
-    """The line that most of the bad readings are on, or the first of them; and which are meant."""
+def _place(bad: np.ndarray, known: np.ndarray) -> tuple[str, str, np.ndarray]:
+    """The line that most of the bad readings are on, if any; their number; which are meant."""
     count = int(np.count_nonzero(bad))
     for name, axis in (("row", 1), ("column", 0)):
         lines, n = bad.sum(axis), known.sum(axis)
@@ -77,9 +78,9 @@ def _place(bad: np.ndarray, known: np.ndarray) -> tuple[str, np.ndarray]:
         if 2 * lines[k] > count and lines[k] > 1 and 2 * lines[k] > n[k]:
             mine = np.zeros(bad.shape, bool)
             np.moveaxis(mine, axis, 1)[k] = True
-            return f"{name} {k}, {lines[k]} of {n[k]} readings", bad & mine
+            return f"{name} {k}", f"{lines[k]} of its {n[k]} readings", bad & mine
     row, col = np.argwhere(bad)[0]
-    return f"{count} of {known.sum()} readings, the first at row {row}, column {col}", bad
+    return "", f"{count} of {known.sum()} readings (first row {row}, column {col})", bad
 
 
 def saturation(reading: Reading, least: int = _FLAT[0], others: float = _FLAT[1]) -> str:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-_STROKE_BEGINS, _STROKE_ENDS = 0.8, 0.4  # confidence
+_STROKE_BEGINS, _STROKE_ENDS = 0.8, 0.4  # confidence, 0..1: chosen, with hysteresis
 
 
 class Pushed(NamedTuple):

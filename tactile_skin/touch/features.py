@@ -19,7 +19,9 @@ _RIM = 0.1  # of the threshold: what lies around a touched cell belongs to its c
 # Times the threshold: force of a touch that is soft all over, 40 N at 20 g. Less would make a touch
 # of the 35 N that the naive method sees on an idle skin.
 _SOFT = 200.0
-_VALLEY = 0.6  # of the lower of two peaks: two touches where the force between them falls below
+# Of the lower of two peaks, which are two touches if the force between them falls below it. Chosen
+# on pairs of pads, scored in docs/touch.md.
+_VALLEY = 0.6
 
 
 class Contact(NamedTuple):

@@ -17,8 +17,8 @@ from .features import Contact, Frame
 from .geometry import Geometry
 from .tracking import RELEASED, Touch
 
-_STEP = 0.001  # m: a centre's noise would add up to a way
-_RISEN, _FALLEN = 0.5, 0.4  # of the largest force so far: a peak begins, and is over
+_STEP = 0.001  # m: the RMS error of a centre; shorter steps would add up to a path
+_RISEN, _FALLEN = 0.5, 0.4  # of the largest force so far: where a peak begins, and ends: chosen
 
 
 class Gesture(NamedTuple):

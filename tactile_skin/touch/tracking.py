@@ -20,17 +20,22 @@ from .features import Contact, Frame
 NEW, HELD, RELEASED = "new", "held", "released"
 STATES = (NEW, HELD, RELEASED)
 
-_WINDOW = 0.15  # s, how far back the line through a touch's places looks
-_FEWEST = 4  # places that make a line
-_NOISE = 0.001  # m, RMS error of a centre that counts as standing still
-_REACH = 1.5  # pitches, and
-_FASTEST = 2.0  # m/s: how far from where it is foreseen a touch may be found
-_GRACE = 0.05  # s that a touch may be out of sight before it is released
-_FORESEEN = 0.3  # s for which a touch that is not seen by itself is thought to go on moving
-_FINGER = 1.5  # pitches: two touches are never nearer
-_REMEMBERED = 2.0  # s that a touch is remembered after it joined another
-_PART_OF = 0.5  # of a contact's force that presses on a touch's cells: it is a part of that touch
-_STAYS = 0.3  # of a touch's force that presses on its cells still: it has not been lifted
+# Chosen on simulated touches (tests/touch); scored by tests/yardsticks/touch.py, in docs/touch.md.
+_WINDOW = 0.15  # s of places to which a touch's line of motion is fitted
+_MIN_PLACES = 4  # that determine a line
+_NOISE = 0.001  # m, RMS error of the centre of a touch that does not move
+_REACH, _MAX_SPEED = (
+    1.5,
+    2.0,
+)  # pitches, and m/s, from its predicted place, within which it is found
+_MAX_ABSENCE = 0.05  # s that a touch may be missing before it is released
+_PREDICTED = 0.3  # s for which the motion of a touch that has joined another is extrapolated
+_MIN_DISTANCE = 1.5  # pitches between two touches
+_MEMORY = 2.0  # s that a touch is kept after it joined another
+_PART_OF = (
+    0.5  # of a contact's force on the cells of a touch, from which on it belongs to that touch
+)
+_STAYS = 0.3  # of a touch's force that is still on its cells, from which on it was not lifted
 _STANDING = np.zeros(3)
 _IDS = 2**24  # a float32, as PointCloud2 carries it, tells so many apart
 
@@ -88,7 +93,7 @@ class _Track:
         mean = sum(times) / n
         offsets = [t - mean for t in times]
         spread = sum(map(mul, offsets, offsets))
-        if n < _FEWEST or spread == 0.0:
+        if n < _MIN_PLACES or spread == 0.0:
             return
         axes = zip(*self._places, strict=True)
         velocity = [sum(map(mul, offsets, axis)) / spread for axis in axes]
@@ -100,11 +105,11 @@ class _Track:
 
     def foreseen(self, t: float) -> np.ndarray:
         """Where the touch, with all that joined it, is likely to be."""
-        return self.contact.position + self.velocity * min(t - self.seen, _FORESEEN)
+        return self.contact.position + self.velocity * min(t - self.seen, _PREDICTED)
 
     def foreseen_alone(self, t: float) -> np.ndarray:
         """Where it would be without those that joined it."""
-        return self.place + self.leaving * min(t - self.since, _FORESEEN)
+        return self.place + self.leaving * min(t - self.since, _PREDICTED)
 
     def as_touch(self, state: str) -> Touch:
         return Touch(self.id, state, self.contact, self.velocity, self.confidence)
@@ -123,7 +128,7 @@ def _join(t: float, members: list[_Track], before: list[_Track], pitch: float) -
                 apart, velocity = places[k] - places[i], leaving[k] - leaving[i]
                 if (speed2 := velocity @ velocity) > 0.0:
                     apart = apart + velocity * max(-(apart @ velocity) / speed2, 0.0)
-                if apart @ apart < (_FINGER * pitch) ** 2:  # where they are nearest
+                if apart @ apart < (_MIN_DISTANCE * pitch) ** 2:  # where they are nearest
                     leaving[i] = leaving[k] = (leaving[i] + leaving[k]) / 2
     mean = sum(leaving) / len(members)
     for member, place, velocity in zip(members, places, leaving, strict=True):
@@ -171,11 +176,11 @@ class Tracker:
             members[0].take(t, contact, members, self.pitch)
             now.append(members[0])
         for track in now:
-            released += [m for m in track.members[1:] if t - m.joined > _REMEMBERED]
+            released += [m for m in track.members[1:] if t - m.joined > _MEMORY]
             track.members = [m for m in track.members if m not in released]
         hidden = []
         for j in lost:
-            if t - tracks[j].seen > _GRACE:
+            if t - tracks[j].seen > _MAX_ABSENCE:
                 released += tracks[j].members
             else:
                 hidden.append(tracks[j])
@@ -192,7 +197,7 @@ class Tracker:
         """Put the touches that each contact is into `claims`; returns the places of those lost."""
         tracks, found = self._tracks, frame.contacts
         away = _distances([track.foreseen(t) for track in tracks], [c.position for c in found])
-        reach = _REACH * self.pitch + _FASTEST * min(t - self._t, _GRACE)
+        reach = _REACH * self.pitch + _MAX_SPEED * min(t - self._t, _MAX_ABSENCE)
         pieces: list[list[int]] = [[] for _ in tracks]  # the contacts that each touch is now
         unmatched = set(range(len(found)))
         for j, k in _match(away, reach):

@@ -52,7 +52,7 @@ def test_taps_are_not_odd(rng):
 
 def test_a_cell_that_jumps_is_named_within_a_second(rng):
     said = watch(one_cell(3.0 * np.exp(0.4 * rng.standard_normal(100))))
-    assert said[-1].startswith(f"row {AT[0]}, column {AT[1]} jumps about")
+    assert said[-1].startswith(f"row {AT[0]}, column {AT[1]} jumps between high and low force")
 
 
 def test_it_is_named_beside_a_finger_too(rng):
@@ -71,7 +71,7 @@ def test_a_cell_that_stands_still_alone_is_named(rng):
     said = watch(one_cell(5.0 * (1.0 + 0.01 * rng.standard_normal(300))))
     first = next(k for k, text in enumerate(said) if text)
     assert first == pytest.approx(200, abs=2)
-    assert said[-1].startswith(f"row {AT[0]}, column {AT[1]} alone has stood at ")
+    assert said[-1].startswith(f"row {AT[0]}, column {AT[1]} alone has read a constant ")
 
 
 def test_an_object_on_several_cells_is_not(rng):

@@ -379,8 +379,8 @@ def test_a_crossing_that_was_not_read_is_marked_on_the_topic_and_named():
     report = driven.second()
     assert report.level == WARN
     assert report.message == (
-        "no reading at row 1, column 2: repair it, or name it in circuit.scanned (circuit.mask, if "
-        "no cell is there)"
+        "no reading at row 1, column 2: repair it, or exclude it in circuit.scanned (in "
+        "circuit.mask, if no cell is there)"
     )
 
 
@@ -402,7 +402,9 @@ def test_a_crossing_that_is_printed_as_0_and_not_named_is_named():
         samples = driven.samples()
         samples[3, 4] = 0
         sent(driven, samples)
-    assert driven.second().message.startswith("no reading at row 3, column 4: repair it, or name")
+    assert driven.second().message.startswith(
+        "no reading at row 3, column 4: repair it, or exclude"
+    )
 
 
 def test_a_fabric_that_reads_0_at_rest_is_no_board_that_skips_crossings():

@@ -97,7 +97,7 @@ def test_an_estimate_prints_as_a_line(method):
 
 def test_what_is_wrong_stands_in_the_line():
     text = repr(compensate(np.zeros((16, 16)), CIRCUIT, CURVE))
-    assert "suspect (" in text and "below half of an untouched skin's 262 ADC steps" in text
+    assert "suspect (" in text and "are at most 0 ADC steps (an untouched cell reads 262)" in text
     batch = repr(compensate(np.stack([frames(1)[0], np.zeros((16, 16))]), CIRCUIT, CURVE, "map"))
     assert batch.startswith("Estimate(map: 1 ok, 1 suspect; 2 frames of 16 x 16 cells")
     assert len(batch) < 200
