@@ -14,7 +14,7 @@ from .estimate import Estimate
 from .reading import Reading
 from .suspect import estimate_from_force, network_of
 
-_OWN_SHARE = 0.95  # of a crossing's conductance that is its own cell's, from which on it is alone
+_OWN_SHARE = 0.95  # of the current at a crossing, from which on its cell is found alone: chosen
 
 
 def cnn(reading: Reading, weights=None) -> Estimate:
