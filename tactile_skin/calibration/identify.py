@@ -84,10 +84,10 @@ def identify(frames, circuit: Circuit, rest: Rest) -> Identified:
     frames = check_frames(frames, circuit)
     noise = max(rest.noise, _NOISE)
     touches: list[np.ndarray | None] = [None] * len(frames)
-    prior = _prior(circuit)
+    prior = prior_of(circuit)
     off = np.zeros(2)  # of (r_par, r_line), from what was supposed [ohm]
     for turn in range(_ROUNDS):
-        supposed = Supposed(_shifted(circuit, off), rest)
+        supposed = Supposed(shifted(circuit, off), rest)
         threshold = TOUCHED[min(turn, len(TOUCHED) - 1)]
         found = []
         for k, adc in enumerate(frames):
@@ -106,10 +106,10 @@ def identify(frames, circuit: Circuit, rest: Rest) -> Identified:
             break
     if len(found) < _FEWEST:
         return _identified(circuit, np.zeros(2), prior, np.sqrt(1.0 / prior.diagonal()), len(found))
-    return _identified(circuit, off, information, _std(found, information, rest), len(found))
+    return _identified(circuit, off, information, std_of(found, information, rest), len(found))
 
 
-def _prior(circuit: Circuit) -> np.ndarray:
+def prior_of(circuit: Circuit) -> np.ndarray:
     """(2, 2) precision of what is supposed [1/ohm^2]."""
     return np.diag([(_PRIOR[0] * series_scale(circuit)) ** -2, _PRIOR[1] ** -2])
 
@@ -118,12 +118,13 @@ def _supposed_values(circuit: Circuit) -> np.ndarray:
     return np.array([circuit.r_par, np.min(circuit.r_line)])
 
 
-def _shifted(circuit: Circuit, off: np.ndarray) -> Circuit:
+def shifted(circuit: Circuit, off: np.ndarray) -> Circuit:
+    """The circuit with (2,) ohm more of r_par and r_line, neither below 0."""
     r_par, r_line = float(circuit.r_par + off[0]), circuit.r_line + off[1]
     return replace(circuit, r_par=max(r_par, 0.0), r_line=np.maximum(r_line, 0.0))
 
 
-def _std(found: list[Evidence], information: np.ndarray, rest: Rest) -> np.ndarray:
+def std_of(found: list[Evidence], information: np.ndarray, rest: Rest) -> np.ndarray:
     """(2,) [ohm]: by how much the frames' scores differ, or what the noise leaves, if that is more.
 
     Whatever troubles single frames is in the former. All share one measurement of the rest, whose
@@ -135,7 +136,7 @@ def _std(found: list[Evidence], information: np.ndarray, rest: Rest) -> np.ndarr
     noise = rest.noise / rest.frames**0.5
     shared = sum(e.by_rest for e in found) * noise  # (2, readings)
     inverse = np.linalg.inv(information)
-    chi = max(float(np.mean([e.chi for e in found])), 1.0)
+    chi = max(sum(e.chi2 for e in found) / sum(e.count for e in found), 1.0)
     by_scatter = (inverse @ (spread + shared @ shared.T) @ inverse).diagonal()
     return np.sqrt(np.maximum(by_scatter, chi * inverse.diagonal()))
 
@@ -148,7 +149,7 @@ def _identified(
     # What is not told stays as it was supposed, and the other is what then explains the frames.
     off = np.where(told, off + information[:, ::-1].diagonal() / information.diagonal()
                    * np.where(told, 0.0, off)[::-1], 0.0)  # fmt: skip
-    found = _shifted(circuit, off)
+    found = shifted(circuit, off)
     values = found.r_par, float(np.mean(found.r_line))
     words = [
         f"{name} = {value:.1f} +- {s:.1f} ohm" if yes else f"{name}: the frames do not tell"
@@ -175,14 +176,16 @@ class Evidence(NamedTuple):
         information: (2, 2) of the same [1/ohm^2].
         by_rest: (2, readings) by how much the score changes with each reading of the rest
             [1/ohm/ADC step].
-        chi: chi^2 a reading past the unknowns, of the fit.
+        chi2: of the fit.
+        count: readings past the unknowns.
     """
 
     conductance: np.ndarray
     score: np.ndarray
     information: np.ndarray
     by_rest: np.ndarray
-    chi: float
+    chi2: float
+    count: int
 
 
 class Supposed:
@@ -263,8 +266,9 @@ class Supposed:
         p, misfit = left[:, :2], left[:, 2]
         trust = np.minimum(1.0, _ODD / np.maximum(np.abs(misfit), 1e-9))
         weighed = (p * trust[:, None]).T
-        chi = float(np.square(misfit).sum() / max(np.count_nonzero(known) - count, 1))
-        return Evidence(g, -weighed @ misfit, weighed @ p, weighed * weight.ravel(), chi)
+        chi2, left = float(np.square(misfit).sum()), max(np.count_nonzero(known) - count, 1)
+        by_rest = weighed * weight.ravel()
+        return Evidence(g, -weighed @ misfit, weighed @ p, by_rest, chi2, left)
 
     def _first_guess(self, adc: np.ndarray, known: np.ndarray) -> np.ndarray:
         """(rows, cols) [S]: the fixed point, from rest."""

@@ -13,8 +13,8 @@ import numpy as np
 
 from ..physics.circuit import Circuit
 from ..physics.curve import GRAM, PressureCurve
-from ..solvers import compensate
 from ..solvers.reading import SCAN_NOISE, rest_reading
+from .rest import resting_conductance
 
 MAX_TARED_FORCE = 2.0 * GRAM  # N on a cell; what conducts more is a touch, and stays one
 _MAX_RESISTANCE = 4.0  # times the usual cell's at rest; a cell that conducts less is broken
@@ -53,16 +53,28 @@ class Tare:
         self._learned = -np.inf  # s, when the rest was measured last
         self._first: np.ndarray | None = None  # (rows, cols) [S] that was measured first
         self._circuit = circuit
-        # Between its ends newton finds whatever a skin at rest may be; its forces mean nothing.
         at_rest = curve.points[0][1]
         self._max_factor = at_rest / float(
             curve.resistance(MAX_TARED_FORCE)
         )  # as a factor of conductance
-        ends = at_rest * _MAX_RESISTANCE / _LEVEL[0], at_rest / (_LEVEL[1] * self._max_factor)
-        self._range = PressureCurve((0.0, 1.0), ends)
         self._begun: np.ndarray | None = None  # the first reading of the first measurement
         self._last = -np.inf  # s, when the last frame was read
         self._begin(-np.inf)
+
+    def suppose(self, circuit: Circuit) -> None:
+        """The same readings at rest, of another circuit.
+
+        Raises:
+            ValueError: no skin reads so with it; the tare stays as it was.
+        """
+        before = 1.0 / self.curve.rest_resistance
+        adc = rest_reading(self._circuit, self.curve)
+        now = resting_conductance(adc, circuit, SCAN_NOISE / _MIN_FRAMES**0.5)
+        cells = circuit.populated
+        self.curve = self.curve.resting_at(np.where(cells, 1.0 / np.where(cells, now, 1.0), 1.0))
+        if self._first is not None:
+            self._first = np.where(cells, self._first * now / before, self._first)
+        self._circuit = circuit
 
     def _begin(self, after: float) -> None:
         self._after, self._since, self._until = after, np.inf, np.inf
@@ -116,11 +128,14 @@ class Tare:
         if np.square(off).mean() < (_SIGNIFICANT * noise) ** 2:
             self.message, self.measured = "", True
             return False
-        found = compensate(adc, self._circuit, self._range, "newton", noise=0.0)
         cells, at_rest = self._circuit.populated, self.curve.points[0][1]
-        now = 1.0 / self._range.resistance(found.force)  # S
-        self.message = "no skin explains the readings" if found.status == "failed" else ""
-        self.message = self.message or self._alike(adc, now * at_rest, cells, noise)
+        try:
+            now = resting_conductance(adc, self._circuit, noise)
+            now = np.where(cells, now, 1.0 / at_rest)
+        except ValueError as error:
+            self.message = f"rest not measured: {error}"
+            return False
+        self.message = self._alike(adc, now * at_rest, cells, noise)
         self.message = self.message or self._fabric(now * at_rest, cells)
         self.message = self.message or self._wires(np.log(now * at_rest), cells)
         if self.message:

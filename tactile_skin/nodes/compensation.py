@@ -12,6 +12,7 @@ from ..calibration.cells import Cells
 from ..calibration.doubt import Doubt
 from ..calibration.noise import Noise
 from ..calibration.tare import Tare
+from ..calibration.tracker import CircuitTracker
 from ..learning import network
 from ..middleware.bus import Time
 from ..middleware.config import adc_of, circuit_of, curve_of, describe, geometry_of
@@ -48,7 +49,7 @@ class Compensation:
         self.node = node
         self.circuit, curve = circuit_of(node), curve_of(node)
         self._adc = adc_of(node, self.circuit)
-        self._tare = Tare(self.circuit, curve)
+        self._tare, self._tracker = Tare(self.circuit, curve), CircuitTracker(self.circuit)
         self.cell_area = geometry_of(node, self.circuit).cell_area
 
         def value(name, default, *bounds):
@@ -173,7 +174,21 @@ class Compensation:
             self._at_rest, self._loaded = not touched, _where(estimate.force) if half else ""
         elif t - self._full_since > _FULL:
             self._odd = self._odd or _NO_REST
+        self._learn_circuit(t, adc, touched)
         self._update_level(estimate.status, self._join_reasons(estimate.message or kept))
+
+    def _learn_circuit(self, t: float, adc: np.ndarray, touched: bool) -> None:
+        """What touches tell of r_par and r_line; worked out while none is there, or a stop is."""
+        if not (self._follows and self._tare.measured):
+            return
+        noise = self._noise.rms or 0.0
+        if touched:
+            self._tracker.offer(t, adc, noise)
+        if touched and self._level != diagnostics.ERROR and not self._tracker.overdue(t):
+            return
+        if self._tracker.ask(self._tare.curve, noise) and self._method not in _LEARNED:
+            self._tare.suppose(self._tracker.circuit)
+            self.circuit, self._last = self._tracker.circuit, None
 
     def _fill_unread(self, adc: np.ndarray, estimate: Estimate) -> np.ndarray:
         """The frame with the model's value at crossings that were not read."""
@@ -193,12 +208,19 @@ class Compensation:
         return response
 
     def _join_reasons(self, present: str) -> str:
-        reasons = self._loaded, self._saturated, present, self._tare.message, self._odd
+        reasons = (
+            self._loaded,
+            self._saturated,
+            present,
+            self._tracker.message,
+            self._tare.message,
+            self._odd,
+        )
         return "; ".join(filter(None, reasons))
 
     def _update_level(self, status: str, message: str) -> None:
         level = diagnostics.OK if status == "ok" and not message else diagnostics.WARN
-        wrong = self._fault or self._saturated or self._loaded
+        wrong = self._fault or self._saturated or self._loaded or self._tracker.impossible
         if status == "failed" or (wrong and self._stops):
             level = diagnostics.ERROR
         before = self._waiting
@@ -237,6 +259,7 @@ class Compensation:
         values["tare"] = self._tare.message or ("ok" if self._follows else "off")
         if self._noise.rms is not None:
             values["noise"] = f"{self._noise.rms:.2f}"
+        values |= self._tracker.values()
         if self._aside:
             (row, col), n = self._aside.most_common(1)[0]
             where = f"row {row}, column {col}: {n} times"

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..files import shorten
 from ..physics import laplacian
-from ..physics.circuit import Circuit, two_terminal_resistance
+from ..physics.circuit import Circuit, forward
 from ..physics.conjugate_gradients import conjugate_gradients
 from ..physics.curve import PressureCurve
 from .estimate import Estimate
@@ -321,8 +321,7 @@ def robust_std(magnitudes: np.ndarray) -> float:
 @lru_cache(maxsize=16)
 def rest_reading(circuit: Circuit, curve: PressureCurve) -> np.ndarray:
     """(rows, cols) ADC ratio of the untouched skin."""
-    g = circuit.populated / curve.rest_resistance
-    adc = circuit.ratio(two_terminal_resistance(g))
+    adc = forward(circuit, np.broadcast_to(curve.rest_resistance, circuit.shape))
     adc.setflags(write=False)
     return adc
 

@@ -1,0 +1,184 @@
+"""r_par and r_line of a running skin: `identify`, a frame of each new touch at a time."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+from ..physics.circuit import Circuit
+from ..physics.curve import PressureCurve
+from ..solvers.reading import SCAN_NOISE, rest_reading
+from ..solvers.series import series_scale
+from .identify import NAMES, TOUCHED, Evidence, Supposed, prior_of, shifted, std_of
+from .rest import Rest
+
+_KEPT = 24  # frames: the latest, since boards warm up and connectors age
+_ENOUGH = 4  # frames that may change what is known, and the latest that may overrule it
+_A_TURN = 4  # frames asked with each threshold of TOUCHED
+_APART = 0.3  # s between two frames that are asked
+_PATIENCE = 2.0  # s that a frame waits for a pause between touches
+_NEW = 4.0  # times the noise, RMS, by which a frame differs from the last that was asked
+_TOLD = 0.03  # of `series_scale`: standard deviation from which on r_par is known
+_SURE = 4.0  # standard deviations by which a change is one
+_RELEVANT = 0.02, 1.5  # of `series_scale`, and ohm of r_line: less changes no picture
+_EXPLAINED = 2.0  # chi^2 a reading, in the median frame, beyond which there is another fault
+_POSSIBLE = 0.5, 60.0  # of `series_scale` beside the configured r_par; ohm of r_line
+_REST_FRAMES = 40  # that a measurement of the rest takes, see tare.py
+
+
+class _Asked(NamedTuple):
+    adc: np.ndarray
+    at: np.ndarray  # (2,) ohm beside the configured, that were supposed
+    evidence: Evidence
+
+
+class CircuitTracker:
+    """Follows the circuit of one skin beside the configured one.
+
+    Attributes:
+        circuit: what is known of it; the configured one until touches tell another.
+        std: (2,) of r_par and r_line [ohm]; infinite as long as nothing is known.
+        message: what the configuration should say; empty if it does.
+        impossible: whether no board is like that.
+    """
+
+    def __init__(self, circuit: Circuit):
+        self.circuit, self._configured = circuit, circuit
+        self.std = np.full(2, np.inf)
+        self.message, self.impossible = "", False
+        self._off = np.zeros(2)  # of r_par and r_line, beside the configured [ohm]: the best guess
+        self._adopted = np.zeros(2)  # the same, of `circuit`
+        self._asked: deque[_Asked] = deque(maxlen=_KEPT)
+        self._count = 0  # of frames asked
+        self._supposed: Supposed | None = None
+        self._rest: Rest | None = None
+        self._waiting: np.ndarray | None = None
+        self._last: np.ndarray | None = None
+        self._t = -np.inf
+
+    def offer(self, t: float, adc: np.ndarray, noise: float) -> None:
+        """A frame with a touch, to be asked when there is time.
+
+        Args:
+            t: when it was read [s].
+            adc: (rows, cols) ADC ratio; NaN where a crossing was not read.
+            noise: RMS of a reading [ADC steps].
+        """
+        if 0.0 <= t - self._t < _APART:
+            return
+        if self._last is not None:
+            off = np.nan_to_num(adc - self._last) * self._configured.full_scale
+            if np.square(off).mean() < (_NEW * max(noise, SCAN_NOISE)) ** 2:
+                return
+        self._waiting, self._t = adc, t
+
+    def overdue(self, t: float) -> bool:
+        """Whether a frame has waited for a pause for so long that it is asked in a touch."""
+        return self._waiting is not None and t - self._t > _PATIENCE
+
+    def values(self) -> dict[str, str]:
+        """For diagnostics; empty as long as nothing is known."""
+        if not np.isfinite(self.std).all():
+            return {}
+        known = (self.circuit.r_par, float(np.mean(self.circuit.r_line)))
+        return {
+            name: f"{value:.1f} +- {std:.1f} ohm"
+            for name, value, std in zip(NAMES, known, self.std, strict=True)
+        }
+
+    def ask(self, curve: PressureCurve, noise: float) -> bool:
+        """Take the frame that waits; some milliseconds.
+
+        Args:
+            curve: with the cells' rest, as it was measured if the circuit is `circuit`.
+            noise: RMS of a reading [ADC steps].
+
+        Returns:
+            whether `circuit` changed.
+        """
+        adc, self._waiting = self._waiting, None
+        if adc is None:
+            return False
+        self._last, noise = adc, max(noise, SCAN_NOISE)
+        self._suppose(curve, noise)
+        self._count += 1
+        self._take(adc, noise)
+        if self._asked and (self._asked[0].at != self._off).any():
+            self._take(self._asked.popleft().adc, noise)  # an old one anew, by what is known now
+        return len(self._asked) >= _ENOUGH and self._conclude()
+
+    def _suppose(self, curve: PressureCurve, noise: float) -> None:
+        adc = rest_reading(self.circuit, curve)  # what it was measured by
+        if self._rest is None or not np.array_equal(adc, self._rest.adc):
+            conductance = self.circuit.populated / curve.rest_resistance
+            self._rest, self._supposed = Rest(adc, noise, _REST_FRAMES, conductance), None
+        if self._supposed is None:
+            self._supposed = Supposed(shifted(self._configured, self._off), self._rest)
+
+    def _take(self, adc: np.ndarray, noise: float) -> None:
+        threshold = TOUCHED[min(self._count // _A_TURN, len(TOUCHED) - 1)]
+        evidence = self._supposed.evidence(adc, noise, threshold)
+        if evidence is not None:
+            self._asked.append(_Asked(adc, self._off, evidence))
+
+    def _conclude(self) -> bool:
+        """Whether what the touches say together is another circuit than `circuit`."""
+        off, std = self._solve(list(self._asked))
+        latest = list(self._asked)[-_ENOUGH:]
+        now, now_std = self._solve(latest)
+        if (np.abs(now - off) > _SURE * np.hypot(now_std, std)).any():  # it has changed
+            self._asked = deque(latest, _KEPT)
+            off, std = now, now_std
+        scale = series_scale(self._configured)
+        relevant = np.array([_RELEVANT[0] * scale, _RELEVANT[1]])
+        if (np.abs(off - self._off) > np.maximum(relevant, std)).any():
+            self._off, self._supposed = off, None
+        self.std = std
+        change = np.abs(off - self._adopted)
+        if std[0] > _TOLD * scale or not (change > np.maximum(relevant, _SURE * std)).any():
+            return False
+        if np.median([self._chi2(a, off) for a in self._asked]) > _EXPLAINED:
+            return False
+        possible = np.array([_POSSIBLE[0] * scale, _POSSIBLE[1]])
+        self.impossible = bool((np.abs(off) > possible).any())
+        self._adopted, self.circuit = off, shifted(self._configured, off)
+        self.message = self._words(relevant)
+        return True
+
+    @staticmethod
+    def _chi2(asked: _Asked, off: np.ndarray) -> float:
+        """A reading, that the frame leaves with this circuit, to first order."""
+        e, step = asked.evidence, off - asked.at
+        return float((e.chi2 - 2.0 * e.score @ step + step @ e.information @ step) / e.count)
+
+    def _solve(self, asked: list[_Asked]) -> tuple[np.ndarray, np.ndarray]:
+        """(2,) beside the configured, and its standard deviation [ohm]."""
+        prior = prior_of(self._configured)
+        evidence = [a.evidence for a in asked]
+        information = sum(e.information for e in evidence) + prior
+        pull = sum(e.score + e.information @ a.at for e, a in zip(evidence, asked, strict=True))
+        off = np.linalg.solve(information, pull)
+        here = [
+            e._replace(score=e.score + e.information @ (a.at - off))
+            for e, a in zip(evidence, asked, strict=True)
+        ]
+        return off, std_of(here, information, self._rest)
+
+    def _words(self, relevant: np.ndarray) -> str:
+        values = self.circuit.r_par, float(np.mean(self.circuit.r_line))
+        given = self._configured.r_par, float(np.mean(self._configured.r_line))
+        words = [
+            f"{name} is {value:.0f} +- {std:.0f} ohm, configured as {was:g}"
+            for name, value, std, was, least in zip(
+                NAMES, values, self.std, given, relevant, strict=True
+            )
+            if abs(value - was) > least
+        ]
+        if not words:
+            return ""
+        text = " and ".join(words)
+        if self.impossible:
+            return f"by the touches {text}: check r_ref, the supply and the wiring"
+        return f"by the touches {text}: it is allowed for; write it into circuit"
