@@ -1,11 +1,23 @@
 """tactile_skin: a robot's skin from a low-cost resistive pressure matrix.
 
-from tactile_skin import Circuit, PressureCurve, forward, compensate
+from tactile_skin import Circuit, PressureCurve, forward, compensate, measure_rest, identify
 """
 
+from .calibration.identify import Identified, identify
+from .calibration.rest import Rest, measure_rest
 from .physics.circuit import Circuit, forward
 from .physics.curve import PressureCurve
 from .solvers import Estimate, compensate
 
-__all__ = ["Circuit", "Estimate", "PressureCurve", "compensate", "forward"]
+__all__ = [
+    "Circuit",
+    "Estimate",
+    "Identified",
+    "PressureCurve",
+    "Rest",
+    "compensate",
+    "forward",
+    "identify",
+    "measure_rest",
+]
 __version__ = "0.1.0"  # setup.py reads it here; package.xml repeats it

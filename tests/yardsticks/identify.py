@@ -1,0 +1,135 @@
+"""How well `identify` finds r_par and r_line of unknown boards:
+`python tests/yardsticks/identify.py [--boards N] [--frames N] [--size 16x16] [--seed S]`.
+
+Each board has r_par up to 20 % off, stripes of 0 to 15 ohm, a fabric whose curve is up to 30 % off
+in level and shape, 8 % scatter, 3 % at rest, 0.5 % of a touch carried to the neighbours and 1 step
+of noise on each of the four samples of a reading. Bodies (ellipses, boxes, rings, turned, textured,
+30 to 1000 g on a cell) press anywhere. The circuit that is supposed is the paper's.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+from tactile_skin import Circuit, PressureCurve, identify, measure_rest
+from tactile_skin.bench import textile
+from tactile_skin.physics.curve import GRAM
+
+FINE = 8  # points a cell and side of which the pressure is the mean
+AT_REST = 60  # frames
+
+
+def bodies(n: int, shape, rng) -> np.ndarray:
+    """(n, rows, cols) force [N] of one to three bodies, placed and turned off the grid."""
+    rows, cols = shape
+    y, x = (np.mgrid[0 : rows * FINE, 0 : cols * FINE] + 0.5) / FINE - 0.5
+    most = 3.0 * min(1.0, min(shape) / 12)  # cells, half of a side
+    scenes = []
+    for _ in range(n):
+        load = np.zeros(y.shape)
+        for _ in range(rng.integers(1, 4)):
+            cy, cx, turn = rng.uniform(0, rows - 1), rng.uniform(0, cols - 1), rng.uniform(0, np.pi)
+            side = rng.uniform(0.7, most, 2)
+            u = ((y - cy) * np.cos(turn) + (x - cx) * np.sin(turn)) / side[0]
+            v = ((x - cx) * np.cos(turn) - (y - cy) * np.sin(turn)) / side[1]
+            r2 = u**2 + v**2
+            kind = rng.integers(3)
+            inside = (r2 < 1.0) & (r2 > 0.4) if kind == 0 else np.maximum(abs(u), abs(v)) < 1.0
+            shape_ = np.sqrt(np.maximum(1.0 - r2, 0.0)) if kind == 1 else inside * 1.0
+            texture = gaussian_filter(rng.standard_normal(y.shape), 6.0)
+            texture = 1.0 + 0.25 * texture / texture.std()
+            load += shape_ * np.maximum(texture, 0.1) * rng.uniform(30.0, 1000.0)
+        cells = load.reshape(rows, FINE, cols, FINE).mean((1, 3))
+        cells *= 1.0 + 0.05 * rng.standard_normal(shape)
+        scenes.append(np.clip(cells, 0.0, 1000.0) * GRAM)
+    return np.array(scenes)
+
+
+class Unknown:
+    """A board that nobody here made.
+
+    Attributes:
+        r_par, r_line: the true ones [ohm].
+        curve: the true one, of the usual cell.
+    """
+
+    def __init__(self, shape, seed: int, **fixed):
+        rng = self._rng = np.random.default_rng(seed)
+        self.supposed, self._seed = Circuit(*shape), seed
+        points = PressureCurve().points
+        level, tilt = np.exp(rng.uniform(-0.3, 0.3)), rng.uniform(-0.3, 0.3) / len(points)
+        resistance = [r * level * np.exp(tilt * k) for k, (_, r) in enumerate(points)]
+        self.curve = PressureCurve([force for force, _ in points], resistance)
+        factor, line = rng.uniform(0.8, 1.2), rng.uniform(0.0, 15.0)
+        self.textile = textile.Textile(
+            **{"noise": 1.0, "r_par": factor, "line": line, "scatter": 0.08, "rest": 0.03}
+            | {"lateral": 0.005}
+            | fixed
+        )
+        self.r_par = self.textile.r_par * self.supposed.r_par
+        self.r_line = self.textile.line
+
+    def frames(self, force) -> np.ndarray:
+        """(n, rows, cols) readings of loads (n, rows, cols) [N], all of one board's cells."""
+        found = []
+        for f in force:
+            cells = np.random.default_rng(self._seed)  # their scatter, the same for each frame
+            ratio = textile.expose(self.textile, self.supposed, self.curve, f, cells)
+            found.append(textile.sample(self.textile, self.supposed, ratio, self._rng))
+        return np.array(found)
+
+    def at_rest(self, n: int = AT_REST) -> np.ndarray:
+        ratio = textile.expose(
+            self.textile,
+            self.supposed,
+            self.curve,
+            np.zeros(self.supposed.shape),
+            np.random.default_rng(self._seed),
+        )
+        return np.array(
+            [textile.sample(self.textile, self.supposed, ratio, self._rng) for _ in range(n)]
+        )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--boards", type=int, default=40)
+    parser.add_argument("--frames", type=int, default=30)
+    parser.add_argument("--size", default="16x16", metavar="ROWSxCOLS")
+    parser.add_argument("--seed", type=int, default=0, help="of the first board")
+    args = parser.parse_args()
+    shape = tuple(map(int, args.size.split("x")))
+    off, std, told, spent = [], [], [], 0.0
+    for seed in range(args.seed, args.seed + args.boards):
+        board = Unknown(shape, seed)
+        force = bodies(args.frames, shape, np.random.default_rng([seed, 1]))
+        frames, rest = board.frames(force), measure_rest(board.at_rest(), board.supposed)
+        begun = time.process_time()
+        found = identify(frames, board.supposed, rest)
+        spent += time.process_time() - begun
+        values = found.circuit.r_par, float(np.mean(found.circuit.r_line))
+        truth = board.r_par, board.r_line
+        off.append(np.subtract(values, truth))
+        std.append([found.std["r_par"], found.std["r_line"]])
+        told.append([found.told["r_par"], found.told["r_line"]])
+        print(
+            f"{seed}: r_par {truth[0]:.1f}, off by {off[-1][0]:+.2f} +- {std[-1][0]:.2f}; "
+            f"r_line {truth[1]:.1f}, off by {off[-1][1]:+.2f} +- {std[-1][1]:.2f}; "
+            f"told {told[-1]}, {found.frames} frames",
+            flush=True,
+        )
+    off, std, told = np.array(off), np.array(std), np.array(told)
+    share = np.abs(off[:, 0]) < 0.01 * Circuit().r_par
+    print(f"r_par within 1 %: {share.mean():.1%}; r_line within 1 ohm: ", end="")
+    print(f"{(np.abs(off[:, 1]) < 1.0).mean():.1%}; told {told.mean(0)}")
+    within = [np.mean((np.abs(off) < std)[told[:, k], k]) for k in range(2)]
+    print(f"of those told, within one standard deviation: {within[0]:.0%}, {within[1]:.0%}")
+    print(f"{1e3 * spent / (args.boards * args.frames):.0f} ms a frame (processor time)")
+
+
+if __name__ == "__main__":
+    main()
