@@ -1018,7 +1018,9 @@ def test_a_reset_first_ends_a_fault_that_is_kept_from_an_earlier_touch(write, la
         handle, (service,) = skin._handles[1], skin._handles[1]._services
         compensation._waits = False  # rest was measured
         compensation._fault = True  # as a doubt that is held
-        handle.create_timer(0.01, lambda: compensation._judge("ok", "it was under each touch"))
+        handle.create_timer(
+            0.01, lambda: compensation._update_level("ok", "it was under each touch")
+        )
         fault = "fault: compensation: it was under each touch"
         heard.wait_for((True, f"{fault} + latched: {fault}" if latched else fault))
         assert service.srv_name == "/compensation/reset"

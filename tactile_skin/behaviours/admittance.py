@@ -65,9 +65,9 @@ class Axis:
         decay = math.exp(-self.damping * dt / self.mass)
         target = decay * velocity + (1.0 - decay) * force / self.damping
         target = _within(target, self.max_speed)
-        most = self.max_acceleration * dt
-        new = velocity + _within(target - velocity, most)
-        slow = np.linalg.norm(new) < _REST and np.linalg.norm(velocity) <= most
+        limit = self.max_acceleration * dt
+        new = velocity + _within(target - velocity, limit)
+        slow = np.linalg.norm(new) < _REST and np.linalg.norm(velocity) <= limit
         return np.zeros_like(new) if slow and not force.any() else new
 
 

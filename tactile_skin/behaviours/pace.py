@@ -80,8 +80,8 @@ class Pace:
             return f"{text}, measured, at most {MAX_STALE_AFTER:g} s: let the board send more often"
         if _ADVISED * self._named > _MAX_PARAMETER:
             return f"{text}, at most {_MAX_PARAMETER:g} s: let the board send more often"
-        least = math.ceil(100.0 * _ADVISED * self._named) / 100.0
-        return f"{text}: set stop_on_push.stale_after: {least:g}, or 0.0 to have it measured"
+        advised = math.ceil(100.0 * _ADVISED * self._named) / 100.0
+        return f"{text}: set stop_on_push.stale_after: {advised:g}, or 0.0 to have it measured"
 
 
 def _middle(values) -> float:

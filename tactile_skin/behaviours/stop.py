@@ -50,7 +50,7 @@ class StopConfig:
         the threshold together.
     debounce: how long the force must stay above the threshold [s]; 0: one reading is enough, which
         is right where a checksum and a low-pass guard each reading.
-    lead: how far ahead a rising force is looked at [s]: it counts with what it gained since the
+    lead: how far ahead a rising force is extrapolated [s]: it counts with what it gained since the
         last reading, times lead over their distance in time, at most once. Makes up for the
         board's low-pass and the wait for the next frame; 0: not at all.
     hold: how long a push is held after the force fell below `release` [s].
@@ -158,7 +158,7 @@ class StopPolicy:
         return self.decide(t)
 
     def fault(self, source: str, message: str, waiting: bool = False) -> None:
-        """A stage reports itself as wrong, or as sound again with an empty message.
+        """A stage reports itself as wrong, or as valid again with an empty message.
 
         Args:
             waiting: it is not wrong, but not ready yet.

@@ -3,7 +3,7 @@
 A board can go on sending without measuring: a scan that hangs while the sending goes on, a buffer
 that is sent again and again, a link that delivers now what it held back. Three things give that
 away. Real samples carry noise, so that frames do not repeat; the board's clock advances with ours;
-and a sound board does not start anew all the time.
+and a working board does not restart all the time.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .protocol import Frame
 
 # --- the way from the board ---------------------------------------------------------------------
 
-JITTER = 0.02  # s that a sound link may vary: USB converters hold bytes back for up to 16 ms
+JITTER = 0.02  # s that a good link may vary: USB converters hold bytes back for up to 16 ms
 _SKEW = 0.01  # by which a board's clock may run slow; a ceramic resonator is within 0.005
 _HEALING = 1e-4  # the same while frames lag: a board that lost a few ms of its clock recovers
 _SETTLING = 0.2  # s in which frames must come at the board's own pace before they count as new
@@ -64,7 +64,7 @@ class Delay:
         return self._lag, backward
 
     def restart(self, t: float) -> None:
-        """The board started anew: nothing is known of its clock."""
+        """The board restarted: nothing is known of its clock."""
         self._since, self._board, self._lag, self._floor = t, 0.0, 0.0, t
         self._floors.clear()
         self._floors.append((t, t))
@@ -105,20 +105,20 @@ class Delay:
 
 # --- the samples --------------------------------------------------------------------------------
 
-_CHANCE = 1e-9  # of a sound board's frames looking frozen, at one time
-_RARELY = 0.02  # share of frames by which a sound board repeats itself, until it is measured
+_CHANCE = 1e-9  # that frames of a working board look frozen, at one time
+_RARELY = 0.02  # share of frames by which a working board repeats itself, until it is measured
 _FORGET = 1.0 / 300.0  # share of that measurement which each frame renews
 _LONGEST = 2.0  # s after which repeated frames are frozen, however often the board repeats itself
 _REMEMBERED = 4096  # frames, 40 s at 100 a second, among which a frame is looked for again
 _STILL_FOR, _STILL_FRAMES = 0.2, 20  # s, and frames, in which a cell with noise moves
 _MOVING = 0.9  # of the cells must do so, or the board is too quiet to tell a line that does not
-_STILL = 0.02  # of a sound board's cells may stay still in that time, at least
+_STILL = 0.02  # of a working board's cells may stay still in that time, at least
 
 
 class Repeats:
     """Frames that come again: a scan that froze, or a buffer that is sent in a ring.
 
-    How often a sound board repeats a frame depends on its noise, its filter and its number of
+    How often a working board repeats a frame depends on its noise, its filter and its number of
     cells. It is measured, and a repetition is called frozen when chance would bring one as long
     once in 1e9.
     """
@@ -199,8 +199,8 @@ class StillLines:
                 continue
             # how long they all would stand still by chance, but for once in 1e9
             chance = math.log(max(1.0 - share, _STILL)) * cells / _STILL_FRAMES
-            least = np.where(known, self._frames, np.iinfo(np.int32).max).min(axis)
-            dead &= chance * least < math.log(_CHANCE)
+            frames = np.where(known, self._frames, np.iinfo(np.int32).max).min(axis)
+            dead &= chance * frames < math.log(_CHANCE)
             names += [f"{name} {k}" for k in np.flatnonzero(dead).tolist()]
         if not names:
             return ""
@@ -234,7 +234,7 @@ class Liveness:
     Args:
         shape: (rows, cols) of a frame.
         frozen_after: how long frames may repeat [s]; 0: for ever, for a board that averages so well
-            that two sound frames are the same.
+            that two valid frames are equal.
     """
 
     def __init__(self, shape: tuple[int, int], frozen_after: float):

@@ -42,7 +42,7 @@ _CRC = struct.Struct("<H")
 _HEADER_SIZE = _HEADER.size + _CRC.size
 _SEQUENCES = 1 << 16
 _SAMPLES = 1 << 16  # values that a sample's two bytes can hold
-_RESTART_GAP = 1000  # a larger jump of the sequence number is a board that started anew
+_RESTART_GAP = 1000  # a larger jump of the sequence number is a board that restarted
 
 
 def crc16(data) -> int:

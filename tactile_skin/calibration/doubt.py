@@ -34,7 +34,7 @@ class Doubt:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all that is past, as whoever asks for it has looked at the skin.
+        """Forget the past: who asks for it has checked the skin.
 
         What the last frames are goes on to count: a reset is no cure.
         """

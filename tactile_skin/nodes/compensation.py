@@ -25,7 +25,7 @@ from . import QUEUE, diagnostics
 
 _IDLE = 15.0 * GRAM  # N on a cell: below it nothing touches; lines shorted at rest read as 13 g
 _LIGHT, _STIRRED = 1.0 * GRAM, 3  # N on so many cells: a touch that begins, not noise
-_FEWEST = 3  # rows and columns; with fewer some faults look like touches: docs/reliability.md
+_MIN_LINES = 3  # rows and columns; with fewer some faults look like touches: docs/reliability.md
 _FULL = 2.0  # s for which half of the cells may be loaded without a warning
 _NO_REST = "half of the skin is loaded: too few cells are at rest to check the circuit"
 _HOLD = 1.0  # s for which a reason is kept at least, while the robot is stopped for one
@@ -73,7 +73,7 @@ class Compensation:
         self._stops = value(
             "suspect_stops", True, "whether a lasting fault of the circuit stops the robot"
         )
-        if min(self.circuit.shape) < _FEWEST:
+        if min(self.circuit.shape) < _MIN_LINES:
             node.get_logger().warning(
                 'on a skin of %d x %d cells some faults look like touches: see "Smallest skin" in '
                 "docs/reliability.md",
@@ -99,10 +99,10 @@ class Compensation:
         self._last: Estimate | None = None  # the last frame: where the next starts from
         self._doubts = 0
         self._doubt, self._fault, self._why = Doubt(), False, ""
-        most = self._adc.rising_count(float(self.circuit.ratio(0.0)))
+        short_circuit = self._adc.rising_count(float(self.circuit.ratio(0.0)))
         self._windows = Windows(self.circuit.adc_bits)
         top = self.circuit.full_scale if self._adc.inverted else None
-        self._ceiling, self._saturated = Ceiling(self.circuit.adc_bits, most, top), ""
+        self._ceiling, self._saturated = Ceiling(self.circuit.adc_bits, short_circuit, top), ""
         self._cells, self._odd = Cells(self.circuit.shape), ""
         self._full_since = np.inf  # s, since when half of the cells or more have been loaded
         self._said = -np.inf  # s, when the message was new

@@ -163,8 +163,8 @@ class SerialDriver:
         elif self._bad >= _DOUBTFUL:
             level = diagnostics.ERROR if self._bad >= _BAD else diagnostics.WARN
             # the share is among the values: each other text would be another reason to stop
-            most = "half or more" if self._bad >= _BAD else "some"
-            message = f"{most} of the last second's frames were damaged or lost"
+            share = "half or more" if self._bad >= _BAD else "some"
+            message = f"{share} of the last second's frames were damaged or lost"
             if why := self._reader.parser.trouble or (_BEYOND if self._beyond else ""):
                 message += f": {why}"
         elif not self._verdict.settled:

@@ -71,7 +71,7 @@ class StopOnPush:
                 release=value("release", "force below which a push is over [N]", 0.1, 500.0),
                 peak=value("peak", "force on one cell that is a push [N]", 0.01, 500.0),
                 debounce=value("debounce", "time above it before it counts [s]", 0.0, 0.2),
-                lead=value("lead", "how far ahead a rising force is looked at [s]", 0.0, 0.05),
+                lead=value("lead", "how far ahead a rising force is extrapolated [s]", 0.0, 0.05),
                 hold=value("hold", "time a stop is kept after the release [s]", 0.0, 60.0),
                 stale_after=value(
                     "stale_after",

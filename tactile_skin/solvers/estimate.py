@@ -57,13 +57,13 @@ class Estimate:
             counts = [f"{n} {name}" for name, n in Counter(self.status.tolist()).most_common()]
             methods = ", ".join(sorted(set(self.method.tolist())))
             found = f"{methods}: {', '.join(counts)}; {shape[0]} frames of {cells} cells"
-            most = self.force.max(initial=0.0)
-            return f"Estimate({found}, at most {most:.3g} N on a cell)"
+            largest = self.force.max(initial=0.0)
+            return f"Estimate({found}, at most {largest:.3g} N on a cell)"
         why = f" ({self.message})" if self.message else ""
         where = ""
-        if len(shape) == 2 and self.force.size and (most := self.force.max()) > 0:
+        if len(shape) == 2 and self.force.size and (largest := self.force.max()) > 0:
             row, col = np.unravel_index(self.force.argmax(), shape)
-            where = f", most {most:.3g} N at row {row}, column {col}"
+            where = f", most {largest:.3g} N at row {row}, column {col}"
         return (
             f"Estimate({self.method}: {self.status}{why}; {cells} cells, {self.force.sum():.3g} N "
             f"in all{where}; residual {self.residual:.3g} ADC steps, {self.iterations} iterations)"

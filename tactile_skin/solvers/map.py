@@ -199,7 +199,7 @@ def _by_score(reading: Reading, point: _Point, equations, broad: bool, prior) ->
             return message
     for text, is_r_par in suspect.by_score(reading, point.model, equations, ahead):
         if broad and is_r_par:
-            continue  # the level prior pulls a fit along r_par's pattern on a sound board too
+            continue  # the level prior pulls a fit along r_par's pattern on a valid board too
         if rough or series.confirms(reading, point.model.g, is_r_par):
             return text
     return ""

@@ -1,4 +1,4 @@
-"""One frame as the solvers see it: what was read, how well, and between which bounds to look."""
+"""One frame as the solvers see it: what was read, its noise, and the bounds of each cell."""
 
 from __future__ import annotations
 

@@ -205,8 +205,8 @@ def _with_r_par(reading: Reading, r_par: float) -> Reading:
     if curve.offset is not None:
         shift = (r_par - circuit.r_par) * rest_shift(circuit, curve)
         rest = np.where(circuit.populated, 1.0 / curve.rest_resistance + shift, 1.0)
-        least = 0.1 / curve.rest_resistance  # the shift is a first order one
-        curve = curve.resting_at(1.0 / np.maximum(rest, least))
+        lower = 0.1 / curve.rest_resistance  # the shift is a first order one
+        curve = curve.resting_at(1.0 / np.maximum(rest, lower))
     return replace(reading, circuit=replace(circuit, r_par=r_par), curve=curve)
 
 

@@ -83,7 +83,7 @@ def _place(bad: np.ndarray, known: np.ndarray) -> tuple[str, str, np.ndarray]:
     return "", f"{count} of {known.sum()} readings (first row {row}, column {col})", bad
 
 
-def saturation(reading: Reading, least: int = _FLAT[0], others: float = _FLAT[1]) -> str:
+def saturation(reading: Reading, minimum: int = _FLAT[0], others: float = _FLAT[1]) -> str:
     """Whether the largest readings lie at one value, with few below: a saturated input?
 
     A flat touch reads like that too: only the circuit shows whether there are cells that read so.
@@ -94,7 +94,7 @@ def saturation(reading: Reading, least: int = _FLAT[0], others: float = _FLAT[1]
         return ""  # cells at the curve's end read alike
     below = (top - reading.steps)[reading.known]
     at_top = np.count_nonzero(below < _CEILING)
-    if at_top < least or np.count_nonzero(below < _GAP) > (1.0 + others) * at_top:
+    if at_top < minimum or np.count_nonzero(below < _GAP) > (1.0 + others) * at_top:
         return ""
     return f"{at_top} readings are equal, {top:.0f} ADC steps, the largest: is the input saturated?"
 
