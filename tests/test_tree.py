@@ -37,7 +37,7 @@ MAY = {
     "ros": ("files", "yaml_files", "msg", "middleware", "nodes", "launch"),
     "bench": None,  # everything but the command line
     "cli": None,
-    "__init__": ("physics", "solvers"),
+    "__init__": ("physics", "solvers", "calibration"),
     "__main__": ("cli",),
 }
 PURE = ("physics", "touch", "behaviours", "learning", "solvers", "calibration")

@@ -36,6 +36,9 @@ _DONE = 0.2  # standard deviations by which the last round moved
 _PRIOR = 0.2, 8.0  # standard deviations: of r_par, as share of `series_scale`; of r_line [ohm]
 _TOLD = 0.03, 4.0  # the same, below which a resistance is told
 _FULL = 0.75  # share of touched cells from which on too few readings are left to ask
+# chi^2 a reading up to which a frame is explained, and beyond which it is of no use: a wrong
+# circuit leaves 2 to 5, a soft rim that is held at rest hundreds.
+_EXPLAINED = 6.0, 30.0
 _FEWEST = 3  # frames; with fewer one odd touch decides
 # Share of a reading by which the circuit's model misses a sound skin's beyond that (creep, scans
 # taken in turn), and standard deviations from which on a misfit counts less than its square: that
@@ -88,10 +91,9 @@ def identify(frames, circuit: Circuit, rest: Rest) -> Identified:
     off = np.zeros(2)  # of (r_par, r_line), from what was supposed [ohm]
     for turn in range(_ROUNDS):
         supposed = Supposed(shifted(circuit, off), rest)
-        threshold = TOUCHED[min(turn, len(TOUCHED) - 1)]
         found = []
         for k, adc in enumerate(frames):
-            evidence = supposed.evidence(adc, noise, threshold, touches[k])
+            evidence = supposed.evidence(adc, noise, turn, touches[k])
             if evidence is not None:
                 touches[k] = evidence.conductance
                 found.append(evidence)
@@ -101,8 +103,8 @@ def identify(frames, circuit: Circuit, rest: Rest) -> Identified:
         score = sum(e.score for e in found) - prior @ off
         step = np.linalg.solve(information, score)
         moved = np.abs(step * np.sqrt(information.diagonal())).max()
-        off = np.maximum(off + step, -_supposed_values(circuit))
-        if threshold == TOUCHED[-1] and moved < _DONE:
+        off = bounded(off + step, information, circuit)
+        if turn >= len(TOUCHED) - 1 and moved < _DONE:
             break
     if len(found) < _FEWEST:
         return _identified(circuit, np.zeros(2), prior, np.sqrt(1.0 / prior.diagonal()), len(found))
@@ -114,8 +116,16 @@ def prior_of(circuit: Circuit) -> np.ndarray:
     return np.diag([(_PRIOR[0] * series_scale(circuit)) ** -2, _PRIOR[1] ** -2])
 
 
-def _supposed_values(circuit: Circuit) -> np.ndarray:
-    return np.array([circuit.r_par, np.min(circuit.r_line)])
+def bounded(off: np.ndarray, information: np.ndarray, circuit: Circuit) -> np.ndarray:
+    """(2,) ohm more of r_par and r_line that explain the frames best with neither below 0."""
+    least = -np.array([circuit.r_par, np.min(circuit.r_line)])
+    for k in (1, 0):
+        if off[k] < least[k]:
+            other = off[1 - k] + information[1 - k, k] / information[1 - k, 1 - k] * (
+                off[k] - least[k]
+            )
+            off = np.array([other, least[k]] if k else [least[k], other])
+    return np.maximum(off, least)
 
 
 def shifted(circuit: Circuit, off: np.ndarray) -> Circuit:
@@ -225,24 +235,34 @@ class Supposed:
         return [np.ones(g.shape), by_line]
 
     def evidence(
-        self, adc: np.ndarray, noise: float, threshold: float, g: np.ndarray | None = None
+        self, adc: np.ndarray, noise: float, turn: int, g: np.ndarray | None = None
     ) -> Evidence | None:
         """Fit the touched cells of a frame, and see what is left.
 
         Args:
             adc: (rows, cols) ADC ratio; NaN where a crossing was not read.
             noise: RMS of a reading [ADC steps].
-            threshold: times its conductance at rest from which on a cell is touched.
+            turn: how often the circuit was found anew before: which of TOUCHED to begin with. A
+                touch with a soft rim needs the last, however far the circuit is.
             g: (rows, cols) conductance to begin with [S].
 
         Returns:
-            None: nothing touches, or so much that the rest cannot be checked.
+            None: nothing touches, or so much that the rest cannot be checked, or nothing explains
+            the frame.
         """
-        circuit = self.circuit
         known = np.isfinite(adc)
         adc = np.where(known, adc, 0.0)
         if g is None:
             g = self._first_guess(adc, known)
+        for threshold in TOUCHED[min(turn, len(TOUCHED) - 1) :]:
+            found = self._past_touched(adc, known, noise, threshold, g)
+            if found is None or found.chi2 < _EXPLAINED[0] * found.count:
+                return found
+        return found if found.chi2 < _EXPLAINED[1] * found.count else None
+
+    def _past_touched(self, adc, known, noise: float, threshold: float, g) -> Evidence | None:
+        """With the cells above a threshold of TOUCHED, and those beside hard ones, unknown."""
+        circuit = self.circuit
         touched = circuit.populated & (g > threshold * self.rest)
         hard = circuit.populated & (g > _HARD * self.rest)
         free = (touched | binary_dilation(hard, _BESIDE)) & circuit.populated
@@ -264,9 +284,10 @@ class Supposed:
         precision[np.diag_indices(count)] *= 1.0 + _RIDGE
         left = columns - jacobian @ _solve(precision, jacobian.T @ columns)
         p, misfit = left[:, :2], left[:, 2]
-        trust = np.minimum(1.0, _ODD / np.maximum(np.abs(misfit), 1e-9))
-        weighed = (p * trust[:, None]).T
         chi2, left = float(np.square(misfit).sum()), max(np.count_nonzero(known) - count, 1)
+        trust = np.minimum(1.0, _ODD / np.maximum(np.abs(misfit), 1e-9))
+        trust /= max(chi2 / left, 1.0)  # a frame that is explained badly says little
+        weighed = (p * trust[:, None]).T
         by_rest = weighed * weight.ravel()
         return Evidence(g, -weighed @ misfit, weighed @ p, by_rest, chi2, left)
 

@@ -9,21 +9,23 @@ import numpy as np
 
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
-from ..solvers.reading import SCAN_NOISE, rest_reading
+from ..solvers.reading import rest_reading
 from ..solvers.series import series_scale
-from .identify import NAMES, TOUCHED, Evidence, Supposed, prior_of, shifted, std_of
+from .identify import NAMES, Evidence, Supposed, bounded, prior_of, shifted, std_of
 from .rest import Rest
 
 _KEPT = 24  # frames: the latest, since boards warm up and connectors age
-_ENOUGH = 4  # frames that may change what is known, and the latest that may overrule it
+_ENOUGH = 6  # frames that may change what is known, and the latest that may overrule it
 _A_TURN = 4  # frames asked with each threshold of TOUCHED
-_APART = 0.3  # s between two frames that are asked
+_APART = 0.15  # s between two frames that are asked
 _PATIENCE = 2.0  # s that a frame waits for a pause between touches
-_NEW = 4.0  # times the noise, RMS, by which a frame differs from the last that was asked
-_TOLD = 0.03  # of `series_scale`: standard deviation from which on r_par is known
-_SURE = 4.0  # standard deviations by which a change is one
+# Times the noise, RMS: by which a frame may differ from the one before, since a touch that moves is
+# read row by row; and by which it differs from the last that was asked.
+_STANDS, _NEW = 2.5, 4.0
+_KNOWN = 0.06  # of `series_scale`: standard deviation from which on r_par is known
+_SURE = 5.0  # standard deviations by which a change is one
 _RELEVANT = 0.02, 1.5  # of `series_scale`, and ohm of r_line: less changes no picture
-_EXPLAINED = 2.0  # chi^2 a reading, in the median frame, beyond which there is another fault
+_EXPLAINED = 3.0  # chi^2 a reading, in the median frame, beyond which there is another fault
 _POSSIBLE = 0.5, 60.0  # of `series_scale` beside the configured r_par; ohm of r_line
 _REST_FRAMES = 40  # that a measurement of the rest takes, see tare.py
 
@@ -55,7 +57,8 @@ class CircuitTracker:
         self._supposed: Supposed | None = None
         self._rest: Rest | None = None
         self._waiting: np.ndarray | None = None
-        self._last: np.ndarray | None = None
+        self._last: np.ndarray | None = None  # of those asked
+        self._before: np.ndarray | None = None  # of those offered
         self._t = -np.inf
 
     def offer(self, t: float, adc: np.ndarray, noise: float) -> None:
@@ -66,13 +69,16 @@ class CircuitTracker:
             adc: (rows, cols) ADC ratio; NaN where a crossing was not read.
             noise: RMS of a reading [ADC steps].
         """
-        if 0.0 <= t - self._t < _APART:
+        before, self._before = self._before, adc
+        if 0.0 <= t - self._t < _APART or before is None or self._change(before) > _STANDS * noise:
             return
-        if self._last is not None:
-            off = np.nan_to_num(adc - self._last) * self._configured.full_scale
-            if np.square(off).mean() < (_NEW * max(noise, SCAN_NOISE)) ** 2:
-                return
-        self._waiting, self._t = adc, t
+        if self._last is None or self._change(self._last) > _NEW * noise:
+            self._waiting, self._t = adc, t
+
+    def _change(self, earlier: np.ndarray) -> float:
+        """RMS of the last frame's difference to an earlier one [ADC steps]."""
+        off = np.nan_to_num(self._before - earlier)
+        return float(np.square(off).mean() ** 0.5) * self._configured.full_scale
 
     def overdue(self, t: float) -> bool:
         """Whether a frame has waited for a pause for so long that it is asked in a touch."""
@@ -101,7 +107,7 @@ class CircuitTracker:
         adc, self._waiting = self._waiting, None
         if adc is None:
             return False
-        self._last, noise = adc, max(noise, SCAN_NOISE)
+        self._last = adc
         self._suppose(curve, noise)
         self._count += 1
         self._take(adc, noise)
@@ -118,26 +124,28 @@ class CircuitTracker:
             self._supposed = Supposed(shifted(self._configured, self._off), self._rest)
 
     def _take(self, adc: np.ndarray, noise: float) -> None:
-        threshold = TOUCHED[min(self._count // _A_TURN, len(TOUCHED) - 1)]
-        evidence = self._supposed.evidence(adc, noise, threshold)
+        evidence = self._supposed.evidence(adc, noise, self._count // _A_TURN)
         if evidence is not None:
             self._asked.append(_Asked(adc, self._off, evidence))
 
     def _conclude(self) -> bool:
         """Whether what the touches say together is another circuit than `circuit`."""
-        off, std = self._solve(list(self._asked))
+        off, std, information = self._solve(list(self._asked))
         latest = list(self._asked)[-_ENOUGH:]
-        now, now_std = self._solve(latest)
+        now, now_std, now_information = self._solve(latest)
         if (np.abs(now - off) > _SURE * np.hypot(now_std, std)).any():  # it has changed
             self._asked = deque(latest, _KEPT)
-            off, std = now, now_std
+            off, std, information = now, now_std, now_information
         scale = series_scale(self._configured)
         relevant = np.array([_RELEVANT[0] * scale, _RELEVANT[1]])
         if (np.abs(off - self._off) > np.maximum(relevant, std)).any():
             self._off, self._supposed = off, None
         self.std = std
-        change = np.abs(off - self._adopted)
-        if std[0] > _TOLD * scale or not (change > np.maximum(relevant, _SURE * std)).any():
+        change = off - self._adopted
+        if std[0] > _KNOWN * scale:
+            return False
+        # the two vary together: what one touch takes for stripes another takes for r_par
+        if not (np.abs(change) > relevant).any() or change @ information @ change < _SURE**2:
             return False
         if np.median([self._chi2(a, off) for a in self._asked]) > _EXPLAINED:
             return False
@@ -153,18 +161,20 @@ class CircuitTracker:
         e, step = asked.evidence, off - asked.at
         return float((e.chi2 - 2.0 * e.score @ step + step @ e.information @ step) / e.count)
 
-    def _solve(self, asked: list[_Asked]) -> tuple[np.ndarray, np.ndarray]:
-        """(2,) beside the configured, and its standard deviation [ohm]."""
+    def _solve(self, asked: list[_Asked]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(2,) beside the configured, its standard deviation [ohm], and (2, 2) information."""
         prior = prior_of(self._configured)
         evidence = [a.evidence for a in asked]
         information = sum(e.information for e in evidence) + prior
         pull = sum(e.score + e.information @ a.at for e, a in zip(evidence, asked, strict=True))
-        off = np.linalg.solve(information, pull)
+        off = bounded(np.linalg.solve(information, pull), information, self._configured)
         here = [
             e._replace(score=e.score + e.information @ (a.at - off))
             for e, a in zip(evidence, asked, strict=True)
         ]
-        return off, std_of(here, information, self._rest)
+        std = std_of(here, information, self._rest)
+        # by as much less as the frames differ by more than noise
+        return off, std, information * np.min(1.0 / (information.diagonal() ** 0.5 * std)) ** 2
 
     def _words(self, relevant: np.ndarray) -> str:
         values = self.circuit.r_par, float(np.mean(self.circuit.r_line))

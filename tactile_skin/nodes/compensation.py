@@ -20,7 +20,7 @@ from ..msg import DiagnosticArray, Image, Trigger, image, image_array
 from ..physics.circuit import forward
 from ..physics.curve import GRAM
 from ..solvers import METHODS, Estimate, compensate
-from ..solvers.reading import ROUNDING_NOISE
+from ..solvers.reading import ROUNDING_NOISE, SCAN_NOISE
 from . import QUEUE, diagnostics
 
 _IDLE = 15.0 * GRAM  # N on a cell: below it nothing touches; lines shorted at rest read as 13 g
@@ -181,7 +181,7 @@ class Compensation:
         """What touches tell of r_par and r_line; worked out while none is there, or a stop is."""
         if not (self._follows and self._tare.measured):
             return
-        noise = self._noise.rms or 0.0
+        noise = max(self._noise.rms or SCAN_NOISE, ROUNDING_NOISE)
         if touched:
             self._tracker.offer(t, adc, noise)
         if touched and self._level != diagnostics.ERROR and not self._tracker.overdue(t):

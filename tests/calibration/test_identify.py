@@ -1,0 +1,136 @@
+"""Boards with r_par, stripes, fabric and noise of their own; the literal network reads them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from yardsticks.identify import Unknown, bodies
+
+from tactile_skin import Circuit, PressureCurve, identify, measure_rest
+from tactile_skin.calibration.rest import resting_conductance
+from tactile_skin.calibration.tare import Tare
+from tactile_skin.calibration.tracker import CircuitTracker
+
+SHAPE = 12, 12
+
+
+@pytest.fixture(scope="module")
+def board():
+    board = Unknown(SHAPE, seed=7, r_par=1.15, line=9.0)
+    board.touched = board.frames(bodies(16, SHAPE, np.random.default_rng(7)))
+    board.idle = board.at_rest()
+    return board
+
+
+def test_both_are_found(board):
+    """Within three of the standard deviations that are named, and those are small."""
+    found = identify(board.touched, board.supposed, measure_rest(board.idle, board.supposed))
+    assert found.told == {"r_par": True, "r_line": True}
+    assert found.std["r_par"] < 6.0
+    assert found.std["r_line"] < 4.0
+    assert abs(found.circuit.r_par - board.r_par) < 3.0 * found.std["r_par"]
+    assert abs(found.circuit.r_line - board.r_line) < 3.0 * found.std["r_line"]
+    assert "r_par = " in found.message
+
+
+def test_the_right_circuit_is_left_as_it_is(board):
+    """From the truth as well as from what is supposed, the answer is the same."""
+    rest = measure_rest(board.idle, board.supposed)
+    first = identify(board.touched, board.supposed, rest).circuit
+    again = identify(board.touched, first, rest).circuit
+    assert again.r_par == pytest.approx(first.r_par, abs=1.5)
+    assert again.r_line == pytest.approx(first.r_line, abs=1.0)
+
+
+@pytest.mark.parametrize("touched", [False, True])
+def test_frames_that_do_not_tell_change_nothing(board, touched):
+    """Idle ones, or a few grams on a cell."""
+    force = np.zeros((10, *SHAPE))
+    if touched:
+        force[:, 5, 6] = 0.03
+    rest = measure_rest(board.idle, board.supposed)
+    found = identify(board.frames(force), board.supposed, rest)
+    assert found.circuit == board.supposed
+    assert found.told == {"r_par": False, "r_line": False}
+    assert "do not tell" in found.message
+
+
+def test_crossings_that_are_not_read_are_done_without(board):
+    """NaN in a tenth of the readings: a little less is known."""
+    frames = board.touched.copy()
+    frames[np.random.default_rng(0).random(frames.shape) < 0.1] = np.nan
+    rest = measure_rest(board.idle, board.supposed)
+    found = identify(frames, board.supposed, rest)
+    assert abs(found.circuit.r_par - board.r_par) < 4.0 * found.std["r_par"]
+
+
+@pytest.mark.parametrize(
+    ("frames", "named"),
+    [(np.zeros((3, 4, 4)), "shape"), (np.full((3, *SHAPE), 1.5), "frame 0, row 0, column 0")],
+)
+def test_what_is_no_frame_is_refused(board, frames, named):
+    rest = measure_rest(board.idle, board.supposed)
+    with pytest.raises(ValueError, match=named):
+        identify(frames, board.supposed, rest)
+
+
+def test_rest_is_the_exact_inverse(board):
+    """Of a circuit with stripes and missing cells; the curve has no part in it."""
+    mask = np.ones(SHAPE, bool)
+    mask[3, 4] = mask[0, 0] = False
+    circuit = Circuit(*SHAPE, mask=mask, r_line=7.0)
+    rng = np.random.default_rng(3)
+    g = np.where(mask, np.exp(0.1 * rng.standard_normal(SHAPE)) / 20000.0, 0.0)
+    from tactile_skin import forward
+
+    with np.errstate(divide="ignore"):
+        adc = forward(circuit, 1.0 / g)
+    np.testing.assert_allclose(resting_conductance(adc, circuit), g, rtol=2e-3)
+
+
+def test_a_touched_skin_is_not_at_rest(board):
+    with pytest.raises(ValueError, match="does something touch"):
+        measure_rest(np.concatenate([board.idle[:20], board.touched[:1]]), board.supposed)
+
+
+def follow(board, circuit, touches):
+    """A tracker beside the tare of a skin that rests, then is touched."""
+    tare, tracker, t = Tare(circuit, PressureCurve()), CircuitTracker(circuit), 0.0
+    for k in range(130):
+        tare.update(t, board.idle[k % len(board.idle)], np.zeros(SHAPE))
+        t += 0.01
+    assert tare.measured
+    for adc in touches:
+        for _ in range(2):  # it stands
+            t += 0.5
+            tracker.offer(t, adc, 0.5)
+        if tracker.ask(tare.curve, 0.5):
+            tare.suppose(tracker.circuit)
+    return tracker
+
+
+def test_a_running_skin_learns_its_circuit(board):
+    """A frame of each touch; what it knows, and what to write, is said."""
+    tracker = follow(board, board.supposed, board.touched)
+    assert tracker.circuit.r_par == pytest.approx(board.r_par, abs=12.0)
+    assert tracker.circuit.r_line == pytest.approx(board.r_line, abs=6.0)
+    assert "r_par is" in tracker.message
+    assert not tracker.impossible
+    assert set(tracker.values()) == {"r_par", "r_line"}
+
+
+def test_a_right_circuit_is_not_touched(board):
+    """No word, no change."""
+    circuit = replace(board.supposed, r_par=board.r_par, r_line=board.r_line)
+    tracker = follow(board, circuit, board.touched)
+    assert tracker.circuit is circuit
+    assert tracker.message == ""
+
+
+def test_a_touch_that_moves_is_not_asked(board):
+    """It was read row by row while it moved."""
+    tracker = CircuitTracker(board.supposed)
+    for k, adc in enumerate(board.touched[:6]):
+        tracker.offer(0.5 * k, adc, 0.5)
+        assert not tracker.ask(PressureCurve(), 0.5)
+    assert tracker.values() == {}
