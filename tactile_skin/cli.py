@@ -105,6 +105,31 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--seed", type=int, default=0, help="of the noise (default 0)")
 
     sub = command(
+        "calibrate",
+        _calibrate,
+        "find your board's circuit from touches and its newtons from a few weights, step by step",
+        epilog="You need ten minutes, the board, and up to ten things that a kitchen scale has "
+        "weighed.\nexamples:\n"
+        "  tactile-skin calibrate --config mine.yaml --out calibrated.yaml\n"
+        "  tactile-skin calibrate --config mine.yaml --out mine.yaml port:=/dev/ttyUSB0\n"
+        "then:\n  tactile-skin launch skin.launch.yaml config:=calibrated.yaml",
+    )
+    sub.add_argument(
+        "words",
+        nargs="*",
+        metavar="NAME:=VALUE",
+        help="port, baud or protocol, instead of the parameter file's",
+    )
+    sub.add_argument("--config", type=Path, help="parameter file with what you know of the board")
+    sub.add_argument(
+        "--out",
+        type=Path,
+        default=Path("calibrated.yaml"),
+        help="parameter file to write; one that is there is kept as NAME.bak "
+        "(default calibrated.yaml)",
+    )
+
+    sub = command(
         "train",
         _train,
         "train a network for your board: its circuit and curve from a parameter file",
@@ -191,6 +216,12 @@ def _parser() -> argparse.ArgumentParser:
     faults.add_argument("--streams", type=int, help="of each fault and begin (default 1)")
     faults.add_argument("--jobs", type=int, help="processes (default: one a core)")
     return parser
+
+
+def _calibrate(args) -> int:
+    from . import calibrate
+
+    return calibrate.run(args.out, args.config, calibrate.board_parameters(args.words))
 
 
 def _launch(args) -> int:

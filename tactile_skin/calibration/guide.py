@@ -1,0 +1,195 @@
+"""What a person does to calibrate a board, step by step; frames and answers come from outside.
+
+Hands off (rest, noise), press here and there (r_par, r_line), lay known weights on (the curve).
+Each step says when it has enough. See docs/calibrate.md.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+import numpy as np
+
+from ..physics.circuit import Circuit
+from ..physics.curve import GRAM
+from ..solvers import compensate
+from .curve_fit import fit_curve
+from .identify import Identified, identify
+from .rest import Rest, measure_rest, supposing
+
+REST = 3.0  # s that the skin rests
+OBJECT = 1.0  # s for which an object stands
+_FEW = 20  # frames that a rest takes at least, at any rate
+TOUCHES = 30  # that are asked for at most
+_EVERY = 5  # touches after which the circuit is looked for
+OBJECTS, LEAST_OBJECTS = 10, 3  # that are asked for; with fewer there is no curve
+ENOUGH = 0.05  # error of a total, left out in turn, at which the objects suffice
+_STANDS, _NEW = 3.0, 6.0  # times the noise, RMS: between two frames of a touch that stands; of two
+_TOUCHED = 8.0  # times the noise by which a reading rises where something touches
+_GLANCE = 0.3  # s that a touch must stand
+_PATIENCE = 20.0  # s without a new touch after which what is there must do
+_WEIGHT = re.compile(r"\s*([0-9]*[.,]?[0-9]+)\s*(g|kg|N)?\s*$")
+_UNIT = {"g": GRAM, "kg": 1000.0 * GRAM, "N": 1.0}
+_SHADES = " .:-=+*#%@"
+
+Frames = Callable[[float], np.ndarray]  # s -> (n, rows, cols) ADC ratio, of that time from now on
+Ask = Callable[[str], str]  # what to show -> what was typed
+Say = Callable[[str], None]
+
+
+class Guide:
+    """Leads through the three steps, wherever frames and answers come from.
+
+    Attributes:
+        circuit: what the configuration says, then what the touches tell.
+        rest, found, fitted: what was learnt; None before.
+    """
+
+    def __init__(self, circuit: Circuit, frames: Frames, ask: Ask, say: Say):
+        self._supposed, self._frames, self._ask, self._say = circuit, frames, ask, say
+        self.rest: Rest | None = None
+        self.found: Identified | None = None
+        self.fitted = None
+
+    @property
+    def circuit(self):
+        return self.found.circuit if self.found else self._supposed
+
+    def run(self) -> None:
+        self.measure_rest()
+        self.identify()
+        self.fit_curve()
+
+    def measure_rest(self) -> None:
+        self._ask("1 of 3. Take everything off the skin, and keep your hands off it. Enter: ")
+        while True:
+            frames = self._frames(REST)
+            while len(frames) < _FEW:
+                frames = np.concatenate([frames, self._frames(REST)])
+            try:
+                self.rest = measure_rest(frames, self._supposed)
+                break
+            except ValueError as error:
+                self._ask(f"  {error}\n  Hands off, and Enter to measure again: ")
+        cells = self._supposed.populated
+        usual = 1.0 / np.median(self.rest.conductance[cells])
+        self._say(
+            f"  {len(frames)} frames: a cell has {usual:.0f} ohm at rest, a reading "
+            f"{self.rest.noise:.2f} ADC steps of noise."
+        )
+
+    def identify(self) -> None:
+        self._say(
+            "2 of 3. Press here and there, near the edges too: hard, with a knuckle, a palm, both "
+            "hands.\n  Hold each touch for a moment."
+        )
+        touches: list[np.ndarray] = []
+        waited = 0.0  # s
+        while len(touches) < TOUCHES and waited < _PATIENCE:
+            touch = self._new_touch(touches)
+            if touch is None:
+                waited += _GLANCE
+                continue
+            touches.append(touch)
+            waited = 0.0
+            if len(touches) % _EVERY:
+                self._say(f"  touch {len(touches)}")
+                continue
+            self.found = identify(touches, self._supposed, self.rest)
+            self._say(f"  touch {len(touches)}: {self.found.message}")
+            if len(touches) >= 2 * _EVERY and all(self.found.told.values()):
+                break
+        if len(touches) % _EVERY:
+            self.found = identify(touches, self._supposed, self.rest)
+            self._say(f"  {self.found.message}")
+
+    def _new_touch(self, touches: list[np.ndarray]) -> np.ndarray | None:
+        """The mean frame of a touch that stands and was not there before; None: there is none."""
+        frames = self._frames(_GLANCE)
+        if len(frames) < 2:
+            return None
+        noise = max(self.rest.noise, 0.5) / self._supposed.full_scale
+        frame = np.nanmean(frames, axis=0)
+        if _rms(frames[-1] - frames[0]) > _STANDS * noise or not self._touched(frame, noise):
+            return None
+        if touches and _rms(frame - touches[-1]) < _NEW * noise:
+            return None
+        return frame
+
+    def _touched(self, frame: np.ndarray, noise: float) -> bool:
+        return bool(np.nanmax(frame - self.rest.adc) > _TOUCHED * noise)
+
+    def fit_curve(self) -> None:
+        self._say(
+            f"3 of 3. Lay things of known weight on the skin, at least {LEAST_OBJECTS}, better "
+            f"{OBJECTS}: light and heavy ones, 0.3 to\n  5 kg (a bottle, books), each somewhere "
+            "else, on a piece of foam if they are hard. They must not\n  stand beside the skin."
+        )
+        frames, weights = [], []
+        while True:
+            number = len(weights) + 1
+            word = self._ask(
+                f"  object {number}: its weight (such as 500 g, 1.2 kg, 5 N), once it lies there; "
+                "Enter alone ends: "
+            )
+            if not word.strip():
+                break
+            weight = newtons(word)
+            if weight is None:
+                self._say(f"  {word.strip()!r} is no weight: write it as 500 g, 1.2 kg or 5 N")
+                continue
+            frame = np.nanmean(self._frames(OBJECT), axis=0)
+            noise = max(self.rest.noise, 0.5) / self._supposed.full_scale
+            if not self._touched(frame, noise):
+                self._say("  nothing lies on the skin: the readings are those of rest")
+                continue
+            frames.append(frame)
+            weights.append(weight)
+            if len(weights) < LEAST_OBJECTS:
+                continue
+            self._fit(frames, weights)
+            if self.fitted and len(weights) >= 6 and self.fitted.error < ENOUGH:
+                self._say("  That is enough. Enter alone ends; more objects make it better.")
+        if len(weights) < LEAST_OBJECTS:
+            self._say(
+                f"  {len(weights)} objects: the curve stays that of the configuration; forces are "
+                "as good as it is."
+            )
+
+    def _fit(self, frames: list[np.ndarray], weights: list[float]) -> None:
+        rest = supposing(self.rest, self.circuit)
+        try:
+            self.fitted = fit_curve(np.array(frames), np.array(weights), self.circuit, rest)
+        except ValueError as error:
+            self._say(f"  {error}")
+            return
+        self._say(f"  {self.fitted.message}")
+        cells = self.circuit.populated
+        at_rest = np.where(cells, 1.0 / np.where(cells, rest.conductance, 1.0), 1e6)
+        curve = self.fitted.curve.resting_at(at_rest)
+        found = compensate(frames[-1], self.circuit, curve, "map", missing=True)
+        self._say(picture(found.force))
+        self._say(f"  felt: {found.force.sum():.1f} N; told: {weights[-1]:.1f} N")
+
+
+def newtons(text: str) -> float | None:
+    """ "500 g", "1,2 kg", "5 N", "500" (g) -> N; None: it is no weight above 0."""
+    match = _WEIGHT.match(text)
+    if not match:
+        return None
+    value = float(match[1].replace(",", ".")) * _UNIT[match[2] or "g"]
+    return value if value > 0.0 else None
+
+
+def picture(force: np.ndarray) -> str:
+    """A text picture of (rows, cols) [N], one character for two of a terminal's a cell."""
+    share = force / max(force.max(), 1e-9)
+    shade = np.minimum((share * len(_SHADES)).astype(int), len(_SHADES) - 1)
+    lines = ["".join(2 * _SHADES[k] for k in row) for row in shade]
+    edge = "  +" + "-" * (2 * force.shape[1]) + "+"
+    return "\n".join([edge, *(f"  |{line}|" for line in lines), edge])
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.nanmean(np.square(values)) ** 0.5)
