@@ -40,6 +40,9 @@ void two_terminal(int rows, int cols, const Network *n, double *rho);
 void whole(int rows, int cols, const Network *n, double *root, double *k);
 void sensitivity(int rows, int cols, const double *k, const double *weight, const int *told,
                  ptrdiff_t n_told, const int *one, const int *other, ptrdiff_t n, float *out);
+void hessian_product(int rows, int cols, const double *k, const double *p, double *out);
+double roughness(int rows, int cols, const double *x, const double *weight, const double *square,
+             double *gradient, double *diagonal, double *entries);
 
 enum { HISTORY = 6, ITERATE_SPACE = 2 * HISTORY + 4 }; /* vectors of n that iterate needs */
 
