@@ -105,11 +105,11 @@ class Ceiling:
             keep * stood + np.count_nonzero(still & others),
             keep * seen + np.count_nonzero(others),
         )
-        if top - np.median(samples) > _ABOVE * self._scale:
-            n = np.count_nonzero(still & at_top)
-            if n and n * math.log(max(stood / max(seen, 1.0), _SELDOM)) < math.log(_CHANCE):
-                self.height = top / self._scale
-                self._present = True
+        n = np.count_nonzero(still & at_top)
+        told = n and n * math.log(max(stood / max(seen, 1.0), _SELDOM)) < math.log(_CHANCE)
+        if told and top - np.median(samples) > _ABOVE * self._scale:
+            self.height = top / self._scale
+            self._present = True
         return self._said()
 
     def window(self, window: Window) -> str:

@@ -30,6 +30,9 @@ _NO_REST = "half of the skin is loaded: too few cells are at rest to check the c
 _HOLD = 1.0  # s for which a reason is said at least, while the robot is stopped for one
 _NUMBER = re.compile(r"-?\d+(\.\d+)?")  # in two reasons alike but for their numbers
 _LEARNED = "cnn", "physics"  # methods that use weights
+# s from which on a reading is old news, and apart that old ones are taken: half of `stale_after`,
+# and often enough for the stop to know that there are readings
+_OLD, _APART = 0.05, 0.02
 _CORNER = 4  # suspect or failed frames in a row after which the last one is no start
 
 
@@ -41,7 +44,8 @@ class Compensation:
     first time, a second after the start, what would be a fault is "measuring rest: hands off", and
     so is a skin of which half was loaded from the first frame on, until it is let go. The service
     `~/reset` forgets faults that the last frames no longer show, says so on diagnostics before it
-    answers, and forgets the last frame, from which the next one starts.
+    answers, and forgets the last frame, from which the next one starts. Behind by more than half of
+    what the stop bears, it skips old frames to come to the new ones; diagnostics count them.
     """
 
     def __init__(self, node):
@@ -109,6 +113,7 @@ class Compensation:
         self._level, self._message, self._residual = diagnostics.OK, "ok", 0.0
         self._status, self._present = "ok", ""  # of the last frame, and what is said of it
         self._taken: Counter[str] = Counter()
+        self._taken_at, self.skipped = -np.inf, 0  # s, when the last frame was taken; frames
         self._aside: Counter[tuple[int, int]] = Counter()  # since the last report
         # Loads the weights, and says here, not in the first callback, that they do not fit.
         self._compensate(np.full(self.circuit.shape, 0.05))
@@ -124,6 +129,11 @@ class Compensation:
         return compensate(adc, self.circuit, curve, self._method, start=self._last, **given)
 
     def on_adc(self, msg: Image) -> None:
+        now, t = self._now(), Time.from_msg(msg.header.stamp).nanoseconds / 1e9
+        if now - t > _OLD and 0.0 <= now - self._taken_at < _APART:
+            self.skipped += 1
+            return
+        self._taken_at = now
         try:
             samples = image_array(msg)
             adc = self._adc.ratio_of(samples)
@@ -140,7 +150,6 @@ class Compensation:
         self._last = estimate if self._doubts < _CORNER else None
         self._taken[estimate.method] += 1
         self._residual = estimate.residual
-        t = Time.from_msg(msg.header.stamp).nanoseconds / 1e9
         if estimate.status != "failed":
             if self._follows and self._tare.update(t, self._whole(adc, estimate), estimate.force):
                 self._last = None
@@ -158,7 +167,7 @@ class Compensation:
         if (window := self._windows.frame(samples)) is not None:
             self._saturated = self._ceiling.window(window)
         stirs = touched or np.count_nonzero(estimate.force > _LIGHT) >= _STIRRED
-        self._noise.frame(t, np.nan_to_num(adc) * self.circuit.full_scale, stirs)
+        self._noise.frame(t, adc * self.circuit.full_scale, stirs)
         self._odd = self._noisy_cells() or self._cells.frame(t, estimate.force)
         if estimate.aside is not None:
             self._aside.update(map(tuple, np.argwhere(estimate.aside)))
@@ -220,9 +229,9 @@ class Compensation:
         return self.node.get_clock().now().nanoseconds / 1e9
 
     def _noisy_cells(self) -> str:
-        cells = np.argwhere(self._noise.noisy)
-        if not len(cells):
+        if not self._noise.noisy.any():  # the usual case
             return ""
+        cells = np.argwhere(self._noise.noisy)
         names = ", ".join(f"row {row}, column {col}" for row, col in cells[:3])
         more = f" and {len(cells) - 3} more" if len(cells) > 3 else ""
         return f"{names}{more}: much more noise than the others: a loose contact?"
@@ -239,6 +248,7 @@ class Compensation:
             values["set_aside"] = f"{self._aside.total()} readings, most often {where}"
             self._aside.clear()
         values |= {f"frames_{name}": n for name, n in self._taken.items()}
+        values["skipped"] = self.skipped
         self._diagnostics.publish(diagnostics.report(self.node, self._level, self._message, values))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, lapack
+from scipy.linalg import blas, lapack
 
 from ..physics import laplacian
 from ..physics.kernel import connected_rho
@@ -30,6 +30,7 @@ _OPEN = 0.5  # times the reading at rest: fabrics differ from the curve by less
 _EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
 # Share of a fault's pattern, squared, below which the fit can take all of it: a short's, r_par's.
 _HIDDEN = 1e-3, 1e-4
+_RIDGE = 1e-5  # of the touched cells' precision
 _TOLD = 1e-3  # the same, above which the readings alone tell a wrong r_par from the touched cells'
 LIFTED = 5.0  # times its conductance at rest: a cell below it is as good as untouched
 _SHORT_OF = 1.01  # ADC steps below a ceiling to which noise lets a saturated reading fall
@@ -203,12 +204,14 @@ def _can_tell(jacobian: np.ndarray, p: np.ndarray) -> bool:
     doing, and where the load is rougher than the prior expects it leans on a sound circuit too.
     Cells that are all but untouched do not count: a wrong r_par is what lifts them.
     """
-    jacobian = jacobian.astype(float)
-    precision = jacobian.T @ jacobian
-    ridge = 1e-6 * precision.diagonal()  # the readings may leave a combination of cells open
-    along = jacobian.T @ p
-    hidden = along @ cho_solve(cho_factor(precision + np.diag(ridge)), along)
-    return bool(p @ p - hidden > _TOLD * (p @ p))
+    if not jacobian.shape[1]:
+        return True
+    precision = blas.ssyrk(1.0, jacobian.T, lower=1)
+    # the readings may leave a combination of cells open
+    precision.T.reshape(-1)[:: len(precision) + 1] *= 1.0 + _RIDGE
+    factor, bad = lapack.spotrf(precision, lower=1, clean=0, overwrite_a=1)
+    along = lapack.strtrs(factor, jacobian.T @ p, lower=1)[0]
+    return not bad and bool(p @ p - along @ along > _TOLD * (p @ p))
 
 
 def rounded(reading: Reading) -> bool:
@@ -224,7 +227,8 @@ def _alike(reading: Reading, turned: bool = False) -> np.ndarray:
         steps, known = steps.T, known.T
     pair = known[1:] & known[:-1]
     n = np.maximum(pair.sum(1), 1)
-    apart = np.where(pair, np.square(np.diff(steps, axis=0)), 0.0).sum(1) / n
+    step = (steps[1:] - steps[:-1]) * pair
+    apart = np.einsum("ij,ij->i", step, step) / n
     noise = reading.fitted_noise
     return apart < 2.0 * noise**2 * (1.0 + 3.0 * np.sqrt(2.0 / n))
 
