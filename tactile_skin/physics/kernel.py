@@ -31,7 +31,11 @@ __all__ = [
     "roughness",
     "sensitivity",
     "solve",
+    "solve_in_box",
 ]
+
+
+_BOX = 100  # unknowns up to which LAPACK's calls cost more than its arithmetic saves
 
 
 def implementation() -> str:
@@ -122,6 +126,17 @@ def roughness(
         cost = _kernel.roughness(*x.shape, x, weight, square, gradient, diagonal, entries)
         return cost, gradient, diagonal, entries
     return numpy_kernel.roughness(x, weight, square)
+
+
+def solve_in_box(precision, b, low, high) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """As quadratic.solve_in_box of few unknowns; None: LAPACK is faster, or there is no factor."""
+    n = b.size
+    if _kernel is None or n > _BOX:
+        return None
+    dx, factor, inside = np.empty(n), np.empty(n * n, np.float32), np.empty(n, np.int32)
+    given = (np.ascontiguousarray(array) for array in (precision, b, low, high))
+    m = _kernel.solve_in_box(*given, dx, factor, inside)
+    return None if m < 0 else (dx, factor[: m * m].reshape(m, m), inside.astype(bool))
 
 
 def fixed_point(

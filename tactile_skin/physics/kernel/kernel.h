@@ -44,6 +44,10 @@ void hessian_product(int rows, int cols, const double *k, const double *p, doubl
 double roughness(int rows, int cols, const double *x, const double *weight, const double *square,
              double *gradient, double *diagonal, double *entries);
 
+ptrdiff_t solve_in_box(ptrdiff_t n, const float *precision, const double *b, const double *low,
+                       const double *high, double *dx, float *factor, int *inside, float *space,
+                       int *kept);
+
 enum { HISTORY = 6, ITERATE_SPACE = 2 * HISTORY + 4 }; /* vectors of n that iterate needs */
 
 int iterate(int rows, int cols, double *g, const int *at, ptrdiff_t n, const double *measured,

@@ -209,6 +209,34 @@ static PyObject *py_roughness(PyObject *self, PyObject *const *args, Py_ssize_t 
     return end(&call);
 }
 
+static PyObject *py_solve_in_box(PyObject *self, PyObject *const *args, Py_ssize_t count)
+{
+    Call call;
+
+    if (begin(&call, args, count, "fdddDFI")) {
+        Py_ssize_t n = call.size[1];
+        float *space = NULL;
+        int *kept = NULL;
+        if (sized(&call, 0, n * n) && sized(&call, 2, n) && sized(&call, 3, n)
+            && sized(&call, 4, n) && sized(&call, 5, n * n) && sized(&call, 6, n)) {
+            space = PyMem_Calloc(n + 1, sizeof *space);
+            kept = PyMem_Calloc(n + 1, sizeof *kept);
+            if (space && kept) {
+                PyThreadState *released = release((double)n * n * n / 3.0);
+                Py_ssize_t m = solve_in_box(n, call.data[0], call.data[1], call.data[2],
+                                            call.data[3], call.data[4], call.data[5],
+                                            call.data[6], space, kept);
+                acquire(released);
+                call.result = PyLong_FromSsize_t(m);
+            } else
+                PyErr_NoMemory();
+        }
+        PyMem_Free(space);
+        PyMem_Free(kept);
+    }
+    return end(&call);
+}
+
 static PyObject *py_iterate(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
     Call call;
@@ -243,6 +271,8 @@ static PyMethodDef methods[] = {
     METHOD(hessian_product, "(rows, cols, k, p, out); fills out"),
     METHOD(roughness, "(rows, cols, x, weight, square, gradient, diagonal, entries) -> cost; fills "
                       "the last three"),
+    METHOD(solve_in_box, "(precision, b, low, high, dx, factor, inside) -> number inside, -1 if it "
+                         "was singular; fills the last three"),
     METHOD(iterate, "(rows, cols, g, at, measured, low, high, r_ref, r_par, goal, steps, seconds) "
                     "-> steps taken, -1 if it was singular; changes g"),
     {NULL, NULL, 0, NULL},
