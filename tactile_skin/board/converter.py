@@ -24,6 +24,8 @@ _CALM = 0.25  # of the readings are not moved by a touch
 _ROUND = 0.3  # ADC steps by which the mean of rounded readings may be off
 _SHELF = 4  # readings at one height
 _MOVES = 20.0  # times the noise by which others differ when they stand there again
+# Times that readings at rest are further apart: makes, and ends, one voltage; readings at least.
+_ALIKE, _MANY = (3.0, 2.0), 8
 _NEAR_MOST = 0.9  # of what a short circuit would read: above, all hard touches read alike
 
 
@@ -60,6 +62,27 @@ class Windows:
         read = spread[mean > 0.0]  # 0: not read, or below the ADC's range
         noise = float(np.quantile(read, _CALM)) if read.size else 0.0
         return Window(mean, spread, noise, self._low)
+
+
+class OneVoltage:
+    """Readings that are all alike, of cells that rest apart: nothing of the matrix is read."""
+
+    def __init__(self):
+        self._present = False
+
+    def window(self, window: Window, rest: np.ndarray) -> str:
+        """What is wrong; empty if nothing.
+
+        Args:
+            rest: (rows, cols) what the cells read at rest, as it was measured [ADC steps].
+        """
+        read = window.mean > 0.0
+        least = _ALIKE[1] if self._present else _ALIKE[0]
+        alike = np.count_nonzero(read) >= _MANY
+        self._present = bool(alike and least * window.mean[read].std() < rest[read].std())
+        if not self._present:
+            return ""
+        return "all readings are one voltage, but for noise: is the matrix connected?"
 
 
 class Ceiling:

@@ -7,7 +7,7 @@ from collections import Counter
 
 import numpy as np
 
-from ..board.converter import Ceiling, Windows
+from ..board.converter import Ceiling, OneVoltage, Windows
 from ..calibration.cells import Cells
 from ..calibration.doubt import Doubt
 from ..calibration.noise import Noise
@@ -19,7 +19,7 @@ from ..msg import DiagnosticArray, Image, Trigger, image, image_array
 from ..physics.circuit import forward
 from ..physics.curve import GRAM
 from ..solvers import METHODS, Estimate, compensate
-from ..solvers.reading import ROUNDING_NOISE
+from ..solvers.reading import ROUNDING_NOISE, rest_reading
 from . import QUEUE, diagnostics
 
 _IDLE = 15.0 * GRAM  # N on a cell: below it nothing touches; lines shorted at rest read as 13 g
@@ -104,6 +104,7 @@ class Compensation:
         self._windows = Windows(self.circuit.adc_bits)
         top = self.circuit.full_scale if self._adc.inverted else None
         self._ceiling, self._saturated = Ceiling(self.circuit.adc_bits, most, top), ""
+        self._one_voltage, self._dead = OneVoltage(), ""
         self._cells, self._odd = Cells(self.circuit.shape), ""
         self._full_since = np.inf  # s, since when half of the cells or more have been loaded
         self._said = -np.inf  # s, when the message was new
@@ -166,6 +167,9 @@ class Compensation:
         self._saturated = self._ceiling.frame(samples)
         if (window := self._windows.frame(samples)) is not None:
             self._saturated = self._ceiling.window(window)
+            if self._tare.measured:
+                rest = rest_reading(self.circuit, self._tare.curve)
+                self._dead = self._one_voltage.window(window, rest * self.circuit.full_scale)
         stirs = touched or np.count_nonzero(estimate.force > _LIGHT) >= _STIRRED
         self._noise.frame(t, adc * self.circuit.full_scale, stirs)
         self._odd = self._noisy_cells() or self._cells.frame(t, estimate.force)
@@ -198,12 +202,12 @@ class Compensation:
         return response
 
     def _words(self, present: str) -> str:
-        words = self._loaded, self._saturated, present, self._tare.message, self._odd
+        words = self._loaded, self._dead, self._saturated, present, self._tare.message, self._odd
         return "; ".join(filter(None, words))
 
     def _judge(self, status: str, message: str) -> None:
         level = diagnostics.OK if status == "ok" and not message else diagnostics.WARN
-        wrong = self._fault or self._saturated or self._loaded
+        wrong = self._fault or self._saturated or self._loaded or self._dead
         if status == "failed" or (wrong and self._stops):
             level = diagnostics.ERROR
         before = self._waiting
