@@ -202,8 +202,9 @@ class Compensation:
         return response
 
     def _words(self, present: str) -> str:
-        words = self._loaded, self._dead, self._saturated, present, self._tare.message, self._odd
-        return "; ".join(filter(None, words))
+        tare = self._tare
+        words = self._loaded, self._dead, self._saturated, present, tare.message, tare.wiring
+        return "; ".join(filter(None, (*words, self._odd)))
 
     def _judge(self, status: str, message: str) -> None:
         level = diagnostics.OK if status == "ok" and not message else diagnostics.WARN
