@@ -30,7 +30,7 @@ def test_a_sound_skin_has_none(shape):
             assert twins(read(rng, rest(rng, shape, scatter)), NOISE, cells) is None
 
 
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("shape", [(8, 8), (16, 16)])
 @pytest.mark.parametrize("name", ["row", "column"])
 def test_a_line_that_is_read_twice_is_named(shape, name):
     rng, cells, right = np.random.default_rng(12), np.ones(shape, bool), 0
@@ -40,7 +40,7 @@ def test_a_line_that_is_read_twice_is_named(shape, name):
         one, other = sorted(rng.choice(len(lines), 2, replace=False).tolist())
         lines[other] = lines[one]
         right += twins(read(rng, steps), NOISE, cells) == (name, one, other)
-    assert right >= 25  # of 40, where 120 pairs are compared by 8 cells each; else nearly all
+    assert right >= 34
 
 
 def test_readings_in_whole_steps_are_alike_by_rounding():
