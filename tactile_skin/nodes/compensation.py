@@ -7,7 +7,7 @@ from collections import Counter
 
 import numpy as np
 
-from ..board.converter import Ceiling, OneVoltage, Windows
+from ..board.converter import Ceiling, RestPicture, Windows
 from ..calibration.cells import Cells
 from ..calibration.doubt import Doubt
 from ..calibration.noise import Noise
@@ -104,7 +104,7 @@ class Compensation:
         self._windows = Windows(self.circuit.adc_bits)
         top = self.circuit.full_scale if self._adc.inverted else None
         self._ceiling, self._saturated = Ceiling(self.circuit.adc_bits, most, top), ""
-        self._one_voltage, self._dead = OneVoltage(), ""
+        self._picture, self._dead = RestPicture(), ""
         self._cells, self._odd = Cells(self.circuit.shape), ""
         self._full_since = np.inf  # s, since when half of the cells or more have been loaded
         self._said = -np.inf  # s, when the message was new
@@ -169,7 +169,7 @@ class Compensation:
             self._saturated = self._ceiling.window(window)
             if self._tare.measured:
                 rest = rest_reading(self.circuit, self._tare.curve)
-                self._dead = self._one_voltage.window(window, rest * self.circuit.full_scale)
+                self._dead = self._picture.window(window, rest * self.circuit.full_scale)
         stirs = touched or np.count_nonzero(estimate.force > _LIGHT) >= _STIRRED
         self._noise.frame(t, adc * self.circuit.full_scale, stirs)
         self._odd = self._noisy_cells() or self._cells.frame(t, estimate.force)
