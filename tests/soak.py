@@ -154,7 +154,9 @@ class Watch:
     def __init__(self, skin: Skin, rate: float):
         self.skin, self.clock = skin, skin.node.get_clock()
         plan = zip(skin._plan.nodes, skin._nodes, strict=True)
-        self._reader = next(n for a, n in plan if a.executable == "serial_driver")._reader
+        nodes = {action.executable: node for action, node in plan}
+        self._reader = nodes["serial_driver"]._reader
+        self._compensation = nodes["compensation"]
         self.readings = self.decisions = 0
         self.stops: dict[str, int] = {}  # reason -> how often it began
         self.changes: list[tuple[float, str]] = []  # monotonic [s], reason of the stop or ""
@@ -211,10 +213,11 @@ class Watch:
 
     @property
     def missed(self) -> dict[str, int]:
-        """Frames lost before the driver, and messages that a queue on the way dropped."""
+        """Frames lost before the driver, that a queue on the way dropped, and that were skipped."""
         counters = self._reader.parser.counters
         dropped = sum(s.dropped for h in self.skin._handles for s in h._subscriptions)
-        return {"lost": max(counters.lost, counters.corrupt), "dropped": dropped}
+        lost = max(counters.lost, counters.corrupt)
+        return {"lost": lost, "dropped": dropped, "skipped": self._compensation.skipped}
 
     @property
     def received(self) -> int:

@@ -24,6 +24,9 @@ _CALM = 0.25  # of the readings are not moved by a touch
 _ROUND = 0.3  # ADC steps by which the mean of rounded readings may be off
 _SHELF = 4  # readings at one height
 _MOVES = 20.0  # times the noise by which others differ when they stand there again
+# Times that readings at rest are further apart, which makes, and ends, a fault; readings at least;
+# share of the rest by which no fabric changes between two measurements of it.
+_ALIKE, _MANY, _RAISED = (3.0, 2.0), 8, 0.3
 _NEAR_MOST = 0.9  # of what a short circuit would read: above, all hard touches read alike
 
 
@@ -60,6 +63,44 @@ class Windows:
         read = spread[mean > 0.0]  # 0: not read, or below the ADC's range
         noise = float(np.quantile(read, _CALM)) if read.size else 0.0
         return Window(mean, spread, noise, self._low)
+
+
+class RestPicture:
+    """What becomes of the picture of an untouched skin, whose cells rest apart.
+
+    Where all readings are alike nothing of the matrix is read. Where that picture stands at another
+    height a bit of the ADC is stuck: whatever presses changes each cell by its own.
+    """
+
+    def __init__(self):
+        self._told = ""
+
+    def window(self, window: Window, rest: np.ndarray) -> str:
+        """What is wrong; empty if nothing.
+
+        Args:
+            rest: (rows, cols) what the cells read at rest, as it was measured [ADC steps].
+        """
+        read = window.mean > 0.0
+        if np.count_nonzero(read) < _MANY:
+            self._told = ""
+            return ""
+        now, rest = window.mean[read], rest[read]
+        apart, up = rest.std(), float(np.median(now - rest))
+        least = _ALIKE[1] if self._told else _ALIKE[0]
+        if least * now.std() < apart:
+            self._told = "all readings are one voltage, but for noise: is the matrix connected?"
+        elif (
+            abs(up) > max(_ABOVE, _RAISED * np.median(rest)) and least * (now - rest).std() < apart
+        ):
+            if not self._told.startswith("all cells"):  # one text for as long as it lasts
+                self._told = (
+                    f"all cells read {abs(up):.0f} ADC steps {'above' if up > 0.0 else 'below'} "
+                    "their rest, to the noise: is a bit of the ADC stuck?"
+                )
+        else:
+            self._told = ""
+        return self._told
 
 
 class Ceiling:
@@ -105,11 +146,11 @@ class Ceiling:
             keep * stood + np.count_nonzero(still & others),
             keep * seen + np.count_nonzero(others),
         )
-        if top - np.median(samples) > _ABOVE * self._scale:
-            n = np.count_nonzero(still & at_top)
-            if n and n * math.log(max(stood / max(seen, 1.0), _SELDOM)) < math.log(_CHANCE):
-                self.height = top / self._scale
-                self._present = True
+        n = np.count_nonzero(still & at_top)
+        told = n and n * math.log(max(stood / max(seen, 1.0), _SELDOM)) < math.log(_CHANCE)
+        if told and top - np.median(samples) > _ABOVE * self._scale:
+            self.height = top / self._scale
+            self._present = True
         return self._said()
 
     def window(self, window: Window) -> str:

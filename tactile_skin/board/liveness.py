@@ -112,7 +112,9 @@ _LONGEST = 2.0  # s after which repeated frames are frozen, however often the bo
 _REMEMBERED = 4096  # frames, 40 s at 100 a second, among which a frame is looked for again
 _STILL_FOR, _STILL_FRAMES = 0.2, 20  # s, and frames, in which a cell with noise moves
 _MOVING = 0.9  # of the cells must do so, or the board is too quiet to tell a line that does not
-_STILL = 0.02  # of a working board's cells may stay still in that time, at least
+# Cells at least of a line that is judged, and of the others: fewer stand still by chance together.
+_LINE, _OTHERS = 3, 8
+_STILL = 0.02  # of a sound board's cells may stay still in that time, at least
 
 
 class Repeats:
@@ -162,17 +164,21 @@ class Repeats:
 
 
 class StillLines:
-    """Lines whose cells do not move while those of all others do: a part of the scan is frozen."""
+    """Lines whose cells do not move while those of all others do: a part of the scan is frozen.
+
+    How often a cell of this board stands still for a while is measured: of all of them, and of each
+    by itself, since one that reads the middle of an ADC step moves less. Lines of which each cell
+    stands still are left out of that, and are frozen when chance would make them all stand so long
+    once in 1e9.
+    """
 
     def __init__(self, shape: tuple[int, int], full_scale: int):
         self._full_scale = full_scale
         self._last: np.ndarray | None = None
         self._since = np.zeros(shape)  # s, when each cell moved last, and
         self._frames = np.zeros(shape, np.int32)  # frames since then
-        self._usual = [
-            1.0,
-            1.0,
-        ]  # share of cells that move in that time, but for dead rows; columns
+        self._own = np.zeros(shape)  # share of frames in which a cell stands still
+        self._stood = self._seen = 0.0  # times that a cell did, of so many
 
     def frame(self, t: float, samples: np.ndarray) -> str:
         """What is wrong with the frame that arrived at t [s]; empty if nothing."""
@@ -182,26 +188,31 @@ class StillLines:
         self._frames += 1
         self._frames[moved] = 0
         still = (t - self._since >= _STILL_FOR) & (self._frames >= _STILL_FRAMES)
+        self._stood, self._seen = (1.0 - _FORGET) * self._stood, (1.0 - _FORGET) * self._seen
         if not still.any():
+            self._own *= 1.0 - _FORGET
+            self._seen += still.size / _STILL_FRAMES
             return ""
         # a reading at either end of the scale has no room for noise
         known = (samples > 0) & (samples < self._full_scale)
+        still &= known
+        cells = [known.sum(axis) for axis in (1, 0)]
+        dead = [(still.sum(1 - k) == n) & (n >= _LINE) for k, n in enumerate(cells)]
+        alive = known & ~dead[0][:, None] & ~dead[1]
+        n, quiet = np.count_nonzero(alive), np.count_nonzero(still & alive)
+        self._own[alive] += _FORGET * (still[alive] - self._own[alive])
+        self._stood += quiet / _STILL_FRAMES
+        self._seen += n / _STILL_FRAMES
+        usual = (self._stood + 1.0) / (self._seen + 1.0)
+        if n < _OTHERS or max(usual, quiet / n) > 1.0 - _MOVING:
+            return ""
+        chance = np.log(np.maximum(self._own, max(usual, _STILL))) * known / _STILL_FRAMES
+        frames = np.where(known, self._frames, np.iinfo(np.int32).max)
         names = []
-        for name, axis in (("row", 1), ("column", 0)):
-            cells = known.sum(axis)
-            dead = (cells > 0) & ((still & known).sum(axis) == cells)
-            alive = known & ~np.expand_dims(dead, axis)
-            # of few cells all may move by chance
-            share = 1.0 - ((still & alive).sum() + 1.0) / (alive.sum() + 1.0)
-            self._usual[axis] += _FORGET * (share - self._usual[axis])
-            share = min(share, self._usual[axis])
-            if share < _MOVING:
-                continue
-            # how long they all would stand still by chance, but for once in 1e9
-            chance = math.log(max(1.0 - share, _STILL)) * cells / _STILL_FRAMES
-            frames = np.where(known, self._frames, np.iinfo(np.int32).max).min(axis)
-            dead &= chance * frames < math.log(_CHANCE)
-            names += [f"{name} {k}" for k in np.flatnonzero(dead).tolist()]
+        for name, axis, lines in (("row", 1, dead[0]), ("column", 0, dead[1])):
+            alone = (chance.sum(axis) * frames.min(axis))[lines]
+            if alone.sum() < math.log(_CHANCE):
+                names += [f"{name} {k}" for k in np.flatnonzero(lines).tolist()]
         if not names:
             return ""
         more = "" if len(names) <= 4 else f" and {len(names) - 4} more"

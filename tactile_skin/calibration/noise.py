@@ -40,13 +40,14 @@ class Noise:
 
         Args:
             t: when it was read [s].
-            steps: (rows, cols) reading [ADC steps].
+            steps: (rows, cols) reading [ADC steps]; NaN where there is none.
             touched: whether anything touches the skin.
         """
         if touched or t < self._rests_from - _PAUSE:
             self._rests_from = t + _PAUSE
         if t < self._rests_from:
             return
+        steps = np.nan_to_num(steps)
         # Not from one frame to the next: a board's low-pass makes these alike.
         self._frames += 1
         count = self._frames

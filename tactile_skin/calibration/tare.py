@@ -15,6 +15,7 @@ from ..physics.circuit import Circuit
 from ..physics.curve import GRAM, PressureCurve
 from ..solvers.reading import SCAN_NOISE, rest_reading
 from .rest import resting_conductance
+from .twins import twins
 
 MAX_TARED_FORCE = 2.0 * GRAM  # N on a cell; what conducts more is a touch, and stays one
 _MAX_RESISTANCE = 4.0  # times the usual cell's at rest; a cell that conducts less is broken
@@ -46,10 +47,13 @@ class Tare:
         curve: the given curve, with the cells' offsets once they are known.
         message: why the last measurement could not be used; empty if it could.
         measured: whether there was one that could.
+        wiring: what seems wrong with the wires, by the last measurement; empty if nothing. A
+            warning: what the cells rest at is followed all the same.
     """
 
     def __init__(self, circuit: Circuit, curve: PressureCurve):
         self.curve, self.message, self.measured = curve, "", False
+        self.wiring = ""
         self._learned = -np.inf  # s, when the rest was measured last
         self._first: np.ndarray | None = None  # (rows, cols) [S] that was measured first
         self._circuit = circuit
@@ -124,7 +128,9 @@ class Tare:
         """Args:
         noise: of the mean reading, in ADC steps.
         """
-        off = (adc - rest_reading(self._circuit, self.curve)) * self._circuit.full_scale
+        full = self._circuit.full_scale
+        self.wiring = _twins(adc * full, noise, self._circuit.populated)
+        off = (adc - rest_reading(self._circuit, self.curve)) * full
         if np.square(off).mean() < (_SIGNIFICANT * noise) ** 2:
             self.message, self.measured = "", True
             return False
@@ -237,6 +243,17 @@ class Tare:
                     f"{name} {worst} conducts {much} compared with the start: is its lead breaking?"
                 )
         return ""
+
+
+def _twins(steps: np.ndarray, noise: float, cells: np.ndarray) -> str:
+    """What to say of two lines that are one; empty if there are none."""
+    if (found := twins(steps, noise, cells)) is None:
+        return ""
+    name, one, other = found
+    return (
+        f"{name}s {one} and {other} read the same, cell for cell: does the multiplexer select one "
+        "line twice, or are they shorted?"
+    )
 
 
 def _middle(values: np.ndarray) -> tuple[float, float]:

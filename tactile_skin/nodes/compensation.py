@@ -7,7 +7,7 @@ from collections import Counter
 
 import numpy as np
 
-from ..board.converter import Ceiling, Windows
+from ..board.converter import Ceiling, RestPicture, Windows
 from ..calibration.cells import Cells
 from ..calibration.doubt import Doubt
 from ..calibration.noise import Noise
@@ -20,7 +20,7 @@ from ..msg import DiagnosticArray, Image, Trigger, image, image_array
 from ..physics.circuit import forward
 from ..physics.curve import GRAM
 from ..solvers import METHODS, Estimate, compensate
-from ..solvers.reading import ROUNDING_NOISE, SCAN_NOISE
+from ..solvers.reading import ROUNDING_NOISE, SCAN_NOISE, rest_reading
 from . import QUEUE, diagnostics
 
 _IDLE = 15.0 * GRAM  # N on a cell: below it nothing touches; lines shorted at rest read as 13 g
@@ -32,6 +32,9 @@ _HOLD = 1.0  # s for which a reason is kept at least, while the robot is stopped
 _NUMBER = re.compile(r"-?\d+(\.\d+)?")  # in two reasons alike but for their numbers
 _LEARNED = "cnn", "physics"  # methods that use weights
 _RESTART_AFTER = 4  # suspect or failed frames in a row after which the last one is no start
+# s from which on a reading is old news, and apart that old ones are taken: half of `stale_after`,
+# and often enough for the stop to know that there are readings
+_OLD, _APART = 0.05, 0.02
 
 
 class Compensation:
@@ -42,7 +45,8 @@ class Compensation:
     first time, a second after the start, what would be a fault is "measuring rest: hands off", and
     so is a skin of which half was loaded from the first frame on, until it is let go. The service
     `~/reset` forgets faults that the last frames no longer show, says so on diagnostics before it
-    answers, and forgets the last frame, from which the next one starts.
+    answers, and forgets the last frame, from which the next one starts. Behind by more than half of
+    what the stop bears, it skips old frames to come to the new ones; diagnostics count them.
     """
 
     def __init__(self, node):
@@ -103,6 +107,7 @@ class Compensation:
         self._windows = Windows(self.circuit.adc_bits)
         top = self.circuit.full_scale if self._adc.inverted else None
         self._ceiling, self._saturated = Ceiling(self.circuit.adc_bits, short_circuit, top), ""
+        self._picture, self._dead = RestPicture(), ""
         self._cells, self._odd = Cells(self.circuit.shape), ""
         self._full_since = np.inf  # s, since when half of the cells or more have been loaded
         self._said = -np.inf  # s, when the message was new
@@ -112,6 +117,7 @@ class Compensation:
         self._level, self._message, self._residual = diagnostics.OK, "ok", 0.0
         self._status, self._present = "ok", ""  # of the last frame, and its message
         self._taken: Counter[str] = Counter()
+        self._taken_at, self.skipped = -np.inf, 0  # s, when the last frame was taken; frames
         self._aside: Counter[tuple[int, int]] = Counter()  # since the last report
         # Loads the weights, and says here, not in the first callback, that they do not fit.
         self._compensate(np.full(self.circuit.shape, 0.05))
@@ -127,6 +133,11 @@ class Compensation:
         return compensate(adc, self.circuit, curve, self._method, start=self._last, **given)
 
     def on_adc(self, msg: Image) -> None:
+        now, t = self._now(), Time.from_msg(msg.header.stamp).nanoseconds / 1e9
+        if now - t > _OLD and 0.0 <= now - self._taken_at < _APART:
+            self.skipped += 1
+            return
+        self._taken_at = now
         try:
             samples = image_array(msg)
             adc = self._adc.ratio_of(samples)
@@ -143,7 +154,6 @@ class Compensation:
         self._last = estimate if self._doubts < _RESTART_AFTER else None
         self._taken[estimate.method] += 1
         self._residual = estimate.residual
-        t = Time.from_msg(msg.header.stamp).nanoseconds / 1e9
         if estimate.status != "failed":
             if self._follows and self._tare.update(
                 t, self._fill_unread(adc, estimate), estimate.force
@@ -162,8 +172,11 @@ class Compensation:
         self._saturated = self._ceiling.frame(samples)
         if (window := self._windows.frame(samples)) is not None:
             self._saturated = self._ceiling.window(window)
+            if self._tare.measured:
+                rest = rest_reading(self.circuit, self._tare.curve)
+                self._dead = self._picture.window(window, rest * self.circuit.full_scale)
         stirs = touched or np.count_nonzero(estimate.force > _LIGHT) >= _STIRRED
-        self._noise.frame(t, np.nan_to_num(adc) * self.circuit.full_scale, stirs)
+        self._noise.frame(t, adc * self.circuit.full_scale, stirs)
         self._odd = self._noisy_cells() or self._cells.frame(t, estimate.force)
         if estimate.aside is not None:
             self._aside.update(map(tuple, np.argwhere(estimate.aside)))
@@ -210,17 +223,20 @@ class Compensation:
     def _join_reasons(self, present: str) -> str:
         reasons = (
             self._loaded,
+            self._dead,
             self._saturated,
             present,
             self._tracker.message,
             self._tare.message,
+            self._tare.wiring,
             self._odd,
         )
         return "; ".join(filter(None, reasons))
 
     def _update_level(self, status: str, message: str) -> None:
         level = diagnostics.OK if status == "ok" and not message else diagnostics.WARN
-        wrong = self._fault or self._saturated or self._loaded or self._tracker.impossible
+        wrong = self._fault or self._saturated or self._loaded or self._dead
+        wrong = wrong or self._tracker.impossible
         if status == "failed" or (wrong and self._stops):
             level = diagnostics.ERROR
         before = self._waiting
@@ -246,9 +262,9 @@ class Compensation:
         return self.node.get_clock().now().nanoseconds / 1e9
 
     def _noisy_cells(self) -> str:
-        cells = np.argwhere(self._noise.noisy)
-        if not len(cells):
+        if not self._noise.noisy.any():  # the usual case
             return ""
+        cells = np.argwhere(self._noise.noisy)
         names = ", ".join(f"row {row}, column {col}" for row, col in cells[:3])
         more = f" and {len(cells) - 3} more" if len(cells) > 3 else ""
         return f"{names}{more}: much noisier than the other cells: is a contact loose?"
@@ -266,6 +282,7 @@ class Compensation:
             values["set_aside"] = f"{self._aside.total()} readings, most often {where}"
             self._aside.clear()
         values |= {f"frames_{name}": n for name, n in self._taken.items()}
+        values["skipped"] = self.skipped
         self._diagnostics.publish(diagnostics.report(self.node, self._level, self._message, values))
 
 

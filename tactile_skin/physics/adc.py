@@ -114,7 +114,7 @@ class Adc:
         The low-pass may round the largest reading up by less than a step.
         """
         share = (count + self.offset) / self.full_scale
-        return np.clip(1.0 - share if self.inverted else share, 0.0, 1.0)
+        return np.minimum(np.maximum(1.0 - share if self.inverted else share, 0.0), 1.0)
 
     def count(self, ratio):
         """The inverse of `ratio`, where nothing is cut off [ADC steps]."""

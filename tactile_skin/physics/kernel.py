@@ -22,7 +22,20 @@ try:
 except ImportError:
     _kernel = None
 
-__all__ = ["Network", "connected_rho", "fixed_point", "implementation", "sensitivity", "solve"]
+__all__ = [
+    "Network",
+    "connected_rho",
+    "fixed_point",
+    "hessian_product",
+    "implementation",
+    "roughness",
+    "sensitivity",
+    "solve",
+    "solve_in_box",
+]
+
+
+_BOX = 100  # unknowns up to which LAPACK's calls cost more than its arithmetic saves
 
 
 def implementation() -> str:
@@ -77,6 +90,53 @@ def sensitivity(k: np.ndarray, weight: np.ndarray, told, one, other) -> np.ndarr
         _kernel.sensitivity(*weight.shape, k, weight, told, one, other, out)
         return out
     return numpy_kernel.sensitivity(k, weight, told, one, other)
+
+
+def hessian_product(k: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """sum_b t_ab^2 p_b (rows, cols), in O(lines^3): it is K L(p) K between a's two lines.
+
+    L(p) is the Laplacian of a network with conductances p, (rows, cols), of either sign.
+    """
+    if _compiled(p.shape):
+        out = np.empty(p.shape)
+        _kernel.hessian_product(*p.shape, np.ascontiguousarray(k), np.ascontiguousarray(p), out)
+        return out
+    return numpy_kernel.hessian_product(k, p)
+
+
+def roughness(
+    x: np.ndarray, weight: np.ndarray, square: np.ndarray
+) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
+    """How much a picture differs from cell to cell: sum of weight/2 log(square + d^2).
+
+    Args:
+        x: (rows, cols).
+        weight, square: (differences,) of each d: between neighbours in a row, then in a column,
+            then the mixed second differences of squares of four.
+
+    Returns:
+        the cost, and its quadratic majorant: gradient and diagonal of the precision (rows, cols),
+        entries off it, to the right, downwards, and along both diagonals of each square.
+    """
+    if _compiled(x.shape):
+        squares = (x.shape[0] - 1) * (x.shape[1] - 1)
+        gradient, diagonal = np.empty(x.shape), np.empty(x.shape)
+        entries = np.empty(weight.size + squares)
+        x = np.ascontiguousarray(x)
+        cost = _kernel.roughness(*x.shape, x, weight, square, gradient, diagonal, entries)
+        return cost, gradient, diagonal, entries
+    return numpy_kernel.roughness(x, weight, square)
+
+
+def solve_in_box(precision, b, low, high) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """As quadratic.solve_in_box of few unknowns; None: LAPACK is faster, or there is no factor."""
+    n = b.size
+    if _kernel is None or n > _BOX:
+        return None
+    dx, factor, inside = np.empty(n), np.empty(n * n, np.float32), np.empty(n, np.int32)
+    given = (np.ascontiguousarray(array) for array in (precision, b, low, high))
+    m = _kernel.solve_in_box(*given, dx, factor, inside)
+    return None if m < 0 else (dx, factor[: m * m].reshape(m, m), inside.astype(bool))
 
 
 def fixed_point(

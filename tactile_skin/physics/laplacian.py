@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .kernel import Network, sensitivity, solve
-from .numpy_kernel import two_point
+from .kernel import Network, hessian_product, sensitivity, solve
 
 __all__ = [
     "Network",
@@ -33,19 +32,3 @@ def crossing_factor(network: Network) -> np.ndarray:
     rows, _ = network.rho.shape
     root = network.root.astype(np.float32)
     return (root[:rows, None] - root[None, rows:]).reshape(-1, len(root))
-
-
-def hessian_product(k: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """sum_b t_ab^2 p_b (rows, cols), in O(lines^3): it is K L(p) K between a's two lines.
-
-    L(p) is the Laplacian of a network with conductances p, (rows, cols), of either sign.
-    """
-    rows, cols = p.shape
-    weighted = np.empty_like(k)
-    np.matmul(p, k[rows:], out=weighted[:rows])
-    np.matmul(p.T, k[:rows], out=weighted[rows:])
-    ones = np.ones(max(p.shape))
-    sums = np.concatenate([p @ ones[:cols], ones[:rows] @ p])
-    weighted -= k * sums[:, None]  # - L(p) K
-    own = np.einsum("ij,ji->i", k, weighted)  # the diagonal of - K L(p) K
-    return -two_point(own[:rows], k[:rows] @ weighted[:, rows:], own[rows:])

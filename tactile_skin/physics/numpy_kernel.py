@@ -102,6 +102,68 @@ def sensitivity(k: np.ndarray, weight: np.ndarray, told, one, other) -> np.ndarr
     return across.astype(np.float32)
 
 
+def hessian_product(k: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """As kernel.hessian_product."""
+    rows, cols = p.shape
+    weighted = np.empty_like(k)
+    np.matmul(p, k[rows:], out=weighted[:rows])
+    np.matmul(p.T, k[:rows], out=weighted[rows:])
+    ones = np.ones(max(p.shape))
+    sums = np.concatenate([p @ ones[:cols], ones[:rows] @ p])
+    weighted -= k * sums[:, None]  # - L(p) K
+    own = np.einsum("ij,ji->i", k, weighted)  # the diagonal of - K L(p) K
+    return -two_point(own[:rows], k[:rows] @ weighted[:, rows:], own[rows:])
+
+
+def roughness(
+    x: np.ndarray, weight: np.ndarray, square: np.ndarray
+) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
+    """As kernel.roughness."""
+    d = np.empty(weight.size)
+    right, down, twist = _by_kind(d, x.shape)
+    np.subtract(x[:, 1:], x[:, :-1], out=right)
+    np.subtract(x[1:], x[:-1], out=down)
+    np.subtract(right[1:], right[:-1], out=twist)
+    squares = d * d
+    squares += square
+    w = weight / squares
+    cost = 0.5 * float(weight @ np.log(squares))
+    # a square of four is the difference of the two to the right in it
+    d *= w
+    right[1:] += twist
+    right[:-1] -= twist
+    gradient = np.zeros(x.shape)
+    gradient[:, 1:] += right
+    gradient[:, :-1] -= right
+    gradient[1:] += down
+    gradient[:-1] -= down
+    right, down, twist = _by_kind(w, x.shape)
+    right[1:] += twist
+    right[:-1] += twist
+    diagonal = np.zeros(x.shape)
+    diagonal[:, 1:] += right
+    diagonal[:, :-1] += right
+    diagonal[1:] += down
+    diagonal[:-1] += down
+    down[:, 1:] += twist
+    down[:, :-1] += twist
+    right *= -1.0
+    down *= -1.0
+    return cost, gradient, diagonal, np.concatenate([w, twist.ravel()])
+
+
+def _by_kind(of: np.ndarray, shape) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Views of (differences,): (rows, cols-1), (rows-1, cols), (rows-1, cols-1)."""
+    rows, cols = shape
+    one = rows * (cols - 1)
+    two = one + (rows - 1) * cols
+    return (
+        of[:one].reshape(rows, cols - 1),
+        of[one:two].reshape(rows - 1, cols),
+        of[two:].reshape(rows - 1, cols - 1),
+    )
+
+
 def fixed_point(
     g, cells, measured, low, high, *, r_ref: float, r_par: float, goal: float, steps: int, deadline
 ) -> tuple[np.ndarray, int]:

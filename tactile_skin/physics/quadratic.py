@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import blas, lapack
 
+from . import kernel
+
 _BOX_ROUNDS = 4
 _RIDGES = 1e-3, 1e-2, 1e-1, 1.0
 
@@ -16,11 +18,17 @@ def solve_in_box(precision: np.ndarray, b: np.ndarray, low: np.ndarray, high: np
     step would often go up.
 
     Args:
-        precision: (n, n), upper triangle.
+        precision: (n, n), upper triangle, float32.
 
     Returns:
         dx, the Cholesky factor over the unknowns inside (None: there is none), which those are.
     """
+    found = kernel.solve_in_box(precision, b, low, high)
+    return found or _with_lapack(precision, b, low, high)
+
+
+def _with_lapack(precision: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray):
+    """As `solve_in_box`, of any size and also where the precision has no factor as it is."""
     inside = np.ones(b.size, bool)
     dx = np.zeros(b.size)
     matrix, pull = precision, b

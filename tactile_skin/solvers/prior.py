@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..physics import kernel
+
 # Spread and weight of the two kinds of differences, chosen on 40 scenes of blobs and rects each.
 _STEP = 0.5, 0.1  # weight, spread of x_i - x_j between direct neighbours
 _TWIST = 1.5, 0.15  # of x_ij - x_i+1,j - x_i,j+1 + x_i+1,j+1, the mixed second difference
@@ -20,7 +22,6 @@ class Differences:
     """Which cells the prior compares: those beside and below one another, and squares of four.
 
     Attributes:
-        shape: (rows, cols).
         weight, square: (differences,) of each one's cost weight/2 log(square + d^2), the weight 0
             where a cell is missing; first those to the right, then downwards, then of squares.
         here, there: (entries,) int32, flat cells, here < there, that a difference joins: to the
@@ -28,13 +29,11 @@ class Differences:
     """
 
     def __init__(self, shape: tuple[int, int], cells: np.ndarray | None = None):
-        self.shape = shape
         cells = np.ones(shape, bool) if cells is None else cells
         right, down = cells[:, 1:] & cells[:, :-1], cells[1:] & cells[:-1]
         kinds = (right, _STEP), (down, _STEP), (right[1:] & right[:-1], _TWIST)
         self.weight = np.concatenate([w * there.ravel() for there, (w, _) in kinds])
         self.square = np.concatenate([np.full(there.size, s**2) for there, (_, s) in kinds])
-        self._sizes = right.size, right.size + down.size
         n = np.arange(cells.size, dtype=np.int32).reshape(shape)
         pairs = (
             (n[:, :-1], n[:, 1:]),
@@ -43,16 +42,6 @@ class Differences:
             (n[:-1, 1:], n[1:, :-1]),
         )
         self.here, self.there = (np.concatenate([p[k].ravel() for p in pairs]) for k in (0, 1))
-
-    def pictures(self, of: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Views of (differences,): (rows, cols-1), (rows-1, cols), (rows-1, cols-1)."""
-        rows, cols = self.shape
-        one, two = self._sizes
-        return (
-            of[:one].reshape(rows, cols - 1),
-            of[one:two].reshape(rows - 1, cols),
-            of[two:].reshape(rows - 1, cols - 1),
-        )
 
 
 def differences(circuit) -> Differences:
@@ -90,39 +79,12 @@ def touches(x: np.ndarray, x_rest: float, between: Differences) -> Quadratic:
     Args:
         x: (rows, cols), of cells that do not exist x_rest.
     """
-    d = np.empty(between.weight.size)
-    right, down, twist = between.pictures(d)
-    np.subtract(x[:, 1:], x[:, :-1], out=right)
-    np.subtract(x[1:], x[:-1], out=down)
-    np.subtract(right[1:], right[:-1], out=twist)
-    square = d * d
-    square += between.square
-    w = between.weight / square
+    value, gradient, diagonal, entries = kernel.roughness(x, between.weight, between.square)
     weight, spread = _REST
     above = (x - (x_rest - spread)) / spread
-    value = 0.5 * (between.weight @ np.log(square)) + weight * np.log(above).sum()
-    # a square of four is the difference of the two to the right in it
-    d *= w
-    right[1:] += twist
-    right[:-1] -= twist
-    gradient = (weight / spread) / above
-    gradient[:, 1:] += right
-    gradient[:, :-1] -= right
-    gradient[1:] += down
-    gradient[:-1] -= down
-    right, down, twist = between.pictures(w)
-    right[1:] += twist
-    right[:-1] += twist
-    diagonal = np.zeros(x.shape)
-    diagonal[:, 1:] += right
-    diagonal[:, :-1] += right
-    diagonal[1:] += down
-    diagonal[:-1] += down
-    down[:, 1:] += twist
-    down[:, :-1] += twist
-    right *= -1.0
-    down *= -1.0
-    return Quadratic(float(value), gradient, diagonal, np.concatenate([w, twist.ravel()]))
+    value += weight * float(np.log(above).sum())
+    gradient += (weight / spread) / above
+    return Quadratic(value, gradient, diagonal, entries)
 
 
 def level(force: np.ndarray, slope: np.ndarray, cells: np.ndarray) -> Quadratic:

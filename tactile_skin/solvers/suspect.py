@@ -224,7 +224,8 @@ def _equal_lines(reading: Reading, columns: bool = False) -> np.ndarray:
         steps, known = steps.T, known.T
     pair = known[1:] & known[:-1]
     n = np.maximum(pair.sum(1), 1)
-    apart = np.where(pair, np.square(np.diff(steps, axis=0)), 0.0).sum(1) / n
+    step = (steps[1:] - steps[:-1]) * pair
+    apart = np.einsum("ij,ij->i", step, step) / n
     noise = reading.fitted_noise
     return apart < 2.0 * noise**2 * (1.0 + 3.0 * np.sqrt(2.0 / n))
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_skin import Circuit
-from tactile_skin.board.converter import Ceiling, Windows
+from tactile_skin.board.converter import Ceiling, RestPicture, Windows
 from tactile_skin.physics.adc import Adc
 
 BITS, FRACTION = 10, 64
@@ -166,3 +166,50 @@ def test_crossings_that_are_not_read_hide_no_ceiling():
     board.frames(50, 800.0)
     board.frames(100)
     assert board.frames(50, 750.0, np.s_[4:8, 2:6])[-1].startswith("readings end at 61")
+
+
+# --- a matrix that is not read ---
+
+
+def windows_of(picture, noise, n=200):
+    """What is said in each window of n frames of a picture [ADC steps]."""
+    rng, windows, watch = np.random.default_rng(4), Windows(BITS), RestPicture()
+    rest = REST + np.random.default_rng(3).uniform(-3.0, 3.0, (4, 4))
+    said = []
+    for k in range(n):
+        steps = np.broadcast_to(picture(rest, k), rest.shape) + noise * rng.standard_normal((4, 4))
+        window = windows.frame(np.rint(steps * FRACTION).astype(np.uint16))
+        if window is not None:
+            said.append(watch.window(window, rest))
+    return said
+
+
+@pytest.mark.parametrize("level", [REST, REST + 7.0, 300.0])
+def test_one_voltage_is_told_at_whatever_height(level):
+    said = windows_of(lambda rest, k: rest if k < 100 else level, 1.0)
+    assert not any(said[:10]) and all("one voltage" in text for text in said[10:])
+
+
+@pytest.mark.parametrize("bit", [6, 8, 9])
+def test_a_bit_that_is_stuck_lifts_the_picture_as_it_is(bit):
+    said = windows_of(lambda rest, k: rest + (k >= 100) * 2**bit, 0.5)
+    assert not any(said[:10])
+    assert all(text.startswith(f"all cells read {2**bit} ADC steps above") for text in said[10:])
+
+
+@pytest.mark.parametrize("share", [1.1, 1.25])
+def test_a_fabric_that_warms_up_lifts_it_by_less(share):
+    assert not any(windows_of(lambda rest, k: rest * share, 0.5))
+
+
+@pytest.mark.parametrize("noise", [0.3, 1.0, 2.0])
+def test_a_skin_is_no_one_voltage_at_rest_or_under_an_even_load(noise):
+    uneven = np.random.default_rng(5).normal(1.0, 0.05, (4, 4))
+    assert not any(windows_of(lambda rest, k: rest + 0.3 * k * uneven, noise, 2000))
+
+
+def test_a_skin_that_rests_all_alike_cannot_be_told_from_one_voltage():
+    window = Windows(BITS)
+    for _ in range(10):
+        found = window.frame(np.full((4, 4), 41 * FRACTION, np.uint16))
+    assert RestPicture().window(found, np.full((4, 4), 41.0)) == ""

@@ -75,7 +75,7 @@ def test_a_living_board_is_believed(source):
 
 
 @pytest.mark.parametrize("noise", [0.3, 1.0, 2.0])
-@pytest.mark.parametrize("shape", [(2, 2), (4, 4), (1, 8), (8, 12), (16, 16)])
+@pytest.mark.parametrize("shape", [(2, 2), (3, 3), (3, 4), (4, 4), (1, 8), (8, 12), (16, 16)])
 def test_whole_steps_with_little_noise_are_believed(shape, noise):
     source = Source(shape, noise=noise, text=True, whole=True)
     assert {v.trouble for v in source.run(60.0)} == {""}
@@ -136,6 +136,22 @@ def test_rows_that_never_move_are_told_by_name(source, rows):
     assert "samples do not change" in verdict.trouble
     source.run(2.0)
     assert source.send().trouble == ""
+
+
+@pytest.mark.parametrize("before", [0, 300])
+@pytest.mark.parametrize("rows", [[0, 1], [1, 3]])
+def test_half_of_a_small_skin_that_never_moves_is_told_in_time(before, rows):
+    """Eight cells are enough to know that the others' standing still is no chance."""
+    source = Source((4, 4))
+    still = source.samples()
+
+    def frozen():
+        now = source.samples()
+        now[rows] = still[rows]
+        return source.send(samples=now)
+
+    assert not any(source.send().trouble for _ in range(before))
+    assert until((frozen() for _ in range(100)), troubled) <= 28
 
 
 def test_readings_at_the_ends_of_the_scale_may_stand_still(source):

@@ -71,6 +71,32 @@ def test_nan_is_no_network():
 
 
 @pytest.mark.parametrize("shape", SIZES)
+def test_the_products_with_the_hessian_are_numpys(rng, shape):
+    k, p = laplacian.solve(conductance(rng, shape)).k, rng.standard_normal(shape)
+    p[rng.random(shape) < 0.3] = 0.0
+    plain = numpy_kernel.hessian_product(k, p)
+    atol = 1e-12 * np.abs(plain).max()
+    np.testing.assert_allclose(kernel.hessian_product(k, p), plain, rtol=1e-9, atol=atol)
+    turned = kernel.hessian_product(k.T, p.T.copy().T)  # not in C's order
+    np.testing.assert_allclose(turned, plain, rtol=1e-9, atol=atol)
+
+
+@pytest.mark.parametrize("shape", SIZES)
+@pytest.mark.parametrize("scale", [1.0, 1e30])
+def test_the_cost_of_differences_is_numpys(rng, shape, scale):
+    """Whatever their weights; with huge ones, too, whose product is no number."""
+    rows, cols = shape
+    n = rows * (cols - 1) + (rows - 1) * cols + (rows - 1) * (cols - 1)
+    x = scale * rng.standard_normal(shape)
+    weight, square = rng.integers(0, 3, n) * 0.7, rng.random(n) + 0.01
+    found = kernel.roughness(x, weight, square)
+    for one, other in zip(found, numpy_kernel.roughness(x, weight, square), strict=True):
+        np.testing.assert_allclose(
+            one, other, rtol=1e-9, atol=1e-12 * (1.0 + np.abs(other).max(initial=0.0))
+        )
+
+
+@pytest.mark.parametrize("shape", SIZES)
 def test_how_readings_follow_a_conductance(rng, shape):
     k = laplacian.solve(conductance(rng, shape)).k
     weight = rng.random(shape)

@@ -35,6 +35,13 @@ def test_a_step_without_a_factor():
     assert factor is None and not dx.any()
 
 
+def test_a_step_beyond_numbers_is_no_step():
+    """Neither the compiled steps nor LAPACK's put it on the end of its box."""
+    ends = np.full(2, -9.0), np.full(2, 9.0)
+    dx, _, _ = quadratic.solve_in_box(np.eye(2, dtype=np.float32), np.array([np.nan, 1.0]), *ends)
+    assert not np.isfinite(dx).all()
+
+
 @pytest.mark.parametrize("n", [1, 2, 5, 17, 130])
 def test_the_diagonal_of_an_inverse(n):
     s = definite(np.random.default_rng(5), n)

@@ -40,6 +40,13 @@ void two_terminal(int rows, int cols, const Network *n, double *rho);
 void whole(int rows, int cols, const Network *n, double *root, double *k);
 void sensitivity(int rows, int cols, const double *k, const double *weight, const int *told,
                  ptrdiff_t n_told, const int *one, const int *other, ptrdiff_t n, float *out);
+void hessian_product(int rows, int cols, const double *k, const double *p, double *out);
+double roughness(int rows, int cols, const double *x, const double *weight, const double *square,
+             double *gradient, double *diagonal, double *entries);
+
+ptrdiff_t solve_in_box(ptrdiff_t n, const float *precision, const double *b, const double *low,
+                       const double *high, double *dx, float *factor, int *inside, float *space,
+                       int *kept);
 
 enum { HISTORY = 6, ITERATE_SPACE = 2 * HISTORY + 4 }; /* vectors of n that iterate needs */
 

@@ -177,6 +177,66 @@ static PyObject *py_sensitivity(PyObject *self, PyObject *const *args, Py_ssize_
     return end(&call);
 }
 
+static PyObject *py_hessian_product(PyObject *self, PyObject *const *args, Py_ssize_t count)
+{
+    Call call;
+
+    if (begin(&call, args, count, "nnddD") && skin(&call)
+        && sized(&call, 2, (ROWS + COLS) * (ROWS + COLS)) && sized(&call, 3, ROWS * COLS)
+        && sized(&call, 4, ROWS * COLS)) {
+        PyThreadState *released = release(0.75 * CUBED);
+        hessian_product(ROWS, COLS, call.data[2], call.data[3], call.data[4]);
+        acquire(released);
+        call.result = Py_NewRef(Py_None);
+    }
+    return end(&call);
+}
+
+static PyObject *py_roughness(PyObject *self, PyObject *const *args, Py_ssize_t count)
+{
+    Call call;
+
+    if (begin(&call, args, count, "nndddDDD") && skin(&call)) {
+        Py_ssize_t right = ROWS * (COLS - 1), down = (ROWS - 1) * COLS;
+        Py_ssize_t twist = (ROWS - 1) * (COLS - 1);
+        if (sized(&call, 2, ROWS * COLS) && sized(&call, 3, right + down + twist)
+            && sized(&call, 4, right + down + twist) && sized(&call, 5, ROWS * COLS)
+            && sized(&call, 6, ROWS * COLS) && sized(&call, 7, right + down + 2 * twist))
+            call.result = PyFloat_FromDouble(roughness(ROWS, COLS, call.data[2], call.data[3],
+                                                   call.data[4], call.data[5], call.data[6],
+                                                   call.data[7]));
+    }
+    return end(&call);
+}
+
+static PyObject *py_solve_in_box(PyObject *self, PyObject *const *args, Py_ssize_t count)
+{
+    Call call;
+
+    if (begin(&call, args, count, "fdddDFI")) {
+        Py_ssize_t n = call.size[1];
+        float *space = NULL;
+        int *kept = NULL;
+        if (sized(&call, 0, n * n) && sized(&call, 2, n) && sized(&call, 3, n)
+            && sized(&call, 4, n) && sized(&call, 5, n * n) && sized(&call, 6, n)) {
+            space = PyMem_Calloc(n + 1, sizeof *space);
+            kept = PyMem_Calloc(n + 1, sizeof *kept);
+            if (space && kept) {
+                PyThreadState *released = release((double)n * n * n / 3.0);
+                Py_ssize_t m = solve_in_box(n, call.data[0], call.data[1], call.data[2],
+                                            call.data[3], call.data[4], call.data[5],
+                                            call.data[6], space, kept);
+                acquire(released);
+                call.result = PyLong_FromSsize_t(m);
+            } else
+                PyErr_NoMemory();
+        }
+        PyMem_Free(space);
+        PyMem_Free(kept);
+    }
+    return end(&call);
+}
+
 static PyObject *py_iterate(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
     Call call;
@@ -208,6 +268,11 @@ static PyMethodDef methods[] = {
     METHOD(two_terminal, "(rows, cols, g, rho) -> whether it was regular; fills rho"),
     METHOD(network, "(rows, cols, g, root, k, rho) -> whether it was regular; fills the last three"),
     METHOD(sensitivity, "(rows, cols, k, weight, told, one, other, out); fills out"),
+    METHOD(hessian_product, "(rows, cols, k, p, out); fills out"),
+    METHOD(roughness, "(rows, cols, x, weight, square, gradient, diagonal, entries) -> cost; fills "
+                      "the last three"),
+    METHOD(solve_in_box, "(precision, b, low, high, dx, factor, inside) -> number inside, -1 if it "
+                         "was singular; fills the last three"),
     METHOD(iterate, "(rows, cols, g, at, measured, low, high, r_ref, r_par, goal, steps, seconds) "
                     "-> steps taken, -1 if it was singular; changes g"),
     {NULL, NULL, 0, NULL},

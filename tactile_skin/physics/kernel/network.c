@@ -164,3 +164,43 @@ VECTORISED void sensitivity(int rows, int cols, const double *restrict k,
         }
     }
 }
+
+/* sum_b t_ab^2 p_b, (rows, cols): it is K L(p) K between a's two lines. */
+VECTORISED void hessian_product(int rows, int cols, const double *restrict k,
+                                const double *restrict p, double *restrict out)
+{
+    int lines = rows + cols;
+    double image[LINES * LINES], own[LINES]; /* L(p) K; the diagonal of K L(p) K */
+
+    for (int i = 0; i < lines; i++)
+        for (int l = 0; l < lines; l++)
+            image[i * lines + l] = 0.0;
+    for (int i = 0; i < rows; i++)
+        for (int j = 0; j < cols; j++) {
+            double *restrict row = image + i * lines, *restrict col = image + (rows + j) * lines;
+            const double *restrict one = k + i * lines, *restrict other = k + (rows + j) * lines;
+            double factor = p[i * cols + j];
+            if (factor == 0.0)
+                continue;
+            for (int l = 0; l < lines; l++) {
+                double flow = factor * (one[l] - other[l]);
+                row[l] += flow;
+                col[l] -= flow;
+            }
+        }
+    for (int i = 0; i < lines; i++) {
+        own[i] = 0.0;
+        for (int l = 0; l < lines; l++)
+            own[i] += k[i * lines + l] * image[l * lines + i];
+    }
+    for (int i = 0; i < rows; i++) {
+        double *restrict row = out + i * cols;
+        for (int j = 0; j < cols; j++)
+            row[j] = 0.0;
+        for (int l = 0; l < lines; l++)
+            for (int j = 0; j < cols; j++)
+                row[j] += k[i * lines + l] * image[l * lines + rows + j];
+        for (int j = 0; j < cols; j++)
+            row[j] = own[i] + own[rows + j] - 2.0 * row[j];
+    }
+}

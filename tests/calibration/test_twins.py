@@ -1,0 +1,59 @@
+"""Two lines that are one are told at rest; lines of a sound fabric are not."""
+
+import numpy as np
+import pytest
+
+from tactile_skin import Circuit, forward
+from tactile_skin.calibration.twins import twins
+
+NOISE = 0.06  # ADC steps, of the mean of a second
+SHAPES = [(8, 8), (8, 16), (16, 16)]
+
+
+def rest(rng, shape, scatter=0.03) -> np.ndarray:
+    """What a skin reads at rest [ADC steps], but for noise."""
+    circuit = Circuit(*shape)
+    resistance = 40000.0 * np.exp(scatter * rng.standard_normal(shape))
+    return forward(circuit, resistance) * circuit.full_scale
+
+
+def read(rng, steps) -> np.ndarray:
+    return steps + NOISE * rng.standard_normal(steps.shape)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_sound_skin_has_none(shape):
+    """Unlike cells or all alike: what is compared is noise, then."""
+    rng, cells = np.random.default_rng(11), np.ones(shape, bool)
+    for scatter in (0.0, 0.03, 0.1):
+        for _ in range(60):
+            assert twins(read(rng, rest(rng, shape, scatter)), NOISE, cells) is None
+
+
+@pytest.mark.parametrize("shape", [(8, 8), (16, 16)])
+@pytest.mark.parametrize("name", ["row", "column"])
+def test_a_line_that_is_read_twice_is_named(shape, name):
+    rng, cells, right = np.random.default_rng(12), np.ones(shape, bool), 0
+    for _ in range(40):
+        steps = rest(rng, shape)
+        lines = steps if name == "row" else steps.T
+        one, other = sorted(rng.choice(len(lines), 2, replace=False).tolist())
+        lines[other] = lines[one]
+        right += twins(read(rng, steps), NOISE, cells) == (name, one, other)
+    assert right >= 34
+
+
+def test_readings_in_whole_steps_are_alike_by_rounding():
+    rng, cells = np.random.default_rng(13), np.ones((8, 8), bool)
+    for _ in range(60):
+        assert twins(np.rint(rest(rng, (8, 8), 0.01)), NOISE, cells) is None
+
+
+def test_cells_that_are_missing_do_not_count():
+    rng, cells = np.random.default_rng(14), np.ones((8, 16), bool)
+    steps = rest(rng, (8, 16))
+    steps[5] = steps[2]
+    cells[5, :3] = False
+    steps[5, :3] = 0.0
+    assert twins(read(rng, steps), NOISE, cells) == ("row", 2, 5)
+    assert twins(steps[:1], NOISE, cells[:1]) is None

@@ -1,0 +1,112 @@
+"""What compensation does when it is behind, and what it says of a matrix wired wrong."""
+
+import numpy as np
+import pytest
+
+from tactile_skin import Circuit, forward
+from tactile_skin.middleware.bus import (
+    Context,
+    ManualClock,
+    Node,
+    Parameter,
+    SingleThreadedExecutor,
+)
+from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Header, Image, image
+from tactile_skin.nodes.compensation import Compensation
+
+CIRCUIT = Circuit(8, 8)
+FRAME = 0.01  # s
+
+
+class Skin:
+    """A compensation node, and a board whose cells rest 3 % apart.
+
+    Attributes:
+        published: stamps of skin/pressure [s].
+        status: the last word on diagnostics.
+    """
+
+    def __init__(self):
+        self.clock, self.executor = ManualClock(), SingleThreadedExecutor()
+        context = Context(self.clock)
+        shape = [Parameter("circuit.rows", 8), Parameter("circuit.cols", 8)]
+        node = Node("compensation", context=context, parameter_overrides=shape)
+        self.compensation = Compensation(node)
+        self.published, self.status, self.levels = [], None, set()
+        observer = Node("observer", context=context)
+        observer.create_subscription(Image, "skin/pressure", self._on_pressure, 100)
+        observer.create_subscription(DiagnosticArray, "diagnostics", self._on_status, 100)
+        self._adc = observer.create_publisher(Image, "skin/adc", 100)
+        self.executor.add_node(node)
+        self.executor.add_node(observer)
+        self.rng = np.random.default_rng(6)
+        rest = 40000.0 * np.exp(0.03 * self.rng.standard_normal((8, 8)))
+        self.steps = forward(CIRCUIT, rest) * CIRCUIT.full_scale
+
+    def _on_pressure(self, message):
+        self.published.append(message.header.stamp)
+
+    def _on_status(self, message):
+        self.status = message.status[0]
+        self.levels.add(self.status.level)
+
+    def frame(self, age=0.0):
+        """A frame that was taken `age` [s] ago."""
+        stamp = self.clock.now().nanoseconds - round(age * 1e9)
+        steps = self.steps + 0.5 * self.rng.standard_normal((8, 8))
+        header = Header(type(self.clock.now())(stamp).to_msg(), "base_link")
+        self._adc.publish(image(np.rint(64 * steps).astype(np.uint16), "16UC1", header))
+        self.executor.spin_some()
+        self.clock.advance(FRAME)
+
+    def play(self, seconds):
+        for _ in range(round(seconds / FRAME)):
+            self.frame()
+
+
+@pytest.fixture
+def skin():
+    return Skin()
+
+
+def test_one_that_keeps_up_takes_each_frame(skin):
+    skin.play(0.5)
+    assert len(skin.published) == 50 and skin.compensation.skipped == 0
+
+
+def test_one_that_is_behind_skips_old_frames_and_counts_them(skin):
+    """But not all: the stop must know that there are readings, though they be old."""
+    for _ in range(40):
+        skin.frame(age=0.08)
+    assert 15 <= len(skin.published) <= 21
+    assert skin.compensation.skipped == 40 - len(skin.published)
+    skin.compensation.report()
+    skin.executor.spin_some()
+    values = {pair.key: pair.value for pair in skin.status.values}
+    assert int(values["skipped"]) == skin.compensation.skipped
+
+
+def test_a_reading_a_little_old_is_taken(skin):
+    for _ in range(40):
+        skin.frame(age=0.04)
+    assert len(skin.published) == 40
+
+
+@pytest.mark.parametrize("off", [0.0, 7.0])
+def test_a_matrix_that_is_read_no_more_stops(skin, off):
+    """At the height of the rest, too, where a picture of one frame is that of a bare skin."""
+    skin.play(2.5)
+    skin.levels.clear()
+    skin.play(2.0)
+    assert skin.levels == {DiagnosticStatus.OK}
+    skin.steps = np.full((8, 8), skin.steps.mean() + off)
+    skin.play(0.25)
+    assert skin.status.level == DiagnosticStatus.ERROR
+    assert "one voltage" in skin.status.message or "residual" in skin.status.message
+
+
+def test_a_line_that_is_read_twice_is_a_warning_that_names_it(skin):
+    skin.steps[6] = skin.steps[2]
+    skin.play(3.5)
+    assert skin.status.level == DiagnosticStatus.WARN
+    assert skin.status.message.startswith("rows 2 and 6 read the same, cell for cell")
