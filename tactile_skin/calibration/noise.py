@@ -7,7 +7,7 @@ import numpy as np
 _JUDGED = 10  # frames after which the result is taken anew
 _FRAMES = 30  # at rest before the noise counts
 _FORGET = 1.0 / 500.0  # share of a measurement that each frame renews, once it is made
-_FOLLOW = 1.0 / 100.0  # the same of the mean, from which a reading's noise counts
+_FOLLOW = 1.0 / 30.0  # the same of the mean, from which a reading's noise counts
 _PAUSE = 0.5  # s after a touch: the fabric recovers
 _CLIP = 5.0  # standard deviations beyond which a change is no noise
 _NOISY = 4.0  # times the skin's noise that a noisy cell's is, and
@@ -30,6 +30,7 @@ class Noise:
         self._cells = cells
         self._rests_from = -np.inf  # s
         self._frames = 0  # at rest
+        self._since = 0  # of these, since the last touch: the fabric may rest elsewhere
         self._mean = np.zeros(cells.shape)  # ADC steps
         self._square = np.zeros(cells.shape)  # ADC steps squared
         self.rms: float | None = None
@@ -44,22 +45,25 @@ class Noise:
             touched: whether anything touches the skin.
         """
         if touched or t < self._rests_from - _PAUSE:
-            self._rests_from = t + _PAUSE
+            self._rests_from, self._since = t + _PAUSE, 0
         if t < self._rests_from:
             return
         steps = np.nan_to_num(steps)
         # Not from one frame to the next: a board's low-pass makes these alike.
+        self._since += 1
+        off = steps - self._mean
+        weight = max(1.0 / self._since, _FOLLOW)
+        self._mean += weight * off
+        if self._since == 1:
+            return
         self._frames += 1
         count = self._frames
-        off = steps - self._mean
-        self._mean += max(1.0 / count, _FOLLOW) * off
-        square = np.square(off) * (1.0 - 1.0 / count)
+        square = np.square(off) * (1.0 - weight)
         if self.rms is not None:
             square = np.minimum(
                 square, np.square(_CLIP * np.maximum(np.sqrt(self._square), self.rms))
             )
-        if count > 1:
-            self._square += max(1.0 / (count - 1), _FORGET) * (square - self._square)
+        self._square += max(1.0 / count, _FORGET) * (square - self._square)
         if count >= _FRAMES and count % _JUDGED == 0:
             self._judge()
 

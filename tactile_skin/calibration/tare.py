@@ -25,16 +25,19 @@ _LEVEL = 0.1, 3.0
 _ONE_VOLTAGE = 4.0  # times the noise of the mean, within which readings are one voltage
 _AS_THE_CURVE = 0.02  # log of the usual cell's conductance over the curve's
 _STILL = 3.0, 0.03  # ADC steps, and share of a reading, by which it may move during the first
+_SMOOTH = 0.25  # of the difference to it that each frame adds to the reading that is compared
+_RESTLESS = 0.02  # of the cells that may move more: a bad contact; what presses, _fabric tells
 _TOUCH = 10.0 * GRAM  # N on a cell, felt: a touch
 _WINDOW = 1.0  # s that a measurement takes
-_MIN_FRAMES = 40  # frames that it takes: noise of 0.5 steps then averages to 0.1
+_MIN_FRAMES = 8  # frames that it takes
+_DRIFT_FOLLOWED = 0.3, 0.003  # s after which a drift of all cells is followed, and 1/s, at most
 _RECOVERY = 1.0  # s after a touch in which the fabric recovers: nothing is measured
 _QUIET_AFTER = 0.1  # s without a touch that must follow a measurement: an onset is too weak to feel
 _GAIN = 0.5  # share of the change that a later measurement adds
 _SIGNIFICANT = 4.0  # standard deviations of its noise by which a measurement differs from the rest
 # Changes of log conductance that are not a fabric's, chosen on simulated boards (tests/calibration;
-# bench faults): of a line's median, compared with the others; of all cells between two
-# measurements, and besides in each second, as a robot's cover warms up; of a line since the first.
+# bench faults): of a line's median, compared with the others; of all cells from what is known, and
+# besides in each second, as a robot's cover warms up; of a line since the first measurement.
 _MAX_LINE_OFFSET = 0.2
 _MAX_STEP, _MAX_DRIFT = 0.1, 0.02 / 60.0
 _MAX_LINE_FALL = 0.05
@@ -61,9 +64,12 @@ class Tare:
         self._max_factor = at_rest / float(
             curve.resistance(MAX_TARED_FORCE)
         )  # as a factor of conductance
-        self._begun: np.ndarray | None = None  # the first reading of the first measurement
+        # of the first measurement: its first reading, and those that follow, smoothed
+        self._begun: np.ndarray | None = None
+        self._smooth: np.ndarray | None = None
         self._last = -np.inf  # s, when the last frame was read
         self._begin(-np.inf)
+        self._followed = -np.inf  # s, when the common drift was followed last
 
     def suppose(self, circuit: Circuit) -> None:
         """The same readings at rest, of another circuit.
@@ -101,13 +107,16 @@ class Tare:
             self._begin(t + _RECOVERY)
         elif not self.measured:
             if self._begun is None or self._moved(adc):
-                self._begun, self.message = adc, ""
+                self._begun = self._smooth = adc
+                self.message = ""
                 self._begin(t)
         elif force.max() > _TOUCH:
             self._begin(t + _RECOVERY)
+            self._followed = t
         self._last = t
+        followed = self.measured and self._follow(t, adc)
         if t < self._after:
-            return False
+            return followed
         self._since = min(self._since, t)
         if self._until == np.inf:
             self._sum += adc
@@ -115,14 +124,37 @@ class Tare:
             if t - self._since >= _WINDOW and self._frames >= _MIN_FRAMES:
                 self._until = t
         if t - self._until < _QUIET_AFTER:
-            return False
+            return followed
         mean, frames = self._sum / self._frames, self._frames
         self._begin(t)
-        return self._learn(mean, SCAN_NOISE / frames**0.5)
+        return self._learn(mean, SCAN_NOISE / frames**0.5) or followed
+
+    def _follow(self, t: float, adc: np.ndarray) -> bool:
+        """Take over by what all cells have drifted since, from a frame that nothing touches.
+
+        A measurement needs a longer pause between two touches than a hand at work leaves, and the
+        fabric goes on warming up. It does so slowly; a supply or a reference that fails does not.
+        """
+        if not t - self._followed >= _DRIFT_FOLLOWED[0]:
+            return False
+        elapsed, self._followed = min(t - self._followed, 1.0), t
+        known = self._circuit.populated & (adc > 0.0) & (adc < 1.0)
+        now, before = adc[known], rest_reading(self._circuit, self.curve)[known]
+        # r_ref / rho, but for r_par, is what conducts
+        common = float(np.median(np.log(now / (1.0 - now) * (1.0 - before) / before)))
+        noise = SCAN_NOISE / (self._circuit.full_scale * np.median(now))
+        if not noise < abs(common) <= _MAX_STEP:
+            return False
+        common = float(np.clip(common, -_DRIFT_FOLLOWED[1] * elapsed, _DRIFT_FOLLOWED[1] * elapsed))
+        self.curve = self.curve.resting_at(np.exp(-common) * self.curve.rest_resistance)
+        return True
 
     def _moved(self, adc: np.ndarray) -> bool:
-        steps, full = np.abs(adc - self._begun), self._circuit.full_scale
-        return bool((steps * full > _STILL[0] + _STILL[1] * self._begun * full).any())
+        self._smooth = self._smooth + _SMOOTH * (adc - self._smooth)
+        steps = np.abs(self._smooth - self._begun) * self._circuit.full_scale
+        much = steps > _STILL[0] + _STILL[1] * self._begun * self._circuit.full_scale
+        few = max(1.0, _RESTLESS * np.count_nonzero(self._circuit.populated))
+        return bool(np.count_nonzero(much) > few)
 
     def _learn(self, adc: np.ndarray, noise: float) -> bool:
         """Args:

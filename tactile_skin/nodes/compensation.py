@@ -35,6 +35,7 @@ _RESTART_AFTER = 4  # suspect or failed frames in a row after which the last one
 # s from which on a reading is old news, and apart that old ones are taken: half of `stale_after`,
 # and often enough for the stop to know that there are readings
 _OLD, _APART = 0.05, 0.02
+_ASIDE = 3  # times in a second that a reading is set aside: a sound board's is once a minute
 
 
 class Compensation:
@@ -119,11 +120,13 @@ class Compensation:
         self._taken: Counter[str] = Counter()
         self._taken_at, self.skipped = -np.inf, 0  # s, when the last frame was taken; frames
         self._aside: Counter[tuple[int, int]] = Counter()  # since the last report
+        self._bad: tuple[int, int] | None = None  # of these, most often in an earlier second
+        self._contact = ""  # a bad one that the last second showed
         # Loads the weights, and says here, not in the first callback, that they do not fit.
         self._compensate(np.full(self.circuit.shape, 0.05))
         node.create_subscription(Image, "skin/adc", self.on_adc, QUEUE)
         node.create_service(Trigger, "~/reset", self.on_reset)
-        node.create_timer(1.0, self.report)
+        node.create_timer(1.0, self.on_second)
 
     def _compensate(self, adc) -> Estimate:
         given = dict(self._arguments)
@@ -230,6 +233,7 @@ class Compensation:
             self._tare.message,
             self._tare.wiring,
             self._odd,
+            self._contact,
         )
         return "; ".join(filter(None, reasons))
 
@@ -242,7 +246,7 @@ class Compensation:
         before = self._waiting
         self._waiting = self._waits and level == diagnostics.ERROR and status != "failed"
         if self._waiting:
-            why = self._loaded or self._tare.message
+            why = self._loaded or self._tare.message or self._odd
             message = f"measuring rest: hands off{f' ({why})' if why else ''}"
         held = before == self._waiting and self._holds(level, message)
         if not held and (message or level == diagnostics.OK):
@@ -269,6 +273,21 @@ class Compensation:
         more = f" and {len(cells) - 3} more" if len(cells) > 3 else ""
         return f"{names}{more}: much noisier than the other cells: is a contact loose?"
 
+    def on_second(self) -> None:
+        self._contact = self._bad_contact()
+        self.report()
+        self._aside.clear()
+
+    def _bad_contact(self) -> str:
+        """The reading that was set aside most often in the last second, and before: no chance."""
+        cell, times = next(iter(self._aside.most_common(1)), (None, 0))
+        if times < _ASIDE:
+            return ""
+        again, self._bad = cell == self._bad, cell
+        row, col = cell
+        text = f"row {row}, column {col}: reads less than the others allow: a bad contact?"
+        return text if again else ""
+
     def report(self) -> None:
         values = {"residual": f"{self._residual:.3f}", "method": self._method}
         values[diagnostics.WAITING] = str(self._waiting).lower()
@@ -280,7 +299,6 @@ class Compensation:
             (row, col), n = self._aside.most_common(1)[0]
             where = f"row {row}, column {col}: {n} times"
             values["set_aside"] = f"{self._aside.total()} readings, most often {where}"
-            self._aside.clear()
         values |= {f"frames_{name}": n for name, n in self._taken.items()}
         values["skipped"] = self.skipped
         self._diagnostics.publish(diagnostics.report(self.node, self._level, self._message, values))

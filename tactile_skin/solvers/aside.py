@@ -23,10 +23,12 @@ from .suspect import model_variance
 _MOST = 0.08  # of the readings of a frame that carry a value
 # Of the readings of a line from which on its contact is bad throughout, share of the whole force
 # that may then press on it, and of its readings that may be set aside at all.
-_LINE, _LIGHT, _OPEN = 0.5, 0.08, 0.9
+_LINE, _LIGHT, _OPEN = 0.5, 0.12, 0.9
 _OFF = 4.0  # standard deviations below the model
 _AT_REST = 1.05  # times its conductance at rest: such a cell cannot explain less
-_ROUNDS = 3
+_CHI = 2.2  # of a reading that carries a value, on average, without those that are set aside
+_WORST = 0.5  # of the worst one's, from which on others are set aside in the same round
+_ROUNDS = 6
 
 Fit = Callable[[Reading, np.ndarray], Estimate]
 
@@ -39,10 +41,10 @@ def without_bad_contacts(reading: Reading, fit: Fit, estimate: Estimate) -> Esti
     aside = np.zeros(reading.adc.shape, bool)
     usable, values = reading.known | reading.capped, np.count_nonzero(reading.known)
     for _ in range(_ROUNDS):
-        found = usable & ~aside & _impossible(reading, estimate)
-        aside |= found
-        if not found.any() or np.count_nonzero(aside) > _MOST * values:
+        found = usable & _impossible(reading, estimate, aside)
+        if (found == aside).all() or np.count_nonzero(found) > _MOST * values:
             return None
+        aside = found
         left = replace(
             reading,
             known=reading.known & ~aside,
@@ -52,10 +54,22 @@ def without_bad_contacts(reading: Reading, fit: Fit, estimate: Estimate) -> Esti
         estimate = fit(left, last_guess(left, estimate))
         if estimate.status == "ok":
             bad = any(_bad_line(aside, usable, estimate.force, axis) for axis in (0, 1))
+            bad = bad or not _explained(left, estimate)
             return None if bad else replace(estimate, aside=aside)
         if estimate.status == "failed" or reading.late():
             return None
     return None
+
+
+def _explained(left: Reading, estimate: Estimate) -> bool:
+    """Whether the readings that carry a value are explained without those set aside.
+
+    Of those below a threshold most say nothing either way, and would make up for a misfit.
+    """
+    g = last_guess(left, estimate)
+    misfit = left.misfit(left.circuit.ratio(laplacian.solve(g).rho))
+    variance = np.square(left.spread) + model_variance(left)
+    return bool((np.square(misfit) / variance)[left.known].mean() <= _CHI)
 
 
 def _bad_line(aside: np.ndarray, usable: np.ndarray, force: np.ndarray, axis: int) -> bool:
@@ -65,10 +79,15 @@ def _bad_line(aside: np.ndarray, usable: np.ndarray, force: np.ndarray, axis: in
     return bool((share > _OPEN).any() or on_bad > _LIGHT * force.sum())
 
 
-def _impossible(reading: Reading, estimate: Estimate) -> np.ndarray:
-    """(rows, cols) bool: readings of cells at rest that lie below what the others let through."""
+def _impossible(reading: Reading, estimate: Estimate, aside: np.ndarray) -> np.ndarray:
+    """(rows, cols) bool: readings that lie below what the others let through.
+
+    Those of cells at rest, and of them the worst: a reading that is far off draws the fit away
+    from others that are sound. One that was set aside, and agrees with the fit without it, is not.
+    """
     g = last_guess(reading, estimate)
     at_rest = g <= _AT_REST * reading.bounds[0]
     misfit = reading.misfit(reading.circuit.ratio(laplacian.solve(g).rho))
-    noise = np.sqrt(np.square(reading.spread) + model_variance(reading))
-    return at_rest & (misfit < -_OFF * noise)
+    off = -misfit / np.sqrt(np.square(reading.spread) + model_variance(reading))
+    new = np.where(at_rest & ~aside, off, 0.0)
+    return (aside & (off > _OFF)) | (new > max(_OFF, _WORST * new.max()))

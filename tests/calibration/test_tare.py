@@ -312,3 +312,37 @@ def test_a_fabric_with_little_scatter_is_measured(shape, level):
     for k in range(150):
         tare.update(0.01 * k, scenes.read_out(circuit, ideal, "scan", rng), np.zeros(shape))
     assert tare.measured
+
+
+def test_a_slow_drift_is_followed_where_touches_leave_no_time_for_a_measurement():
+    """0.1 % a second, as a robot's cover warms up, and a finger every second."""
+    skin = Skin(scatter(0.03), seed=8)
+    skin.frames(150)
+    first = skin.rest
+    for _ in range(30):
+        skin.rest = skin.rest * 1.001
+        skin.frames(10, touch(), dt=0.05)
+        skin.frames(10, dt=0.05)
+    known = np.log(skin.tare.curve.rest_resistance * first)
+    assert np.median(known) == pytest.approx(-0.03, abs=0.004)
+
+
+@pytest.mark.parametrize("steps", [8.0, 15.0])
+def test_a_noisy_reading_does_not_keep_the_rest_from_being_measured(steps):
+    skin = Skin(scatter(0.03), seed=9)
+    noise = np.zeros((16, 16))
+    noise[4, 7] = steps / CIRCUIT.full_scale
+    for _ in range(200):
+        skin.t += 0.01
+        adc = forward(CIRCUIT, 1.0 / skin.rest) + noise * skin.rng.standard_normal()
+        adc = scenes.read_out(CIRCUIT, np.clip(adc, 0.0, 1.0), "scan", skin.rng)
+        skin.tare.update(skin.t, adc, IDLE)
+    assert skin.tare.measured
+
+
+def test_a_hand_that_arrives_while_the_rest_is_measured_is_seen():
+    skin = Skin(scatter(0.03), seed=10)
+    skin.frames(60)
+    skin.frames(10, 0.3 * touch())
+    skin.frames(45)
+    assert not skin.tare.measured

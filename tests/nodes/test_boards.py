@@ -140,6 +140,21 @@ def test_a_crossing_with_no_cell_that_is_printed_as_0_is_no_reading():
     assert fed.force.sum() == pytest.approx(touch().sum(), rel=0.05)
 
 
+@pytest.mark.parametrize("bad", [(0, 0), (5, 11)])
+def test_a_bad_contact_is_named_and_does_not_stop_the_robot(bad):
+    """Its reading is what is left of it after a bad contact, in one of three frames."""
+    fed = Fed(Adc(CIRCUIT))
+    fed.feel(np.zeros(CIRCUIT.shape), 80)
+    fed.absent[bad], said = True, ""
+    for k in range(150):
+        fed.absent[bad], fed.printed = k % 3 == 0, 12_000  # of 65535; at rest 24,000
+        fed.feel(touch() if k % 50 < 25 else np.zeros(CIRCUIT.shape))
+        said += fed.node._message
+    assert f"row {bad[0]}, column {bad[1]}: reads less than the others allow" in said
+    assert all(r.level != DiagnosticStatus.ERROR for r in fed.reports)
+    assert fed.node._contact == "" or f"row {bad[0]}, column {bad[1]}" in fed.node._contact
+
+
 class Terminal(io.StringIO):
     """80 columns."""
 

@@ -44,6 +44,19 @@ def test_a_few_bad_contacts_do_not_spoil_the_picture(rng):
     assert good >= 36
 
 
+def test_a_reading_that_is_far_off_takes_no_sound_one_with_it(rng):
+    """It draws the whole fit away: at first sight many lie below the model."""
+    exact = 0
+    for _ in range(20):
+        force = touch(rng)
+        adc, at = read(rng, force), rng.permutation(np.argwhere(force < 1e-3))[:3]
+        adc[tuple(at.T)] *= 0.3
+        found = compensate(adc, CIRCUIT, CURVE, noise=0.6)
+        if found.aside is not None:
+            exact += bool(found.aside[tuple(at.T)].all() and found.aside.sum() <= 4)
+    assert exact >= 18
+
+
 def test_a_sound_frame_sets_nothing_aside(rng):
     assert all(compensate(read(rng, touch(rng)), CIRCUIT, CURVE).aside is None for _ in range(40))
 
@@ -81,3 +94,13 @@ def test_a_suspect_start_is_tried_from_nothing(rng):
         found = compensate(adc, CIRCUIT, CURVE, start=start)
         assert found.status == "ok"
         assert found.force.sum() == pytest.approx(alone.force.sum(), rel=0.03)
+
+
+def test_a_cell_that_has_come_loose_is_named_by_row_and_column():
+    """Alone it leaves most of its column's misfit, too; that the whole column is open is untrue."""
+    circuit = Circuit(8, 12, r_ref=4700.0, r_par=70.0, adc_bits=12)
+    resistance = CURVE.resistance(np.zeros(circuit.shape))
+    resistance[2, 8] = 1e9
+    found = compensate(forward(circuit, resistance), circuit, CURVE, noise=1.0)
+    assert found.status == "suspect"
+    assert "row 2, column 8" in found.message
