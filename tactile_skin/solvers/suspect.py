@@ -33,8 +33,8 @@ EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
 # Share of a fault's squared pattern, of a short and of r_par, below which the fit absorbs it.
 _ABSORBED = 1e-3, 1e-4
 LIFTED = 5.0  # times its conductance at rest that a touched cell has: 8 g on the shipped curve
-# ADC steps at full scale that a valid reading may be off: is it 2^bits or one less? Chosen as the
-# least that keeps frames over 1024 below 2 % suspect (seed 11), scored on others.
+# ADC steps at full scale that a valid reading may be off, where so little is known of the ADC that
+# not even its noise is given: is it 2^bits or one less? Chosen as the least that keeps frames over 1024 below 2 % suspect (seed 11), scored on others.
 _GAIN = 0.5
 # A saturated input (docs/derivation.md, "When to doubt", 4). The ceiling is this thick, and the gap
 # below it as wide [ADC steps]; readings at it, and others in the gap for each of them, that a flat
@@ -199,7 +199,7 @@ def by_score(
     along = equations.jacobian.T @ p
     hidden = (along * lapack.spotrs(equations.factor.T, along, lower=1)[0]).sum(0)
     score = p.T @ model.misfit.ravel()[readings].astype(np.float32) - along.T @ ahead
-    if reading.noise:
+    if not reading.noise_given:
         # what a gain that is off by _GAIN adds, past what the fit takes of it
         gain = (reading.steps / reading.spread).ravel()[readings].astype(np.float32)
         taken = lapack.spotrs(equations.factor.T, equations.jacobian.T @ gain, lower=1)[0]
