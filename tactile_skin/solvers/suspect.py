@@ -34,7 +34,8 @@ EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
 _ABSORBED = 1e-3, 1e-4
 LIFTED = 5.0  # times its conductance at rest that a touched cell has: 8 g on the shipped curve
 # ADC steps at full scale that a valid reading may be off, where so little is known of the ADC that
-# not even its noise is given: is it 2^bits or one less? Chosen as the least that keeps frames over 1024 below 2 % suspect (seed 11), scored on others.
+# not even its noise is given: is it 2^bits or one less? Chosen as the least that keeps frames over
+# 1024 below 2 % suspect (seed 11), scored on others.
 _GAIN = 0.5
 # A saturated input (docs/derivation.md, "When to doubt", 4). The ceiling is this thick, and the gap
 # below it as wide [ADC steps]; readings at it, and others in the gap for each of them, that a flat
