@@ -113,7 +113,8 @@ def replace_file(path: Path, text: str) -> None:
             os.replace(old, f"{path}.bak")
         os.replace(name, path)
     except BaseException:
-        Path(name).unlink(missing_ok=True)
+        for left in (name, f"{name}.bak"):
+            Path(left).unlink(missing_ok=True)
         raise
 
 

@@ -103,6 +103,8 @@ class Guide:
         if len(touches) % _EVERY:
             self.found = identify(touches, self._supposed, self.rest)
             self._say(f"  {self.found.message}")
+        if not touches:
+            self._say("  no touch was felt: r_par and r_line stay as they are configured.")
 
     def _new_touch(self, touches: list[np.ndarray]) -> np.ndarray | None:
         """The mean frame of a touch that stands and was not there before; None: there is none."""

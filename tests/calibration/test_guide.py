@@ -1,0 +1,148 @@
+"""`calibrate` from end to end: an unknown board, and a person who does as he is told."""
+
+import numpy as np
+import pytest
+import yaml
+from yardsticks.identify import Unknown, bodies
+
+from tactile_skin import calibrate, compensate
+from tactile_skin.calibration.guide import Guide, newtons, picture
+from tactile_skin.middleware.config import read_skin
+from tactile_skin.physics.curve import GRAM
+
+SHAPE = 12, 12
+WEIGHTS = 3.0, 5.0, 8.0, 12.0, 17.0, 23.0, 30.0, 38.0, 44.0, 49.0  # N
+
+
+class Person:
+    """Answers each question, and presses or lays things on as it asks.
+
+    Attributes:
+        heard: all that was said.
+    """
+
+    def __init__(self, board: Unknown, weights):
+        self.board, self.heard = board, []
+        rng = np.random.default_rng(5)
+        self._touches = list(bodies(40, SHAPE, rng))
+        things = bodies(len(weights), SHAPE, rng)
+        self._things = [f * (w / f.sum()) for f, w in zip(things, weights, strict=True)]
+        self._weights = list(weights)
+        self._force, self._pressing, self._looks = np.zeros(SHAPE), False, 0
+
+    def ask(self, text: str) -> str:
+        self.heard.append(text)
+        if "hands off" in text:
+            self._force = np.zeros(SHAPE)
+            return ""
+        if not self._things:
+            return ""
+        self._pressing = False
+        self._force = self._things.pop(0)
+        return f"{self._weights.pop(0) / GRAM:.0f} g"
+
+    def say(self, text: str) -> None:
+        self.heard.append(text)
+        self._pressing = self._pressing or "Press here and there" in text
+
+    def frames(self, seconds: float) -> np.ndarray:
+        if self._pressing:
+            self._looks += 1
+            if self._looks % 2:
+                self._force = self._touches.pop(0)
+        return self.board.frames([self._force] * max(2, round(10 * seconds)))
+
+
+@pytest.fixture(scope="module")
+def done():
+    board = Unknown(SHAPE, seed=21)
+    person = Person(board, WEIGHTS)
+    guide = Guide(board.supposed, person.frames, person.ask, person.say)
+    guide.run()
+    return board, person, guide
+
+
+def test_new_touches_are_felt_in_newtons(done):
+    """Within 5 % in the median, with what was written to a file and read again."""
+    board, _, guide = done
+    rest = guide.rest
+    off = []
+    cells = 1.0 / rest.conductance
+    for force in bodies(12, SHAPE, np.random.default_rng(99)):
+        force = force * (20.0 / force.sum())
+        curve = guide.fitted.curve.resting_at(cells)
+        found = compensate(board.frames([force])[0], guide.circuit, curve, "map")
+        off.append(found.force.sum() / force.sum() - 1.0)
+    assert np.median(np.abs(off)) < 0.05
+
+
+def test_each_step_says_what_it_found(done):
+    _, person, _ = done
+    heard = "\n".join(person.heard)
+    for words in ("1 of 3", "at rest", "2 of 3", "r_par = ", "3 of 3", "felt: "):
+        assert words in heard
+
+
+def test_the_file_is_one_that_the_launch_takes(done, tmp_path):
+    """What was there before stays, beside it and in it."""
+    board, _, guide = done
+    source = tmp_path / "mine.yaml"
+    source.write_text(
+        "/**: {ros__parameters: {circuit: {rows: 12, cols: 12}, geometry: {radius: 0.2}}}\n"
+        "serial_driver: {ros__parameters: {baud: 115200}}\n"
+    )
+    before = source.read_text()
+    calibrate.write(source, source, guide)
+    assert (tmp_path / "mine.yaml.bak").read_text() == before
+    skin = read_skin(source)
+    assert skin.circuit.r_par == pytest.approx(guide.circuit.r_par, abs=0.06)
+    assert skin.circuit.r_par == pytest.approx(board.r_par, rel=0.05)
+    assert skin.circuit.r_line == pytest.approx(board.r_line, abs=5.0)
+    force = np.array([0.5, 2.0, 8.0])
+    np.testing.assert_allclose(
+        skin.curve.resistance(force), guide.fitted.curve.resistance(force), rtol=0.01
+    )
+    data = yaml.safe_load(source.read_text())
+    assert data["serial_driver"]["ros__parameters"]["baud"] == 115200
+    assert source.read_text().startswith("# made by tactile-skin calibrate")
+
+
+@pytest.mark.parametrize("step", ["fsync", "replace", "copy2"])
+def test_a_crash_while_writing_leaves_a_file(tmp_path, monkeypatch, step):
+    """The old one, whole, and nothing half written beside it."""
+    path = tmp_path / "mine.yaml"
+    path.write_text("old")
+
+    def crash(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(calibrate.shutil if step == "copy2" else calibrate.os, step, crash)
+    with pytest.raises(KeyboardInterrupt):
+        calibrate.replace_file(path, "new")
+    assert path.read_text() == "old"
+    monkeypatch.undo()
+    calibrate.replace_file(path, "new")
+    assert path.read_text() == "new"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["mine.yaml", "mine.yaml.bak"]
+
+
+@pytest.mark.parametrize(
+    ("text", "weight"),
+    [("500 g", 500 * GRAM), ("1,2 kg", 1200 * GRAM), (" 5 N ", 5.0), ("250", 250 * GRAM)]
+    + [(text, None) for text in ("", "heavy", "-3 N", "0 g", "5 lb")],
+)
+def test_weights_as_people_write_them(text, weight):
+    assert newtons(text) == (None if weight is None else pytest.approx(weight))
+
+
+def test_a_picture_of_text():
+    """A line a row, two characters a cell, the hardest the darkest."""
+    force = np.zeros((2, 3))
+    force[1, 2] = 4.0
+    assert picture(force).splitlines()[1:-1] == ["  |      |", "  |    @@|"]
+
+
+@pytest.mark.parametrize("word", ["port", "speed:=3", "baud:=fast"])
+def test_words_that_are_no_parameters_of_a_board(word):
+    with pytest.raises(ValueError, match="must be"):
+        calibrate.board_parameters([word])
