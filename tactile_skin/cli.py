@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import logging
 import os
@@ -12,7 +11,7 @@ import sys
 import threading
 from pathlib import Path
 
-from . import __version__
+from .arguments import make_parser
 from .files import one_line
 from .middleware.stdin import at_the_end_of_stdin, keys
 from .middleware.threads import one_thread
@@ -20,7 +19,7 @@ from .middleware.threads import one_thread
 
 def main(argv: list[str] | None = None) -> int:
     """Run one command; returns the exit status: 0, 1 for a run that failed, 2 for a mistake."""
-    args = _parser().parse_args(argv)
+    args = make_parser(_COMMANDS).parse_args(argv)
     logging.basicConfig(
         level=logging.INFO, format="%(levelname)s %(name)s: %(message)s", stream=sys.stderr
     )
@@ -37,185 +36,6 @@ def main(argv: list[str] | None = None) -> int:
     except (ValueError, OSError, ModuleNotFoundError) as error:
         print(f"tactile-skin {args.command}: error: {one_line(error)}", file=sys.stderr)
         return 2
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="tactile-skin",
-        description="A robot's skin from a low-cost resistive pressure matrix.",
-    )
-    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-
-    def command(name, run, text, **kwargs):
-        sub = commands.add_parser(
-            name,
-            help=text,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-            description=text,
-            **kwargs,
-        )
-        sub.set_defaults(run=run)
-        return sub
-
-    sub = command(
-        "launch",
-        _launch,
-        "start the skin that a launch file describes; without one, the demo on a simulated board",
-        epilog="examples:\n"
-        "  tactile-skin launch duration:=20\n"
-        "  tactile-skin launch skin.launch.yaml port:=/dev/ttyUSB0\n"
-        "  tactile-skin launch scene:=two_fingers method:=naive\n"
-        "  tactile-skin launch --show-args skin.launch.yaml\n"
-        "On a terminal, r and Enter reset a latched stop.",
-    )
-    sub.add_argument(
-        "words", nargs="*", metavar="FILE | NAME:=VALUE", help="launch file; arguments"
-    )
-    sub.add_argument(
-        "--ros",
-        type=int,
-        choices=(1, 2),
-        help="each node in a process of its own, on ROS 1 or 2 (default: all in this one, no ROS)",
-    )
-    sub.add_argument("-s", "--show-args", action="store_true", help="print its arguments and end")
-
-    sub = command(
-        "sim",
-        _sim,
-        "a simulated board: the real bytes on a pseudo-terminal that any serial program can open",
-        epilog="example:\n  tactile-skin sim --link /tmp/skin --scene two_fingers",
-    )
-    from .learning import scenes
-
-    sub.add_argument(
-        "--link", type=Path, required=True, help="symbolic link to make, the port to open"
-    )
-    sub.add_argument(
-        "--scene", default="demo", help=f"what it feels: {', '.join(scenes.SCRIPTS)} (default demo)"
-    )
-    sub.add_argument("--config", type=Path, help="parameter file with circuit and curve")
-    sub.add_argument(
-        "--noise", type=float, default=1.0, help="RMS of a sample, in ADC steps (default 1)"
-    )
-    sub.add_argument("--rate", type=float, default=100.0, help="frames a second (default 100)")
-    sub.add_argument(
-        "--baud", type=int, default=1_000_000, help="pace of the bytes (default 1000000)"
-    )
-    sub.add_argument("--seed", type=int, default=0, help="of the noise (default 0)")
-
-    sub = command(
-        "calibrate",
-        _calibrate,
-        "find your board's circuit from touches and its newtons from a few weights, step by step",
-        epilog="You need ten minutes, the board, and up to ten things that a kitchen scale has "
-        "weighed.\nexamples:\n"
-        "  tactile-skin calibrate --config mine.yaml --out calibrated.yaml\n"
-        "  tactile-skin calibrate --config mine.yaml --out mine.yaml port:=/dev/ttyUSB0\n"
-        "then:\n  tactile-skin launch skin.launch.yaml config:=calibrated.yaml",
-    )
-    sub.add_argument(
-        "words",
-        nargs="*",
-        metavar="NAME:=VALUE",
-        help="port, baud or protocol, instead of the parameter file's",
-    )
-    sub.add_argument("--config", type=Path, help="parameter file with what you know of the board")
-    sub.add_argument(
-        "--out",
-        type=Path,
-        default=Path("calibrated.yaml"),
-        help="parameter file to write; one that is there is kept as NAME.bak "
-        "(default calibrated.yaml)",
-    )
-
-    sub = command(
-        "train",
-        _train,
-        "train a network for your board: its circuit and curve from a parameter file",
-        epilog="A run that was stopped goes on when started again with the same --out.\n"
-        "examples:\n"
-        "  tactile-skin train --config mine.yaml --out my_weights\n"
-        "  tactile-skin train --config mine.yaml --out my_weights "
-        "--network physics --readout board\n"
-        "  tactile-skin train --config mine.yaml --out my_weights --start paper --rate 0.003 "
-        "--epochs 20\n"
-        "then, with `weights: my_weights/physics.npz` under compensation in mine.yaml:\n"
-        "  tactile-skin launch skin.launch.yaml config:=mine.yaml method:=physics",
-    )
-    sub.add_argument("--config", type=Path, help="parameter file with circuit and curve")
-    sub.add_argument("--out", type=Path, default=Path("weights"), help="folder (default weights)")
-    sub.add_argument("--restart", action="store_true", help="ignore the checkpoint in --out")
-    sub.add_argument(
-        "--threads", type=int, default=os.cpu_count(), help="of the processor (default: all)"
-    )
-    import dataclasses
-
-    from .learning.dataset import CHOICES, TrainingConfig
-
-    about = {
-        "pairs": "readings to learn from",
-        "validation": "readings to pick the best epoch by",
-        "epochs": "passes over the pairs",
-        "batch": "pairs a step",
-        "rate": "highest learning rate",
-        "readout": "what the readings are like",
-        "seed": "of scenes, weights and order",
-        "start": "weights to go on from: a file, paper or physics",
-    }
-    for item in dataclasses.fields(TrainingConfig):
-        kind = {"int": int, "float": float, "str": str}[item.type]
-        allowed = CHOICES.get(item.name)
-        choice = f"one of {', '.join(allowed)}" if allowed else ""
-        default = "new ones" if item.default == "" else item.default
-        words = about.get(item.name, ""), choice, f"default {default}"
-        sub.add_argument(
-            f"--{item.name}",
-            type=kind,
-            default=item.default,
-            choices=allowed,
-            help="; ".join(filter(None, words)),
-            metavar=item.name.upper(),
-        )
-
-    sub = command(
-        "export",
-        _export,
-        "write a trained network as ONNX, for a runtime without Python",
-        epilog="examples:\n"
-        "  tactile-skin export my_weights/paper.npz skin.onnx\n"
-        "  tactile-skin export paper skin.onnx",
-    )
-    sub.add_argument("weights", help="file that `train` made, or the shipped ones: paper, physics")
-    sub.add_argument("out", type=Path, help="file to write")
-
-    sub = command(
-        "bench",
-        _bench,
-        "measure every method and draw it: speed against accuracy, and where each method fails",
-        epilog="Each picture NAME.png stands beside NAME.json, which holds the numbers drawn.\n"
-        "parts: speed, cases, stability, growth, way (bytes in to stop hook), touch_to_stop; all\n"
-        "of them take nine minutes, with --quick one. Times are best read on an idle machine.\n"
-        "Only on request: faults, damaged boards through the whole chain, which takes an hour on\n"
-        "two cores, with --quick one minute.\n"
-        "examples:\n  tactile-skin bench --quick\n  tactile-skin bench speed growth --out figures\n"
-        "  tactile-skin bench faults --shapes 4x4 16x16 --minutes 10",
-    )
-    sub.add_argument("parts", nargs="*", metavar="PART", help="what to measure (default: all)")
-    sub.add_argument("--quick", action="store_true", help="few frames, for a look")
-    sub.add_argument("--seed", type=int, default=1, help="of scenes and noise (default 1)")
-    sub.add_argument(
-        "--out", type=Path, default=Path("bench"), help="folder for the pictures (default bench)"
-    )
-    faults = sub.add_argument_group("faults")
-    faults.add_argument("--shapes", nargs="+", metavar="SHAPE", help="such as 4x4 (default: all)")
-    faults.add_argument(
-        "--faults", nargs="+", metavar="NAME", help="names, or dead or electrical (default: all)"
-    )
-    faults.add_argument("--minutes", type=float, help="of sound streams, in all (default 60)")
-    faults.add_argument("--streams", type=int, help="of each fault and begin (default 1)")
-    faults.add_argument("--jobs", type=int, help="processes (default: one a core)")
-    return parser
 
 
 def _calibrate(args) -> int:
@@ -397,6 +217,16 @@ def _tqdm():
             "long work shows its progress by tqdm: pip install 'tactile_skin[progress]'"
         ) from error
     return tqdm
+
+
+_COMMANDS = {
+    "launch": _launch,
+    "sim": _sim,
+    "calibrate": _calibrate,
+    "train": _train,
+    "export": _export,
+    "bench": _bench,
+}
 
 
 if __name__ == "__main__":

@@ -37,6 +37,7 @@ MAY = {
     "ros": ("files", "yaml_files", "msg", "middleware", "nodes", "launch"),
     "calibrate": ("yaml_files", "msg", "calibration", "middleware", "nodes"),
     "bench": None,  # everything but the command line
+    "arguments": None,
     "cli": None,
     "__init__": ("physics", "solvers", "calibration"),
     "__main__": ("cli",),

@@ -156,9 +156,7 @@ class _Knots(NamedTuple):
         shipped = PressureCurve()
         at_rest, end = 1.0 / shipped.rest_resistance, 1.0 / shipped.least_resistance
         inside = shipped.force_at(np.log(added + at_rest))
-        return np.where(
-            added + at_rest < end, inside, shipped.max_force * added / (end - at_rest)
-        )
+        return np.where(added + at_rest < end, inside, shipped.max_force * added / (end - at_rest))
 
     def ramps(self, added: np.ndarray) -> np.ndarray:
         """(..., rows, cols) [S] -> (..., k) [N] how far the cells rise along each ramp, summed."""
