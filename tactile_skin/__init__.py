@@ -1,8 +1,10 @@
 """tactile_skin: a robot's skin from a low-cost resistive pressure matrix.
 
-from tactile_skin import Circuit, PressureCurve, forward, compensate, measure_rest, identify
+from tactile_skin import Circuit, PressureCurve, forward, compensate
+from tactile_skin import measure_rest, identify, fit_curve
 """
 
+from .calibration.curve_fit import FittedCurve, fit_curve
 from .calibration.identify import Identified, identify
 from .calibration.rest import Rest, measure_rest
 from .physics.circuit import Circuit, forward
@@ -12,10 +14,12 @@ from .solvers import Estimate, compensate
 __all__ = [
     "Circuit",
     "Estimate",
+    "FittedCurve",
     "Identified",
     "PressureCurve",
     "Rest",
     "compensate",
+    "fit_curve",
     "forward",
     "identify",
     "measure_rest",

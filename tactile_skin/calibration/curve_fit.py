@@ -1,0 +1,296 @@
+"""The curve of a skin's fabric, from objects of known weight laid anywhere (docs/derivation.md).
+
+The circuit's inverse gives what each cell conducts, whatever the curve. By the shipped curve that
+is a force, right but for its level and shape. What corrects it is a sum of ramps in that force, so
+that each total is linear in the ramps' slopes: nonnegative least squares.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ..physics.circuit import Circuit
+from ..physics.curve import PressureCurve
+from ..solvers import compensate
+from .rest import Rest, check_frames, supposing
+
+_FEWEST = 3  # weights
+# The slope of each ramp over that of the one before is 1 to within a step: what is tried, and the
+# most probable taken. So is the noise of a total: about 0.025 on a skin whose cells scatter by 8 %.
+_STEPS = 0.03, 0.06, 0.12, 0.25, 0.5
+_NOISES, _USUAL_NOISE, _NOISE_SPREAD = (0.015, 0.025, 0.04, 0.07, 0.12), 0.025, 0.5  # last: of log
+_LEVEL = 0.5  # standard deviation of the first slope over the median level
+_LEAST = 0.02  # times the median level that a slope has at least: the curve must rise
+_HARDEST = 0.01  # times r_ref that a cell has at least: 18 ohm on the paper's board
+_BEYOND = 2.0  # times the hardest cell's conductance to which the curve goes on
+# An object is odd if the others say another weight by this factor, and by so many of the standard
+# deviations that they have; the worst candidates are tried. At most a third can be odd.
+_ODD, _ODD_STD, _CANDIDATES, _ODD_SHARE = 1.3, 4.0, 3, 1.0 / 3.0
+_PRIOR_COUNT = 5  # left-out totals that `_USUAL_NOISE` counts for in the error
+_NARROW = 2.0  # largest over smallest weight up to which the shape is hardly told
+_POOR = 0.1  # error from which on a word is due
+
+
+@dataclass(frozen=True, eq=False)
+class FittedCurve:
+    """A curve by known weights.
+
+    Attributes:
+        curve: of the usual cell; `curve.resting_at(1 / rest.conductance)` is that of each.
+        error: RMS relative error to expect of the total force of a new object.
+        off: (n,) relative error of each frame's total, its object left out of the fit.
+        odd: frames that were not used, since their weight contradicts the others'.
+        message: for a person.
+    """
+
+    curve: PressureCurve
+    error: float
+    off: np.ndarray
+    odd: tuple[int, ...]
+    message: str
+
+
+def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
+    """Find the curve by frames of objects of known weight.
+
+    Objects that load many cells, and light as well as heavy ones, tell most. A frame may be the
+    mean of several. Frames of the same weight are taken for the same object, laid again.
+
+    Args:
+        frames: (n, rows, cols) ADC ratio; NaN where a crossing was not read.
+        weights: (n,) total load of each [N], in any order.
+        circuit: with r_par and r_line as `identify` found them.
+        rest: `measure_rest` of the same skin.
+
+    Raises:
+        ValueError: fewer than 3 weights, a weight that is not above 0 and finite, shapes that
+            differ, a frame without a touch or that no cells explain.
+    """
+    frames = check_frames(frames, circuit)
+    weights = _check_weights(weights, len(frames))
+    at_rest = supposing(rest, circuit).conductance
+    usual = float(np.median(at_rest[circuit.populated]))  # S
+    added, doubts = _added_conductance(frames, circuit, at_rest, usual)
+    knots = _Knots.up_to(added.max())
+    ramps = knots.ramps(added)
+    untouched = np.flatnonzero(ramps.sum(1) <= 0.0)
+    if untouched.size:
+        k = untouched[0]
+        raise ValueError(f"frame {k} shows no touch, its weight is {weights[k]:.3g} N")
+    objects = _objects(weights)
+    data = ramps / weights[:, None]
+    odd = _odd(data, objects)
+    used = ~np.isin(objects, odd)
+    fit = _most_probable(data[used])
+    off = np.empty(len(weights))
+    for k in np.unique(objects):
+        mine = objects == k
+        if np.any(used & ~mine):
+            off[mine] = data[mine] @ _solve(data[used & ~mine], fit.noise, fit.step).slope - 1.0
+    squares = [np.square(off[objects == k]).mean() for k in np.unique(objects[used])]
+    squares += [_USUAL_NOISE**2] * _PRIOR_COUNT
+    error = float(np.mean(squares) ** 0.5)
+    curve = knots.curve(fit.slope, usual)
+    hardest = float(knots.force(fit.slope, added[used].max()))
+    message = [_summary(weights, used, error, hardest), *_words(weights, used, off, objects, odd)]
+    if doubts:
+        message.append(
+            f"{doubts} of {len(frames)} frames are not explained by the circuit: find r_par and "
+            "r_line by touches (identify), and check the wiring"
+        )
+    indices = tuple(np.flatnonzero(~used).tolist())
+    return FittedCurve(curve, error, off, indices, "; ".join(message))
+
+
+def _check_weights(weights, n: int) -> np.ndarray:
+    weights = np.asarray(weights, dtype=float)
+    if weights.shape != (n,):
+        raise ValueError(f"weights have shape {weights.shape}: must be one for each of {n} frames")
+    if n < _FEWEST:
+        raise ValueError(f"{n} weights: {_FEWEST} or more are needed, 10 are good")
+    bad = np.flatnonzero(~((weights > 0.0) & (weights < np.inf)))
+    if bad.size:
+        raise ValueError(f"weight {bad[0]} = {weights[bad[0]]:g} N: must be above 0 and finite")
+    return weights
+
+
+def _added_conductance(frames, circuit: Circuit, at_rest, usual: float):
+    """(n, rows, cols) [S] that the cells conduct beyond their rest; how many frames are suspect."""
+    cells = circuit.populated
+    soft = _Knots.up_to(1.0 / (_HARDEST * circuit.r_ref)).curve(None, usual)
+    soft = soft.resting_at(1.0 / np.where(cells, at_rest, usual))
+    found = compensate(frames, circuit, soft, "map", missing=True)
+    failed = np.flatnonzero(found.status == "failed")
+    if failed.size:
+        raise ValueError(f"frame {failed[0]}: {found.message[failed[0]]}")
+    added = np.where(found.force > 0.0, 1.0 / soft.resistance(found.force) - at_rest, 0.0)
+    return np.maximum(added, 0.0) * cells, int(np.count_nonzero(found.status == "suspect"))
+
+
+class _Knots(NamedTuple):
+    """Between which the ramps rise: the shipped curve's points, doubled beyond its end.
+
+    Attributes:
+        at: (k + 1,) shipped force [N].
+        added: (k + 1,) [S] that a cell conducts there beyond its rest.
+    """
+
+    at: np.ndarray
+    added: np.ndarray
+
+    @classmethod
+    def up_to(cls, added: float) -> _Knots:
+        """To some times `added` [S], and to the shipped curve's end at least."""
+        force, resistance = np.array(PressureCurve().points).T
+        conductance = 1.0 / resistance - 1.0 / resistance[0]
+        doubled = int(np.ceil(np.log2(max(_BEYOND * added / conductance[-1], 1.0))))
+        beyond = 2.0 ** np.arange(1, doubled + 1)
+        return cls(
+            np.append(force, force[-1] * beyond), np.append(conductance, conductance[-1] * beyond)
+        )
+
+    def shipped_force(self, added) -> np.ndarray:
+        """Force [N] by the shipped curve, in proportion to `added` [S] beyond its end."""
+        shipped = PressureCurve()
+        at_rest, end = 1.0 / shipped.rest_resistance, 1.0 / shipped.least_resistance
+        inside = shipped.force_at(np.log(added + at_rest))
+        return np.where(added + at_rest < end, inside, shipped.max_force * added / (end - at_rest))
+
+    def ramps(self, added: np.ndarray) -> np.ndarray:
+        """(..., rows, cols) [S] -> (..., k) [N] how far the cells rise along each ramp, summed."""
+        force = self.shipped_force(added)
+        return np.stack(
+            [
+                np.clip(force - low, 0.0, high - low).sum((-2, -1))
+                for low, high in zip(self.at[:-1], self.at[1:], strict=True)
+            ],
+            axis=-1,
+        )
+
+    def force(self, slope: np.ndarray, added) -> np.ndarray:
+        """Force [N] of a cell that conducts `added` [S] beyond its rest."""
+        return self.ramps(np.asarray(added)[..., None, None]) @ slope
+
+    def curve(self, slope: np.ndarray | None, usual: float) -> PressureCurve:
+        """Of a cell that rests at `usual` [S]; None: all slopes are 1."""
+        rise = np.diff(self.at) * (1.0 if slope is None else slope)
+        return PressureCurve(np.append(0.0, np.cumsum(rise)), 1.0 / (usual + self.added))
+
+
+class _Fit(NamedTuple):
+    """Slopes that explain the totals.
+
+    Attributes:
+        slope: (k,) of the ramps.
+        root: (n + k, k) whose square is the slopes' precision.
+        evidence: log probability of the totals, but for a constant.
+        noise, step: with which they were found.
+    """
+
+    slope: np.ndarray
+    root: np.ndarray
+    evidence: float
+    noise: float
+    step: float
+
+    def std(self, data: np.ndarray) -> float:
+        """Relative standard deviation of the total of an object that lay so, by mean (k,)."""
+        by_slope = np.linalg.norm(np.linalg.lstsq(self.root.T, data, rcond=None)[0])
+        return float(np.hypot(self.noise, by_slope / (data @ self.slope)))
+
+
+def _solve(data: np.ndarray, noise: float, step: float) -> _Fit:
+    """Args:
+    data: (n, k) of the ramps over the weight: times the slopes it is to be 1.
+    noise: relative standard deviation of a total.
+    step: of a slope over that of the ramp before.
+    """
+    from scipy.optimize import nnls  # here: it takes 0.2 s, and a running skin does without
+
+    n, k = data.shape
+    level = float(np.median(1.0 / data.sum(1)))
+    smooth = np.diff(np.eye(k), axis=0) / step
+    first = np.eye(1, k) / _LEVEL
+    root = np.vstack([data * (level / noise), smooth, first])  # of slopes over the level
+    goal = np.concatenate([np.full(n, 1.0 / noise), np.zeros(k - 1), [1.0 / _LEVEL]])
+    least = np.full(k, _LEAST)
+    slope, left = nnls(root, goal - root @ least)
+    log_det = np.linalg.slogdet(root.T @ root)[1]
+    evidence = -0.5 * (left**2 + log_det) - (k - 1) * np.log(step) - n * np.log(noise)
+    evidence -= 0.5 * (np.log(noise / _USUAL_NOISE) / _NOISE_SPREAD) ** 2
+    return _Fit(level * (least + slope), root / level, float(evidence), noise, step)
+
+
+def _most_probable(data: np.ndarray) -> _Fit:
+    fits = (_solve(data, noise, step) for noise in _NOISES for step in _STEPS)
+    return max(fits, key=lambda fit: fit.evidence)
+
+
+def _objects(weights: np.ndarray) -> np.ndarray:
+    """(n,) the object of each frame; of a single one, each frame counts as one."""
+    objects = np.unique(weights, return_inverse=True)[1]
+    return objects if objects.any() else np.arange(len(weights))
+
+
+def _odd(data: np.ndarray, objects: np.ndarray) -> list[int]:
+    """Objects whose weight contradicts the others', the worst first."""
+    odd: list[int] = []
+    names = np.unique(objects)
+    while len(odd) + 1 <= _ODD_SHARE * len(names):
+        used = ~np.isin(objects, odd)
+        stiff = _solve(data[used], _NOISES[-1], _STEPS[0])  # bends to no single object
+        misfit = np.abs(np.log(data @ stiff.slope))
+        left = [k for k in names if k not in odd]
+        worst = sorted(left, key=lambda k: -misfit[objects == k].mean())[:_CANDIDATES]
+        found = [(_contradiction(data, objects == k, used), k) for k in worst]
+        most, k = max(found)
+        if most < 1.0:
+            break
+        odd.append(k)
+    return odd
+
+
+def _contradiction(data: np.ndarray, mine: np.ndarray, used: np.ndarray) -> float:
+    """By how much the used objects but one contradict its weight; 1: it is odd."""
+    fit = _most_probable(data[used & ~mine])
+    off = abs(np.log(data[mine] @ fit.slope).mean())
+    return off / max(np.log(_ODD), _ODD_STD * fit.std(data[mine].mean(0)))
+
+
+def _summary(weights, used, error: float, hardest: float) -> str:
+    kept = weights[used]
+    return (
+        f"{len(np.unique(kept))} weights from {kept.min():.3g} to {kept.max():.3g} N: the total "
+        f"of a new object will be off by {error:.1%} (RMS); cells were loaded up to "
+        f"{hardest:.2g} N, beyond that the curve is a guess"
+    )
+
+
+def _words(weights, used, off, objects, odd) -> list[str]:
+    """What a person should know besides."""
+    words = []
+    for k in odd:
+        mine = np.flatnonzero(objects == k)
+        said = weights[mine[0]] * (1.0 + off[mine].mean())
+        words.append(
+            f"object {', '.join(map(str, mine))} is left out: its weight is given as "
+            f"{weights[mine[0]]:.3g} N, the others say {said:.3g} N"
+        )
+    kept = weights[used]
+    if kept.max() <= kept.min():
+        words.append(
+            f"all weights are equal ({kept[0]:.3g} N): they tell the level, not the shape, which "
+            "is the shipped curve's: add lighter and heavier objects"
+        )
+    elif kept.max() < _NARROW * kept.min():
+        words.append("the weights are close together: add lighter and heavier objects")
+    if np.sqrt(np.mean(np.square(off[used]))) > _POOR:
+        worst = np.flatnonzero(used)[np.abs(off[used]).argmax()]
+        words.append(
+            f"the weights contradict one another: object {worst}, {weights[worst]:.3g} N, is off "
+            f"by {off[worst]:+.0%} from what the others say: check it, or add more objects"
+        )
+    return words
