@@ -98,8 +98,8 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
     message = [_summary(weights, used, error, hardest), *_words(weights, used, off, objects, odd)]
     if doubts:
         message.append(
-            f"{doubts} of {len(frames)} frames are not explained by the circuit: find r_par and "
-            "r_line by touches (identify), and check the wiring"
+            f"the circuit does not explain {doubts} of {len(frames)} frames: find r_par and r_line "
+            "by touches (identify), and check the wiring"
         )
     indices = tuple(np.flatnonzero(~used).tolist())
     return FittedCurve(curve, error, off, indices, "; ".join(message))

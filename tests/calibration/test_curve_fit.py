@@ -144,6 +144,12 @@ def test_a_frame_without_a_touch_is_refused(bench):
         fit_curve(frames, bench.weights[:4], bench.circuit, bench.rest)
 
 
+def test_a_wrong_circuit_is_told(bench):
+    """By the frames that it does not explain."""
+    found = fit_curve(bench.frames, bench.weights, bench.board.supposed, bench.rest)
+    assert "find r_par and r_line by touches" in found.message
+
+
 def test_crossings_that_are_not_read_are_done_without(bench):
     frames = bench.frames.copy()
     frames[np.random.default_rng(0).random(frames.shape) < 0.03] = np.nan
