@@ -56,8 +56,8 @@ class FittedCurve:
 def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
     """Find the curve by frames of objects of known weight.
 
-    Objects that load many cells, and light as well as heavy ones, tell most. A frame may be the mean
-    of several. Frames of the same weight are taken for the same object, laid again.
+    Objects that load many cells, and light as well as heavy ones, tell most. A frame may be the
+    mean of several. Frames of the same weight are taken for the same object, laid again.
 
     Args:
         frames: (n, rows, cols) ADC ratio; NaN where a crossing was not read.
@@ -90,18 +90,19 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
         mine = objects == k
         if np.any(used & ~mine):
             off[mine] = data[mine] @ _solve(data[used & ~mine], fit.noise, fit.step).slope - 1.0
-    prior = _PRIOR_COUNT * _USUAL_NOISE**2
-    error = ((np.square(off[used]).sum() + prior) / (used.sum() + _PRIOR_COUNT)) ** 0.5
+    squares = [np.square(off[objects == k]).mean() for k in np.unique(objects[used])]
+    squares += [_USUAL_NOISE**2] * _PRIOR_COUNT
+    error = float(np.mean(squares) ** 0.5)
     curve = knots.curve(fit.slope, usual)
     hardest = float(knots.force(fit.slope, added[used].max()))
     message = [_summary(weights, used, error, hardest), *_words(weights, used, off, objects, odd)]
     if doubts:
         message.append(
-            f"{doubts} of {len(frames)} frames are not explained by the circuit: find r_par and "
-            "r_line by touches (identify), and check the wiring"
+            f"the circuit does not explain {doubts} of {len(frames)} frames: find r_par and r_line "
+            "by touches (identify), and check the wiring"
         )
     indices = tuple(np.flatnonzero(~used).tolist())
-    return FittedCurve(curve, float(error), off, indices, "; ".join(message))
+    return FittedCurve(curve, error, off, indices, "; ".join(message))
 
 
 def _check_weights(weights, n: int) -> np.ndarray:
@@ -145,7 +146,7 @@ class _Knots(NamedTuple):
         """To some times `added` [S], and to the shipped curve's end at least."""
         force, resistance = np.array(PressureCurve().points).T
         conductance = 1.0 / resistance - 1.0 / resistance[0]
-        doubled = int(max(np.ceil(np.log2(_BEYOND * added / conductance[-1])), 0))
+        doubled = int(np.ceil(np.log2(max(_BEYOND * added / conductance[-1], 1.0))))
         beyond = 2.0 ** np.arange(1, doubled + 1)
         return cls(
             np.append(force, force[-1] * beyond), np.append(conductance, conductance[-1] * beyond)
@@ -263,8 +264,8 @@ def _summary(weights, used, error: float, hardest: float) -> str:
     kept = weights[used]
     return (
         f"{len(np.unique(kept))} weights from {kept.min():.3g} to {kept.max():.3g} N: the total "
-        f"of a new object will be off by {error:.1%} (RMS); cells were loaded up to {hardest:.2g} N, "
-        "beyond that the curve is a guess"
+        f"of a new object will be off by {error:.1%} (RMS); cells were loaded up to "
+        f"{hardest:.2g} N, beyond that the curve is a guess"
     )
 
 

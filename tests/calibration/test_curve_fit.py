@@ -1,0 +1,195 @@
+"""Newtons by known weights, on a board whose fabric, stripes and noise no solver knows."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from yardsticks.curve_fit import known, objects, totals
+from yardsticks.identify import Unknown
+
+from tactile_skin import PressureCurve, fit_curve, forward, measure_rest
+from tactile_skin.calibration import curve_fit
+
+SHAPE = 12, 12
+
+
+class Bench:
+    """A board, twelve weighed objects on it, twelve new ones."""
+
+    def __init__(self):
+        board, rng = Unknown(SHAPE, seed=4), np.random.default_rng(4)
+        self.circuit, self.board = known(board), board
+        self.rest = measure_rest(board.at_rest(), self.circuit)
+        self.laid, self.weights = objects(12, SHAPE, rng)
+        self.frames = board.frames(self.laid)
+        laid, self.new_weights = objects(12, SHAPE, rng)
+        self.new_frames = board.frames(laid)
+
+    def fit(self, weights, chosen=slice(None)):
+        return fit_curve(self.frames[chosen], weights, self.circuit, self.rest)
+
+    def off(self, fitted):
+        found = totals(self.new_frames, self.circuit, fitted.curve, self.rest)
+        return found / self.new_weights - 1.0
+
+
+@pytest.fixture(scope="module")
+def bench():
+    return Bench()
+
+
+@pytest.fixture(scope="module")
+def fitted(bench):
+    return bench.fit(bench.weights)
+
+
+def test_new_objects_weigh_what_they_weigh(bench, fitted):
+    """Within 3 % in the median, where the shipped curve is far off."""
+    off = np.abs(bench.off(fitted))
+    assert np.median(off) < 0.03
+    assert off.max() < 0.12
+    shipped = totals(bench.new_frames, bench.circuit, PressureCurve(), bench.rest)
+    assert np.median(np.abs(shipped / bench.new_weights - 1.0)) > 0.1
+    assert fitted.odd == ()
+
+
+def test_the_error_is_honest(bench, fitted):
+    """It is about that of new objects."""
+    true = np.square(bench.off(fitted)).mean() ** 0.5
+    assert true / 2.0 < fitted.error < true * 2.0
+    assert f"{fitted.error:.1%}" in fitted.message
+
+
+def test_it_is_a_curve_of_the_usual_cell(bench, fitted):
+    """It rests where the usual cell does, reaches the shipped curve's end, and can be kept."""
+    assert fitted.curve.rest_resistance == pytest.approx(1.0 / np.median(bench.rest.conductance))
+    assert fitted.curve.least_resistance < PressureCurve().least_resistance * 1.01
+    assert PressureCurve(**fitted.curve.describe()) == fitted.curve
+
+
+def test_the_order_does_not_matter(bench, fitted):
+    order = np.random.default_rng(0).permutation(len(bench.weights))
+    again = bench.fit(bench.weights[order], order)
+    np.testing.assert_allclose(again.curve.points, fitted.curve.points, rtol=1e-6)
+    np.testing.assert_allclose(again.off, fitted.off[order], atol=1e-6)
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.parametrize("heaviest", [False, True])
+def test_a_wrong_label_is_named(bench, fitted, factor, heaviest):
+    """With its weight and what the others say, and does no harm."""
+    bad = int(bench.weights.argmax() if heaviest else bench.weights.argsort()[6])
+    weights = bench.weights.copy()
+    weights[bad] *= factor
+    found = bench.fit(weights)
+    assert found.odd == (bad,)
+    assert f"object {bad} is left out: its weight is given as {weights[bad]:.3g} N" in found.message
+    assert np.median(np.abs(bench.off(found))) < 0.03
+    assert found.off[bad] == pytest.approx(1.0 / factor - 1.0, abs=0.15)
+
+
+def test_frames_of_one_object_are_left_out_together(bench):
+    """What they say of it is of no use to check it; frames that repeat make no error smaller."""
+    chosen = np.repeat(np.arange(6), 3)
+    many, few = bench.fit(bench.weights[chosen], chosen), bench.fit(bench.weights[:6], slice(6))
+    assert "6 weights" in many.message
+    np.testing.assert_allclose(many.off[::3], few.off, atol=0.05)
+    assert many.error > 0.7 * few.error
+
+
+def test_equal_weights_tell_the_level_only(bench):
+    """One object laid four times: said, and its own total is right."""
+    force = np.array([np.roll(bench.laid[0], k, (0, 1)) for k in range(4)])
+    frames = bench.board.frames(force)
+    found = fit_curve(frames, np.full(4, bench.weights[0]), bench.circuit, bench.rest)
+    assert "all weights are equal" in found.message
+    np.testing.assert_allclose(
+        totals(frames, bench.circuit, found.curve, bench.rest), bench.weights[0], rtol=0.1
+    )
+
+
+def test_three_weights_are_enough_for_a_level(bench):
+    assert np.median(np.abs(bench.off(bench.fit(bench.weights[:3], slice(3))))) < 0.1
+
+
+@pytest.mark.parametrize(
+    ("weights", "named"),
+    [
+        ([5.0, 9.0], "weights have shape"),
+        ([5.0, -9.0, 12.0], "weight 1 = -9 N"),
+        ([5.0, 9.0, np.nan], "weight 2 = nan N"),
+        ([np.inf, 9.0, 8.0], "weight 0 = inf N"),
+        ([0.0, 9.0, 8.0], "weight 0 = 0 N"),
+    ],
+)
+def test_what_is_no_weight_is_refused(bench, weights, named):
+    with pytest.raises(ValueError, match=named):
+        bench.fit(weights, slice(3))
+
+
+def test_two_weights_are_too_few(bench):
+    with pytest.raises(ValueError, match="2 weights: 3 or more"):
+        bench.fit(bench.weights[:2], slice(2))
+
+
+def test_frames_of_another_skin_are_refused(bench):
+    with pytest.raises(ValueError, match="shape"):
+        fit_curve(bench.frames[:, :4], bench.weights, bench.circuit, bench.rest)
+
+
+def test_a_frame_without_a_touch_is_refused(bench):
+    frames = bench.frames[:4].copy()
+    frames[2] = bench.rest.adc
+    with pytest.raises(ValueError, match="frame 2 shows no touch"):
+        fit_curve(frames, bench.weights[:4], bench.circuit, bench.rest)
+
+
+def test_a_wrong_circuit_is_told(bench):
+    """By the frames that it does not explain."""
+    found = fit_curve(bench.frames, bench.weights, bench.board.supposed, bench.rest)
+    assert "find r_par and r_line by touches" in found.message
+
+
+def test_crossings_that_are_not_read_are_done_without(bench):
+    frames = bench.frames.copy()
+    frames[np.random.default_rng(0).random(frames.shape) < 0.03] = np.nan
+    found = fit_curve(frames, bench.weights, bench.circuit, bench.rest)
+    assert np.median(np.abs(bench.off(found))) < 0.04
+
+
+def test_the_shipped_fabric_gives_the_shipped_curve():
+    """Ideal cells on the shipped curve: its points come back."""
+    circuit, shipped = Unknown(SHAPE, seed=0).supposed, PressureCurve()
+    laid, weights = objects(8, SHAPE, np.random.default_rng(1))
+    idle = np.repeat(forward(circuit, shipped.resistance(np.zeros((1, *SHAPE)))), 2, 0)
+    frames = forward(circuit, shipped.resistance(laid))
+    found = fit_curve(frames, weights, circuit, measure_rest(idle, circuit)).curve
+    np.testing.assert_allclose(found.resistance(0.5), shipped.resistance(0.5), rtol=0.01)
+    np.testing.assert_allclose(found.resistance(4.0), shipped.resistance(4.0), rtol=0.01)
+
+
+totals_of_ramps = st.lists(
+    st.lists(st.floats(0.01, 30.0), min_size=8, max_size=8), min_size=3, max_size=12
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(totals_of_ramps, st.lists(st.floats(0.5, 100.0), min_size=12, max_size=12))
+def test_whatever_the_totals_the_curve_rises(ramps, weights):
+    """Contradictory ones too: the solver's bound keeps each slope above 0."""
+    ramps, weights = np.array(ramps), np.array(weights)[: len(ramps)]
+    knots = curve_fit._Knots.up_to(0.0)
+    fit = curve_fit._most_probable(ramps / weights[:, None])
+    force, resistance = np.array(knots.curve(fit.slope, 1.0 / 40000.0).points).T
+    assert (np.diff(force) > 0.0).all()
+    assert (np.diff(resistance) < 0.0).all()
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(0.01, 100.0))
+def test_heavier_labels_give_a_heavier_curve(factor):
+    """All weights times a number: so is each force of the curve."""
+    rng = np.random.default_rng(0)
+    data = rng.uniform(0.1, 1.0, (6, 8))
+    one, other = (curve_fit._most_probable(data / f).slope for f in (1.0, factor))
+    np.testing.assert_allclose(other, factor * one, rtol=1e-6)
