@@ -11,12 +11,14 @@ from __future__ import annotations
 
 import argparse
 import time
+from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from tactile_skin import Circuit, PressureCurve, identify, measure_rest
+from tactile_skin import Circuit, PressureCurve, compensate, identify, measure_rest
 from tactile_skin.bench import textile
+from tactile_skin.calibration.rest import supposing
 from tactile_skin.physics.curve import GRAM
 
 FINE = 8  # points a cell and side of which the pressure is the mean
@@ -95,15 +97,25 @@ class Unknown:
         )
 
 
+def error(board: Unknown, circuit: Circuit, rest, frames, force) -> float:
+    """Mean error [g a cell] of `map` with a circuit, and the true curve of the fabric."""
+    curve = board.curve.resting_at(1.0 / supposing(rest, circuit).conductance)
+    found = compensate(frames, circuit, curve, "map")
+    return float(np.abs(found.force - force).mean() / GRAM)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--boards", type=int, default=40)
     parser.add_argument("--frames", type=int, default=30)
     parser.add_argument("--size", default="16x16", metavar="ROWSxCOLS")
     parser.add_argument("--seed", type=int, default=0, help="of the first board")
+    parser.add_argument(
+        "--errors", type=int, default=0, metavar="N", help="of N frames a board, too, by `map`"
+    )
     args = parser.parse_args()
     shape = tuple(map(int, args.size.split("x")))
-    off, std, told, spent = [], [], [], 0.0
+    off, std, told, spent, errors = [], [], [], 0.0, []
     for seed in range(args.seed, args.seed + args.boards):
         board = Unknown(shape, seed)
         force = bodies(args.frames, shape, np.random.default_rng([seed, 1]))
@@ -111,6 +123,12 @@ def main() -> None:
         begun = time.process_time()
         found = identify(frames, board.supposed, rest)
         spent += time.process_time() - begun
+        if args.errors:
+            new = bodies(args.errors, shape, np.random.default_rng([seed, 2]))
+            true = replace(board.supposed, r_par=board.r_par, r_line=board.r_line)
+            seen = board.frames(new)
+            circuits = true, found.circuit, board.supposed
+            errors.append([error(board, circuit, rest, seen, new) for circuit in circuits])
         values = found.circuit.r_par, float(np.mean(found.circuit.r_line))
         truth = board.r_par, board.r_line
         off.append(np.subtract(values, truth))
@@ -128,6 +146,10 @@ def main() -> None:
     print(f"{(np.abs(off[:, 1]) < 1.0).mean():.1%}; told {told.mean(0)}")
     within = [np.mean((np.abs(off) < std)[told[:, k], k]) for k in range(2)]
     print(f"of those told, within one standard deviation: {within[0]:.0%}, {within[1]:.0%}")
+    if errors:
+        known, identified, supposed = np.mean(errors, axis=0)
+        print(f"error of map [g a cell]: the circuit known {known:.2f}, identified ", end="")
+        print(f"{identified:.2f} ({identified / known:.2f} times), as supposed {supposed:.2f}")
     print(f"{1e3 * spent / (args.boards * args.frames):.0f} ms a frame (processor time)")
 
 
