@@ -3,6 +3,7 @@
 from tactile_skin import Circuit, PressureCurve, forward, compensate, measure_rest, identify
 """
 
+from .calibration.doctor import Finding, diagnose
 from .calibration.identify import Identified, identify
 from .calibration.rest import Rest, measure_rest
 from .physics.circuit import Circuit, forward
@@ -12,10 +13,12 @@ from .solvers import Estimate, compensate
 __all__ = [
     "Circuit",
     "Estimate",
+    "Finding",
     "Identified",
     "PressureCurve",
     "Rest",
     "compensate",
+    "diagnose",
     "forward",
     "identify",
     "measure_rest",

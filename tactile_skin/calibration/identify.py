@@ -30,6 +30,7 @@ TOUCHED = 5.0, 2.0, 1.2
 # them (paper section IV), which is 5 % of their rest. Chosen with TOUCHED's last on 16 boards of
 # 16 x 16 and 20 of 8 x 8 (tests/yardsticks/identify.py, seeds 140 to 159), scored on others.
 _HARD = 10.0
+_SOFT = 2.0  # the same where touches have soft rims, which are more than noise and look like r_par
 _BESIDE = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]])
 _ROUNDS = 8  # over all frames, at most
 _DONE = 0.2  # standard deviations by which the last round moved
@@ -72,7 +73,7 @@ class Identified:
     message: str
 
 
-def identify(frames, circuit: Circuit, rest: Rest) -> Identified:
+def identify(frames, circuit: Circuit, rest: Rest, *, soft: bool = False) -> Identified:
     """Find r_par and r_line by 10 to 30 frames of different touches.
 
     Args:
@@ -80,6 +81,9 @@ def identify(frames, circuit: Circuit, rest: Rest) -> Identified:
         circuit: what is supposed; r_par may be off by half, r_line by 15 ohm or more. Where r_line
             is one for each stripe, what is found is added to all of them.
         rest: `measure_rest` of the same skin.
+        soft: whether the cells beside any touched cell are unknown, not only those beside hard
+            ones: fingers and palms have soft rims, for which r_par is found 5 % too high. It takes
+            more of what small boards read: their standard deviation rises by a third.
 
     Raises:
         ValueError: another shape, values outside [0, 1], readings that fit no skin.
@@ -90,7 +94,7 @@ def identify(frames, circuit: Circuit, rest: Rest) -> Identified:
     prior = prior_of(circuit)
     off = np.zeros(2)  # of (r_par, r_line), from what was supposed [ohm]
     for turn in range(_ROUNDS):
-        supposed = Supposed(shifted(circuit, off), rest)
+        supposed = Supposed(shifted(circuit, off), rest, _SOFT if soft else _HARD)
         found = []
         for k, adc in enumerate(frames):
             evidence = supposed.evidence(adc, noise, turn, touches[k])
@@ -201,8 +205,8 @@ class Evidence(NamedTuple):
 class Supposed:
     """A circuit, and the rest as it was measured if the circuit is that."""
 
-    def __init__(self, circuit: Circuit, rest: Rest):
-        self.circuit = circuit
+    def __init__(self, circuit: Circuit, rest: Rest, hard: float = _HARD):
+        self.circuit, self._hard = circuit, hard
         self.rest = supposing(rest, circuit).conductance
         self._unit = np.ones(circuit.rows), np.ones(circuit.cols)
         self._stripes = circuit.stripes or (np.zeros(circuit.rows), np.zeros(circuit.cols))
@@ -264,7 +268,7 @@ class Supposed:
         """With the cells above a threshold of TOUCHED, and those beside hard ones, unknown."""
         circuit = self.circuit
         touched = circuit.populated & (g > threshold * self.rest)
-        hard = circuit.populated & (g > _HARD * self.rest)
+        hard = circuit.populated & (g > self._hard * self.rest)
         free = (touched | binary_dilation(hard, _BESIDE)) & circuit.populated
         count = np.count_nonzero(free)
         if not count or count > _FULL * np.count_nonzero(known & circuit.populated):
