@@ -80,6 +80,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     sub.add_argument("-s", "--show-args", action="store_true", help="print its arguments and end")
 
+    from .commands import doctor
+
+    sub = command("doctor", doctor.run, doctor.ABOUT, epilog=doctor.EXAMPLES)
+    sub.add_argument("words", nargs="*", metavar="FILE | NAME:=VALUE", help="frames; options")
+
     sub = command(
         "sim",
         _sim,

@@ -36,6 +36,7 @@ MAY = {
     "launch": ("files", "msg", "touch", "behaviours", "middleware", "nodes"),
     "ros": ("files", "yaml_files", "msg", "middleware", "nodes", "launch"),
     "bench": None,  # everything but the command line
+    "commands": None,  # so does this
     "cli": None,
     "__init__": ("physics", "solvers", "calibration"),
     "__main__": ("cli",),

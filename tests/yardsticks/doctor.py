@@ -1,9 +1,9 @@
 """How many faults `diagnose` names, and how often it names one on a sound board:
 `python tests/yardsticks/doctor.py [--boards N] [--sound N] [--seed S] [--seconds T]`.
 
-Each board is a `FaultBoard`: Kirchhoff's laws for its own wiring, a fabric whose curve is up to 30 %
-off in level, 5 to 8 % scatter, 3 % at rest, 0.5 % of a touch carried to the neighbours, 1 step of
-noise, one of three read-outs; 8 x 8 to 32 x 32. Fingers, palms, edges, strokes and pushes for
+Each board is a `FaultBoard`: Kirchhoff's laws for its own wiring, a fabric whose curve is up to
+30 % off in level, 5 to 8 % scatter, 3 % at rest, 0.5 % of a touch carried to the neighbours, 1 step
+of noise, one of three read-outs; 8 x 8 to 32 x 32. Fingers, palms, edges, strokes and pushes for
 T seconds, and one or two faults from the first frame on. A fault counts as named if a finding has
 its kind and its line or cell. Any finding that no planted fault explains is a false alarm.
 """
@@ -18,7 +18,7 @@ import numpy as np
 
 from tactile_skin import Circuit, PressureCurve, diagnose
 from tactile_skin.bench.damage import streams, wires
-from tactile_skin.bench.damage.board import KNOTS, NOWHERE, READOUTS, FaultBoard
+from tactile_skin.bench.damage.board import READOUTS, FaultBoard
 
 SHAPES = (8, 8), (8, 12), (12, 16), (16, 16), (24, 16), (32, 32)
 ALONE = "bit 3", "bit 5", "bit 7", "bit 9"  # hides what else is wrong
@@ -177,7 +177,7 @@ def main() -> None:
             mine = [f for f in found if explains(f, kind, name, rows, cols, case.cut)]
             left = [f for f in left if f not in mine]
             named[kind].append(bool(mine))
-            words.append(f"{'(' + mine[0].evidence[:60] + ') ' if mine else ''}{name} {sorted(rows)}/{sorted(cols)}: {'named' if mine else 'MISSED'}")
+            words.append(f"{name} {sorted(rows)}/{sorted(cols)}: {'named' if mine else 'MISSED'}")
         if left:
             false.append(seed)
         size = "{}x{}".format(*case.circuit.shape)
@@ -188,7 +188,9 @@ def main() -> None:
     for kind, hits in named.items():
         print(f"{kind}: {sum(hits)} of {len(hits)}")
     hits = sum(map(sum, named.values()))
-    print(f"named {hits} of {sum(map(len, named.values()))} faults; boards with a finding too many: ")
+    print(
+        f"named {hits} of {sum(map(len, named.values()))} faults; boards with a finding too many: "
+    )
     sound = sum(s >= args.seed + args.boards for s in false)
     print(f"{len(false) - sound} of {args.boards} damaged, {sound} of {args.sound} sound")
     print(f"{spent / boards:.1f} s a board (processor time)")

@@ -14,11 +14,11 @@ import numpy as np
 from .recorded import Recorded
 
 # RMS by which two lines that read alike differ at rest: times the noise of a mean, and ADC steps.
-_EQUAL, _ROUNDING = 4.0, 0.2
+_EQUAL, _ROUNDING = 4.0, 0.15
 _TOUCHED, _TOUCHES = 8.0, 3  # times the noise by which a touch raises a line; touches it takes
 # Largest difference under a touch, as share of what it raises (lines are read in turn), and times
 # the noise; share of the touches in which it is below that.
-_ALIKE, _APART, _ALWAYS = 0.1, 6.0, 0.9
+_ALIKE, _APART, _ALWAYS = 0.03, 5.0, 0.8
 _FEWEST = 5  # touches that speak for another order, or against it
 _SPEAKS = 0.02  # share of a touch's variation by which one does
 _MAJORITY = 0.5  # of the votes' sum over the sum of their sizes

@@ -12,15 +12,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..physics.circuit import Circuit
+from ...physics.circuit import Circuit
 
-_TIE = 1.0  # S between two stripes that touch: less than a lead has
+_TIE = 1e3  # times a cell's conductance, between two stripes that touch: more than a line has
 _INSULATION = 1e-7  # of a cell's conductance, between parts that nothing connects
 _LEAST_SCATTER = 0.002, 0.003  # log of a reading's resistance, at least: of cells, of lines
 _GAIN = 60.0  # chi^2 that a damage explains at least
 _LIKELY = 0.5  # share of a line's, or a cell's, misfit that it explains at least
 _LEAST_LEAD = 0.03  # share of the usual resistance that a bad lead adds at least
 _DEAD, _PRESSED = 0.35, 4.0  # times the usual cell's conductance, below and above
+_SHORTED = 1000.0  # times the same, of a crossing that is shorted
 _MOST = 6  # damages that are looked for
 _TRIED = 4  # lines, and cells, that are looked at in each turn
 
@@ -82,7 +83,7 @@ class Wires:
         laplacian += laplacian.T
         for axis, a, b in self.joined:
             a, b = a + axis * rows, b + axis * rows
-            laplacian[[a, b], [b, a]] -= 1e3  # much more than a line of cells conducts
+            laplacian[[a, b], [b, a]] -= _TIE
         laplacian[np.diag_indices(nodes)] = -laplacian.sum(1)
         k = np.linalg.inv(laplacian + 1.0 / nodes)
         own = k.diagonal()
@@ -173,6 +174,8 @@ class _Fit:
         cells = self.wires.cells if axis == 0 else self.wires.cells.T
         if any(c[:2] == (axis, line) for c in self.wires.cut):
             return
+        if cells[line].max() > _SHORTED:  # the rest of the line says nothing beside a short
+            return
         crossings = np.flatnonzero(cells[line] > 0.0)
         for at in crossings[1:-1]:  # a cut before the last cell reads like a dead cell
             cut = Wires(
@@ -211,22 +214,24 @@ class _Fit:
         ).resistance()
         after = self.off - np.log(now / self.model)
         after -= np.nanmedian(after)
-        gain = 0.0
-        for axis, line in ((0, row), (1, col)):
-            other = self.col if axis == 0 else self.row
-            old, new = (e[row] if axis == 0 else e[:, col] for e in (self.off, after))
-            gain += self._cost(axis, old - other) - self._cost(axis, new - other)
-        before = sum(
-            self._cost(axis, (self.off[row] - self.col) if axis == 0 else self.off[:, col] - self.row)
-            for axis in (0, 1)
-        )
+        before = self._around(self.off, row, col)
+        gain = before - self._around(after, row, col)
         if gain > _LIKELY * before or self._alone(row, col, after, gain):
             yield Damage("cell", 0, row, col, size, gain)
 
+    def _around(self, off: np.ndarray, row: int, col: int) -> float:
+        """chi^2 of a cell's row and column."""
+        return self._cost(0, off[row] - self.col) + self._cost(1, off[:, col] - self.row)
+
     def _alone(self, row: int, col: int, after: np.ndarray, gain: float) -> bool:
         """Whether the cell's own reading, of all on its lines, is what the change explains."""
-        return abs(self.left[row, col]) > 6.0 * self.scatter and gain > _GAIN and bool(
-            abs(after[row, col] - self.row[row] - self.col[col]) < 0.5 * abs(self.left[row, col])
+        return (
+            abs(self.left[row, col]) > 6.0 * self.scatter
+            and gain > _GAIN
+            and bool(
+                abs(after[row, col] - self.row[row] - self.col[col])
+                < 0.5 * abs(self.left[row, col])
+            )
         )
 
 

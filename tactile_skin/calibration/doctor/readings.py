@@ -10,7 +10,7 @@ from .recorded import Recorded, loose
 # sound board one or more, of means over some scans of a stuck bit less than this, by the bit.
 _LOWEST_BIT = 2  # below, noise and averaging fill every gap
 _GAP_SHARE = {2: 0.6, 3: 0.6, 4: 0.4}
-_HIGH_GAP_SHARE = 0.15  # of higher bits
+_HIGH_GAP_SHARE = 0.25  # of higher bits
 _GAP_READINGS = 200  # on either side of the gaps, at least
 _AT_REST = 48, 8  # ADC steps about its rest in which a reading does not count: at most, and besides
 _BELOW = 0.5  # of its reading at rest that no sound cell falls below, and
@@ -123,4 +123,3 @@ def noisy(seen: Recorded, skip) -> tuple[list, list]:
         cells.append((int(row), int(col), float(noise[row, col])))
         noise[row], noise[:, col] = 0.0, 0.0
     return lines, cells
-
