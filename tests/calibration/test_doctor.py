@@ -58,7 +58,7 @@ def test_a_board_that_reads_one_voltage_has_no_signal():
         (np.full((5, 4, 4), 0.2), "20 or more"),
         (np.full((50, 4, 5), 0.2), "shape"),
         (np.full((50, 4, 4), 1.2), "from 0 to 1"),
-        (np.full((50, 4, 4), np.nan), "never read"),
+        (np.full((50, 4, 4), np.nan), "ever read"),
     ],
 )
 def test_frames_that_are_none_are_refused(frames, match):

@@ -77,15 +77,18 @@ def diagnose(frames, circuit: Circuit, rest: Rest | None = None) -> list[Finding
     for damage in damages:
         if damage.kind != "cell" or (damage.line, damage.at) not in quiet:
             found.append(texts.damage(circuit, damage, cell))
-    broken = {(d.axis, d.line) for d in damages if d.kind != "cell"}
-    moved = order.misplaced(seen, unusable | broken)
+    odd = {(d.axis, d.line) for d in damages if d.kind != "cell"}
+    odd |= {line for row, col in _cells(damages) | quiet for line in ((0, row), (1, col))}
+    moved = order.misplaced(seen, unusable | odd)
     found += [texts.misplaced(m) for m in moved]
-    shorted = wires.cells.max() > REST_SPAN
-    if (
-        not pairs and not wires.cut and not shorted and not moved and not top
-    ):  # another network than the circuit's
+    # With stripes that touch or are cut it is another network; in another order it is the same.
+    if not (wires.joined or wires.cut or top or wires.cells.max() > REST_SPAN):
         found += _series(seen, unusable, wires, cell)
     return found
+
+
+def _cells(damages: list[wiring.Damage]) -> set[tuple[int, int]]:
+    return {(d.line, d.at) for d in damages if d.kind == "cell"}
 
 
 def _silent(seen: Recorded) -> Finding | None:

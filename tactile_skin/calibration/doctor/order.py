@@ -78,7 +78,8 @@ def misplaced(seen: Recorded, skip) -> list[Misplaced]:
         used = np.array([k for k in range(lines) if (axis, k) not in skip])
         if len(used) < 4:
             continue
-        turned = seen.turned(axis, pictures)[:, used]
+        across = [k for k in range(seen.circuit.shape[1 - axis]) if (1 - axis, k) not in skip]
+        turned = seen.turned(axis, pictures)[:, used][:, :, across]
         turned = np.pad(turned, ((0, 0), (1, 1), (0, 0)))  # nothing is touched beyond the edges
         apart = np.abs(turned[:, :, None] - turned[:, None]).sum(3)  # (touches, lines, lines)
         order = np.arange(len(used) + 2)

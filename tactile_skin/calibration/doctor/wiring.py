@@ -163,6 +163,8 @@ class _Fit:
                 yield from self._of_line(axis, int(line), off[line], float(costs[line]))
 
     def _of_line(self, axis: int, line: int, off: np.ndarray, before: float):
+        if any(c[:2] == (axis, line) for c in self.wires.cut):
+            return  # the few cells before a cut scatter more
         model = self.model if axis == 0 else self.model.T
         # What a lead adds is the same in all readings of the line; what one more adds is log-like.
         added = np.nanmedian(model[line] * np.expm1(off))
@@ -172,8 +174,6 @@ class _Fit:
             if gain > _LIKELY * before:
                 yield Damage("lead", axis, line, -1, float(added * self.cell), gain)
         cells = self.wires.cells if axis == 0 else self.wires.cells.T
-        if any(c[:2] == (axis, line) for c in self.wires.cut):
-            return
         if cells[line].max() > _SHORTED:  # the rest of the line says nothing beside a short
             return
         crossings = np.flatnonzero(cells[line] > 0.0)
