@@ -26,7 +26,7 @@ from .recorded import Recorded, record
 # Cells, in all touches together, that identify is asked about: it takes 0.1 s for 256. At least
 # and at most so many touches, each looked for within so many frames of its peak.
 _ASKED, _TOUCHES, _HELD = 20_000, (20, 60), 15
-_SERIES = 0.05, 4.0  # share of r_par, and standard deviations, by which it must be off
+_SERIES = 0.05, 3.0  # share of r_par, and standard deviations, by which it must be off
 _SHORTED = 0.5  # share of what a short of two lines takes from their readings at rest
 _ONE_VOLTAGE = 4.0  # times the noise within which all readings are one voltage
 
@@ -134,7 +134,7 @@ def _joined(seen: Recorded, wires: wiring.Wires, rho, known, pairs, found: list)
         lines = seen.turned(axis, known)[a]
         off = seen.turned(axis, np.log(rho / alone))[a, lines] - level
         short = seen.turned(axis, np.log(touching / alone))[a, lines]
-        if np.median(off) < _SHORTED * np.median(short):
+        if lines.any() and np.median(off) < _SHORTED * np.median(short):
             wires.joined.append((axis, a, b))
             found.append(texts.short(seen, axis, a, b))
         else:
@@ -185,9 +185,7 @@ def _touches(seen: Recorded) -> np.ndarray:
     found = []
     for peak in picked:
         near = seen.steps[max(peak - _HELD, 0) : peak + _HELD + 1].astype(float)
-        moved = np.abs(near[2:] - near[:-2]).sum((1, 2)) / np.abs(near[1:-1] - seen.base).sum(
-            (1, 2)
-        )
-        k = int(moved.argmin())
+        moved = np.abs(near[2:] - near[:-2]).sum((1, 2))
+        k = int((moved / np.abs(near[1:-1] - seen.base).sum((1, 2))).argmin())
         found.append(near[k : k + 3].mean(0))
     return np.clip(np.array(found) / seen.circuit.full_scale, 0.0, 1.0)

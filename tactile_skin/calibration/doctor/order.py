@@ -15,7 +15,8 @@ from .recorded import Recorded
 
 # RMS by which two lines that read alike differ at rest: times the noise of a mean, and ADC steps.
 _EQUAL, _ROUNDING = 4.0, 0.15
-_TOUCHED, _TOUCHES = 8.0, 3  # times the noise by which a touch raises a line; touches it takes
+_DIRECTLY = 0.25  # share of the most raised line's rise: less comes through the others
+_TOUCHED, _TOUCHES = 8.0, 2  # times the noise by which a touch raises a line; touches it takes
 # Largest difference under a touch, as share of what it raises (lines are read in turn), and times
 # the noise; share of the touches in which it is below that.
 _ALIKE, _APART, _ALWAYS = 0.03, 5.0, 0.8
@@ -33,8 +34,9 @@ def equal_lines(seen: Recorded, skip) -> list[tuple[int, int, int]]:
         base = seen.turned(axis, seen.base)
         raised = seen.turned(axis, seen.steps[seen.peaks]) - base
         touch = raised.max(2)  # (touches, lines)
-        touched = np.median(raised, axis=2)  # of a line that is only crossed, few are raised
-        touched = touched > _TOUCHED * seen.usual_noise
+        level = np.median(raised, axis=2)  # of a line that is only crossed, few are raised
+        touched = level > _TOUCHED * seen.usual_noise
+        touched &= level > _DIRECTLY * level.max(1, initial=0.0)[:, None]
         limit = _EQUAL * seen.usual_noise / np.count_nonzero(seen.quiet) ** 0.5 + _ROUNDING
         pairs = [(a, b) for b in range(len(base)) for a in range(b)]
         for a, b in pairs:
