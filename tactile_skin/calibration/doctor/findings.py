@@ -11,7 +11,9 @@ from ..identify import Identified
 from . import order, wiring
 from .recorded import Recorded, line_name
 
-_SHORT = 20.0  # ohm of a crossing, below which it is no pressed cell but a short
+# Ohm of a crossing, below which it is no pressed cell but a short: one of 1 ohm reads up to 40 where
+# r_ref or r_par is 10 % off.
+_SHORT = 60.0
 
 
 @dataclass(frozen=True)
