@@ -11,8 +11,8 @@ from ..identify import Identified
 from . import order, wiring
 from .recorded import Recorded, line_name
 
-# Ohm of a crossing, below which it is no pressed cell but a short: one of 1 ohm reads up to 40 where
-# r_ref or r_par is 10 % off.
+# Ohm of a crossing, below which it is no pressed cell but a short: one of 1 ohm seems to have up to
+# 40 where r_ref or r_par is 10 % off.
 _SHORT = 60.0
 
 
