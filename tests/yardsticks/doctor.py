@@ -21,7 +21,6 @@ from tactile_skin.bench.damage import streams, wires
 from tactile_skin.bench.damage.board import READOUTS, FaultBoard
 
 SHAPES = (8, 8), (8, 12), (12, 16), (16, 16), (24, 16), (32, 32)
-ALONE = "bit 3", "bit 5", "bit 7", "bit 9"  # hides what else is wrong
 KINDS = {  # of the report: names in `wires.ELECTRICAL`
     "open": ("open row", "open column"),
     "lead": ("bad lead",),

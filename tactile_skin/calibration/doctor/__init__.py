@@ -81,8 +81,8 @@ def diagnose(frames, circuit: Circuit, rest: Rest | None = None) -> list[Finding
     odd |= {line for row, col in _cells(damages) | quiet for line in ((0, row), (1, col))}
     moved = order.misplaced(seen, unusable | odd)
     found += [texts.misplaced(m) for m in moved]
-    # With stripes that touch or are cut it is another network; in another order it is the same.
-    if not (wires.joined or wires.cut or top or wires.cells.max() > REST_SPAN):
+    # With stripes that touch, are cut or are not read it is another network.
+    if not (pairs or wires.cut or top or wires.cells.max() > REST_SPAN):
         found += _series(seen, unusable, wires, cell)
     return found
 

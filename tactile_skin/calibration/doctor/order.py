@@ -16,7 +16,7 @@ from .recorded import Recorded
 # RMS by which two lines that read alike differ at rest: times the noise of a mean, and ADC steps.
 _EQUAL, _ROUNDING = 4.0, 0.15
 _DIRECTLY = 0.25  # share of the most raised line's rise: less comes through the others
-_TOUCHED, _TOUCHES = 8.0, 2  # times the noise by which a touch raises a line; touches it takes
+_TOUCHED, _TOUCHES = 8.0, 3  # times the noise by which a touch raises a line; touches it takes
 # Largest difference under a touch, as share of what it raises (lines are read in turn), and times
 # the noise; share of the touches in which it is below that.
 _ALIKE, _APART, _ALWAYS = 0.03, 5.0, 0.8
@@ -94,7 +94,7 @@ def misplaced(seen: Recorded, skip) -> list[Misplaced]:
                 vote = _vote(now, apart[:, other[:-1], other[1:]].sum(1))
                 if vote and (best is None or vote[1] > best[0][1]):
                     best = vote, (int(used[a]), int(used[b]))
-        shifted = _shifted(seen, pictures, axis)
+        shifted = None if skip else _shifted(seen, pictures, axis)
         if shifted and (best is None or shifted.share > best[0][1]):
             found.append(shifted)
         elif best is not None:
