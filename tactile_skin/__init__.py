@@ -5,6 +5,7 @@ from tactile_skin import measure_rest, identify, fit_curve
 """
 
 from .calibration.curve_fit import FittedCurve, fit_curve
+from .calibration.doctor import Finding, diagnose
 from .calibration.identify import Identified, identify
 from .calibration.rest import Rest, measure_rest
 from .physics.circuit import Circuit, forward
@@ -14,11 +15,13 @@ from .solvers import Estimate, compensate
 __all__ = [
     "Circuit",
     "Estimate",
+    "Finding",
     "FittedCurve",
     "Identified",
     "PressureCurve",
     "Rest",
     "compensate",
+    "diagnose",
     "fit_curve",
     "forward",
     "identify",

@@ -99,6 +99,11 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
         "(default calibrated.yaml)",
     )
 
+    from .commands import doctor
+
+    sub = command("doctor", doctor.ABOUT, epilog=doctor.EXAMPLES)
+    sub.add_argument("words", nargs="*", metavar="FILE | NAME:=VALUE", help="frames; options")
+
     sub = command(
         "train",
         "train a network for your board: its circuit and curve from a parameter file",

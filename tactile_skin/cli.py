@@ -38,8 +38,14 @@ def main(argv: list[str] | None = None) -> int:
         return 2
 
 
+def _doctor(args) -> int:
+    from .commands import doctor
+
+    return doctor.run(args)
+
+
 def _calibrate(args) -> int:
-    from . import calibrate
+    from .commands import calibrate
 
     return calibrate.run(args.out, args.config, calibrate.board_parameters(args.words))
 
@@ -223,6 +229,7 @@ _COMMANDS = {
     "launch": _launch,
     "sim": _sim,
     "calibrate": _calibrate,
+    "doctor": _doctor,
     "train": _train,
     "export": _export,
     "bench": _bench,

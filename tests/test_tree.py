@@ -35,8 +35,8 @@ MAY = {
     ),
     "launch": ("files", "msg", "touch", "behaviours", "middleware", "nodes"),
     "ros": ("files", "yaml_files", "msg", "middleware", "nodes", "launch"),
-    "calibrate": ("yaml_files", "msg", "calibration", "middleware", "nodes"),
     "bench": None,  # everything but the command line
+    "commands": None,  # so do these
     "arguments": None,
     "cli": None,
     "__init__": ("physics", "solvers", "calibration"),

@@ -10,7 +10,8 @@ from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from ..solvers import compensate
 
-_SPAN = 40.0  # times the usual cell's resistance, either way, that a cell at rest may have
+REST_SPAN = 500.0  # times the usual cell's resistance, either way, that a cell at rest may have
+# (one that stays pressed, or is dead)
 _STILL = 8.0, 0.02  # times the noise, and share of a reading, by which a reading may stray
 _LEAST_NOISE = 1e-3  # ADC steps of a mean reading: rounding alone leaves more
 
@@ -96,7 +97,7 @@ def resting_conductance(adc: np.ndarray, circuit: Circuit, noise: float = 0.0) -
     usual = float(np.median(circuit.two_terminal(adc[known]))) / share  # ohm
     if not 0.0 < usual < np.inf:
         raise ValueError("the readings fit no skin: r_par or r_ref is wrong, or no cell")
-    curve = PressureCurve((0.0, 1.0), (usual * _SPAN, usual / _SPAN))
+    curve = PressureCurve((0.0, 1.0), (usual * REST_SPAN, usual / REST_SPAN))
     adc = np.where(np.isfinite(adc), adc, 0.0)
     found = compensate(adc, circuit, curve, "newton", noise=max(noise, _LEAST_NOISE))
     if found.status == "failed":

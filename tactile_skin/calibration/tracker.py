@@ -11,7 +11,8 @@ from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from ..solvers.reading import rest_reading
 from ..solvers.series import series_scale
-from .identify import NAMES, Evidence, Supposed, bounded, prior_of, shifted, std_of
+from .evidence import SOFT, Evidence, Supposed
+from .identify import NAMES, bounded, prior_of, shifted, std_of
 from .rest import Rest
 
 _KEPT = 24  # frames: the latest, since boards warm up and connectors age
@@ -121,7 +122,7 @@ class CircuitTracker:
             conductance = self.circuit.populated / curve.rest_resistance
             self._rest, self._supposed = Rest(adc, noise, _REST_FRAMES, conductance), None
         if self._supposed is None:
-            self._supposed = Supposed(shifted(self._configured, self._off), self._rest)
+            self._supposed = Supposed(shifted(self._configured, self._off), self._rest, SOFT)
 
     def _take(self, adc: np.ndarray, noise: float) -> None:
         evidence = self._supposed.evidence(adc, noise, self._count // _A_TURN)

@@ -5,8 +5,9 @@ import pytest
 import yaml
 from yardsticks.identify import Unknown, bodies
 
-from tactile_skin import calibrate, compensate
+from tactile_skin import compensate
 from tactile_skin.calibration.guide import Guide, newtons, picture
+from tactile_skin.commands import calibrate
 from tactile_skin.middleware.config import read_skin
 from tactile_skin.physics.curve import GRAM
 

@@ -13,14 +13,14 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from . import __version__
-from .calibration.guide import Guide
-from .middleware.bus import Context, Node, Parameter, SingleThreadedExecutor
-from .middleware.config import ParameterFile, adc_of, circuit_of, read_skin
-from .msg import Image, image_array
-from .nodes import QUEUE
-from .nodes.serial_driver import SerialDriver
-from .yaml_files import read_yaml
+from .. import __version__
+from ..calibration.guide import Guide
+from ..middleware.bus import Context, Node, Parameter, SingleThreadedExecutor
+from ..middleware.config import ParameterFile, adc_of, circuit_of, read_skin
+from ..msg import Image, image_array
+from ..nodes import QUEUE
+from ..nodes.serial_driver import SerialDriver
+from ..yaml_files import read_yaml
 
 _OF_BOARD = {"port": str, "baud": int, "protocol": str}
 _PATIENCE = 10.0  # s without a frame after which the board is taken for absent

@@ -1,0 +1,191 @@
+"""What is wrong with a board, from a recording of its ordinary use: which wire, which cell.
+
+findings.py   each fault in words
+recorded.py   rest, noise and touches of the recording
+readings.py   faults of single readings: bits, ceiling, noise, open and loose lines
+order.py      lines that read alike, lines in the wrong order
+wiring.py     damage of wires and cells that explains the rest
+
+What the readings cannot tell is not guessed: two boards that read alike get the same finding, which
+then names both.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...physics.circuit import Circuit
+from ...solvers.series import series_scale
+from ..identify import identify
+from ..rest import REST_SPAN, Rest, resting_conductance
+from . import findings as texts
+from . import order, readings, wiring
+from .findings import Finding
+from .recorded import Recorded, record
+
+# Cells, in all touches together, that identify is asked about: it takes 0.1 s for 256. At least
+# and at most so many touches, each looked for within so many frames of its peak.
+_ASKED, _TOUCHES, _HELD = 20_000, (20, 60), 15
+_SERIES = 0.05, 3.0  # share of r_par, and standard deviations, by which it must be off
+_SHORTED = 0.5  # share of what a short of two lines takes from their readings at rest
+_ONE_VOLTAGE = 4.0  # times the noise within which all readings are one voltage
+
+
+def diagnose(frames, circuit: Circuit, rest: Rest | None = None) -> list[Finding]:
+    """What is wrong with a board.
+
+    Args:
+        frames: (n, rows, cols) ADC ratio of ordinary use, in order: a minute or so, untouched for a
+            third of it, and with some twenty different touches, some hard. NaN where a crossing was
+            not read.
+        circuit: what is supposed.
+        rest: `measure_rest` of the same board; None: from the frames in which nothing touches.
+
+    Returns:
+        The faults, an empty list for a sound board. A wrong bit hides all else.
+
+    Raises:
+        ValueError: another shape, values outside [0, 1], or fewer than 20 frames.
+    """
+    seen = record(frames, circuit, rest)
+    if finding := _silent(seen):
+        return [finding]
+    if bits := readings.stuck_bits(seen):
+        return [texts.bit(*bit) for bit in bits]
+    found: list[Finding] = []
+    if top := readings.ceiling(seen):
+        found.append(texts.ceiling(seen, *top))
+    unusable = set()  # (axis, line) whose readings say nothing of the fabric
+    for axis, line, high, usual in readings.open_lines(seen):
+        found.append(texts.open_line(seen, axis, line, high, usual))
+        unusable.add((axis, line))
+    for axis, line, share in readings.loose_lines(seen):
+        if (axis, line) not in unusable:
+            found.append(texts.contact(axis, line, share))
+            unusable.add((axis, line))
+    noisy_lines, noisy_cells = readings.noisy(seen, unusable)
+    found += [texts.noisy_line(seen, *line) for line in noisy_lines]
+    found += [texts.noisy_cell(seen, *cell) for cell in noisy_cells]
+    wires, rho, known = _wires(seen, unusable)
+    pairs = _joined(seen, wires, rho, known, order.equal_lines(seen, unusable), found)
+    unusable |= pairs
+    damages, cell = wiring.search(circuit, rho, known, wires)
+    quiet = {(row, col) for row, col, _ in noisy_cells}
+    for axis, a, b in wires.joined:  # a cell of lines that touch may be on either
+        swap = {a: b, b: a}
+        quiet |= {(swap.get(r, r), c) if axis == 0 else (r, swap.get(c, c)) for r, c in quiet}
+    for damage in damages:
+        if damage.kind != "cell" or (damage.line, damage.at) not in quiet:
+            found.append(texts.damage(circuit, damage, cell))
+    odd = {(d.axis, d.line) for d in damages if d.kind != "cell"}
+    odd |= {line for row, col in _cells(damages) | quiet for line in ((0, row), (1, col))}
+    moved = order.misplaced(seen, unusable | odd)
+    found += [texts.misplaced(m) for m in moved]
+    # With stripes that touch, are cut or are not read it is another network.
+    if not (pairs or wires.cut or top or wires.cells.max() > REST_SPAN):
+        found += _series(seen, unusable, wires, cell)
+    return found
+
+
+def _cells(damages: list[wiring.Damage]) -> set[tuple[int, int]]:
+    return {(d.line, d.at) for d in damages if d.kind == "cell"}
+
+
+def _silent(seen: Recorded) -> Finding | None:
+    cells = seen.read & seen.circuit.populated
+    level = seen.base[cells]
+    spread, moves = float(np.std(level)), float(np.ptp(seen.steps[:, cells], axis=0).max())
+    if moves > 8.0 * seen.usual_noise + 4.0 or spread > _ONE_VOLTAGE * seen.usual_noise:
+        return None
+    return Finding(
+        "no signal",
+        "all readings",
+        f"{level.mean():.1f} ADC steps throughout, within {moves:.1f}",
+        "Is the matrix connected, supplied, and was it touched? Measure the ADC's input",
+    )
+
+
+def _wires(seen: Recorded, unusable) -> tuple[wiring.Wires, np.ndarray, np.ndarray]:
+    """Sound wires, the resistance that is read at rest [ohm], and where it is known."""
+    known = seen.read & (seen.base > 0.0)
+    for axis, line in unusable:
+        seen.turned(axis, known)[line] = False
+    ratio = np.maximum(seen.base, 0.5) / seen.circuit.full_scale
+    rho = np.maximum(seen.circuit.two_terminal(ratio), 1.0)
+    return wiring.Wires.sound(seen.circuit), rho, known
+
+
+def _joined(seen: Recorded, wires: wiring.Wires, rho, known, pairs, found: list) -> set:
+    """Lines that read alike: a short, or one line read by two addresses. Both are noted in `wires`.
+
+    Two stripes that touch conduct like one of twice the width, one that is read twice does not.
+
+    Returns:
+        (axis, line) of one of each pair.
+    """
+    alone = wires.resistance()
+    taken = set()
+    level = np.median(np.log(rho / alone)[known]) if known.any() else 0.0
+    doubled = {0: [], 1: []}
+    for axis, a, b in pairs:
+        touching = wiring.Wires(
+            wires.cells, [(axis, a, b)], wires.reads, wires.cut, wires.lead
+        ).resistance()
+        lines = seen.turned(axis, known)[a]
+        off = seen.turned(axis, np.log(rho / alone))[a, lines] - level
+        short = seen.turned(axis, np.log(touching / alone))[a, lines]
+        if lines.any() and np.median(off) < _SHORTED * np.median(short):
+            wires.joined.append((axis, a, b))
+            found.append(texts.short(seen, axis, a, b))
+        else:
+            doubled[axis].append((a, b))
+        taken.add((axis, b))
+        seen.turned(axis, known)[b] = False
+    for axis in (0, 1):
+        found += texts.doubled(seen, axis, doubled[axis])
+    return taken
+
+
+def _series(seen: Recorded, skip, wires: wiring.Wires, cell: float) -> list[Finding]:
+    """What lies in series with all cells, by the touches."""
+    circuit, full = seen.circuit, seen.circuit.full_scale
+    if not len(seen.peaks):
+        return []
+    unknown = ~seen.read
+    for axis, line in skip:
+        seen.turned(axis, unknown)[line] = True
+    lead = cell * (wires.lead[0][:, None] + wires.lead[1])  # ohm, of bad ones
+    usual = circuit.ratio(wires.resistance() * cell - lead)
+    touches = _without(lead, _touches(seen), circuit)
+    adc = np.where(unknown, usual, _without(lead, seen.base / full, circuit))
+    noise = max(seen.usual_noise, 0.3)
+    quiet = int(np.count_nonzero(seen.quiet))
+    try:
+        rest = Rest(adc, noise, quiet, resting_conductance(adc, circuit, noise / quiet**0.5))
+        found = identify(np.where(unknown, np.nan, touches), circuit, rest)
+    except ValueError:
+        return []
+    off = found.circuit.r_par - circuit.r_par
+    limit = max(_SERIES[0] * series_scale(circuit), _SERIES[1] * found.std["r_par"])
+    if abs(off) < limit:
+        return []
+    return [texts.circuit(circuit, found)]
+
+
+def _without(lead: np.ndarray, adc: np.ndarray, circuit: Circuit) -> np.ndarray:
+    """The ADC ratio without what leads (rows, cols) [ohm] take from it."""
+    return np.clip(circuit.r_ref / (circuit.r_ref / np.maximum(adc, 1e-4) - lead), 0.0, 1.0)
+
+
+def _touches(seen: Recorded) -> np.ndarray:
+    """(n, rows, cols) ADC ratio of touches, each where it moves least."""
+    n = int(np.clip(_ASKED / np.count_nonzero(seen.circuit.populated), *_TOUCHES))
+    hardest = np.argsort(-seen.steps[seen.peaks].max((1, 2)))
+    picked = np.sort(seen.peaks[hardest[:n]])
+    found = []
+    for peak in picked:
+        near = seen.steps[max(peak - _HELD, 0) : peak + _HELD + 1].astype(float)
+        moved = np.abs(near[2:] - near[:-2]).sum((1, 2))
+        k = int((moved / np.abs(near[1:-1] - seen.base).sum((1, 2))).argmin())
+        found.append(near[k : k + 3].mean(0))
+    return np.clip(np.array(found) / seen.circuit.full_scale, 0.0, 1.0)

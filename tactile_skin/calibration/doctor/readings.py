@@ -1,0 +1,125 @@
+"""Faults of single readings: bits that never change, a ceiling, noise, lines that read nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .recorded import Recorded, loose
+
+# Readings that lie where a stuck bit cannot put them, over those of the emptier neighbour: on a
+# sound board one or more, of means over some scans of a stuck bit less than this, by the bit.
+_LOWEST_BIT = 2  # below, noise and averaging fill every gap
+_GAP_SHARE = {2: 0.6, 3: 0.6, 4: 0.4}
+_HIGH_GAP_SHARE = 0.25  # of higher bits
+_GAP_READINGS = 200  # on either side of the gaps, at least
+_AT_REST = 48, 8  # ADC steps about its rest in which a reading does not count: at most, and besides
+_BELOW = 0.5  # of its reading at rest that no sound cell falls below, and
+_BELOW_READINGS, _BELOW_CELLS = 30, 3  # readings and cells that do with a wrong bit
+_NO_REST = 0.02  # of the readings may lie in the gap of a top bit
+_NOISE_WIDTH = 6.0  # times the noise: a ceiling before the ADC has its noise on top
+_PILE = 3.0  # times as many readings at a ceiling as in the same width below
+_PILE_READINGS, _PILE_CELLS = 30, 3
+_NEAR_SHORT = 0.97  # of what a short circuit reads: above, hard touches read alike
+_AT_TOP = 0.5  # share of the frames that a cell which only touches take to the ceiling is there
+_NOISY, _LEAST_NOISE = 4.0, 2.0  # times the usual noise, and ADC steps, of a noisy cell
+_EVEN = 0.6  # median over largest noise of a line, where all its readings are noisy
+_OPEN_STEPS = 3.0  # ADC steps that an open line reads at most
+_OPEN = 0.1  # the same, of the usual reading
+
+
+def stuck_bits(seen: Recorded) -> list[tuple[int, int, float]]:
+    """(bit, the value it keeps, share of readings where the other value would put them)."""
+    steps, base = seen.steps[:, seen.read], seen.base[seen.read]
+    off = np.abs(steps - base)
+    fell = (steps < _BELOW * base - 3.0) & (base > 10.0)
+    folded = fell.sum() >= _BELOW_READINGS and np.count_nonzero(fell.any(0)) >= _BELOW_CELLS
+    found, full = [], seen.circuit.full_scale
+    for bit in range(_LOWEST_BIT, seen.circuit.adc_bits):
+        # At rest all readings are in one place, which may be the edge of a gap.
+        moved = steps[off > min(1 << bit, _AT_REST[0]) + _AT_REST[1]]
+        counts = np.clip(np.rint(moved), 0, full).astype(np.int32)
+        histogram = np.bincount(counts, minlength=full + 1).astype(float)
+        blocks = histogram.reshape(-1, 1 << bit)
+        margin = min((1 << bit) // 4, 4)  # noise at a block's ends
+        blocks = blocks[:, margin : (1 << bit) - margin]
+        each = blocks.sum(1)
+        for kept in (0, 1):
+            gap, beside = each[1 - kept :: 2], each[kept::2]
+            inner = gap[1:] if kept else gap[:-1]  # those between two others
+            low, high = beside[:-1], beside[1:]
+            near = np.minimum(low, high).sum()
+            share = inner.sum() / max(near, 1.0)
+            empty = counts.size and gap.sum() <= _NO_REST * each.sum()
+            if (near >= _GAP_READINGS and share < _GAP_SHARE.get(bit, _HIGH_GAP_SHARE)) or (
+                bit == seen.circuit.adc_bits - 1 and empty and folded
+            ):
+                found.append((bit, kept, float(share)))
+    return found
+
+
+def ceiling(seen: Recorded) -> tuple[float, int, int] | None:
+    """(height [ADC steps], readings there, cells): where readings end that should rise further."""
+    limit = _NEAR_SHORT * seen.circuit.ratio(0.0) * seen.circuit.full_scale
+    steps = seen.steps[:, seen.read]
+    top = float(steps.max())
+    for _ in range(3):  # a cell that stays at the top is stuck there: the next one
+        width = _NOISE_WIDTH * seen.usual_noise + 1.0
+        at_top = steps > top - width
+        stays = at_top.mean(0) > _AT_TOP
+        if not stays.any() or stays.all():
+            break
+        steps = steps[:, ~stays]
+        top = float(steps.max())
+    below = np.count_nonzero((steps > top - 3.0 * width) & ~(steps > top - width)) / 2.0
+    n, cells = np.count_nonzero(at_top), np.count_nonzero(at_top.any(0))
+    if top > limit or n < _PILE_READINGS or cells < _PILE_CELLS or n < _PILE * below:
+        return None
+    return float(np.median(steps[steps > top - width])), n, cells
+
+
+def open_lines(seen: Recorded) -> list[tuple[int, int, float, float]]:
+    """(axis, line, its largest usual reading, what an untouched cell reads)."""
+    found = []
+    for axis in (0, 1):
+        lines = seen.turned(axis, seen.base)
+        high = seen.turned(axis, np.quantile(seen.steps, 0.9, axis=0)).max(1)
+        usual = np.median(lines[lines > 0]) if (lines > 0).any() else 0.0
+        limit = max(_OPEN_STEPS + 3.0 * seen.usual_noise, _OPEN * usual)
+        limit = min(limit, 0.3 * usual)
+        for line in np.flatnonzero(high <= limit):
+            found.append((axis, int(line), float(high[line]), float(usual)))
+    return found
+
+
+def loose_lines(seen: Recorded) -> list[tuple[int, int, float]]:
+    """(axis, line, share of the frames in which it is open)."""
+    return [
+        (axis, int(line), float((seen.closed[axis][:, line] < 0.45).mean()))
+        for axis in (0, 1)
+        for line in np.flatnonzero(loose(seen.closed[axis]))
+    ]
+
+
+def noisy(seen: Recorded, skip) -> tuple[list, list]:
+    """Noisy lines (axis, line, steps) and noisy cells (row, col, steps).
+
+    Args:
+        skip: (axis, line) of lines that are not looked at.
+    """
+    noise, usual = np.where(seen.read, seen.noise, 0.0), seen.usual_noise
+    for axis, line in skip:
+        seen.turned(axis, noise)[line] = 0.0
+    limit = max(_NOISY * usual, _LEAST_NOISE)
+    lines, cells = [], []
+    for axis in (0, 1):
+        turned = seen.turned(axis, noise)
+        for line in range(len(turned)):
+            if np.median(turned[line]) > max(limit, _EVEN * turned[line].max()):
+                lines.append((axis, line, float(np.median(turned[line]))))
+    for axis, line, _ in lines:
+        seen.turned(axis, noise)[line] = 0.0
+    while noise.max() > limit:
+        row, col = np.unravel_index(noise.argmax(), noise.shape)
+        cells.append((int(row), int(col), float(noise[row, col])))
+        noise[row], noise[:, col] = 0.0, 0.0
+    return lines, cells

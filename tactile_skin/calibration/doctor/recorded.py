@@ -1,0 +1,116 @@
+"""A recording of ordinary use, summed up for the doctor: rest, noise, and the touches in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
+
+from ...physics.circuit import Circuit
+from ..rest import Rest, check_frames
+
+_QUIET = 0.15  # share of the frames, the calmest ones, that count as untouched
+_FEWEST = 20  # frames that a recording has at least
+_APART = 0.003  # share of the frames by which two touches are apart, and
+_LEAST_APART = 10  # frames at least
+_TOUCH = 8.0  # times the noise of a line's mean by which a touch raises it
+_LINE_OPEN, _LINE_CLOSED = 0.1, 0.6  # of the usual reading: a line is not, or is, connected
+_NAMES = ("row", "column")
+
+
+def line_name(axis: int, line: int) -> str:
+    return f"{_NAMES[axis]} {line}"
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """Attributes:
+    circuit: as it is supposed.
+    steps: (n, rows, cols) readings [ADC steps].
+    read: (rows, cols) bool, crossings that were ever read.
+    base: (rows, cols) reading of the untouched skin [ADC steps].
+    quiet: (n,) bool, frames in which nothing touches it.
+    noise: (rows, cols) RMS of a reading in the quiet frames [ADC steps].
+    peaks: frames in which touches are strongest, one for each touch.
+    closed: for rows and columns, (n, lines) reading of each line, its usual one 1.
+    """
+
+    circuit: Circuit
+    steps: np.ndarray
+    read: np.ndarray
+    base: np.ndarray
+    quiet: np.ndarray
+    noise: np.ndarray
+    peaks: np.ndarray
+    closed: tuple[np.ndarray, np.ndarray]
+
+    @property
+    def usual_noise(self) -> float:
+        return float(max(np.median(self.noise[self.read & self.circuit.populated]), 0.1))
+
+    def turned(self, axis: int, picture: np.ndarray) -> np.ndarray:
+        """The picture, (..., rows, cols), with the lines of an axis first of the last two."""
+        return picture if axis == 0 else picture.swapaxes(-1, -2)
+
+
+def record(frames, circuit: Circuit, rest: Rest | None) -> Recorded:
+    """Sum up the frames.
+
+    Raises:
+        ValueError: another shape, values outside [0, 1], fewer than 20 frames, or none was read.
+    """
+    frames = check_frames(frames, circuit)
+    if len(frames) < _FEWEST:
+        raise ValueError(f"{len(frames)} frames: give {_FEWEST} or more, of about a minute of use")
+    steps = (frames * circuit.full_scale).astype(np.float32)
+    absent = np.isnan(steps)
+    read = ~absent.all(0)
+    if not read.any():
+        raise ValueError("no crossing was ever read")
+    usual = np.where(read, np.nanmedian(np.where(read, steps, 0.0), axis=0), 0.0)
+    steps = np.where(absent, usual, steps)
+    closed = tuple(_closed(axis, steps, usual) for axis in (0, 1))
+    level = _activity(steps - usual, closed)
+    quiet = level <= np.quantile(level, _QUIET)
+    base = steps[quiet].mean(0) if rest is None else rest.adc * circuit.full_scale
+    base = np.where(np.isfinite(base), base, 0.0)
+    noise = steps[quiet].std(0)
+    peaks = _peaks(level, len(frames), float(np.median(level[quiet])))
+    return Recorded(circuit, steps, read, base, quiet, noise, peaks, closed)
+
+
+def _closed(axis: int, steps: np.ndarray, usual: np.ndarray) -> np.ndarray:
+    """(n, lines): each line's reading over what the other lines usually read there."""
+    steps = steps if axis == 0 else steps.swapaxes(1, 2)
+    usual = usual if axis == 0 else usual.T
+    others = np.maximum(np.median(usual, axis=0), 1.0)
+    return np.median(steps / others, axis=2)
+
+
+def loose(share: np.ndarray) -> np.ndarray:
+    """(lines,) bool: lines that are open in some frames and closed in others."""
+    is_open, is_closed = (share < _LINE_OPEN).mean(0), (share > _LINE_CLOSED).mean(0)
+    return (is_open > 0.005) & (is_closed > 0.02)
+
+
+def _activity(change: np.ndarray, closed) -> np.ndarray:
+    """(n,) how much the most touched line is raised [ADC steps], loose lines left out."""
+    level = np.zeros(len(change))
+    for axis in (0, 1):
+        lines = np.delete(change, np.flatnonzero(loose(closed[1 - axis])), axis=2 - axis)
+        if not lines.shape[2 - axis]:
+            continue
+        mean = lines.mean(2 - axis)
+        mean[:, loose(closed[axis])] = -np.inf
+        # The second largest: a single noisy line is no touch.
+        level += np.partition(mean, -2, axis=1)[:, -2] if mean.shape[1] > 1 else mean[:, 0]
+    return uniform_filter1d(np.where(np.isfinite(level), level, 0.0), 3)
+
+
+def _peaks(level: np.ndarray, n: int, calm: float) -> np.ndarray:
+    """The strongest frame of each touch."""
+    noise = float(np.std(level[level <= np.quantile(level, 2 * _QUIET)]))
+    size = max(_LEAST_APART, int(_APART * n)) * 2 + 1
+    top = (level == maximum_filter1d(level, size)) & (level > calm + _TOUCH * max(noise, 0.3))
+    return np.flatnonzero(top)

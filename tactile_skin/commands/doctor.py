@@ -1,0 +1,253 @@
+"""`tactile-skin doctor`: what is wrong with a board, from recorded frames or live."""
+
+from __future__ import annotations
+
+import io
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ..calibration.doctor import Finding, diagnose
+from ..calibration.rest import measure_rest
+from ..files import read_bytes
+from ..middleware.config import SkinConfig, read_skin
+from ..physics.adc import Adc
+from ..physics.circuit import Circuit
+
+ABOUT = "which wire or cell is bad: from recorded frames, or from the live board"
+EXAMPLES = """\
+Hands off for some seconds, then press everywhere with fingers and palm, twenty touches or more,
+some of them hard, with pauses: a minute of it. FILE holds frames in order, ADC counts or ratios
+from 0 to 1: .npy, .npz (its first array, or `frames`) of (n, rows, cols), or .csv, a frame a line.
+examples:
+  tactile-skin doctor touches.npy config:=my_skin.yaml
+  tactile-skin doctor touches.csv rows:=8 cols:=12 r_ref:=4700 r_par:=70 adc_bits:=12
+  tactile-skin doctor port:=/dev/ttyUSB0 config:=my_skin.yaml seconds:=60
+options, name:=value:
+  config    parameter file with circuit.*, as for launch (default: the paper's board)
+  rows, cols, r_ref, r_par, r_line, adc_bits   in its place, or on top of it
+  rest      recorded frames of the untouched skin (default: found in FILE)
+  port, baud, protocol, seconds   of the live board (default 1000000, binary, 60)
+exit status: 0 nothing found, 1 something found, 2 a mistake."""
+
+_KINDS = {
+    "config": str,
+    "rest": str,
+    "rows": int,
+    "cols": int,
+    "r_ref": float,
+    "r_par": float,
+    "r_line": float,
+    "adc_bits": int,
+    "port": str,
+    "baud": int,
+    "protocol": str,
+    "seconds": float,
+}
+_CIRCUIT = ("rows", "cols", "r_ref", "r_par", "r_line", "adc_bits")
+_LIVE = ("baud", "protocol", "seconds")
+_LARGEST = 1 << 30  # bytes of a recording
+_SECONDS = 5.0, 3600.0
+_CORRUPT, _LOST = 0.005, 0.05  # shares of the frames from which on the link is bad
+_CONNECT = 10.0  # s to wait for the first frame
+
+
+def run(args) -> int:
+    """Print what is found; the exit status."""
+    files, given = _words(args.words)
+    if bool(files) == ("port" in given) or len(files) > 1:
+        raise ValueError("give one FILE of recorded frames, or port:=DEVICE of a live board")
+    for name in _LIVE:
+        if files and name in given:
+            raise ValueError(f"{name}:= is of a live board: give port:=DEVICE, not a file")
+    skin = read_skin(given.get("config"))
+    adc = _adc(skin, {name: given[name] for name in _CIRCUIT if name in given})
+    circuit = adc.circuit
+    if files:
+        frames, found = _ratio(_read(files[0], circuit), adc, files[0]), []
+    else:
+        frames, found = _listen(adc, given)
+    rest = None
+    if "rest" in given:
+        rest = measure_rest(_ratio(_read(given["rest"], circuit), adc, given["rest"]), circuit)
+    found += diagnose(frames, circuit, rest)
+    print(f"{len(frames)} frames of {circuit.rows} x {circuit.cols}")
+    print(picture(found, circuit))
+    for finding in found:
+        print(f"- {finding}")
+    if not found:
+        print("nothing found. Two lines that are exchanged with all their neighbours, and r_par on")
+        print("a board that was only touched lightly, are not seen in frames.")
+    return 1 if found else 0
+
+
+def picture(found: list[Finding], circuit: Circuit) -> str:
+    """The mat in text: `.` a sound cell, `X` a bad one, `-` and `|` bad lines, blank: no cell."""
+    marks = np.where(circuit.populated, ".", " ")
+    rows, cols = {r for f in found for r in f.rows}, {c for f in found for c in f.cols}
+    cells = {(f.rows[0], f.cols[0]) for f in found if len(f.rows) == len(f.cols) == 1}
+    for finding in found:
+        if not finding.cols:
+            marks[list(finding.rows)] = "-"
+        if not finding.rows:
+            marks[:, list(finding.cols)] = "|"
+    for cell in cells:
+        marks[cell] = "X"
+    width = len(str(circuit.rows - 1))
+    head = [
+        " " * (width + 1) + " ".join(_digit(c, place) for c in range(circuit.cols))
+        for place in range(len(str(circuit.cols - 1)) - 1, -1, -1)
+    ]
+    body = [
+        f"{r:>{width}} " + " ".join(marks[r]) + ("  <" if r in rows else "")
+        for r in range(circuit.rows)
+    ]
+    foot = " " * (width + 1) + " ".join("^" if c in cols else " " for c in range(circuit.cols))
+    return "\n".join([*head, *body, foot.rstrip()]).rstrip()
+
+
+def _digit(number: int, place: int) -> str:
+    return str(number // 10**place % 10) if number >= 10**place or place == 0 else " "
+
+
+def _words(words) -> tuple[list[str], dict]:
+    """Files, and name -> value of the right type."""
+    files, given = [], {}
+    for word in words:
+        name, mark, text = word.partition(":=")
+        if not mark:
+            files.append(word)
+            continue
+        if name not in _KINDS:
+            raise ValueError(f"argument {name!r}: must be one of {', '.join(_KINDS)}")
+        if name in given:
+            raise ValueError(f"argument {name!r} is given twice")
+        kind = _KINDS[name]
+        try:
+            given[name] = kind(text)
+        except ValueError:
+            what = "a whole number" if kind is int else "a number"
+            raise ValueError(f"{name}:={text}: must be {what}") from None
+    return files, given
+
+
+def _adc(skin: SkinConfig, changed: dict) -> Adc:
+    """The board's converter, with the circuit that the arguments change."""
+    shape = {"rows", "cols"} & changed.keys()
+    mask = {"mask": None} if shape else {}  # it was another board's
+    circuit = replace(skin.circuit, **changed, **mask)
+    full = 0.0 if "adc_bits" in changed else skin.adc.full_scale
+    scanned = None if shape else skin.adc.scanned
+    return Adc(circuit, skin.adc.offset, full, skin.adc.inverted, scanned)
+
+
+def _read(path: str, circuit: Circuit) -> np.ndarray:
+    """(n, rows, cols) numbers of a file."""
+    data = io.BytesIO(read_bytes(path, _LARGEST))
+    kind = Path(path).suffix.lower()
+    if kind not in (".npy", ".npz", ".csv"):
+        raise ValueError(f"{path}: must be a .npy, .npz or .csv file")
+    try:
+        if kind == ".csv":
+            frames = np.genfromtxt(data, delimiter=",", ndmin=2, dtype=float)
+        else:
+            frames = np.load(data, allow_pickle=False)
+            if kind == ".npz":
+                names = frames.files
+                if not names:
+                    raise ValueError("holds no array")
+                frames = frames["frames" if "frames" in names else names[0]]
+    except Exception as error:
+        raise ValueError(f"{path}: cannot be read: {error}") from error
+    if frames.ndim == 2 and frames.shape[1] == circuit.rows * circuit.cols:
+        frames = frames.reshape(-1, *circuit.shape)
+    if frames.ndim != 3 or frames.shape[1:] != circuit.shape:
+        raise ValueError(
+            f"{path}: holds {' x '.join(map(str, frames.shape))} numbers, the circuit is "
+            f"{circuit.rows} x {circuit.cols}: check rows and cols"
+        )
+    if frames.dtype.kind not in "fiu":
+        raise ValueError(f"{path}: holds {frames.dtype}: must be numbers")
+    return frames
+
+
+def _ratio(frames: np.ndarray, adc: Adc, path: str) -> np.ndarray:
+    """ADC ratio of frames that are ratios already, or counts."""
+    if frames.dtype.kind == "f" and np.nanmax(frames, initial=0.0) <= 1.0:
+        return frames
+    top = float(np.nanmax(frames))
+    if top > 2**adc.circuit.adc_bits:
+        raise ValueError(
+            f"{path}: numbers up to {top:g}, but adc_bits = {adc.circuit.adc_bits} ends at "
+            f"{adc.circuit.full_scale}: set adc_bits"
+        )
+    return adc.ratio(frames.astype(float))
+
+
+def _listen(adc: Adc, given: dict) -> tuple[np.ndarray, list[Finding]]:
+    """Frames of the live board, and what is wrong with its link."""
+    from ..board.protocol import make_parser
+    from ..board.serial_port import SerialReader, check_port
+
+    circuit, port = adc.circuit, given["port"]
+    seconds, baud = given.get("seconds", 60.0), given.get("baud", 1_000_000)
+    protocol = given.get("protocol", "binary")
+    if not _SECONDS[0] <= seconds <= _SECONDS[1]:
+        raise ValueError(f"seconds:={seconds:g}: must be from {_SECONDS[0]:g} to {_SECONDS[1]:g}")
+    size = circuit.rows, circuit.cols, circuit.adc_bits
+    make_parser(protocol, *size)
+    check_port(port)
+    kept: list = []
+    wrong: list[str] = []
+
+    def take(frame):
+        sent = (*frame.samples.shape, frame.adc_bits)
+        if sent == size:
+            kept.append(frame)
+        elif not wrong:
+            wrong.append("the board sends {} x {} at {} bits".format(*sent))
+
+    reader = SerialReader(port, baud, lambda: make_parser(protocol, *size), take, print)
+    reader.start()
+    try:
+        begun = time.monotonic()
+        while not kept and not wrong and time.monotonic() - begun < _CONNECT:
+            time.sleep(0.05)
+        if kept:
+            print(
+                f"hands off for 5 s, then press everywhere, with pauses: {seconds:g} s", flush=True
+            )
+            begun = time.monotonic()
+            time.sleep(seconds)
+        passed = time.monotonic() - begun
+    finally:
+        reader.close()
+    if wrong:
+        raise ValueError(f"{wrong[0]}, the configuration says {size[0]} x {size[1]} at {size[2]}")
+    if not kept:
+        raise ValueError(f"no frame for {_CONNECT:g} s: {reader.trouble or 'the board is silent'}")
+    counters, n = reader.parser.counters, len(kept)
+    print(
+        f"{n / passed:.0f} frames a second, {counters.corrupt} damaged (CRC or line), "
+        f"{counters.lost} lost, {max(reader.reconnects, 0)} reconnections"
+    )
+    frames = np.array([adc.ratio_of(adc.marked(f.samples, f.unread)) for f in kept])
+    return frames, _link(counters, n, max(reader.reconnects, 0))
+
+
+def _link(counters, frames: int, reconnects: int) -> list[Finding]:
+    corrupt, lost = counters.corrupt / frames, counters.lost / frames
+    if corrupt < _CORRUPT and lost < _LOST and not reconnects:
+        return []
+    return [
+        Finding(
+            "link",
+            "serial link",
+            f"of {frames} frames {100 * corrupt:.1f} % more came damaged and {100 * lost:.1f} % "
+            f"were lost; {reconnects} reconnections",
+            "Check the USB cable and its length, the baud rate, and the ground between board and "
+            "computer",
+        )
+    ]

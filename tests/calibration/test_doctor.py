@@ -1,0 +1,115 @@
+"""`diagnose` names the line or cell that is bad, and nothing on a sound board."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_skin import Circuit, cli, diagnose
+from tactile_skin.calibration.doctor.wiring import Wires
+from tactile_skin.commands import doctor as command
+from tactile_skin.physics.circuit import two_terminal_resistance
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "yardsticks"))
+from doctor import KINDS, Case, explains
+
+SHAPE, SECONDS = (10, 12), 40.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_sound_board_has_no_fault(seed):
+    case = Case(seed, (), SECONDS, SHAPE)
+    assert diagnose(case.frames, case.circuit) == []
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_fault_is_named_with_its_line_or_cell(kind):
+    case = Case(7, (kind,), SECONDS, SHAPE)
+    found = diagnose(case.frames, case.circuit)
+    ((_, name, rows, cols),) = case.faults
+    assert [explains(f, kind, name, rows, cols, case.cut) for f in found] == [True], found
+    assert found[0].evidence and found[0].remedy
+    assert str(found[0]).startswith(found[0].where)
+
+
+def test_two_faults_are_both_named():
+    case = Case(3, ("open", "dead"), SECONDS, SHAPE)
+    assert sorted(f.kind for f in diagnose(case.frames, case.circuit)) == ["dead", "open"]
+
+
+def test_sound_wires_are_the_circuit():
+    """The wiring that is searched is the solvers' network while nothing is damaged."""
+    wires = Wires.sound(Circuit(5, 7))
+    np.testing.assert_allclose(
+        wires.resistance(), two_terminal_resistance(np.ones((5, 7))), rtol=1e-5
+    )
+
+
+def test_a_board_that_reads_one_voltage_has_no_signal():
+    frames = 0.3 + 1e-3 * np.random.default_rng(0).standard_normal((200, 8, 8))
+    (finding,) = diagnose(frames, Circuit(8, 8))
+    assert finding.kind == "no signal"
+
+
+@pytest.mark.parametrize(
+    ("frames", "match"),
+    [
+        (np.full((5, 4, 4), 0.2), "20 or more"),
+        (np.full((50, 4, 5), 0.2), "shape"),
+        (np.full((50, 4, 4), 1.2), "from 0 to 1"),
+        (np.full((50, 4, 4), np.nan), "ever read"),
+    ],
+)
+def test_frames_that_are_none_are_refused(frames, match):
+    with pytest.raises(ValueError, match=match):
+        diagnose(frames, Circuit(4, 4))
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory):
+    """Files of a sound board, and of one with an open row."""
+    folder = tmp_path_factory.mktemp("doctor")
+    for name, faults in (("sound", ()), ("open", ("open",))):
+        case = Case(5, faults, SECONDS, (8, 9))
+        np.save(folder / f"{name}.npy", case.frames)
+        counts = np.rint(case.frames * case.circuit.full_scale).reshape(len(case.frames), -1)
+        np.savetxt(folder / f"{name}.csv", counts, fmt="%d", delimiter=",")
+        np.savez(folder / f"{name}.npz", frames=case.frames)
+    return folder
+
+
+@pytest.mark.parametrize("kind", ["npy", "npz", "csv"])
+def test_the_command_tells_by_its_status(recordings, kind, capsys):
+    size = "rows:=8", "cols:=9"
+    assert cli.main(["doctor", str(recordings / f"sound.{kind}"), *size]) == 0
+    assert "nothing found" in capsys.readouterr().out
+    assert cli.main(["doctor", str(recordings / f"open.{kind}"), *size]) == 1
+    out = capsys.readouterr().out
+    assert ("open: none of its" in out and "- - -" in out) or "|" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "match"),
+    [
+        ([], "FILE"),
+        (["a.npy", "port:=/dev/null"], "FILE"),
+        (["a.npy", "baud:=9600"], "live board"),
+        (["a.npy", "size:=3"], "must be one of"),
+        (["a.npy", "rows:=x"], "whole number"),
+        (["a.txt"], "No such file"),
+        (["sound.npy", "rows:=7"], "check rows and cols"),
+    ],
+)
+def test_a_mistake_is_one_line(recordings, words, match, capsys, monkeypatch):
+    monkeypatch.chdir(recordings)
+    assert cli.main(["doctor", *words]) == 2
+    err = capsys.readouterr().err
+    assert match in err and err.count("\n") == 1
+
+
+def test_the_picture_marks_cells_and_lines():
+    case = Case(3, ("open", "dead"), SECONDS, SHAPE)
+    text = command.picture(diagnose(case.frames, case.circuit), case.circuit)
+    assert "X" in text and ("-" in text or "|" in text)
+    assert len(text.splitlines()) >= SHAPE[0] + 2

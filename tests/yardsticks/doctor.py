@@ -1,0 +1,199 @@
+"""How many faults `diagnose` names, and how often it names one on a sound board:
+`python tests/yardsticks/doctor.py [--boards N] [--sound N] [--seed S] [--seconds T]`.
+
+Each board is a `FaultBoard`: Kirchhoff's laws for its own wiring, a fabric whose curve is up to
+30 % off in level, 5 to 8 % scatter, 3 % at rest, 0.5 % of a touch carried to the neighbours, 1 step
+of noise, one of three read-outs; 8 x 8 to 32 x 32. Fingers, palms, edges, strokes and pushes for
+T seconds, and one or two faults from the first frame on. A fault counts as named if a finding has
+its kind and its line or cell. Any finding that no planted fault explains is a false alarm.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections import defaultdict
+
+import numpy as np
+
+from tactile_skin import Circuit, PressureCurve, diagnose
+from tactile_skin.bench.damage import streams, wires
+from tactile_skin.bench.damage.board import READOUTS, FaultBoard
+
+SHAPES = (8, 8), (8, 12), (12, 16), (16, 16), (24, 16), (32, 32)
+KINDS = {  # of the report: names in `wires.ELECTRICAL`
+    "open": ("open row", "open column"),
+    "lead": ("bad lead",),
+    "broken": ("broken stripe",),
+    "short of neighbours": ("short of neighbours",),
+    "short at a crossing": ("short at a crossing",),
+    "dead": ("dead cell",),
+    "stuck": ("stuck cell",),
+    "noisy cell": ("noisy cell",),
+    "noisy line": ("noisy line",),
+    "contact": ("loose lead",),
+    "doubled": ("address stuck", "line doubled", "line missed"),
+    "swapped": ("swapped lines",),
+    "circuit": ("r_par -20 %", "r_par +20 %", "r_ref -10 %", "r_ref +10 %", "supply falls"),
+    "saturation": ("saturated at 60 %", "amplifier at 60 %"),
+    "bits": tuple(f"bit {k} stuck at {v}" for k in (3, 5, 7) for v in (0, 1)),
+}
+WHOLE = "circuit", "saturation", "bits"  # of no line, at most one on a board
+
+
+def frames_of(board: FaultBoard, force: np.ndarray) -> np.ndarray:
+    """(n, rows, cols) ADC ratio that the board sends under a force (knots, rows, cols) [N]."""
+    sent = []
+
+    def keep(frame):
+        sent.append(frame.samples.copy())
+
+    board.tamper = keep
+    for first in range(0, len(force), 200):
+        board.advance(force[first : first + 200])
+    full = board.circuit.full_scale * 2**board.fraction_bits
+    return np.clip(np.array(sent) / full, 0.0, 1.0)
+
+
+class Case:
+    """A board with faults, and what `diagnose` may say of it."""
+
+    def __init__(self, seed: int, faults: tuple[str, ...], seconds: float, shape=None):
+        rng = np.random.default_rng(seed)
+        shape = shape or SHAPES[rng.integers(len(SHAPES))]
+        self.circuit = Circuit(*shape)
+        level = np.exp(rng.uniform(-0.3, 0.3))
+        curve = PressureCurve(*np.array(PressureCurve().points).T * [[1.0], [level]])
+        readout = READOUTS[rng.integers(len(READOUTS))]
+        self.board = FaultBoard(self.circuit, curve, rng, 1.0, readout=readout)
+        self.board.damaged_at = -10.0  # a drift has come to its end
+        self.faults = []  # kind, rows, cols
+        by_name = {fault.name: fault for fault in wires.ELECTRICAL}
+        for kind in faults:
+            name = KINDS[kind][rng.integers(len(KINDS[kind]))]
+            before = self._state()
+            by_name[name].damage(self.board)
+            self.faults.append((kind, name, *self._changed(before)))
+        for k, (kind, name, rows, cols) in enumerate(self.faults):
+            if kind in ("dead", "stuck", "noisy cell", "short at a crossing"):
+                w = self.board.wiring
+                read = [
+                    {int(np.flatnonzero(lines == i)[0]) if (lines == i).any() else i for i in of}
+                    for lines, of in ((w.rows, rows), (w.cols, cols))
+                ]
+                self.faults[k] = (kind, name, *read)
+        scene = streams.everyday(self.circuit.populated, seconds, rng, curve.max_force, hard=False)
+        self.frames = frames_of(self.board, scene.force)
+
+    def _state(self):
+        b, w = self.board, self.board.wiring
+        return {
+            "rows": w.rows.copy(), "cols": w.cols.copy(), "row_lead": w.row_lead.copy(),
+            "col_lead": w.col_lead.copy(), "row_of": w.row_of.copy(), "col_of": w.col_of.copy(),
+            "ties": len(w.ties), "fixed": set(b.fixed), "restless": set(b.restless),
+            "noise": b.extra_noise.copy(),
+        }  # fmt: skip
+
+    def _changed(self, before) -> tuple[set, set]:
+        """Rows and columns that a fault is about."""
+        b, w, rows, cols = self.board, self.board.wiring, set(), set()
+        for lines, now, old in ((rows, w.rows, before["rows"]), (cols, w.cols, before["cols"]),
+                                (rows, w.row_lead, before["row_lead"]),
+                                (cols, w.col_lead, before["col_lead"])):  # fmt: skip
+            for k in np.flatnonzero(now != old):
+                lines.add(int(k))
+                if 0 <= now[k] < len(now) and now.dtype.kind == "i":
+                    lines.add(int(now[k]))
+        rows |= set(np.flatnonzero((w.row_of != before["row_of"]).any(1)).tolist())
+        cols |= set(np.flatnonzero((w.col_of != before["col_of"]).any(0)).tolist())
+        self.cut = np.argwhere((w.row_of != before["row_of"]) | (w.col_of != before["col_of"]))
+        for kind_a, a, kind_b, c, _ in w.ties[before["ties"] :]:
+            for kind, line in ((kind_a, a), (kind_b, c)):
+                (rows, cols)[kind].add(int(line))
+        # A cell is named by the addresses that read it, where one of another fault reads it late.
+        for row, col in (set(b.fixed) - before["fixed"]) | (set(b.restless) - before["restless"]):
+            rows.add(row)
+            cols.add(col)
+        more = b.extra_noise != before["noise"]
+        if more.any():
+            (rows if more.all(1).any() else cols).add(
+                int(np.flatnonzero(more.all(1) if more.all(1).any() else more.all(0))[0])
+            )
+        if b.flicker and not rows and not cols:
+            (rows, cols)[b.flicker[0]].add(b.flicker[1])
+        return rows, cols
+
+
+def explains(finding, kind: str, name: str, rows: set, cols: set, cut) -> bool:
+    """Whether a finding names a fault, with its line or cell."""
+    at = set(finding.rows) == rows and set(finding.cols) == cols
+    if kind in WHOLE:
+        return finding.kind == kind
+    if kind == "doubled":
+        mine, theirs = (rows, finding.rows) if rows else (cols, finding.cols)
+        return finding.kind in ("doubled", "shifted", "swapped") and bool(set(theirs) & mine)
+    if kind == "broken" and len(cut) == 1:  # reads like a dead cell, and is named as both
+        cell = (set(finding.rows), set(finding.cols)) == ({cut[0][0]}, {cut[0][1]})
+        return finding.kind == "dead" and cell
+    kinds = {"short of neighbours": "short", "short at a crossing": "short"}
+    kinds |= {"noisy cell": "noisy", "noisy line": "noisy"}
+    return finding.kind == kinds.get(kind, kind) and at
+
+
+def draw(rng) -> tuple[str, ...]:
+    """One or two kinds of fault."""
+    kinds = [k for k in KINDS if k != "bits"]
+    if rng.random() < 0.1:
+        return ("bits",)
+    n = rng.integers(1, 3)
+    while True:
+        chosen = tuple(kinds[k] for k in rng.choice(len(kinds), n, replace=False))
+        if sum(k in WHOLE for k in chosen) < 2:
+            return chosen
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--boards", type=int, default=80, help="with faults")
+    parser.add_argument("--sound", type=int, default=60)
+    parser.add_argument("--seed", type=int, default=5000, help="of the first board")
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--kinds", nargs="*", choices=list(KINDS), help="these, one on a board")
+    args = parser.parse_args()
+    named, false, spent = defaultdict(list), [], 0.0
+    for seed in range(args.seed, args.seed + args.boards + args.sound):
+        faulty = seed < args.seed + args.boards
+        faults = draw(np.random.default_rng([seed, 2])) if faulty else ()
+        if faulty and args.kinds:
+            faults = (args.kinds[seed % len(args.kinds)],)
+        case = Case(seed, faults, args.seconds)
+        begun = time.process_time()
+        found = diagnose(case.frames, case.circuit, None)
+        spent += time.process_time() - begun
+        left = list(found)
+        words = []
+        for kind, name, rows, cols in case.faults:
+            mine = [f for f in found if explains(f, kind, name, rows, cols, case.cut)]
+            left = [f for f in left if f not in mine]
+            named[kind].append(bool(mine))
+            words.append(f"{name} {sorted(rows)}/{sorted(cols)}: {'named' if mine else 'MISSED'}")
+        if left:
+            false.append(seed)
+        size = "{}x{}".format(*case.circuit.shape)
+        print(f"{seed} {size} {case.board.readout}: {'; '.join(words) or 'sound'}", flush=True)
+        for f in left:
+            print(f"      also: {f}", flush=True)
+    boards = args.boards + args.sound
+    for kind, hits in named.items():
+        print(f"{kind}: {sum(hits)} of {len(hits)}")
+    hits = sum(map(sum, named.values()))
+    print(
+        f"named {hits} of {sum(map(len, named.values()))} faults; boards with a finding too many: "
+    )
+    sound = sum(s >= args.seed + args.boards for s in false)
+    print(f"{len(false) - sound} of {args.boards} damaged, {sound} of {args.sound} sound")
+    print(f"{spent / boards:.1f} s a board (processor time)")
+
+
+if __name__ == "__main__":
+    main()
