@@ -273,7 +273,10 @@ class StandIn:
         self.work, self.subscriptions, self.services = queue.Queue(), {}, {}
         parts = {
             "rclpy": {"init": lambda **_: None, "create_node": lambda *_, **__: self},
-            "rclpy.executors": {"SingleThreadedExecutor": lambda: self},
+            "rclpy.executors": {
+                "SingleThreadedExecutor": lambda: self,
+                "ExternalShutdownException": InterruptedError,
+            },
             "rclpy.signals": {"SignalHandlerOptions": types.SimpleNamespace(NO=0)},
             "rclpy.duration": {"Duration": lambda **_: None},
             "rclpy.qos": {

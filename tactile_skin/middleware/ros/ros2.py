@@ -37,8 +37,12 @@ class Ros2:
         return self._thread.is_alive()
 
     def _spin(self) -> None:
+        from rclpy.executors import ExternalShutdownException
+
         try:
             self._executor.spin()
+        except ExternalShutdownException:  # `close`
+            pass
         except Exception:
             self.failed = True
             _logger.exception("rclpy's executor has ended")
@@ -96,8 +100,12 @@ class Ros2:
         for publisher in self._publishers:
             left = max(0.001, end - time.monotonic())
             publisher.wait_for_all_acked(Duration(seconds=left))
-        self._executor.shutdown(timeout_sec=1.0)
+        # The thread must have left rclpy before Python ends: killed inside C++ code, it would abort
+        # the process. Without its context it leaves by itself.
         rclpy.try_shutdown()
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join(LAST_WORD)
+        self._executor.shutdown(timeout_sec=LAST_WORD)
 
 
 def _isolated(topic: str, callback: Callable) -> Callable:
