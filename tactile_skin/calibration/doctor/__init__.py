@@ -162,7 +162,7 @@ def _series(seen: Recorded, skip, wires: wiring.Wires, cell: float) -> list[Find
     quiet = int(np.count_nonzero(seen.quiet))
     try:
         rest = Rest(adc, noise, quiet, resting_conductance(adc, circuit, noise / quiet**0.5))
-        found = identify(np.where(unknown, np.nan, touches), circuit, rest)
+        found = identify(np.where(unknown, np.nan, touches), circuit, rest, soft=True)
     except ValueError:
         return []
     off = found.circuit.r_par - circuit.r_par
