@@ -53,7 +53,8 @@ DOCUMENTED = {
     "IntegerRange": lambda *, from_value=0, to_value=0, step=0: 0,
 }
 # fmt: on
-PYTHON = {"Thread", "start", "is_alive", "append", "monotonic", "max", "exception"}
+PYTHON = {"Thread", "start", "is_alive", "join", "current_thread", "append", "monotonic", "max"}
+PYTHON |= {"exception"}
 PYTHON |= {"_qos", "_isolated"}
 
 
