@@ -194,17 +194,24 @@ class Compensation:
         self._update_level(estimate.status, self._join_reasons(estimate.message or kept))
 
     def _learn_circuit(self, t: float, adc: np.ndarray, touched: bool) -> None:
-        """What touches tell of r_par and r_line; worked out while none is there, or a stop is."""
-        if not (self._follows and self._tare.measured):
+        """What touches tell of r_par and r_line; worked out while none is there, or a stop is.
+
+        A network knows the circuit of its training, and no other.
+        """
+        if not (self._follows and self._tare.measured) or self._method in _LEARNED:
             return
         noise = max(self._noise.rms or SCAN_NOISE, ROUNDING_NOISE)
         if touched:
             self._tracker.offer(t, adc, noise)
         if touched and self._level != diagnostics.ERROR and not self._tracker.overdue(t):
             return
-        if self._tracker.ask(self._tare.curve, noise) and self._method not in _LEARNED:
-            self._tare.suppose(self._tracker.circuit)
-            self.circuit, self._last = self._tracker.circuit, None
+        try:
+            if self._tracker.ask(self._tare.curve, noise):
+                self._tare.suppose(self._tracker.circuit)
+                self.circuit, self._last = self._tracker.circuit, None
+        except ValueError as error:  # no skin rests so with what was found: begin anew
+            self.node.get_logger().warning("r_par and r_line were not found: %s", error)
+            self._tracker = CircuitTracker(self.circuit)
 
     def _fill_unread(self, adc: np.ndarray, estimate: Estimate) -> np.ndarray:
         """The frame with the model's value at crossings that were not read."""

@@ -25,6 +25,7 @@ from tactile_skin.msg import (
     image,
     image_array,
 )
+from tactile_skin.nodes import compensation
 from tactile_skin.nodes.compensation import Compensation
 from tactile_skin.nodes.monitor import Monitor
 from tactile_skin.nodes.stop_on_push import STATUS, STATUS_TOPIC, StopOnPush, stop_message_of
@@ -153,6 +154,27 @@ def test_a_bad_contact_is_named_and_does_not_stop_the_robot(bad):
     assert f"row {bad[0]}, column {bad[1]}: reads less than the others allow" in said
     assert all(r.level != DiagnosticStatus.ERROR for r in fed.reports)
     assert fed.node._contact == "" or f"row {bad[0]}, column {bad[1]}" in fed.node._contact
+
+
+def test_a_circuit_that_no_skin_rests_with_is_not_taken_over(monkeypatch, caplog):
+    """Neither by the frames that follow, whose pictures and level are told as before."""
+    asked = []
+
+    def fail(self, curve, noise):
+        asked.append(noise)
+        raise ValueError("no skin rests so")
+
+    monkeypatch.setattr(compensation.CircuitTracker, "ask", fail)
+    fed = Fed(Adc(CIRCUIT))
+    fed.feel(np.zeros(CIRCUIT.shape), 80)
+    fed.feel(touch(), 10)
+    fed.feel(np.zeros(CIRCUIT.shape), 10)
+    assert asked
+    assert "r_par and r_line were not found: no skin rests so" in caplog.text
+    assert fed.node.circuit == CIRCUIT
+    assert fed.node._level == DiagnosticStatus.OK, fed.node._message
+    fed.feel(touch(), 5)
+    assert fed.force.sum() == pytest.approx(touch().sum(), rel=0.1)
 
 
 class Terminal(io.StringIO):
