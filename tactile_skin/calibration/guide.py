@@ -20,6 +20,7 @@ from .rest import Rest, measure_rest, supposing
 
 REST = 3.0  # s that the skin rests
 OBJECT = 1.0  # s for which an object stands
+_TRIES = 5  # to measure the rest
 _FEW = 20  # frames that a rest takes at least, at any rate
 TOUCHES = 30  # that are asked for at most
 _EVERY = 5  # touches after which the circuit is looked for
@@ -63,7 +64,7 @@ class Guide:
 
     def measure_rest(self) -> None:
         self._ask("1 of 3. Take everything off the skin, and keep your hands off it. Enter: ")
-        while True:
+        for left in reversed(range(_TRIES)):
             frames = self._frames(REST)
             while len(frames) < _FEW:
                 frames = np.concatenate([frames, self._frames(REST)])
@@ -71,6 +72,11 @@ class Guide:
                 self.rest = measure_rest(frames, self._supposed)
                 break
             except ValueError as error:
+                if not left:
+                    raise ValueError(
+                        f"no rest in {_TRIES} tries: {error} If nothing does, `tactile-skin "
+                        "doctor` names a cell or line that is noisy"
+                    ) from error
                 self._ask(f"  {error}\n  Hands off, and Enter to measure again: ")
         cells = self._supposed.populated
         usual = 1.0 / np.median(self.rest.conductance[cells])

@@ -84,6 +84,17 @@ def test_each_step_says_what_it_found(done):
         assert words in heard
 
 
+def test_a_skin_that_never_rests_ends_it():
+    """With what to do about it, and not by asking for ever: a cell may be noisy."""
+    board = Unknown(SHAPE, seed=22)
+    asked, frames = [], board.at_rest(30)
+    frames[::3, 4, 5] += 0.3
+    guide = Guide(board.supposed, lambda _: frames, asked.append, print)
+    with pytest.raises(ValueError, match=r"row 4, column 5.*doctor"):
+        guide.run()
+    assert len(asked) == 5
+
+
 def test_the_file_is_one_that_the_launch_takes(done, tmp_path):
     """What was there before stays, beside it and in it."""
     board, _, guide = done
