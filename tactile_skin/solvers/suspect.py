@@ -211,11 +211,13 @@ def by_score(
     score /= np.sqrt(np.maximum(size - hidden, absorbed * size) + 1e-30)
     score /= ROUNDED_SCORE if rounded(reading) else 1.0
     found = []
-    if pairs.size and score[:-1].max() > _SHORT_LIMIT:
+    # of so many pairs that read alike one exceeds the limit by chance
+    limit = (_SHORT_LIMIT**2 + 2.0 * np.log(max(pairs.size, 1))) ** 0.5
+    if pairs.size and score[:-1].max() > limit:
         line = pairs[score[:-1].argmax()]
         name, i = ("rows", line) if line < rows - 1 else ("columns", line - rows)
         text = f"{name} {i} and {i + 1} have equal readings: are they shorted?"
-        found.append((score[:-1].max() / _SHORT_LIMIT, text, 0))
+        found.append((score[:-1].max() / limit, text, 0))
     if abs(score[-1]) > R_PAR_LIMIT:
         way, word = (1, "low") if score[-1] < 0 else (-1, "high")
         text = f"r_par = {reading.circuit.r_par:g} ohm is too {word} for this reading: measure it"
