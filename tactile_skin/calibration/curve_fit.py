@@ -69,7 +69,7 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
         ValueError: fewer than 3 weights, a weight that is not above 0 and finite, shapes that
             differ, a frame without a touch or that no cells explain.
     """
-    frames = check_frames(frames, circuit)
+    frames = rest.quiet(check_frames(frames, circuit))
     weights = _check_weights(weights, len(frames))
     at_rest = supposing(rest, circuit).conductance
     usual = float(np.median(at_rest[circuit.populated]))  # S

@@ -15,6 +15,7 @@ from ..physics.circuit import Circuit
 from ..physics.curve import GRAM
 from ..solvers import compensate
 from .curve_fit import fit_curve
+from .evidence import stands_anew
 from .identify import Identified, identify
 from .rest import Rest, measure_rest, supposing
 
@@ -26,7 +27,6 @@ TOUCHES = 30  # that are asked for at most
 _EVERY = 5  # touches after which the circuit is looked for
 OBJECTS, LEAST_OBJECTS = 10, 3  # that are asked for; with fewer there is no curve
 ENOUGH = 0.05  # error of a total, left out in turn, at which the objects suffice
-_STANDS, _NEW = 3.0, 6.0  # times the noise, RMS: between two frames of a touch that stands; of two
 _TOUCHED = 8.0  # times the noise by which a reading rises where something touches
 _GLANCE = 0.3  # s that a touch must stand
 _PATIENCE = 20.0  # s without a new touch after which what is there must do
@@ -75,7 +75,7 @@ class Guide:
                 if not left:
                     raise ValueError(
                         f"no rest in {_TRIES} tries: {error} If nothing does, `tactile-skin "
-                        "doctor` names a cell or line that is noisy"
+                        "doctor` names the line or cells to check"
                     ) from error
                 self._ask(f"  {error}\n  Hands off, and Enter to measure again: ")
         cells = self._supposed.populated
@@ -84,6 +84,11 @@ class Guide:
             f"  {len(frames)} frames: a cell has {usual:.0f} ohm at rest, a reading "
             f"{self.rest.noise:.2f} ADC steps of noise."
         )
+        for row, col in self.rest.noisy:
+            self._say(
+                f"  row {row}, column {col} is noisy: its readings are left out here. Check its "
+                "contact."
+            )
 
     def identify(self) -> None:
         self._say(
@@ -114,19 +119,20 @@ class Guide:
 
     def _new_touch(self, touches: list[np.ndarray]) -> np.ndarray | None:
         """The mean frame of a touch that stands and was not there before; None: there is none."""
-        frames = self._frames(_GLANCE)
+        frames = self.rest.quiet(self._frames(_GLANCE))
         if len(frames) < 2:
             return None
-        noise = max(self.rest.noise, 0.5) / self._supposed.full_scale
-        frame = np.nanmean(frames, axis=0)
-        if _rms(frames[-1] - frames[0]) > _STANDS * noise or not self._touched(frame, noise):
-            return None
-        if touches and _rms(frame - touches[-1]) < _NEW * noise:
-            return None
-        return frame
+        frame, last = _mean(frames), touches[-1] if touches else None
+        anew = stands_anew(frames[-1], frames[0], last, self._noise)
+        return frame if anew and self._touched(frame) else None
 
-    def _touched(self, frame: np.ndarray, noise: float) -> bool:
-        return bool(np.nanmax(frame - self.rest.adc) > _TOUCHED * noise)
+    def _touched(self, frame: np.ndarray) -> bool:
+        return bool(np.nanmax(frame - self.rest.adc) > _TOUCHED * self._noise)
+
+    @property
+    def _noise(self) -> float:
+        """Of a reading, as ADC ratio."""
+        return max(self.rest.noise, 0.5) / self._supposed.full_scale
 
     def fit_curve(self) -> None:
         self._say(
@@ -147,9 +153,8 @@ class Guide:
             if weight is None:
                 self._say(f"  {word.strip()!r} is no weight: write it as 500 g, 1.2 kg or 5 N")
                 continue
-            frame = np.nanmean(self._frames(OBJECT), axis=0)
-            noise = max(self.rest.noise, 0.5) / self._supposed.full_scale
-            if not self._touched(frame, noise):
+            frame = _mean(self.rest.quiet(self._frames(OBJECT)))
+            if not self._touched(frame):
                 self._say("  nothing lies on the skin: the readings are those of rest")
                 continue
             frames.append(frame)
@@ -199,5 +204,8 @@ def picture(force: np.ndarray) -> str:
     return "\n".join([edge, *(f"  |{line}|" for line in lines), edge])
 
 
-def _rms(values: np.ndarray) -> float:
-    return float(np.nanmean(np.square(values)) ** 0.5)
+def _mean(frames: np.ndarray) -> np.ndarray:
+    """(rows, cols) mean of (n, rows, cols); NaN where no frame read a crossing."""
+    known = np.isfinite(frames)
+    with np.errstate(invalid="ignore"):
+        return np.where(known, frames, 0.0).sum(0) / known.sum(0)

@@ -34,8 +34,7 @@ def run(out: Path, config: Path | None, board: dict) -> int:
         config: parameter file with what is known of the board; None: the defaults.
         board: parameters of the serial driver that take the place of the file's: port, baud.
     """
-    if not out.parent.is_dir():
-        raise ValueError(f"--out {out}: there is no folder {out.parent}")
+    check_writable(out)
     skin, live = read_skin(config), Live(config, board)
     guide = Guide(skin.circuit, live, _ask, print)
     try:
@@ -45,6 +44,19 @@ def run(out: Path, config: Path | None, board: dict) -> int:
     write(out, config, guide)
     print(f"{out} is written. Use it: tactile-skin launch skin.launch.yaml config:={out}")
     return 0
+
+
+def check_writable(out: Path) -> None:
+    """Before the work begins, not after it: ValueError says why `out` cannot be written."""
+    if not out.parent.is_dir():
+        raise ValueError(f"--out {out}: there is no folder {out.parent}")
+    if out.is_dir():
+        raise ValueError(f"--out {out}: is a folder, must be a file")
+    try:
+        with tempfile.NamedTemporaryFile(dir=out.parent, prefix=f".{out.name}."):
+            pass
+    except OSError as error:
+        raise ValueError(f"--out {out}: {out.parent}: {error.strerror}") from error
 
 
 def board_parameters(words: list[str]) -> dict:
@@ -86,6 +98,7 @@ def write(path: Path, source: Path | None, guide: Guide) -> None:
         f"made by tactile-skin calibrate {__version__}, {datetime.datetime.now():%Y-%m-%d %H:%M}"
     ]
     notes.append(f"noise of a reading: {guide.rest.noise:.2f} ADC steps")
+    notes += [f"row {row}, column {col} is noisy" for row, col in guide.rest.noisy]
     if guide.found:
         notes.append(guide.found.message)
     if guide.fitted:
