@@ -82,7 +82,13 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
         "weighed.\nexamples:\n"
         "  tactile-skin calibrate --config mine.yaml --out calibrated.yaml\n"
         "  tactile-skin calibrate --config mine.yaml --out mine.yaml port:=/dev/ttyUSB0\n"
+        "  tactile-skin calibrate --config calibrated.yaml --out calibrated.yaml --creep\n"
         "then:\n  tactile-skin launch skin.launch.yaml config:=calibrated.yaml",
+    )
+    sub.add_argument(
+        "--creep",
+        action="store_true",
+        help="measure only by how much a load that stands grows with time: one object, two minutes",
     )
     sub.add_argument(
         "words",

@@ -47,7 +47,7 @@ def _doctor(args) -> int:
 def _calibrate(args) -> int:
     from .commands import calibrate
 
-    return calibrate.run(args.out, args.config, calibrate.board_parameters(args.words))
+    return calibrate.run(args.out, args.config, calibrate.board_parameters(args.words), args.creep)
 
 
 def _launch(args) -> int:

@@ -1,7 +1,8 @@
 """What a person does to calibrate a board, step by step; frames and answers come from outside.
 
 Hands off (rest, noise), press here and there (r_par, r_line), lay known weights on (the curve).
-Each step says when it has enough. See docs/calibrate.md.
+Each step says when it has enough. How much a standing load gains is measured separately. See
+docs/calibrate.md.
 """
 
 from __future__ import annotations
@@ -12,8 +13,10 @@ from collections.abc import Callable
 import numpy as np
 
 from ..physics.circuit import Circuit
-from ..physics.curve import GRAM
+from ..physics.creep import Creep
+from ..physics.curve import GRAM, PressureCurve
 from ..solvers import compensate
+from .creep import measure_creep
 from .curve_fit import fit_curve
 from .evidence import stands_anew
 from .identify import Identified, identify
@@ -21,6 +24,8 @@ from .rest import Rest, measure_rest, supposing
 
 REST = 3.0  # s that the skin rests
 OBJECT = 1.0  # s for which an object stands
+STANDS = 120.0  # s for which it stands to tell how much it gains
+_LOOK, _TELL = 0.25, 10.0  # s of which each frame of it is the mean; after which a word is said
 _TRIES = 5  # to measure the rest
 _FEW = 20  # frames that a rest takes at least, at any rate
 TOUCHES = 30  # that are asked for at most
@@ -40,11 +45,11 @@ Say = Callable[[str], None]
 
 
 class Guide:
-    """Leads through the three steps, wherever frames and answers come from.
+    """Leads through the steps, wherever frames and answers come from.
 
     Attributes:
         circuit: what the configuration says, then what the touches tell.
-        rest, found, fitted: what was learnt; None before.
+        rest, found, fitted, creep: what was learnt; None before.
     """
 
     def __init__(self, circuit: Circuit, frames: Frames, ask: Ask, say: Say):
@@ -52,6 +57,7 @@ class Guide:
         self.rest: Rest | None = None
         self.found: Identified | None = None
         self.fitted = None
+        self.creep: Creep | None = None
 
     @property
     def circuit(self):
@@ -62,8 +68,31 @@ class Guide:
         self.identify()
         self.fit_curve()
 
-    def measure_rest(self) -> None:
-        self._ask("1 of 3. Take everything off the skin, and keep your hands off it. Enter: ")
+    def measure_creep(self, curve: PressureCurve) -> None:
+        """Two steps of their own, for a skin whose curve is known."""
+        self.measure_rest(of=2)
+        self._ask(
+            "2 of 2. Take a thing of 1 kg or more, and a piece of foam if it is hard. Enter, and "
+            f"lay it on the\n  skin at once; leave it there for {STANDS / 60:.0f} minutes: "
+        )
+        frames, times, t, begun = [], [], 0.0, None
+        while begun is None or t < begun + STANDS:
+            new = _mean(self._frames(_LOOK))
+            frames, times, t = [*frames, new], [*times, t + _LOOK / 2], t + _LOOK
+            if begun is None and self._touched(new):
+                begun = t
+            elif begun is None and t > _PATIENCE:
+                raise ValueError(f"nothing was laid on the skin for {_PATIENCE:.0f} s")
+            elif begun is not None and (t - begun) % _TELL < _LOOK:
+                self._say(f"  {t - begun:.0f} s of {STANDS:.0f} s")
+        self.creep = measure_creep(frames, times, self._supposed, self.rest, curve)
+        self._say(
+            f"  A standing load gains {self.creep.share:.1%} +- {self.creep.std:.1%} in a decade "
+            f"of time: {self.creep.gain(600.0) - 1.0:.0%} in ten minutes."
+        )
+
+    def measure_rest(self, of: int = 3) -> None:
+        self._ask(f"1 of {of}. Take everything off the skin, and keep your hands off it. Enter: ")
         for left in reversed(range(_TRIES)):
             frames = self._frames(REST)
             while len(frames) < _FEW:

@@ -14,34 +14,38 @@ import numpy as np
 import yaml
 
 from .. import __version__
+from ..calibration.creep import as_it_comes
 from ..calibration.guide import Guide
 from ..middleware.bus import Context, Node, Parameter, SingleThreadedExecutor
-from ..middleware.config import ParameterFile, adc_of, circuit_of, read_skin
+from ..middleware.config import ParameterFile, SkinConfig, adc_of, circuit_of, read_skin
 from ..msg import Image, image_array
 from ..nodes import QUEUE
 from ..nodes.serial_driver import SerialDriver
+from ..physics.creep import Creep
+from ..physics.curve import PressureCurve
 from ..yaml_files import read_yaml
 
 _OF_BOARD = {"port": str, "baud": int, "protocol": str}
 _PATIENCE = 10.0  # s without a frame after which the board is taken for absent
 
 
-def run(out: Path, config: Path | None, board: dict) -> int:
-    """Guide through the three steps on a live board, and write what was learnt.
+def run(out: Path, config: Path | None, board: dict, creep: bool = False) -> int:
+    """Guide through the steps on a live board, and write what was learnt.
 
     Args:
         out: parameter file to write.
         config: parameter file with what is known of the board; None: the defaults.
         board: parameters of the serial driver that take the place of the file's: port, baud.
+        creep: measure only how much a standing load gains, of a board that is calibrated.
     """
     check_writable(out)
     skin, live = read_skin(config), Live(config, board)
     guide = Guide(skin.circuit, live, _ask, print)
     try:
-        guide.run()
+        guide.measure_creep(skin.curve) if creep else guide.run()
     finally:
         live.close()
-    write(out, config, guide)
+    write(out, config, guide, skin)
     print(f"{out} is written. Use it: tactile-skin launch skin.launch.yaml config:={out}")
     return 0
 
@@ -80,7 +84,7 @@ def _ask(text: str) -> str:
         return ""
 
 
-def write(path: Path, source: Path | None, guide: Guide) -> None:
+def write(path: Path, source: Path | None, guide: Guide, skin: SkinConfig) -> None:
     """The configuration with what was learnt, as a parameter file; the old one is kept as .bak.
 
     A crash at any point leaves the old file or the new one.
@@ -101,15 +105,30 @@ def write(path: Path, source: Path | None, guide: Guide) -> None:
     notes += [f"row {row}, column {col} is noisy" for row, col in guide.rest.noisy]
     if guide.found:
         notes.append(guide.found.message)
+    creep = guide.creep or skin.creep
+    share, seconds = round(creep.share, 4), round(creep.time, 2)
+    if guide.fitted or guide.creep:
+        by_file = skin.curve, skin.creep
+        curve, known = (guide.fitted.curve, None) if guide.fitted else by_file
+        shared["curve"] = _points(as_it_comes(curve, Creep(share, seconds), known))
+        if share:
+            shared["curve"] |= {"creep": share, "creep_time": seconds}
     if guide.fitted:
-        described = guide.fitted.curve.describe()
-        shared["curve"] = {
-            "force": [round(float(v), 5) for v in described["force"]],
-            "resistance": [round(float(v), 2) for v in described["resistance"]],
-        }
         notes.append(guide.fitted.message)
+    if guide.creep:
+        notes.append(
+            f"a standing load gains {share:.1%} +- {guide.creep.std:.1%} in a decade of time"
+        )
     comment = "".join(f"# {line}\n" for note in notes for line in note.splitlines())
     replace_file(path, comment + yaml.safe_dump(data, sort_keys=False))
+
+
+def _points(curve: PressureCurve) -> dict:
+    described = curve.describe()
+    return {
+        "force": [round(float(v), 5) for v in described["force"]],
+        "resistance": [round(float(v), 2) for v in described["resistance"]],
+    }
 
 
 def replace_file(path: Path, text: str) -> None:

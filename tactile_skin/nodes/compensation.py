@@ -9,13 +9,14 @@ import numpy as np
 
 from ..board.converter import Ceiling, RestPicture, Windows
 from ..calibration.cells import Cells
+from ..calibration.creep import Standing
 from ..calibration.doubt import Doubt
 from ..calibration.noise import Noise
 from ..calibration.tare import Tare
 from ..calibration.tracker import CircuitTracker
 from ..learning import network
 from ..middleware.bus import Time
-from ..middleware.config import adc_of, circuit_of, curve_of, describe, geometry_of
+from ..middleware.config import adc_of, circuit_of, creep_of, curve_of, describe, geometry_of
 from ..msg import DiagnosticArray, Image, Trigger, image, image_array
 from ..physics.circuit import forward
 from ..physics.curve import GRAM
@@ -48,6 +49,8 @@ class Compensation:
     `~/reset` forgets faults that the last frames no longer show, says so on diagnostics before it
     answers, and forgets the last frame, from which the next one starts. Behind by more than half of
     what the stop bears, it skips old frames to come to the new ones; diagnostics count them.
+    What a standing load gains by creep is taken out of what is published, if the curve says how
+    much, and of nothing else.
     """
 
     def __init__(self, node):
@@ -55,6 +58,8 @@ class Compensation:
         self.circuit, curve = circuit_of(node), curve_of(node)
         self._adc = adc_of(node, self.circuit)
         self._tare, self._tracker = Tare(self.circuit, curve), CircuitTracker(self.circuit)
+        creep = creep_of(node)
+        self._standing = Standing(creep, curve) if creep.share else None
         self.cell_area = geometry_of(node, self.circuit).cell_area
 
         def value(name, default, *bounds):
@@ -164,7 +169,10 @@ class Compensation:
                 self._last = None
             if self._waits and self._tare.measured:  # earlier doubts no longer count
                 self._waits, self._doubt = False, Doubt()
-            pressure = estimate.force / self.cell_area
+            force = estimate.force
+            if self._standing:
+                force = self._standing.update(t, force)
+            pressure = force / self.cell_area
             self._pressure.publish(image(pressure, "32FC1", msg.header))
         touched = estimate.force.max() >= _IDLE
         suspect = estimate.status == "suspect"

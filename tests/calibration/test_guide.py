@@ -5,10 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from yardsticks.creep import Creeping
+from yardsticks.curve_fit import objects
 from yardsticks.identify import Unknown, bodies
 from yardsticks.rest import noisy_cells
 
 from tactile_skin import compensate
+from tactile_skin.calibration.creep import LAID
 from tactile_skin.calibration.guide import Guide, newtons, picture
 from tactile_skin.commands import calibrate
 from tactile_skin.middleware.config import read_skin
@@ -101,6 +104,43 @@ def test_noisy_cells_are_named_and_left_out(shape, kind):
     assert guide.fitted.error < 0.25
 
 
+def test_creep_is_measured_and_written(tmp_path):
+    """By one object, on a skin whose file has a curve; that is then of a load that just came."""
+    skin = Creeping((8, 8), seed=25, share=0.06, time=1.0)
+    force = objects(1, (8, 8), np.random.default_rng(25))[0][0]
+    rest, load = skin.board.at_rest(), None
+    heard, clock = [], 0.0
+
+    def frames(seconds):
+        nonlocal clock
+        if len(heard) == 1 or clock < 1.0:
+            clock += seconds if load is not None else 0.0
+            return rest
+        clock += seconds
+        return load[int((clock - 1.0) / seconds)][None]
+
+    def ask(text):
+        nonlocal load
+        heard.append(text)
+        if "Take a thing" in text:
+            times = np.arange(0.0, 125.0, 0.25)
+            load = skin.frames(times, force, np.ones(times.size))
+        return ""
+
+    source = tmp_path / "mine.yaml"
+    source.write_text("/**: {ros__parameters: {circuit: {rows: 8, cols: 8}}}\n")
+    before, guide = read_skin(source), Guide(skin.board.supposed, frames, ask, heard.append)
+    guide.measure_creep(before.curve)
+    assert guide.creep.share == pytest.approx(0.06, abs=0.006)
+    assert any("110 s of 120 s" in text for text in heard)
+    for _ in range(2):  # the second time it is that of a load that just came already
+        calibrate.write(source, source, guide, read_skin(source))
+        after = read_skin(source)
+        assert after.creep.share == pytest.approx(guide.creep.share, abs=1e-4)
+        ratio = after.curve.points[3][1] / before.curve.points[3][1]
+        assert ratio == pytest.approx(float(guide.creep.gain(LAID)), rel=1e-3)
+
+
 def test_a_skin_that_never_rests_ends_it():
     """With what to do about it, and not by asking for ever: a line may be loose."""
     board = Unknown(SHAPE, seed=22)
@@ -121,7 +161,7 @@ def test_the_file_is_one_that_the_launch_takes(done, tmp_path):
         "serial_driver: {ros__parameters: {baud: 115200}}\n"
     )
     before = source.read_text()
-    calibrate.write(source, source, guide)
+    calibrate.write(source, source, guide, read_skin(source))
     assert (tmp_path / "mine.yaml.bak").read_text() == before
     skin = read_skin(source)
     assert skin.circuit.r_par == pytest.approx(guide.circuit.r_par, abs=0.06)

@@ -11,7 +11,7 @@ from tactile_skin.middleware.bus import (
     Parameter,
     SingleThreadedExecutor,
 )
-from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Header, Image, image
+from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Header, Image, image, image_array
 from tactile_skin.nodes.compensation import Compensation
 
 CIRCUIT = Circuit(8, 8)
@@ -26,13 +26,15 @@ class Skin:
         status: the last word on diagnostics.
     """
 
-    def __init__(self):
+    def __init__(self, **parameters):
         self.clock, self.executor = ManualClock(), SingleThreadedExecutor()
         context = Context(self.clock)
-        shape = [Parameter("circuit.rows", 8), Parameter("circuit.cols", 8)]
-        node = Node("compensation", context=context, parameter_overrides=shape)
+        given = {"circuit.rows": 8, "circuit.cols": 8} | parameters
+        given = [Parameter(name, value) for name, value in given.items()]
+        node = Node("compensation", context=context, parameter_overrides=given)
         self.compensation = Compensation(node)
         self.published, self.status, self.levels = [], None, set()
+        self.pressure: np.ndarray | None = None
         observer = Node("observer", context=context)
         observer.create_subscription(Image, "skin/pressure", self._on_pressure, 100)
         observer.create_subscription(DiagnosticArray, "diagnostics", self._on_status, 100)
@@ -45,6 +47,7 @@ class Skin:
 
     def _on_pressure(self, message):
         self.published.append(message.header.stamp)
+        self.pressure = image_array(message)
 
     def _on_status(self, message):
         self.status = message.status[0]
@@ -110,3 +113,18 @@ def test_a_line_that_is_read_twice_is_a_warning_that_names_it(skin):
     skin.play(3.5)
     assert skin.status.level == DiagnosticStatus.WARN
     assert skin.status.message.startswith("rows 2 and 6 read the same, cell for cell")
+
+
+def test_creep_is_taken_out_of_what_is_published():
+    """And of nothing else: what the skin knows of itself comes from the forces that were found."""
+    totals = []
+    for parameters in ({}, {"curve.creep": 0.05}):
+        skin = Skin(**parameters)
+        skin.play(1.5)
+        touched = np.full((8, 8), 40000.0)
+        touched[3:5, 3:5] = 800.0
+        skin.steps = forward(CIRCUIT, touched) * CIRCUIT.full_scale
+        skin.play(3.0)
+        totals.append(skin.pressure.sum())
+        assert (skin.compensation._standing is None) == (not parameters)
+    assert totals[1] / totals[0] == pytest.approx(1.0 / (1.0 + 0.05 * np.log10(4.0)), abs=0.01)
