@@ -1,7 +1,7 @@
 """tactile_skin: a robot's skin from a low-cost resistive pressure matrix.
 
 from tactile_skin import Circuit, PressureCurve, forward, compensate
-from tactile_skin import measure_rest, identify, fit_curve
+from tactile_skin import measure_rest, identify, fit_curve, measure_creep
 """
 
 from .calibration.creep import measure_creep

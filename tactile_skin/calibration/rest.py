@@ -9,12 +9,14 @@ import numpy as np
 from ..physics.circuit import Circuit, forward
 from ..physics.curve import PressureCurve
 from ..solvers import compensate
+from ..solvers.reading import MAX_NOISE
 
 REST_SPAN = 500.0  # times the usual cell's resistance, either way, that a cell at rest may have
 # (one that stays pressed, or is dead)
 _STILL = 8.0, 0.02  # times the noise, and share of a reading, by which a reading may stray
 _NOISY = 4.0, 2.0  # times the usual noise, and ADC steps, beyond which a reading is noisy
 _DRIFT = 7.0  # times the noise of a third of the frames, from the first third to the last
+_COMMON = 0.03  # of a reading, the same of all cells
 _MOST = 3, 0.05  # readings, or share of the cells if that is more, that may be noisy
 # Share of what a cell's change would change in its row and column, from which on it is a cell that
 # changed, not its reading alone. A loose one comes and goes by so much of the usual cell's
@@ -94,6 +96,7 @@ def _noisy_cells(off: np.ndarray, middle: np.ndarray, circuit: Circuit) -> tuple
     Raises:
         ValueError: something touches the skin.
     """
+    _check_drift(off, middle, circuit)
     noise, left = _noise(off[:, circuit.populated]), off.copy()
     most = max(_MOST[0], int(_MOST[1] * np.count_nonzero(circuit.populated)))
     found: list[tuple[int, int]] = []
@@ -123,20 +126,40 @@ def _noisy_cells(off: np.ndarray, middle: np.ndarray, circuit: Circuit) -> tuple
 
 
 def _noise(off: np.ndarray) -> float:
-    """RMS of a usual reading [ADC steps] from the smaller changes between the frames (n, cells):
-    those of a touch are not among them."""
+    """RMS of a usual reading [ADC steps], of (n, cells) from their medians.
+
+    All cells of a small skin move under a touch, but seldom from each frame to the next. Noise may
+    be slow, too, a hum: the usual spread counts, up to that of the noisiest board.
+    """
     change = np.sort(np.abs(np.diff(off, axis=0)).ravel())
-    return float(_STD_OVER_MEAN * change[: change.size // 2].mean() / 2**0.5)
+    quick = _STD_OVER_MEAN * change[: change.size // 2].mean() / 2**0.5
+    return max(float(quick), min(float(np.median(off.std(0))), MAX_NOISE))
+
+
+def _check_drift(off: np.ndarray, middle: np.ndarray, circuit: Circuit) -> None:
+    """ValueError: all cells drift, as a fabric does that recovers."""
+    drift = _drift(off) / np.maximum(middle * circuit.full_scale, 1.0)
+    common = float(np.median(drift[circuit.populated]))
+    if abs(common) > _COMMON:
+        raise ValueError(
+            f"all readings drift by {common:+.0%} in these frames: does something touch the skin, "
+            "or has it just been taken off?"
+        )
+
+
+def _drift(off: np.ndarray) -> np.ndarray:
+    """(rows, cols) from the first third of the frames to the last [ADC steps]."""
+    third = max(len(off) // 3, 1)
+    return off[-third:].mean(0) - off[:third].mean(0)
 
 
 def _strays(off: np.ndarray, steps: np.ndarray, noise: float, found: list) -> np.ndarray:
     """(rows, cols) bool, readings that scatter, leave the others, or drift, but for those found."""
-    n = len(off)
-    third = max(n // 3, 1)
-    drift = np.abs(off[-third:].mean(0) - off[:third].mean(0))
     strays = np.abs(off).max(0) > _STILL[0] * max(noise, 1.0) + _STILL[1] * steps
     strays |= np.square(off).mean(0) ** 0.5 > max(_NOISY[0] * noise, _NOISY[1])
-    strays |= drift > _DRIFT * noise / third**0.5 + _NOISY[1] + _STILL[1] * steps
+    strays |= np.abs(_drift(off)) > _DRIFT * noise / (len(off) / 3) ** 0.5 + _NOISY[1] + (
+        _STILL[1] * steps
+    )
     return strays & ~_mask(found, steps.shape)
 
 

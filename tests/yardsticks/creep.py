@@ -103,7 +103,7 @@ def main() -> None:
     parser.add_argument("--size", default="16x16", metavar="ROWSxCOLS")
     parser.add_argument("--share", type=float, default=0.05, help="a decade of time")
     parser.add_argument("--time", type=float, default=1.0, help="s after which it begins")
-    parser.add_argument("--cells", type=float, default=0.2, help="scatter of the share")
+    parser.add_argument("--cells", type=float, default=0.0, help="scatter of the share")
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--touches", type=int, default=0, help="to identify the circuit; 0: known")
     args = parser.parse_args()

@@ -1,10 +1,11 @@
 """How often `measure_rest` takes a board with noisy cells, and refuses one that is touched:
 `python tests/yardsticks/rest.py [--boards N] [--seed S]`.
 
-Boards as in `identify.py`. Noisy: one to three cells whose readings scatter by 5 to 40 ADC steps,
-jump between two values, or drop to 0; or one that loses its contact with the fabric now and then.
-Touched: a finger of 0.3 to 3 N that comes, goes, taps (for two frames or more) or stays for part of
-the time, or a drift of all cells by 10 to 30 %. What stands all the time no rest tells. Chosen on
+Boards as in `identify.py`. Sound: also with slow noise or a hum of 0.5 to 2.5 steps. Noisy: one to
+three cells whose readings scatter by 5 to 40 ADC steps, jump between two values, or drop to 0; or
+one that loses its contact with the fabric now and then. Touched: a finger of 0.3 to 3 N that comes,
+goes, taps (for two frames or more) or stays for part of the time, or a drift of all cells by 10 to
+30 %. What stands all the time no rest tells. Chosen on
 seeds 0 to 19; others score it.
 """
 
@@ -20,6 +21,7 @@ from tactile_skin.bench import textile
 from tactile_skin.learning import scenes
 
 SHAPES = (4, 4), (6, 6), (8, 8), (8, 12), (16, 16)
+SOUND = "sound", "slow noise", "hum"
 NOISY = "scatters", "jumps", "drops to 0", "loses contact"
 TOUCHED = "comes", "goes", "part of the time", "taps", "drifts"
 
@@ -69,6 +71,21 @@ def resting(board: Unknown, n: int, factor, rng) -> np.ndarray:
     return np.array([textile.sample(board.textile, board.supposed, p, rng) for p in pictures])
 
 
+def sound(board: Unknown, kind: str, n: int, rng) -> np.ndarray:
+    """Of a board without noisy cells; each reading's noise may be slow, or common to all."""
+    frames = resting(board, n, 1.0, rng)
+    size = rng.uniform(0.5, 2.5) / board.supposed.full_scale
+    if kind == "slow noise":  # that of a board whose low-pass takes ten frames
+        noise = size * rng.standard_normal(frames.shape)
+        for k in range(1, n):
+            noise[k] = 0.9 * noise[k - 1] + 0.19**0.5 * noise[k]
+        frames = frames + noise
+    elif kind == "hum":
+        turn = 2.0 * np.pi * (rng.uniform(0.02, 0.5) * np.arange(n) + rng.random())
+        frames = frames + 2**0.5 * size * np.sin(turn)[:, None, None]
+    return np.clip(frames, 0.0, 1.0)
+
+
 def noisy(board: Unknown, kind: str, n: int, rng) -> tuple[list, np.ndarray]:
     if kind != "loses contact":
         cells, spoil = noisy_cells(board, kind, rng)
@@ -113,7 +130,7 @@ def main() -> None:
     print(f"of {args.boards} boards each: sound and refused; noisy and refused; named wrongly; ")
     print("off by, conductance of the worst cell; touched and taken")
     for shape in SHAPES:
-        refused = dict.fromkeys(("sound", *NOISY), 0)
+        refused = dict.fromkeys((*SOUND, *NOISY), 0)
         taken, wrong, off, why = dict.fromkeys(TOUCHED, 0), 0, [], []
         for seed in range(args.seed, args.seed + args.boards):
             board = Unknown(shape, seed)
@@ -121,8 +138,9 @@ def main() -> None:
             true = measure_rest(board.at_rest(300), board.supposed).conductance
             for kind in refused:
                 n = int(rng.choice([20, 30, 100, 300]))
-                cells, frames = [], resting(board, n, 1.0, rng)
-                if kind != "sound":
+                if kind in SOUND:
+                    cells, frames = [], sound(board, kind, n, rng)
+                else:
                     cells, frames = noisy(board, kind, n, rng)
                 try:
                     rest = measure_rest(frames, board.supposed)
