@@ -30,7 +30,8 @@ _RESTLESS = 0.02  # of the cells that may move more: a bad contact; what presses
 _TOUCH = 10.0 * GRAM  # N on a cell, felt: a touch
 _WINDOW = 1.0  # s that a measurement takes
 _MIN_FRAMES = 8  # frames that it takes
-_DRIFT_FOLLOWED = 0.3, 0.003  # s after which a drift of all cells is followed, and 1/s, at most
+_DRIFT_FOLLOWED = 0.3, 0.003  # s of rest after which a drift of all cells is followed; 1/s, at most
+_DRIFT_UNSEEN = 5.0  # s for which it is made up for, after a touch that hid it
 _RECOVERY = 1.0  # s after a touch in which the fabric recovers: nothing is measured
 _QUIET_AFTER = 0.1  # s without a touch that must follow a measurement: an onset is too weak to feel
 _GAIN = 0.5  # share of the change that a later measurement adds
@@ -69,7 +70,7 @@ class Tare:
         self._smooth: np.ndarray | None = None
         self._last = -np.inf  # s, when the last frame was read
         self._begin(-np.inf)
-        self._followed = -np.inf  # s, when the common drift was followed last
+        self._quiet = self._followed = -np.inf  # s, when a touch was last, and a drift followed
 
     def suppose(self, circuit: Circuit) -> None:
         """The same readings at rest, of another circuit.
@@ -103,7 +104,7 @@ class Tare:
         """
         if t < self._last:
             self._learned = -np.inf  # how long ago cannot be told, nor whether a pause is over
-        if t < self._last:
+            self._quiet = self._followed = t
             self._begin(t + _RECOVERY)
         elif not self.measured:
             if self._begun is None or self._moved(adc):
@@ -112,7 +113,7 @@ class Tare:
                 self._begin(t)
         elif force.max() > _TOUCH:
             self._begin(t + _RECOVERY)
-            self._followed = t
+            self._quiet = t
         self._last = t
         followed = self.measured and self._follow(t, adc)
         if t < self._after:
@@ -135,9 +136,9 @@ class Tare:
         A measurement needs a longer pause between two touches than a hand at work leaves, and the
         fabric goes on warming up. It does so slowly; a supply or a reference that fails does not.
         """
-        if not t - self._followed >= _DRIFT_FOLLOWED[0]:
+        if not t - max(self._quiet, self._followed) >= _DRIFT_FOLLOWED[0]:
             return False
-        elapsed, self._followed = min(t - self._followed, 1.0), t
+        elapsed, self._followed = min(t - self._followed, _DRIFT_UNSEEN), t
         known = self._circuit.populated & (adc > 0.0) & (adc < 1.0)
         now, before = adc[known], rest_reading(self._circuit, self.curve)[known]
         # r_ref / rho, but for r_par, is what conducts

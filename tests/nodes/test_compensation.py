@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from tactile_skin import Circuit, forward
+from tactile_skin import Circuit, PressureCurve, forward
+from tactile_skin.learning import scenes
 from tactile_skin.middleware.bus import (
     Context,
     ManualClock,
@@ -23,18 +24,17 @@ class Skin:
 
     Attributes:
         published: stamps of skin/pressure [s].
+        force: the last one's sum [N].
         status: the last word on diagnostics.
     """
 
-    def __init__(self, **parameters):
+    def __init__(self, *given):
         self.clock, self.executor = ManualClock(), SingleThreadedExecutor()
         context = Context(self.clock)
-        given = {"circuit.rows": 8, "circuit.cols": 8} | parameters
-        given = [Parameter(name, value) for name, value in given.items()]
-        node = Node("compensation", context=context, parameter_overrides=given)
+        shape = [Parameter("circuit.rows", 8), Parameter("circuit.cols", 8)]
+        node = Node("compensation", context=context, parameter_overrides=[*shape, *given])
         self.compensation = Compensation(node)
         self.published, self.status, self.levels = [], None, set()
-        self.pressure: np.ndarray | None = None
         observer = Node("observer", context=context)
         observer.create_subscription(Image, "skin/pressure", self._on_pressure, 100)
         observer.create_subscription(DiagnosticArray, "diagnostics", self._on_status, 100)
@@ -42,12 +42,17 @@ class Skin:
         self.executor.add_node(node)
         self.executor.add_node(observer)
         self.rng = np.random.default_rng(6)
-        rest = 40000.0 * np.exp(0.03 * self.rng.standard_normal((8, 8)))
-        self.steps = forward(CIRCUIT, rest) * CIRCUIT.full_scale
+        self._rest = np.exp(0.03 * self.rng.standard_normal((8, 8)))
+        self.steps = forward(CIRCUIT, 40000.0 * self._rest) * CIRCUIT.full_scale
+
+    def press(self):
+        """A finger of 20 N."""
+        resistance = PressureCurve().resistance(scenes.finger(8, 8, 3.3, 4.1, 20.0, 1.2))
+        self.steps = forward(CIRCUIT, resistance * self._rest) * CIRCUIT.full_scale
 
     def _on_pressure(self, message):
         self.published.append(message.header.stamp)
-        self.pressure = image_array(message)
+        self.force = float(image_array(message).sum()) * self.compensation.cell_area
 
     def _on_status(self, message):
         self.status = message.status[0]
@@ -89,10 +94,37 @@ def test_one_that_is_behind_skips_old_frames_and_counts_them(skin):
     assert int(values["skipped"]) == skin.compensation.skipped
 
 
-def test_a_reading_a_little_old_is_taken(skin):
+def test_a_reading_a_little_old_is_taken_by_the_fast_method(skin):
+    skin.press()
+    skin.frame()
+    right = skin.force
     for _ in range(40):
         skin.frame(age=0.04)
-    assert len(skin.published) == 40
+    assert len(skin.published) == 41
+    assert skin.compensation._taken == {"map": 1, "fixed_point": 40}
+    assert skin.force == pytest.approx(right, rel=0.1)
+
+
+def test_a_board_that_leaves_cells_unread_has_no_fast_method():
+    """Nor has one whose user asked for another than auto."""
+    for given in (Parameter("threshold", 3.0), Parameter("method", "map")):
+        skin = Skin(given)
+        skin.press()
+        for _ in range(5):
+            skin.frame(age=0.04)
+        assert len(skin.published) == 5 and "fixed_point" not in skin.compensation._taken
+
+
+def test_the_fast_method_does_not_speak_for_the_circuit(skin):
+    """A fault that only a fit finds holds while nothing is fitted."""
+    skin.play(2.5)
+    skin.press()
+    skin.steps *= 0.8
+    skin.play(0.5)
+    assert skin.status.level == DiagnosticStatus.ERROR
+    for _ in range(100):
+        skin.frame(age=0.04)
+        assert skin.status.level == DiagnosticStatus.ERROR
 
 
 @pytest.mark.parametrize("off", [0.0, 7.0])
@@ -118,13 +150,13 @@ def test_a_line_that_is_read_twice_is_a_warning_that_names_it(skin):
 def test_creep_is_taken_out_of_what_is_published():
     """And of nothing else: what the skin knows of itself comes from the forces that were found."""
     totals = []
-    for parameters in ({}, {"curve.creep": 0.05}):
-        skin = Skin(**parameters)
+    for given in ([], [Parameter("curve.creep", 0.05)]):
+        skin = Skin(*given)
         skin.play(1.5)
         touched = np.full((8, 8), 40000.0)
         touched[3:5, 3:5] = 800.0
         skin.steps = forward(CIRCUIT, touched) * CIRCUIT.full_scale
         skin.play(3.0)
-        totals.append(skin.pressure.sum())
-        assert (skin.compensation._standing is None) == (not parameters)
+        totals.append(skin.force)
+        assert (skin.compensation._standing is None) == (not given)
     assert totals[1] / totals[0] == pytest.approx(1.0 / (1.0 + 0.05 * np.log10(4.0)), abs=0.01)
