@@ -1,11 +1,11 @@
 """tactile_skin: a robot's skin from a low-cost resistive pressure matrix.
 
 from tactile_skin import Circuit, PressureCurve, forward, compensate
-from tactile_skin import measure_rest, identify, fit_curve, measure_creep
+from tactile_skin import measure_rest, identify, fit_curve, fit_reference, measure_creep
 """
 
 from .calibration.creep import measure_creep
-from .calibration.curve_fit import FittedCurve, fit_curve
+from .calibration.curve_fit import FittedCurve, fit_curve, fit_reference
 from .calibration.doctor import Finding, diagnose
 from .calibration.identify import Identified, identify
 from .calibration.rest import Rest, measure_rest
@@ -26,6 +26,7 @@ __all__ = [
     "compensate",
     "diagnose",
     "fit_curve",
+    "fit_reference",
     "forward",
     "identify",
     "measure_creep",

@@ -119,7 +119,8 @@ def _noisy_cells(off: np.ndarray, middle: np.ndarray, circuit: Circuit) -> tuple
             k = np.abs(off[:, row, col]).argmax()
             raise ValueError(
                 f"frame {k}, row {row}, column {col} reads {off[k, row, col]:+.0f} ADC steps off "
-                f"the median, noise is {noise:.1f}: does something touch the skin?"
+                f"the median, noise is {noise:.1f}: does something touch the skin, or is a contact "
+                "loose?"
             )
         found.append((row, col))
     return tuple(sorted(found))
