@@ -1,10 +1,10 @@
 """How well creep is measured and taken out, on unknown boards:
 `python tests/yardsticks/creep.py [--boards N] [--seed S] [--size 16x16] [--share 0.05]
-[--time 1.0] [--cells 0.2] [--minutes 10] [--touches N]`.
+[--time 1.0] [--cells 0.2] [--objects 10] [--minutes 10] [--touches N]`.
 
 The boards are those of `identify.py`; a load's conductance gains a share in each decade of time,
 1 + share * log10(1 + t / time), by 20 % more or less from cell to cell (--cells), and a load that
-changes is the sum of those that came one after the other. The curve is fitted by ten objects that
+changes is the sum of those that came one after the other. The curve is fitted by objects that
 have lain for 5 s, the creep measured by one of two minutes. Then another object stands: its
 total, raw and with the creep taken out, against the truth, and "by creep": against what the same
 board would feel if it did not creep, which leaves the curve's error out. A total is the mean of 5
@@ -104,6 +104,7 @@ def main() -> None:
     parser.add_argument("--share", type=float, default=0.05, help="a decade of time")
     parser.add_argument("--time", type=float, default=1.0, help="s after which it begins")
     parser.add_argument("--cells", type=float, default=0.0, help="scatter of the share")
+    parser.add_argument("--objects", type=int, default=10, help="by which the curve is fitted")
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--touches", type=int, default=0, help="to identify the circuit; 0: known")
     args = parser.parse_args()
@@ -112,7 +113,7 @@ def main() -> None:
     table = []
     for seed in range(args.seed, args.seed + args.boards):
         skin = Creeping(shape, seed, args.share, args.time, args.cells)
-        circuit, rest, curve, creep = calibrated(skin, 10, args.touches, seed)
+        circuit, rest, curve, creep = calibrated(skin, args.objects, args.touches, seed)
         force = objects(4, shape, np.random.default_rng([seed, 3]))[0][0]
         force *= min(1.0, HARDEST / (1.2 * force.max() * (1.0 + GROWTH * args.minutes)))
         total = force.sum()
