@@ -22,6 +22,7 @@ MAY = {
     "calibration": ("physics", "solvers"),
     "board": ("physics",),
     "middleware": ("files", "yaml_files", "msg", "physics", "touch"),
+    "recording": ("files", "yaml_files", "msg", "physics", "middleware"),
     "nodes": (
         "msg",
         "physics",
@@ -32,6 +33,7 @@ MAY = {
         "calibration",
         "board",
         "middleware",
+        "recording",
     ),
     "launch": ("files", "msg", "touch", "behaviours", "middleware", "nodes"),
     "ros": ("files", "yaml_files", "msg", "middleware", "nodes", "launch"),
