@@ -28,8 +28,25 @@ from .behaviours.hooks import EventHook, StopHook
 from .errors import LaunchError
 from .middleware.bus import Context, MultiThreadedExecutor, Node
 from .middleware.config import SkinConfig, read_skin
-from .middleware.launch_file import NODES, PACKAGE, NodeAction, Plan, find, read_plan, share_dir
-from .middleware.launched import check_commands, check_overrides, make_node, naming_its_file, remaps
+from .middleware.launch_file import (
+    CLASSES,
+    NODES,
+    PACKAGE,
+    RECORDER,
+    NodeAction,
+    Plan,
+    find,
+    read_plan,
+    share_dir,
+)
+from .middleware.launched import (
+    check_commands,
+    check_overrides,
+    make_node,
+    naming_its_file,
+    parameters_of,
+    remaps,
+)
 from .middleware.logs import QueuedLog
 from .middleware.processes import PATIENCE, end_commands, start_command
 from .middleware.signals import SIGNALS, unwinding
@@ -38,6 +55,7 @@ from .msg import DiagnosticArray, Trigger
 from .nodes import diagnostics
 from .nodes.stop_on_push import STATUS, STATUS_TOPIC, stop_message_of
 from .nodes.touch_events import PushListener, StrokeListener
+from .recording import configuration
 from .touch.events import Pushed, Released, Stroked
 
 __all__ = [
@@ -97,6 +115,9 @@ class Skin:
         for command in self._plan.commands:
             self._processes.append(start_command(command))
         self.build()
+        for action, node in zip(self._plan.nodes, self._nodes, strict=True):
+            if action.kind == RECORDER:
+                node.begin(configuration.attachments(parameters_of(self._handles)))
         # The matrices are small. More threads than one would spin beside it, and on a small
         # computer keep the other nodes waiting for a tenth of a second.
         self._settings.enter_context(one_thread())
@@ -365,7 +386,7 @@ def class_of(action: NodeAction):
 
 
 def node_class(executable: str):
-    module, name = NODES[executable].split(".")
+    module, name = CLASSES[executable].split(".")
     return getattr(importlib.import_module(f".nodes.{module}", __package__), name)
 
 

@@ -35,7 +35,7 @@ MAY = {
         "middleware",
         "recording",
     ),
-    "launch": ("files", "msg", "touch", "behaviours", "middleware", "nodes"),
+    "launch": ("files", "msg", "touch", "behaviours", "middleware", "recording", "nodes"),
     "ros": ("files", "yaml_files", "msg", "middleware", "nodes", "launch"),
     "bench": None,  # everything but the command line
     "commands": None,  # so do these

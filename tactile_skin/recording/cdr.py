@@ -44,6 +44,13 @@ def _imported(module: str):
         ) from error
 
 
+def check() -> None:
+    """Raises:
+    ModuleNotFoundError: a library is not installed.
+    """
+    mcap(), _store()
+
+
 @functools.cache
 def definition(kind: type) -> str:
     """ROS 2's definition of a message and of its parts, as MCAP's encoding ros2msg wants it."""

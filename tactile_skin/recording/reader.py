@@ -15,12 +15,11 @@ import numpy as np
 
 from ..errors import FileError
 from ..middleware.bus import Time
+from ..middleware.config import SkinConfig, skin_of
 from ..msg import Image, image_array
-from ..yaml_files import parse_yaml
-from . import cdr
+from . import cdr, configuration
 
 ADC = "skin/adc"
-PARAMETERS = "parameters.yaml"  # the attachment with the nodes' parameters
 _MAGIC, _VERSION = b"\x89MCAP", b"0\r\n"
 _SCHEMA, _CHANNEL, _MESSAGE = 3, 4, 5  # opcodes of MCAP's specification
 _RECORD = struct.Struct("<BQ")  # opcode, length
@@ -145,11 +144,20 @@ class Recording:
     @cached_property
     def parameters(self) -> dict[str, dict]:
         """Node's full name -> {parameter: value}, of all nodes that ran; empty: none attached."""
-        text = self.attachments.get(PARAMETERS)
-        if text is None:
-            return {}
-        sections = parse_yaml(text.decode(), f"{self.path}: {PARAMETERS}")
-        return {name: section["ros__parameters"] for name, section in sections.items()}
+        return configuration.parameters(self.attachments, str(self.path))
+
+    @cached_property
+    def skin(self) -> SkinConfig:
+        """Circuit, curve and geometry that it was recorded with; without any, the defaults.
+
+        Raises:
+            ValueError: a value that is out of range; the message names the file.
+        """
+        return skin_of(self.node_parameters("compensation"), str(self.path))
+
+    def node_parameters(self, name: str) -> dict:
+        """Those of the skin's node of this name, in the namespace of `adc_topic`."""
+        return self.parameters.get(self.adc_topic.removesuffix(ADC) + name, {})
 
     # --- the container ---
 
