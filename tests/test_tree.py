@@ -37,6 +37,14 @@ MAY = {
     ),
     "launch": ("files", "msg", "touch", "behaviours", "middleware", "recording", "nodes"),
     "ros": ("files", "yaml_files", "msg", "middleware", "nodes", "launch"),
+    "replay": (
+        "msg",
+        "middleware",
+        "physics",
+        "recording",
+        "nodes",
+        "launch",
+    ),
     "bench": None,  # everything but the command line
     "commands": None,  # so do these
     "arguments": None,

@@ -16,7 +16,7 @@ import numpy as np
 from ..errors import FileError
 from ..middleware.bus import Time
 from ..middleware.config import SkinConfig, skin_of
-from ..msg import Image, image_array
+from ..msg import DiagnosticArray, Image, image_array
 from . import cdr, configuration
 
 ADC = "skin/adc"
@@ -140,6 +140,18 @@ class Recording:
                 yield topic, t, cdr.decode(cdr.KINDS[kind], data)
             except ValueError as error:
                 raise FileError(f"{self.path}: {topic} at {t} ns: {error}") from error
+
+    def readings(self) -> Iterator[tuple[int, Image | DiagnosticArray]]:
+        """What the skin's driver published, by its stamps [ns since 1970]: skin/adc, and its own
+        diagnostics."""
+        here = self.adc_topic.removesuffix(ADC)
+        driver = f"{here}serial_driver".lstrip("/")
+        for _, _, message in self.messages(self.adc_topic, f"{here}diagnostics"):
+            if isinstance(message, DiagnosticArray):
+                message.status = [status for status in message.status if status.name == driver]
+                if not message.status:
+                    continue
+            yield Time.from_msg(message.header.stamp).nanoseconds, message
 
     @cached_property
     def parameters(self) -> dict[str, dict]:

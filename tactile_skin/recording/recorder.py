@@ -16,7 +16,9 @@ _WAITING = 20_000  # messages that may wait for the disk: 10 s of a skin at 100 
 _TURN = 0.1  # s between two looks at what waits: nobody wakes the thread for each message
 _FLUSH = 0.5  # s between two ends of a chunk: what a kill loses
 _AFTER = 2.0  # s that a recording of what led to a stop goes on after it
-_SLICE = 2000  # messages of it that a turn writes: 10 ms of Python, so that other threads get theirs
+_SLICE = (
+    2000  # messages of it that a turn writes: 10 ms of Python, so that other threads get theirs
+)
 
 
 @dataclass(frozen=True)
