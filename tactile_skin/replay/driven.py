@@ -38,8 +38,12 @@ class Driven:
             self._executor.add_node(handle)
 
     def _set(self, t: int) -> None:
-        while (ahead := t - self._clock.now().nanoseconds) > 0:
+        while (ahead := t - self.now()) > 0:
             self._clock.advance(min(ahead, _STEP) / 1e9)
+
+    def now(self) -> int:
+        """What the clock shows [ns since 1970]."""
+        return self._clock.now().nanoseconds
 
     def until(self, t: int) -> None:
         """Let the time go by until t [ns since 1970], if it is not over; timers run."""

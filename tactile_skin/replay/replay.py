@@ -17,8 +17,9 @@ from ..middleware.launched import parameters_of
 from ..msg import DiagnosticArray, Image, image_array
 from ..nodes import diagnostics
 from ..nodes.stop_on_push import STATUS, STATUS_TOPIC
-from ..recording import Recording, configuration
+from ..recording import Recording, cdr, configuration
 from ..recording.reader import ADC, EVER
+from ..recording.writer import Writer
 from .driven import Driven
 
 _NODES = "compensation", "gesture_feature", "stop_on_push"  # of the launch file; no board
@@ -83,7 +84,9 @@ class Replay:
         self._source, self._part = source, (begin, end)
         self._folder = tempfile.TemporaryDirectory(prefix="tactile_skin_")
         self.notes: list[str] = []
+        self._writer: Writer | None = None
         plan = _plan(config)
+        self._actions = {f"/{action.name}": action for action in plan.nodes}
         for action in plan.nodes:
             known = dict(action.parameters)
             values = {} if config else self._recorded(action.executable, known)
@@ -100,6 +103,23 @@ class Replay:
         observer.create_subscription(DiagnosticArray, STATUS_TOPIC, self._on_status, STATUS)
         self._adc = observer.create_publisher(Image, ADC, 10)
         self._diagnostics = observer.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
+
+    def record(self, path) -> None:
+        """Write all that the nodes publish to a new recording.
+
+        Raises:
+            FileError, OSError: the file cannot be made.
+        """
+        values = {name: dict(a.parameters) for name, a in self._actions.items()}
+        attachments = configuration.attachments(values)
+        now = self.driven.now
+        self._writer = Writer(path, attachments, now())
+        for topic, (kind,) in self.driven.observer.get_topic_names_and_types():
+
+            def take(message, topic=topic):
+                self._writer.write(topic, type(message), now(), cdr.encode(message))
+
+            self.driven.observer.create_subscription(cdr.KINDS[kind], topic, take, STATUS)
 
     def _recorded(self, executable: str, known: dict) -> dict:
         """The recorded parameters of a node; those that it does not know are left out."""
@@ -126,7 +146,11 @@ class Replay:
                 force = self._force
                 total, peak = float(force.sum()), float(force.max())
                 yield Step(t, force, total, peak, compensation.status, self._stop, seconds)
+            if self._source.damage:
+                self.notes.append(f"{self._source.path}: {self._source.damage}")
         finally:
+            if self._writer:
+                self._writer.close()
             self.driven.close()
             self._folder.cleanup()
 

@@ -31,7 +31,6 @@ class Results:
         status: (n,) index in STATUS.
         stops: (n,) reasons; empty while the robot is free.
         seconds: (n,) that compensation, features and stop took.
-        force: (n, rows, cols) float32 [N]; empty if not asked for.
         cpu: processor time, of all processes together [s].
         notes: what was left out of the recording, in words.
     """
@@ -42,7 +41,6 @@ class Results:
     status: np.ndarray
     stops: np.ndarray
     seconds: np.ndarray
-    force: np.ndarray
     cpu: float
     notes: list[str]
 
@@ -60,13 +58,16 @@ class Results:
 
 @dataclass(frozen=True)
 class Job:
-    """What to replay: arguments of Recording and Replay; keep: every picture of force."""
+    """What to replay: arguments of Recording and Replay."""
 
     path: str
     namespace: str = ""
     method: str = ""
     config: str = ""
-    keep: bool = False
+
+    def replay(self, begin: int = 0, end: int = EVER) -> Replay:
+        source = Recording(self.path, self.namespace)
+        return Replay(source, self.method, self.config or None, begin=begin, end=end)
 
 
 def collect(job: Job, jobs: int = 1, track: Callable[[Iterable, int], Iterable] | None = None):
@@ -110,29 +111,27 @@ def collect(job: Job, jobs: int = 1, track: Callable[[Iterable, int], Iterable] 
 _ONCE = "cpu", "notes"  # fields of a part that are no arrays
 
 
-def _part(job: Job, begin: int, end: int, track=lambda steps: steps) -> Results:
-    """Readings recorded from begin to before end [ns since 1970], in this process."""
-    started, source = time.process_time(), Recording(job.path, job.namespace)
-    early = max(0, begin - round(LEAD * 1e9))
-    kept: list[Step] = []
-    force: list[np.ndarray] = []
-    with one_thread():
-        replay = Replay(source, job.method, job.config or None, begin=early, end=end)
-        for step in track(replay):
-            if step.stamp >= begin:
-                kept.append(step)
-                if job.keep:
-                    force.append(step.force.astype(np.float32))
-                step.force = None
-    notes = replay.notes + [f"{job.path}: {source.damage}"] * bool(source.damage)
+def results(steps: list[Step], cpu: float, notes: list[str]) -> Results:
+    """Steps in arrays."""
     return Results(
-        np.array([s.stamp for s in kept], np.int64),
-        np.array([s.total for s in kept]),
-        np.array([s.peak for s in kept]),
-        np.array([STATUS.index(s.status) for s in kept], int),
-        np.array([s.stop for s in kept], object),
-        np.array([s.seconds for s in kept]),
-        np.array(force, np.float32),
-        time.process_time() - started,
+        np.array([s.stamp for s in steps], np.int64),
+        np.array([s.total for s in steps]),
+        np.array([s.peak for s in steps]),
+        np.array([STATUS.index(s.status) for s in steps], int),
+        np.array([s.stop for s in steps], object),
+        np.array([s.seconds for s in steps]),
+        cpu,
         notes,
     )
+
+
+def _part(job: Job, begin: int, end: int, track=lambda steps: steps) -> Results:
+    """Readings recorded from begin to before end [ns since 1970], in this process."""
+    started, kept = time.process_time(), []
+    with one_thread():
+        replay = job.replay(max(0, begin - round(LEAD * 1e9)), end)
+        for step in track(replay):
+            if step.stamp >= begin:
+                step.force = None  # an hour of pictures would not fit
+                kept.append(step)
+    return results(kept, time.process_time() - started, replay.notes)
