@@ -12,6 +12,7 @@ import numpy as np
 
 from ..errors import FileError
 from ..files import read_bytes
+from ..middleware.config import SkinConfig, read_skin
 from ..physics.adc import NOT_READ, Adc
 from ..physics.circuit import Circuit
 from .reader import Recording
@@ -104,6 +105,15 @@ def read_frames(path, circuit: Circuit | None = None, namespace: str = "") -> Fr
     return _rising(found)
 
 
+def recorded_skin(path) -> SkinConfig:
+    """The configuration that a recording was made with; of other files, all defaults.
+
+    Raises:
+        FileError, OSError: as Recording.
+    """
+    return Recording(path).skin if Path(path).suffix.lower() == ".mcap" else read_skin()
+
+
 def _of_recording(recording: Recording, circuit: Circuit | None) -> Frames:
     samples, skin = recording.adc, recording.skin
     circuit = circuit or skin.circuit
@@ -160,7 +170,7 @@ def _text(path, data: bytes, circuit: Circuit) -> Frames:
     wanted = circuit.rows * circuit.cols
     rows: list[tuple[int, np.ndarray, bool]] = []  # line, numbers, whether it ends in a separator
     texts: list[int] = []  # lines that hold something else
-    header: list[str] = []
+    header: list[str] = []  # the last of them before the numbers
     for number, line in enumerate(lines, 1):
         if not line.strip():
             continue
@@ -185,9 +195,13 @@ def _text(path, data: bytes, circuit: Circuit) -> Frames:
     kept = [(k, v[: before + wanted]) for k, v, _ in rows if len(v) == width]
     blind = [k for k, v in kept if np.isnan(v[before:]).all()]
     table = np.array([v for k, v in kept if k not in set(blind)]).reshape(-1, before + wanted)
+    named = len(header) == width  # a name for each column
     notes = []
     for dropped, why in (
-        ([k for k in texts if k < rows[0][0]], "before the numbers: passed over"),
+        (
+            [k for k in texts if k < rows[0][0]][: -1 if named else None],
+            "before the numbers: passed over",
+        ),
         ([k for k in texts if k > rows[0][0]], "with text among the numbers: dropped"),
         ([k for k, v, _ in rows if len(v) != width], f"of other than {width} fields: dropped"),
         (blind, "in which no crossing was read: dropped"),

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..middleware.threads import one_thread
 from ..physics.curve import GRAM
-from .results import STATUS, Job, Results, results
+from .results import STATUS, Job, Results
 
 _TOUCHED = 0.2  # N on a cell from which on a reading counts as touched: gesture_feature's own
 
@@ -61,7 +61,7 @@ def compare(
         cpu = time.process_time() - begun
     if pictures is None:
         raise ValueError(f"{job.path}: holds no reading")
-    found = [results(k, cpu, r.notes) for k, r in zip(kept, replays, strict=True)]
+    found = [Results.of(k, cpu, r.notes) for k, r in zip(kept, replays, strict=True)]
     return Compared(list(methods), found, np.array(cell).T, worst, pictures)
 
 

@@ -31,10 +31,10 @@ class Driven:
         self._skin = Skin(plan, context)
         self._skin.build()
         kinds = [action.executable for action in plan.nodes]
-        self.nodes = dict(zip(kinds, self._skin.nodes, strict=True))
+        self.nodes = dict(zip(kinds, self._skin._nodes, strict=True))
         self.observer = Node("observer", context=context)
         self._executor = SingleThreadedExecutor()
-        for handle in (*self._skin.handles, self.observer):
+        for handle in (*self._skin._handles, self.observer):
             self._executor.add_node(handle)
 
     def _set(self, t: int) -> None:
@@ -57,8 +57,8 @@ class Driven:
     @property
     def errors(self) -> int:
         """Callbacks that raised."""
-        return sum(handle.callback_errors for handle in self._skin.handles)
+        return sum(handle.callback_errors for handle in self._skin._handles)
 
     def close(self) -> None:
-        for handle in (*self._skin.handles, self.observer, self._skin.node):
+        for handle in (*self._skin._handles, self.observer, self._skin.node):
             handle.destroy_node()

@@ -168,7 +168,7 @@ def _plan(config) -> Plan:
     plan = read_plan(find("skin.launch.yaml"), arguments | {"port": _NO_PORT, "monitor": "false"})
     skin = Skin(plan, Context())
     skin.build()  # with the board's node: it declares what the file may hold, too
-    values = parameters_of(skin.handles)
+    values = parameters_of(skin._handles)
     plan.nodes = [action for action in plan.nodes if action.executable in _NODES]
     for action in plan.nodes:
         action.parameters = list(values[f"/{action.name}"].items())

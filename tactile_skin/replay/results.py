@@ -44,6 +44,19 @@ class Results:
     cpu: float
     notes: list[str]
 
+    @classmethod
+    def of(cls, steps: list[Step], cpu: float, notes: list[str]) -> Results:
+        return cls(
+            np.array([s.stamp for s in steps], np.int64),
+            np.array([s.total for s in steps]),
+            np.array([s.peak for s in steps]),
+            np.array([STATUS.index(s.status) for s in steps], int),
+            np.array([s.stop for s in steps], object),
+            np.array([s.seconds for s in steps]),
+            cpu,
+            notes,
+        )
+
     @property
     def times(self) -> np.ndarray:
         """(n,) seconds since the first reading."""
@@ -111,20 +124,6 @@ def collect(job: Job, jobs: int = 1, track: Callable[[Iterable, int], Iterable] 
 _ONCE = "cpu", "notes"  # fields of a part that are no arrays
 
 
-def results(steps: list[Step], cpu: float, notes: list[str]) -> Results:
-    """Steps in arrays."""
-    return Results(
-        np.array([s.stamp for s in steps], np.int64),
-        np.array([s.total for s in steps]),
-        np.array([s.peak for s in steps]),
-        np.array([STATUS.index(s.status) for s in steps], int),
-        np.array([s.stop for s in steps], object),
-        np.array([s.seconds for s in steps]),
-        cpu,
-        notes,
-    )
-
-
 def _part(job: Job, begin: int, end: int, track=lambda steps: steps) -> Results:
     """Readings recorded from begin to before end [ns since 1970], in this process."""
     started, kept = time.process_time(), []
@@ -134,4 +133,4 @@ def _part(job: Job, begin: int, end: int, track=lambda steps: steps) -> Results:
             if step.stamp >= begin:
                 step.force = None  # an hour of pictures would not fit
                 kept.append(step)
-    return results(kept, time.process_time() - started, replay.notes)
+    return Results.of(kept, time.process_time() - started, replay.notes)

@@ -44,7 +44,7 @@ def test_a_header_names_the_unit_of_time(tmp_path, head, unit):
     found = read_frames(text(tmp_path, lines), CIRCUIT)
     np.testing.assert_allclose(found.times, np.arange(4) * 10 * unit)
     np.testing.assert_array_equal(found.values, FRAMES)
-    assert found.notes == ["1 lines before the numbers: passed over (the first: line 1)"]
+    assert found.notes == []
 
 
 def test_times_without_a_name_are_guessed_and_said(tmp_path):
