@@ -47,7 +47,7 @@ def _doctor(args) -> int:
 def _calibrate(args) -> int:
     from .commands import calibrate
 
-    return calibrate.run(args.out, args.config, calibrate.board_parameters(args.words))
+    return calibrate.run(args.out, args.config, args.words)
 
 
 def _launch(args) -> int:
@@ -195,6 +195,7 @@ def _bench(args) -> int:
     _check_folder(args.out)
     from .bench import choose, run, speed, touch_to_stop
     from .bench.damage import table
+    from .replay import methods
 
     unknown = [part for part in args.parts if part not in run.PARTS]
     if unknown:
@@ -211,6 +212,8 @@ def _bench(args) -> int:
         print("auto, what fails silently:", *choose.silent(written["stability"]), "", sep="\n")
     if "touch_to_stop" in written:
         print(touch_to_stop.table(written["touch_to_stop"]), "", sep="\n")
+    if "recorded" in written:
+        print(methods.table(written["recorded"]), "", sep="\n")
     if "faults" in written:
         print(table.table(written["faults"]))
     print(f"pictures: {', '.join(str(args.out / f'{name}.png') for name in written)}")
@@ -218,7 +221,7 @@ def _bench(args) -> int:
 
 
 def _given(args, parts) -> dict[str, dict]:
-    """Part -> what the command line gives its `measure`: today for `faults` only."""
+    """Part -> what the command line gives its `measure`."""
     from .bench.damage import reliability
 
     options = ("shapes", "faults", "minutes", "streams", "jobs")
@@ -233,7 +236,9 @@ def _given(args, parts) -> dict[str, dict]:
             raise ValueError(f"--{name} = {given[name]}: must be {least:g} or more")
     if "faults" in given:
         given["faults"] = reliability.named(given["faults"])
-    return {"faults": given}
+    if (args.frames is not None) != ("recorded" in parts):
+        raise ValueError("the part recorded needs --frames FILE, and no other part takes it")
+    return {"faults": given, "recorded": {"frames": args.frames, "config": args.config}}
 
 
 def _torch(extra: str):

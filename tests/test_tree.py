@@ -41,6 +41,7 @@ MAY = {
         "msg",
         "middleware",
         "physics",
+        "solvers",
         "recording",
         "nodes",
         "launch",
