@@ -87,7 +87,7 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
         "weight:\n"
         "  tactile-skin calibrate --config mine.yaml rest:=rest.mcap touches:=touches.mcap \\\n"
         "    500g:=bottle.mcap 1.2kg:=books.mcap 3kg:=bag.mcap\n"
-        "with a scale under the skin in place of weights (lines of time [s],force [N]), and a load\n"
+        "with a scale in place of weights (lines of time [s],force [N]), and a load\n"
         "that stands for two minutes:\n"
         "  tactile-skin calibrate --config mine.yaml rest:=rest.mcap touches:=touches.mcap \\\n"
         "    reference:=scale.csv creep:=standing.mcap\n"
