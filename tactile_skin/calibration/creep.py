@@ -32,14 +32,16 @@ _ERROR = 5e-4  # share of the conductance by which a mean frame errs at least
 
 
 def as_it_comes(curve: PressureCurve, creep: Creep, known: Creep | None = None) -> PressureCurve:
-    """The curve of a load that has just come, from one by objects that had lain for `LAID` s.
+    """The curve of a load that has just come, from one by objects that had lain for `LAID` s. What a
+    cell conducts at rest has not crept.
 
     Args:
         known: creep by which the curve is such already; None: it is not.
     """
     factor = float(creep.gain(LAID) / (known or Creep()).gain(LAID))
     force, resistance = np.array(curve.points).T
-    return PressureCurve(force, resistance * factor)
+    conducts = 1.0 / resistance
+    return PressureCurve(force, 1.0 / (conducts[0] + (conducts - conducts[0]) / factor))
 
 
 def measure_creep(
