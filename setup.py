@@ -60,11 +60,14 @@ setup(
     extras_require={
         "train": ["torch>=2.1", "tqdm>=4.66"],
         "progress": ["tqdm>=4.66"],  # of benchmarks
+        "record": ["mcap>=1.6", "rosbags>=0.10"],
         "charts": ["matplotlib>=3.8"],
         # of trained networks, to be run elsewhere
         "onnx": ["torch>=2.1", "onnx>=1.16", "onnxscript>=0.2"],
         "test": [
             "hypothesis>=6.100",
+            "mcap>=1.6",
+            "mcap-ros2-support>=0.5",  # reads recordings independently
             "pytest>=8.0",
             "rosbags>=0.10",
             "ruff>=0.15",

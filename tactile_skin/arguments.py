@@ -82,13 +82,27 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
         "weighed.\nexamples:\n"
         "  tactile-skin calibrate --config mine.yaml --out calibrated.yaml\n"
         "  tactile-skin calibrate --config mine.yaml --out mine.yaml port:=/dev/ttyUSB0\n"
+        "  tactile-skin calibrate --config calibrated.yaml --out calibrated.yaml --creep\n"
+        "from recordings (.mcap, .npy, .npz, .csv; rate:=60 if they have no times), one for each "
+        "weight:\n"
+        "  tactile-skin calibrate --config mine.yaml rest:=rest.mcap touches:=touches.mcap \\\n"
+        "    500g:=bottle.mcap 1.2kg:=books.mcap 3kg:=bag.mcap\n"
+        "with a scale in place of weights (lines of time [s],force [N]), and a load\n"
+        "that stands for two minutes:\n"
+        "  tactile-skin calibrate --config mine.yaml rest:=rest.mcap touches:=touches.mcap \\\n"
+        "    reference:=scale.csv creep:=standing.mcap\n"
         "then:\n  tactile-skin launch skin.launch.yaml config:=calibrated.yaml",
+    )
+    sub.add_argument(
+        "--creep",
+        action="store_true",
+        help="measure only by how much a load that stands grows with time: one object, two minutes",
     )
     sub.add_argument(
         "words",
         nargs="*",
         metavar="NAME:=VALUE",
-        help="port, baud or protocol, instead of the parameter file's",
+        help="port, baud or protocol, instead of the parameter file's; or recordings",
     )
     sub.add_argument("--config", type=Path, help="parameter file with what you know of the board")
     sub.add_argument(
@@ -103,6 +117,62 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
 
     sub = command("doctor", doctor.ABOUT, epilog=doctor.EXAMPLES)
     sub.add_argument("words", nargs="*", metavar="FILE | NAME:=VALUE", help="frames; options")
+
+    sub = command(
+        "record",
+        "start the skin and record all that it publishes, with its configuration (MCAP, ROS 2)",
+        epilog="The same as launch with record:=OUT. A recording that is killed keeps all but its "
+        "last second.\nexamples:\n"
+        "  tactile-skin record touches.mcap port:=/dev/ttyUSB0 config:=mine.yaml duration:=60\n"
+        "  tactile-skin record demo.mcap demo.launch.yaml duration:=20\n"
+        "  tactile-skin record stops/ port:=/dev/ttyUSB0 --last 120\n"
+        "On ROS: ros2 bag record -a -s mcap",
+    )
+    sub.add_argument(
+        "out", type=Path, metavar="OUT", help="file to make, or folder for files named by time"
+    )
+    sub.add_argument(
+        "words",
+        nargs="*",
+        metavar="FILE | NAME:=VALUE",
+        help="launch file (default skin.launch.yaml); its arguments",
+    )
+    sub.add_argument(
+        "--last",
+        type=float,
+        metavar="S",
+        help="keep only so long before each stop, and 2 s after it, each in a file of its own",
+    )
+    sub.add_argument("--max-duration", type=float, metavar="S", help="ends after so long")
+    sub.add_argument("--max-size", type=float, metavar="MB", help="ends at that (default 2000)")
+
+    from .commands import replay
+
+    sub = command("replay", replay.ABOUT, epilog=replay.EXAMPLES)
+    sub.add_argument("words", nargs="*", metavar="FILE | NAME:=VALUE", help="recording; options")
+    sub.add_argument(
+        "--speed", type=float, help="times real time (default: as fast as possible)", metavar="X"
+    )
+    sub.add_argument("--step", action="store_true", help="one reading at each Enter")
+    sub.add_argument(
+        "--compare", nargs="+", metavar="METHOD", help="these methods side by side, as a table"
+    )
+    sub.add_argument(
+        "--picture",
+        type=Path,
+        default=Path("compared.png"),
+        help="of --compare (default compared.png)",
+    )
+    sub.add_argument("--out", type=Path, help="recording to make of what the nodes publish (.mcap)")
+    sub.add_argument(
+        "--export", type=Path, help="write the readings to .npy, .npz or .csv, and end"
+    )
+    sub.add_argument(
+        "--jobs",
+        type=int,
+        default=1,
+        help="processes, each a part (default 1: to the bit as on the robot)",
+    )
 
     sub = command(
         "train",
@@ -169,9 +239,10 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
         "parts: speed, cases, stability, growth, way (bytes in to stop hook), touch_to_stop; all\n"
         "of them take nine minutes, with --quick one. Times are best read on an idle machine.\n"
         "Only on request: faults, damaged boards through the whole chain, which takes an hour on\n"
-        "two cores, with --quick one minute.\n"
+        "two cores, with --quick one minute; recorded, every method on frames of your own board.\n"
         "examples:\n  tactile-skin bench --quick\n  tactile-skin bench speed growth --out figures\n"
-        "  tactile-skin bench faults --shapes 4x4 16x16 --minutes 10",
+        "  tactile-skin bench faults --shapes 4x4 16x16 --minutes 10\n"
+        "  tactile-skin bench recorded --frames touches.csv --config mine.yaml",
     )
     sub.add_argument("parts", nargs="*", metavar="PART", help="what to measure (default: all)")
     sub.add_argument("--quick", action="store_true", help="few frames, for a look")
@@ -179,6 +250,9 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
     sub.add_argument(
         "--out", type=Path, default=Path("bench"), help="folder for the pictures (default bench)"
     )
+    recorded = sub.add_argument_group("recorded")
+    recorded.add_argument("--frames", metavar="FILE", help="frames: .mcap, .npy, .npz or .csv")
+    recorded.add_argument("--config", help="parameter file (default: as recorded)")
     faults = sub.add_argument_group("faults")
     faults.add_argument("--shapes", nargs="+", metavar="SHAPE", help="such as 4x4 (default: all)")
     faults.add_argument(

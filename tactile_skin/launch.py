@@ -28,8 +28,25 @@ from .behaviours.hooks import EventHook, StopHook
 from .errors import LaunchError
 from .middleware.bus import Context, MultiThreadedExecutor, Node
 from .middleware.config import SkinConfig, read_skin
-from .middleware.launch_file import NODES, PACKAGE, NodeAction, Plan, find, read_plan, share_dir
-from .middleware.launched import check_commands, check_overrides, make_node, naming_its_file, remaps
+from .middleware.launch_file import (
+    CLASSES,
+    NODES,
+    PACKAGE,
+    RECORDER,
+    NodeAction,
+    Plan,
+    find,
+    read_plan,
+    share_dir,
+)
+from .middleware.launched import (
+    check_commands,
+    check_overrides,
+    make_node,
+    naming_its_file,
+    parameters_of,
+    remaps,
+)
 from .middleware.logs import QueuedLog
 from .middleware.processes import PATIENCE, end_commands, start_command
 from .middleware.signals import SIGNALS, unwinding
@@ -38,6 +55,7 @@ from .msg import DiagnosticArray, Trigger
 from .nodes import diagnostics
 from .nodes.stop_on_push import STATUS, STATUS_TOPIC, stop_message_of
 from .nodes.touch_events import PushListener, StrokeListener
+from .recording import configuration
 from .touch.events import Pushed, Released, Stroked
 
 __all__ = [
@@ -97,6 +115,8 @@ class Skin:
         for command in self._plan.commands:
             self._processes.append(start_command(command))
         self.build()
+        for recorder in self._of_kind(RECORDER, self._nodes):
+            recorder.begin(configuration.attachments(parameters_of(self._handles)))
         # The matrices are small. More threads than one would spin beside it, and on a small
         # computer keep the other nodes waiting for a tenth of a second.
         self._settings.enter_context(one_thread())
@@ -313,7 +333,9 @@ class Skin:
         stops = self._started("stop_on_push")
         # Each says on diagnostics how it is before it answers, and a stop node takes what came
         # first first: its own reset finds that said.
-        forgotten = [self._reset(handle, timeout) for handle in self._of_kind("compensation")]
+        forgotten = [
+            self._reset(handle, timeout) for handle in self._of_kind("compensation", self._handles)
+        ]
         silent = [a for a in forgotten if not a.success]
         answers = silent or [self._reset(handle, timeout) for handle in stops]
         return all(a.success for a in answers), "; ".join(a.message for a in answers)
@@ -330,17 +352,14 @@ class Skin:
 
     def _started(self, executable: str) -> list[Node]:
         """The nodes of a kind, of which there must be one."""
-        found = self._of_kind(executable)
+        found = self._of_kind(executable, self._handles)
         if not found:
             raise LaunchError(f"the launch file starts no {executable}")
         return found
 
-    def _of_kind(self, executable: str) -> list[Node]:
-        return [
-            handle
-            for action, handle in zip(self._plan.nodes, self._handles, strict=False)
-            if action.kind == executable
-        ]
+    def _of_kind(self, executable: str, of: list) -> list:
+        """Of the handles, or the nodes, those of a kind."""
+        return [x for x, a in zip(of, self._plan.nodes, strict=False) if a.kind == executable]
 
 
 def _close(handle: Node, node) -> None:
@@ -365,7 +384,7 @@ def class_of(action: NodeAction):
 
 
 def node_class(executable: str):
-    module, name = NODES[executable].split(".")
+    module, name = CLASSES[executable].rsplit(".", 1)
     return getattr(importlib.import_module(f".nodes.{module}", __package__), name)
 
 

@@ -22,6 +22,7 @@ MAY = {
     "calibration": ("physics", "solvers"),
     "board": ("physics",),
     "middleware": ("files", "yaml_files", "msg", "physics", "touch"),
+    "recording": ("files", "yaml_files", "msg", "physics", "middleware"),
     "nodes": (
         "msg",
         "physics",
@@ -32,9 +33,19 @@ MAY = {
         "calibration",
         "board",
         "middleware",
+        "recording",
     ),
-    "launch": ("files", "msg", "touch", "behaviours", "middleware", "nodes"),
+    "launch": ("files", "msg", "touch", "behaviours", "middleware", "recording", "nodes"),
     "ros": ("files", "yaml_files", "msg", "middleware", "nodes", "launch"),
+    "replay": (
+        "msg",
+        "middleware",
+        "physics",
+        "solvers",
+        "recording",
+        "nodes",
+        "launch",
+    ),
     "bench": None,  # everything but the command line
     "commands": None,  # so do these
     "arguments": None,

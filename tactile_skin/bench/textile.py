@@ -66,8 +66,14 @@ def read(textile: Textile, circuit: Circuit, curve: PressureCurve, force, rng) -
     return sample(textile, circuit, ratio, rng)
 
 
-def expose(textile: Textile, circuit: Circuit, curve: PressureCurve, force, rng) -> np.ndarray:
-    """(rows, cols) ADC ratio before noise and rounding."""
+def expose(
+    textile: Textile, circuit: Circuit, curve: PressureCurve, force, rng, factor=1.0
+) -> np.ndarray:
+    """(rows, cols) ADC ratio before noise and rounding.
+
+    Args:
+        factor: (rows, cols) times what a cell conducts otherwise: it crept, or lost its contact.
+    """
     rows, cols = circuit.shape
     lines = rng.permutation(rows + cols)  # which lines are damaged
     cuts = {line: 0 for line in lines[: textile.open]}
@@ -89,7 +95,7 @@ def expose(textile: Textile, circuit: Circuit, curve: PressureCurve, force, rng)
             padded = np.pad(added, 1)
             around = padded[:-2, 1:-1] + padded[2:, 1:-1] + padded[1:-1, :-2] + padded[1:-1, 2:]
             added = added + textile.lateral * around
-        return 1.0 / (at_rest + added)
+        return 1.0 / (factor * (at_rest + added))
 
     if textile.moving:
         way = textile.moving * (np.arange(rows) / max(rows - 1, 1) - 0.5)  # cells, of each row

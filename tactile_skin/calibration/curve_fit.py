@@ -11,10 +11,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from ..solvers import compensate
+from .evidence import stands_anew
 from .rest import Rest, check_frames, supposing
 
 _FEWEST = 3  # weights
@@ -31,6 +33,11 @@ _BEYOND = 2.0  # times the hardest cell's conductance to which the curve goes on
 _ODD, _ODD_STD, _CANDIDATES, _ODD_SHARE = 1.3, 4.0, 3, 1.0 / 3.0
 _PRIOR_COUNT = 5  # left-out totals that `_USUAL_NOISE` counts for in the error
 _NARROW = 2.0  # largest over smallest weight up to which the shape is hardly told
+MAX_LAG, _LAG_STEP = 2.0, 0.01  # s that a reference may be early or late; in which it is looked for
+_FOLLOWS = 0.5  # correlation of its root, which a sum of readings is like, with the skin, at least
+_TOUCHED = 8.0  # times the noise from which on a reading is touched
+_LIGHTEST, _MOST_FRAMES = 0.02, 100  # of its largest force, from which on frames are used; so many
+_SHORTEST = 3.0  # s of it
 _POOR = 0.1  # error from which on a word is due
 
 
@@ -69,7 +76,7 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
         ValueError: fewer than 3 weights, a weight that is not above 0 and finite, shapes that
             differ, a frame without a touch or that no cells explain.
     """
-    frames = check_frames(frames, circuit)
+    frames = rest.quiet(check_frames(frames, circuit))
     weights = _check_weights(weights, len(frames))
     at_rest = supposing(rest, circuit).conductance
     usual = float(np.median(at_rest[circuit.populated]))  # S
@@ -103,6 +110,84 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
         )
     indices = tuple(np.flatnonzero(~used).tolist())
     return FittedCurve(curve, error, off, indices, "; ".join(message))
+
+
+def fit_reference(
+    frames, times, reference, reference_times, circuit: Circuit, rest: Rest
+) -> tuple[FittedCurve, float]:
+    """Find the curve by a scale or a force sensor that feels all that presses on the skin.
+
+    Frames in which a touch stands are taken, each other than the one before, with the reference's
+    force at that moment: `fit_curve`. How much later than the skin the reference says a force is
+    found by their correlation, its zero where nothing touches.
+
+    Args:
+        frames: (n, rows, cols) ADC ratio; NaN where a crossing was not read. The skin rests, is
+            pressed here and there, lightly and hard, and rests.
+        times: (n,) [s], rising.
+        reference: (m,) total force [N], with any zero.
+        reference_times: (m,) [s], rising, of a clock within `MAX_LAG` of the skin's.
+        circuit, rest: as for `fit_curve`.
+
+    Returns:
+        what `fit_curve` finds, and by how much the reference is late [s].
+
+    Raises:
+        ValueError: shapes that differ, times that do not rise, less than 3 s of both, fewer than 3
+            touches that stand, or a reference that does not follow the skin.
+    """
+    frames = rest.quiet(check_frames(frames, circuit))
+    times, at = _rising("times", times, len(frames)), reference_times
+    reference = np.asarray(reference, dtype=float)
+    at = _rising("reference_times", at, len(reference))
+    noise = max(rest.noise, 0.5) / circuit.full_scale
+    rise = np.nansum(np.maximum(frames - rest.adc, 0.0), axis=(1, 2))
+    late = _lag(times, rise, at, reference)
+    known = (times + late >= at[0]) & (times + late <= at[-1])
+    force = np.interp(times + late, at, reference)
+    touched = np.nanmax(frames - rest.adc, axis=(1, 2)) > _TOUCHED * noise
+    quiet = known & ~binary_dilation(touched, iterations=max(int(len(times) * 0.005), 1))
+    if not quiet.any():
+        raise ValueError("the skin never rests in these frames: the reference's zero is unknown")
+    force -= np.median(force[quiet])
+    taken: list[int] = []
+    for k in np.flatnonzero(known & touched & (force > _LIGHTEST * force.max())):
+        last = frames[taken[-1]] if taken else None
+        if touched[k - 1] and stands_anew(frames[k], frames[k - 1], last, noise):
+            taken.append(k)
+    if len(taken) < _FEWEST:
+        raise ValueError(f"{len(taken)} touches stand: {_FEWEST} or more are needed, 30 are good")
+    every = -(-len(taken) // _MOST_FRAMES)
+    return fit_curve(frames[taken[::every]], force[taken[::every]], circuit, rest), late
+
+
+def _rising(name: str, times, n: int) -> np.ndarray:
+    times = np.asarray(times, dtype=float)
+    if times.shape != (n,) or not (np.diff(times) > 0.0).all():
+        raise ValueError(f"{name} have shape {times.shape}: must be {n} that rise")
+    if not n or times[-1] - times[0] < _SHORTEST:
+        raise ValueError(f"{name}: less than {_SHORTEST:g} s")
+    return times
+
+
+def _lag(times, rise, at, reference) -> float:
+    """By how much the reference is later than the readings' rise [s]."""
+    lags = np.arange(-MAX_LAG, MAX_LAG + _LAG_STEP / 2, _LAG_STEP)
+    root, found = np.sqrt(reference - reference.min()), []
+    for lag in lags:
+        known = (times + lag >= at[0]) & (times + lag <= at[-1])
+        both = rise[known], np.interp(times[known] + lag, at, root)
+        sure = np.count_nonzero(known) > len(times) / 2 and min(np.ptp(v) for v in both) > 0.0
+        found.append(np.corrcoef(*both)[0, 1] if sure else -1.0)
+    best = int(np.argmax(found))
+    if found[best] < _FOLLOWS or best in (0, len(lags) - 1):
+        raise ValueError(
+            f"the reference does not follow the skin (correlation {found[best]:.2f} at best, with "
+            f"it up to {MAX_LAG:g} s early or late): are both of the same time?"
+        )
+    before, here, after = found[best - 1 : best + 2]
+    turn = before - 2.0 * here + after  # the top of a parabola
+    return float(lags[best] + _LAG_STEP * 0.5 * (before - after) / min(turn, -1e-12))
 
 
 def _check_weights(weights, n: int) -> np.ndarray:

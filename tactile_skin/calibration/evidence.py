@@ -35,7 +35,28 @@ _STEPS = 6  # of Levenberg and Marquardt, a frame and round; the next round goes
 _SETTLED = 0.5  # gain in chi^2 of a step that is the last
 _HARDEST = 20.0  # ohm that a cell has at least
 _ANY = 3.0  # standard deviation of a touched cell's log conductance: nothing is known of it
+# Times the noise, RMS: by which a frame may differ from the one before, since a touch that moves is
+# read row by row; and by which it differs from the last that was asked.
+_STANDS, _NEW = 2.5, 4.0
 _RIDGE = 1e-6  # of the touched cells' precision: the readings may not determine all of them
+
+
+def stands_anew(adc, before, last, noise: float) -> bool:
+    """Whether a touch stands, and is another one than the last that was asked.
+
+    Args:
+        adc: (rows, cols) ADC ratio; NaN where a crossing was not read.
+        before: a frame shortly before it; None: there is none.
+        last: the last that was asked; None: there is none.
+        noise: RMS of a reading, as ADC ratio.
+    """
+    if before is None or _rms(adc - before) > _STANDS * noise:
+        return False
+    return last is None or _rms(adc - last) > _NEW * noise
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.nan_to_num(np.square(values)).mean() ** 0.5)
 
 
 class Evidence(NamedTuple):

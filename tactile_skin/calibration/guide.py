@@ -1,7 +1,8 @@
 """What a person does to calibrate a board, step by step; frames and answers come from outside.
 
 Hands off (rest, noise), press here and there (r_par, r_line), lay known weights on (the curve).
-Each step says when it has enough. See docs/calibrate.md.
+Each step says when it has enough. How much a standing load gains is measured separately. See
+docs/calibrate.md.
 """
 
 from __future__ import annotations
@@ -12,21 +13,25 @@ from collections.abc import Callable
 import numpy as np
 
 from ..physics.circuit import Circuit
-from ..physics.curve import GRAM
+from ..physics.creep import Creep
+from ..physics.curve import GRAM, PressureCurve
 from ..solvers import compensate
+from .creep import measure_creep
 from .curve_fit import fit_curve
+from .evidence import stands_anew
 from .identify import Identified, identify
 from .rest import Rest, measure_rest, supposing
 
 REST = 3.0  # s that the skin rests
 OBJECT = 1.0  # s for which an object stands
+STANDS = 120.0  # s for which it stands to tell how much it gains
+_LOOK, _TELL = 0.25, 10.0  # s of which each frame of it is the mean; after which a word is said
 _TRIES = 5  # to measure the rest
 _FEW = 20  # frames that a rest takes at least, at any rate
 TOUCHES = 30  # that are asked for at most
 _EVERY = 5  # touches after which the circuit is looked for
 OBJECTS, LEAST_OBJECTS = 10, 3  # that are asked for; with fewer there is no curve
 ENOUGH = 0.05  # error of a total, left out in turn, at which the objects suffice
-_STANDS, _NEW = 3.0, 6.0  # times the noise, RMS: between two frames of a touch that stands; of two
 _TOUCHED = 8.0  # times the noise by which a reading rises where something touches
 _GLANCE = 0.3  # s that a touch must stand
 _PATIENCE = 20.0  # s without a new touch after which what is there must do
@@ -40,11 +45,11 @@ Say = Callable[[str], None]
 
 
 class Guide:
-    """Leads through the three steps, wherever frames and answers come from.
+    """Leads through the steps, wherever frames and answers come from.
 
     Attributes:
         circuit: what the configuration says, then what the touches tell.
-        rest, found, fitted: what was learnt; None before.
+        rest, found, fitted, creep: what was learnt; None before.
     """
 
     def __init__(self, circuit: Circuit, frames: Frames, ask: Ask, say: Say):
@@ -52,6 +57,7 @@ class Guide:
         self.rest: Rest | None = None
         self.found: Identified | None = None
         self.fitted = None
+        self.creep: Creep | None = None
 
     @property
     def circuit(self):
@@ -62,8 +68,31 @@ class Guide:
         self.identify()
         self.fit_curve()
 
-    def measure_rest(self) -> None:
-        self._ask("1 of 3. Take everything off the skin, and keep your hands off it. Enter: ")
+    def measure_creep(self, curve: PressureCurve) -> None:
+        """Two steps of their own, for a skin whose curve is known."""
+        self.measure_rest(of=2)
+        self._ask(
+            "2 of 2. Take a thing of 1 kg or more, and a piece of foam if it is hard. Enter, and "
+            f"lay it on the\n  skin at once; leave it there for {STANDS / 60:.0f} minutes: "
+        )
+        frames, times, t, begun = [], [], 0.0, None
+        while begun is None or t < begun + STANDS:
+            new = _mean(self._frames(_LOOK))
+            frames, times, t = [*frames, new], [*times, t + _LOOK / 2], t + _LOOK
+            if begun is None and self._touched(new):
+                begun = t
+            elif begun is None and t > _PATIENCE:
+                raise ValueError(f"nothing was laid on the skin for {_PATIENCE:.0f} s")
+            elif begun is not None and (t - begun) % _TELL < _LOOK:
+                self._say(f"  {t - begun:.0f} s of {STANDS:.0f} s")
+        self.creep = measure_creep(frames, times, self._supposed, self.rest, curve)
+        self._say(
+            f"  A standing load gains {self.creep.share:.1%} +- {self.creep.std:.1%} in a decade "
+            f"of time: {self.creep.gain(600.0) - 1.0:.0%} in ten minutes."
+        )
+
+    def measure_rest(self, of: int = 3) -> None:
+        self._ask(f"1 of {of}. Take everything off the skin, and keep your hands off it. Enter: ")
         for left in reversed(range(_TRIES)):
             frames = self._frames(REST)
             while len(frames) < _FEW:
@@ -75,7 +104,7 @@ class Guide:
                 if not left:
                     raise ValueError(
                         f"no rest in {_TRIES} tries: {error} If nothing does, `tactile-skin "
-                        "doctor` names a cell or line that is noisy"
+                        "doctor` names the line or cells to check"
                     ) from error
                 self._ask(f"  {error}\n  Hands off, and Enter to measure again: ")
         cells = self._supposed.populated
@@ -84,6 +113,11 @@ class Guide:
             f"  {len(frames)} frames: a cell has {usual:.0f} ohm at rest, a reading "
             f"{self.rest.noise:.2f} ADC steps of noise."
         )
+        for row, col in self.rest.noisy:
+            self._say(
+                f"  row {row}, column {col} is noisy: its readings are left out here. Check its "
+                "contact."
+            )
 
     def identify(self) -> None:
         self._say(
@@ -114,19 +148,20 @@ class Guide:
 
     def _new_touch(self, touches: list[np.ndarray]) -> np.ndarray | None:
         """The mean frame of a touch that stands and was not there before; None: there is none."""
-        frames = self._frames(_GLANCE)
+        frames = self.rest.quiet(self._frames(_GLANCE))
         if len(frames) < 2:
             return None
-        noise = max(self.rest.noise, 0.5) / self._supposed.full_scale
-        frame = np.nanmean(frames, axis=0)
-        if _rms(frames[-1] - frames[0]) > _STANDS * noise or not self._touched(frame, noise):
-            return None
-        if touches and _rms(frame - touches[-1]) < _NEW * noise:
-            return None
-        return frame
+        frame, last = _mean(frames), touches[-1] if touches else None
+        anew = stands_anew(frames[-1], frames[0], last, self._noise)
+        return frame if anew and self._touched(frame) else None
 
-    def _touched(self, frame: np.ndarray, noise: float) -> bool:
-        return bool(np.nanmax(frame - self.rest.adc) > _TOUCHED * noise)
+    def _touched(self, frame: np.ndarray) -> bool:
+        return bool(np.nanmax(frame - self.rest.adc) > _TOUCHED * self._noise)
+
+    @property
+    def _noise(self) -> float:
+        """Of a reading, as ADC ratio."""
+        return max(self.rest.noise, 0.5) / self._supposed.full_scale
 
     def fit_curve(self) -> None:
         self._say(
@@ -147,9 +182,8 @@ class Guide:
             if weight is None:
                 self._say(f"  {word.strip()!r} is no weight: write it as 500 g, 1.2 kg or 5 N")
                 continue
-            frame = np.nanmean(self._frames(OBJECT), axis=0)
-            noise = max(self.rest.noise, 0.5) / self._supposed.full_scale
-            if not self._touched(frame, noise):
+            frame = _mean(self.rest.quiet(self._frames(OBJECT)))
+            if not self._touched(frame):
                 self._say("  nothing lies on the skin: the readings are those of rest")
                 continue
             frames.append(frame)
@@ -199,5 +233,8 @@ def picture(force: np.ndarray) -> str:
     return "\n".join([edge, *(f"  |{line}|" for line in lines), edge])
 
 
-def _rms(values: np.ndarray) -> float:
-    return float(np.nanmean(np.square(values)) ** 0.5)
+def _mean(frames: np.ndarray) -> np.ndarray:
+    """(rows, cols) mean of (n, rows, cols); NaN where no frame read a crossing."""
+    known = np.isfinite(frames)
+    with np.errstate(invalid="ignore"):
+        return np.where(known, frames, 0.0).sum(0) / known.sum(0)

@@ -62,7 +62,7 @@ def identify(frames, circuit: Circuit, rest: Rest, *, soft: bool | None = None) 
     Raises:
         ValueError: another shape, values outside [0, 1], readings that fit no skin.
     """
-    frames = check_frames(frames, circuit)
+    frames = rest.quiet(check_frames(frames, circuit))
     first = _solve_frames(frames, circuit, rest, np.zeros(2), SOFT if soft else HARD)
     if first is None:
         prior = prior_of(circuit)

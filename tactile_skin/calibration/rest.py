@@ -6,13 +6,25 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..physics.circuit import Circuit
+from ..physics.circuit import Circuit, forward
 from ..physics.curve import PressureCurve
 from ..solvers import compensate
+from ..solvers.reading import MAX_NOISE
 
 REST_SPAN = 500.0  # times the usual cell's resistance, either way, that a cell at rest may have
 # (one that stays pressed, or is dead)
 _STILL = 8.0, 0.02  # times the noise, and share of a reading, by which a reading may stray
+_NOISY = 4.0, 2.0  # times the usual noise, and ADC steps, beyond which a reading is noisy
+_DRIFT = 7.0  # times the noise of a third of the frames, from the first third to the last
+_COMMON = 0.03  # of a reading, the same of all cells
+_MOST = 3, 0.05  # readings, or share of the cells if that is more, that may be noisy
+# Share of what a cell's change would change in its row and column, from which on it is a cell that
+# changed, not its reading alone. A loose one comes and goes by so much of the usual cell's
+# conductance, and so many times; what touches changes more.
+_CARRIED, _LOOSE, _TIMES = 0.3, 1.2, 4
+_TOGETHER = 0.7  # correlation from which on two neighbours move together
+_STD_OVER_MEAN = 3.08  # standard deviation over the mean of the smaller half, normal distribution
+_ROUNDS = 3  # in which the readings of noisy cells are put in place
 _LEAST_NOISE = 1e-3  # ADC steps of a mean reading: rounding alone leaves more
 
 
@@ -22,20 +34,31 @@ class Rest:
 
     Attributes:
         adc: (rows, cols) mean reading, ADC ratio; NaN where a crossing was never read.
-        noise: RMS of a single reading [ADC steps].
+        noise: RMS of a usual single reading [ADC steps].
         frames: how many were averaged.
         conductance: (rows, cols) of the cells [S], by the circuit that was supposed; 0 where it
-            has none.
+            has none. A noisy cell's is that of the usual cell.
+        noisy: (row, column) of cells whose reading scatters by itself. It is not used.
     """
 
     adc: np.ndarray
     noise: float
     frames: int
     conductance: np.ndarray
+    noisy: tuple[tuple[int, int], ...] = ()
+
+    def quiet(self, frames: np.ndarray) -> np.ndarray:
+        """(..., rows, cols) readings with those of noisy cells not read: NaN."""
+        if not self.noisy:
+            return frames
+        return np.where(_mask(self.noisy, frames.shape[-2:]), np.nan, frames)
 
 
 def measure_rest(frames, circuit: Circuit) -> Rest:
     """The rest of a skin that nothing touches.
+
+    A few readings may scatter by themselves, as that of a loose contact: these are named. What
+    touches changes a cell, and so the readings of its whole row and column.
 
     Args:
         frames: (n, rows, cols) ADC ratio, n at least 2; NaN where a crossing was not read.
@@ -51,19 +74,152 @@ def measure_rest(frames, circuit: Circuit) -> Rest:
         row, col = np.argwhere(np.isnan(frames).all(0))[0]
         if circuit.populated[row, col]:
             raise ValueError(f"row {row}, column {col} was never read")
-    adc = np.nanmean(np.where(circuit.populated | ~np.isnan(frames), frames, 0.0), axis=0)
-    off = np.nan_to_num(frames - adc) * circuit.full_scale  # ADC steps
-    spread = off.std(0)
-    noise = float(np.median(spread[circuit.populated]) * (len(frames) / (len(frames) - 1)) ** 0.5)
-    strayed = np.abs(off) > _STILL[0] * max(noise, 1.0) + _STILL[1] * adc * circuit.full_scale
-    if strayed.any():
-        k, row, col = np.argwhere(strayed)[0]
-        raise ValueError(
-            f"frame {k}, row {row}, column {col} reads {off[k, row, col]:+.0f} ADC steps off the "
-            f"mean, noise is {noise:.1f}: does something touch the skin?"
+    frames = np.where(circuit.populated | ~np.isnan(frames), frames, 0.0)
+    middle = np.nanmedian(frames, axis=0)
+    off = np.nan_to_num(frames - middle) * circuit.full_scale  # ADC steps
+    noisy = _noisy_cells(off, middle, circuit)
+    usual = circuit.populated & ~_mask(noisy, circuit.shape)
+    spread = np.sqrt(np.square(off).mean(0) * len(frames) / (len(frames) - 1))
+    noise = float(np.median(spread[usual]))
+    adc = np.where(usual, np.nanmean(frames, axis=0), middle)
+    conductance = resting_conductance(adc, circuit, noise / len(frames) ** 0.5, noisy)
+    return Rest(adc, noise, len(frames), conductance, noisy)
+
+
+def _noisy_cells(off: np.ndarray, middle: np.ndarray, circuit: Circuit) -> tuple:
+    """(row, column) of cells that scatter by themselves.
+
+    Args:
+        off: (n, rows, cols) from the median [ADC steps].
+        middle: (rows, cols) median, ADC ratio.
+
+    Raises:
+        ValueError: something touches the skin.
+    """
+    _check_drift(off, middle, circuit)
+    noise, left = _noise(off[:, circuit.populated]), off.copy()
+    most = max(_MOST[0], int(_MOST[1] * np.count_nonzero(circuit.populated)))
+    found: list[tuple[int, int]] = []
+    while (strays := _strays(left, middle * circuit.full_scale, noise, found)).any():
+        power = np.where(strays, np.square(left).sum(0), -1.0)
+        row, col = (int(k) for k in np.unravel_index(power.argmax(), power.shape))
+        beside, expected = _carried(left, middle, circuit, row, col)
+        own = left[:, row, col]
+        together = np.array(
+            [_correlation(own, left[:, r, c]) for r, c in found if _near((r, c), (row, col))]
+            or [0.0]
         )
-    conductance = resting_conductance(adc, circuit, noise / len(frames) ** 0.5)
-    return Rest(adc, noise, len(frames), conductance)
+        seen = left.reshape(len(left), -1)[:, beside]
+        share = np.median((expected * seen).sum(0) / np.square(expected).sum(0))
+        touched = len(found) == most or together.max() > _TOGETHER
+        if share > _CARRIED:  # the cell changes, not its reading alone
+            touched = touched or not _loose(own, middle, circuit, row, col)
+            left.reshape(len(left), -1)[:, beside] -= expected
+        if touched:
+            k = np.abs(off[:, row, col]).argmax()
+            raise ValueError(
+                f"frame {k}, row {row}, column {col} reads {off[k, row, col]:+.0f} ADC steps off "
+                f"the median, noise is {noise:.1f}: does something touch the skin, or is a contact "
+                "loose?"
+            )
+        found.append((row, col))
+    return tuple(sorted(found))
+
+
+def _noise(off: np.ndarray) -> float:
+    """RMS of a usual reading [ADC steps], of (n, cells) from their medians.
+
+    All cells of a small skin move under a touch, but seldom from each frame to the next. Noise may
+    be slow, too, a hum: the usual spread counts, up to that of the noisiest board.
+    """
+    change = np.sort(np.abs(np.diff(off, axis=0)).ravel())
+    quick = _STD_OVER_MEAN * change[: change.size // 2].mean() / 2**0.5
+    return max(float(quick), min(float(np.median(off.std(0))), MAX_NOISE))
+
+
+def _check_drift(off: np.ndarray, middle: np.ndarray, circuit: Circuit) -> None:
+    """ValueError: all cells drift, as a fabric does that recovers."""
+    drift = _drift(off) / np.maximum(middle * circuit.full_scale, 1.0)
+    common = float(np.median(drift[circuit.populated]))
+    if abs(common) > _COMMON:
+        raise ValueError(
+            f"all readings drift by {common:+.0%} in these frames: does something touch the skin, "
+            "or has it just been taken off?"
+        )
+
+
+def _drift(off: np.ndarray) -> np.ndarray:
+    """(rows, cols) from the first third of the frames to the last [ADC steps]."""
+    third = max(len(off) // 3, 1)
+    return off[-third:].mean(0) - off[:third].mean(0)
+
+
+def _strays(off: np.ndarray, steps: np.ndarray, noise: float, found: list) -> np.ndarray:
+    """(rows, cols) bool, readings that scatter, leave the others, or drift, but for those found."""
+    strays = np.abs(off).max(0) > _STILL[0] * max(noise, 1.0) + _STILL[1] * steps
+    strays |= np.square(off).mean(0) ** 0.5 > max(_NOISY[0] * noise, _NOISY[1])
+    strays |= np.abs(_drift(off)) > _DRIFT * noise / (len(off) / 3) ** 0.5 + _NOISY[1] + (
+        _STILL[1] * steps
+    )
+    return strays & ~_mask(found, steps.shape)
+
+
+def _carried(off, middle, circuit: Circuit, row: int, col: int):
+    """Cells (m,) of a cell's row and column, and (n, m) [ADC steps] by which their readings change
+    if the cell's own does because of the cell.
+
+    What a cell conducts besides changes its two-terminal resistance, and those of its row and
+    column by a share of that change (docs/derivation.md).
+    """
+    least = 0.5 / circuit.full_scale
+    rho = circuit.two_terminal(np.maximum(middle, least))
+    share = np.zeros(circuit.shape)
+    rows, cols = circuit.shape
+    share[row], share[:, col] = (np.square((n - 1) / (rows + cols - 1)) for n in (rows, cols))
+    share[row, col] = 0.0
+    share[~circuit.populated] = 0.0
+    beside = np.flatnonzero(share)
+    here = np.maximum(middle[row, col] + off[:, row, col] / circuit.full_scale, least)
+    change = circuit.two_terminal(here) - rho[row, col]
+    after = np.maximum(rho.flat[beside] + share.flat[beside] * change[:, None], 0.0)
+    expected = circuit.ratio(after) - circuit.ratio(rho.flat[beside])
+    return beside, expected * circuit.full_scale
+
+
+def _loose(own: np.ndarray, middle: np.ndarray, circuit: Circuit, row: int, col: int) -> bool:
+    """Whether a cell comes and goes as one with a loose contact does, and no touch.
+
+    Args:
+        own: (n,) reading from its median [ADC steps].
+    """
+    least = 0.5 / circuit.full_scale
+    rho = circuit.two_terminal(np.maximum(middle[row, col] + own / circuit.full_scale, least))
+    conducts = 1.0 / np.maximum(rho, least * circuit.r_ref)
+    usual = _foster(circuit) / np.median(circuit.two_terminal(middle[circuit.populated]))
+    high = own > (own.max() + own.min()) / 2
+    times = np.count_nonzero(high[1:] != high[:-1])
+    return bool(np.ptp(conducts) < _LOOSE * usual and times >= _TIMES)
+
+
+def _near(one, other) -> bool:
+    return max(abs(one[0] - other[0]), abs(one[1] - other[1])) == 1
+
+
+def _correlation(one: np.ndarray, other: np.ndarray) -> float:
+    one, other = one - one.mean(), other - other.mean()
+    return float(one @ other / max(np.sqrt((one @ one) * (other @ other)), 1e-12))
+
+
+def _foster(circuit: Circuit) -> float:
+    """Conductance times two-terminal resistance of equal cells (Foster's theorem)."""
+    return (sum(circuit.shape) - 1) / np.count_nonzero(circuit.populated)
+
+
+def _mask(cells, shape) -> np.ndarray:
+    mask = np.zeros(shape, bool)
+    for cell in cells:
+        mask[cell] = True
+    return mask
 
 
 def check_frames(frames, circuit: Circuit) -> np.ndarray:
@@ -82,30 +238,40 @@ def check_frames(frames, circuit: Circuit) -> np.ndarray:
     return frames
 
 
-def resting_conductance(adc: np.ndarray, circuit: Circuit, noise: float = 0.0) -> np.ndarray:
+def resting_conductance(
+    adc: np.ndarray, circuit: Circuit, noise: float = 0.0, noisy=()
+) -> np.ndarray:
     """(rows, cols) conductance [S] of the cells of a skin that reads `adc`: the exact inverse.
 
     Args:
         noise: of the reading [ADC steps].
+        noisy: (row, column) of cells whose reading is not used: they conduct as the usual cell.
 
     Raises:
         ValueError: no cells near one another's resistance read so.
     """
-    cells = circuit.populated
-    known = cells & np.isfinite(adc)
-    share = (sum(circuit.shape) - 1) / np.count_nonzero(cells)  # Foster: g * rho of equal cells
-    usual = float(np.median(circuit.two_terminal(adc[known]))) / share  # ohm
+    cells, unused = circuit.populated, _mask(noisy, circuit.shape)
+    known = cells & np.isfinite(adc) & ~unused
+    usual = float(np.median(circuit.two_terminal(adc[known]))) / _foster(circuit)  # ohm
     if not 0.0 < usual < np.inf:
         raise ValueError("the readings fit no skin: r_par or r_ref is wrong, or no cell")
     curve = PressureCurve((0.0, 1.0), (usual * REST_SPAN, usual / REST_SPAN))
     adc = np.where(np.isfinite(adc), adc, 0.0)
-    found = compensate(adc, circuit, curve, "newton", noise=max(noise, _LEAST_NOISE))
-    if found.status == "failed":
-        raise ValueError(f"the readings fit no skin: {found.message}")
-    return np.where(cells, 1.0 / curve.resistance(found.force), 0.0)
+    adc = np.where(unused, np.median(adc[known]), adc)
+    for _ in range(_ROUNDS if noisy else 1):
+        found = compensate(adc, circuit, curve, "newton", noise=max(noise, _LEAST_NOISE))
+        if found.status == "failed":
+            raise ValueError(f"the readings fit no skin: {found.message}")
+        conductance = np.where(cells, 1.0 / curve.resistance(found.force), 0.0)
+        if noisy:
+            conductance[unused & cells] = np.median(conductance[known])
+            model = forward(circuit, 1.0 / np.where(cells, conductance, 1.0))
+            adc = np.where(unused, model, adc)
+    return conductance
 
 
 def supposing(rest: Rest, circuit: Circuit) -> Rest:
     """The same readings, by another circuit."""
     noise = rest.noise / rest.frames**0.5
-    return replace(rest, conductance=resting_conductance(rest.adc, circuit, noise))
+    found = resting_conductance(rest.adc, circuit, noise, rest.noisy)
+    return replace(rest, conductance=found)

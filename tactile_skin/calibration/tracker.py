@@ -11,7 +11,7 @@ from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from ..solvers.reading import rest_reading
 from ..solvers.series import series_scale
-from .evidence import SOFT, Evidence, Supposed
+from .evidence import SOFT, Evidence, Supposed, stands_anew
 from .identify import NAMES, bounded, prior_of, shifted, std_of
 from .rest import Rest
 
@@ -20,9 +20,6 @@ _ENOUGH = 6  # frames that may change what is known, and the latest that may ove
 _A_TURN = 4  # frames asked with each threshold of TOUCHED
 _APART = 0.15  # s between two frames that are asked
 _PATIENCE = 2.0  # s that a frame waits for a pause between touches
-# Times the noise, RMS: by which a frame may differ from the one before, since a touch that moves is
-# read row by row; and by which it differs from the last that was asked.
-_STANDS, _NEW = 2.5, 4.0
 _KNOWN = 0.06  # of `series_scale`: standard deviation from which on r_par is known
 _SURE = 5.0  # standard deviations by which a change is one
 _RELEVANT = 0.02, 1.5  # of `series_scale`, and ohm of r_line: less changes no picture
@@ -71,15 +68,10 @@ class CircuitTracker:
             noise: RMS of a reading [ADC steps].
         """
         before, self._before = self._before, adc
-        if 0.0 <= t - self._t < _APART or before is None or self._change(before) > _STANDS * noise:
+        if 0.0 <= t - self._t < _APART:
             return
-        if self._last is None or self._change(self._last) > _NEW * noise:
+        if stands_anew(adc, before, self._last, noise / self._configured.full_scale):
             self._waiting, self._t = adc, t
-
-    def _change(self, earlier: np.ndarray) -> float:
-        """RMS of the last frame's difference to an earlier one [ADC steps]."""
-        off = np.nan_to_num(self._before - earlier)
-        return float(np.square(off).mean() ** 0.5) * self._configured.full_scale
 
     def overdue(self, t: float) -> bool:
         """Whether a frame has waited for a pause for so long that it is asked in a touch."""

@@ -14,37 +14,164 @@ import numpy as np
 import yaml
 
 from .. import __version__
-from ..calibration.guide import Guide
+from ..calibration.creep import as_it_comes, measure_creep
+from ..calibration.curve_fit import MAX_LAG, fit_reference
+from ..calibration.guide import Guide, newtons
+from ..calibration.rest import supposing
+from ..errors import FileError
+from ..files import read_bytes, shorten
 from ..middleware.bus import Context, Node, Parameter, SingleThreadedExecutor
-from ..middleware.config import ParameterFile, adc_of, circuit_of, read_skin
+from ..middleware.config import ParameterFile, SkinConfig, adc_of, circuit_of, read_skin
 from ..msg import Image, image_array
 from ..nodes import QUEUE
 from ..nodes.serial_driver import SerialDriver
+from ..physics.adc import Adc
+from ..physics.creep import Creep
+from ..physics.curve import PressureCurve
+from ..recording.frames import read_frames
 from ..yaml_files import read_yaml
 
+_OF_FILES = "rest", "touches", "reference", "creep", "rate"
+_LARGEST_REFERENCE = 1 << 26  # bytes
+_RATE = 100.0  # frames a second, of files without times
 _OF_BOARD = {"port": str, "baud": int, "protocol": str}
 _PATIENCE = 10.0  # s without a frame after which the board is taken for absent
 
 
-def run(out: Path, config: Path | None, board: dict) -> int:
-    """Guide through the three steps on a live board, and write what was learnt.
+def run(out: Path, config: Path | None, words: list[str], creep: bool = False) -> int:
+    """Guide through the steps, on a live board or through files, and write what was learnt.
 
     Args:
         out: parameter file to write.
         config: parameter file with what is known of the board; None: the defaults.
-        board: parameters of the serial driver that take the place of the file's: port, baud.
+        words: NAME:=VALUE, of the board (port, baud, protocol) or of files (rest, a weight ...).
+        creep: measure only how much a standing load gains, of a live board that is calibrated.
     """
-    if not out.parent.is_dir():
-        raise ValueError(f"--out {out}: there is no folder {out.parent}")
-    skin, live = read_skin(config), Live(config, board)
-    guide = Guide(skin.circuit, live, _ask, print)
-    try:
-        guide.run()
-    finally:
-        live.close()
-    write(out, config, guide)
+    check_writable(out)
+    skin = read_skin(config)
+    files, loads = recorded_words(words)
+    if creep and (files or loads):
+        raise ValueError("--creep is of a live board: give creep:=FILE")
+    if files or loads:
+        guide = from_files(skin, files, loads)
+    else:
+        live = Live(config, board_parameters(words))
+        guide = Guide(skin.circuit, live, _ask, print)
+        try:
+            guide.measure_creep(skin.curve) if creep else guide.run()
+        finally:
+            live.close()
+    write(out, config, guide, skin)
     print(f"{out} is written. Use it: tactile-skin launch skin.launch.yaml config:={out}")
     return 0
+
+
+def check_writable(out: Path) -> None:
+    """Before the work begins, not after it: ValueError says why `out` cannot be written."""
+    if not out.parent.is_dir():
+        raise ValueError(f"--out {out}: there is no folder {out.parent}")
+    if out.is_dir():
+        raise ValueError(f"--out {out}: is a folder, must be a file")
+    try:
+        with tempfile.NamedTemporaryFile(dir=out.parent, prefix=f".{out.name}."):
+            pass
+    except OSError as error:
+        raise ValueError(f"--out {out}: {out.parent}: {error.strerror}") from error
+
+
+def recorded_words(words: list[str]) -> tuple[dict[str, str], list[tuple[str, str]]]:
+    """["rest:=a.csv", "500g:=b.csv"] -> {"rest": "a.csv"}, [("500g", "b.csv")]; none: a live board.
+
+    Raises:
+        ValueError: files beside a live board's parameters, or without the rest.
+    """
+    pairs = [word.split(":=", 1) for word in words if ":=" in word]
+    loads = [(name, path) for name, path in pairs if newtons(name) is not None]
+    files = {name: value for name, value in pairs if name in _OF_FILES}
+    if (files or loads) and len(files) + len(loads) < len(words):
+        allowed = ", ".join(_OF_FILES)
+        raise ValueError(f"{' '.join(words)}: files are {allowed}, or a weight such as 500g:=FILE")
+    if (files or loads) and "rest" not in files:
+        raise ValueError("rest:=FILE is missing: frames of the untouched skin")
+    return files, loads
+
+
+def from_files(skin: SkinConfig, files: dict[str, str], loads: list[tuple[str, str]]) -> Guide:
+    """The three steps with recorded frames in place of a board and a person.
+
+    Args:
+        files: rest, and touches if there are; rate: frames a second, of files without times.
+        loads: weight and file of each object that lies on the skin.
+    """
+    try:
+        rate = float(files.get("rate", _RATE))
+    except ValueError:
+        raise ValueError(f"rate:={files['rate']}: must be a number") from None
+    source, left, asked = Recorded(skin.adc, rate), list(loads), []
+
+    def ask(text: str) -> str:
+        if guide.rest is None:
+            if asked:  # a file does not take its hands off
+                raise ValueError(f"{files['rest']}: {text.strip().splitlines()[0]}")
+            asked.append(text)
+            return ""
+        if not left:
+            return ""
+        weight, path = left.pop(0)
+        print(f"  {weight}: {path}")
+        source.open(path)
+        return weight
+
+    guide = Guide(skin.circuit, source, ask, print)
+    source.open(files["rest"])
+    guide.measure_rest()
+    if "touches" in files:
+        source.open(files["touches"])
+        guide.identify()
+    if loads and "reference" in files:
+        raise ValueError("reference:= takes the place of weights: give one of both")
+    if loads:
+        guide.fit_curve()
+    if "reference" in files:
+        frames, times = source.stream(files.get("touches", ""))
+        at, force = read_reference(files["reference"])
+        if at[-1] < times[0] - MAX_LAG or at[0] > times[-1] + MAX_LAG:  # clocks of their own
+            at, times = at - at[0], times - times[0]
+        guide.fitted, late = fit_reference(frames, times, force, at, guide.circuit, guide.rest)
+        print(f"  {files['reference']} is {late:+.2f} s late; {guide.fitted.message}")
+    if "creep" in files:
+        frames, times = source.stream(files["creep"])
+        rest = supposing(guide.rest, guide.circuit)
+        curve = guide.fitted.curve if guide.fitted else skin.curve
+        guide.creep = measure_creep(frames, times, guide.circuit, rest, curve)
+        print(f"  a standing load gains {guide.creep.share:.1%} in a decade of time")
+    return guide
+
+
+def read_reference(path: str) -> tuple[np.ndarray, np.ndarray]:
+    """(m,) times [s] and (m,) forces [N] of a scale or sensor: a CSV of two columns.
+
+    Raises:
+        FileError: a line but the first that is not two numbers, times that do not rise.
+        OSError: the file cannot be read.
+    """
+    lines = read_bytes(path, _LARGEST_REFERENCE).decode("utf-8", "replace").splitlines()
+    values = []
+    for number, line in enumerate(lines, 1):
+        words = line.replace(";", ",").split(",")
+        try:
+            t, force = (float(word) for word in words)
+        except ValueError:
+            if number == 1 or not line.strip():
+                continue
+            raise FileError(f"{path}: line {number}, {shorten(line)}: must be time,force") from None
+        if not np.isfinite([t, force]).all() or (values and t <= values[-1][0]):
+            raise FileError(f"{path}: line {number}, {shorten(line)}: times must rise [s]")
+        values.append((t, force))
+    if len(values) < 2:
+        raise FileError(f"{path}: no lines of time [s],force [N]")
+    times, force = np.array(values).T
+    return times, force
 
 
 def board_parameters(words: list[str]) -> dict:
@@ -68,7 +195,7 @@ def _ask(text: str) -> str:
         return ""
 
 
-def write(path: Path, source: Path | None, guide: Guide) -> None:
+def write(path: Path, source: Path | None, guide: Guide, skin: SkinConfig) -> None:
     """The configuration with what was learnt, as a parameter file; the old one is kept as .bak.
 
     A crash at any point leaves the old file or the new one.
@@ -86,17 +213,33 @@ def write(path: Path, source: Path | None, guide: Guide) -> None:
         f"made by tactile-skin calibrate {__version__}, {datetime.datetime.now():%Y-%m-%d %H:%M}"
     ]
     notes.append(f"noise of a reading: {guide.rest.noise:.2f} ADC steps")
+    notes += [f"row {row}, column {col} is noisy" for row, col in guide.rest.noisy]
     if guide.found:
         notes.append(guide.found.message)
+    creep = guide.creep or skin.creep
+    share, seconds = round(creep.share, 4), round(creep.time, 2)
+    if guide.fitted or guide.creep:
+        by_file = skin.curve, skin.creep
+        curve, known = (guide.fitted.curve, None) if guide.fitted else by_file
+        shared["curve"] = _points(as_it_comes(curve, Creep(share, seconds), known))
+        if share:
+            shared["curve"] |= {"creep": share, "creep_time": seconds}
     if guide.fitted:
-        described = guide.fitted.curve.describe()
-        shared["curve"] = {
-            "force": [round(float(v), 5) for v in described["force"]],
-            "resistance": [round(float(v), 2) for v in described["resistance"]],
-        }
         notes.append(guide.fitted.message)
+    if guide.creep:
+        notes.append(
+            f"a standing load gains {share:.1%} +- {guide.creep.std:.1%} in a decade of time"
+        )
     comment = "".join(f"# {line}\n" for note in notes for line in note.splitlines())
     replace_file(path, comment + yaml.safe_dump(data, sort_keys=False))
+
+
+def _points(curve: PressureCurve) -> dict:
+    described = curve.describe()
+    return {
+        "force": [round(float(v), 5) for v in described["force"]],
+        "resistance": [round(float(v), 2) for v in described["resistance"]],
+    }
 
 
 def replace_file(path: Path, text: str) -> None:
@@ -119,6 +262,40 @@ def replace_file(path: Path, text: str) -> None:
 
 
 # --- a live board, or files -----------------------------------------------------------------------
+
+
+class Recorded:
+    """Frames of a file, as if its board were there: each call takes those that come next."""
+
+    def __init__(self, adc: Adc, rate: float):
+        self._adc, self._default = adc, rate
+
+    def open(self, path: str) -> None:
+        """
+        Raises:
+            FileError, OSError: as read_frames.
+        """
+        found = read_frames(path, self._adc.circuit)
+        for note in found.notes:
+            print(f"  {path}: {note}")
+        self._frames, self._at, times = found.ratio(self._adc), 0, found.times
+        self._rate, self._times = self._default, times
+        if times is not None and len(times) > 1:
+            self._rate = 1.0 / float(np.median(np.diff(times)))
+
+    def stream(self, path: str) -> tuple[np.ndarray, np.ndarray]:
+        """(n, rows, cols) ADC ratio of a whole file, and (n,) times [s]."""
+        if not path:
+            raise ValueError("reference:= needs touches:=FILE, the frames of the same time")
+        self.open(path)
+        times = np.arange(len(self._frames)) / self._rate if self._times is None else self._times
+        return self._frames, times
+
+    def __call__(self, seconds: float) -> np.ndarray:
+        """At the end of the file its last frames, again and again."""
+        n = min(max(2, round(seconds * self._rate)), len(self._frames))
+        self._at = min(self._at + n, len(self._frames))
+        return self._frames[self._at - n : self._at]
 
 
 class Live:

@@ -11,6 +11,7 @@ from ..errors import FileError, ParameterError
 from ..files import shorten
 from ..physics.adc import Adc
 from ..physics.circuit import Circuit
+from ..physics.creep import MAX_SHARE, Creep
 from ..physics.curve import PressureCurve
 from ..touch.geometry import CELL_AREA, PITCH, SHAPES, Geometry, make_geometry
 from ..yaml_files import read_yaml
@@ -37,9 +38,11 @@ class SkinConfig(_Skin):
 
     Attributes:
         adc: from the board's counts to the ratio that the solvers take: `adc.ratio(counts)`.
+        creep: what a standing load gains.
     """
 
     adc: Adc
+    creep: Creep
 
 
 def read_skin(path=None, node: str = "compensation") -> SkinConfig:
@@ -56,17 +59,27 @@ def read_skin(path=None, node: str = "compensation") -> SkinConfig:
         OSError: the file, or the table of cells that it names, cannot be read.
     """
     overrides = [] if path is None else ParameterFile(path).overrides(f"/{node.strip('/')}")
+    return skin_of({p.name: p.value for p in overrides}, str(path))
+
+
+def skin_of(values: dict, where: str) -> SkinConfig:
+    """Circuit, curve and geometry of a node's parameters, name -> value.
+
+    Raises:
+        ValueError: as `read_skin`; the message begins with `where`.
+    """
+    overrides = [Parameter(name, value) for name, value in values.items()]
     reader = Node("compensation", context=Context(), parameter_overrides=overrides)
     try:
         circuit, curve = circuit_of(reader), curve_of(reader)
         skin = SkinConfig(circuit, curve, geometry_of(reader, circuit))
-        skin.adc = adc_of(reader, circuit)
+        skin.adc, skin.creep = adc_of(reader, circuit), creep_of(reader)
     except ValueError as error:
-        raise type(error)(f"{path}: {error}") from error
+        raise type(error)(f"{where}: {error}") from error
     unknown = [name for name in reader.undeclared() if name.split(".")[0] in SHARED]
     if unknown:
         raise ParameterError(
-            f"{path}: parameter {unknown[0]!r} is unknown; "
+            f"{where}: parameter {unknown[0]!r} is unknown; "
             f"there are: {', '.join(reader.parameter_names())}"
         )
     return skin
@@ -135,6 +148,19 @@ def curve_of(node: Node) -> PressureCurve:
     force = node.declare_parameter("curve.force", default["force"], describe("[N] per cell"))
     resistance = node.declare_parameter("curve.resistance", default["resistance"])
     return PressureCurve(force.value, resistance.value)
+
+
+def creep_of(node: Node) -> Creep:
+    """What a standing load gains, from the node's parameters ``curve.creep`` and ``creep_time``."""
+    share = node.declare_parameter(
+        "curve.creep",
+        0.0,
+        describe("share that a standing load gains in a decade of time; 0: none", 0.0, MAX_SHARE),
+    )
+    time = node.declare_parameter(
+        "curve.creep_time", 1.0, describe("after which it begins [s]", 0.1, 10.0)
+    )
+    return Creep(share.value, time.value)
 
 
 def geometry_of(node: Node, circuit: Circuit) -> Geometry:

@@ -9,13 +9,14 @@ import numpy as np
 
 from ..board.converter import Ceiling, RestPicture, Windows
 from ..calibration.cells import Cells
+from ..calibration.creep import Standing
 from ..calibration.doubt import Doubt
 from ..calibration.noise import Noise
 from ..calibration.tare import Tare
 from ..calibration.tracker import CircuitTracker
 from ..learning import network
 from ..middleware.bus import Time
-from ..middleware.config import adc_of, circuit_of, curve_of, describe, geometry_of
+from ..middleware.config import adc_of, circuit_of, creep_of, curve_of, describe, geometry_of
 from ..msg import DiagnosticArray, Image, Trigger, image, image_array
 from ..physics.circuit import forward
 from ..physics.curve import GRAM
@@ -52,6 +53,8 @@ class Compensation:
     answers, and forgets the last frame, from which the next one starts. Behind by 10 ms, `auto`
     takes the fixed point, which says nothing of the circuit; by half of what the stop bears, old
     frames are skipped to come to the new ones, and diagnostics count them.
+    What a standing load gains by creep is taken out of what is published, if the curve says how
+    much, and of nothing else.
     """
 
     def __init__(self, node):
@@ -59,6 +62,8 @@ class Compensation:
         self.circuit, curve = circuit_of(node), curve_of(node)
         self._adc = adc_of(node, self.circuit)
         self._tare, self._tracker = Tare(self.circuit, curve), CircuitTracker(self.circuit)
+        creep = creep_of(node)
+        self._standing = Standing(creep, curve) if creep.share else None
         self.cell_area = geometry_of(node, self.circuit).cell_area
 
         def value(name, default, *bounds):
@@ -121,7 +126,7 @@ class Compensation:
         self._at_rest = not self._follows  # whether the whole skin was at rest in any frame
         self._loaded = ""  # since the start, where
         self._level, self._message, self._residual = diagnostics.OK, "ok", 0.0
-        self._status, self._present = "ok", ""  # of the last frame, and its message
+        self.status, self._present = "ok", ""  # of the last frame, and its message
         self._taken: Counter[str] = Counter()
         self._taken_at, self.skipped = -np.inf, 0  # s, when the last frame was taken; frames
         self._aside: Counter[tuple[int, int]] = Counter()  # since the last report
@@ -156,8 +161,8 @@ class Compensation:
             )
             estimate = self._compensate(adc, late)
         except ValueError as error:
-            self._status, self._present = "failed", str(error)
-            self._update_level(self._status, self._present)
+            self.status, self._present = "failed", str(error)
+            self._update_level(self.status, self._present)
             return
         # A touch that comes or goes leaves a few suspect frames, as the board's low-pass mixes
         # scans: they are close to the truth. More in a row may be a bad local fit: start anew,
@@ -174,7 +179,10 @@ class Compensation:
                 self._last = None
             if self._waits and self._tare.measured:  # earlier doubts no longer count
                 self._waits, self._doubt = False, Doubt()
-            pressure = estimate.force / self.cell_area
+            force = estimate.force
+            if self._standing:
+                force = self._standing.update(t, force)
+            pressure = force / self.cell_area
             self._pressure.publish(image(pressure, "32FC1", msg.header))
         touched = estimate.force.max() >= _IDLE
         suspect = estimate.status == "suspect"
@@ -194,7 +202,7 @@ class Compensation:
         self._odd = self._noisy_cells() or self._cells.frame(t, estimate.force)
         if estimate.aside is not None:
             self._aside.update(map(tuple, np.argwhere(estimate.aside)))
-        self._status, self._present = estimate.status, estimate.message
+        self.status, self._present = estimate.status, estimate.message
         half = 2 * np.count_nonzero(estimate.force >= _IDLE) > self._cell_count
         self._full_since = min(self._full_since, t) if half else np.inf
         if not self._at_rest:
@@ -236,7 +244,7 @@ class Compensation:
         self._last = None
         self._doubt.reset()
         self._fault, self._saturated = self._doubt.present, self._ceiling.forget()
-        self._update_level(self._status, self._join_reasons(self._present))
+        self._update_level(self.status, self._join_reasons(self._present))
         self.report()  # the stop must know before it is reset
         response.success, response.message = True, "past faults are cleared"
         return response

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from yardsticks.curve_fit import known, objects, totals
+from yardsticks.curve_fit import known, objects, stream, totals
 from yardsticks.identify import Unknown
 
-from tactile_skin import PressureCurve, fit_curve, forward, measure_rest
+from tactile_skin import PressureCurve, fit_curve, fit_reference, forward, measure_rest
 from tactile_skin.calibration import curve_fit
 
 SHAPE = 12, 12
@@ -193,3 +193,40 @@ def test_heavier_labels_give_a_heavier_curve(factor):
     data = rng.uniform(0.1, 1.0, (6, 8))
     one, other = (curve_fit._most_probable(data / f).slope for f in (1.0, factor))
     np.testing.assert_allclose(other, factor * one, rtol=1e-6)
+
+
+@pytest.fixture(scope="module")
+def streamed():
+    """A minute of presses, and a scale that is 0.3 s late."""
+    board, rng = Unknown((8, 8), seed=6), np.random.default_rng(6)
+    circuit = known(board)
+    return board, stream(board, 25, 0.3, rng), circuit, measure_rest(board.at_rest(), circuit)
+
+
+def test_a_scale_in_place_of_weights(streamed):
+    """Its zero and its lag are found; new objects weigh what they weigh."""
+    board, given, circuit, rest = streamed
+    fitted, late = fit_reference(*given, circuit, rest)
+    assert late == pytest.approx(0.3, abs=0.01)
+    assert len(fitted.off) >= 20 and fitted.odd == ()
+    laid, truth = objects(20, (8, 8), np.random.default_rng(7))
+    off = totals(board.frames(laid), circuit, fitted.curve, rest) / truth - 1.0
+    assert np.median(np.abs(off)) < 0.03
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (lambda f, t, r, at: (f, t, np.roll(r, 400), at), "does not follow"),
+        (lambda f, t, r, at: (f, t, r, at + 100.0), "does not follow"),
+        (lambda f, t, r, at: (f, t, np.full(r.size, 3.0), at), "does not follow"),
+        (lambda f, t, r, at: (f, t[::-1], r, at), "times have shape"),
+        (lambda f, t, r, at: (f, t, r[:-1], at), "reference_times have shape"),
+        (lambda f, t, r, at: (f[:60], t[:60], r, at), "less than 3 s"),
+        (lambda f, t, r, at: (f[:140], t[:140], r, at), "touches stand"),
+    ],
+)
+def test_a_reference_that_is_none_is_told(streamed, change, why):
+    _, given, circuit, rest = streamed
+    with pytest.raises(ValueError, match=why):
+        fit_reference(*change(*given), circuit, rest)

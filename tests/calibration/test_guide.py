@@ -1,11 +1,17 @@
 """`calibrate` from end to end: an unknown board, and a person who does as he is told."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import yaml
+from yardsticks.creep import Creeping
+from yardsticks.curve_fit import objects
 from yardsticks.identify import Unknown, bodies
+from yardsticks.rest import noisy_cells
 
 from tactile_skin import compensate
+from tactile_skin.calibration.creep import LAID
 from tactile_skin.calibration.guide import Guide, newtons, picture
 from tactile_skin.commands import calibrate
 from tactile_skin.middleware.config import read_skin
@@ -22,19 +28,19 @@ class Person:
         heard: all that was said.
     """
 
-    def __init__(self, board: Unknown, weights):
-        self.board, self.heard = board, []
+    def __init__(self, board: Unknown, weights, spoil=lambda frames: frames, shape=SHAPE):
+        self.board, self.heard, self._spoil = board, [], spoil
         rng = np.random.default_rng(5)
-        self._touches = list(bodies(40, SHAPE, rng))
-        things = bodies(len(weights), SHAPE, rng)
+        self._touches = list(bodies(40, shape, rng))
+        things = bodies(len(weights), shape, rng)
         self._things = [f * (w / f.sum()) for f, w in zip(things, weights, strict=True)]
         self._weights = list(weights)
-        self._force, self._pressing, self._looks = np.zeros(SHAPE), False, 0
+        self._force, self._pressing, self._looks = np.zeros(shape), False, 0
 
     def ask(self, text: str) -> str:
         self.heard.append(text)
         if "hands off" in text:
-            self._force = np.zeros(SHAPE)
+            self._force = np.zeros_like(self._force)
             return ""
         if not self._things:
             return ""
@@ -51,7 +57,7 @@ class Person:
             self._looks += 1
             if self._looks % 2:
                 self._force = self._touches.pop(0)
-        return self.board.frames([self._force] * max(2, round(10 * seconds)))
+        return self._spoil(self.board.frames([self._force] * max(2, round(10 * seconds))))
 
 
 @pytest.fixture(scope="module")
@@ -84,13 +90,64 @@ def test_each_step_says_what_it_found(done):
         assert words in heard
 
 
+@pytest.mark.parametrize("kind", ["scatters", "jumps", "drops to 0"])
+@pytest.mark.parametrize("shape", [(4, 4), (8, 8), (16, 16)])
+def test_noisy_cells_are_named_and_left_out(shape, kind):
+    """As is a cell with a loose contact; the rest of the skin is calibrated all the same."""
+    board = Unknown(shape, seed=23)
+    cells, spoil = noisy_cells(board, kind, np.random.default_rng(3))
+    person = Person(board, (3.0, 8.0, 17.0, 30.0), spoil, shape)
+    guide = Guide(board.supposed, person.frames, person.ask, person.say)
+    guide.run()
+    assert set(guide.rest.noisy) == set(cells)
+    assert f"row {cells[0][0]}, column {cells[0][1]} is noisy" in "\n".join(person.heard)
+    assert guide.fitted.error < 0.25
+
+
+def test_creep_is_measured_and_written(tmp_path):
+    """By one object, on a skin whose file has a curve; that is then of a load that just came."""
+    skin = Creeping((8, 8), seed=25, share=0.06, time=1.0)
+    force = objects(1, (8, 8), np.random.default_rng(25))[0][0]
+    rest, load = skin.board.at_rest(), None
+    heard, clock = [], 0.0
+
+    def frames(seconds):
+        nonlocal clock
+        if len(heard) == 1 or clock < 1.0:
+            clock += seconds if load is not None else 0.0
+            return rest
+        clock += seconds
+        return load[int((clock - 1.0) / seconds)][None]
+
+    def ask(text):
+        nonlocal load
+        heard.append(text)
+        if "Take a thing" in text:
+            times = np.arange(0.0, 125.0, 0.25)
+            load = skin.frames(times, force, np.ones(times.size))
+        return ""
+
+    source = tmp_path / "mine.yaml"
+    source.write_text("/**: {ros__parameters: {circuit: {rows: 8, cols: 8}}}\n")
+    before, guide = read_skin(source), Guide(skin.board.supposed, frames, ask, heard.append)
+    guide.measure_creep(before.curve)
+    assert guide.creep.share == pytest.approx(0.06, abs=0.006)
+    assert any("110 s of 120 s" in text for text in heard)
+    for _ in range(2):  # the second time it is that of a load that just came already
+        calibrate.write(source, source, guide, read_skin(source))
+        after = read_skin(source)
+        assert after.creep.share == pytest.approx(guide.creep.share, abs=1e-4)
+        added = [1.0 / c.points[5][1] - 1.0 / c.points[0][1] for c in (before.curve, after.curve)]
+        assert added[0] / added[1] == pytest.approx(float(guide.creep.gain(LAID)), rel=1e-3)
+
+
 def test_a_skin_that_never_rests_ends_it():
-    """With what to do about it, and not by asking for ever: a cell may be noisy."""
+    """With what to do about it, and not by asking for ever: a line may be loose."""
     board = Unknown(SHAPE, seed=22)
     asked, frames = [], board.at_rest(30)
-    frames[::3, 4, 5] += 0.3
+    frames[::3, 4] += 0.3
     guide = Guide(board.supposed, lambda _: frames, asked.append, print)
-    with pytest.raises(ValueError, match=r"row 4, column 5.*doctor"):
+    with pytest.raises(ValueError, match=r"row 4, column.*doctor"):
         guide.run()
     assert len(asked) == 5
 
@@ -104,7 +161,7 @@ def test_the_file_is_one_that_the_launch_takes(done, tmp_path):
         "serial_driver: {ros__parameters: {baud: 115200}}\n"
     )
     before = source.read_text()
-    calibrate.write(source, source, guide)
+    calibrate.write(source, source, guide, read_skin(source))
     assert (tmp_path / "mine.yaml.bak").read_text() == before
     skin = read_skin(source)
     assert skin.circuit.r_par == pytest.approx(guide.circuit.r_par, abs=0.06)
@@ -152,6 +209,15 @@ def test_a_picture_of_text():
     force = np.zeros((2, 3))
     force[1, 2] = 4.0
     assert picture(force).splitlines()[1:-1] == ["  |      |", "  |    @@|"]
+
+
+@pytest.mark.parametrize(
+    ("path", "why"),
+    [(".", "is a folder"), ("no/such.yaml", "no folder"), ("/proc/x.yaml", "/proc")],
+)
+def test_a_file_that_cannot_be_written_is_told_before_the_work(path, why):
+    with pytest.raises(ValueError, match=f"--out.*{why}"):
+        calibrate.run(Path(path), None, {})
 
 
 @pytest.mark.parametrize("word", ["port", "speed:=3", "baud:=fast"])

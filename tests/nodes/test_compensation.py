@@ -145,3 +145,18 @@ def test_a_line_that_is_read_twice_is_a_warning_that_names_it(skin):
     skin.play(3.5)
     assert skin.status.level == DiagnosticStatus.WARN
     assert skin.status.message.startswith("rows 2 and 6 read the same, cell for cell")
+
+
+def test_creep_is_taken_out_of_what_is_published():
+    """And of nothing else: what the skin knows of itself comes from the forces that were found."""
+    totals = []
+    for given in ([], [Parameter("curve.creep", 0.05)]):
+        skin = Skin(*given)
+        skin.play(1.5)
+        touched = np.full((8, 8), 40000.0)
+        touched[3:5, 3:5] = 800.0
+        skin.steps = forward(CIRCUIT, touched) * CIRCUIT.full_scale
+        skin.play(3.0)
+        totals.append(skin.force)
+        assert (skin.compensation._standing is None) == (not given)
+    assert totals[1] / totals[0] == pytest.approx(1.0 / (1.0 + 0.05 * np.log10(4.0)), abs=0.01)

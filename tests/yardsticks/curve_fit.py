@@ -1,12 +1,14 @@
 """How well `fit_curve` finds newtons by a few known weights, on unknown boards:
 `python tests/yardsticks/curve_fit.py [--boards N] [--objects N] [--new N] [--touches N] [--seed S]
-[--size 16x16] [--scatter 0.08] [--wave SHARE] [--mislabelled]`.
+[--size 16x16] [--scatter 0.08] [--wave SHARE] [--mislabelled] [--reference]`.
 
 The boards are those of `identify.py`: 8 % scatter, 3 % at rest, 1 step of noise, 0.5 % carried to
 the neighbours, r_par, stripes and curve unknown. Objects of 0.3 to 5 kg, soft (at most 1 kg on a
 cell), each laid once; the total force of new ones of 3 to 50 N is then compared with the truth. The
 circuit is known exactly (--touches 0), or found by `identify` from so many touches. --wave bends
-the fabric's curve up and down by a share, a shape that the shipped curve has at no level.
+the fabric's curve up and down by a share, a shape that the shipped curve has at no level. With
+--reference the weights are those of a scale under the skin, up to 0.5 s early or late, while the
+objects are laid on and taken off.
 The method was chosen on seeds 0 to 99; others score it.
 """
 
@@ -18,11 +20,19 @@ from dataclasses import replace
 import numpy as np
 from yardsticks.identify import Unknown, bodies
 
-from tactile_skin import PressureCurve, compensate, fit_curve, identify, measure_rest
+from tactile_skin import (
+    PressureCurve,
+    compensate,
+    fit_curve,
+    fit_reference,
+    identify,
+    measure_rest,
+)
 from tactile_skin.physics.curve import GRAM
 
 LIGHTEST, HEAVIEST = 300.0 * GRAM, 5000.0 * GRAM  # N
 HARDEST = 1000.0 * GRAM  # N on a cell
+PAUSE, RISE, HOLD = 0.5, 0.3, 1.0  # s between presses, of coming and going, of standing
 WITHIN = 1.5  # factor between the error that is reported and the true one
 
 
@@ -51,6 +61,26 @@ def bend(board: Unknown, share: float, phase: float) -> None:
     board.curve = PressureCurve(force, resistance / np.append(1.0, wave))
 
 
+def stream(board: Unknown, presses: int, late: float, rng):
+    """frames, times, reference, reference_times: objects laid on and taken off, 30 frames a second,
+    and a scale of 20 readings a second with 0.05 N of noise, a zero of its own, and late [s]."""
+    laid, _ = objects(presses, board.supposed.shape, rng)
+    period = PAUSE + 2.0 * RISE + HOLD
+
+    def course(t):
+        number, phase = np.divmod(t, period)
+        on = np.clip(np.minimum(phase - PAUSE, period - phase) / RISE, 0.0, 1.0)
+        return np.where(number < presses, on, 0.0), np.clip(number.astype(int), 0, presses - 1)
+
+    times = np.arange(0.0, presses * period + 1.0, 1.0 / 30.0)
+    at = np.arange(0.0, presses * period + 1.0, 1.0 / 20.0)
+    on, which = course(times)
+    frames = board.frames(laid[which] * on[:, None, None])
+    on, which = course(at - late)
+    reference = 3.2 + laid[which].sum((1, 2)) * on + 0.05 * rng.standard_normal(at.size)
+    return frames, times, reference, at
+
+
 def totals(frames, circuit, curve: PressureCurve, rest) -> np.ndarray:
     """(n,) [N] as a running skin finds them."""
     curve = curve.resting_at(1.0 / rest.conductance)
@@ -70,9 +100,10 @@ def main() -> None:
     parser.add_argument(
         "--mislabelled", action="store_true", help="one weight is given twice or half as large"
     )
+    parser.add_argument("--reference", action="store_true", help="a scale that goes on")
     args = parser.parse_args()
     shape = tuple(map(int, args.size.split("x")))
-    off, by_true, by_default, said, found_odd, wrong_odd = [], [], [], [], 0, 0
+    off, by_true, by_default, said, lags, found_odd, wrong_odd = [], [], [], [], [], 0, 0
     for seed in range(args.seed, args.seed + args.boards):
         board = Unknown(shape, seed, scatter=args.scatter)
         rng = np.random.default_rng([seed, 2])
@@ -89,7 +120,12 @@ def main() -> None:
         given, bad = weights.copy(), int(rng.integers(args.objects))
         if args.mislabelled:
             given[bad] *= rng.choice([0.5, 2.0])
-        fitted = fit_curve(board.frames(laid), given, circuit, rest)
+        if args.reference:
+            late = rng.uniform(-0.5, 0.5)
+            fitted, found = fit_reference(*stream(board, args.objects, late, rng), circuit, rest)
+            lags.append(found - late)
+        else:
+            fitted = fit_curve(board.frames(laid), given, circuit, rest)
         found_odd += bad in fitted.odd
         wrong_odd += len(set(fitted.odd) - {bad}) + (bad in fitted.odd and not args.mislabelled)
         frames = board.frames(new)
@@ -119,6 +155,8 @@ def main() -> None:
     if args.mislabelled:
         print(f"mislabelled objects named: {found_odd} of {args.boards}", end="; ")
     print(f"right weights called odd: {wrong_odd} of {args.boards * args.objects}")
+    if lags:
+        print(f"the scale's lag is found to {1e3 * np.abs(lags).max():.0f} ms at worst")
 
 
 if __name__ == "__main__":

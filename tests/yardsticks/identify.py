@@ -75,26 +75,26 @@ class Unknown:
         self.r_par = self.textile.r_par * self.supposed.r_par
         self.r_line = self.textile.line
 
+    def expose(self, force, factor=1.0) -> np.ndarray:
+        """(rows, cols) ADC ratio before noise and rounding of a load (rows, cols) [N].
+
+        Args:
+            factor: (rows, cols) times what a cell conducts otherwise.
+        """
+        cells = np.random.default_rng(self._seed)  # their scatter, the same for each frame
+        return textile.expose(self.textile, self.supposed, self.curve, force, cells, factor)
+
+    def sample(self, ratio: np.ndarray) -> np.ndarray:
+        """A reading of what `expose` gives."""
+        return textile.sample(self.textile, self.supposed, ratio, self._rng)
+
     def frames(self, force) -> np.ndarray:
         """(n, rows, cols) readings of loads (n, rows, cols) [N], all of one board's cells."""
-        found = []
-        for f in force:
-            cells = np.random.default_rng(self._seed)  # their scatter, the same for each frame
-            ratio = textile.expose(self.textile, self.supposed, self.curve, f, cells)
-            found.append(textile.sample(self.textile, self.supposed, ratio, self._rng))
-        return np.array(found)
+        return np.array([self.sample(self.expose(f)) for f in force])
 
     def at_rest(self, n: int = AT_REST) -> np.ndarray:
-        ratio = textile.expose(
-            self.textile,
-            self.supposed,
-            self.curve,
-            np.zeros(self.supposed.shape),
-            np.random.default_rng(self._seed),
-        )
-        return np.array(
-            [textile.sample(self.textile, self.supposed, ratio, self._rng) for _ in range(n)]
-        )
+        ratio = self.expose(np.zeros(self.supposed.shape))
+        return np.array([self.sample(ratio) for _ in range(n)])
 
 
 def error(board: Unknown, circuit: Circuit, rest, frames, force) -> float:

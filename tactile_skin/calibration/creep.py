@@ -1,0 +1,190 @@
+"""Creep: a fabric conducts more and more under a load that stands (docs/derivation.md).
+
+What a load adds to a cell's conductance grows by a share in each decade of time, by 4 to 10 % on
+piezoresistive fabrics. The share is measured with one object that stands for two minutes, and what
+a load has gained up to now is taken out of each frame.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..physics.circuit import Circuit
+from ..physics.creep import MAX_SHARE, Creep
+from ..physics.curve import PressureCurve
+from ..solvers import compensate
+from .rest import Rest, check_frames
+
+LIMIT = 0.2  # share of what a cell conducts that is taken out at most
+LAID = 5.0  # s that an object has lain there, about, when its weight is known: see `as_it_comes`
+_DECADES = 6  # of time that are followed: days are no standing load
+_GONE = 0.8  # of what it was, below which a load has gone, or a part of it, and its gain with it
+_RELEASE = 0.2  # s in which that is forgotten; a single frame that drops out does no harm
+_GAP = 30.0  # s between two frames in which other loads may have come
+_SPAN = 30.0  # s of a standing load at least that tell its creep
+_SETTLES = 0.5  # s in which an object is laid down
+_STEPS = 20  # frames a decade of time, means of those that were read
+_LOADED = 0.1  # of the most loaded cell, from which on a cell is used
+_STOOD = 0.7  # of the usual reading, above which the object is there
+_TIMES = 10.0 ** np.arange(-1.0, 1.01, 0.1)  # s that are tried as `Creep.time`
+_USUAL, _SPREAD = 1.0, 0.5  # s, and standard deviation of its log10, before anything is measured
+_ERROR = 5e-4  # share of the conductance by which a mean frame errs at least
+
+
+def as_it_comes(curve: PressureCurve, creep: Creep, known: Creep | None = None) -> PressureCurve:
+    """The curve of a load that has just come, from one by objects that had lain for `LAID` s.
+
+    What a cell conducts at rest has not crept.
+
+    Args:
+        known: creep by which the curve is such already; None: it is not.
+    """
+    factor = float(creep.gain(LAID) / (known or Creep()).gain(LAID))
+    force, resistance = np.array(curve.points).T
+    conducts = 1.0 / resistance
+    return PressureCurve(force, 1.0 / (conducts[0] + (conducts - conducts[0]) / factor))
+
+
+def measure_creep(
+    frames, times, circuit: Circuit, rest: Rest, curve: PressureCurve | None = None
+) -> Creep:
+    """How much a standing load gains with time, by one object that stands for two minutes.
+
+    Args:
+        frames: (n, rows, cols) ADC ratio; NaN where a crossing was not read. The object comes
+            during them, or with the first; it is not moved, nor taken off.
+        times: (n,) when each was read, rising [s].
+        circuit: as `identify` found it.
+        rest: `measure_rest` of the same skin.
+        curve: of the usual cell, in which the object's cells are told from noise.
+
+    Raises:
+        ValueError: shapes that differ, times that do not rise, no object, less than 30 s of it,
+            one that was moved or taken off, or a gain that no fabric has.
+    """
+    frames, times = rest.quiet(check_frames(frames, circuit)), np.asarray(times, dtype=float)
+    if times.shape != (len(frames),) or not (np.diff(times) > 0.0).all():
+        raise ValueError(f"times have shape {times.shape}: must be {len(frames)} that rise")
+    frames, t = _standing(frames, times, circuit, rest)
+    means, t = _means(frames, t)
+    return _fit(t, _conductance(means, circuit, rest, curve or PressureCurve()))
+
+
+def _standing(frames, times, circuit: Circuit, rest: Rest) -> tuple[np.ndarray, np.ndarray]:
+    """Frames of the object, and (m,) for how long it has stood [s]."""
+    rise = np.nansum(np.maximum(frames - rest.adc, 0.0), axis=(1, 2))
+    usual = float(np.median(rise))
+    noise = max(rest.noise, 0.5) / circuit.full_scale
+    if usual < noise * np.count_nonzero(circuit.populated):
+        raise ValueError("nothing stands on the skin for most of the time")
+    first = int(np.argmax(rise > _STOOD * usual))
+    t = times[first:] - times[first]
+    if t[-1] < _SPAN:
+        raise ValueError(f"the object stands for {t[-1]:.0f} s: {_SPAN:.0f} s or more are needed")
+    gone = (rise[first:] < _STOOD * usual) & (t > _SETTLES)
+    if gone.any():
+        raise ValueError(f"the object was taken off after {t[gone.argmax()]:.0f} s")
+    return frames[first:][t > _SETTLES], t[t > _SETTLES]
+
+
+def _means(frames: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(m, rows, cols) mean frames and (m,) times, so many a decade of time."""
+    bins = np.unique(np.floor(_STEPS * np.log10(t)), return_inverse=True)[1]
+    count = np.bincount(bins)
+    known = np.isfinite(frames)
+    total = np.zeros((2, len(count), *frames.shape[1:]))
+    np.add.at(total[0], bins, np.where(known, frames, 0.0))
+    np.add.at(total[1], bins, known)
+    with np.errstate(invalid="ignore"):
+        return total[0] / total[1], np.bincount(bins, t) / count
+
+
+def _conductance(frames, circuit: Circuit, rest: Rest, curve: PressureCurve) -> np.ndarray:
+    """(m, cells) [S] that each of the object's cells conducts beyond its rest."""
+    cells = circuit.populated
+    tared = curve.resting_at(1.0 / np.where(cells, rest.conductance, 1e-6))
+    force = compensate(frames, circuit, tared, "map", missing=True).force
+    middle = np.median(force, axis=0)
+    return _added(curve, force)[:, middle > _LOADED * middle.max()]
+
+
+def _added(curve: PressureCurve, force: np.ndarray) -> np.ndarray:
+    """Conductance [S] that forces [N] on cells add to what they conduct at rest."""
+    return 1.0 / curve.resistance(force) - 1.0 / curve.points[0][1]
+
+
+def _fit(t: np.ndarray, conducts: np.ndarray) -> Creep:
+    """Share by least squares for each of `_TIMES`; of these, a mean of what is probable.
+
+    Args:
+        t: (m,) [s].
+        conducts: (m, cells) [S].
+    """
+    each, conducts, found = conducts, conducts.sum(1), []
+    for time in _TIMES:
+        decades = np.stack([np.ones(t.size), np.log10(1.0 + t / time)], 1)
+        (first, slope), *_ = np.linalg.lstsq(decades, conducts, rcond=None)
+        error = (conducts - decades @ (first, slope)) / first
+        found.append((slope / first, np.square(error).sum(), decades))
+    share, square, decades = map(np.array, zip(*found, strict=True))
+    variance = max(square.min() / max(t.size - 3, 1), _ERROR**2)
+    usual = np.square(np.log10(_TIMES / _USUAL) / _SPREAD)
+    weight = np.exp(-0.5 * (square / variance + usual - (square / variance + usual).min()))
+    weight /= weight.sum()
+    best = float(weight @ share)
+    decades = decades[weight.argmax()]
+    by_noise = variance * np.linalg.inv(decades.T @ decades)[1, 1] + weight @ np.square(
+        share - best
+    )
+    first, slope = np.linalg.lstsq(decades, each, rcond=None)[0]
+    # another object lies on other cells, of which each has a share of its own
+    by_cell = np.square(slope - best * first).sum() / first.sum() ** 2
+    std = float(np.sqrt(by_noise + by_cell * each.shape[1] / max(each.shape[1] - 1, 1)))
+    if best > MAX_SHARE:
+        raise ValueError(
+            f"what the object adds grows by {best:.0%} in a decade of time, {MAX_SHARE:.0%} is the "
+            "most that fabrics do: was it pressed, or did it slide?"
+        )
+    return Creep(max(best, 0.0), float(10.0 ** (weight @ np.log10(_TIMES))), std)
+
+
+class Standing:
+    """Takes out of each frame's forces what the loads have gained up to then.
+
+    A cell's gain is a sum of what remembers its load for a third of `Creep.time` to a day. A change
+    of the load is seen at once and in full. The force is never raised, and never reduced by more
+    than `LIMIT` of what the cell conducts. What a load that goes had gained goes with it, and the
+    next one starts anew.
+    """
+
+    def __init__(self, creep: Creep, curve: PressureCurve):
+        self._curve = curve
+        self._last = -np.inf  # s
+        slow = creep.time * 10.0 ** (np.arange(_DECADES) - 0.5)
+        self._slow = slow[:, None, None]  # (decades, 1, 1) [s]
+        self._weight = creep.share * np.exp(-creep.time / self._slow)
+        self._load: np.ndarray | None = None  # (rows, cols) [S] of the last frame
+        self._remembered: np.ndarray | None = None  # (decades, rows, cols) [S]
+
+    def update(self, t: float, force: np.ndarray) -> np.ndarray:
+        """(rows, cols) [N] of a load that had just come.
+
+        Args:
+            t: when the frame was read [s]; set back, or after a gap, it begins anew.
+            force: (rows, cols) that was found in it [N].
+        """
+        elapsed, self._last = t - self._last, t
+        if 0.0 <= elapsed < _GAP:
+            gone = self._load < _GONE * self._remembered
+            forgets = -np.expm1(-elapsed / np.where(gone, _RELEASE, self._slow))
+            self._remembered = self._remembered + forgets * (self._load - self._remembered)
+        else:
+            self._remembered = np.zeros((_DECADES, *force.shape))
+        added = _added(self._curve, force)
+        load = added
+        for _ in range(2):  # each leaves a fifth of the error of the one before, or less
+            gained = (self._weight * np.minimum(self._remembered, load)).sum(0)
+            load = np.maximum(added - gained, (1.0 - LIMIT) * added)
+        self._load = load
+        at_rest = 1.0 / self._curve.points[0][1]
+        return np.minimum(self._curve.force_at(np.log(load + at_rest)), force)

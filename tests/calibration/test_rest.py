@@ -1,0 +1,53 @@
+"""An untouched skin is taken, with noisy cells too; one that something touches is not."""
+
+import numpy as np
+import pytest
+from yardsticks import rest as yardstick
+from yardsticks.identify import Unknown
+
+from tactile_skin import measure_rest
+
+SHAPES = (4, 4), (8, 12), (16, 16)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("kind", yardstick.NOISY)
+def test_noisy_cells_are_named_and_not_used(shape, kind):
+    board, rng = Unknown(shape, 31), np.random.default_rng(31)
+    cells, frames = yardstick.noisy(board, kind, 60, rng)
+    rest = measure_rest(frames, board.supposed)
+    assert set(rest.noisy) == set(cells)
+    assert rest.noise < 1.0
+    sound = measure_rest(board.at_rest(60), board.supposed).conductance
+    np.testing.assert_allclose(rest.conductance, sound, rtol=0.2)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("kind", yardstick.TOUCHED)
+def test_what_touches_is_refused(shape, kind):
+    board, rng = Unknown(shape, 32), np.random.default_rng(32)
+    with pytest.raises(ValueError, match="does something touch"):
+        measure_rest(yardstick.touched(board, kind, 60, rng), board.supposed)
+
+
+def test_neighbours_that_move_together_are_refused():
+    """Whatever their rows and columns say: noise is each cell's own."""
+    board = Unknown((16, 16), 33)
+    frames = board.at_rest(60)
+    frames[np.random.default_rng(1).random(60) < 0.5, 4, 5:7] += 0.1
+    with pytest.raises(ValueError, match="row 4, column"):
+        measure_rest(frames, board.supposed)
+
+
+def test_a_touch_that_stands_all_the_time_is_not_told():
+    """No reading tells it from a skin whose cells rest so."""
+    board = Unknown((8, 8), 34)
+    force = np.zeros((8, 8))
+    force[3:5, 3:5] = 0.2
+    assert measure_rest(board.frames([force] * 30), board.supposed).noisy == ()
+
+
+def test_a_sound_skin_has_no_noisy_cells():
+    for seed in range(5):
+        board = Unknown((8, 8), seed)
+        assert measure_rest(board.at_rest(), board.supposed).noisy == ()
