@@ -41,7 +41,7 @@ class RosError(TactileSkinError):
 
 
 class FirmwareError(TactileSkinError):
-    """The firmware cannot be built, simulated or flashed; the message says what to install or do."""
+    """The firmware cannot be built, simulated or flashed; the message says what to do."""
 
 
 class TrainingDied(TactileSkinError, RuntimeError):

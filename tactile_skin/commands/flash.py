@@ -11,7 +11,8 @@ from ..middleware.config import read_skin
 
 ABOUT = "put the firmware on an Arduino Nano or Uno (ATmega328P) that is wired as in docs/board.md"
 EXAMPLES = """\
-Its present program is overwritten. The chip's signature is read first; another chip is left as it is.
+Its present program is overwritten. The chip's signature is read first, and another chip is left
+as it is.
 Needs apt-get install gcc-avr avr-libc avrdude.
 examples:
   tactile-skin flash port:=/dev/ttyUSB0

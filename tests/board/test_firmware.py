@@ -94,8 +94,8 @@ def test_the_header_has_the_commands_of_description_py(defines):
     assert defines["COMMAND_MAGIC"] == description.COMMAND_MAGIC
     for name in ("DESCRIBE", "RATE", "FILTER", "RAW"):
         assert chr(defines[f"COMMAND_{name}"]) == getattr(description, name)
-    assert description.RATES == (defines["MIN_RATE"], defines["MAX_RATE"])
-    assert description.FILTERS == (defines["MIN_FILTER"], defines["MAX_FILTER"])
+    assert (defines["MIN_RATE"], defines["MAX_RATE"]) == description.RATES
+    assert (defines["MIN_FILTER"], defines["MAX_FILTER"]) == description.FILTERS
 
 
 @pytest.mark.parametrize(("letter", "value"), [("r", 0), ("r", 101), ("f", 0), ("f", 9)])
@@ -134,7 +134,7 @@ def test_a_skin_that_two_multiplexers_cannot_read_is_refused(tmp_path):
 
 
 def test_what_is_not_installed_is_named():
-    with pytest.raises(FirmwareError, match="needs no-such-tool.*apt-get install tools"):
+    with pytest.raises(FirmwareError, match=r"needs no-such-tool.*apt-get install tools"):
         build.run(["no-such-tool"], "tools")
 
 

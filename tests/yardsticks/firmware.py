@@ -1,15 +1,20 @@
-"""What the firmware does on a simulated ATmega328P: `python tests/yardsticks/firmware.py [--seconds T]`.
+"""What the firmware does on a simulated ATmega328P:
+`python tests/yardsticks/firmware.py [--seconds T]`.
 
-simavr runs the binary; the voltages are those of the circuit model, settling included, without noise
-unless it is said. `steady` is what a minute of scans is like, `time_constant` what a step of load is
-like behind the low-pass, `settling` how slow the ADC's input may be. Needs gcc-avr, avr-libc,
-libsimavr-dev and libelf-dev.
+simavr runs the binary; the voltages are those of the circuit model, settling included, without
+noise unless it is said. `steady` is what a minute of scans is like, `time_constant` what a step of
+load is like behind the low-pass, `settling` how slow the ADC's input may be, `on_both` what avr8js
+sends for the same load and noise. Needs gcc-avr, avr-libc, libsimavr-dev and libelf-dev; avr8js
+needs node, and `npm ci` in tests/avr8js.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import subprocess
 import time
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -120,6 +125,29 @@ def settling(tau: float) -> float:
     return float(np.abs(frame.samples / 64 - forward(circuit, cells) * STEPS).max())
 
 
+AVR8JS = Path(__file__).parents[1] / "avr8js"
+
+
+def on_both(seconds: float, noise: float = 1.0, seed: int = 5) -> tuple[bytes, bytes]:
+    """The bytes that simavr and avr8js send of the same three scenes, a third of the time each."""
+    circuit = Circuit()
+    world = {"seconds": seconds, "tau": TAU * CLOCK, "noise": noise, "seed": seed, "ratio": []}
+    sent = b""
+    with Chip(circuit, noise=noise, seed=seed) as chip:
+        for k, scene in enumerate(("idle", "two_fingers", "push_left")):
+            cells = resistance(circuit, scene)
+            chip.feel(cells)
+            world["ratio"].append((seconds * k / 3, forward(circuit, cells).ravel().tolist()))
+            end = seconds * (k + 1) / 3
+            while (left := end - chip.measured().cycles / CLOCK) > 0.0:
+                sent += chip.run(min(0.5, left))
+        image = build.hex_file(chip.elf)
+        file = image.with_suffix(".json")
+        file.write_text(json.dumps(world))
+        command = ["node", AVR8JS / "run.mjs", image, file]
+        return sent, subprocess.run(command, stdout=subprocess.PIPE, check=True).stdout
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=60.0, help="of board time (default 60)")
@@ -144,6 +172,16 @@ def main():
     for factor in (1.0, 2.0, 4.0, 6.0):
         tau = factor * TAU
         print(f"input of {1e6 * tau:.2f} us: off by {settling(tau):.2f} steps at most")
+    if (AVR8JS / "node_modules").is_dir():
+        begun = time.perf_counter()
+        one, other = on_both(seconds)
+        n = min(len(one), len(other))
+        frames = len(BinaryParser().feed(one[:n]))
+        what = "all equal" if one[:n] == other[:n] else "NOT equal"
+        print(
+            f"simavr and avr8js: {frames} frames with noise, {n} bytes, {what}; both at "
+            f"{seconds / (time.perf_counter() - begun):.2f} times real time"
+        )
 
 
 if __name__ == "__main__":

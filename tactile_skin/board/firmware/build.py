@@ -1,4 +1,4 @@
-"""The firmware's binary, and the simulated chip's library: built where they are used, in a moment."""
+"""The firmware's binary, and the library of the simulated chip: built where they are used."""
 
 from __future__ import annotations
 
