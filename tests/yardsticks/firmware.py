@@ -138,9 +138,9 @@ def on_both(seconds: float, noise: float = 1.0, seed: int = 5) -> tuple[bytes, b
             cells = resistance(circuit, scene)
             chip.feel(cells)
             world["ratio"].append((seconds * k / 3, forward(circuit, cells).ravel().tolist()))
-            end = seconds * (k + 1) / 3
-            while (left := end - chip.measured().cycles / CLOCK) > 0.0:
-                sent += chip.run(min(0.5, left))
+            end = round(seconds * CLOCK * (k + 1) / 3)  # cycles
+            while (left := end - chip.measured().cycles) > 0:
+                sent += chip.run(min(0.5, left / CLOCK))
         image = build.hex_file(chip.elf)
         file = image.with_suffix(".json")
         file.write_text(json.dumps(world))
