@@ -19,8 +19,9 @@ examples:
   tactile-skin flash port:=/dev/ttyUSB0 config:=my_skin.yaml
 options, name:=value:
   port      serial device of the board; always to be named
-  config    parameter file with circuit.rows and circuit.cols (default: 16 x 16)"""
-_NAMES = ("port", "config")
+  config    parameter file with circuit.rows and circuit.cols (default: 16 x 16)
+  adc_mhz   clock of the ADC, 2 or 1: docs/board.md (default 2)"""
+_NAMES = ("port", "config", "adc_mhz")
 
 
 def run(args) -> int:
@@ -30,10 +31,14 @@ def run(args) -> int:
     if port == "auto":
         raise ValueError("port:=auto: name the port, since its program will be overwritten")
     check_port(port)
+    if given.get("adc_mhz", "2") not in ("1", "2"):
+        raise ValueError(f"adc_mhz:={given['adc_mhz']}: must be 2 or 1")
     circuit = read_skin(given.get("config")).circuit
     with tempfile.TemporaryDirectory(prefix="tactile_skin") as folder:
         print(f"compiling the firmware for {circuit.rows} x {circuit.cols}", flush=True)
-        elf = build.firmware(Path(folder), circuit.rows, circuit.cols)
+        elf = build.firmware(
+            Path(folder), circuit.rows, circuit.cols, int(given.get("adc_mhz", "2"))
+        )
         image, size = build.hex_file(elf), build.size(elf)
         print(f"  {size.flash} of {build.FLASH} bytes of flash, {size.ram} of {build.RAM} of RAM")
         print(f"reading the signature of the chip on {port}; nothing is written yet", flush=True)

@@ -165,6 +165,17 @@ def test_each_tick_is_in_time():
 
 
 @needs_chip
+def test_the_slower_clock_of_the_adc_is_in_time_as_well():
+    found = steady(0.5, adc_mhz=1)
+    assert found.scans == pytest.approx(241.3, abs=0.1)
+    assert found.frames == pytest.approx(80.4, abs=0.5)  # a byte in each tick of 16 us
+    assert found.error < 0.6
+    assert found.measured.settling >= 64
+    assert found.measured.hold >= 56
+    assert found.measured.late - found.measured.early < 16
+
+
+@needs_chip
 @pytest.mark.parametrize("shape", [(1, 1), (3, 5), (16, 1), (8, 12)])
 def test_skins_of_other_sizes(shape):
     circuit = Circuit(*shape)

@@ -122,8 +122,9 @@ def test_another_chip_is_never_written(board, capsys):
         ([], "port is missing"),
         (["port:=auto"], "name the port"),
         (["port:=/dev/no-such-port"], "does not exist"),
-        (["prot:=/dev/ttyUSB0"], "NAME one of port, config"),
+        (["prot:=/dev/ttyUSB0"], "NAME one of port, config, adc_mhz"),
         (["port:=a", "port:=b"], "given twice"),
+        (["port:=/dev/null", "adc_mhz:=4"], "adc_mhz:=4: must be 2 or 1"),
     ],
 )
 def test_a_mistake_is_one_line(words, match, capsys):

@@ -61,9 +61,11 @@ class Steady(NamedTuple):
     speed: float
 
 
-def steady(seconds: float, scene: str = "two_fingers", circuit: Circuit | None = None) -> Steady:
+def steady(
+    seconds: float, scene: str = "two_fingers", circuit: Circuit | None = None, adc_mhz: int = 2
+) -> Steady:
     circuit = circuit or Circuit()
-    with Chip(circuit) as chip:
+    with Chip(circuit, adc_mhz=adc_mhz) as chip:
         cells = resistance(circuit, scene)
         chip.feel(cells)
         parser = BinaryParser()

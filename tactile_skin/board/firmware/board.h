@@ -30,16 +30,25 @@
 #define COL_PINS 0xF0 /* of port D */
 #define PULL_UPS 0x0D /* of port D: RX and the two free pins must not float */
 
-/* The clock of the ADC: 16 MHz / 8 = 2 MHz, a conversion in 13 clocks, 6.5 us. The next slower one,
- * 1 MHz, would need 13 us and could not keep the paper's 100,000 readings a second. Above 1 MHz the
- * converter is no longer accurate to 10 bits (data sheet, ADC characteristics): docs/board.md. */
-#define ADC_BITS 10
+/* The clock of the ADC [MHz], 2 or 1. A conversion takes 13 clocks: 6.5 us at 2 MHz, so that a crossing
+ * can be read every 10 us, 100,000 a second, as in the paper. The data sheet ends at 1 MHz, where a
+ * reading is wrong by up to 4.5 steps (docs/board.md says what that costs): with that clock a crossing
+ * is read every 16 us, and up to 80 frames a second are sent. */
+#ifndef ADC_MHZ
+#define ADC_MHZ 2
+#endif
+#if ADC_MHZ == 2
 #define ADC_PRESCALER (_BV(ADPS1) | _BV(ADPS0))
-#define ADC_CLOCK_CYCLES 8
-
-/* A crossing is read every 10 us: 100,000 a second, as in the paper. Also the time of one byte. */
 #define TICK_CYCLES 160
-#define TICK_US (TICK_CYCLES / (F_CPU / 1000000UL))
+#elif ADC_MHZ == 1
+#define ADC_PRESCALER _BV(ADPS2)
+#define TICK_CYCLES 256
+#else
+#error "ADC_MHZ must be 2 or 1"
+#endif
+#define ADC_BITS 10
+#define ADC_CLOCK_CYCLES (16 / ADC_MHZ)
+#define TICK_US (TICK_CYCLES / 16)
 
 /* The input is held 1.5 ADC clocks after a conversion begins, which is at the next edge of the ADC's
  * clock, up to one more; from then on the multiplexers may switch. One more clock to be sure. */

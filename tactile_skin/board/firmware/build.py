@@ -12,6 +12,7 @@ from ...errors import FirmwareError
 
 HERE = Path(__file__).parent
 MAX_LINES = 16  # channels of a multiplexer
+ADC_MHZ = 2, 1  # clocks of the ADC: board.h says what each costs
 CHIP = "atmega328p"
 FLASH, RAM = 32256, 2048  # bytes: 32 KiB less those of the boot loader; SRAM
 _COMPILE = ("avr-gcc", f"-mmcu={CHIP}", "-DF_CPU=16000000UL", "-std=c11", "-O2", "-g")
@@ -25,18 +26,21 @@ class Size(NamedTuple):
     ram: int
 
 
-def firmware(folder: Path, rows: int = 16, cols: int = 16) -> Path:
+def firmware(folder: Path, rows: int = 16, cols: int = 16, adc_mhz: int = 2) -> Path:
     """Compile the firmware for a skin of this size: the path of the ELF file in `folder`.
 
     Raises:
-        FirmwareError: a size that two multiplexers cannot read, no compiler, or one that fails.
+        FirmwareError: a size that two multiplexers cannot read, another clock of the ADC, no
+            compiler, or one that fails.
     """
     for name, value in (("rows", rows), ("cols", cols)):
         if not 1 <= value <= MAX_LINES:
             raise FirmwareError(f"{name} = {value}: the firmware reads from 1 to {MAX_LINES}")
+    if adc_mhz not in ADC_MHZ:
+        raise FirmwareError(f"adc_mhz = {adc_mhz}: must be one of {ADC_MHZ}")
     elf = folder / "firmware.elf"
-    sizes = (f"-DROWS={rows}", f"-DCOLS={cols}")
-    run([*_COMPILE, *_WARNINGS, *sizes, HERE / "firmware.c", "-o", elf], "gcc-avr avr-libc")
+    constants = (f"-DROWS={rows}", f"-DCOLS={cols}", f"-DADC_MHZ={adc_mhz}")
+    run([*_COMPILE, *_WARNINGS, *constants, HERE / "firmware.c", "-o", elf], "gcc-avr avr-libc")
     return elf
 
 

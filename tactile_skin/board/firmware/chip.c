@@ -19,9 +19,9 @@ DEFINE_FIFO(uint16_t, uart_fifo);
 #define F_CPU 16000000
 #define ADC_STEPS 1024   /* of the supply: the largest reading is one less */
 #define SCALE 32         /* of what simavr calls millivolts, so that it rounds nothing */
-#define TICK_CYCLES 160
-#define SAMPLE_CYCLES 12 /* from the begin of a conversion until the input is held, at least */
-#define HOLD_CYCLES 20   /* and at most: 1.5 ADC clocks of 8 cycles, and the wait for an edge */
+#define OCR0A 0x47
+#define MCUSR 0x54
+#define ADCSRA 0x7A
 #define BUFFER (1 << 16)
 #define RESTART_CYCLES 16000 /* without a conversion: the program began anew */
 #define BEGINNING 3 /* conversions that are not measured: the first is not of a crossing */
@@ -40,6 +40,7 @@ struct chip {
     uint8_t row, col;
     double level, target;       /* at the last switch, and where it goes */
     avr_cycle_count_t switched, started;
+    avr_cycle_count_t hold; /* from the begin of a conversion until the multiplexers may switch */
     /* what is measured */
     uint64_t conversions;
     uint64_t least_settling, least_hold; /* cycles */
@@ -104,8 +105,11 @@ static void on_port(struct avr_irq_t *irq, uint32_t value, void *parameter)
     uint8_t stuck_at = is_row ? chip->stuck_at & 15 : chip->stuck_at >> 4;
     uint8_t pins = is_row ? value & avr->data[DDRB] & 15 : (value & avr->data[DDRD]) >> 4;
     *(is_row ? &chip->row : &chip->col) = (pins & ~stuck) | (stuck_at & stuck);
+    avr_cycle_count_t held = avr->cycle - chip->started;
+    if (held < chip->hold) /* too early: the ADC reads neither this crossing nor that */
+        avr_raise_irq(chip->adc + ADC_IRQ_ADC0, 0);
     if (chip->begun > BEGINNING)
-        least(&chip->least_hold, avr->cycle - chip->started);
+        least(&chip->least_hold, held);
     select_crossing(chip);
 }
 
@@ -115,7 +119,9 @@ static void on_conversion(struct avr_irq_t *irq, uint32_t value, void *parameter
     (void)irq, (void)value;
     struct chip *chip = parameter;
     avr_cycle_count_t now = chip->avr->cycle;
-    double steps = level_at(chip, now + SAMPLE_CYCLES) * ADC_STEPS + 0.5;
+    uint8_t clock = 1 << (chip->avr->data[ADCSRA] & 7); /* of the ADC, cycles */
+    chip->hold = 5 * clock / 2; /* 1.5 clocks, and the wait for an edge */
+    double steps = level_at(chip, now + 3 * clock / 2) * ADC_STEPS + 0.5;
     if (chip->noise > 0.0)
         steps += chip->noise * noise(chip);
     uint32_t reading = steps < 0.0 ? 0 : steps >= ADC_STEPS ? ADC_STEPS - 1 : (uint32_t)steps;
@@ -129,7 +135,8 @@ static void on_conversion(struct avr_irq_t *irq, uint32_t value, void *parameter
         return;
     }
     least(&chip->least_settling, now - chip->switched);
-    int64_t off = (now - chip->first + TICK_CYCLES / 2) % TICK_CYCLES - TICK_CYCLES / 2;
+    int64_t tick = chip->avr->data[OCR0A] + 1;
+    int64_t off = (int64_t)(now - chip->first + tick / 2) % tick - tick / 2;
     chip->early = off < chip->early ? off : chip->early;
     chip->late = off > chip->late ? off : chip->late;
 }
@@ -258,7 +265,7 @@ void chip_reset(struct chip *chip, uint8_t cause)
 {
     avr_t *avr = chip->avr;
     avr_reset(avr);
-    avr->data[0x54] |= cause;
+    avr->data[MCUSR] |= cause;
     chip->row = chip->col = 0;
     chip->begun = 0;
     chip->n_waiting = chip->n_taken = 0;

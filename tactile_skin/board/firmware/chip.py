@@ -58,12 +58,20 @@ class Chip:
         tau: time constant of the ADC's input after a switch [s].
         noise: RMS of a reading [ADC steps].
         seed: of the noise.
+        adc_mhz: clock of the ADC, 2 or 1 [MHz]; it is compiled in.
 
     Raises:
         FirmwareError: the firmware does not compile, or simavr is not installed.
     """
 
-    def __init__(self, circuit: Circuit, tau: float = TAU, noise: float = 0.0, seed: int = 1):
+    def __init__(
+        self,
+        circuit: Circuit,
+        tau: float = TAU,
+        noise: float = 0.0,
+        seed: int = 1,
+        adc_mhz: int = 2,
+    ):
         if circuit.adc_bits != 10:
             raise FirmwareError(f"adc_bits = {circuit.adc_bits}: the ATmega328P has 10")
         self.circuit = circuit
@@ -71,7 +79,7 @@ class Chip:
         try:
             folder = Path(self._folder.name)
             self._library = ctypes.CDLL(str(build.chip_library(folder)))
-            self.elf = build.firmware(folder, circuit.rows, circuit.cols)
+            self.elf = build.firmware(folder, circuit.rows, circuit.cols, adc_mhz)
             new = self._library.chip_new
             new.restype = ctypes.c_void_p
             new.argtypes = [ctypes.c_char_p, ctypes.c_double, ctypes.c_double, ctypes.c_uint32]
