@@ -3,8 +3,8 @@
 
 simavr runs the binary; the voltages are those of the circuit model, settling included, without
 noise unless it is said. `steady` is what a minute of scans is like, `time_constant` what a step of
-load is like behind the low-pass, `settling` how slow the ADC's input may be, `on_both` what avr8js
-sends for the same load and noise. Needs gcc-avr, avr-libc, libsimavr-dev and libelf-dev; avr8js
+load is like behind the low-pass, `settling` how slow the ADC's input may be, `converter` what an error of
+the ADC costs, `on_both` what avr8js sends for the same load and noise. Needs gcc-avr, avr-libc, libsimavr-dev and libelf-dev; avr8js
 needs node, and `npm ci` in tests/avr8js.
 """
 
@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_skin import Circuit, PressureCurve, forward
+from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.board import description
 from tactile_skin.board.firmware import build
 from tactile_skin.board.firmware.chip import CLOCK, TAU, Chip, Measured
@@ -127,6 +127,25 @@ def settling(tau: float) -> float:
     return float(np.abs(frame.samples / 64 - forward(circuit, cells) * STEPS).max())
 
 
+def converter(error: float, frames: int = 20, seed: int = 3) -> tuple[float, float]:
+    """Share of touched frames that are suspect, and the largest error of a sum of forces, if the
+    ADC's error is up to `error` steps, smooth over the scale (three sines of random phase)."""
+    circuit, rng = Circuit(), np.random.default_rng(seed)
+    suspect, off = [], []
+    for scene in ("one_finger", "two_fingers", "push_left"):
+        force = scenes.script(scene, *circuit.shape)(0.0)
+        u = forward(circuit, CURVE.resistance(force))
+        for _ in range(frames):
+            phase = rng.uniform(0.0, 2.0 * np.pi, 3)
+            sines = [np.sin(2.0 * np.pi * n * u + p) for n, p in zip((1, 3, 8), phase, strict=True)]
+            wrong = error * (sines[0] + sines[1] + 0.5 * sines[2]) / 2.5
+            reading = u + (wrong + 0.5 * rng.standard_normal(u.shape)) / STEPS
+            estimate = compensate(reading, circuit, CURVE, method="map")
+            suspect.append(estimate.status != "ok")
+            off.append(abs(estimate.force.sum() / force.sum() - 1.0))
+    return float(np.mean(suspect)), max(off)
+
+
 AVR8JS = Path(__file__).parents[1] / "avr8js"
 
 
@@ -174,6 +193,12 @@ def main():
     for factor in (1.0, 2.0, 4.0, 6.0):
         tau = factor * TAU
         print(f"input of {1e6 * tau:.2f} us: off by {settling(tau):.2f} steps at most")
+    for error in (0.0, 2.0, 4.5):
+        suspect, off = converter(error)
+        print(
+            f"ADC wrong by up to {error:g} steps: {100 * suspect:.0f} % of touched frames suspect, "
+            f"a sum of forces off by up to {100 * off:.0f} %"
+        )
     if (AVR8JS / "node_modules").is_dir():
         begun = time.perf_counter()
         one, other = on_both(seconds)
