@@ -1,5 +1,6 @@
 """The firmware's binary on a simulated chip: what it sends, takes, and survives."""
 
+import contextlib
 import re
 import shutil
 import struct
@@ -22,6 +23,7 @@ from tactile_skin.board.firmware import build
 from tactile_skin.board.firmware import chip as simulated_chip
 from tactile_skin.board.firmware.chip import BROWN_OUT, CLOCK, Chip
 from tactile_skin.board.protocol import BinaryParser
+from tactile_skin.board.serial_port import SerialReader
 from tactile_skin.errors import FirmwareError
 from tactile_skin.launch import launch
 from tactile_skin.learning import scenes
@@ -348,23 +350,63 @@ def test_a_stuck_select_line_is_what_the_doctor_says():
 # --- behind a port ---
 
 
+SMALL = Circuit(8, 8)
+FORCE = scenes.script("two_fingers", *SMALL.shape)(0.0)
+
+
+@contextlib.contextmanager
+def serving(link, chip, scene):
+    """The chip behind the link, in a thread."""
+    done, ready = threading.Event(), threading.Event()
+    arguments = (chip, CURVE, scene, link, lambda: not done.is_set(), ready.set)
+    thread = threading.Thread(target=simulated_chip.serve, args=arguments)
+    thread.start()
+    assert ready.wait(PATIENCE)
+    try:
+        yield
+    finally:
+        done.set()
+        thread.join(PATIENCE)
+
+
 @pytest.fixture
 def served(tmp_path):
     """The link to a chip that is served in a thread, until the test ends."""
-    done, ready = threading.Event(), threading.Event()
     link = tmp_path / "board"
-    scene = scenes.script("two_fingers", 8, 8)
+    with Chip(SMALL, noise=1.0) as chip, serving(link, chip, lambda t: FORCE):
+        yield link
 
-    def serve():
-        with Chip(Circuit(8, 8), noise=1.0) as chip:
-            simulated_chip.serve(chip, CURVE, scene, link, lambda: not done.is_set(), ready.set)
 
-    thread = threading.Thread(target=serve)
-    thread.start()
-    assert ready.wait(PATIENCE)
-    yield link
-    done.set()
-    thread.join(PATIENCE)
+@needs_chip
+def test_the_driver_survives_brown_outs(tmp_path):
+    """Five of them, in the middle of frames: it goes on by itself, and no frame is wrong."""
+    steps = forward(SMALL, CURVE.resistance(FORCE)) * STEPS
+    frames, resets = [], []
+    with Chip(SMALL) as chip:
+
+        def scene(t):
+            if len(resets) < 5 and t > 0.2 * (len(resets) + 1):
+                resets.append(t)
+                chip.run(0.0123)  # whose bytes are lost, half a frame among them
+                chip.reset(BROWN_OUT)
+            return FORCE
+
+        with serving(tmp_path / "board", chip, scene):
+            reader = SerialReader(
+                str(tmp_path / "board"), 1_000_000, BinaryParser, frames.append, lambda text: None
+            )
+            reader.start()
+            waited = threading.Event()
+            for _ in range(int(PATIENCE / 0.05)):
+                if len(resets) == 5 and frames and frames[-1].sequence > 20:
+                    break
+                waited.wait(0.05)
+            reader.close()
+    assert len(resets) == 5
+    assert frames[-1].sequence > 20
+    assert max(np.abs(f.samples / 64 - steps).max() for f in frames) < 0.6
+    assert reader.parser.counters.restarts == 5
+    assert reader.reconnects == 0
 
 
 @needs_chip

@@ -3,9 +3,9 @@
 
 simavr runs the binary; the voltages are those of the circuit model, settling included, without
 noise unless it is said. `steady` is what a minute of scans is like, `time_constant` what a step of
-load is like behind the low-pass, `settling` how slow the ADC's input may be, `converter` what an error of
-the ADC costs, `on_both` what avr8js sends for the same load and noise. Needs gcc-avr, avr-libc, libsimavr-dev and libelf-dev; avr8js
-needs node, and `npm ci` in tests/avr8js.
+load is like behind the low-pass, `settling` how slow the ADC's input may be, `converter` what an
+error of the ADC costs, `on_both` what avr8js sends for the same load and noise. Needs gcc-avr,
+avr-libc, libsimavr-dev and libelf-dev; avr8js needs node, and `npm ci` in tests/avr8js.
 """
 
 from __future__ import annotations

@@ -70,8 +70,8 @@ def chip_library(folder: Path) -> Path:
     return library
 
 
-def run(command: list, packages: str) -> str:
-    """What a tool prints.
+def run(command: list, packages: str, seconds: float = 60.0) -> str:
+    """What a tool prints, within some seconds.
 
     Raises:
         FirmwareError: it is not there, or fails; with what to install, or its first complaint.
@@ -79,9 +79,12 @@ def run(command: list, packages: str) -> str:
     tool = str(command[0])
     if shutil.which(tool) is None:
         raise FirmwareError(f"needs {tool}: on Debian and Ubuntu, apt-get install {packages}")
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=seconds)
+    except subprocess.TimeoutExpired:
+        raise FirmwareError(f"{tool}: not done after {seconds:g} s") from None
     if done.returncode:
         lines = done.stderr.split("\n")
         first = next((line for line in lines if "error" in line), lines[0]).strip()
-        raise FirmwareError(f"{tool}: {first} (on Debian it needs {packages})")
+        raise FirmwareError(f"{tool}: {first} (Debian packages: {packages})")
     return done.stdout + done.stderr

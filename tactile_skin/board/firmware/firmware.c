@@ -101,6 +101,13 @@ static inline void wait_for_tick(void)
     TIFR0 = _BV(OCF0A);
 }
 
+/* The result of the tick before; its conversion has ended by far, unless that tick was late. */
+static inline uint16_t converted(void)
+{
+    loop_until_bit_is_clear(ADCSRA, ADSC);
+    return ADC;
+}
+
 /* One instruction; C would multiply 16 bits, and be late for the next tick. */
 static inline uint16_t product(uint8_t a, uint8_t b)
 {
@@ -143,8 +150,7 @@ static void scan(void)
     for (uint8_t row = 0; row < ROWS; row++) {
         for (uint8_t col = 1; col <= COLS; col++) { /* the next one */
             wait_for_tick();
-            loop_until_bit_is_clear(ADCSRA, ADSC); /* it is, by far */
-            uint16_t reading = ADC; /* of the tick before */
+            uint16_t reading = converted();
             ADCSRA = _BV(ADEN) | _BV(ADSC) | ADC_PRESCALER;
             if (y) {
                 take(y++, reading, weight);
@@ -164,7 +170,7 @@ static void scan(void)
         }
     }
     wait_for_tick();
-    take(y, ADC, weight);
+    take(y, converted(), weight);
     serve_line();
 }
 

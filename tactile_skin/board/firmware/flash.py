@@ -15,7 +15,8 @@ from . import build
 SIGNATURES = {0x1E950F: "ATmega328P", 0x1E9516: "ATmega328PB"}  # the latter runs its binary
 BAUDS = (115_200, 57_600)  # of the boot loaders: Optiboot's, and that of older Nanos
 _SIGNATURE = re.compile(r"signature = (?:0x)?([0-9a-f]{2}) ?([0-9a-f]{2}) ?([0-9a-f]{2})", re.I)
-_ANSWERS_WITHIN = 4.0  # s, the boot loader's own wait among them
+_ANSWERS_WITHIN = 10.0  # s; a boot loader listens for a second or two after a reset
+_WRITTEN_WITHIN = 60.0  # s; it takes some seconds
 
 
 def find_chip(port: str) -> tuple[int, int]:
@@ -24,18 +25,18 @@ def find_chip(port: str) -> tuple[int, int]:
     Raises:
         FirmwareError: no boot loader answers.
     """
-    trouble = ""
     for baud in BAUDS:
         try:
             text = _avrdude(port, baud)
         except FirmwareError as error:
-            trouble = trouble or str(error)
+            if "open" in str(error) or "needs" in str(error):  # the port, or avrdude itself
+                raise
             continue
         if found := _SIGNATURE.search(text):
             return int("".join(found.groups()), 16), baud
     raise FirmwareError(
-        f"port {port}: no boot loader answers: is another program using the port, is it an Arduino "
-        f"Nano or Uno? {trouble}"
+        f"port {port}: no boot loader answers at {' or '.join(map(str, BAUDS))} baud: is another "
+        "program using the port, is it an Arduino Nano or Uno?"
     )
 
 
@@ -83,4 +84,4 @@ def _avrdude(port: str, baud: int, part: str = "m328p", *action: str) -> str:
     # -F: another signature is reported by check_signature, in one line
     what = action or ("-F", "-n")
     command = ["avrdude", "-c", "arduino", "-p", part, "-P", port, "-b", str(baud), *what]
-    return build.run(command, "avrdude")
+    return build.run(command, "avrdude", _WRITTEN_WITHIN if action else _ANSWERS_WITHIN)
