@@ -1,12 +1,12 @@
 """`tactile-skin flash`: the real avrdude, and a boot loader on a pseudo-terminal."""
 
 import os
-import shutil
 import struct
 import threading
 import tty
 
 import pytest
+from chips import needs_avrdude
 
 from tactile_skin import cli
 from tactile_skin.board import description
@@ -15,10 +15,6 @@ from tactile_skin.board.protocol import VERSION, crc16
 
 ATMEGA328P, ATMEGA2560 = 0x1E950F, 0x1E9801
 OK, END, IN_SYNC = b"\x10", b"\x20", b"\x14"  # of the STK500 protocol, version 1
-needs_tools = pytest.mark.skipif(
-    not (shutil.which("avrdude") and shutil.which("avr-gcc")),
-    reason="not installed: avrdude or gcc-avr",
-)
 
 
 class BootLoader:
@@ -91,7 +87,7 @@ def board(request):
     loader.close()
 
 
-@needs_tools
+@needs_avrdude
 def test_the_image_is_written_and_the_board_asked(board, capsys, tmp_path):
     assert cli.main(["flash", f"port:={board.port}"]) == 0
     image = build.hex_file(build.firmware(tmp_path)).read_text()
@@ -108,7 +104,7 @@ def test_the_image_is_written_and_the_board_asked(board, capsys, tmp_path):
     assert "firmware 1, 16 x 16" in lines[-1]
 
 
-@needs_tools
+@needs_avrdude
 @pytest.mark.parametrize("board", [ATMEGA2560], indirect=True)
 def test_another_chip_is_never_written(board, capsys):
     assert cli.main(["flash", f"port:={board.port}"]) == 2
