@@ -39,7 +39,14 @@ setup(
     maintainer_email="tactile_skin@example.org",
     python_requires=">=3.10",
     packages=find_packages(include=[package_name, f"{package_name}.*"]),
-    package_data={package_name: ["py.typed", "learning/weights/*"]},
+    package_data={
+        package_name: [
+            "py.typed",
+            "learning/weights/*",
+            "board/firmware/*.c",
+            "board/firmware/*.h",
+        ]
+    },
     # optional: without a compiler NumPy does the same, in twice the time
     ext_modules=[
         Extension(

@@ -52,13 +52,13 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
     )
     sub.add_argument("-s", "--show-args", action="store_true", help="print its arguments and end")
 
-    sub = command(
-        "sim",
-        "a simulated board: the real bytes on a pseudo-terminal that any serial program can open",
-        epilog="example:\n  tactile-skin sim --link /tmp/skin --scene two_fingers",
-    )
+    from .commands import sim
     from .learning import scenes
 
+    sub = command("sim", sim.ABOUT, epilog=sim.EXAMPLES)
+    sub.add_argument(
+        "--board", choices=sim.BOARDS, default="model", help="what is simulated (default model)"
+    )
     sub.add_argument(
         "--link", type=Path, required=True, help="symbolic link to make, the port to open"
     )
@@ -74,6 +74,11 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
         "--baud", type=int, default=1_000_000, help="pace of the bytes (default 1000000)"
     )
     sub.add_argument("--seed", type=int, default=0, help="of the noise (default 0)")
+
+    from .commands import flash
+
+    sub = command("flash", flash.ABOUT, epilog=flash.EXAMPLES)
+    sub.add_argument("words", nargs="*", metavar="NAME:=VALUE", help="port, and options")
 
     sub = command(
         "calibrate",

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import os
-import signal
-import stat
 import sys
-import threading
 from pathlib import Path
 
 from .arguments import make_parser
 from .files import one_line
-from .middleware.stdin import at_the_end_of_stdin, keys
+from .middleware.stdin import keys
 from .middleware.threads import one_thread
 
 
@@ -118,31 +114,15 @@ def _check_folder(out: Path) -> None:
 
 
 def _sim(args) -> int:
-    from .board import simulator
-    from .learning import scenes
-    from .middleware.config import read_skin
-    from .middleware.processes import LAUNCHED
+    from .commands import sim
 
-    for name, value, low in (("--baud", args.baud, 300), ("--seed", args.seed, 0)):
-        if value < low:
-            raise ValueError(f"{name} = {value}: must be {low} or more")
-    circuit, curve, _ = read_skin(args.config)
-    scene = scenes.script(args.scene, *circuit.shape)
-    simulated = simulator.Board(circuit, curve, scene, args.noise, args.rate, args.seed)
-    done = threading.Event()
-    numbers = [signal.SIGTERM, signal.SIGINT]
-    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:  # nohup
-        numbers.append(signal.SIGHUP)
-    for number in numbers:
-        signal.signal(number, lambda *_: done.set())
-    if LAUNCHED in os.environ and stat.S_ISFIFO(os.fstat(0).st_mode):
-        threading.Thread(target=at_the_end_of_stdin, args=(done.set,), daemon=True).start()
+    return sim.run(args)
 
-    def ready():
-        print(f"simulated board on {args.link}, scene {args.scene}", file=sys.stderr)
 
-    simulator.serve(simulated, args.link, lambda: not done.is_set(), args.baud, ready)
-    return 0
+def _flash(args) -> int:
+    from .commands import flash
+
+    return flash.run(args)
 
 
 def _train(args) -> int:
@@ -262,6 +242,7 @@ def _tqdm():
 _COMMANDS = {
     "launch": _launch,
     "sim": _sim,
+    "flash": _flash,
     "calibrate": _calibrate,
     "doctor": _doctor,
     "record": _record,

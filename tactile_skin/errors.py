@@ -6,6 +6,7 @@
     |-- ParameterError     an unknown parameter, a wrong type, a value outside its range
     |-- TopicTypeError     a topic carries another type already (a TypeError, too)
     |-- RosError           ROS, or a part of it, is not installed
+    |-- FirmwareError      the firmware cannot be built, simulated or flashed
     `-- TrainingDied       a run of training cannot recover
 
 All are ValueErrors: a value that the caller gave, or its file holds, is refused. Plain ValueErrors
@@ -37,6 +38,10 @@ class TopicTypeError(TactileSkinError, TypeError):
 
 class RosError(TactileSkinError):
     """ROS, or a part of it, is not there; the message says what to install."""
+
+
+class FirmwareError(TactileSkinError):
+    """The firmware cannot be built, simulated or flashed; the message says what to do."""
 
 
 class TrainingDied(TactileSkinError, RuntimeError):

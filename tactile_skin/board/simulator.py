@@ -6,11 +6,7 @@ now and then. `Board` is the electronics and knows no port; `serve` puts it behi
 
 from __future__ import annotations
 
-import errno
-import os
-import select
 import time
-import tty
 from collections.abc import Callable
 from pathlib import Path
 
@@ -19,10 +15,10 @@ import numpy as np
 from ..physics.circuit import Circuit, forward
 from ..physics.curve import PressureCurve
 from . import protocol
+from .terminal import Terminal, open_terminal
 
 SCANS_PER_SECOND = 390  # paper section III-B
 FRAMES_PER_SECOND = 100
-_DIGITS = "0123456789"
 _CATCHES_UP = 0.02  # s that the simulation may lag; what it lags more, it leaves out
 BAUD = 1_000_000  # exact on a 16 MHz ATmega328P; a 16x16 frame of 529 bytes takes 5.3 ms
 
@@ -113,46 +109,14 @@ def serve(
         FileNotFoundError: there is no folder for `link`.
         FileExistsError: `link` is there; only the link of a board that is gone is replaced.
     """
-    if not link.parent.is_dir():
-        raise FileNotFoundError(f"{link.parent}: no such folder for a link to a simulated board")
-    master, slave = os.openpty()
-    try:
-        tty.setraw(slave)
-        name = os.ttyname(slave)
-        os.close(slave)  # from here on the master's end tells whether somebody has the port open
-        os.set_blocking(master, False)
-        _make_link(link, name)
-        try:
-            on_ready()
-            _pump(board, master, running, baud)
-        finally:
-            if link.is_symlink() and os.readlink(link) == name:
-                link.unlink()
-    finally:
-        os.close(master)
+    with open_terminal(link) as terminal:
+        on_ready()
+        _pump(board, terminal, running, baud)
 
 
-def _make_link(link: Path, name: str) -> None:
-    """Link to the pty of this name; what is there and no dead board's stays as it is."""
-    target = os.readlink(link) if link.is_symlink() else ""
-    # The pty of a board that was killed is gone, and its link dangles. A link to an unplugged
-    # device dangles as well, but leads elsewhere.
-    if target.rstrip(_DIGITS) == name.rstrip(_DIGITS) and not os.path.exists(target):
-        link.unlink()
-    try:
-        link.symlink_to(name)
-    except FileExistsError:
-        what = f"is a link to {target}, made by somebody else" if target else "is no link"
-        raise FileExistsError(
-            f"{link} exists and {what}: remove it, or give the simulated board another link"
-        ) from None
-
-
-def _pump(board: Board, master: int, running: Callable[[], bool], baud: int) -> None:
+def _pump(board: Board, terminal: Terminal, running: Callable[[], bool], baud: int) -> None:
     tick = 1.0 / SCANS_PER_SECOND
     bytes_per_tick = baud / 10 * tick  # 8N1: ten bits a byte
-    poller = select.poll()
-    poller.register(master, select.POLLIN)
     connected = False
     pending = bytearray()
     allowance = 0.0
@@ -165,8 +129,7 @@ def _pump(board: Board, master: int, running: Callable[[], bool], baud: int) -> 
             missed = int(-ahead / tick)
             board.skip(missed)
             next_tick += missed * tick
-        events = dict(poller.poll(0)).get(master, 0)
-        was, connected = connected, not events & select.POLLHUP
+        was, connected = connected, terminal.connected()
         if not connected:
             next_tick = time.monotonic()
             continue
@@ -174,28 +137,13 @@ def _pump(board: Board, master: int, running: Callable[[], bool], baud: int) -> 
             board.restart()
             pending.clear()
             allowance, next_tick = 0.0, time.monotonic()
-        if events & select.POLLIN:
-            _read_away(master)
+        terminal.read()  # the board takes no commands; unread input would stop the pty
         frame = board.scan()
         if not pending:  # a frame that is due while the last one still goes out is skipped
             pending += frame
         allowance = min(allowance + bytes_per_tick, len(pending))
         n = int(allowance)
         if n:
-            try:
-                written = os.write(master, pending[:n])
-            except OSError as error:  # the reader lags, or left between poll and write
-                if error.errno not in (errno.EAGAIN, errno.EIO):
-                    raise
-                written = n  # like a UART: what is not taken is gone
+            written = terminal.write(pending[:n])
             del pending[:written]
             allowance -= written
-
-
-def _read_away(master: int) -> None:
-    """The board takes no commands; unread input would stop the pty."""
-    try:
-        os.read(master, 4096)
-    except OSError as error:
-        if error.errno not in (errno.EAGAIN, errno.EIO):
-            raise

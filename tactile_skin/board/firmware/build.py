@@ -1,0 +1,90 @@
+"""The firmware's binary, and the library of the simulated chip: built where they are used."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import NamedTuple
+
+from ...errors import FirmwareError
+
+HERE = Path(__file__).parent
+MAX_LINES = 16  # channels of a multiplexer
+ADC_MHZ = 2, 1  # clocks of the ADC: board.h says what each costs
+CHIP = "atmega328p"
+FLASH, RAM = 32256, 2048  # bytes: 32 KiB less those of the boot loader; SRAM
+_COMPILE = ("avr-gcc", f"-mmcu={CHIP}", "-DF_CPU=16000000UL", "-std=c11", "-O2", "-g")
+_WARNINGS = ("-Wall", "-Wextra")
+
+
+class Size(NamedTuple):
+    """What the binary takes [bytes]; the stack comes on top of `ram`."""
+
+    flash: int
+    ram: int
+
+
+def firmware(folder: Path, rows: int = 16, cols: int = 16, adc_mhz: int = 2) -> Path:
+    """Compile the firmware for a skin of this size: the path of the ELF file in `folder`.
+
+    Raises:
+        FirmwareError: a size that two multiplexers cannot read, another clock of the ADC, no
+            compiler, or one that fails.
+    """
+    for name, value in (("rows", rows), ("cols", cols)):
+        if not 1 <= value <= MAX_LINES:
+            raise FirmwareError(f"{name} = {value}: the firmware reads from 1 to {MAX_LINES}")
+    if adc_mhz not in ADC_MHZ:
+        raise FirmwareError(f"adc_mhz = {adc_mhz}: must be one of {ADC_MHZ}")
+    elf = folder / "firmware.elf"
+    constants = (f"-DROWS={rows}", f"-DCOLS={cols}", f"-DADC_MHZ={adc_mhz}")
+    run([*_COMPILE, *_WARNINGS, *constants, HERE / "firmware.c", "-o", elf], "gcc-avr avr-libc")
+    return elf
+
+
+def size(elf: Path) -> Size:
+    """Flash and RAM that the binary takes."""
+    text = run(["avr-size", elf], "binutils-avr")
+    text, data, bss = map(int, re.findall(r"\d+", text.splitlines()[1])[:3])
+    return Size(text + data, data + bss)
+
+
+def hex_file(elf: Path) -> Path:
+    """The binary as Intel HEX beside the ELF file: what a programmer takes."""
+    path = elf.with_suffix(".hex")
+    run(["avr-objcopy", "-O", "ihex", "-R", ".eeprom", elf, path], "binutils-avr")
+    return path
+
+
+def chip_library(folder: Path) -> Path:
+    """Compile what is wired to the simulated chip, chip.c, against simavr's library."""
+    library = folder / "chip.so"
+    source = [HERE / "chip.c", "-o", library]
+    libraries = ["-lsimavr", "-lelf", "-lm"]
+    run(
+        ["gcc", "-O2", *_WARNINGS, "-shared", "-fPIC", *source, *libraries],
+        "gcc libc6-dev libsimavr-dev libelf-dev",
+    )
+    return library
+
+
+def run(command: list, packages: str, seconds: float = 60.0) -> str:
+    """What a tool prints, within some seconds.
+
+    Raises:
+        FirmwareError: it is not there, or fails; with what to install, or its first complaint.
+    """
+    tool = str(command[0])
+    if shutil.which(tool) is None:
+        raise FirmwareError(f"needs {tool}: on Debian and Ubuntu, apt-get install {packages}")
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=seconds)
+    except subprocess.TimeoutExpired:
+        raise FirmwareError(f"{tool}: not done after {seconds:g} s") from None
+    if done.returncode:
+        lines = done.stderr.split("\n")
+        first = next((line for line in lines if "error" in line), lines[0]).strip()
+        raise FirmwareError(f"{tool}: {first} (Debian packages: {packages})")
+    return done.stdout + done.stderr

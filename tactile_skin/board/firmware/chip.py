@@ -1,0 +1,191 @@
+"""The firmware on a simulated ATmega328P: its binary, byte for byte, on simavr.
+
+chip.c is what is wired to the chip; the voltages that it finds are those of the circuit model, and
+settle as a resistor and a capacitor do. `serve` puts the board behind a pty, as simulator.py does.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ...errors import FirmwareError
+from ...physics.circuit import Circuit, forward
+from ...physics.curve import PressureCurve
+from ..terminal import Terminal, open_terminal
+from . import build
+
+CLOCK = 16_000_000  # Hz
+TAU = 0.27e-6  # s: R_ref, 1.78 kohm, and 150 pF of multiplexers, wires and the chip's input
+POWER_ON, RESET_PIN, BROWN_OUT, WATCHDOG = 1, 2, 4, 8  # causes of a reset, as in MCUSR
+_BUFFER = 1 << 16  # bytes that chip.c keeps
+_TICK = 0.005  # s between two looks at the scene and at the port
+
+
+class Measured(NamedTuple):
+    """What was seen of the chip's work, in cycles of its clock.
+
+    Attributes:
+        cycles: since the start.
+        conversions: of the ADC.
+        settling: least time from a switch of the multiplexers to the next conversion.
+        hold: least time from the begin of a conversion to the next switch.
+        early, late: most that a conversion began before or after its tick.
+        overruns: bytes that came faster than the program took them.
+    """
+
+    cycles: int
+    conversions: int
+    settling: int
+    hold: int
+    early: int
+    late: int
+    overruns: int
+
+
+class Chip:
+    """The chip, with the binary in its flash; use it with `with`.
+
+    Args:
+        circuit: the skin; its rows and cols are compiled in.
+        tau: time constant of the ADC's input after a switch [s].
+        noise: RMS of a reading [ADC steps].
+        seed: of the noise.
+        adc_mhz: clock of the ADC, 2 or 1 [MHz]; it is compiled in.
+
+    Raises:
+        FirmwareError: the firmware does not compile, or simavr is not installed.
+    """
+
+    def __init__(
+        self,
+        circuit: Circuit,
+        tau: float = TAU,
+        noise: float = 0.0,
+        seed: int = 1,
+        adc_mhz: int = 2,
+    ):
+        if circuit.adc_bits != 10:
+            raise FirmwareError(f"adc_bits = {circuit.adc_bits}: the ATmega328P has 10")
+        self.circuit = circuit
+        self._folder = tempfile.TemporaryDirectory(prefix="tactile_skin")
+        try:
+            folder = Path(self._folder.name)
+            self._library = ctypes.CDLL(str(build.chip_library(folder)))
+            self.elf = build.firmware(folder, circuit.rows, circuit.cols, adc_mhz)
+            new = self._library.chip_new
+            new.restype = ctypes.c_void_p
+            new.argtypes = [ctypes.c_char_p, ctypes.c_double, ctypes.c_double, ctypes.c_uint32]
+            pointer = new(str(self.elf).encode(), tau * CLOCK, noise, seed)
+            if not pointer:
+                raise FirmwareError(f"{self.elf}: simavr cannot run it")
+        except BaseException:
+            self._folder.cleanup()
+            raise
+        self._chip = ctypes.c_void_p(pointer)
+        self._bytes = ctypes.create_string_buffer(_BUFFER)
+
+    def __enter__(self) -> Chip:
+        return self
+
+    def __exit__(self, *_) -> None:
+        self._library.chip_free(self._chip)
+        self._folder.cleanup()
+
+    def feel(self, resistance: np.ndarray) -> None:
+        """What the cells conduct from now on: (rows, cols) [ohm]."""
+        ratio = np.zeros((build.MAX_LINES, build.MAX_LINES))
+        ratio[: self.circuit.rows, : self.circuit.cols] = forward(self.circuit, resistance)
+        self._library.chip_feel(self._chip, ratio.ctypes.data_as(ctypes.c_void_p))
+
+    def run(self, seconds: float) -> bytes:
+        """Let the chip work; the bytes that it sent, at most 65,536.
+
+        Raises:
+            FirmwareError: the program ended: it ran into an instruction that there is not.
+        """
+        runs = self._library.chip_run(self._chip, ctypes.c_uint64(round(seconds * CLOCK)))
+        n = self._library.chip_sent(self._chip, self._bytes)
+        if not runs:
+            raise FirmwareError("the program of the simulated chip crashed")
+        return self._bytes.raw[:n]
+
+    def send(self, data: bytes) -> None:
+        """Bytes to the chip: they arrive one by one while it runs."""
+        self._library.chip_receive(self._chip, data, len(data))
+
+    def reset(self, cause: int = RESET_PIN) -> None:
+        """Begin anew, in the middle of whatever it does."""
+        self._library.chip_reset(self._chip, cause)
+
+    def hang(self) -> None:
+        """The program runs astray, into a loop that never ends."""
+        if not self._library.chip_hang(self._chip):
+            raise FirmwareError("there is no endless loop in the binary")
+
+    def stick(self, pins: int, levels: int = 0) -> None:
+        """Select pins that no longer move: bits 0 to 3 the rows' S0 to S3, 4 to 7 the columns'."""
+        self._library.chip_stick(self._chip, pins, levels)
+
+    def slow_line(self, cycles: int) -> None:
+        """The serial line takes so many cycles for a byte, instead of 160."""
+        self._library.chip_set_byte_cycles(self._chip, cycles)
+
+    def measured(self) -> Measured:
+        values = (ctypes.c_int64 * len(Measured._fields))()
+        self._library.chip_measured(self._chip, values)
+        return Measured(*values)
+
+
+def serve(
+    chip: Chip,
+    curve: PressureCurve,
+    scene: Callable[[float], np.ndarray],
+    link: Path,
+    running: Callable[[], bool],
+    on_ready: Callable[[], None] = lambda: None,
+) -> None:
+    """Put the chip behind a pty whose name is the symbolic link `link`, in real time.
+
+    As `simulator.serve`, but bytes that are sent to the port reach the chip. If the simulation is
+    slower than real time, frames arrive late, and the driver says so.
+
+    Args:
+        scene: time since start [s] -> (rows, cols) force per cell [N].
+    """
+    with open_terminal(link) as terminal:
+        on_ready()
+        _pump(chip, curve, scene, terminal, running)
+
+
+def _pump(
+    chip: Chip,
+    curve: PressureCurve,
+    scene: Callable[[float], np.ndarray],
+    terminal: Terminal,
+    running: Callable[[], bool],
+) -> None:
+    connected, ticks, start = False, 0, 0.0
+    while running():
+        was, connected = connected, terminal.connected()
+        if not connected:
+            time.sleep(_TICK)
+            continue
+        now = time.monotonic()
+        if not was:
+            chip.reset()
+            ticks, start = 0, now
+        chip.send(terminal.read())
+        chip.feel(curve.resistance(scene(ticks * _TICK)))
+        sent = chip.run(_TICK)
+        if sent:
+            terminal.write(sent)
+        ticks += 1
+        # late, it works on without a pause: the clock of a real board does not stand still
+        time.sleep(max(0.0, start + ticks * _TICK - time.monotonic()))

@@ -1,0 +1,90 @@
+"""The port of a board that is simulated: a pseudo-terminal that any serial program can open."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import select
+import tty
+from collections.abc import Iterator
+from pathlib import Path
+
+_DIGITS = "0123456789"
+
+
+class Terminal:
+    """The board's end of a pty; `open_terminal` makes it."""
+
+    def __init__(self, master: int):
+        self._master = master
+        self._poller = select.poll()
+        self._poller.register(master, select.POLLIN)
+        self._events = 0
+
+    def connected(self) -> bool:
+        """Whether somebody has the port open now."""
+        self._events = dict(self._poller.poll(0)).get(self._master, 0)
+        return not self._events & select.POLLHUP
+
+    def read(self) -> bytes:
+        """What was sent to the board until `connected` was called last; empty if nothing."""
+        if not self._events & select.POLLIN:
+            return b""
+        try:
+            return os.read(self._master, 4096)
+        except OSError as error:
+            if error.errno not in (errno.EAGAIN, errno.EIO):
+                raise
+            return b""
+
+    def write(self, data: bytes) -> int:
+        """Send; how many bytes are gone: like a UART, all that nobody takes are."""
+        try:
+            return os.write(self._master, data)
+        except OSError as error:  # the reader lags, or left between poll and write
+            if error.errno not in (errno.EAGAIN, errno.EIO):
+                raise
+            return len(data)
+
+
+@contextlib.contextmanager
+def open_terminal(link: Path) -> Iterator[Terminal]:
+    """A pty whose name is the symbolic link `link`, while the context lasts.
+
+    Raises:
+        FileNotFoundError: there is no folder for `link`.
+        FileExistsError: `link` is there; only the link of a board that is gone is replaced.
+    """
+    if not link.parent.is_dir():
+        raise FileNotFoundError(f"{link.parent}: no such folder for a link to a simulated board")
+    master, slave = os.openpty()
+    try:
+        tty.setraw(slave)
+        name = os.ttyname(slave)
+        os.close(slave)  # from here on the master's end tells whether somebody has the port open
+        os.set_blocking(master, False)
+        _make_link(link, name)
+        try:
+            yield Terminal(master)
+        finally:
+            if link.is_symlink() and os.readlink(link) == name:
+                link.unlink()
+    finally:
+        os.close(master)
+
+
+def _make_link(link: Path, name: str) -> None:
+    """Link to the pty of this name; what is there and no dead board's stays as it is."""
+    target = os.readlink(link) if link.is_symlink() else ""
+    # The pty of a board that was killed is gone, and its link dangles. A link to an unplugged
+    # device dangles as well, but leads elsewhere.
+    if target.rstrip(_DIGITS) == name.rstrip(_DIGITS) and not os.path.exists(target):
+        link.unlink()
+    try:
+        link.symlink_to(name)
+    except FileExistsError:
+        what = f"is a link to {target}, made by somebody else" if target else "is no link"
+        raise FileExistsError(
+            f"{link} exists and {what}: remove it, or give the simulated board another link"
+        ) from None

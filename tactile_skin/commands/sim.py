@@ -1,0 +1,67 @@
+"""`tactile-skin sim`: a simulated board on a pseudo-terminal."""
+
+from __future__ import annotations
+
+import os
+import signal
+import stat
+import sys
+import threading
+from collections.abc import Callable
+
+from ..learning import scenes
+from ..middleware.config import SkinConfig, read_skin
+from ..middleware.processes import LAUNCHED
+from ..middleware.stdin import at_the_end_of_stdin
+
+ABOUT = "a simulated board: the real bytes on a pseudo-terminal that any serial program can open"
+EXAMPLES = """\
+boards:
+  model     the electronics in Python
+  firmware  the binary of the ATmega328P, on a simulated chip that takes its commands as well;
+            apt-get install gcc gcc-avr avr-libc libc6-dev libsimavr-dev libelf-dev
+examples:
+  tactile-skin sim --link /tmp/skin --scene two_fingers
+  tactile-skin sim --link /tmp/skin --board firmware"""
+BOARDS = ("model", "firmware")
+
+
+def run(args) -> int:
+    """Serve the board until a signal asks for the end."""
+    for name, value, low in (("--baud", args.baud, 300), ("--seed", args.seed, 0)):
+        if value < low:
+            raise ValueError(f"{name} = {value}: must be {low} or more")
+    done = threading.Event()
+    numbers = [signal.SIGTERM, signal.SIGINT]
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:  # nohup
+        numbers.append(signal.SIGHUP)
+    for number in numbers:
+        signal.signal(number, lambda *_: done.set())
+    if LAUNCHED in os.environ and stat.S_ISFIFO(os.fstat(0).st_mode):
+        threading.Thread(target=at_the_end_of_stdin, args=(done.set,), daemon=True).start()
+
+    def ready():
+        what = "firmware on a simulated chip" if args.board == "firmware" else "simulated board"
+        print(f"{what} on {args.link}, scene {args.scene}", file=sys.stderr)
+
+    serve = _serve_firmware if args.board == "firmware" else _serve_model
+    serve(args, read_skin(args.config), lambda: not done.is_set(), ready)
+    return 0
+
+
+def _serve_model(args, skin: SkinConfig, running: Callable[[], bool], ready) -> None:
+    from ..board import simulator
+
+    scene = scenes.script(args.scene, *skin.circuit.shape)
+    board = simulator.Board(skin.circuit, skin.curve, scene, args.noise, args.rate, args.seed)
+    simulator.serve(board, args.link, running, args.baud, ready)
+
+
+def _serve_firmware(args, skin: SkinConfig, running: Callable[[], bool], ready) -> None:
+    from ..board.firmware import chip
+
+    if args.rate != 100.0 or args.baud != 1_000_000:
+        raise ValueError("--rate and --baud are of the board `model`; the firmware has its own")
+    scene = scenes.script(args.scene, *skin.circuit.shape)
+    with chip.Chip(skin.circuit, noise=args.noise, seed=args.seed + 1) as simulated:
+        chip.serve(simulated, skin.curve, scene, args.link, running, ready)

@@ -1,0 +1,367 @@
+"""The firmware's binary on a simulated chip: what it sends, takes, and survives."""
+
+import contextlib
+import re
+import subprocess
+import threading
+
+import numpy as np
+import pytest
+import serial
+from chips import needs_chip
+from firmware import CURVE, STEPS, frames_of, resistance, steady, time_constant
+from simulated import PATIENCE
+
+from tactile_skin import Circuit, PressureCurve, diagnose, forward
+from tactile_skin.bench.damage import streams
+from tactile_skin.bench.damage.board import KNOTS
+from tactile_skin.board import description
+from tactile_skin.board.description import command, find_description
+from tactile_skin.board.firmware import build
+from tactile_skin.board.firmware import chip as simulated_chip
+from tactile_skin.board.firmware.chip import BROWN_OUT, CLOCK, Chip
+from tactile_skin.board.protocol import BinaryParser
+from tactile_skin.board.serial_port import SerialReader
+from tactile_skin.errors import FirmwareError
+from tactile_skin.launch import launch
+from tactile_skin.learning import scenes
+
+# --- the binary ---
+
+
+@needs_chip
+def test_it_compiles_without_a_warning(tmp_path):
+    source = build.HERE / "firmware.c"
+    run = [*build._COMPILE, *build._WARNINGS, "-Werror", source, "-o", tmp_path / "firmware.elf"]
+    assert build.run(run, "") == ""
+
+
+@needs_chip
+def test_it_fits_without_a_heap(tmp_path):
+    """It leaves nearly half of the RAM to the stack."""
+    elf = build.firmware(tmp_path)
+    size = build.size(elf)
+    assert size.flash < build.FLASH // 10
+    assert size.ram < 0.6 * build.RAM
+    names = subprocess.run(["avr-nm", elf], capture_output=True, text=True, check=True).stdout
+    assert "main" in names
+    assert "malloc" not in names
+
+
+def test_a_skin_that_two_multiplexers_cannot_read_is_refused(tmp_path):
+    with pytest.raises(FirmwareError, match="rows = 17: the firmware reads from 1 to 16"):
+        build.firmware(tmp_path, rows=17)
+
+
+def test_what_is_not_installed_is_named():
+    with pytest.raises(FirmwareError, match=r"needs no-such-tool.*apt-get install tools"):
+        build.run(["no-such-tool"], "tools")
+
+
+# --- scans and frames ---
+
+
+@needs_chip
+def test_two_seconds_of_scans_are_those_of_the_model():
+    """The paper's rates, no damaged or missing frame, readings to half a step and its rounding."""
+    found = steady(2.0)
+    assert found.scans >= 385.0
+    assert found.cells >= 98_000.0
+    assert 99.0 < found.frames < 101.0
+    assert found.counters.corrupt == found.counters.lost == 0
+    assert found.counters.skipped_bytes == description.SIZE
+    assert found.error < 0.6
+
+
+@needs_chip
+def test_each_tick_is_in_time():
+    """No work is longer than a tick; the input is held and has settled as board.h says."""
+    numbers = (build.HERE / "board.h").read_text()
+    settle = int(re.search(r"#define SETTLE_CYCLES (\d+)", numbers)[1])
+    measured = steady(0.5).measured
+    assert measured.settling >= settle
+    assert measured.hold >= 28  # HOLD_CYCLES
+    assert measured.late - measured.early < 16
+
+
+@needs_chip
+def test_the_slower_clock_of_the_adc_is_in_time_as_well():
+    found = steady(0.5, adc_mhz=1)
+    assert found.scans == pytest.approx(241.3, abs=0.1)
+    assert found.frames == pytest.approx(80.4, abs=0.5)  # a byte in each tick of 16 us
+    assert found.error < 0.6
+    assert found.measured.settling >= 64
+    assert found.measured.hold >= 56
+    assert found.measured.late - found.measured.early < 16
+
+
+@needs_chip
+@pytest.mark.parametrize("shape", [(1, 1), (3, 5), (16, 1), (8, 12)])
+def test_skins_of_other_sizes(shape):
+    circuit = Circuit(*shape)
+    found = steady(0.3, "one_finger", circuit)
+    assert found.counters.corrupt == found.counters.lost == 0
+    assert found.error < 0.6
+    assert found.frames == pytest.approx(100.0, abs=3.0)
+
+
+@needs_chip
+@pytest.mark.parametrize("eighths", [1, 3, 6])
+def test_a_step_arrives_with_the_stated_time_constant(eighths):
+    measured, stated = time_constant(eighths, steps=10)
+    assert measured == pytest.approx(stated, rel=0.1)
+
+
+# --- commands ---
+
+
+@pytest.fixture
+def chip():
+    """A chip that has begun to send, and feels two fingers."""
+    with Chip(Circuit(), noise=1.0) as running:
+        running.feel(resistance(running.circuit, "two_fingers"))
+        running.run(0.1)
+        yield running
+
+
+@needs_chip
+def test_it_says_what_it_is_when_it_starts_and_when_it_is_asked():
+    with Chip(Circuit(8, 12)) as chip:
+        first = find_description(chip.run(0.02))
+        chip.send(command(description.DESCRIBE))
+        again = find_description(chip.run(0.02))
+    assert (first.rows, first.cols, first.adc_bits, first.fraction_bits) == (8, 12, 10, 6)
+    assert first.reset_cause == 1
+    assert again == first
+    assert str(first).startswith("firmware 1, 8 x 12 at 10 + 6 bits, 1010 scans and 100 frames")
+
+
+@needs_chip
+def test_a_rate_is_taken(chip):
+    chip.send(command(description.RATE, 20))
+    assert find_description(chip.run(0.1)).rate == 20
+    assert 19 <= len(frames_of(chip, BinaryParser(), 1.0)) <= 21
+
+
+@needs_chip
+def test_a_raw_scan_has_no_fraction(chip):
+    """One frame of ADC steps as they were read; those around it are low-passed."""
+    chip.send(command(description.RAW))
+    frames = frames_of(chip, BinaryParser(), 0.1)
+    raw = [bool((f.samples % 64 == 0).all()) for f in frames]
+    assert raw.count(True) == 1
+    assert not raw[0] or not raw[-1]
+
+
+@needs_chip
+def test_without_the_low_pass_readings_have_their_noise(chip):
+    chip.send(command(description.FILTER, 8))
+    frames_of(chip, BinaryParser(), 0.1)
+    samples = np.array([f.samples / 64 for f in frames_of(chip, BinaryParser(), 1.0)])
+    assert samples.std(0).mean() == pytest.approx(np.hypot(1.0, 12**-0.5), rel=0.1)
+    assert (samples % 1.0 == 0.0).all()
+
+
+@needs_chip
+def test_a_damaged_command_changes_nothing(chip):
+    rate = command(description.RATE, 20)
+    for k in range(len(rate)):
+        chip.send(rate[:k] + bytes([rate[k] ^ 1]) + rate[k + 1 :])
+        chip.run(0.02)
+    chip.send(b"\0" * 10 + command(description.DESCRIBE))
+    assert find_description(chip.run(0.1)).rate == 100
+
+
+# --- what it survives ---
+
+
+@needs_chip
+@pytest.mark.parametrize("seed", range(3))
+def test_10000_random_bytes_do_not_hang_it(chip, seed):
+    noise = np.random.default_rng(seed).integers(0, 256, 10_000, dtype=np.uint8)
+    parser = BinaryParser()
+    chip.send(noise.tobytes())
+    frames_of(chip, parser, 0.2)
+    chip.send(b"\0" * 10 + command(description.RATE, 100))
+    assert find_description(chip.run(0.1)).reset_cause == 1  # no watchdog was needed
+    assert len(frames_of(chip, parser, 0.5)) in (49, 50, 51)
+    assert parser.counters.restarts == 0
+
+
+@needs_chip
+def test_a_program_that_hangs_is_restarted_by_the_watchdog(chip):
+    chip.hang()
+    data = chip.run(0.2)
+    assert find_description(data).reset_cause == simulated_chip.WATCHDOG
+    assert len(BinaryParser().feed(data)) > 10
+
+
+@needs_chip
+def test_a_brown_out_in_the_middle_of_a_frame_gives_no_wrong_frame():
+    """40 resets at any moment; each frame that the driver's parser passes on is the model's."""
+    rng = np.random.default_rng(0)
+    circuit = Circuit()
+    cells = resistance(circuit, "two_fingers")
+    steps = forward(circuit, cells) * STEPS
+    parser = BinaryParser()
+    with Chip(circuit) as chip:
+        chip.feel(cells)
+        for _ in range(40):
+            data = chip.run(rng.uniform(0.03, 0.06))
+            for frame in parser.feed(data):
+                assert np.abs(frame.samples / 64 - steps).max() < 0.6
+            chip.reset(BROWN_OUT)
+        assert find_description(chip.run(0.02)).reset_cause == BROWN_OUT
+    assert parser.counters.frames > 80
+    assert parser.counters.skipped_bytes > 40 * description.SIZE  # halves of frames
+
+
+@needs_chip
+@pytest.mark.parametrize("cycles", [160, 320, 700])
+def test_a_line_that_is_held_up_gives_no_mixed_frame(cycles):
+    """The load rises all the time: a frame of one scan spans 2.6 ms of it, one of two more."""
+    circuit = Circuit()
+    parser = BinaryParser()
+    spans = []
+    with Chip(circuit) as chip:
+        chip.run(0.1)
+        chip.send(command(description.FILTER, 8))
+        chip.slow_line(cycles)
+        for k in range(500):  # a step of 3 counts in each ms
+            chip.feel(np.full(circuit.shape, rho_of(circuit, 0.1 + 1.5 * k / STEPS / 2)))
+            for frame in parser.feed(chip.run(0.0005)):
+                spans.append(int(np.ptp(frame.samples.astype(int)) / 64))
+    assert max(spans, default=0) <= 10
+    assert (len(spans) > 20) == (cycles == 160)
+
+
+def rho_of(circuit: Circuit, ratio: float) -> float:
+    """Resistance of equal cells that read this ratio [ohm]."""
+    low, high = 1.0, 1e6
+    for _ in range(40):
+        middle = np.sqrt(low * high)
+        if forward(circuit, np.full(circuit.shape, middle))[0, 0] > ratio:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@needs_chip
+def test_a_stuck_select_line_is_what_the_doctor_says():
+    """14 s of everyday touches on a fabric that scatters by 6 %, with S2 of the rows at ground."""
+    shape, rng = (8, 8), np.random.default_rng(4)
+    circuit, curve = Circuit(*shape), PressureCurve()
+    gain = np.exp(0.06 * rng.standard_normal(shape))
+    scene = streams.everyday(np.ones(shape, bool), 14.0, rng, curve.max_force, hard=False)
+    parser, frames = BinaryParser(), []
+    with Chip(circuit, noise=1.0) as chip:
+        chip.stick(0b0100)
+        for force in scene.force:
+            chip.feel(curve.resistance(force) * gain)
+            frames += parser.feed(chip.run(1.0 / KNOTS))
+    ratio = np.array([f.samples for f in frames]) / 64 / circuit.full_scale
+    (finding,) = diagnose(ratio, circuit)
+    assert finding.where == "address bit 2 of the rows"
+
+
+# --- behind a port ---
+
+
+SMALL = Circuit(8, 8)
+FORCE = scenes.script("two_fingers", *SMALL.shape)(0.0)
+
+
+@contextlib.contextmanager
+def serving(link, chip, scene):
+    """The chip behind the link, in a thread."""
+    done, ready = threading.Event(), threading.Event()
+    arguments = (chip, CURVE, scene, link, lambda: not done.is_set(), ready.set)
+    thread = threading.Thread(target=simulated_chip.serve, args=arguments)
+    thread.start()
+    assert ready.wait(PATIENCE)
+    try:
+        yield
+    finally:
+        done.set()
+        thread.join(PATIENCE)
+
+
+@pytest.fixture
+def served(tmp_path):
+    """The link to a chip that is served in a thread, until the test ends."""
+    link = tmp_path / "board"
+    with Chip(SMALL, noise=1.0) as chip, serving(link, chip, lambda t: FORCE):
+        yield link
+
+
+@needs_chip
+def test_the_driver_survives_brown_outs(tmp_path):
+    """Five of them, in the middle of frames: it goes on by itself, and no frame is wrong."""
+    steps = forward(SMALL, CURVE.resistance(FORCE)) * STEPS
+    frames, resets = [], []
+    with Chip(SMALL) as chip:
+
+        def scene(t):
+            if len(resets) < 5 and t > 0.2 * (len(resets) + 1):
+                resets.append(t)
+                chip.run(0.0123)  # whose bytes are lost, half a frame among them
+                chip.reset(BROWN_OUT)
+            return FORCE
+
+        with serving(tmp_path / "board", chip, scene):
+            reader = SerialReader(
+                str(tmp_path / "board"), 1_000_000, BinaryParser, frames.append, lambda text: None
+            )
+            reader.start()
+            waited = threading.Event()
+            for _ in range(int(PATIENCE / 0.05)):
+                if len(resets) == 5 and frames and frames[-1].sequence > 20:
+                    break
+                waited.wait(0.05)
+            reader.close()
+    assert len(resets) == 5
+    assert frames[-1].sequence > 20
+    assert max(np.abs(f.samples / 64 - steps).max() for f in frames) < 0.6
+    assert reader.parser.counters.restarts == 5
+    assert reader.reconnects == 0
+
+
+@needs_chip
+def test_a_serial_program_reads_frames_and_sends_commands(served):
+    with serial.serial_for_url(str(served), 1_000_000, timeout=PATIENCE) as port:
+        parser, found = BinaryParser(), None
+        received = b""
+        while parser.counters.frames < 5:
+            received += port.read(145)
+            parser.feed(received[-145:])
+        assert find_description(received).rows == 8
+        port.write(command(description.RATE, 50))
+        while found is None or found.rate != 50:
+            received = (received + port.read(145))[-2000:]
+            found = find_description(received)
+    assert parser.counters.corrupt == 0
+
+
+@needs_chip
+def test_a_push_on_the_simulated_chip_stops_the_robot(tmp_path):
+    """The whole demo with board:=firmware; a simulation that is too slow stops it as stale."""
+    pushed, heard = threading.Event(), []
+
+    def hook(stop: bool, reason: str):
+        heard.append(reason)
+        if stop and reason.startswith("push"):
+            pushed.set()
+
+    arguments = {"board": "firmware", "port": str(tmp_path / "skin"), "monitor": "false"}
+    with launch("demo.launch.yaml", **arguments) as skin:
+        skin.on_stop(hook)
+        waited = 0.0
+        while not pushed.is_set() and waited < PATIENCE:
+            skin.spin(0.5)
+            waited += 0.5
+    assert pushed.is_set(), heard
+
+
+def test_the_clock_of_the_chip_is_that_of_the_board():
+    assert f"F_CPU={CLOCK}UL" in " ".join(map(str, build._COMPILE))
