@@ -120,12 +120,13 @@ class Tare:
         if t - self._until < _QUIET_AFTER:
             return followed
         (one, n), (other, m), _ = self._parts
-        mean, frames, still = (one + other) / (n + m), n + m, self._still()
+        mean, noise, still = (one + other) / (n + m), self._noise(), self._still()
         self._begin(t)
         if not still:
             self.message = self.message if self.measured else ""
             return followed
-        return self._learn(mean, SCAN_NOISE / frames**0.5) or followed
+        usual = float(np.median(noise[self._circuit.populated])) * self._circuit.full_scale
+        return self._learn(mean, usual / (n + m) ** 0.5) or followed
 
     def _add(self, t: float, adc: np.ndarray) -> None:
         """Take a frame into the measurement, or into what follows it."""
@@ -139,11 +140,15 @@ class Tare:
         if t - self._since >= _WINDOW and self._parts[1][1] >= _MIN_FRAMES // 2:
             self._until = min(self._until, t)
 
+    def _noise(self) -> np.ndarray:
+        """(rows, cols) of one reading, by what changes from frame to frame; ADC ratio."""
+        changes = sum(n for _, n in self._parts) - 1
+        noise = np.sqrt(self._changes / (2.0 * changes))
+        return np.maximum(noise, SCAN_NOISE / self._circuit.full_scale)
+
     def _still(self) -> bool:
         """Whether the parts of the measurement read alike: else it holds a touch, or its end."""
-        counts = [n for _, n in self._parts]
-        noise = np.sqrt(self._changes / (2.0 * (sum(counts) - 1)))
-        noise = np.maximum(noise, SCAN_NOISE / self._circuit.full_scale)
+        noise = self._noise()
         few = max(1.0, _RESTLESS * np.count_nonzero(self._circuit.populated))
         for (one, n), (other, m) in itertools.pairwise(p for p in self._parts if p[1]):
             limit = _STILL[0] * noise * (1.0 / n + 1.0 / m) ** 0.5 + _STILL[1] * one / n

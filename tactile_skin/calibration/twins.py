@@ -41,6 +41,8 @@ def twins(steps: np.ndarray, noise: float, cells: np.ndarray) -> tuple[str, int,
             continue
         apart = (np.square(values[one] - values[other]) * both).sum(1) / n
         usual = np.median(apart)
+        if usual * _ALIKE < 2.0 * noise**2:
+            continue  # noise is all that they differ by: a simulated fabric
         # the smoother the fabric, the fewer of its cells are independent of those beside them
         across = np.square(np.diff(values, axis=1))[beside].mean()
         free = 0.5 * n * min(1.0, across / max(usual, 1e-300))

@@ -57,3 +57,13 @@ def test_cells_that_are_missing_do_not_count():
     steps[5, :3] = 0.0
     assert twins(read(rng, steps), NOISE, cells) == ("row", 2, 5)
     assert twins(steps[:1], NOISE, cells[:1]) is None
+
+
+@pytest.mark.parametrize("noise", [0.3, 1.0, 3.0])
+def test_lines_of_a_fabric_without_scatter_are_not_told_apart(noise):
+    """Such a fabric is a simulated one. One chance in 10,000 a second is a warning in an hour."""
+    rng = np.random.default_rng(12)
+    steps, cells = np.full((16, 16), 262.0), np.ones((16, 16), bool)
+    for _ in range(3000):
+        read = steps + noise / 10.0 * rng.standard_normal((16, 16))
+        assert twins(read, noise / 10.0, cells) is None
