@@ -9,6 +9,7 @@ import numpy as np
 
 from ..board.converter import Ceiling, RestPicture, Windows
 from ..calibration.cells import Cells
+from ..calibration.doctor.running import RunningDoctor
 from ..calibration.doubt import Doubt
 from ..calibration.noise import Noise
 from ..calibration.tare import Tare
@@ -110,6 +111,7 @@ class Compensation:
         self._ceiling, self._saturated = Ceiling(self.circuit.adc_bits, short_circuit, top), ""
         self._picture, self._dead = RestPicture(), ""
         self._cells, self._odd = Cells(self.circuit.shape), ""
+        self._doctor = RunningDoctor()
         self._full_since = np.inf  # s, since when half of the cells or more have been loaded
         self._said = -np.inf  # s, when the message was new
         self._waits, self._waiting = self._follows, False  # until rest was measured; a stop for it
@@ -191,6 +193,7 @@ class Compensation:
         elif t - self._full_since > _FULL:
             self._odd = self._odd or _NO_REST
         self._learn_circuit(t, adc, touched)
+        self._doctor.frame(t, adc, self._level == diagnostics.ERROR)
         self._update_level(estimate.status, self._join_reasons(estimate.message or kept))
 
     def _learn_circuit(self, t: float, adc: np.ndarray, touched: bool) -> None:
@@ -232,6 +235,7 @@ class Compensation:
 
     def _join_reasons(self, present: str) -> str:
         reasons = (
+            self._doctor.message,
             self._loaded,
             self._dead,
             self._saturated,
@@ -253,7 +257,7 @@ class Compensation:
         before = self._waiting
         self._waiting = self._waits and level == diagnostics.ERROR and status != "failed"
         if self._waiting:
-            why = self._loaded or self._tare.message or self._odd
+            why = self._doctor.message or self._loaded or self._tare.message or self._odd
             message = f"measuring rest: hands off{f' ({why})' if why else ''}"
         held = before == self._waiting and self._holds(level, message)
         if not held and (message or level == diagnostics.OK):
@@ -282,6 +286,8 @@ class Compensation:
 
     def on_second(self) -> None:
         self._contact = self._bad_contact()
+        if not self._arguments["threshold"]:  # else the rest is not known
+            self._doctor.look(self.circuit)
         self.report()
         self._aside.clear()
 
@@ -302,6 +308,7 @@ class Compensation:
         if self._noise.rms is not None:
             values["noise"] = f"{self._noise.rms:.2f}"
         values |= self._tracker.values()
+        values |= {f"finding_{k}": f for k, f in enumerate(self._doctor.findings, 1)}
         if self._aside:
             (row, col), n = self._aside.most_common(1)[0]
             where = f"row {row}, column {col}: {n} times"
