@@ -10,11 +10,14 @@ import numpy as np
 from ..learning import scenes
 from ..physics.circuit import Circuit
 from ..physics.curve import GRAM, PressureCurve
-from .textile import Textile, expose
+from .textile import Textile, bodies, expose
 
 # What every real skin has a little of: the ADC's noise, the paper's coupling of 0.5 %, 1 ohm of a
 # silver-coated stripe, cells that are not quite alike. At rest they are: that can be measured.
 EVERYDAY = Textile(noise=1.0, lateral=0.005, line=1.0, scatter=0.05)
+
+# The boards of TROUBLES: their cells differ at rest, too.
+UNEVEN = replace(EVERYDAY, rest=0.03)
 
 FAULTS = {
     "open": Textile(open=1),
@@ -52,8 +55,8 @@ class Trouble:
     name: str
     unit: str
     strengths: tuple[float, ...]
-    textile: Callable[[float], Textile] = lambda strength: EVERYDAY
-    scene: Callable = lambda n, strength, circuit, rng: touches(n, circuit, rng)
+    textile: Callable[[float], Textile] = lambda strength: UNEVEN
+    scene: Callable = lambda n, strength, circuit, rng: bodies(n, circuit.shape, rng)
     bits: Callable[[float], int] = lambda strength: 10
     sound: float | None = 0.0
 
@@ -80,9 +83,9 @@ def pressed(n: int, share: float, load: float, circuit: Circuit, rng) -> np.ndar
 
 
 def _with(field: str, scale: float = 1.0, offset: float = 0.0):
-    """strength -> EVERYDAY with one field at offset + scale * strength."""
-    kind = type(getattr(EVERYDAY, field))
-    return lambda strength: replace(EVERYDAY, **{field: kind(offset + scale * strength)})
+    """strength -> UNEVEN with one field at offset + scale * strength."""
+    kind = type(getattr(UNEVEN, field))
+    return lambda strength: replace(UNEVEN, **{field: kind(offset + scale * strength)})
 
 
 _OFF = (-20.0, -10.0, -5.0, 0.0, 5.0, 10.0, 20.0)  # %
@@ -92,7 +95,7 @@ TROUBLES = (
     Trouble("R_par off", "%", _OFF, _with("r_par", 0.01, 1.0)),
     Trouble("R_ref off", "%", _OFF, _with("r_ref", 0.01, 1.0)),
     Trouble("curve off", "% of R", (0, 10, 20, 35, 50), _with("curve", 0.01)),
-    Trouble("scatter at rest", "% of R", (0, 1, 2, 5, 20), _with("rest", 0.01)),
+    Trouble("scatter at rest", "% of R", (0, 3, 5, 10, 20), _with("rest", 0.01), sound=3),
     Trouble("line resistance", "ohm a stripe", (0, 1, 3, 10, 30), _with("line"), sound=1),
     Trouble("lateral coupling", "%", (0, 0.5, 1, 2, 5), _with("lateral", 0.01), sound=0.5),
     Trouble("moving contact", "cells a scan", (0, 1, 2, 4, 6), _with("moving")),

@@ -23,6 +23,7 @@ import numpy as np
 from tactile_skin import Circuit, PressureCurve, diagnose
 from tactile_skin.bench.damage import streams, wires
 from tactile_skin.bench.damage.board import READOUTS, FaultBoard
+from tactile_skin.calibration.doctor.findings import Finding
 from tactile_skin.middleware.bus import (
     Context,
     ManualClock,
@@ -209,7 +210,10 @@ def heard(case: Case) -> Heard:
         if k * step > (0.0 if len(case.before) else STARTED):
             if stopped is None and skin._level == diagnostics.ERROR:
                 stopped = k * step
-            for finding in skin._doctor.findings:
+            found = list(skin._doctor.findings)
+            if skin._tracker.message:  # numbers change
+                found.append(Finding("circuit", "r_par, r_line", "by the tracker", ""))
+            for finding in found:
                 findings.setdefault(finding, k * step)
     node.destroy_node()
     return Heard(stopped, findings)
