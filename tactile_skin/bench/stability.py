@@ -12,6 +12,9 @@ the rest of its board is refused: the robot stops. What fails and is not reporte
 
 from __future__ import annotations
 
+import concurrent.futures
+import multiprocessing
+import os
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -21,13 +24,14 @@ from ..calibration.doctor import diagnose
 from ..calibration.identify import identify
 from ..calibration.rest import Rest, measure_rest, supposing
 from ..calibration.tare import Tare
+from ..middleware.threads import one_thread
 from ..physics.circuit import Circuit
 from ..physics.curve import GRAM, PressureCurve
 from ..solvers import METHODS, compensate
 from ..solvers.reading import ROUNDING_NOISE
 from .faults import TROUBLES, Trouble
 from .measure import GHOST
-from .textile import Board, Textile, bodies
+from .textile import Board, bodies
 
 FAILS = 30.0  # g a cell
 FAILS_SHARE = 0.2  # of the cells' load
@@ -37,7 +41,7 @@ _RATE = 100.0  # frames a second
 _AT_REST, _LEARNT = 125, 30  # frames without a touch, and of touches, that a running skin has seen
 _HELD, _PAUSE = 6, 18  # frames of each touch, and between two, that the doctor sees
 _COMPARED = 5  # frames of each board that all methods are compared by
-# Why failures stay silent: of each trouble that has any.
+# Why failures stay silent.
 REASONS = {
     "noise": "noise hides light cells",
     "ADC width": "steps are coarser than light cells",
@@ -67,6 +71,7 @@ NAMES = {
     "stuck cells": ("stuck",),
     "saturated ADC": ("saturation",),
 }
+LEARNT = "noise", "R_par off", "line resistance"  # compared with the circuit known exactly
 
 
 def measure(n: int, boards: int, seed: int, track=lambda items: items) -> dict:
@@ -77,21 +82,23 @@ def measure(n: int, boards: int, seed: int, track=lambda items: items) -> dict:
     Returns:
         the figure "stability" as plain data.
     """
-    cases = [
-        (t, k, b)
+    # Strengths that are no trouble are the same skin, whatever the trouble is.
+    cases = {
+        (t, k): _sound_case(trouble, k) or (t, k)
         for t, trouble in enumerate(TROUBLES)
         for k in range(len(trouble.strengths))
-        for b in range(boards)
-    ]
-    seen: dict = {}
-    methods: dict = {method: [] for method in METHODS}
-    for t, k, b in track(cases):
-        trouble, strength = TROUBLES[t], TROUBLES[t].strengths[k]
-        found, compared = _on_board(trouble, strength, max(n // boards, 1), [seed, b])
-        seen.setdefault((t, k), []).append(found)
-        if strength != trouble.sound:
-            for method, outcome in compared.items():
-                methods[method].append(outcome)
+    }
+    tasks = [(*case, b) for case in dict.fromkeys(cases.values()) for b in range(boards)]
+    spawn = multiprocessing.get_context("spawn")
+    with concurrent.futures.ProcessPoolExecutor(os.cpu_count(), spawn) as pool:
+        running = [pool.submit(_task, *task, max(n // boards, 1), seed) for task in tasks]
+        results = dict(zip(tasks, (one.result() for one in track(running)), strict=True))
+    seen = {at: [results[(*case, b)][0] for b in range(boards)] for at, case in cases.items()}
+    troubled = [at for at in cases if TROUBLES[at[0]].strengths[at[1]] != TROUBLES[at[0]].sound]
+    methods = {
+        method: [results[(*cases[at], b)][1][method] for at in troubled for b in range(boards)]
+        for method in METHODS
+    }
     return {
         "stability": {
             "frames": max(n // boards, 1) * boards,
@@ -105,6 +112,24 @@ def measure(n: int, boards: int, seed: int, track=lambda items: items) -> dict:
             "methods": {method: _shares(outcomes) for method, outcomes in methods.items()},
         }
     }
+
+
+def _sound_case(trouble: Trouble, k: int) -> tuple[int, int] | None:
+    """Of all skins without a trouble, the first of TROUBLES that is this one."""
+    if trouble.strengths[k] != trouble.sound:
+        return None
+
+    def skin(of: Trouble):
+        return of.textile(of.sound), of.bits(of.sound)
+
+    same = (t for t, other in enumerate(TROUBLES) if other.sound is not None)
+    first = next(t for t in same if skin(TROUBLES[t]) == skin(trouble))
+    return first, TROUBLES[first].strengths.index(TROUBLES[first].sound)
+
+
+def _task(t: int, k: int, board: int, n: int, seed: int) -> tuple[Found, dict]:
+    with one_thread():
+        return _on_board(TROUBLES[t], TROUBLES[t].strengths[k], n, [seed, board])
 
 
 class Outcome(NamedTuple):
@@ -151,7 +176,7 @@ def _on_board(trouble: Trouble, strength: float, n: int, seed) -> tuple[Found, d
     if not known.refused:
         running = judge(adc, force, known.circuit, known.curve, METHOD, **given)
     exact = None
-    if known.rest is not None and _can_be_learnt(textile):
+    if known.rest is not None and trouble.name in LEARNT:
         r_par = circuit.r_par * textile.r_par
         true = replace(circuit, r_par=r_par, r_line=textile.line)
         exact = judge(adc, force, true, _resting(curve, known.rest, true), METHOD, **given)
@@ -198,12 +223,6 @@ def learn(idle, touches, circuit: Circuit, curve: PressureCurve) -> Learnt:
 
 def _resting(curve: PressureCurve, rest: Rest, circuit: Circuit) -> PressureCurve:
     return curve.resting_at(1.0 / supposing(rest, circuit).conductance)
-
-
-def _can_be_learnt(textile: Textile) -> bool:
-    """Whether r_par and r_line are all that is wrong with a board's circuit."""
-    wiring = textile.open + textile.broken + textile.short + textile.stuck + textile.full_scale
-    return not wiring and textile.r_ref == textile.ceiling == 1.0 and not textile.moving
 
 
 def _recording(board: Board, touches: np.ndarray, rng) -> np.ndarray:

@@ -110,3 +110,21 @@ def test_a_line_that_is_read_twice_is_a_warning_that_names_it(skin):
     skin.play(3.5)
     assert skin.status.level == DiagnosticStatus.WARN
     assert skin.status.message.startswith("rows 2 and 6 read the same, cell for cell")
+
+
+def test_a_stop_names_the_line_that_is_open_and_what_to_check(skin):
+    """It is diagnosed while the robot stands, and forgotten with the stop."""
+    skin.play(2.5)
+    sound = skin.steps
+    skin.steps = sound.copy()
+    skin.steps[:, 5] = 2.0
+    skin.play(6.0)
+    assert skin.status.level == DiagnosticStatus.ERROR
+    assert skin.status.message.startswith("column 5: open: none of its 8 readings exceeds")
+    assert "Check its lead" in skin.status.message
+    values = {pair.key: pair.value for pair in skin.status.values}
+    assert values["finding_1"].startswith("column 5: open")
+    skin.steps = sound
+    skin.play(3.0)
+    assert skin.status.level == DiagnosticStatus.OK
+    assert "finding_1" not in {pair.key for pair in skin.status.values}

@@ -64,7 +64,7 @@ class RunningDoctor:
         elapsed = self._last - self._begun
         if len(self._frames) < _FEWEST or elapsed < self._due:
             return
-        self._due = elapsed + min(elapsed, _LATER)
+        self._due += min(self._due, _LATER)
         try:
             found = diagnose(np.array(self._frames), circuit, series=False)
         except ValueError:  # of a reading that is none, the node speaks itself
