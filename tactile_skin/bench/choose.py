@@ -15,7 +15,7 @@ import sys
 import textwrap
 from pathlib import Path
 
-from .stability import REASONS, SILENT
+from .stability import SILENT
 
 
 def lines(speed: dict) -> list[str]:
@@ -62,7 +62,7 @@ def silent(stability: dict) -> list[str]:
         if at:
             where = ", ".join(f"{trouble['strengths'][k]:g} ({100 * shares[k]:.0f} %)" for k in at)
             name = f"{trouble['trouble']} [{trouble['unit']}]"
-            found.append((max(shares), f"- {name}: {where}: {REASONS[trouble['trouble']]}"))
+            found.append((max(shares), f"- {name}: {where}: {trouble['reason']}"))
     return [line for _, line in sorted(found, key=lambda pair: -pair[0])]
 
 

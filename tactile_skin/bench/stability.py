@@ -41,37 +41,8 @@ _RATE = 100.0  # frames a second
 _AT_REST, _LEARNT = 125, 30  # frames without a touch, and of touches, that a running skin has seen
 _HELD, _PAUSE = 6, 18  # frames of each touch, and between two, that the doctor sees
 _COMPARED = 5  # frames of each board that all methods are compared by
-# Why failures stay silent.
-REASONS = {
-    "noise": "noise hides light cells",
-    "ADC width": "steps are coarser than light cells",
-    "R_par off": "a frame alone; touches tell it",
-    "R_ref off": "scales all forces: doctor names it",
-    "curve off": "reads like a harder touch: calibrate",
-    "scatter at rest": "more than the rest explains",
-    "line resistance": "more than touches tell",
-    "lateral coupling": "spreads like a softer touch",
-    "moving contact": "rows are read at different times",
-    "open leads": "the fabric goes around it",
-    "broken stripes": "the fabric goes around it",
-    "short": "weak where the pressure is low",
-    "stuck cells": "reads like a finger",
-    "pressed area": "cells drown in the others: trust the sum",
-    "all pressed": "cells drown in the others: trust the sum",
-    "saturated ADC": "few cells reach the ceiling: doctor names it",
-    "lines at full scale": "reads like a touch",
-}
-# Kinds of the doctor's findings that name a trouble; of others any finding is one too many.
-NAMES = {
-    "R_par off": ("circuit",),
-    "R_ref off": ("circuit",),
-    "open leads": ("open",),
-    "broken stripes": ("broken", "dead"),
-    "short": ("short",),
-    "stuck cells": ("stuck",),
-    "saturated ADC": ("saturation",),
-}
-LEARNT = "noise", "R_par off", "line resistance"  # compared with the circuit known exactly
+# Compared with the circuit known exactly.
+LEARNT = "noise", "R_par off", "line resistance"
 
 
 def measure(n: int, boards: int, seed: int, track=lambda items: items) -> dict:
@@ -277,7 +248,7 @@ def _summary(trouble: Trouble, runs: list[list[Found]]) -> dict:
         return {key: [share[key] for share in shares] for key in shares[0]}
 
     exact = [[found.known for found in boards if found.known is not None] for boards in runs]
-    right = set(NAMES.get(trouble.name, ()))
+    right = set(trouble.kinds)
     running = column("running") | {
         "known_g": [_shares(known)["mean_g"] if known else None for known in exact],
         "named": [float(np.mean([bool(right & {*f.named}) for f in boards])) for boards in runs],
@@ -293,23 +264,20 @@ def _summary(trouble: Trouble, runs: list[list[Found]]) -> dict:
         "sound": trouble.sound,
         "alone": column("alone"),
         "running": running,
-        "verdict": verdict(trouble.name, running, _in_trouble(trouble)),
+        "reason": trouble.reason,
+        "verdict": verdict(trouble, running),
     }
 
 
-def _in_trouble(trouble: Trouble) -> list[int]:
-    return [k for k, strength in enumerate(trouble.strengths) if strength != trouble.sound]
-
-
-def verdict(name: str, running: dict, at: list[int]) -> str:
+def verdict(trouble: Trouble, running: dict) -> str:
     """What becomes of a trouble on a running skin, in some words.
 
     Args:
         running: a list for each of "silent", "reported", an entry for each strength.
-        at: indices of the strengths that are a trouble.
     """
+    at = [k for k, strength in enumerate(trouble.strengths) if strength != trouble.sound]
     if max(running["silent"][k] for k in at) > SILENT:
-        return REASONS[name]
+        return trouble.reason
     reported = [running["reported"][k] for k in at]
     if min(reported) > 0.5:
         return "told: the robot stops"
@@ -319,14 +287,14 @@ def verdict(name: str, running: dict, at: list[int]) -> str:
 # --- the picture ---------------------------------------------------------------------------------
 
 _SHADES = {"right": "#d5e3d0", "told": "#f2b84b", "silent": "#a01c30"}
-_LEFT, _STRIP, _GAP = 2.5, 3.1, 0.35  # inches: of the names, of a column's bars, between them
+_STRIP, _GAP = 3.1, 0.35  # inches: of a column's bars, between two columns
 
 
 def draw(data: dict):
-    """A row a trouble, a bar a strength: alone on the left, running on the right."""
+    """A row a trouble, what is silent first, and a bar a strength: alone left, running right."""
     from matplotlib import pyplot as plt
 
-    troubles = data["troubles"]
+    troubles = sorted(data["troubles"], key=_worry)
     figure, axis = plt.subplots(figsize=(9.0, 0.52 * len(troubles) + 1.3), layout="constrained")
     second = _STRIP + _GAP
     for y, trouble in enumerate(troubles):
@@ -354,6 +322,12 @@ def draw(data: dict):
     labels = ["right", "reported: the robot stops", "wrong and silent", "the doctor names it"]
     figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
     return figure
+
+
+def _worry(trouble: dict) -> tuple[bool, float]:
+    """Less for more to worry about."""
+    silent = max(trouble["running"]["silent"])
+    return silent <= SILENT, -silent if silent > SILENT else -max(trouble["running"]["reported"])
 
 
 def _strip(axis, left: float, y: float, trouble: dict, shares: dict) -> None:
