@@ -42,7 +42,7 @@ _AT_REST, _LEARNT = 125, 30  # frames without a touch, and of touches, that a ru
 _HELD, _PAUSE = 6, 18  # frames of each touch, and between two, that the doctor sees
 _COMPARED = 5  # frames of each board that all methods are compared by
 # Compared with the circuit known exactly.
-LEARNT = "noise", "R_par off", "line resistance"
+IDENTIFIABLE = "noise", "R_par off", "line resistance"
 
 
 def measure(n: int, boards: int, seed: int, track=lambda items: items) -> dict:
@@ -147,7 +147,7 @@ def _on_board(trouble: Trouble, strength: float, n: int, seed) -> tuple[Found, d
     if not known.refused:
         running = judge(adc, force, known.circuit, known.curve, METHOD, **given)
     exact = None
-    if known.rest is not None and trouble.name in LEARNT:
+    if known.rest is not None and trouble.name in IDENTIFIABLE:
         r_par = circuit.r_par * textile.r_par
         true = replace(circuit, r_par=r_par, r_line=textile.line)
         exact = judge(adc, force, true, _resting(curve, known.rest, true), METHOD, **given)

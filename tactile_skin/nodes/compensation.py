@@ -165,7 +165,7 @@ class Compensation:
             ):
                 self._last = None
             if self._waits and self._tare.measured:  # earlier doubts no longer count
-                self._waits, self._doubt = False, Doubt()
+                self._waits, self._doubt, self._doctor = False, Doubt(), RunningDoctor()
             pressure = estimate.force / self.cell_area
             self._pressure.publish(image(pressure, "32FC1", msg.header))
         touched = estimate.force.max() >= _IDLE

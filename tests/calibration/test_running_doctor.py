@@ -79,9 +79,23 @@ def test_a_stop_that_is_over_is_forgotten(asked):
     assert doctor.findings
     play(doctor, 0.1, start=10.0, stopped=False)
     assert not doctor.findings and not doctor.message
+    doctor.frame(10.2, np.zeros(CIRCUIT.shape), True)
+    assert doctor.findings
+    play(doctor, 11, start=10.3, stopped=False)
     before = len(asked)
-    play(doctor, 2, start=11.0)
-    assert len(asked) == before
+    play(doctor, 2, start=22.0)
+    assert not doctor.findings and len(asked) == before
+
+
+def test_a_fault_that_stops_now_and_then_is_found_by_all_frames_since(asked):
+    """But the doctor is asked while the robot stands."""
+    doctor = RunningDoctor()
+    for k in range(6):
+        play(doctor, 1.5, start=4.0 * k)
+        before = len(asked)
+        play(doctor, 2.5, start=4.0 * k + 1.5, stopped=False)
+        assert len(asked) == before
+    assert len(asked) >= 2 and asked[0] == 500
 
 
 def test_frames_that_the_doctor_refuses_are_no_finding():
