@@ -193,8 +193,8 @@ class Compensation:
         elif t - self._full_since > _FULL:
             self._odd = self._odd or _NO_REST
         self._learn_circuit(t, adc, touched)
-        self._doctor.frame(t, adc, self._level == diagnostics.ERROR)
         self._update_level(estimate.status, self._join_reasons(estimate.message or kept))
+        self._doctor.frame(t, adc, self._level == diagnostics.ERROR)
 
     def _learn_circuit(self, t: float, adc: np.ndarray, touched: bool) -> None:
         """What touches tell of r_par and r_line; worked out while none is there, or a stop is.

@@ -15,6 +15,7 @@ from .findings import Finding
 
 _KEPT = 512  # frames at most; every other one of them goes when they are reached
 _FEWEST = 50  # frames that are asked
+_BRIEF = 0.5  # s: what stops for less is no fault that lasts
 _OVER = 10.0  # s without a stop after which what stopped is over
 _FIRST, _LATER = 2.0, 60.0  # s of a stop after which to ask; then twice as long each time, up to
 
@@ -31,7 +32,8 @@ class RunningDoctor:
         self._frames: list[np.ndarray] = []
         self._every, self._count = 1, 0  # how many frames come for one that is kept; frames
         self._stopped = False
-        self._begun = self._last = self._stood = np.inf  # s, when the robot stood last
+        self._begun = self._last = np.inf  # s, of the frames
+        self._stood = -np.inf  # s, when the robot stood last
         self._due = _FIRST  # s since `_begun`
 
     @property
@@ -56,7 +58,9 @@ class RunningDoctor:
         self._stopped = stopped
         if stopped:
             self._stood = t
-        elif not self._frames:
+        elif self._stood - self._begun < _BRIEF:
+            self._forget()
+        if not (stopped or self._frames):
             return
         self._begun, self._last = min(self._begun, t), t
         if self._count % self._every == 0:
