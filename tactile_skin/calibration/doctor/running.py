@@ -15,7 +15,7 @@ from .findings import Finding
 
 _KEPT = 512  # frames at most; every other one of them goes when they are reached
 _FEWEST = 50  # frames that are asked
-_BRIEF = 0.5  # s: what stops for less is no fault that lasts
+_BRIEF = 0.5, 25  # s, and frames: what stops for less is no fault that lasts
 _OVER = 10.0  # s without a stop after which what stopped is over
 _FIRST, _LATER = 2.0, 60.0  # s of a stop after which to ask; then twice as long each time, up to
 
@@ -58,7 +58,7 @@ class RunningDoctor:
         self._stopped = stopped
         if stopped:
             self._stood = t
-        elif self._stood - self._begun < _BRIEF:
+        elif self._stood - self._begun < _BRIEF[0] or self._count < _BRIEF[1]:
             self._forget()
         if not (stopped or self._frames):
             return
