@@ -189,7 +189,8 @@ def _bench(args) -> int:
         print(speed.table(written["speed"]))
         print("\n".join(["", *choose.lines(written["speed"]), ""]))
     if "stability" in written:
-        print("auto, what fails silently:", *choose.silent(written["stability"]), "", sep="\n")
+        print("what a running skin is silent about:")
+        print(*choose.silent(written["stability"]), "", sep="\n")
     if "touch_to_stop" in written:
         print(touch_to_stop.table(written["touch_to_stop"]), "", sep="\n")
     if "recorded" in written:

@@ -15,6 +15,8 @@ import sys
 import textwrap
 from pathlib import Path
 
+from .stability import SILENT
+
 
 def lines(speed: dict) -> list[str]:
     """A Markdown table from a run's figure "speed": `scan` readings, blobs and rects."""
@@ -51,16 +53,30 @@ def lines(speed: dict) -> list[str]:
     ]
 
 
-def silent(stability: dict, method: str = "auto") -> list[str]:
-    """A line of Markdown for each trouble under which the method fails silently, worst first."""
+def silent(stability: dict) -> list[str]:
+    """A line of Markdown for each trouble that a running skin is silent about, worst first."""
     found = []
     for trouble in stability["troubles"]:
-        shares = trouble["methods"][method]["by_strength"]["silent"]
-        worst = max(range(len(shares)), key=shares.__getitem__)
-        if shares[worst] > 0.0:
-            where = f"{trouble['trouble']}, {trouble['strengths'][worst]:g} {trouble['unit']}"
-            found.append((shares[worst], f"- {where}: {100 * shares[worst]:.0f} % of the frames"))
+        shares = trouble["running"]["silent"]
+        at = [k for k, share in enumerate(shares) if share > SILENT]
+        if at:
+            where = ", ".join(f"{trouble['strengths'][k]:g} ({100 * shares[k]:.0f} %)" for k in at)
+            name = f"{trouble['trouble']} [{trouble['unit']}]"
+            found.append((max(shares), f"- {name}: {where}: {trouble['reason']}"))
     return [line for _, line in sorted(found, key=lambda pair: -pair[0])]
+
+
+def compared(stability: dict) -> list[str]:
+    """A Markdown table of what single frames in trouble make of each method."""
+    shares = sorted(stability["methods"].items(), key=lambda pair: pair[1]["silent"])
+    return [
+        "| method | mean error [g a cell] | frames that fail | of all frames silent |",
+        "|---|---|---|---|",
+        *(
+            f"| `{method}` | {of['mean_g']:.0f} | {of['fails']:.0%} | {of['silent']:.0%} |"
+            for method, of in shares
+        ),
+    ]
 
 
 def blocks(run: Path) -> dict[str, str]:
@@ -78,6 +94,7 @@ def blocks(run: Path) -> dict[str, str]:
     return {
         "which method": "\n".join(lines(read("speed"))),
         "silent failures": wrapped(silent(read("stability"))),
+        "methods in trouble": "\n".join(compared(read("stability"))),
     }
 
 

@@ -1,202 +1,368 @@
-"""Where each method fails: error and detection over the strength of each trouble.
+"""What to worry about: each trouble at each strength, and what becomes of the picture.
 
-Readings come from `textile`, a model richer than any solver's; the solver is given the nominal
-circuit and curve. A frame *fails* when its mean error exceeds 30 g a cell and a fifth of its mean
-load. It fails *loudly* when the method calls it suspect or failed or refuses it, else *silently*.
+Readings come from `textile`, a model richer than any solver's. A frame is judged twice. *Alone*: by
+the configured circuit and the shipped curve. *Running*: by what a skin has measured of its board
+before, its rest without a touch and its circuit from 30 earlier frames (`measure_rest` and
+`identify`). The doctor is given a recording of the same touches.
+
+A frame *fails* when its mean error on the cells that are touched, or said to be, exceeds 30 g and a
+fifth of their load. It is *reported* if the method calls it suspect or failed or refuses it, or if
+the rest of its board is refused: the robot stops. What fails and is not reported is *silent*.
 """
 
 from __future__ import annotations
 
+import concurrent.futures
+import multiprocessing
+import os
+from dataclasses import replace
+from typing import NamedTuple
+
 import numpy as np
 
+from ..calibration.doctor import diagnose
+from ..calibration.identify import identify
+from ..calibration.rest import Rest, measure_rest, supposing
+from ..calibration.tare import Tare
+from ..middleware.threads import one_thread
 from ..physics.circuit import Circuit
 from ..physics.curve import GRAM, PressureCurve
 from ..solvers import METHODS, compensate
-from . import chart
+from ..solvers.reading import ROUNDING_NOISE
 from .faults import TROUBLES, Trouble
-from .textile import read
+from .measure import GHOST
+from .textile import Board, bodies
 
-FAILS = 30.0  # g a cell, mean of the frame
-FAILS_SHARE = 0.2  # of the frame's mean load
-HOLDS = 0.05  # share of failing frames up to which a method holds
-DOUBTS = 0.2  # share of doubted frames from which a method that holds is of little use
-LOUD = 0.9  # share of the failing frames that must be reported for a failure to count as loud
+FAILS = 30.0  # g a cell
+FAILS_SHARE = 0.2  # of the cells' load
+SILENT = 0.02  # share of the frames beyond which silent failures are listed
+METHOD = "auto"  # that a robot uses
+_RATE = 100.0  # frames a second
+_AT_REST, _LEARNT = 125, 30  # frames without a touch, and of touches, that a running skin has seen
+_HELD, _PAUSE = 6, 18  # frames of each touch, and between two, that the doctor sees
+_COMPARED = 5  # frames of each board that all methods are compared by
+# Compared with the circuit known exactly.
+IDENTIFIABLE = "noise", "R_par off", "line resistance"
 
 
-def measure(n: int, seed: int, track=lambda items: items) -> dict:
-    """n frames for each strength of each trouble, the same ones for every method.
+def measure(n: int, boards: int, seed: int, track=lambda items: items) -> dict:
+    """n frames of each strength of each trouble, on so many boards.
+
+    The same boards and scenes throughout: a row shows the strength alone.
 
     Returns:
-        the figures "stability_error", "stability_detection" and "stability" as plain data.
+        the figure "stability" as plain data.
     """
-    curve = PressureCurve()
-    cases = [(t, k) for t, trouble in enumerate(TROUBLES) for k in range(len(trouble.strengths))]
-    seen = {}
-    for t, k in track(cases):
-        trouble, strength = TROUBLES[t], TROUBLES[t].strengths[k]
-        # the same scenes, damage and noise throughout: a curve shows the strength alone
-        rng = np.random.default_rng(seed)
-        circuit = Circuit(adc_bits=trouble.bits(strength))
-        force = trouble.scene(n, strength, circuit, rng)
-        skin = trouble.textile(strength)
-        rngs = rng.spawn(n)
-        adc = [read(skin, circuit, curve, *pair) for pair in zip(force, rngs, strict=True)]
-        for method in METHODS:
-            seen[t, k, method] = judged(adc, force, circuit, curve, method)
-    error, detection, fate = [], [], []
-    for t, trouble in enumerate(TROUBLES):
-        strengths = [float(s) for s in trouble.strengths]
-        about = {"trouble": trouble.name, "unit": trouble.unit, "strengths": strengths}
-        runs = {m: [seen[t, k, m] for k in range(len(strengths))] for m in METHODS}
-        means = {m: [float(r["error"].mean()) for r in run] for m, run in runs.items()}
-        reported = {m: [float(r["reported"].mean()) for r in run] for m, run in runs.items()}
-        error.append(about | {"mean_g": means})
-        detection.append(about | {"reported": reported})
-        fate.append(about | {"methods": {m: verdict(trouble, run) for m, run in runs.items()}})
+    # Strengths that are no trouble are the same skin, whatever the trouble is.
+    cases = {
+        (t, k): _sound_case(trouble, k) or (t, k)
+        for t, trouble in enumerate(TROUBLES)
+        for k in range(len(trouble.strengths))
+    }
+    tasks = [(*case, b) for case in dict.fromkeys(cases.values()) for b in range(boards)]
+    spawn = multiprocessing.get_context("spawn")
+    with concurrent.futures.ProcessPoolExecutor(os.cpu_count(), spawn) as pool:
+        running = [pool.submit(_task, *task, max(n // boards, 1), seed) for task in tasks]
+        results = dict(zip(tasks, (one.result() for one in track(running)), strict=True))
+    seen = {at: [results[(*case, b)][0] for b in range(boards)] for at, case in cases.items()}
+    troubled = [at for at in cases if TROUBLES[at[0]].strengths[at[1]] != TROUBLES[at[0]].sound]
+    methods = {
+        method: [results[(*cases[at], b)][1][method] for at in troubled for b in range(boards)]
+        for method in METHODS
+    }
     return {
-        "stability": {"frames": n, "troubles": fate},
-        "stability_error": {"frames": n, "troubles": error},
-        "stability_detection": {"frames": n, "troubles": detection},
+        "stability": {
+            "frames": max(n // boards, 1) * boards,
+            "boards": boards,
+            "scenes": "bodies",
+            "method": METHOD,
+            "troubles": [
+                _summary(trouble, [seen[t, k] for k in range(len(trouble.strengths))])
+                for t, trouble in enumerate(TROUBLES)
+            ],
+            "methods": {method: _shares(outcomes) for method, outcomes in methods.items()},
+        }
     }
 
 
-def judged(adc, force, circuit: Circuit, curve: PressureCurve, method: str) -> dict:
-    """Per frame: mean error [g a cell], whether it fails, whether the method says so.
+def _sound_case(trouble: Trouble, k: int) -> tuple[int, int] | None:
+    """Of all skins without a trouble, the first of TROUBLES that is this one."""
+    if trouble.strengths[k] != trouble.sound:
+        return None
+
+    def skin(of: Trouble):
+        return of.textile(of.sound), of.bits(of.sound)
+
+    same = (t for t, other in enumerate(TROUBLES) if other.sound is not None)
+    first = next(t for t in same if skin(TROUBLES[t]) == skin(trouble))
+    return first, TROUBLES[first].strengths.index(TROUBLES[first].sound)
+
+
+def _task(t: int, k: int, board: int, n: int, seed: int) -> tuple[Found, dict]:
+    with one_thread():
+        return _on_board(TROUBLES[t], TROUBLES[t].strengths[k], n, [seed, board])
+
+
+class Outcome(NamedTuple):
+    """Of n frames: (n,) mean error over all cells [g], and whether it fails, and is reported."""
+
+    error: np.ndarray
+    fails: np.ndarray
+    reported: np.ndarray
+
+
+class Found(NamedTuple):
+    """Of one board.
+
+    Attributes:
+        alone, running: by what is known of it; known: with its true circuit, where that can be
+            found, else None.
+        circuit: that was learnt.
+        refused: why its rest was; empty if it was not.
+        named: kinds of the doctor's findings.
+    """
+
+    alone: Outcome
+    running: Outcome
+    known: Outcome | None
+    circuit: Circuit
+    refused: str
+    named: tuple[str, ...]
+
+
+def _on_board(trouble: Trouble, strength: float, n: int, seed) -> tuple[Found, dict]:
+    """n frames of one board, and those of all methods that each judges alone."""
+    rng = np.random.default_rng([*seed, 1])
+    circuit, curve = Circuit(adc_bits=trouble.bits(strength)), PressureCurve()
+    textile = trouble.textile(strength)
+    board = Board(textile, circuit, curve, [*seed, 0])
+    touches = board.expose(bodies(_LEARNT, circuit.shape, rng))
+    force = trouble.scene(n, strength, circuit, rng)
+    adc = board.sample(board.expose(force), rng)
+    idle = board.at_rest(_AT_REST, rng)
+    known = learn(idle, board.sample(touches, rng), circuit, curve)
+    alone = judge(adc, force, circuit, curve, METHOD)
+    given = {"noise": known.noise}
+    running = alone._replace(reported=np.full(n, True))
+    if not known.refused:
+        running = judge(adc, force, known.circuit, known.curve, METHOD, **given)
+    exact = None
+    if known.rest is not None and trouble.name in IDENTIFIABLE:
+        r_par = circuit.r_par * textile.r_par
+        true = replace(circuit, r_par=r_par, r_line=textile.line)
+        exact = judge(adc, force, true, _resting(curve, known.rest, true), METHOD, **given)
+    named = tuple(sorted({f.kind for f in diagnose(_recording(board, touches, rng), circuit)}))
+    compared = {
+        method: judge(adc[:_COMPARED], force[:_COMPARED], circuit, curve, method)
+        for method in METHODS
+    }
+    return Found(alone, running, exact, known.circuit, known.refused, named), compared
+
+
+class Learnt(NamedTuple):
+    """What a running skin knows of its board: `refused` says why its rest was not accepted."""
+
+    circuit: Circuit
+    curve: PressureCurve
+    noise: float | None
+    rest: Rest | None
+    refused: str
+
+
+def learn(idle, touches, circuit: Circuit, curve: PressureCurve) -> Learnt:
+    """Measure the rest, and find the circuit.
+
+    Args:
+        idle, touches: (n, rows, cols) frames without a touch, and of touches.
+    """
+    tare = Tare(circuit, curve)
+    for k, frame in enumerate(idle):
+        tare.update(k / _RATE, frame, np.zeros(circuit.shape))
+    if not tare.measured:
+        return Learnt(circuit, curve, None, None, tare.message)
+    try:
+        rest = measure_rest(idle, circuit)
+    except ValueError as error:
+        return Learnt(circuit, curve, None, None, str(error))
+    noise = max(rest.noise, ROUNDING_NOISE)
+    try:
+        found = identify(touches, circuit, rest).circuit
+        return Learnt(found, _resting(curve, rest, found), noise, rest, "")
+    except ValueError:  # no skin rests so: the configured circuit stays
+        return Learnt(circuit, tare.curve, noise, rest, "")
+
+
+def _resting(curve: PressureCurve, rest: Rest, circuit: Circuit) -> PressureCurve:
+    return curve.resting_at(1.0 / supposing(rest, circuit).conductance)
+
+
+def _recording(board: Board, touches: np.ndarray, rng) -> np.ndarray:
+    """(n, rows, cols) frames of touches that come and go, as the doctor wants them."""
+    frames = [board.at_rest(_AT_REST + len(touches) * _PAUSE, rng)]
+    for k, touch in enumerate(touches):
+        pause = slice(_AT_REST + k * _PAUSE, _AT_REST + (k + 1) * _PAUSE)
+        frames += [board.sample(np.repeat(touch[None], _HELD, 0), rng), frames[0][pause]]
+    return np.concatenate([frames[0][:_AT_REST], *frames[1:]])
+
+
+def judge(adc, force, circuit: Circuit, curve: PressureCurve, method: str, **given) -> Outcome:
+    """Frames (n, rows, cols) under forces (n, rows, cols) [N].
 
     A refused frame has no estimate: its error is that of saying nothing at all, zero force.
     """
-    error, reported = np.empty(len(adc)), np.zeros(len(adc), bool)
+    found, reported = np.zeros(np.shape(force)), np.zeros(len(force), bool)
     for k, frame in enumerate(adc):
         try:
-            estimate = compensate(frame, circuit, curve, method)
-            found, reported[k] = estimate.force, estimate.status != "ok"
+            estimate = compensate(frame, circuit, curve, method, **given)
+            found[k], reported[k] = estimate.force, estimate.status != "ok"
         except ValueError:
-            found, reported[k] = np.zeros(circuit.shape), True
-        error[k] = np.abs(found - force[k]).mean() / GRAM
-    mean_load = force.mean((1, 2)) / GRAM
-    fails = error > np.maximum(FAILS, FAILS_SHARE * mean_load)
-    return {"error": error, "reported": reported, "fails": fails}
+            reported[k] = True
+    error = np.abs(found - force) / GRAM
+    touched = np.maximum(found, force) > GHOST * GRAM
+    cells = np.maximum(touched.sum((1, 2)), 1)
+    load = (force * touched).sum((1, 2)) / cells / GRAM
+    fails = (error * touched).sum((1, 2)) / cells > np.maximum(FAILS, FAILS_SHARE * load)
+    return Outcome(error.mean((1, 2)), fails, reported)
 
 
-def verdict(trouble: Trouble, runs: list[dict]) -> dict:
-    """How a method fares under a trouble: `runs` are `judged` for each of its strengths.
-
-    Returns:
-        fails, reported and silent, shares of the frames in trouble; fate: "holds", "doubts" (it
-        holds and does not believe it), "loud" or "silent"; by_strength, shares for each strength;
-        false_alarms, the share of frames reported without failing where there is no trouble (null
-        without such a strength).
-    """
-    fails = np.concatenate([r["fails"] for r in _in_trouble(trouble, runs)])
-    reported = np.concatenate([r["reported"] for r in _in_trouble(trouble, runs)])
-    silent = fails & ~reported
-    if fails.mean() <= HOLDS:
-        fate = "holds" if reported.mean() <= DOUBTS else "doubts"
-    else:
-        fate = "loud" if silent.sum() <= (1.0 - LOUD) * fails.sum() else "silent"
-    false_alarms = None
-    if trouble.sound is not None:
-        sound = runs[trouble.strengths.index(trouble.sound)]
-        false_alarms = float((sound["reported"] & ~sound["fails"]).mean())
+def _shares(outcomes: list[Outcome]) -> dict:
+    """Of all frames: mean error, and the shares that fail, are reported, and fail silently."""
+    error, fails, reported = (np.concatenate(part) for part in zip(*outcomes, strict=True))
     return {
-        "fate": fate,
+        "mean_g": float(error.mean()),
         "fails": float(fails.mean()),
         "reported": float(reported.mean()),
-        "silent": float(silent.mean()),
-        "by_strength": {
-            "fails": [float(r["fails"].mean()) for r in runs],
-            "reported": [float(r["reported"].mean()) for r in runs],
-            "silent": [float((r["fails"] & ~r["reported"]).mean()) for r in runs],
-        },
-        "false_alarms": false_alarms,
+        "silent": float((fails & ~reported).mean()),
     }
 
 
-def _in_trouble(trouble: Trouble, runs: list[dict]) -> list[dict]:
-    return [r for s, r in zip(trouble.strengths, runs, strict=True) if s != trouble.sound]
+def _summary(trouble: Trouble, runs: list[list[Found]]) -> dict:
+    """One trouble: a list for each figure, an entry for each strength.
+
+    Args:
+        runs: for each strength, what was found on each board.
+    """
+
+    def column(name: str) -> dict:
+        shares = [_shares([getattr(found, name) for found in boards]) for boards in runs]
+        return {key: [share[key] for share in shares] for key in shares[0]}
+
+    exact = [[found.known for found in boards if found.known is not None] for boards in runs]
+    right = set(trouble.kinds)
+    running = column("running") | {
+        "known_g": [_shares(known)["mean_g"] if known else None for known in exact],
+        "named": [float(np.mean([bool(right & {*f.named}) for f in boards])) for boards in runs],
+        "misnamed": [float(np.mean([bool({*f.named} - right) for f in boards])) for boards in runs],
+        "refused": [float(np.mean([bool(f.refused) for f in boards])) for boards in runs],
+        "r_par": [float(np.mean([f.circuit.r_par for f in boards])) for boards in runs],
+        "r_line": [float(np.mean([np.mean(f.circuit.r_line) for f in boards])) for boards in runs],
+    }
+    return {
+        "trouble": trouble.name,
+        "unit": trouble.unit,
+        "strengths": [float(s) for s in trouble.strengths],
+        "sound": trouble.sound,
+        "alone": column("alone"),
+        "running": running,
+        "reason": trouble.reason,
+        "verdict": verdict(trouble, running),
+    }
 
 
-# --- pictures ------------------------------------------------------------------------------------
+def verdict(trouble: Trouble, running: dict) -> str:
+    """What becomes of a trouble on a running skin, in some words.
+
+    Args:
+        running: a list for each of "silent", "reported", an entry for each strength.
+    """
+    at = [k for k, strength in enumerate(trouble.strengths) if strength != trouble.sound]
+    if max(running["silent"][k] for k in at) > SILENT:
+        return trouble.reason
+    reported = [running["reported"][k] for k in at]
+    if min(reported) > 0.5:
+        return "told: the robot stops"
+    return "right, or told" if max(reported) > 0.1 else "compensated"
 
 
-def _panels(data: dict, key: str, label: str, log: bool):
-    """One panel a trouble, one line a method."""
+# --- the picture ---------------------------------------------------------------------------------
+
+_SHADES = {"right": "#d5e3d0", "told": "#f2b84b", "silent": "#a01c30"}
+_STRIP, _GAP = 3.1, 0.35  # inches: of a column's bars, between two columns
+
+
+def draw(data: dict):
+    """A row a trouble, what is silent first, and a bar a strength: alone left, running right."""
     from matplotlib import pyplot as plt
 
-    figure, axes = plt.subplots(6, 3, figsize=(9.0, 11.4), sharey=True, layout="constrained")
-    for axis, trouble in zip(axes.flat, data["troubles"], strict=False):
-        # strengths are drawn evenly spaced: most rise by factors, and some start at 0
-        place = range(len(trouble["strengths"]))
-        for method, values in trouble[key].items():
-            axis.plot(place, values, **chart.style(method, size=5.0), label=method)
-        axis.set_xticks(place, [f"{s:g}" for s in trouble["strengths"]], fontsize=9)
-        axis.set_title(f"{trouble['trouble']} [{trouble['unit']}]", fontsize=10.5, pad=3)
-        axis.grid(alpha=0.25, linewidth=0.6)
-        if log:
-            axis.set_yscale("log")
-            axis.yaxis.set_major_formatter("{x:g}")
-    spare = axes.flat[len(data["troubles"])]
-    spare.set_axis_off()
-    spare.legend(*axes.flat[0].get_legend_handles_labels(), loc="center", ncols=2, fontsize=10.5)
-    figure.supylabel(label, fontsize=11)
+    troubles = sorted(data["troubles"], key=_worry)
+    figure, axis = plt.subplots(figsize=(9.0, 0.52 * len(troubles) + 1.3), layout="constrained")
+    second = _STRIP + _GAP
+    for y, trouble in enumerate(troubles):
+        for left, name in ((0.0, "alone"), (second, "running")):
+            _strip(axis, left, y, trouble, trouble[name])
+        silent = max(trouble["running"]["silent"]) > SILENT
+        axis.text(
+            second + _STRIP + 0.1,
+            y + 0.42,
+            _folded(trouble["verdict"]),
+            va="center",
+            fontsize=8.5,
+            color=_SHADES["silent"] if silent else "#333333",
+        )
+        title = f"{trouble['trouble']}\n[{trouble['unit']}]"
+        axis.text(-0.1, y + 0.42, title, va="center", ha="right", fontsize=8.5)
+    for left, title in ((0.0, "a frame alone"), (second, "a running skin")):
+        axis.text(left + _STRIP / 2, -0.22, title, ha="center", fontsize=11)
+    axis.text(second + _STRIP + 0.1, -0.22, "what becomes of it", fontsize=11)
+    axis.set_xlim(-1.75, second + _STRIP + 2.0)
+    axis.set_ylim(len(troubles), -0.7)
+    axis.set_axis_off()
+    handles = [plt.Rectangle((0, 0), 1, 1, facecolor=shade) for shade in _SHADES.values()]
+    handles.append(axis.plot([], [], "o", color="black", markersize=3.5)[0])
+    labels = ["right", "reported: the robot stops", "wrong and silent", "the doctor names it"]
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
     return figure
 
 
-def draw_error(data: dict):
-    return _panels(data, "mean_g", "mean error [g a cell]", log=True)
+def _worry(trouble: dict) -> tuple[bool, float]:
+    """Less for more to worry about."""
+    silent = max(trouble["running"]["silent"])
+    return silent <= SILENT, -silent if silent > SILENT else -max(trouble["running"]["reported"])
 
 
-def draw_detection(data: dict):
-    return _panels(data, "reported", "share of frames that the method itself doubts", log=False)
+def _strip(axis, left: float, y: float, trouble: dict, shares: dict) -> None:
+    """The bars of one trouble in one column: from below, what is right, told, and silent."""
+    strengths = trouble["strengths"]
+    width = _STRIP / len(strengths)
+    for k, strength in enumerate(strengths):
+        x, bottom = left + k * width, y + 0.62
+        silent, told = shares["silent"][k], shares["reported"][k]
+        for name, share in (("right", 1.0 - silent - told), ("told", told), ("silent", silent)):
+            axis.bar(
+                x, -0.54 * share, 0.9 * width, bottom, align="edge", color=_SHADES[name], zorder=2
+            )
+            bottom -= 0.54 * share
+        middle = x + 0.45 * width
+        if silent > SILENT:
+            inside = silent > 0.4
+            axis.text(
+                middle, y + 0.08 + 0.54 * (silent / 2 if inside else silent + 0.25),
+                f"{100 * silent:.0f} %", ha="center", va="center", fontsize=7,
+                color="white" if inside else _SHADES["silent"], zorder=3,
+            )  # fmt: skip
+        if shares.get("named", [0.0] * len(strengths))[k] >= 0.8:
+            axis.plot(middle, y + 0.02, "o", color="black", markersize=3.0, zorder=3)
+        sound = strength == trouble["sound"]
+        axis.text(
+            middle, y + 0.8, f"{strength:g}", ha="center", fontsize=7.5,
+            color="#999999" if sound else "black",
+        )  # fmt: skip
 
 
-_FATES = {  # shade, what the number says, and the legend's text
-    "holds": ("#f4f4f0", None, "holds"),
-    "doubts": ("#cfe3ee", "reported", "holds, but doubts so many frames"),
-    "loud": ("#f2b84b", "fails", "fails so often, and says so"),
-    "silent": ("#8c2d3c", "silent", "fails so often unreported"),
-}
+def _folded(text: str) -> str:
+    import textwrap
+
+    return "\n".join(textwrap.wrap(text, 26))
 
 
-def draw_map(data: dict):
-    """Method times trouble: where it holds, fails loudly, fails silently."""
-    from matplotlib import pyplot as plt
-
-    methods = list(data["troubles"][0]["methods"])
-    figure, axis = plt.subplots(figsize=(9.0, 6.6), layout="constrained")
-    for y, trouble in enumerate(data["troubles"]):
-        for x, method in enumerate(methods):
-            cell = trouble["methods"][method]
-            fate = cell["fate"]
-            shade, key, _ = _FATES[fate]
-            axis.add_patch(plt.Rectangle((x, y), 1, 1, facecolor=shade, edgecolor="white"))
-            text = f"{fate} {100 * cell[key]:.0f} %" if key else fate
-            colour = "white" if fate == "silent" else "black"
-            axis.text(x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=9.5, color=colour)
-    axis.set_xlim(0, len(methods))
-    axis.set_ylim(len(data["troubles"]), 0)
-    axis.set_xticks(np.arange(len(methods)) + 0.5, methods, fontsize=10.5)
-    names = [f"{t['trouble']}, {_span(t)} {t['unit']}" for t in data["troubles"]]
-    axis.set_yticks(np.arange(len(names)) + 0.5, names, fontsize=9.5)
-    axis.xaxis.tick_top()
-    axis.tick_params(length=0)
-    for spine in axis.spines.values():
-        spine.set_visible(False)
-    handles = [
-        plt.Rectangle((0, 0), 1, 1, facecolor=shade, edgecolor="#999999", linewidth=0.5)
-        for shade, _, _ in _FATES.values()
-    ]
-    labels = [label for _, _, label in _FATES.values()]
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=9.5, frameon=False)
-    return figure
-
-
-def _span(trouble: dict) -> str:
-    return f"{trouble['strengths'][0]:g} to {trouble['strengths'][-1]:g}"
-
-
-DRAW = {
-    "stability": draw_map,
-    "stability_error": draw_error,
-    "stability_detection": draw_detection,
-}
+DRAW = {"stability": draw}

@@ -10,6 +10,7 @@ import numpy as np
 from ..board.converter import Ceiling, RestPicture, Windows
 from ..calibration.cells import Cells
 from ..calibration.creep import Standing
+from ..calibration.doctor.running import RunningDoctor
 from ..calibration.doubt import Doubt
 from ..calibration.noise import Noise
 from ..calibration.tare import Tare
@@ -120,6 +121,7 @@ class Compensation:
         self._ceiling, self._saturated = Ceiling(self.circuit.adc_bits, short_circuit, top), ""
         self._picture, self._dead = RestPicture(), ""
         self._cells, self._odd = Cells(self.circuit.shape), ""
+        self._doctor = RunningDoctor()
         self._full_since = np.inf  # s, since when half of the cells or more have been loaded
         self._said = -np.inf  # s, when the message was new
         self._waits, self._waiting = self._follows, False  # until rest was measured; a stop for it
@@ -178,7 +180,7 @@ class Compensation:
             ):
                 self._last = None
             if self._waits and self._tare.measured:  # earlier doubts no longer count
-                self._waits, self._doubt = False, Doubt()
+                self._waits, self._doubt, self._doctor = False, Doubt(), RunningDoctor()
             force = estimate.force
             if self._standing:
                 force = self._standing.update(t, force)
@@ -211,6 +213,7 @@ class Compensation:
             self._odd = self._odd or _NO_REST
         self._learn_circuit(t, adc, touched)
         self._update_level(estimate.status, self._join_reasons(estimate.message or kept))
+        self._doctor.frame(t, adc, self._level == diagnostics.ERROR)
 
     def _learn_circuit(self, t: float, adc: np.ndarray, touched: bool) -> None:
         """What touches tell of r_par and r_line; worked out while none is there, or a stop is.
@@ -251,6 +254,7 @@ class Compensation:
 
     def _join_reasons(self, present: str) -> str:
         reasons = (
+            self._doctor.message,
             self._loaded,
             self._dead,
             self._saturated,
@@ -272,7 +276,7 @@ class Compensation:
         before = self._waiting
         self._waiting = self._waits and level == diagnostics.ERROR and status != "failed"
         if self._waiting:
-            why = self._loaded or self._tare.message or self._odd
+            why = self._doctor.message or self._loaded or self._tare.message or self._odd
             message = f"measuring rest: hands off{f' ({why})' if why else ''}"
         held = before == self._waiting and self._holds(level, message)
         if not held and (message or level == diagnostics.OK):
@@ -301,6 +305,8 @@ class Compensation:
 
     def on_second(self) -> None:
         self._contact = self._bad_contact()
+        if not self._arguments["threshold"]:  # else the rest is not known
+            self._doctor.look(self.circuit)
         self.report()
         self._aside.clear()
 
@@ -321,6 +327,7 @@ class Compensation:
         if self._noise.rms is not None:
             values["noise"] = f"{self._noise.rms:.2f}"
         values |= self._tracker.values()
+        values |= {f"finding_{k}": f for k, f in enumerate(self._doctor.findings, 1)}
         if self._aside:
             (row, col), n = self._aside.most_common(1)[0]
             where = f"row {row}, column {col}: {n} times"

@@ -1,11 +1,14 @@
 """How many faults `diagnose` names, and how often it names one on a sound board:
-`python tests/yardsticks/doctor.py [--boards N] [--sound N] [--seed S] [--seconds T]`.
+`python tests/yardsticks/doctor.py [--boards N] [--sound N] [--seed S] [--seconds T] [--running]`.
 
 Each board is a `FaultBoard`: Kirchhoff's laws for its own wiring, a fabric whose curve is up to
 30 % off in level, 5 to 8 % scatter, 3 % at rest, 0.5 % of a touch carried to the neighbours, 1 step
 of noise, one of three read-outs; 8 x 8 to 32 x 32. Fingers, palms, edges, strokes and pushes for
 T seconds, and one or two faults from the first frame on. A fault counts as named if a finding has
 its kind and its line or cell. Any finding that no planted fault explains is a false alarm.
+
+--running: the same boards through the compensation node, on a driven clock. Half of the faults
+begin after BEFORE seconds, and a fault counts as named if it is in `diagnostics` at any time.
 """
 
 from __future__ import annotations
@@ -13,12 +16,25 @@ from __future__ import annotations
 import argparse
 import time
 from collections import defaultdict
+from typing import NamedTuple
 
 import numpy as np
 
 from tactile_skin import Circuit, PressureCurve, diagnose
 from tactile_skin.bench.damage import streams, wires
 from tactile_skin.bench.damage.board import READOUTS, FaultBoard
+from tactile_skin.calibration.doctor.findings import Finding
+from tactile_skin.middleware.bus import (
+    Context,
+    ManualClock,
+    Node,
+    Parameter,
+    SingleThreadedExecutor,
+)
+from tactile_skin.middleware.threads import one_thread
+from tactile_skin.msg import Header, image
+from tactile_skin.nodes import diagnostics
+from tactile_skin.nodes.compensation import Compensation
 
 SHAPES = (8, 8), (8, 12), (12, 16), (16, 16), (24, 16), (32, 32)
 KINDS = {  # of the report: names in `wires.ELECTRICAL`
@@ -38,6 +54,9 @@ KINDS = {  # of the report: names in `wires.ELECTRICAL`
     "saturation": ("saturated at 60 %", "amplifier at 60 %"),
     "bits": tuple(f"bit {k} stuck at {v}" for k in (3, 5, 7) for v in (0, 1)),
 }
+BEFORE = 10.0  # s of a sound board
+EVERY = 4  # frames for one that the node is given, to save time: 25 a second
+STARTED = 4.0  # s after which a skin has measured its rest, at the frame rate of 32 x 32, too
 WHOLE = "circuit", "saturation", "bits"  # of no line, at most one on a board
 
 
@@ -58,7 +77,9 @@ def frames_of(board: FaultBoard, force: np.ndarray) -> np.ndarray:
 class Case:
     """A board with faults, and what `diagnose` may say of it."""
 
-    def __init__(self, seed: int, faults: tuple[str, ...], seconds: float, shape=None):
+    def __init__(
+        self, seed: int, faults: tuple[str, ...], seconds: float, shape=None, before: float = 0.0
+    ):
         rng = np.random.default_rng(seed)
         shape = shape or SHAPES[rng.integers(len(SHAPES))]
         self.circuit = Circuit(*shape)
@@ -67,6 +88,7 @@ class Case:
         readout = READOUTS[rng.integers(len(READOUTS))]
         self.board = FaultBoard(self.circuit, curve, rng, 1.0, readout=readout)
         self.board.damaged_at = -10.0  # a drift has come to its end
+        self.before = self._used(before, rng) if before else []
         self.faults = []  # kind, rows, cols
         by_name = {fault.name: fault for fault in wires.ELECTRICAL}
         for kind in faults:
@@ -82,8 +104,13 @@ class Case:
                     for lines, of in ((w.rows, rows), (w.cols, cols))
                 ]
                 self.faults[k] = (kind, name, *read)
-        scene = streams.everyday(self.circuit.populated, seconds, rng, curve.max_force, hard=False)
-        self.frames = frames_of(self.board, scene.force)
+        self.frames = self._used(seconds, rng)
+
+    def _used(self, seconds: float, rng) -> np.ndarray:
+        """(n, rows, cols) ADC ratio of so many seconds of touches."""
+        cells, most = self.circuit.populated, self.board.curve.max_force
+        scene = streams.everyday(cells, seconds, rng, most, hard=False)
+        return frames_of(self.board, scene.force)
 
     def _state(self):
         b, w = self.board, self.board.wiring
@@ -152,6 +179,84 @@ def draw(rng) -> tuple[str, ...]:
             return chosen
 
 
+class Heard(NamedTuple):
+    """Attributes:
+    stopped: s from the fault's begin until the skin reported an ERROR; None: it never did.
+    findings: finding -> s from the fault's begin until it was reported first.
+    """
+
+    stopped: float | None
+    findings: dict
+
+
+def heard(case: Case) -> Heard:
+    """What the compensation node makes of a board's frames."""
+    rows, cols = case.circuit.shape
+    given = {"circuit.rows": rows, "circuit.cols": cols, "time_limit": 10.0}
+    clock = ManualClock(1000.0)
+    node = Node(
+        "compensation",
+        context=Context(clock),
+        parameter_overrides=[Parameter(name, value) for name, value in given.items()],
+    )
+    skin, executor = Compensation(node), SingleThreadedExecutor()
+    executor.add_node(node)
+    scale = 2 ** (16 - case.circuit.adc_bits) * case.circuit.full_scale
+    before, frames = case.before[::EVERY], case.frames[::EVERY]
+    stopped, findings, step = None, {}, EVERY / case.board.rate
+    for k, adc in enumerate([*before, *frames], -len(before)):
+        clock.advance(step)
+        samples = np.rint(adc * scale).astype(np.uint16)
+        skin.on_adc(image(samples, "16UC1", Header(clock.now().to_msg())))
+        executor.spin_some()
+        if k * step > (0.0 if len(before) else STARTED):
+            if stopped is None and skin._level == diagnostics.ERROR:
+                stopped = k * step
+            found = list(skin._doctor.findings)
+            if skin._tracker.message:  # numbers change
+                found.append(Finding("circuit", "r_par, r_line", "by the tracker", ""))
+            for finding in found:
+                findings.setdefault(finding, k * step)
+    node.destroy_node()
+    return Heard(stopped, findings)
+
+
+def running(args) -> None:
+    """Print how often, and how soon, a running skin stops and names what is wrong with it."""
+    results, false = defaultdict(list), defaultdict(int)
+    for seed in range(args.seed, args.seed + args.boards + args.sound):
+        faulty = seed < args.seed + args.boards
+        faults = draw(np.random.default_rng([seed, 2])) if faulty else ()
+        if faulty and args.kinds:
+            faults = (args.kinds[seed % len(args.kinds)],)
+        before = BEFORE if faulty and seed % 2 else 0.0
+        case = Case(seed, faults, args.seconds, before=before)
+        said = heard(case)
+        left, words = dict(said.findings), []
+        for kind, name, rows, cols in case.faults:
+            mine = [f for f in said.findings if explains(f, kind, name, rows, cols, case.cut)]
+            when = min((said.findings[f] for f in mine), default=None)
+            left = {f: t for f, t in left.items() if f not in mine}
+            results[kind].append((said.stopped, when))
+            words.append(f"{name} {sorted(rows)}/{sorted(cols)}: named after {when}")
+        group = "damaged" if faulty else "sound"
+        false[group] += bool(left)
+        false[f"{group}, stopped"] += said.stopped is not None
+        size = "{}x{}".format(*case.circuit.shape)
+        print(f"{seed} {size}: {'; '.join(words) or 'sound'}; stop {said.stopped}", flush=True)
+        for f, t in left.items():
+            print(f"      also, after {t:.1f} s: {f}", flush=True)
+    every = [one for of in results.values() for one in of]
+    for kind, of in [*results.items(), ("all", every)]:
+        stops = [one for one in of if one[0] is not None]
+        later = [t - stop for stop, t in stops if t is not None]
+        times = "{:.1f} s, p90 {:.1f} s".format(*np.quantile(later, (0.5, 0.9))) if later else "-"
+        print(
+            f"{kind}: stopped {len(stops)} of {len(of)}, of them named {len(later)}, after {times}"
+        )
+    print(f"boards stopped, and with a finding too many: {dict(false)}")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--boards", type=int, default=80, help="with faults")
@@ -159,7 +264,11 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=5000, help="of the first board")
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--kinds", nargs="*", choices=list(KINDS), help="these, one on a board")
+    parser.add_argument("--running", action="store_true", help="through the compensation node")
     args = parser.parse_args()
+    if args.running:
+        with one_thread():
+            return running(args)
     named, false, spent = defaultdict(list), [], 0.0
     for seed in range(args.seed, args.seed + args.boards + args.sound):
         faulty = seed < args.seed + args.boards

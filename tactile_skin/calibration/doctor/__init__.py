@@ -5,6 +5,7 @@ recorded.py   rest, noise and touches of the recording
 readings.py   faults of single readings: bits, ceiling, noise, open and loose lines
 order.py      lines that read alike, lines in the wrong order
 wiring.py     damage of wires and cells that explains the rest
+running.py    the same while the skin runs
 
 What the readings cannot tell is not guessed: two boards that read alike get the same finding, which
 then names both.
@@ -31,7 +32,9 @@ _SHORTED = 0.5  # share of what a short of two lines takes from their readings a
 _ONE_VOLTAGE = 4.0  # times the noise within which all readings are one voltage
 
 
-def diagnose(frames, circuit: Circuit, rest: Rest | None = None) -> list[Finding]:
+def diagnose(
+    frames, circuit: Circuit, rest: Rest | None = None, *, series: bool = True
+) -> list[Finding]:
     """What is wrong with a board.
 
     Args:
@@ -40,6 +43,7 @@ def diagnose(frames, circuit: Circuit, rest: Rest | None = None) -> list[Finding
             not read.
         circuit: what is supposed.
         rest: `measure_rest` of the same board; None: from the frames in which nothing touches.
+        series: whether to ask for r_par, r_ref and supply, which takes most of the time.
 
     Returns:
         The faults, an empty list for a sound board. A wrong bit hides all else.
@@ -82,7 +86,7 @@ def diagnose(frames, circuit: Circuit, rest: Rest | None = None) -> list[Finding
     moved = order.misplaced(seen, unusable | odd)
     found += [texts.misplaced(m) for m in moved]
     # With stripes that touch, are cut or are not read it is another network.
-    if not (pairs or wires.cut or top or wires.cells.max() > REST_SPAN):
+    if series and not (pairs or wires.cut or top or wires.cells.max() > REST_SPAN):
         found += _series(seen, unusable, wires, cell)
     return found
 

@@ -16,7 +16,11 @@ from .recorded import Recorded
 # RMS by which two lines that read alike differ at rest: times the noise of a mean, and ADC steps.
 _EQUAL, _ROUNDING = 4.0, 0.15
 _DIRECTLY = 0.25  # share of the most raised line's rise: less comes through the others
-_TOUCHED, _TOUCHES = 8.0, 3  # times the noise by which a touch raises a line; touches it takes
+_TOUCHED = 8.0  # times the noise by which a touch raises a line
+# Touches that it takes: where the rest shows that the two are one, and where it is too noisy for
+# that, as of a short recording: a palm raises two lines alike. Share of the usual pair's
+# difference at rest that shows it.
+_TOUCHES, _ONE = (3, 8), 0.3
 # Largest difference under a touch, as share of what it raises (lines are read in turn), and times
 # the noise; share of the touches in which it is below that.
 _ALIKE, _APART, _ALWAYS = 0.03, 5.0, 0.8
@@ -38,16 +42,17 @@ def equal_lines(seen: Recorded, skip) -> list[tuple[int, int, int]]:
         touched = level > _TOUCHED * seen.usual_noise
         touched &= level > _DIRECTLY * level.max(1, initial=0.0)[:, None]
         limit = _EQUAL * seen.usual_noise / np.count_nonzero(seen.quiet) ** 0.5 + _ROUNDING
-        pairs = [(a, b) for b in range(len(base)) for a in range(b)]
-        for a, b in pairs:
-            if (axis, a) in skip or (axis, b) in skip:
-                continue
-            if np.sqrt(np.square(base[a] - base[b]).mean()) > limit:
+        used = [k for k in range(len(base)) if (axis, k) not in skip]
+        pairs = [(a, b) for b in used for a in used if a < b]
+        differ = np.array([np.square(base[a] - base[b]).mean() ** 0.5 for a, b in pairs])
+        one = differ < _ONE * np.median(differ) if pairs else differ
+        for (a, b), apart_at_rest, shown in zip(pairs, differ, one, strict=True):
+            if apart_at_rest > limit:
                 continue
             when = touched[:, a] | touched[:, b]
             apart = np.abs(raised[when, a] - raised[when, b]).max(1)
             alike = apart < _ALIKE * touch[when][:, [a, b]].max(1) + _APART * seen.usual_noise
-            if when.sum() >= _TOUCHES and alike.mean() > _ALWAYS:
+            if when.sum() >= _TOUCHES[0 if shown else 1] and alike.mean() > _ALWAYS:
                 found.append((axis, a, b))
     return found
 

@@ -59,6 +59,8 @@ def stuck_bits(seen: Recorded) -> list[tuple[int, int, float]]:
 
 def ceiling(seen: Recorded) -> tuple[float, int, int] | None:
     """(height [ADC steps], readings there, cells): where readings end that should rise further."""
+    if not len(seen.peaks):
+        return None  # what nothing presses ends at its rest
     limit = _NEAR_SHORT * seen.circuit.ratio(0.0) * seen.circuit.full_scale
     steps = seen.steps[:, seen.read]
     top = float(steps.max())
