@@ -189,8 +189,11 @@ def by_score(
         larger, -1 smaller, 0 if it is not about r_par.
     """
     rows, k, readings = len(model.weight), model.network.k, equations.readings
-    equal = _equal_lines(reading), _equal_lines(reading, columns=True)
-    pairs = np.flatnonzero(np.concatenate(equal))
+    equal = _equal_lines(reading, reading.steps)
+    if reading.curve.offset is not None and equal.any():  # lines that differ at rest are two
+        rest = rest_reading(reading.circuit, reading.curve) * reading.circuit.full_scale
+        equal &= _equal_lines(reading, rest)
+    pairs = np.flatnonzero(equal)
     pairs += pairs >= rows - 1  # the last row and the first column are no neighbours
     # a short is a conductance between the two lines of a pair, r_par one before every reading
     p = np.empty((readings.size, pairs.size + 1), np.float32)
@@ -231,17 +234,23 @@ def rounded(reading: Reading) -> bool:
     return 0.0 < reading.noise <= limit
 
 
-def _equal_lines(reading: Reading, columns: bool = False) -> np.ndarray:
-    """(lines - 1,) bool: neighbouring lines whose readings differ by no more than noise."""
-    steps, known = reading.steps, reading.known
-    if columns:
-        steps, known = steps.T, known.T
-    pair = known[1:] & known[:-1]
-    n = np.maximum(pair.sum(1), 1)
-    step = (steps[1:] - steps[:-1]) * pair
-    apart = np.einsum("ij,ij->i", step, step) / n
-    noise = reading.fitted_noise
-    return apart < 2.0 * noise**2 * (1.0 + 3.0 * np.sqrt(2.0 / n))
+def _equal_lines(reading: Reading, steps: np.ndarray) -> np.ndarray:
+    """Which neighbouring lines read alike, to the frame's noise.
+
+    Args:
+        steps: (rows, cols) [ADC steps].
+
+    Returns:
+        (rows - 1 + cols - 1,) bool, of rows, then of columns.
+    """
+    noise, found = reading.fitted_noise, []
+    for values, known in ((steps, reading.known), (steps.T, reading.known.T)):
+        pair = known[1:] & known[:-1]
+        n = np.maximum(pair.sum(1), 1)
+        step = (values[1:] - values[:-1]) * pair
+        apart = np.einsum("ij,ij->i", step, step) / n
+        found.append(apart < 2.0 * noise**2 * (1.0 + 3.0 * np.sqrt(2.0 / n)))
+    return np.concatenate(found)
 
 
 _SIGNS = np.array([1.0, -1.0])[:, None, None]
