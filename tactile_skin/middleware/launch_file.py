@@ -31,6 +31,7 @@ NODES = {  # exec -> class, imported when it is started
     "push_to_move": "push_to_move.PushToMove",
     "monitor": "monitor.Monitor",
     "push_arrow": "push_arrow.PushArrow",
+    "view": "view.View",
 }
 _MAX_FILES = 30  # launch files of one launch: includes may double at each level
 _MAX_TEXT = 10_000  # characters of a filled-in value: it may double with each let
