@@ -31,7 +31,7 @@ export class Chart {
     const y = (force) => h - bottom - (force / end) * (h - top - bottom);
     ctx.fillStyle = colours.panel;
     ctx.fillRect(0, 0, w, h);
-    this.stops(points, x, top, h - bottom, to, colours);
+    this.stops(points, x, top, h - bottom, from, to, colours);
     ctx.font = `${11 * ratio}px ${FONT}`;
     ctx.fillStyle = colours.faint;
     ctx.strokeStyle = colours.line;
@@ -74,15 +74,18 @@ export class Chart {
     }
   }
 
-  stops(points, x, top, bottom, to, colours) {
+  stops(points, x, top, bottom, from, to, colours) {
     const ctx = this.context;
     ctx.fillStyle = colours.stopped;
     ctx.globalAlpha = 0.25;
-    points.forEach((point, k) => {
-      if (!point.stop) return;
-      const next = k + 1 < points.length ? points[k + 1].t : to;
-      ctx.fillRect(x(point.t), top, Math.max(0, x(next) - x(point.t)), bottom - top);
-    });
+    let since = null;
+    for (const { t, stop } of [...points, { t: to, stop: false }]) {
+      if (stop && since === null) since = t;
+      if (stop || since === null) continue;
+      const begin = Math.max(x(since), x(from)); // not before what is shown
+      ctx.fillRect(begin, top, Math.max(0, x(t) - begin), bottom - top);
+      since = null;
+    }
     ctx.globalAlpha = 1;
   }
 
@@ -105,11 +108,12 @@ export function compass(canvas, push, colours) {
   ctx.beginPath();
   ctx.arc(middle, middle, radius, 0, 2 * Math.PI);
   ctx.stroke();
+  ctx.beginPath(); // the front
+  ctx.moveTo(middle - 12, middle - radius + 6);
+  ctx.lineTo(middle, middle - radius - 12);
+  ctx.lineTo(middle + 12, middle - radius + 6);
   ctx.fillStyle = colours.faint;
-  ctx.font = `24px ${FONT}`;
-  ctx.textAlign = "center";
-  ctx.textBaseline = "middle";
-  ctx.fillText("front", middle, 0.12 * canvas.height);
+  ctx.fill();
   if (!push) return;
   const [dx, dy] = [-push.direction[1], -push.direction[0]]; // y left, x up, on the canvas
   const flat = Math.hypot(dx, dy);

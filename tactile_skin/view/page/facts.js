@@ -53,7 +53,8 @@ export function showPush(push, colours) {
   compass(box.querySelector("canvas"), push, colours);
   const signed = (x) => (x < -0.005 ? "−" : "+") + Math.abs(x).toFixed(2);
   const text = push
-    ? `${push.force.toFixed(1)} N towards (${push.direction.map(signed).join(" ")})`
+    ? `${push.force.toFixed(1)} N towards x ${signed(push.direction[0])}, ` +
+      `y ${signed(push.direction[1])}, z ${signed(push.direction[2])}`
     : "none";
   say(box.querySelector("p"), text);
 }
