@@ -39,7 +39,7 @@ setup(
     maintainer_email="tactile_skin@example.org",
     python_requires=">=3.10",
     packages=find_packages(include=[package_name, f"{package_name}.*"]),
-    package_data={package_name: ["py.typed", "learning/weights/*"]},
+    package_data={package_name: ["py.typed", "learning/weights/*", "view/page/*"]},
     # optional: without a compiler NumPy does the same, in twice the time
     ext_modules=[
         Extension(
@@ -60,17 +60,22 @@ setup(
     extras_require={
         "train": ["torch>=2.1", "tqdm>=4.66"],
         "progress": ["tqdm>=4.66"],  # of benchmarks
+        "record": ["mcap>=1.6", "rosbags>=0.10"],
+        "view": ["websockets>=14.0"],
         "charts": ["matplotlib>=3.8"],
         # of trained networks, to be run elsewhere
         "onnx": ["torch>=2.1", "onnx>=1.16", "onnxscript>=0.2"],
         "test": [
             "hypothesis>=6.100",
+            "mcap>=1.6",
+            "mcap-ros2-support>=0.5",  # reads recordings independently
             "pytest>=8.0",
             "rosbags>=0.10",
             "ruff>=0.15",
             "setuptools>=70.1",  # builds the wheel
             "threadpoolctl>=3.0",
             "tqdm>=4.66",
+            "websockets>=14.0",
         ],
     },
     entry_points={"console_scripts": programs},

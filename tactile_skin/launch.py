@@ -28,8 +28,25 @@ from .behaviours.hooks import EventHook, StopHook
 from .errors import LaunchError
 from .middleware.bus import Context, MultiThreadedExecutor, Node
 from .middleware.config import SkinConfig, read_skin
-from .middleware.launch_file import NODES, PACKAGE, NodeAction, Plan, find, read_plan, share_dir
-from .middleware.launched import check_commands, check_overrides, make_node, naming_its_file, remaps
+from .middleware.launch_file import (
+    CLASSES,
+    NODES,
+    PACKAGE,
+    RECORDER,
+    NodeAction,
+    Plan,
+    find,
+    read_plan,
+    share_dir,
+)
+from .middleware.launched import (
+    check_commands,
+    check_overrides,
+    make_node,
+    naming_its_file,
+    parameters_of,
+    remaps,
+)
 from .middleware.logs import QueuedLog
 from .middleware.processes import PATIENCE, end_commands, start_command
 from .middleware.signals import SIGNALS, unwinding
@@ -38,6 +55,7 @@ from .msg import DiagnosticArray, Trigger
 from .nodes import diagnostics
 from .nodes.stop_on_push import STATUS, STATUS_TOPIC, stop_message_of
 from .nodes.touch_events import PushListener, StrokeListener
+from .recording import configuration
 from .touch.events import Pushed, Released, Stroked
 
 __all__ = [
@@ -65,14 +83,15 @@ class Skin:
 
     Attributes:
         node: for subscriptions of your own; its callbacks have a thread of their own.
+        nodes, handles: of the launch file, and the bus's Node of each.
     """
 
     def __init__(self, plan: Plan, context: Context | None = None):
         self._context = context or Context()
         self._executor = MultiThreadedExecutor()
         self._plan = plan
-        self._handles: list[Node] = []
-        self._nodes: list = []
+        self.handles: list[Node] = []
+        self.nodes: list = []
         self._processes: list[subprocess.Popen] = []
         self._hooks: list[StopHook | EventHook] = []
         self._settings = contextlib.ExitStack()  # of the process; closed, they are as before
@@ -97,13 +116,15 @@ class Skin:
         for command in self._plan.commands:
             self._processes.append(start_command(command))
         self.build()
+        for recorder in self._of_kind(RECORDER, self.nodes):
+            recorder.begin(configuration.attachments(parameters_of(self.handles)))
         # The matrices are small. More threads than one would spin beside it, and on a small
         # computer keep the other nodes waiting for a tenth of a second.
         self._settings.enter_context(one_thread())
         # The default, 5 ms, is longer than a frame's whole way to the stop.
         self._settings.callback(sys.setswitchinterval, sys.getswitchinterval())
         sys.setswitchinterval(0.0005)
-        for handle in (*self._handles, self.node):
+        for handle in (*self.handles, self.node):
             diagnostics.ensure_reported(handle)
         for handles in (*self._stages(), [self.node]):
             self._executor.add_node(*handles)
@@ -111,7 +132,7 @@ class Skin:
     def _stages(self) -> list[list[Node]]:
         """The nodes by thread: a skin's compensation and its features share one."""
         groups: dict = {}
-        for handle, action in zip(self._handles, self._plan.nodes, strict=True):
+        for handle, action in zip(self.handles, self._plan.nodes, strict=True):
             shared = action.kind in _ONE_THREAD
             key = handle.get_namespace() if shared else handle.get_fully_qualified_name()
             groups.setdefault((shared, key), []).append((action.kind, handle))
@@ -131,13 +152,13 @@ class Skin:
             SIGNALS.raise_pending()  # the last one took a while
             handle = make_node(action, self._context)
             name = handle.get_fully_qualified_name()
-            if any(name == other.get_fully_qualified_name() for other in self._handles):
+            if any(name == other.get_fully_qualified_name() for other in self.handles):
                 raise LaunchError(f"{action.file}: node {name}: there are two of this name")
-            self._handles.append(handle)
+            self.handles.append(handle)
             with naming_its_file(action, name):
-                self._nodes.append(class_of(action)(handle))
-        check_overrides(self._plan.nodes, self._handles)
-        check_commands(self._handles)
+                self.nodes.append(class_of(action)(handle))
+        check_overrides(self._plan.nodes, self.handles)
+        check_commands(self.handles)
 
     @SIGNALS.deferred
     def __exit__(self, *_) -> None:
@@ -177,7 +198,7 @@ class Skin:
         A close that hangs, on a terminal that takes nothing say, does not keep the others.
         """
         drained = min(until, time.monotonic() + _CLOSE_WITHIN)
-        for handle, node in zip(self._handles, self._nodes, strict=False):
+        for handle, node in zip(self.handles, self.nodes, strict=False):
             if not hasattr(node, "close"):
                 continue
             closing = threading.Thread(
@@ -222,7 +243,7 @@ class Skin:
     @property
     def failed(self) -> bool:
         """Whether a node says that the run was in vain."""
-        return any(getattr(node, "failed", False) for node in self._nodes)
+        return any(getattr(node, "failed", False) for node in self.nodes)
 
     def on_stop(self, hook: Callable[[bool, str], None], heartbeat: float | None = None) -> None:
         """Call hook(stop, reason) now and at each change, in a thread of its own: see hooks.py.
@@ -313,7 +334,9 @@ class Skin:
         stops = self._started("stop_on_push")
         # Each says on diagnostics how it is before it answers, and a stop node takes what came
         # first first: its own reset finds that said.
-        forgotten = [self._reset(handle, timeout) for handle in self._of_kind("compensation")]
+        forgotten = [
+            self._reset(handle, timeout) for handle in self._of_kind("compensation", self.handles)
+        ]
         silent = [a for a in forgotten if not a.success]
         answers = silent or [self._reset(handle, timeout) for handle in stops]
         return all(a.success for a in answers), "; ".join(a.message for a in answers)
@@ -330,17 +353,14 @@ class Skin:
 
     def _started(self, executable: str) -> list[Node]:
         """The nodes of a kind, of which there must be one."""
-        found = self._of_kind(executable)
+        found = self._of_kind(executable, self.handles)
         if not found:
             raise LaunchError(f"the launch file starts no {executable}")
         return found
 
-    def _of_kind(self, executable: str) -> list[Node]:
-        return [
-            handle
-            for action, handle in zip(self._plan.nodes, self._handles, strict=False)
-            if action.kind == executable
-        ]
+    def _of_kind(self, executable: str, of: list) -> list:
+        """Of the handles, or the nodes, those of a kind."""
+        return [x for x, a in zip(of, self._plan.nodes, strict=False) if a.kind == executable]
 
 
 def _close(handle: Node, node) -> None:
@@ -365,7 +385,7 @@ def class_of(action: NodeAction):
 
 
 def node_class(executable: str):
-    module, name = NODES[executable].split(".")
+    module, name = CLASSES[executable].split(".")
     return getattr(importlib.import_module(f".nodes.{module}", __package__), name)
 
 

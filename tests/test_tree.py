@@ -22,6 +22,8 @@ MAY = {
     "calibration": ("physics", "solvers"),
     "board": ("physics",),
     "middleware": ("files", "yaml_files", "msg", "physics", "touch"),
+    "recording": ("files", "yaml_files", "msg", "physics", "middleware"),
+    "view": ("msg", "physics", "solvers", "touch", "middleware", "recording"),
     "nodes": (
         "msg",
         "physics",
@@ -32,9 +34,19 @@ MAY = {
         "calibration",
         "board",
         "middleware",
+        "recording",
+        "view",
     ),
-    "launch": ("files", "msg", "touch", "behaviours", "middleware", "nodes"),
+    "launch": ("files", "msg", "touch", "behaviours", "middleware", "recording", "nodes"),
     "ros": ("files", "yaml_files", "msg", "middleware", "nodes", "launch"),
+    "replay": (
+        "msg",
+        "middleware",
+        "physics",
+        "recording",
+        "nodes",
+        "launch",
+    ),
     "bench": None,  # everything but the command line
     "commands": None,  # so do these
     "arguments": None,

@@ -56,17 +56,27 @@ def read_skin(path=None, node: str = "compensation") -> SkinConfig:
         OSError: the file, or the table of cells that it names, cannot be read.
     """
     overrides = [] if path is None else ParameterFile(path).overrides(f"/{node.strip('/')}")
+    return skin_of({p.name: p.value for p in overrides}, str(path))
+
+
+def skin_of(values: dict, where: str) -> SkinConfig:
+    """Circuit, curve and geometry of a node's parameters, name -> value.
+
+    Raises:
+        ValueError: as `read_skin`; the message begins with `where`.
+    """
+    overrides = [Parameter(name, value) for name, value in values.items()]
     reader = Node("compensation", context=Context(), parameter_overrides=overrides)
     try:
         circuit, curve = circuit_of(reader), curve_of(reader)
         skin = SkinConfig(circuit, curve, geometry_of(reader, circuit))
         skin.adc = adc_of(reader, circuit)
     except ValueError as error:
-        raise type(error)(f"{path}: {error}") from error
+        raise type(error)(f"{where}: {error}") from error
     unknown = [name for name in reader.undeclared() if name.split(".")[0] in SHARED]
     if unknown:
         raise ParameterError(
-            f"{path}: parameter {unknown[0]!r} is unknown; "
+            f"{where}: parameter {unknown[0]!r} is unknown; "
             f"there are: {', '.join(reader.parameter_names())}"
         )
     return skin

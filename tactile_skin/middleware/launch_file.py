@@ -33,6 +33,8 @@ NODES = {  # exec -> class, imported when it is started
     "push_arrow": "push_arrow.PushArrow",
     "view": "view.View",
 }
+RECORDER = "recorder"  # record:=FILE of any launch file; on ROS there is ros2 bag record
+CLASSES = NODES | {RECORDER: "recorder.RecorderNode"}
 _MAX_FILES = 30  # launch files of one launch: includes may double at each level
 _MAX_TEXT = 10_000  # characters of a filled-in value: it may double with each let
 
@@ -71,6 +73,9 @@ class Argument:
     name: str
     default: str | None
     description: str
+
+
+RECORD = Argument("record", "", "MCAP file to record all topics to, or a folder for such files")
 
 
 @dataclass
@@ -113,9 +118,20 @@ def read_plan(path, arguments: dict[str, str]) -> Plan:
     Raises:
         LaunchError: an unknown entity, key, substitution or argument, or a value that is missing.
     """
-    plan = Plan()
-    _read_file(str(path), arguments, plan, _Read())
+    plan, given = Plan(), dict(arguments)
+    record = given.pop(RECORD.name, RECORD.default)
+    _read_file(str(path), given, plan, _Read())
+    plan.arguments[RECORD.name] = RECORD
+    if record:
+        plan.nodes.append(_recorder(record, plan, Path(path)))
     return plan
+
+
+def _recorder(path: str, plan: Plan, file: Path) -> NodeAction:
+    """The node that records the others, with the parameter files that they have."""
+    files = [p for action in plan.nodes for p in action.parameters if isinstance(p, ParameterFile)]
+    parameters = [*dict.fromkeys(files), ("path", path)]
+    return NodeAction(RECORDER, RECORDER, "", parameters, [], file)
 
 
 @dataclass

@@ -9,7 +9,7 @@ from ..errors import LaunchError, ParameterError, TopicTypeError
 from ..msg import Twist
 from .bus import Context, Node, Parameter
 from .config import SHARED, ParameterFile
-from .launch_file import NODES, NodeAction
+from .launch_file import CLASSES, NodeAction
 
 
 def make_node(action: NodeAction, context: Context) -> Node:
@@ -29,12 +29,22 @@ def make_node(action: NodeAction, context: Context) -> Node:
     )
 
 
+def parameters_of(handles: list[Node]) -> dict[str, dict]:
+    """Full name of each node -> {parameter: value}."""
+    return {
+        handle.get_fully_qualified_name(): {
+            name: handle.get_parameter(name).value for name in handle.parameter_names()
+        }
+        for handle in handles
+    }
+
+
 def check_overrides(nodes: list[NodeAction], handles: list[Node]) -> None:
     """Refuse names in parameter files and launch files that no node knows."""
     declared = {name for handle in handles for name in handle.parameter_names()}
     names = {h.get_fully_qualified_name() for h in handles}
     # One file may serve several launches: sections of nodes that this one does not start.
-    absent = {f"/{name}" for name in set(NODES) - {a.kind for a in nodes}}
+    absent = {f"/{name}" for name in set(CLASSES) - {a.kind for a in nodes}}
     for action, handle in zip(nodes, handles, strict=True):
         own = set(handle.undeclared())
         for item in action.parameters:

@@ -120,7 +120,7 @@ class Compensation:
         self._at_rest = not self._follows  # whether the whole skin was at rest in any frame
         self._loaded = ""  # since the start, where
         self._level, self._message, self._residual = diagnostics.OK, "ok", 0.0
-        self._status, self._present = "ok", ""  # of the last frame, and its message
+        self.status, self._present = "ok", ""  # of the last frame, and its message
         self._present_force = 0.0  # N, on its strongest cell
         self._taken: Counter[str] = Counter()
         self._taken_at, self.skipped = -np.inf, 0  # s, when the last frame was taken; frames
@@ -152,8 +152,8 @@ class Compensation:
             adc = self._adc.ratio_of(samples)
             estimate = self._compensate(adc)
         except ValueError as error:
-            self._status, self._present = "failed", str(error)
-            self._update_level(self._status, self._present)
+            self.status, self._present = "failed", str(error)
+            self._update_level(self.status, self._present)
             return
         # A touch that comes or goes leaves a few suspect frames, as the board's low-pass mixes
         # scans: they are close to the truth. More in a row may be a bad local fit: start anew,
@@ -190,7 +190,7 @@ class Compensation:
         self._odd = self._noisy_cells() or self._cells.frame(t, estimate.force)
         if estimate.aside is not None:
             self._aside.update(map(tuple, np.argwhere(estimate.aside)))
-        self._status, self._present = estimate.status, estimate.message
+        self.status, self._present = estimate.status, estimate.message
         half = 2 * np.count_nonzero(estimate.force >= _IDLE) > self._cell_count
         self._full_since = min(self._full_since, t) if half else np.inf
         if not self._at_rest:
@@ -232,7 +232,7 @@ class Compensation:
         self._last = None
         self._doubt.reset()
         self._fault, self._saturated = self._doubt.present, self._ceiling.forget()
-        self._update_level(self._status, self._join_reasons(self._present))
+        self._update_level(self.status, self._join_reasons(self._present))
         self.report()  # the stop must know before it is reset
         response.success, response.message = True, "past faults are cleared"
         return response

@@ -7,8 +7,7 @@ import contextlib
 import json
 import socket
 
-from ..middleware.bus import Context, Node, Parameter
-from ..middleware.config import SkinConfig, adc_of, circuit_of, curve_of, geometry_of
+from ..middleware.config import skin_of
 from .pictures import Pictures
 from .process import LARGEST
 from .server import Wanted, serve
@@ -88,14 +87,9 @@ class Live:
 async def run(listening: socket.socket, skin: socket.socket) -> None:
     """Serve until the skin ends."""
     parameters = json.loads(skin.recv(LARGEST))["parameters"]
-    live, drawn = Live(skin), Pictures(_config(parameters), parameters["method"])
-    await serve(listening, live, drawn, live.ended, parameters["controls"])
+    live = Live(skin)
+    own = ("host", "port", "controls", "method")
+    configured = skin_of({k: v for k, v in parameters.items() if k not in own}, "view")
+    pictures = Pictures(configured, parameters["method"])
+    await serve(listening, live, pictures, live.ended, parameters["controls"])
 
-
-def _config(parameters: dict) -> SkinConfig:
-    overrides = [Parameter(name, value) for name, value in parameters.items()]
-    node = Node("view", context=Context(), parameter_overrides=overrides)
-    circuit, curve = circuit_of(node), curve_of(node)
-    skin = SkinConfig(circuit, curve, geometry_of(node, circuit))
-    skin.adc = adc_of(node, circuit)
-    return skin

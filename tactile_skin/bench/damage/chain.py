@@ -45,7 +45,7 @@ class Chain:
         context = Context(self._clock)
         self._skin = Skin(plan, context)
         self._skin.build()
-        nodes = {a.executable: n for a, n in zip(plan.nodes, self._skin._nodes, strict=True)}
+        nodes = {a.executable: n for a, n in zip(plan.nodes, self._skin.nodes, strict=True)}
         self._driver = nodes["serial_driver"]
         self._area = nodes["gesture_feature"].geometry.cell_area
         self.force = np.zeros(circuit.shape)
@@ -59,7 +59,7 @@ class Chain:
         ):
             self._observer.create_subscription(kind, topic, callback, depth)
         self._executor = SingleThreadedExecutor()
-        for handle in (*self._skin._handles, self._observer):
+        for handle in (*self._skin.handles, self._observer):
             self._executor.add_node(handle)
         self._open()
 
@@ -94,10 +94,10 @@ class Chain:
     @property
     def errors(self) -> int:
         """Callbacks that raised."""
-        return sum(handle.callback_errors for handle in self._skin._handles)
+        return sum(handle.callback_errors for handle in self._skin.handles)
 
     def close(self) -> None:
-        for handle in (*self._skin._handles, self._observer, self._skin.node):
+        for handle in (*self._skin.handles, self._observer, self._skin.node):
             handle.destroy_node()
 
     def _on_pressure(self, message: Image) -> None:

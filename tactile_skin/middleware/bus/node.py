@@ -71,6 +71,11 @@ class Node:
         name = self._expand(topic)
         return self._remappings.get(name, name)
 
+    def get_topic_names_and_types(self) -> list[tuple[str, list[str]]]:
+        """Full name of each topic, and ROS 2's name of its type."""
+        with self.context._lock:
+            return [(name, [kind.TYPE]) for name, kind in self.context._topic_type.items()]
+
     def undeclared(self) -> list[str]:
         """Names of overrides that no parameter of this node has: most likely misspelt."""
         return sorted(set(self._overrides) - set(self._parameters))

@@ -1,0 +1,103 @@
+"""recorder: all topics -> an MCAP file."""
+
+from __future__ import annotations
+
+from ..middleware.bus import DurabilityPolicy, QoSProfile
+from ..middleware.config import describe
+from ..msg import Bool, DiagnosticArray
+from ..recording import cdr
+from ..recording.recorder import Limits, Recorder
+from . import diagnostics
+
+_DEPTH = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)  # and latched ones
+_CLOSE = 0.1  # s that the disk has at the end; what it takes longer it does in the background
+
+
+class RecorderNode:
+    """Records every topic of its process, also those that appear later. It never holds the others
+    up: what the disk cannot take is dropped and counted, and a full one ends the recording with a
+    warning in diagnostics, not with a stop.
+    """
+
+    def __init__(self, node):
+        self.node = node
+
+        def value(name, default, *bounds):
+            return node.declare_parameter(name, default, describe(*bounds)).value
+
+        self._path = value("path", "", "file to make, or folder for files named after their time")
+        longest = value("max_duration", 0.0, "of a recording [s]; 0: no limit", 0.0, 1e9)
+        largest = value("max_size", 2000.0, "of its files together [MB]; 0: no limit", 0.0, 1e9)
+        last = value("last", 0.0, "kept before each stop [s]; 0: keep everything", 0.0, 600.0)
+        limit = {"duration": longest, "size": largest * 1e6}
+        self._limits = Limits(**{k: v for k, v in limit.items() if v}, last=last)
+        self._heard: set[str] = set()
+        self._stopped: dict[str, bool] = {}
+        self._recorder: Recorder | None = None
+        self._said = ""
+        self._diagnostics = node.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
+
+    def begin(self, attachments: dict[str, bytes]) -> None:
+        """Make the file, and record from here on.
+
+        Raises:
+            FileError, OSError: it cannot be made.
+            ModuleNotFoundError: the libraries for it are not installed.
+        """
+        self._recorder = Recorder(self._path, self._limits, attachments, self._now)
+        self._recorder.start()
+        self._listen()
+        self.node.create_timer(1.0, self._on_second)
+
+    def _now(self) -> int:
+        return self.node.get_clock().now().nanoseconds
+
+    def _on_second(self) -> None:
+        self._listen()
+        self._report()
+
+    def _listen(self) -> None:
+        """Subscribe to the topics that are new."""
+        for topic, (kind,) in self.node.get_topic_names_and_types():
+            if topic not in self._heard and kind in cdr.KINDS:
+                self._heard.add(topic)
+                self.node.create_subscription(cdr.KINDS[kind], topic, self._taker(topic), _DEPTH)
+
+    def _taker(self, topic: str):
+        is_stop = topic.endswith("/skin/stop")
+
+        def take(message) -> None:
+            t = self._now()
+            self._recorder.put(topic, t, message)
+            if is_stop:
+                self._on_stop(topic, t, message)
+
+        return take
+
+    def _on_stop(self, topic: str, t: int, message: Bool) -> None:
+        """A stop that begins is kept; that of the start, or of the end, is no incident."""
+        if message.data and not self._stopped.get(topic, True) and self.node.context.ok():
+            self._recorder.stop(t)
+        self._stopped[topic] = message.data
+
+    def _report(self) -> None:
+        recorder = self._recorder
+        trouble = recorder.trouble
+        if trouble and trouble != self._said:
+            self.node.get_logger().warning("%s", trouble)
+        self._said = trouble
+        values = {
+            "files": ", ".join(map(str, recorder.files)),
+            "size": f"{recorder.size / 1e6:.1f} MB",
+            "messages": recorder.written,
+            "not_recorded": recorder.dropped,
+        }
+        level = diagnostics.WARN if trouble or recorder.dropped else diagnostics.OK
+        message = trouble or "recording"
+        if recorder.dropped and not trouble:
+            message = f"the disk is too slow: {recorder.dropped} messages are not recorded"
+        self._diagnostics.publish(diagnostics.report(self.node, level, message, values))
+
+    def close(self) -> None:
+        if self._recorder is not None:
+            self._recorder.close(_CLOSE)

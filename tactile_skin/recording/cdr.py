@@ -1,0 +1,76 @@
+"""Messages of msg.py <-> CDR bytes, and their definitions, by rosbags; the way to mcap."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import importlib
+import inspect
+
+import numpy as np
+
+from .. import msg
+from ..middleware.ros.messages import from_ros
+
+KINDS = {  # ROS 2 type -> class of a message
+    kind.TYPE: kind for _, kind in inspect.getmembers(msg, dataclasses.is_dataclass)
+}
+_PARTS = "data_stream", "exceptions", "records", "stream_reader", "writer"
+
+
+@functools.cache
+def mcap():
+    """The library of the container.
+
+    Raises:
+        ModuleNotFoundError: it is not installed.
+    """
+    parts = [_imported(f"mcap.{part}") for part in _PARTS]
+    return importlib.import_module(parts[0].__package__)
+
+
+@functools.cache
+def _store():
+    typesys = _imported("rosbags.typesys")
+    return typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+
+
+def _imported(module: str):
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            f"recordings need {error.name}: pip install 'tactile_skin[record]'"
+        ) from error
+
+
+def check() -> None:
+    """Raises:
+    ModuleNotFoundError: a library is not installed.
+    """
+    mcap(), _store()
+
+
+@functools.cache
+def definition(kind: type) -> str:
+    """ROS 2's definition of a message and of its parts, as MCAP's encoding ros2msg wants it."""
+    return _store().generate_msgdef(kind.TYPE, ros_version=2)[0]
+
+
+def encode(message) -> bytes:
+    """A message of msg.py -> CDR."""
+    if isinstance(getattr(message, "data", None), bytes):
+        message = dataclasses.replace(message, data=np.frombuffer(message.data, np.uint8))
+    return bytes(_store().serialize_cdr(message, message.TYPE))
+
+
+def decode(kind: type, data: bytes):
+    """CDR -> a message of msg.py.
+
+    Raises:
+        ValueError: bytes that are no such message.
+    """
+    try:
+        return from_ros(kind, _store().deserialize_cdr(data, kind.TYPE))
+    except Exception as error:  # of generated code: whatever a wrong byte leads to
+        raise ValueError(f"{len(data)} bytes are no {kind.TYPE}: {error!r}") from error

@@ -1,0 +1,51 @@
+"""The nodes' parameters, and the files that they name, as attachments of a recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import yaml
+
+from ..files import read_bytes
+from ..yaml_files import parse_yaml
+
+PARAMETERS = "parameters.yaml"  # attachment, a ROS 2 parameter file; files have their own names
+_FILES = "weights", "geometry.table"  # parameters that name a file
+_LARGEST = 16 << 20  # bytes of such a file
+
+
+def attachments(parameters: dict[str, dict]) -> dict[str, bytes]:
+    """Name -> bytes.
+
+    Args:
+        parameters: node's full name -> {parameter: value}.
+    """
+    sections = {node: {"ros__parameters": values} for node, values in parameters.items()}
+    found = {PARAMETERS: yaml.safe_dump(sections, sort_keys=False).encode()}
+    for values in parameters.values():
+        for path in filter(None, map(values.get, _FILES)):
+            found[path] = read_bytes(path, _LARGEST)
+    return found
+
+
+def parameters(attached: dict[str, bytes], where: str) -> dict[str, dict]:
+    """Node's full name -> {parameter: value}; empty: none attached.
+
+    Raises:
+        FileError: the attachment is no parameter file; `where` names it.
+    """
+    if PARAMETERS not in attached:
+        return {}
+    sections = parse_yaml(attached[PARAMETERS].decode(), f"{where}: {PARAMETERS}")
+    return {node: section["ros__parameters"] for node, section in sections.items()}
+
+
+def unpack(values: dict, attached: dict[str, bytes], folder: Path) -> dict:
+    """A node's parameters, with the files that they name made in a folder from the attachments."""
+    changed = dict(values)
+    for name in _FILES:
+        if (data := attached.get(values.get(name))) is not None:
+            path = folder / Path(values[name]).name
+            path.write_bytes(data)
+            changed[name] = str(path)
+    return changed

@@ -1,0 +1,238 @@
+"""Recordings read back, those that end in the middle too."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import struct
+from collections import Counter
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import FileError
+from ..middleware.bus import Time
+from ..middleware.config import SkinConfig, skin_of
+from ..msg import DiagnosticArray, Image, image_array
+from . import cdr, configuration
+
+ADC = "skin/adc"
+_MAGIC, _VERSION = b"\x89MCAP", b"0\r\n"
+_SCHEMA, _CHANNEL, _MESSAGE = 3, 4, 5  # opcodes of MCAP's specification
+_RECORD = struct.Struct("<BQ")  # opcode, length
+_MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time [ns]
+
+
+class Topic(NamedTuple):
+    """type: ROS 2's name of its messages; count: messages in the recording."""
+
+    type: str
+    count: int
+
+
+class Recording:
+    """An MCAP file with ROS 2 messages, as `tactile-skin record` or `ros2 bag record` makes it.
+
+    A file that ends in the middle, as after a power cut, is read up to there.
+
+    Args:
+        path: the file.
+        namespace: of the skin, where a recording holds several.
+
+    Attributes:
+        topics: full name -> Topic.
+        damage: what could not be read, in words; empty: nothing.
+        attachments: name -> bytes.
+
+    Raises:
+        FileError: no such recording; the message names the file.
+        OSError: it cannot be opened.
+        ModuleNotFoundError: mcap or rosbags is not installed.
+    """
+
+    def __init__(self, path, namespace: str = ""):
+        self.path, self._namespace = Path(path), namespace.strip("/")
+        self.damage = ""
+        self.attachments: dict[str, bytes] = {}
+        self._schemas: dict[int, str] = {}  # number -> type
+        self._channels: dict[int, tuple[str, str]] = {}  # number -> topic, type
+        self._check_magic()
+        counts = Counter(channel for channel, _, _ in self._messages())
+        self.topics: dict[str, Topic] = {}
+        for channel, (topic, kind) in self._channels.items():
+            others = self.topics.get(topic, Topic(kind, 0))
+            self.topics[topic] = Topic(kind, others.count + counts[channel])
+
+    # --- the readings ---
+
+    @cached_property
+    def adc_topic(self) -> str:
+        """Full name of the skin/adc that is read.
+
+        Raises:
+            FileError: there is none, or there are several and no namespace is given.
+        """
+        found = [topic for topic in self.topics if topic.endswith(f"/{ADC}")]
+        name = f"/{self._namespace}/{ADC}".replace("//", "/")
+        if name in found:
+            return name
+        if len(found) == 1 and not self._namespace:
+            return found[0]
+        there = ", ".join(found or self.topics) or "none"
+        raise FileError(f"{self.path}: has no topic {name}; there are: {there}")
+
+    @cached_property
+    def _readings(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.images(self.adc_topic)
+
+    @property
+    def stamps(self) -> np.ndarray:
+        """(n,) int64, arrival of each reading's last byte [ns since 1970]."""
+        return self._readings[0]
+
+    @property
+    def times(self) -> np.ndarray:
+        """(n,) seconds since the first reading."""
+        return (self.stamps - self.stamps[:1].sum()) * 1e-9
+
+    @property
+    def adc(self) -> np.ndarray:
+        """(n, rows, cols) uint16, skin/adc: ADC steps * 2^(16 - bits); 65535: not read."""
+        return self._readings[1]
+
+    def images(self, topic: str) -> tuple[np.ndarray, np.ndarray]:
+        """Stamps (n,) [ns since 1970] and pictures (n, rows, cols) of a topic of images.
+
+        Raises:
+            FileError: no such topic, other messages, or pictures of different sizes.
+        """
+        if self.topics.get(topic, Topic("none", 0)).type != Image.TYPE:
+            raise FileError(f"{self.path}: has no topic {topic} of {Image.TYPE}")
+        stamps, pictures = [], []
+        for _, _, message in self.messages(topic):
+            try:
+                pictures.append(image_array(message))
+            except ValueError as error:
+                raise FileError(f"{self.path}: {topic}: {error}") from error
+            if pictures[-1].shape != pictures[0].shape:
+                sizes = " to ".join("{} x {}".format(*pictures[k].shape) for k in (0, -1))
+                raise FileError(f"{self.path}: {topic}: its size changes from {sizes}")
+            stamps.append(Time.from_msg(message.header.stamp).nanoseconds)
+        return np.array(stamps, np.int64), np.array(pictures)
+
+    def messages(self, *topics: str) -> Iterator[tuple[str, int, object]]:
+        """Topic, time of recording [ns since 1970] and message, in the order of the recording.
+
+        Args:
+            topics: full names; none: all topics whose type msg.py has.
+
+        Raises:
+            FileError: a message that is not of its type.
+        """
+        for channel, t, data in self._messages():
+            topic, kind = self._channels[channel]
+            if kind not in cdr.KINDS or (topics and topic not in topics):
+                continue
+            try:
+                yield topic, t, cdr.decode(cdr.KINDS[kind], data)
+            except ValueError as error:
+                raise FileError(f"{self.path}: {topic} at {t} ns: {error}") from error
+
+    def readings(self) -> Iterator[tuple[int, Image | DiagnosticArray]]:
+        """What the skin's driver published, by its stamps [ns since 1970]: skin/adc, and its own
+        diagnostics."""
+        here = self.adc_topic.removesuffix(ADC)
+        driver = f"{here}serial_driver".lstrip("/")
+        for _, _, message in self.messages(self.adc_topic, f"{here}diagnostics"):
+            if isinstance(message, DiagnosticArray):
+                message.status = [status for status in message.status if status.name == driver]
+                if not message.status:
+                    continue
+            yield Time.from_msg(message.header.stamp).nanoseconds, message
+
+    @cached_property
+    def parameters(self) -> dict[str, dict]:
+        """Node's full name -> {parameter: value}, of all nodes that ran; empty: none attached."""
+        return configuration.parameters(self.attachments, str(self.path))
+
+    @cached_property
+    def skin(self) -> SkinConfig:
+        """Circuit, curve and geometry that it was recorded with; without any, the defaults.
+
+        Raises:
+            ValueError: a value that is out of range; the message names the file.
+        """
+        return skin_of(self.node_parameters("compensation"), str(self.path))
+
+    def node_parameters(self, name: str) -> dict:
+        """Those of the skin's node of this name, in the namespace of `adc_topic`."""
+        return self.parameters.get(self.adc_topic.removesuffix(ADC) + name, {})
+
+    # --- the container ---
+
+    def _check_magic(self) -> None:
+        with self.path.open("rb") as file:
+            magic = file.read(8)
+        if not magic.startswith(_MAGIC):
+            raise FileError(f"{self.path}: is no MCAP file")
+        if not magic.endswith(_VERSION):
+            raise FileError(f"{self.path}: its version of MCAP is {magic[5:6]!r}: must be b'0'")
+
+    def _messages(self) -> Iterator[tuple[int, int, bytes]]:
+        """Channel, time of recording [ns] and CDR of each message; what is damaged is left out,
+        and named in `damage`."""
+        mcap = cdr.mcap()
+        cut_off = mcap.exceptions.McapError, struct.error, ValueError
+        damaged, whole, good, size = 0, False, 0, self.path.stat().st_size
+        with self.path.open("rb") as file, contextlib.suppress(*cut_off):
+            reader = mcap.stream_reader.StreamReader(file, emit_chunks=True, record_size_limit=size)
+            for record in reader.records:
+                good = file.tell()
+                match type(record).__name__:
+                    case "Chunk":
+                        try:
+                            found = self._of_chunk(mcap, record)
+                        except Exception:  # whatever the decompression makes of wrong bytes
+                            damaged += 1
+                            continue
+                        yield from found
+                    case "Message":
+                        yield record.channel_id, record.log_time, record.data
+                    case "Attachment":
+                        self.attachments[record.name] = record.data
+                    case "Schema":
+                        self._schemas[record.id] = record.name
+                    case "Channel":
+                        self._add_channel(record)
+            whole = True
+        said = [f"{damaged} damaged chunks are left out"] if damaged else []
+        if not whole:
+            left = f": its last {size - good} bytes are no whole record" if good < size else ""
+            said.append(f"ends without an index{left}")
+        self.damage = "; ".join(said)
+
+    def _of_chunk(self, mcap, chunk) -> list[tuple[int, int, bytes]]:
+        """The messages of a chunk; ten times as fast as mcap's own, which makes each an object."""
+        stream, size = mcap.stream_reader.get_chunk_data_stream(chunk, validate_crc=True)
+        data, at, found = stream.read(size), 0, []
+        while at < size:
+            kind, length = _RECORD.unpack_from(data, at)
+            at += _RECORD.size
+            if kind == _MESSAGE:
+                channel, _, t, _ = _MESSAGE_HEAD.unpack_from(data, at)
+                found.append((channel, t, data[at + _MESSAGE_HEAD.size : at + length]))
+            elif kind in (_SCHEMA, _CHANNEL):
+                part = mcap.data_stream.ReadDataStream(io.BytesIO(data[at : at + length]))
+                if kind == _SCHEMA:
+                    schema = mcap.records.Schema.read(part)
+                    self._schemas[schema.id] = schema.name
+                else:
+                    self._add_channel(mcap.records.Channel.read(part))
+            at += length
+        return found
+
+    def _add_channel(self, channel) -> None:
+        self._channels[channel.id] = channel.topic, self._schemas.get(channel.schema_id, "")

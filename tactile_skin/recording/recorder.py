@@ -1,0 +1,226 @@
+"""Messages to files by a thread of its own: a slow disk drops and counts, and delays nobody."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from . import cdr
+from .writer import Writer
+
+_WAITING = 20_000  # messages that may wait for the disk: 10 s of a skin at 100 frames/s
+_TURN = 0.1  # s between two looks at what waits: nobody wakes the thread for each message
+_FLUSH = 0.5  # s between two ends of a chunk: what a kill loses
+_AFTER = 2.0  # s that a recording of what led to a stop goes on after it
+_SLICE = (
+    2000  # messages of it that a turn writes: 10 ms of Python, so that other threads get theirs
+)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """duration: longest recording [s]; size: largest, all its files together [bytes]; last: keep
+    no more than so long before each stop, and 2 s after it [s]; 0: keep everything."""
+
+    duration: float = float("inf")
+    size: float = float("inf")
+    last: float = 0.0
+
+
+class LimitReached(Exception):
+    """A recording is as long or as large as it may become."""
+
+
+class Recorder:
+    """Args:
+        path: file to make, or folder for files named after their time. With `limits.last` the time
+            of the stop is part of each file's name.
+        limits: after which it ends.
+        attachments: name -> bytes.
+        now: the time [ns since 1970].
+
+    Attributes:
+        written, dropped: messages.
+        trouble: why it has ended; empty while it records.
+        dropped: messages that found the queue full.
+
+    Raises:
+        FileError, OSError: the file cannot be made.
+        ModuleNotFoundError: mcap or rosbags is not installed.
+    """
+
+    def __init__(self, path, limits: Limits, attachments: dict[str, bytes], now: Callable[[], int]):
+        cdr.check()
+        self.trouble, self.dropped = "", 0
+        self._now, self._waiting, self._closing = now, deque(), threading.Event()
+        store = Ring if limits.last else Whole
+        self._store = store(Path(path), limits, attachments, now())
+        self._thread = threading.Thread(target=self._run, name="recording", daemon=True)
+
+    @property
+    def files(self) -> list[Path]:
+        """That were made."""
+        return self._store.files
+
+    @property
+    def written(self) -> int:
+        """Messages in them."""
+        return self._store.written
+
+    @property
+    def size(self) -> int:
+        """Bytes of them."""
+        return self._store.size
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def put(self, topic: str, t: int, message) -> None:
+        """A message received at t [ns since 1970]; never blocks."""
+        if self.trouble:
+            return
+        if len(self._waiting) >= _WAITING:
+            self.dropped += 1
+        else:
+            self._waiting.append((topic, t, message))
+
+    def stop(self, t: int) -> None:
+        """The robot was stopped at t [ns since 1970]: with `limits.last`, keep what led to it."""
+        self._store.stop(t)
+
+    def close(self, timeout: float | None = None) -> None:
+        """Write what waits and end the files; wait at most `timeout` for the disk [s]."""
+        self._closing.set()
+        self._thread.join(timeout)
+
+    def turn(self, closing: bool = False) -> None:
+        """Write what waits; on an error end, with the reason in `trouble`."""
+        try:
+            while self._waiting:
+                topic, t, message = self._waiting.popleft()
+                self._store.write(topic, type(message), t, cdr.encode(message))
+            self._store.turn(self._now(), closing)
+        except LimitReached as reached:
+            self._end(str(reached))
+        except Exception as error:  # a full disk, say: whatever it is, it is said, and ends here
+            self._end(getattr(error, "strerror", None) or repr(error))
+
+    def _end(self, why: str) -> None:
+        try:
+            self._store.close()
+        except OSError as error:  # the full disk, again
+            why = error.strerror or why
+        self.trouble = f"recording has ended: {why}"
+        self._waiting.clear()
+
+    def _run(self) -> None:
+        closing = False
+        while not (closing or self.trouble):
+            closing = self._closing.wait(_TURN)
+            self.turn(closing)
+
+
+class Whole:
+    """One file of everything."""
+
+    def __init__(self, path: Path, limits: Limits, attachments: dict[str, bytes], now: int):
+        path = path / _name("skin", ".mcap", now) if path.is_dir() else path
+        self._writer = Writer(path, attachments, now)
+        self._limits, self._flushed = limits, now
+        self.files, self.written = [path], 0
+
+    @property
+    def size(self) -> int:
+        return self._writer.size
+
+    def stop(self, t: int) -> None:
+        pass
+
+    def write(self, *entry) -> None:
+        self._writer.write(*entry)
+        self.written += 1
+
+    def turn(self, now: int, closing: bool) -> None:
+        if now - self._flushed >= _FLUSH * 1e9:
+            self._writer.flush()
+            self._flushed = now
+        if self._writer.seconds >= self._limits.duration:
+            raise LimitReached(f"after max_duration = {self._limits.duration:g} s")
+        _check_size(self.size, self._limits)
+        if closing:
+            self.close()
+
+    def close(self) -> None:
+        self._writer.close()
+
+
+class Ring:
+    """The last seconds in memory; a file of them for each stop."""
+
+    def __init__(self, path: Path, limits: Limits, attachments: dict[str, bytes], now: int):
+        folder = path if path.is_dir() else path.parent
+        if not folder.is_dir():
+            raise FileNotFoundError(2, "there is no such folder", str(folder))
+        self._path, self._limits, self._attachments = path, limits, attachments
+        self._kept: deque = deque()  # bytes and numbers only: the garbage collector skips them
+        self._stopped: int | None = None  # when, if it is not written yet [ns]
+        self._saving: tuple[Writer, deque] | None = None
+        self.files, self.written, self._size = [], 0, 0
+
+    @property
+    def size(self) -> int:
+        return self._size + (self._saving[0].size if self._saving else 0)
+
+    def stop(self, t: int) -> None:
+        self._stopped = t if self._stopped is None else self._stopped
+
+    def write(self, topic: str, kind: type, t: int, data: bytes) -> None:
+        self._kept.append((topic, kind, t, data))
+        oldest = (t if self._stopped is None else self._stopped) - self._limits.last * 1e9
+        while self._kept[0][2] < oldest:
+            self._kept.popleft()
+
+    def turn(self, now: int, closing: bool) -> None:
+        over = self._stopped is not None and (closing or now >= self._stopped + _AFTER * 1e9)
+        if over and self._saving is None:
+            self._begin()
+        if self._saving:
+            self._save(len(self._saving[1]) if closing else _SLICE)
+
+    def _begin(self) -> None:
+        path = self._path
+        if path.is_dir():
+            path = path / _name("stop", ".mcap", self._stopped)
+        else:
+            path = path.with_name(_name(path.stem, path.suffix, self._stopped))
+        self._saving = Writer(path, self._attachments, self._stopped), self._kept
+        self.files.append(path)
+        self._kept, self._stopped = deque(), None
+
+    def _save(self, most: int) -> None:
+        writer, entries = self._saving
+        for _ in range(min(most, len(entries))):
+            writer.write(*entries.popleft())
+            self.written += 1
+        _check_size(self.size, self._limits)
+        if not entries:
+            self.close()
+
+    def close(self) -> None:
+        if self._saving:
+            (writer, _), self._saving = self._saving, None
+            writer.close()
+            self._size += writer.path.stat().st_size
+
+
+def _name(stem: str, suffix: str, t: int) -> str:
+    return f"{stem}_{datetime.fromtimestamp(t * 1e-9):%Y-%m-%dT%H-%M-%S}{suffix}"
+
+
+def _check_size(size: int, limits: Limits) -> None:
+    if size >= limits.size:
+        raise LimitReached(f"at max_size = {limits.size / 1e6:g} MB")

@@ -1,0 +1,77 @@
+"""An MCAP file with ROS 2 messages, of which a killed process leaves all that was flushed."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+
+from ..errors import FileError
+from . import cdr
+
+_PROFILE, _SCHEMAS, _MESSAGES = "ros2", "ros2msg", "cdr"  # MCAP's names of ROS 2's formats
+
+
+class Writer:
+    """Args:
+        path: file to make; it must not be there.
+        attachments: name -> bytes, to be written first.
+        now: time of the attachments [ns since 1970].
+
+    Attributes:
+        seconds: from the first message's time to the last one's.
+
+    Raises:
+        FileError: the file is there already.
+        OSError: it cannot be written; so do all methods.
+    """
+
+    def __init__(self, path, attachments: dict[str, bytes], now: int):
+        self.path = Path(path)
+        library = cdr.mcap().writer
+        try:
+            self._file = self.path.open("xb")
+        except FileExistsError:
+            raise FileError(f"{path}: is there already: must be a new file") from None
+        self._writer = library.Writer(self._file)
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[type, int] = {}
+        self._span: tuple[int, int] | None = None
+        self._writer.start(_PROFILE)
+        for name, data in attachments.items():
+            self._writer.add_attachment(now, now, name, "", data)
+        self.flush()
+
+    @property
+    def size(self) -> int:
+        """Bytes that are in the file."""
+        return self._file.tell()
+
+    @property
+    def seconds(self) -> float:
+        return 0.0 if self._span is None else (self._span[1] - self._span[0]) * 1e-9
+
+    def write(self, topic: str, kind: type, t: int, data: bytes) -> None:
+        """A message as CDR, received at t [ns since 1970]; topic: full name."""
+        if topic not in self._channels:
+            if kind not in self._schemas:
+                text = cdr.definition(kind).encode()
+                self._schemas[kind] = self._writer.register_schema(kind.TYPE, _SCHEMAS, text)
+            self._channels[topic] = self._writer.register_channel(
+                topic, _MESSAGES, self._schemas[kind]
+            )
+        self._writer.add_message(self._channels[topic], t, data, t)
+        self._span = (self._span or (t, t))[0], t
+
+    def flush(self) -> None:
+        """End the chunk and hand it to the operating system: a kill no longer loses it."""
+        self._writer.flush()
+
+    def close(self) -> None:
+        """Write the index, and close the file whatever happens."""
+        try:
+            self._writer.finish()
+        except BaseException:
+            with contextlib.suppress(OSError):  # what could not be written, again
+                self._file.close()
+            raise
+        self._file.close()

@@ -1,0 +1,135 @@
+"""Recorded readings through compensation, features and stop, one after the other."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..launch import Skin, find, read_plan
+from ..middleware.bus import Context
+from ..middleware.launch_file import Plan
+from ..middleware.launched import parameters_of
+from ..msg import DiagnosticArray, Image, image_array
+from ..nodes import diagnostics
+from ..nodes.stop_on_push import STATUS, STATUS_TOPIC
+from ..recording import Recording, configuration
+from ..recording.reader import ADC
+from .driven import Driven
+
+_NODES = "compensation", "gesture_feature", "stop_on_push"  # of the launch file; no board
+_NO_PORT = "loop://"  # the driver is never started
+_PATIENT = 10.0  # s for a frame, the most there is: a busy machine is not what is replayed
+
+
+@dataclass
+class Step:
+    """One reading and what the nodes made of it.
+
+    Attributes:
+        stamp: arrival of its last byte [ns since 1970].
+        force: (rows, cols) [N]; None: the frame failed.
+        status: "ok", "suspect" or "failed", as of an Estimate.
+        stop: the reason, empty while the robot is free.
+        seconds: that compensation, features and stop took on this machine.
+    """
+
+    stamp: int
+    force: np.ndarray | None
+    status: str
+    stop: str
+    seconds: float
+
+
+class Replay:
+    """Iterate over it once: a Step for each reading.
+
+    The nodes have the parameters that they were recorded with. Each reading comes at its stamp, so
+    a frame that was skipped, or timed out, because the machine was behind is not skipped again;
+    else the same method from the same start gives the same pressure, to the bit.
+
+    Args:
+        source: the recording.
+        method: of the compensation, in place of the recorded one.
+        config: parameter file, in place of all recorded parameters.
+        parameters: executable -> {parameter: value}, in place of theirs.
+
+    Attributes:
+        driven: the nodes; subscribe with `driven.observer` before the first step.
+        notes: what was left out of the recording, in words.
+
+    Raises:
+        ValueError: a parameter that is wrong; the message names it.
+    """
+
+    def __init__(self, source: Recording, method: str = "", config=None, parameters=None):
+        self._source = source
+        self._folder = tempfile.TemporaryDirectory(prefix="tactile_skin_")
+        self.notes: list[str] = []
+        plan = _plan(config)
+        for action in plan.nodes:
+            known = dict(action.parameters)
+            values = {} if config else self._recorded(action.executable, known)
+            values |= (parameters or {}).get(action.executable, {})
+            if action.executable == "compensation":
+                values |= {"time_limit": _PATIENT} | ({"method": method} if method else {})
+            action.parameters = list((known | values).items())
+        self.driven = Driven(plan, int(source.stamps[0]) - 1)
+        self._area = self.driven.nodes["gesture_feature"].geometry.cell_area
+        self._force, self._stop = None, "no decision yet"
+        observer = self.driven.observer
+        observer.create_subscription(Image, "skin/pressure", self._on_pressure, 10)
+        observer.create_subscription(DiagnosticArray, STATUS_TOPIC, self._on_status, STATUS)
+        self._adc = observer.create_publisher(Image, ADC, 10)
+        self._diagnostics = observer.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
+
+    def _recorded(self, executable: str, known: dict) -> dict:
+        """The recorded parameters of a node; those that it does not know are left out."""
+        attached, folder = self._source.attachments, Path(self._folder.name)
+        values = configuration.unpack(self._source.node_parameters(executable), attached, folder)
+        unknown = sorted(set(values) - set(known))
+        if unknown:
+            self.notes.append(f"{executable}: recorded parameters unknown here: {unknown}")
+        return {name: value for name, value in values.items() if name in known}
+
+    def __iter__(self) -> Iterator[Step]:
+        compensation = self.driven.nodes["compensation"]
+        try:
+            for t, message in self._source.readings():
+                self.driven.until(t)
+                if isinstance(message, DiagnosticArray):
+                    self._diagnostics.publish(message)
+                    self.driven.run()
+                    continue
+                self._force, begun = None, time.perf_counter()
+                self._adc.publish(message)
+                self.driven.run()
+                seconds = time.perf_counter() - begun
+                yield Step(t, self._force, compensation.status, self._stop, seconds)
+        finally:
+            self.driven.close()
+            self._folder.cleanup()
+
+    def _on_pressure(self, message: Image) -> None:
+        self._force = image_array(message) * self._area
+
+    def _on_status(self, message: DiagnosticArray) -> None:
+        status = message.status[0]
+        self._stop = status.message if status.level != diagnostics.OK else ""
+
+
+def _plan(config) -> Plan:
+    """The nodes that follow the board, with a value for every parameter."""
+    arguments = {"config": str(config)} if config else {}
+    plan = read_plan(find("skin.launch.yaml"), arguments | {"port": _NO_PORT, "monitor": "false"})
+    skin = Skin(plan, Context())
+    skin.build()  # with the board's node: it declares what the file may hold, too
+    values = parameters_of(skin.handles)
+    plan.nodes = [action for action in plan.nodes if action.executable in _NODES]
+    for action in plan.nodes:
+        action.parameters = list(values[f"/{action.name}"].items())
+    return plan

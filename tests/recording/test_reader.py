@@ -1,0 +1,167 @@
+"""Recordings come back as they were written, whole or cut off."""
+
+import dataclasses
+import inspect
+import struct
+
+import numpy as np
+import pytest
+import recorded
+
+from tactile_skin import msg
+from tactile_skin.errors import FileError
+from tactile_skin.recording import Recording, cdr
+from tactile_skin.recording.writer import Writer
+
+pytest.importorskip("mcap")
+pytest.importorskip("rosbags")
+MESSAGES = [c for _, c in inspect.getmembers(msg, inspect.isclass) if dataclasses.is_dataclass(c)]
+
+
+@pytest.mark.parametrize("kind", MESSAGES, ids=lambda c: c.__name__)
+def test_every_message_survives_cdr(kind):
+    assert cdr.decode(kind, cdr.encode(kind())) == kind()
+
+
+def test_readings_come_back_to_the_bit(tmp_path):
+    frames = recorded.samples(35)
+    found = Recording(recorded.write(tmp_path / "a.mcap", frames, {"notes": b"abc"}))
+    np.testing.assert_array_equal(found.adc, frames)
+    assert found.adc.dtype == np.uint16
+    np.testing.assert_array_equal(found.stamps, [recorded.stamp(k) for k in range(35)])
+    np.testing.assert_allclose(found.times, np.arange(35) / 100.0, atol=1e-9)
+    assert found.topics == {"/skin/adc": ("sensor_msgs/msg/Image", 35)}
+    assert found.attachments == {"notes": b"abc"}
+    assert found.damage == ""
+
+
+def test_a_second_library_reads_the_same(tmp_path):
+    """MCAP's own decoder of ROS 2 messages, and the reader of rosbags."""
+    frames = recorded.samples(25)
+    path = recorded.write(tmp_path / "a.mcap", frames)
+    decoder = pytest.importorskip("mcap_ros2.decoder")
+    from mcap.reader import make_reader
+
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[decoder.DecoderFactory()])
+        theirs = [m for *_, m in reader.iter_decoded_messages()]
+    read = [np.frombuffer(m.data, "<u2").reshape(m.height, m.width) for m in theirs]
+    np.testing.assert_array_equal(read, frames)
+
+    from rosbags.highlevel import AnyReader
+
+    with AnyReader([path]) as bag:
+        read = [
+            bag.deserialize(raw, c.msgtype).data.view("<u2").reshape(4, 5)
+            for c, _, raw in bag.messages()
+        ]
+    np.testing.assert_array_equal(read, frames)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
+def test_what_is_cut_off_is_read_up_to_there(tmp_path, share):
+    frames = recorded.samples(100)
+    path = recorded.write(tmp_path / "a.mcap", frames)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(share * len(data))])
+    found = Recording(path)
+    n = len(found.adc)
+    assert n % 10 == 0
+    assert 100 * share - 30 < n <= 100
+    np.testing.assert_array_equal(found.adc, frames[:n])
+    assert "ends without an index" in found.damage
+
+
+def test_every_cut_is_read_or_refused(tmp_path):
+    """Never another exception, and never a reading that was not there."""
+    frames = recorded.samples(12)
+    path = recorded.write(tmp_path / "a.mcap", frames, chunk=3)
+    data = path.read_bytes()
+    for end in range(0, len(data), 7):
+        path.write_bytes(data[:end])
+        try:
+            found = Recording(path)
+            n = len(found.adc)
+        except FileError as error:
+            assert str(path) in str(error)
+            continue
+        np.testing.assert_array_equal(found.adc, frames[:n])
+        assert found.damage or end == len(data)
+
+
+def test_a_damaged_chunk_is_left_out_and_named(tmp_path):
+    frames = recorded.samples(100)
+    path = recorded.write(tmp_path / "a.mcap", frames)
+    data = bytearray(path.read_bytes())
+    from mcap.reader import make_reader
+
+    with path.open("rb") as file:
+        chunk = make_reader(file).get_summary().chunk_indexes[4]
+    data[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 0xFF
+    path.write_bytes(data)
+    found = Recording(path)
+    assert found.damage == "1 damaged chunks are left out"
+    kept = [any(np.array_equal(f, g) for g in found.adc) for f in frames]
+    assert sum(kept) == len(found.adc) == 90
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        (b"", "is no MCAP file"),
+        (b"SQLite format 3\0", "is no MCAP file"),
+        (b"\x89MCAP1\r\n" + bytes(100), "version of MCAP is b'1'"),
+        (b"\x89MCAP0\r\n", "has no topic /skin/adc; there are: none"),
+        (b"\x89MCAP0\r\n\x05" + struct.pack("<Q", 2**60), "has no topic"),
+    ],
+)
+def test_foreign_and_future_files_are_refused(tmp_path, data, said):
+    path = tmp_path / "a.mcap"
+    path.write_bytes(data)
+    with pytest.raises(FileError, match=said) as caught:
+        _ = Recording(path).adc
+    assert str(path) in str(caught.value)
+
+
+def test_types_that_are_not_known_are_listed_and_passed_over(tmp_path):
+    path = recorded.write(tmp_path / "a.mcap", recorded.samples(3))
+
+    class Later:
+        TYPE = "std_msgs/msg/String"
+
+    writer = Writer(tmp_path / "b.mcap", {}, 0)
+    writer.write("/later", Later, 5, b"\0\1\0\0\1\0\0\0\0")
+    message = recorded.adc_image(recorded.samples(1)[0], 7)
+    writer.write("/skin/adc", msg.Image, 7, cdr.encode(message))
+    writer.close()
+    found = Recording(path.with_name("b.mcap"))
+    assert found.topics["/later"] == ("std_msgs/msg/String", 1)
+    assert [topic for topic, _, _ in found.messages()] == ["/skin/adc"]
+
+
+def test_a_size_that_changes_is_refused(tmp_path):
+    frames = [*recorded.samples(2), *recorded.samples(2, 3, 4)]
+    with pytest.raises(FileError, match="size changes from 4 x 5 to 3 x 4"):
+        _ = Recording(recorded.write(tmp_path / "a.mcap", frames)).adc
+
+
+def test_of_two_skins_the_namespace_says_which(tmp_path):
+    path = tmp_path / "a.mcap"
+    writer, frames = Writer(path, {}, 0), recorded.samples(2)
+    for side, frame in zip(("left", "right"), frames, strict=True):
+        message = recorded.adc_image(frame, 7)
+        writer.write(f"/{side}/skin/adc", msg.Image, 7, cdr.encode(message))
+    writer.close()
+    np.testing.assert_array_equal(Recording(path, "right").adc, frames[1:])
+    with pytest.raises(FileError, match="there are: /left/skin/adc, /right/skin/adc"):
+        _ = Recording(path).adc
+    with pytest.raises(FileError, match="no topic /up/skin/adc"):
+        _ = Recording(path, "/up").adc
+
+
+def test_a_file_that_is_there_is_not_overwritten(tmp_path):
+    path = tmp_path / "a.mcap"
+    path.write_bytes(b"precious")
+    with pytest.raises(FileError, match="is there already"):
+        Writer(path, {}, 0)
+    assert path.read_bytes() == b"precious"
