@@ -61,7 +61,7 @@ setup(
         "train": ["torch>=2.1", "tqdm>=4.66"],
         "progress": ["tqdm>=4.66"],  # of benchmarks
         "record": ["mcap>=1.6", "rosbags>=0.10"],
-        "view": ["websockets>=14.0"],
+        "view": ["websockets>=14.0", "tqdm>=4.66"],
         "charts": ["matplotlib>=3.8"],
         # of trained networks, to be run elsewhere
         "onnx": ["torch>=2.1", "onnx>=1.16", "onnxscript>=0.2"],

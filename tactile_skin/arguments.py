@@ -52,6 +52,13 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
     )
     sub.add_argument("-s", "--show-args", action="store_true", help="print its arguments and end")
 
+    from .commands import view
+
+    sub = command("view", view.ABOUT, epilog=view.EXAMPLES)
+    sub.add_argument(
+        "words", nargs="*", metavar="FILE | NAME:=VALUE", help="recording or launch file; arguments"
+    )
+
     sub = command(
         "sim",
         "a simulated board: the real bytes on a pseudo-terminal that any serial program can open",

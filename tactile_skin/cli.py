@@ -24,8 +24,8 @@ def main(argv: list[str] | None = None) -> int:
         level=logging.INFO, format="%(levelname)s %(name)s: %(message)s", stream=sys.stderr
     )
     try:
-        if args.run is _launch:  # the skin does it itself, where no signal gets lost in it
-            return _launch(args)
+        if args.run in (_launch, _view):  # the skin does it itself, where no signal gets lost in it
+            return args.run(args)
         with one_thread():  # the matrices are small: more threads wait for one another
             return args.run(args)
     except KeyboardInterrupt:
@@ -42,6 +42,15 @@ def _doctor(args) -> int:
     from .commands import doctor
 
     return doctor.run(args)
+
+
+def _view(args) -> int:
+    from .commands import view
+
+    if view.is_recording(args.words):
+        return view.run(args.words, _tqdm())
+    args.words, args.show_args, args.ros = [*args.words, "view:=true"], False, None
+    return _launch(args)
 
 
 def _calibrate(args) -> int:
@@ -227,6 +236,7 @@ def _tqdm():
 
 _COMMANDS = {
     "launch": _launch,
+    "view": _view,
     "sim": _sim,
     "calibrate": _calibrate,
     "doctor": _doctor,

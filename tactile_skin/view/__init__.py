@@ -1,4 +1,4 @@
 """The page: what the skin sees and says, in a browser. Its server is a process of its own.
 
-Imports msg, files, physics, solvers, touch, middleware; recording where a recording is shown.
+Imports msg, physics, solvers, touch, middleware, recording.
 """

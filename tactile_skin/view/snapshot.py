@@ -96,7 +96,7 @@ class Collector:
             ValueError: a message that holds something else than the topic carries.
         """
         if topic == "diagnostics":
-            self._nodes |= {s.name: _said(s) for s in message.status}
+            self._nodes = self._nodes | {s.name: _said(s) for s in message.status}
         elif topic == STOP:
             status = message.status[0]
             stop = status.level != DiagnosticStatus.OK
@@ -116,14 +116,14 @@ class Collector:
     def snapshot(self) -> Snapshot:
         """The newest reading that there is a pressure picture of; without one, the newest."""
         if not self._readings:
-            return Snapshot(nodes=dict(self._nodes), **self._others)
+            return Snapshot(nodes=self._nodes, **self._others)
         solved, pressure = self._pressure or (None, None)
         stamp, adc = next((r for r in self._readings if r[0] == solved), self._readings[-1])
         return Snapshot(
             stamp=stamp,
             adc=adc,
             pressure=pressure if stamp == solved else None,
-            nodes=dict(self._nodes),
+            nodes=self._nodes,
             **self._others,
         )
 

@@ -34,11 +34,12 @@ export class Connection {
     else this.listener.said(said.said);
   }
 
-  /** Ask for a snapshot, unless one is on its way. */
+  /** Ask for a snapshot, unless one is on its way; whether it was asked for. */
   want(wanted) {
-    if (this.asked || this.socket.readyState !== WebSocket.OPEN) return;
+    if (this.asked || this.socket.readyState !== WebSocket.OPEN) return false;
     this.asked = true;
     this.socket.send(JSON.stringify(wanted));
+    return true;
   }
 
   ask(name) {

@@ -15,12 +15,15 @@ export const fixed = (x, digits, unit) =>
 export const share = (sorted, p) => sorted[Math.min(sorted.length - 1, Math.floor(p * sorted.length))];
 
 /** The banner: the stop with its reason. */
-export function showStop(stop, reason) {
+export function showStop(stop, reason, recorded) {
   const banner = $("stop");
   const state = stop === null ? "unknown" : stop ? "stopped" : "free";
   banner.className = state;
-  say(banner.querySelector("strong"), { unknown: "STOP UNKNOWN", stopped: "■ STOPPED", free: "✓ FREE" }[state]);
-  say(banner.querySelector("span"), stop ? reason : stop === null ? "no stop_on_push speaks" : "the skin asks for no stop");
+  const title = { unknown: "STOP UNKNOWN", stopped: "■ STOPPED", free: "✓ FREE" }[state];
+  say(banner.querySelector("strong"), recorded ? `recorded: ${title}` : title);
+  const free = recorded ? "no stop was asked for" : "the skin asks for no stop";
+  const unknown = recorded ? "no stop was recorded" : "no stop_on_push is heard";
+  say(banner.querySelector("span"), stop ? reason : stop === null ? unknown : free);
 }
 
 /** The line about old data; empty: they are not. */

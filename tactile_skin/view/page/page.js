@@ -50,7 +50,7 @@ function setUp(said) {
     canvas.onpointermove = canvas.onpointerdown = (event) => choose(mats[name].under(event));
     canvas.onpointerleave = () => choose(null);
   }
-  const published = hello.recording ? "as recorded" : `as published: ${hello.method}`;
+  const published = `as ${hello.recording ? "recorded" : "published"}: ${hello.method}`;
   const methods = hello.methods.map((name) => [name, name]);
   for (const side of ["a", "b"]) {
     const select = document.querySelector(`#${side} select`);
@@ -141,7 +141,10 @@ window.onresize = resize;
 // --- the connection ---
 
 const connection = new Connection({
-  hello: setUp,
+  hello(said) {
+    askedFor = "";
+    setUp(said);
+  },
   snapshot(head, arrays) {
     const now = performance.now();
     latest = { head, arrays, at: now };
@@ -250,7 +253,7 @@ function cellText({ arrays, head }) {
 
 function showTexts(now) {
   const { head } = latest;
-  facts.showStop(head.stop, head.reason);
+  facts.showStop(head.stop, head.reason, Boolean(hello.recording));
   const picture = frozen ? shown : latest;
   facts.showContacts(picture.head.contacts);
   facts.showPush(picture.head.push, colours);
@@ -295,6 +298,15 @@ function oldWhy(now) {
   return age > OLD ? `the last reading is ${age.toFixed(0)} s old` : "";
 }
 
+/** Of a recording that stands, only what is new is asked for. */
+function ask() {
+  const next = { ...wanted, at: time };
+  const key = JSON.stringify(next);
+  if (hello.recording && key === askedFor) return;
+  if (connection.want({ ...next, after: latest?.head.number ?? 0, drawn })) askedFor = key;
+}
+
+let askedFor = "";
 let textsAt = 0;
 let before = performance.now();
 
@@ -320,11 +332,8 @@ function frame(now) {
   if (now - textsAt > TEXTS) {
     textsAt = now;
     facts.showOld(oldWhy(now));
-    if (frozen && !hello?.recording && !$("old").textContent) {
-      facts.showOld("");
-    }
     if (hello && latest) showTexts(now);
   }
-  if (hello) connection.want({ ...wanted, after: latest?.head.number ?? 0, drawn, at: time });
+  if (hello) ask();
 }
 requestAnimationFrame(frame);
