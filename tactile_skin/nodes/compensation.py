@@ -40,10 +40,11 @@ _ASIDE = 3  # times in a second that a reading is set aside: a sound board's is 
 
 
 class Compensation:
-    """Publishes skin/pressure (32FC1, Pa, row-major) with the reading's stamp; skin/rest (32FC1, what
-    each cell has at rest, ohm), once measured, and diagnostics once a second and whenever the level changes: WARN for a suspect frame, ERROR, which stops the
-    robot, for a failed one and while they are suspect too often (doubt.py). A frame that fails is
-    not published. What the cells conduct at rest is measured between touches (`Tare`). Until the
+    """Publishes skin/pressure (32FC1, Pa, row-major) with the reading's stamp; skin/rest (32FC1,
+    the resistance of each cell at rest, ohm) once it was measured; and diagnostics once a second
+    and whenever the level changes: WARN for a suspect frame, ERROR, which stops the robot, for a
+    failed one and while they are suspect too often (doubt.py). A frame that fails is not published.
+    What the cells conduct at rest is measured between touches (`Tare`). Until the
     first time, a second after the start, what would be a fault is "measuring rest: hands off", and
     so is a skin of which half was loaded from the first frame on, until it is let go. The service
     `~/reset` forgets faults that the last frames no longer show, says so on diagnostics before it

@@ -11,10 +11,10 @@ from ..middleware.config import adc_of, circuit_of, curve_of, describe, geometry
 from ..msg import Trigger
 from ..solvers import METHODS
 from ..view.process import PageProcess
-from ..view.snapshot import STOP, TOPICS, Collector
-from . import diagnostics
+from ..view.snapshot import READINGS, STOP, TOPICS, Collector
 
 _QUIET = 0.1  # s after which a page is told that nothing changed
+_AFTER = 0.001  # s after a decision: those who stop the robot go first
 # What a page may ask for, if it may -> the services that are called, in turn.
 _CALLS = {
     "tare": ("compensation/tare",),
@@ -36,8 +36,8 @@ class View:
         def value(name, default, *bounds):
             return node.declare_parameter(name, default, describe(*bounds)).value
 
-        host = value("host", "127.0.0.1", "address to serve the page on; 0.0.0.0: all of them")
-        port = value("port", 8321, "TCP port of the page; 0: any that is free", 0, 65535)
+        value("host", "127.0.0.1", "address to serve the page on; 0.0.0.0: all of them")
+        value("port", 8321, "TCP port of the page; 0: any that is free", 0, 65535)
         controls = value("controls", False, "whether a page may tare, and reset the stop")
         method = value("method", "auto", f"one of {', '.join(METHODS)}: as of compensation")
         if method not in METHODS:
@@ -54,38 +54,48 @@ class View:
             ) from None
         parameters = {name: node.get_parameter(name).value for name in node.parameter_names()}
         self._page = PageProcess(parameters)
-        self._collector, self._lock = Collector(), threading.Lock()
+        self._collector = Collector()
         self._sent = 0.0, 0.0  # stamp of the last snapshot, and when it was sent
+        self._kept = {}
         for topic, (kind, qos) in TOPICS.items():
-            node.create_subscription(kind, topic, self._listener(topic), qos)
-        node.create_timer(_QUIET, self.on_timer)
+            callback = None if topic in READINGS else self._taker(topic)
+            subscription = node.create_subscription(kind, topic, callback, qos)
+            if callback is None:
+                self._kept[topic] = subscription
+        node.create_timer(_QUIET, self._show)
         threading.Thread(target=self._obey, name="view controls", daemon=True).start()
         node.get_logger().info("the skin in a browser: %s", self._page.address)
 
-    def _listener(self, topic: str):
-        def listen(message) -> None:
+    def _taker(self, topic: str):
+        def take(message) -> None:
             self._collector.take(topic, message)
-            if topic == STOP:
-                self._show(self._collector.snapshot())
+            if topic == STOP and self._page.watched:
+                time.sleep(_AFTER)
+                self._show()
 
-        return listen
+        return take
 
-    def _show(self, snapshot) -> None:
-        now = time.monotonic()
+    def _show(self) -> None:
+        """Send what there is, unless it was sent just now."""
+        if not self._page.watched:
+            return
+        for topic, subscription in self._kept.items():
+            for message in subscription.kept:
+                self._collector.take(topic, message)
+        snapshot, now = self._collector.snapshot(), time.monotonic()
         stamp, at = self._sent
-        if not self._page.watched or (snapshot.stamp == stamp and now - at < _QUIET):
+        if snapshot.stamp == stamp and now - at < _QUIET:
             return
         self._sent = snapshot.stamp, now
         age = self.node.get_clock().now().nanoseconds / 1e9 - snapshot.stamp
         self._page.show(replace(snapshot, read_at=now - age))
 
-    def on_timer(self) -> None:
-        self._show(self._collector.snapshot())
-
     def _obey(self) -> None:
         """In a thread of its own: what the pages ask for."""
         for name in self._page.requests():
             self._page.answer(name, *self._call(name))
+        if self.node.context.ok():
+            self.node.get_logger().error("the page's process has ended; the skin goes on")
 
     def _call(self, name: str) -> tuple[bool, str]:
         if name not in self._clients:

@@ -92,4 +92,3 @@ async def run(listening: socket.socket, skin: socket.socket) -> None:
     configured = skin_of({k: v for k, v in parameters.items() if k not in own}, "view")
     pictures = Pictures(configured, parameters["method"])
     await serve(listening, live, pictures, live.ended, parameters["controls"])
-

@@ -164,7 +164,7 @@ class Pictures:
         steps = np.stack([_slope(at, row, 0)[col], _slope(at.swapaxes(0, 1), col, 0)[row]], 1)
         inverse = np.linalg.pinv(steps)  # (2, 3): metres -> rows, columns
         place = inverse @ (position - at[row, col])
-        place = np.clip(place, -0.5, 0.5) + (row, col)
+        place = np.clip(place, -0.5, 0.5) + np.array([row, col])
         return place.tolist(), (inverse @ vector).tolist()
 
     def _numbers(self, snapshot: Snapshot) -> dict:

@@ -99,7 +99,7 @@ def listen(host: str, port: int) -> socket.socket:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
         return socket.create_server((host, port), family=family)
     except (OSError, UnicodeError) as error:
-        why = getattr(error, "strerror", None) or error
+        why = (getattr(error, "strerror", None) or str(error)).partition(" (while")[0]
         raise LaunchError(
             f"the page on {host}, port {port}: {why}: choose a free port, 0 for any, and an "
             "address of this computer"

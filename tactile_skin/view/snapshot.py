@@ -13,11 +13,13 @@ from .wire import pack, unpack
 
 STOP = "skin/stop_status"
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-# topic -> its type, and how many of its messages may wait
-TOPICS = {
+# topic -> its type, and how many of its messages may wait; of each reading first
+READINGS = {
     "skin/adc": (Image, 4),
-    "skin/pressure": (Image, 4),
-    "skin/contacts": (PointCloud2, 4),
+    "skin/pressure": (Image, 1),
+    "skin/contacts": (PointCloud2, 1),
+}
+TOPICS = READINGS | {
     "skin/rest": (Image, LATCHED),
     STOP: (DiagnosticArray, LATCHED),
     "diagnostics": (DiagnosticArray, 50),
@@ -26,7 +28,7 @@ _LAG = 4  # readings that a pressure picture may come behind
 CONTACT = ("x", "y", "z", "force", "id", "vx", "vy", "vz")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class NodeStatus:
     """What a node said last on diagnostics."""
 
@@ -109,7 +111,8 @@ class Collector:
         else:
             stamp = Time.from_msg(message.header.stamp).nanoseconds / 1e9
             if topic == "skin/adc":
-                self._readings.append((stamp, image_array(message)))
+                if all(stamp != known for known, _ in self._readings):
+                    self._readings.append((stamp, image_array(message)))
             else:
                 self._pressure = stamp, image_array(message)
 

@@ -97,7 +97,11 @@ class Publisher:
 
 
 class Subscription:
-    """Attributes: `dropped`, messages that a slow callback made the queue lose."""
+    """Attributes: `dropped`, messages that a slow callback made the queue lose.
+
+    With None for a callback, which rclpy does not know, the newest messages are `kept`, and nobody
+    is woken for them.
+    """
 
     def __init__(self, node: Node, msg_type: type, topic: str, callback, qos: QoSProfile):
         self.topic_name, self.msg_type, self.qos_profile = topic, msg_type, qos
@@ -119,6 +123,11 @@ class Subscription:
         with node._lock:
             if node._gone:
                 return
+            if self.callback is None:
+                self._queue.append(message)
+                if len(self._queue) > self.qos_profile.depth:
+                    self._queue.popleft()
+                return
             if len(self._queue) >= self.qos_profile.depth:
                 self._queue.popleft()
                 node._inbox.remove(self)
@@ -126,6 +135,12 @@ class Subscription:
             self._queue.append(message)
             node._inbox.append(self)
         node._wake.set()
+
+    @property
+    def kept(self) -> tuple:
+        """The messages that wait, oldest first."""
+        with self._node._lock:
+            return tuple(self._queue)
 
     def _next(self):
         """The oldest message's call, as (callback, arguments, future)."""
