@@ -112,6 +112,62 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
     sub.add_argument("words", nargs="*", metavar="FILE | NAME:=VALUE", help="frames; options")
 
     sub = command(
+        "record",
+        "start the skin and record all that it publishes, with its configuration (MCAP, ROS 2)",
+        epilog="The same as launch with record:=OUT. A recording that is killed keeps all but its "
+        "last second.\nexamples:\n"
+        "  tactile-skin record touches.mcap port:=/dev/ttyUSB0 config:=mine.yaml duration:=60\n"
+        "  tactile-skin record demo.mcap demo.launch.yaml duration:=20\n"
+        "  tactile-skin record stops/ port:=/dev/ttyUSB0 --last 120\n"
+        "On ROS: ros2 bag record -a -s mcap",
+    )
+    sub.add_argument(
+        "out", type=Path, metavar="OUT", help="file to make, or folder for files named by time"
+    )
+    sub.add_argument(
+        "words",
+        nargs="*",
+        metavar="FILE | NAME:=VALUE",
+        help="launch file (default skin.launch.yaml); its arguments",
+    )
+    sub.add_argument(
+        "--last",
+        type=float,
+        metavar="S",
+        help="keep only so long before each stop, and 2 s after it, each in a file of its own",
+    )
+    sub.add_argument("--max-duration", type=float, metavar="S", help="ends after so long")
+    sub.add_argument("--max-size", type=float, metavar="MB", help="ends at that (default 2000)")
+
+    from .commands import replay
+
+    sub = command("replay", replay.ABOUT, epilog=replay.EXAMPLES)
+    sub.add_argument("words", nargs="*", metavar="FILE | NAME:=VALUE", help="recording; options")
+    sub.add_argument(
+        "--speed", type=float, help="times real time (default: as fast as possible)", metavar="X"
+    )
+    sub.add_argument("--step", action="store_true", help="one reading at each Enter")
+    sub.add_argument(
+        "--compare", nargs="+", metavar="METHOD", help="these methods side by side, as a table"
+    )
+    sub.add_argument(
+        "--picture",
+        type=Path,
+        default=Path("compared.png"),
+        help="of --compare (default compared.png)",
+    )
+    sub.add_argument("--out", type=Path, help="recording to make of what the nodes publish (.mcap)")
+    sub.add_argument(
+        "--export", type=Path, help="write the readings to .npy, .npz or .csv, and end"
+    )
+    sub.add_argument(
+        "--jobs",
+        type=int,
+        default=1,
+        help="processes, each a part (default 1: to the bit as on the robot)",
+    )
+
+    sub = command(
         "train",
         "train a network for your board: its circuit and curve from a parameter file",
         epilog="A run that was stopped goes on when started again with the same --out.\n"

@@ -24,7 +24,7 @@ def main(argv: list[str] | None = None) -> int:
         level=logging.INFO, format="%(levelname)s %(name)s: %(message)s", stream=sys.stderr
     )
     try:
-        if args.run in (_launch, _view):  # the skin does it itself, where no signal gets lost in it
+        if args.run in (_launch, _record, _view):  # the skin does it, where no signal gets lost
             return args.run(args)
         with one_thread():  # the matrices are small: more threads wait for one another
             return args.run(args)
@@ -62,33 +62,62 @@ def _calibrate(args) -> int:
 def _launch(args) -> int:
     from . import launch
 
-    files = [word for word in args.words if ":=" not in word]
-    for word in files:
-        if "=" in word:
-            raise ValueError(f"{word!r}: arguments of a launch file are written name:=value")
-    if len(files) > 1:
-        raise ValueError(f"one launch file, not {len(files)}: {' '.join(files)}")
-    pairs = [word.split(":=", 1) for word in args.words if ":=" in word]
-    arguments = dict(pairs)
-    if len(arguments) < len(pairs):
-        names = [name for name, _ in pairs]
-        twice = next(name for name in names if names.count(name) > 1)
-        raise ValueError(f"argument {twice!r} is given twice")
-    plan = launch.read_plan(launch.find(files[0] if files else "demo.launch.yaml"), arguments)
+    plan, file = _plan(args.words, "demo.launch.yaml")
     if args.show_args:
         for argument in plan.arguments.values():
             print(f"{argument.name}:={argument.default}\n    {argument.description}")
         return 0
     if not plan.nodes and not plan.commands:
-        raise ValueError(f"{files[0]}: starts nothing: must have a node or an executable")
+        raise ValueError(f"{file}: starts nothing: must have a node or an executable")
     if args.ros:
         from . import ros
 
         return ros.launch_processes(plan, ros.choose(args.ros))
-    skin = launch.Skin(plan)
+    return _spin(launch.Skin(plan))
+
+
+def _plan(words: list[str], default: str, **given: str):
+    """The plan of a launch file, or of the default one, with its arguments; and the file."""
+    from . import launch
+
+    files = [word for word in words if ":=" not in word]
+    for word in files:
+        if "=" in word:
+            raise ValueError(f"{word!r}: arguments of a launch file are written name:=value")
+    if len(files) > 1:
+        raise ValueError(f"one launch file, not {len(files)}: {' '.join(files)}")
+    pairs = [word.split(":=", 1) for word in words if ":=" in word]
+    arguments = dict(pairs)
+    if len(arguments) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"argument {twice!r} is given twice")
+    file = files[0] if files else default
+    return launch.read_plan(launch.find(file), arguments | given), file
+
+
+def _spin(skin) -> int:
+    """Until it ends; the exit status."""
     with skin, contextlib.suppress(KeyboardInterrupt), keys(skin.reset_stop):
         skin.spin()
     return 1 if skin.failed else 0
+
+
+def _record(args) -> int:
+    from . import launch
+
+    plan, _ = _plan(args.words, "skin.launch.yaml", record=str(args.out))
+    recorder = plan.nodes[-1]
+    for name in ("last", "max_duration", "max_size"):
+        if (value := getattr(args, name)) is not None:
+            recorder.parameters.append((name, value))
+    return _spin(launch.Skin(plan))
+
+
+def _replay(args) -> int:
+    from .commands import replay
+
+    return replay.run(args)
 
 
 def _check_folder(out: Path) -> None:
@@ -240,6 +269,8 @@ _COMMANDS = {
     "sim": _sim,
     "calibrate": _calibrate,
     "doctor": _doctor,
+    "record": _record,
+    "replay": _replay,
     "train": _train,
     "export": _export,
     "bench": _bench,

@@ -83,15 +83,14 @@ class Skin:
 
     Attributes:
         node: for subscriptions of your own; its callbacks have a thread of their own.
-        nodes, handles: of the launch file, and the bus's Node of each.
     """
 
     def __init__(self, plan: Plan, context: Context | None = None):
         self._context = context or Context()
         self._executor = MultiThreadedExecutor()
         self._plan = plan
-        self.handles: list[Node] = []
-        self.nodes: list = []
+        self._handles: list[Node] = []
+        self._nodes: list = []
         self._processes: list[subprocess.Popen] = []
         self._hooks: list[StopHook | EventHook] = []
         self._settings = contextlib.ExitStack()  # of the process; closed, they are as before
@@ -116,15 +115,15 @@ class Skin:
         for command in self._plan.commands:
             self._processes.append(start_command(command))
         self.build()
-        for recorder in self._of_kind(RECORDER, self.nodes):
-            recorder.begin(configuration.attachments(parameters_of(self.handles)))
+        for recorder in self._of_kind(RECORDER, self._nodes):
+            recorder.begin(configuration.attachments(parameters_of(self._handles)))
         # The matrices are small. More threads than one would spin beside it, and on a small
         # computer keep the other nodes waiting for a tenth of a second.
         self._settings.enter_context(one_thread())
         # The default, 5 ms, is longer than a frame's whole way to the stop.
         self._settings.callback(sys.setswitchinterval, sys.getswitchinterval())
         sys.setswitchinterval(0.0005)
-        for handle in (*self.handles, self.node):
+        for handle in (*self._handles, self.node):
             diagnostics.ensure_reported(handle)
         for handles in (*self._stages(), [self.node]):
             self._executor.add_node(*handles)
@@ -132,7 +131,7 @@ class Skin:
     def _stages(self) -> list[list[Node]]:
         """The nodes by thread: a skin's compensation and its features share one."""
         groups: dict = {}
-        for handle, action in zip(self.handles, self._plan.nodes, strict=True):
+        for handle, action in zip(self._handles, self._plan.nodes, strict=True):
             shared = action.kind in _ONE_THREAD
             key = handle.get_namespace() if shared else handle.get_fully_qualified_name()
             groups.setdefault((shared, key), []).append((action.kind, handle))
@@ -152,13 +151,13 @@ class Skin:
             SIGNALS.raise_pending()  # the last one took a while
             handle = make_node(action, self._context)
             name = handle.get_fully_qualified_name()
-            if any(name == other.get_fully_qualified_name() for other in self.handles):
+            if any(name == other.get_fully_qualified_name() for other in self._handles):
                 raise LaunchError(f"{action.file}: node {name}: there are two of this name")
-            self.handles.append(handle)
+            self._handles.append(handle)
             with naming_its_file(action, name):
-                self.nodes.append(class_of(action)(handle))
-        check_overrides(self._plan.nodes, self.handles)
-        check_commands(self.handles)
+                self._nodes.append(class_of(action)(handle))
+        check_overrides(self._plan.nodes, self._handles)
+        check_commands(self._handles)
 
     @SIGNALS.deferred
     def __exit__(self, *_) -> None:
@@ -198,7 +197,7 @@ class Skin:
         A close that hangs, on a terminal that takes nothing say, does not keep the others.
         """
         drained = min(until, time.monotonic() + _CLOSE_WITHIN)
-        for handle, node in zip(self.handles, self.nodes, strict=False):
+        for handle, node in zip(self._handles, self._nodes, strict=False):
             if not hasattr(node, "close"):
                 continue
             closing = threading.Thread(
@@ -243,7 +242,7 @@ class Skin:
     @property
     def failed(self) -> bool:
         """Whether a node says that the run was in vain."""
-        return any(getattr(node, "failed", False) for node in self.nodes)
+        return any(getattr(node, "failed", False) for node in self._nodes)
 
     def on_stop(self, hook: Callable[[bool, str], None], heartbeat: float | None = None) -> None:
         """Call hook(stop, reason) now and at each change, in a thread of its own: see hooks.py.
@@ -335,7 +334,7 @@ class Skin:
         # Each says on diagnostics how it is before it answers, and a stop node takes what came
         # first first: its own reset finds that said.
         forgotten = [
-            self._reset(handle, timeout) for handle in self._of_kind("compensation", self.handles)
+            self._reset(handle, timeout) for handle in self._of_kind("compensation", self._handles)
         ]
         silent = [a for a in forgotten if not a.success]
         answers = silent or [self._reset(handle, timeout) for handle in stops]
@@ -353,7 +352,7 @@ class Skin:
 
     def _started(self, executable: str) -> list[Node]:
         """The nodes of a kind, of which there must be one."""
-        found = self._of_kind(executable, self.handles)
+        found = self._of_kind(executable, self._handles)
         if not found:
             raise LaunchError(f"the launch file starts no {executable}")
         return found
@@ -385,7 +384,7 @@ def class_of(action: NodeAction):
 
 
 def node_class(executable: str):
-    module, name = CLASSES[executable].split(".")
+    module, name = CLASSES[executable].rsplit(".", 1)
     return getattr(importlib.import_module(f".nodes.{module}", __package__), name)
 
 

@@ -132,7 +132,7 @@ def _board(pipe, n: int, rate: int, seed: int) -> None:
 def _skin(pipe, barrier, port: str, method: str, seconds: float) -> None:
     """Run a skin and send what its monitor counted."""
     from ..launch import Skin, find, read_plan
-    from ..nodes.monitor import Monitor
+    from ..nodes.observers.monitor import Monitor
 
     plan = read_plan(find("skin.launch.yaml"), {"port": port, "method": method})
     plan.nodes = [action for action in plan.nodes if action.executable != "monitor"]

@@ -2,31 +2,31 @@
 
 from __future__ import annotations
 
-import io
 import time
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from ..calibration.doctor import Finding, diagnose
 from ..calibration.rest import measure_rest
-from ..files import read_bytes
 from ..middleware.config import SkinConfig, read_skin
 from ..physics.adc import Adc
 from ..physics.circuit import Circuit
+from ..recording.frames import read_frames, recorded_skin
+from .words import split
 
 ABOUT = "which wire or cell is bad: from recorded frames, or from the live board"
 EXAMPLES = """\
 Hands off for some seconds, then press everywhere with fingers and palm, twenty touches or more,
 some of them hard, with pauses: a minute of it. FILE holds frames in order, ADC counts or ratios
-from 0 to 1: .npy, .npz (its first array, or `frames`) of (n, rows, cols), or .csv, a frame a line.
+from 0 to 1: a recording (.mcap), .npy, .npz (its first array, or `frames`) of (n, rows, cols), or
+.csv, a frame a line.
 examples:
   tactile-skin doctor touches.npy config:=my_skin.yaml
   tactile-skin doctor touches.csv rows:=8 cols:=12 r_ref:=4700 r_par:=70 adc_bits:=12
   tactile-skin doctor port:=/dev/ttyUSB0 config:=my_skin.yaml seconds:=60
 options, name:=value:
-  config    parameter file with circuit.*, as for launch (default: the paper's board)
+  config    parameter file with circuit.*, as for launch (default: as recorded, or the paper's)
   rows, cols, r_ref, r_par, r_line, adc_bits   in its place, or on top of it
   rest      recorded frames of the untouched skin (default: found in FILE)
   port, baud, protocol, seconds   of the live board (default 1000000, binary, 60)
@@ -48,7 +48,6 @@ _KINDS = {
 }
 _CIRCUIT = ("rows", "cols", "r_ref", "r_par", "r_line", "adc_bits")
 _LIVE = ("baud", "protocol", "seconds")
-_LARGEST = 1 << 30  # bytes of a recording
 _SECONDS = 5.0, 3600.0
 _CORRUPT, _LOST = 0.005, 0.05  # shares of the frames from which on the link is bad
 _CONNECT = 10.0  # s to wait for the first frame
@@ -56,22 +55,26 @@ _CONNECT = 10.0  # s to wait for the first frame
 
 def run(args) -> int:
     """Print what is found; the exit status."""
-    files, given = _words(args.words)
+    files, given = split(args.words, _KINDS)
     if bool(files) == ("port" in given) or len(files) > 1:
         raise ValueError("give one FILE of recorded frames, or port:=DEVICE of a live board")
     for name in _LIVE:
         if files and name in given:
             raise ValueError(f"{name}:= is of a live board: give port:=DEVICE, not a file")
-    skin = read_skin(given.get("config"))
+    skin = (
+        recorded_skin(files[0])
+        if files and "config" not in given
+        else read_skin(given.get("config"))
+    )
     adc = _adc(skin, {name: given[name] for name in _CIRCUIT if name in given})
     circuit = adc.circuit
     if files:
-        frames, found = _ratio(_read(files[0], circuit), adc, files[0]), []
+        frames, found = _ratio(files[0], adc), []
     else:
         frames, found = _listen(adc, given)
     rest = None
     if "rest" in given:
-        rest = measure_rest(_ratio(_read(given["rest"], circuit), adc, given["rest"]), circuit)
+        rest = measure_rest(_ratio(given["rest"], adc), circuit)
     found += diagnose(frames, circuit, rest)
     print(f"{len(frames)} frames of {circuit.rows} x {circuit.cols}")
     print(picture(found, circuit))
@@ -112,27 +115,6 @@ def _digit(number: int, place: int) -> str:
     return str(number // 10**place % 10) if number >= 10**place or place == 0 else " "
 
 
-def _words(words) -> tuple[list[str], dict]:
-    """Files, and name -> value of the right type."""
-    files, given = [], {}
-    for word in words:
-        name, mark, text = word.partition(":=")
-        if not mark:
-            files.append(word)
-            continue
-        if name not in _KINDS:
-            raise ValueError(f"argument {name!r}: must be one of {', '.join(_KINDS)}")
-        if name in given:
-            raise ValueError(f"argument {name!r} is given twice")
-        kind = _KINDS[name]
-        try:
-            given[name] = kind(text)
-        except ValueError:
-            what = "a whole number" if kind is int else "a number"
-            raise ValueError(f"{name}:={text}: must be {what}") from None
-    return files, given
-
-
 def _adc(skin: SkinConfig, changed: dict) -> Adc:
     """The board's converter, with the circuit that the arguments change."""
     shape = {"rows", "cols"} & changed.keys()
@@ -143,47 +125,12 @@ def _adc(skin: SkinConfig, changed: dict) -> Adc:
     return Adc(circuit, skin.adc.offset, full, skin.adc.inverted, scanned)
 
 
-def _read(path: str, circuit: Circuit) -> np.ndarray:
-    """(n, rows, cols) numbers of a file."""
-    data = io.BytesIO(read_bytes(path, _LARGEST))
-    kind = Path(path).suffix.lower()
-    if kind not in (".npy", ".npz", ".csv"):
-        raise ValueError(f"{path}: must be a .npy, .npz or .csv file")
-    try:
-        if kind == ".csv":
-            frames = np.genfromtxt(data, delimiter=",", ndmin=2, dtype=float)
-        else:
-            frames = np.load(data, allow_pickle=False)
-            if kind == ".npz":
-                names = frames.files
-                if not names:
-                    raise ValueError("holds no array")
-                frames = frames["frames" if "frames" in names else names[0]]
-    except Exception as error:
-        raise ValueError(f"{path}: cannot be read: {error}") from error
-    if frames.ndim == 2 and frames.shape[1] == circuit.rows * circuit.cols:
-        frames = frames.reshape(-1, *circuit.shape)
-    if frames.ndim != 3 or frames.shape[1:] != circuit.shape:
-        raise ValueError(
-            f"{path}: holds {' x '.join(map(str, frames.shape))} numbers, the circuit is "
-            f"{circuit.rows} x {circuit.cols}: check rows and cols"
-        )
-    if frames.dtype.kind not in "fiu":
-        raise ValueError(f"{path}: holds {frames.dtype}: must be numbers")
-    return frames
-
-
-def _ratio(frames: np.ndarray, adc: Adc, path: str) -> np.ndarray:
-    """ADC ratio of frames that are ratios already, or counts."""
-    if frames.dtype.kind == "f" and np.nanmax(frames, initial=0.0) <= 1.0:
-        return frames
-    top = float(np.nanmax(frames))
-    if top > 2**adc.circuit.adc_bits:
-        raise ValueError(
-            f"{path}: numbers up to {top:g}, but adc_bits = {adc.circuit.adc_bits} ends at "
-            f"{adc.circuit.full_scale}: set adc_bits"
-        )
-    return adc.ratio(frames.astype(float))
+def _ratio(path: str, adc: Adc) -> np.ndarray:
+    """(n, rows, cols) ADC ratio of a file; what was repaired is printed."""
+    found = read_frames(path, adc.circuit)
+    for note in found.notes:
+        print(f"{path}: {note}")
+    return found.ratio(adc)
 
 
 def _listen(adc: Adc, given: dict) -> tuple[np.ndarray, list[Finding]]:

@@ -29,12 +29,12 @@ NODES = {  # exec -> class, imported when it is started
     "stop_on_push": "stop_on_push.StopOnPush",
     "cmd_vel_gate": "cmd_vel_gate.CmdVelGate",
     "push_to_move": "push_to_move.PushToMove",
-    "monitor": "monitor.Monitor",
+    "monitor": "observers.monitor.Monitor",
     "push_arrow": "push_arrow.PushArrow",
-    "view": "view.View",
+    "view": "observers.view.View",
 }
 RECORDER = "recorder"  # record:=FILE of any launch file; on ROS there is ros2 bag record
-CLASSES = NODES | {RECORDER: "recorder.RecorderNode"}
+CLASSES = NODES | {RECORDER: "observers.recorder.RecorderNode"}
 _MAX_FILES = 30  # launch files of one launch: includes may double at each level
 _MAX_TEXT = 10_000  # characters of a filled-in value: it may double with each let
 

@@ -6,6 +6,7 @@ import dataclasses
 import functools
 import importlib
 import inspect
+import io
 
 import numpy as np
 
@@ -27,6 +28,21 @@ def mcap():
     """
     parts = [_imported(f"mcap.{part}") for part in _PARTS]
     return importlib.import_module(parts[0].__package__)
+
+
+def record(kind: str, data: bytes):
+    """A record of MCAP from its content."""
+    return getattr(mcap().records, kind).read(mcap().data_stream.ReadDataStream(io.BytesIO(data)))
+
+
+def unpacked(chunk) -> bytes:
+    """The records in a chunk.
+
+    Raises:
+        Exception: of the checksum, or of the library that decompresses.
+    """
+    stream, size = mcap().stream_reader.get_chunk_data_stream(chunk, validate_crc=True)
+    return stream.read(size)
 
 
 @functools.cache

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import struct
 from collections import Counter
 from collections.abc import Iterator
@@ -21,8 +19,10 @@ from . import cdr, configuration
 
 ADC = "skin/adc"
 _MAGIC, _VERSION = b"\x89MCAP", b"0\r\n"
-_SCHEMA, _CHANNEL, _MESSAGE = 3, 4, 5  # opcodes of MCAP's specification
+_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _ATTACHMENT = 2, 3, 4, 5, 6, 9  # MCAP's opcodes
+_READ = _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _ATTACHMENT
 _RECORD = struct.Struct("<BQ")  # opcode, length
+EVER = 2**63
 _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time [ns]
 
 
@@ -44,6 +44,7 @@ class Recording:
 
     Attributes:
         topics: full name -> Topic.
+        span: times of the first and the last message [ns since 1970].
         damage: what could not be read, in words; empty: nothing.
         attachments: name -> bytes.
 
@@ -60,7 +61,11 @@ class Recording:
         self._schemas: dict[int, str] = {}  # number -> type
         self._channels: dict[int, tuple[str, str]] = {}  # number -> topic, type
         self._check_magic()
-        counts = Counter(channel for channel, _, _ in self._messages())
+        counts, first, last = Counter(), EVER, 0
+        for channel, t, _ in self._messages():
+            counts[channel] += 1
+            first, last = min(first, t), max(last, t)
+        self.span = (first, last) if counts else (0, 0)
         self.topics: dict[str, Topic] = {}
         for channel, (topic, kind) in self._channels.items():
             others = self.topics.get(topic, Topic(kind, 0))
@@ -123,16 +128,19 @@ class Recording:
             stamps.append(Time.from_msg(message.header.stamp).nanoseconds)
         return np.array(stamps, np.int64), np.array(pictures)
 
-    def messages(self, *topics: str) -> Iterator[tuple[str, int, object]]:
+    def messages(
+        self, *topics: str, begin: int = 0, end: int = EVER
+    ) -> Iterator[tuple[str, int, object]]:
         """Topic, time of recording [ns since 1970] and message, in the order of the recording.
 
         Args:
             topics: full names; none: all topics whose type msg.py has.
+            begin, end: only those recorded from begin to before end [ns since 1970].
 
         Raises:
             FileError: a message that is not of its type.
         """
-        for channel, t, data in self._messages():
+        for channel, t, data in self._messages(begin, end):
             topic, kind = self._channels[channel]
             if kind not in cdr.KINDS or (topics and topic not in topics):
                 continue
@@ -141,12 +149,16 @@ class Recording:
             except ValueError as error:
                 raise FileError(f"{self.path}: {topic} at {t} ns: {error}") from error
 
-    def readings(self) -> Iterator[tuple[int, Image | DiagnosticArray]]:
+    def readings(
+        self, begin: int = 0, end: int = EVER
+    ) -> Iterator[tuple[int, Image | DiagnosticArray]]:
         """What the skin's driver published, by its stamps [ns since 1970]: skin/adc, and its own
-        diagnostics."""
+        diagnostics; of a part, as `messages`."""
         here = self.adc_topic.removesuffix(ADC)
         driver = f"{here}serial_driver".lstrip("/")
-        for _, _, message in self.messages(self.adc_topic, f"{here}diagnostics"):
+        for _, _, message in self.messages(
+            self.adc_topic, f"{here}diagnostics", begin=begin, end=end
+        ):
             if isinstance(message, DiagnosticArray):
                 message.status = [status for status in message.status if status.name == driver]
                 if not message.status:
@@ -175,64 +187,75 @@ class Recording:
 
     def _check_magic(self) -> None:
         with self.path.open("rb") as file:
-            magic = file.read(8)
+            magic = file.read(len(_MAGIC + _VERSION))
         if not magic.startswith(_MAGIC):
             raise FileError(f"{self.path}: is no MCAP file")
         if not magic.endswith(_VERSION):
             raise FileError(f"{self.path}: its version of MCAP is {magic[5:6]!r}: must be b'0'")
 
-    def _messages(self) -> Iterator[tuple[int, int, bytes]]:
-        """Channel, time of recording [ns] and CDR of each message; what is damaged is left out,
-        and named in `damage`."""
-        mcap = cdr.mcap()
-        cut_off = mcap.exceptions.McapError, struct.error, ValueError
+    def _messages(self, begin: int = 0, end: int = EVER) -> Iterator[tuple[int, int, bytes]]:
+        """Channel, time of recording [ns] and CDR of each message from begin to before end.
+
+        What is damaged is left out, and named in `damage`.
+        """
         damaged, whole, good, size = 0, False, 0, self.path.stat().st_size
-        with self.path.open("rb") as file, contextlib.suppress(*cut_off):
-            reader = mcap.stream_reader.StreamReader(file, emit_chunks=True, record_size_limit=size)
-            for record in reader.records:
-                good = file.tell()
-                match type(record).__name__:
-                    case "Chunk":
-                        try:
-                            found = self._of_chunk(mcap, record)
-                        except Exception:  # whatever the decompression makes of wrong bytes
-                            damaged += 1
-                            continue
+        with self.path.open("rb") as file:
+            file.seek(len(_MAGIC + _VERSION))
+            while len(head := file.read(_RECORD.size)) == _RECORD.size:
+                kind, length = _RECORD.unpack(head)
+                after = file.tell() + length
+                if after > size:
+                    break
+                if kind in _READ:
+                    try:
+                        found = self._record(kind, file.read(length), begin, end)
+                    except Exception:  # whatever the decompression makes of wrong bytes
+                        damaged += 1
+                    else:
                         yield from found
-                    case "Message":
-                        yield record.channel_id, record.log_time, record.data
-                    case "Attachment":
-                        self.attachments[record.name] = record.data
-                    case "Schema":
-                        self._schemas[record.id] = record.name
-                    case "Channel":
-                        self._add_channel(record)
-            whole = True
+                file.seek(after)
+                good = after
+                if kind == _FOOTER:
+                    whole = file.read() == _MAGIC + _VERSION
+                    break
         said = [f"{damaged} damaged chunks are left out"] if damaged else []
         if not whole:
             left = f": its last {size - good} bytes are no whole record" if good < size else ""
             said.append(f"ends without an index{left}")
         self.damage = "; ".join(said)
 
-    def _of_chunk(self, mcap, chunk) -> list[tuple[int, int, bytes]]:
-        """The messages of a chunk; ten times as fast as mcap's own, which makes each an object."""
-        stream, size = mcap.stream_reader.get_chunk_data_stream(chunk, validate_crc=True)
-        data, at, found = stream.read(size), 0, []
-        while at < size:
+    def _record(self, kind: int, data: bytes, begin: int, end: int) -> list[tuple[int, int, bytes]]:
+        """The messages in a record from begin to before end; other records are kept."""
+        if kind == _MESSAGE:
+            channel, _, t, _ = _MESSAGE_HEAD.unpack_from(data)
+            return [(channel, t, data[_MESSAGE_HEAD.size :])] if begin <= t < end else []
+        if kind == _CHUNK:
+            chunk = cdr.record("Chunk", data)
+            if chunk.message_end_time < begin or chunk.message_start_time >= end:
+                return []
+            return self._of_chunk(cdr.unpacked(chunk), begin, end)
+        if kind == _ATTACHMENT:
+            record = cdr.record("Attachment", data)
+            self.attachments[record.name] = record.data
+        elif kind == _SCHEMA:
+            record = cdr.record("Schema", data)
+            self._schemas[record.id] = record.name
+        else:
+            record = cdr.record("Channel", data)
+            self._channels[record.id] = record.topic, self._schemas.get(record.schema_id, "")
+        return []
+
+    def _of_chunk(self, data: bytes, begin: int, end: int) -> list[tuple[int, int, bytes]]:
+        """Ten times as fast as by mcap's own reader, which makes each message an object."""
+        at, found = 0, []
+        while at < len(data):
             kind, length = _RECORD.unpack_from(data, at)
             at += _RECORD.size
             if kind == _MESSAGE:
                 channel, _, t, _ = _MESSAGE_HEAD.unpack_from(data, at)
-                found.append((channel, t, data[at + _MESSAGE_HEAD.size : at + length]))
-            elif kind in (_SCHEMA, _CHANNEL):
-                part = mcap.data_stream.ReadDataStream(io.BytesIO(data[at : at + length]))
-                if kind == _SCHEMA:
-                    schema = mcap.records.Schema.read(part)
-                    self._schemas[schema.id] = schema.name
-                else:
-                    self._add_channel(mcap.records.Channel.read(part))
+                if begin <= t < end:
+                    found.append((channel, t, data[at + _MESSAGE_HEAD.size : at + length]))
+            elif kind in _READ:
+                self._record(kind, data[at : at + length], begin, end)
             at += length
         return found
-
-    def _add_channel(self, channel) -> None:
-        self._channels[channel.id] = channel.topic, self._schemas.get(channel.schema_id, "")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -73,7 +74,7 @@ class Recorder:
 
     @property
     def size(self) -> int:
-        """Bytes of them."""
+        """Bytes of them, as of the last flush."""
         return self._store.size
 
     def start(self) -> None:
@@ -99,6 +100,8 @@ class Recorder:
 
     def turn(self, closing: bool = False) -> None:
         """Write what waits; on an error end, with the reason in `trouble`."""
+        if self.trouble:
+            return
         try:
             while self._waiting:
                 topic, t, message = self._waiting.popleft()
@@ -106,14 +109,13 @@ class Recorder:
             self._store.turn(self._now(), closing)
         except LimitReached as reached:
             self._end(str(reached))
+            with contextlib.suppress(OSError):
+                self._store.close()
         except Exception as error:  # a full disk, say: whatever it is, it is said, and ends here
+            self._store.abandon()
             self._end(getattr(error, "strerror", None) or repr(error))
 
     def _end(self, why: str) -> None:
-        try:
-            self._store.close()
-        except OSError as error:  # the full disk, again
-            why = error.strerror or why
         self.trouble = f"recording has ended: {why}"
         self._waiting.clear()
 
@@ -131,11 +133,7 @@ class Whole:
         path = path / _name("skin", ".mcap", now) if path.is_dir() else path
         self._writer = Writer(path, attachments, now)
         self._limits, self._flushed = limits, now
-        self.files, self.written = [path], 0
-
-    @property
-    def size(self) -> int:
-        return self._writer.size
+        self.files, self.written, self.size = [path], 0, self._writer.size
 
     def stop(self, t: int) -> None:
         pass
@@ -147,7 +145,7 @@ class Whole:
     def turn(self, now: int, closing: bool) -> None:
         if now - self._flushed >= _FLUSH * 1e9:
             self._writer.flush()
-            self._flushed = now
+            self._flushed, self.size = now, self._writer.size
         if self._writer.seconds >= self._limits.duration:
             raise LimitReached(f"after max_duration = {self._limits.duration:g} s")
         _check_size(self.size, self._limits)
@@ -156,6 +154,9 @@ class Whole:
 
     def close(self) -> None:
         self._writer.close()
+
+    def abandon(self) -> None:
+        self._writer.abandon()
 
 
 class Ring:
@@ -169,11 +170,7 @@ class Ring:
         self._kept: deque = deque()  # bytes and numbers only: the garbage collector skips them
         self._stopped: int | None = None  # when, if it is not written yet [ns]
         self._saving: tuple[Writer, deque] | None = None
-        self.files, self.written, self._size = [], 0, 0
-
-    @property
-    def size(self) -> int:
-        return self._size + (self._saving[0].size if self._saving else 0)
+        self.files, self.written, self.size = [], 0, 0
 
     def stop(self, t: int) -> None:
         self._stopped = t if self._stopped is None else self._stopped
@@ -203,9 +200,11 @@ class Ring:
 
     def _save(self, most: int) -> None:
         writer, entries = self._saving
+        before = writer.size
         for _ in range(min(most, len(entries))):
             writer.write(*entries.popleft())
             self.written += 1
+        self.size += writer.size - before
         _check_size(self.size, self._limits)
         if not entries:
             self.close()
@@ -213,8 +212,13 @@ class Ring:
     def close(self) -> None:
         if self._saving:
             (writer, _), self._saving = self._saving, None
+            before = writer.size
             writer.close()
-            self._size += writer.path.stat().st_size
+            self.size += writer.size - before
+
+    def abandon(self) -> None:
+        if self._saving:
+            self._saving[0].abandon()
 
 
 def _name(stem: str, suffix: str, t: int) -> str:

@@ -43,8 +43,8 @@ class Writer:
 
     @property
     def size(self) -> int:
-        """Bytes that are in the file."""
-        return self._file.tell()
+        """Bytes of the file. For the thread that writes: while the disk hangs, so does this."""
+        return self.path.stat().st_size if self._file.closed else self._file.tell()
 
     @property
     def seconds(self) -> float:
@@ -67,11 +67,11 @@ class Writer:
         self._writer.flush()
 
     def close(self) -> None:
-        """Write the index, and close the file whatever happens."""
-        try:
-            self._writer.finish()
-        except BaseException:
-            with contextlib.suppress(OSError):  # what could not be written, again
-                self._file.close()
-            raise
+        """Write the index, and end the file."""
+        self._writer.finish()
         self._file.close()
+
+    def abandon(self) -> None:
+        """End the file as it is, without another word to a disk that takes none."""
+        with contextlib.suppress(OSError):  # what waits in the buffer, again
+            self._file.close()

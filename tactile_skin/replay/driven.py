@@ -31,15 +31,19 @@ class Driven:
         self._skin = Skin(plan, context)
         self._skin.build()
         kinds = [action.executable for action in plan.nodes]
-        self.nodes = dict(zip(kinds, self._skin.nodes, strict=True))
+        self.nodes = dict(zip(kinds, self._skin._nodes, strict=True))
         self.observer = Node("observer", context=context)
         self._executor = SingleThreadedExecutor()
-        for handle in (*self._skin.handles, self.observer):
+        for handle in (*self._skin._handles, self.observer):
             self._executor.add_node(handle)
 
     def _set(self, t: int) -> None:
-        while (ahead := t - self._clock.now().nanoseconds) > 0:
+        while (ahead := t - self.now()) > 0:
             self._clock.advance(min(ahead, _STEP) / 1e9)
+
+    def now(self) -> int:
+        """What the clock shows [ns since 1970]."""
+        return self._clock.now().nanoseconds
 
     def until(self, t: int) -> None:
         """Let the time go by until t [ns since 1970], if it is not over; timers run."""
@@ -53,8 +57,8 @@ class Driven:
     @property
     def errors(self) -> int:
         """Callbacks that raised."""
-        return sum(handle.callback_errors for handle in self._skin.handles)
+        return sum(handle.callback_errors for handle in self._skin._handles)
 
     def close(self) -> None:
-        for handle in (*self._skin.handles, self.observer, self._skin.node):
+        for handle in (*self._skin._handles, self.observer, self._skin.node):
             handle.destroy_node()

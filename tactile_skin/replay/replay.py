@@ -17,8 +17,9 @@ from ..middleware.launched import parameters_of
 from ..msg import DiagnosticArray, Image, image_array
 from ..nodes import diagnostics
 from ..nodes.stop_on_push import STATUS, STATUS_TOPIC
-from ..recording import Recording, configuration
-from ..recording.reader import ADC
+from ..recording import Recording, cdr, configuration
+from ..recording.reader import ADC, EVER
+from ..recording.writer import Writer
 from .driven import Driven
 
 _NODES = "compensation", "gesture_feature", "stop_on_push"  # of the launch file; no board
@@ -32,14 +33,17 @@ class Step:
 
     Attributes:
         stamp: arrival of its last byte [ns since 1970].
-        force: (rows, cols) [N]; None: the frame failed.
+        force: (rows, cols) [N]; NaN: the frame failed.
+        total, peak: of all cells, and of the most loaded one [N].
         status: "ok", "suspect" or "failed", as of an Estimate.
         stop: the reason, empty while the robot is free.
         seconds: that compensation, features and stop took on this machine.
     """
 
     stamp: int
-    force: np.ndarray | None
+    force: np.ndarray
+    total: float
+    peak: float
     status: str
     stop: str
     seconds: float
@@ -57,20 +61,32 @@ class Replay:
         method: of the compensation, in place of the recorded one.
         config: parameter file, in place of all recorded parameters.
         parameters: executable -> {parameter: value}, in place of theirs.
+        begin, end: only what was recorded from begin to before end [ns since 1970].
 
     Attributes:
         driven: the nodes; subscribe with `driven.observer` before the first step.
+        cell_area: (rows, cols) [m^2].
         notes: what was left out of the recording, in words.
 
     Raises:
         ValueError: a parameter that is wrong; the message names it.
     """
 
-    def __init__(self, source: Recording, method: str = "", config=None, parameters=None):
-        self._source = source
+    def __init__(
+        self,
+        source: Recording,
+        method: str = "",
+        config=None,
+        parameters=None,
+        begin: int = 0,
+        end: int = EVER,
+    ):
+        self._source, self._part = source, (begin, end)
         self._folder = tempfile.TemporaryDirectory(prefix="tactile_skin_")
         self.notes: list[str] = []
+        self._writer: Writer | None = None
         plan = _plan(config)
+        self._actions = {f"/{action.name}": action for action in plan.nodes}
         for action in plan.nodes:
             known = dict(action.parameters)
             values = {} if config else self._recorded(action.executable, known)
@@ -78,14 +94,32 @@ class Replay:
             if action.executable == "compensation":
                 values |= {"time_limit": _PATIENT} | ({"method": method} if method else {})
             action.parameters = list((known | values).items())
-        self.driven = Driven(plan, int(source.stamps[0]) - 1)
-        self._area = self.driven.nodes["gesture_feature"].geometry.cell_area
-        self._force, self._stop = None, "no decision yet"
+        self.driven = Driven(plan, max(begin, source.span[0]))
+        self.cell_area = self.driven.nodes["gesture_feature"].geometry.cell_area
+        self._unknown = np.full(self.cell_area.shape, np.nan)
+        self._force, self._stop = self._unknown, "no decision yet"
         observer = self.driven.observer
         observer.create_subscription(Image, "skin/pressure", self._on_pressure, 10)
         observer.create_subscription(DiagnosticArray, STATUS_TOPIC, self._on_status, STATUS)
         self._adc = observer.create_publisher(Image, ADC, 10)
         self._diagnostics = observer.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
+
+    def record(self, path) -> None:
+        """Write all that the nodes publish to a new recording.
+
+        Raises:
+            FileError, OSError: the file cannot be made.
+        """
+        values = {name: dict(a.parameters) for name, a in self._actions.items()}
+        attachments = configuration.attachments(values)
+        now = self.driven.now
+        self._writer = Writer(path, attachments, now())
+        for topic, (kind,) in self.driven.observer.get_topic_names_and_types():
+
+            def take(message, topic=topic):
+                self._writer.write(topic, type(message), now(), cdr.encode(message))
+
+            self.driven.observer.create_subscription(cdr.KINDS[kind], topic, take, STATUS)
 
     def _recorded(self, executable: str, known: dict) -> dict:
         """The recorded parameters of a node; those that it does not know are left out."""
@@ -99,23 +133,29 @@ class Replay:
     def __iter__(self) -> Iterator[Step]:
         compensation = self.driven.nodes["compensation"]
         try:
-            for t, message in self._source.readings():
+            for t, message in self._source.readings(*self._part):
                 self.driven.until(t)
                 if isinstance(message, DiagnosticArray):
                     self._diagnostics.publish(message)
                     self.driven.run()
                     continue
-                self._force, begun = None, time.perf_counter()
+                self._force, begun = self._unknown, time.perf_counter()
                 self._adc.publish(message)
                 self.driven.run()
                 seconds = time.perf_counter() - begun
-                yield Step(t, self._force, compensation.status, self._stop, seconds)
+                force = self._force
+                total, peak = float(force.sum()), float(force.max())
+                yield Step(t, force, total, peak, compensation.status, self._stop, seconds)
+            if self._source.damage:
+                self.notes.append(f"{self._source.path}: {self._source.damage}")
         finally:
+            if self._writer:
+                self._writer.close()
             self.driven.close()
             self._folder.cleanup()
 
     def _on_pressure(self, message: Image) -> None:
-        self._force = image_array(message) * self._area
+        self._force = image_array(message) * self.cell_area
 
     def _on_status(self, message: DiagnosticArray) -> None:
         status = message.status[0]
@@ -128,7 +168,7 @@ def _plan(config) -> Plan:
     plan = read_plan(find("skin.launch.yaml"), arguments | {"port": _NO_PORT, "monitor": "false"})
     skin = Skin(plan, Context())
     skin.build()  # with the board's node: it declares what the file may hold, too
-    values = parameters_of(skin.handles)
+    values = parameters_of(skin._handles)
     plan.nodes = [action for action in plan.nodes if action.executable in _NODES]
     for action in plan.nodes:
         action.parameters = list(values[f"/{action.name}"].items())

@@ -27,7 +27,7 @@ from tactile_skin.msg import (
     Vector3,
 )
 from tactile_skin.nodes.cmd_vel_gate import CmdVelGate
-from tactile_skin.nodes.monitor import Monitor
+from tactile_skin.nodes.observers.monitor import Monitor
 from tactile_skin.nodes.push_to_move import PushToMove
 from tactile_skin.nodes.stop_on_push import STATUS_TOPIC
 from tactile_skin.nodes.touch_events import PushListener, StrokeListener

@@ -27,7 +27,7 @@ from tactile_skin.msg import (
 )
 from tactile_skin.nodes import compensation
 from tactile_skin.nodes.compensation import Compensation
-from tactile_skin.nodes.monitor import Monitor
+from tactile_skin.nodes.observers.monitor import Monitor
 from tactile_skin.nodes.stop_on_push import STATUS, STATUS_TOPIC, StopOnPush, stop_message_of
 from tactile_skin.physics.adc import NOT_READ, Adc
 

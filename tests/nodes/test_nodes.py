@@ -40,7 +40,7 @@ from tactile_skin.msg import (
 )
 from tactile_skin.nodes.compensation import Compensation
 from tactile_skin.nodes.gesture_feature import GestureFeature
-from tactile_skin.nodes.monitor import Monitor
+from tactile_skin.nodes.observers.monitor import Monitor
 from tactile_skin.nodes.push_arrow import PushArrow
 from tactile_skin.nodes.serial_driver import SerialDriver
 from tactile_skin.nodes.stop_on_push import HEARTBEAT, LATCHED, STATUS_TOPIC, StopOnPush

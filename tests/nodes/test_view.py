@@ -31,7 +31,7 @@ from tactile_skin.msg import (
     Trigger,
     image,
 )
-from tactile_skin.nodes.view import View
+from tactile_skin.nodes.observers.view import View
 from tactile_skin.view.process import listen
 from tactile_skin.view.snapshot import LATCHED, STOP
 from tactile_skin.view.wire import unpack

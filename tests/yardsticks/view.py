@@ -25,7 +25,7 @@ from tactile_skin.launch import Skin, find, read_plan
 from tactile_skin.middleware.bus import Time
 from tactile_skin.middleware.launched import make_node
 from tactile_skin.msg import DiagnosticArray, Image
-from tactile_skin.nodes.view import View
+from tactile_skin.nodes.observers.view import View
 from tactile_skin.view.wire import unpack
 
 WARM_UP = 0.7  # s of a turn that do not count: pages open, the processor's clock changes

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...launch import Skin, find, read_plan
-from ...middleware.bus import Context, ManualClock, Node, SingleThreadedExecutor
+from ...launch import find, read_plan
 from ...msg import DiagnosticArray, Image, image_array
 from ...nodes import diagnostics
 from ...nodes.stop_on_push import STATUS, STATUS_TOPIC
 from ...physics.circuit import Circuit
+from ...replay.driven import Driven
 
 _NO_PORT = "loop://"  # the driver's reader is never started: bytes come by `feed`
 _NEEDS_CIRCUIT = ("serial_driver", "compensation", "gesture_feature")
-_EPOCH = 1000.0  # s that the clock shows at t = 0: a stamp of 0 often means "none"
+_EPOCH = 10**12  # ns that the clock shows at t = 0: a stamp of 0 often means "none"
 _PATIENT = 10.0  # s for a frame: a busy machine is not what is measured
 
 
@@ -32,7 +32,6 @@ class Chain:
     """
 
     def __init__(self, circuit: Circuit, protocol: str = "binary", parameters=None):
-        self._clock = ManualClock(_EPOCH)
         plan = read_plan(find("skin.launch.yaml"), {"port": _NO_PORT})
         plan.nodes = [action for action in plan.nodes if action.executable != "monitor"]
         given = {name: dict(values) for name, values in (parameters or {}).items()}
@@ -42,25 +41,18 @@ class Chain:
         given["compensation"].setdefault("time_limit", _PATIENT)
         for action in plan.nodes:
             action.parameters += list(given.get(action.executable, {}).items())
-        context = Context(self._clock)
-        self._skin = Skin(plan, context)
-        self._skin.build()
-        nodes = {a.executable: n for a, n in zip(plan.nodes, self._skin.nodes, strict=True)}
-        self._driver = nodes["serial_driver"]
-        self._area = nodes["gesture_feature"].geometry.cell_area
+        self._driven = Driven(plan, _EPOCH)
+        self._driver = self._driven.nodes["serial_driver"]
+        self._area = self._driven.nodes["gesture_feature"].geometry.cell_area
         self.force = np.zeros(circuit.shape)
         self.stop, self.reason = True, "no decision yet"
         self.levels: dict[str, tuple[int, str]] = {}
-        self._observer = Node("observer", context=context)
         for topic, kind, callback, depth in (
             ("skin/pressure", Image, self._on_pressure, 10),
             (STATUS_TOPIC, DiagnosticArray, self._on_status, STATUS),
             (diagnostics.TOPIC, DiagnosticArray, self._on_diagnostics, 50),
         ):
-            self._observer.create_subscription(kind, topic, callback, depth)
-        self._executor = SingleThreadedExecutor()
-        for handle in (*self._skin.handles, self._observer):
-            self._executor.add_node(handle)
+            self._driven.observer.create_subscription(kind, topic, callback, depth)
         self._open()
 
     # --- all that is known of the driver's inside ---
@@ -75,16 +67,13 @@ class Chain:
         self.until(t)
         for frame in self._driver._reader.parser.feed(data):
             self._driver.on_frame(frame)
-        self._executor.spin_some()
+        self._driven.run()
 
     # ---
 
     def until(self, t: float) -> None:
         """Let the time go by; timers run."""
-        ahead = _EPOCH + t - self._clock.now().nanoseconds * 1e-9
-        if ahead > 0.0:
-            self._clock.advance(ahead)
-        self._executor.spin_some()
+        self._driven.until(_EPOCH + round(t * 1e9))
 
     @property
     def doubts(self) -> bool:
@@ -94,11 +83,10 @@ class Chain:
     @property
     def errors(self) -> int:
         """Callbacks that raised."""
-        return sum(handle.callback_errors for handle in self._skin.handles)
+        return self._driven.errors
 
     def close(self) -> None:
-        for handle in (*self._skin.handles, self._observer, self._skin.node):
-            handle.destroy_node()
+        self._driven.close()
 
     def _on_pressure(self, message: Image) -> None:
         self.force = image_array(message) * self._area

@@ -8,10 +8,10 @@ from collections import deque
 
 import numpy as np
 
-from ..middleware.bus import DurabilityPolicy, QoSProfile, Time
-from ..middleware.config import describe
-from ..middleware.logs import takes
-from ..msg import (
+from ...middleware.bus import DurabilityPolicy, QoSProfile, Time
+from ...middleware.config import describe
+from ...middleware.logs import takes
+from ...msg import (
     DiagnosticArray,
     DiagnosticStatus,
     Image,
@@ -20,9 +20,9 @@ from ..msg import (
     Vector3Stamped,
     cloud_columns,
 )
-from . import diagnostics
-from .stop_on_push import STATUS_TOPIC
-from .touch import xyz
+from .. import diagnostics
+from ..stop_on_push import STATUS_TOPIC
+from ..touch import xyz
 
 _FIRST_FRAME_WITHIN = 20.0  # s, before a run of limited duration gives up
 _KEPT = 200_000  # latencies

@@ -6,12 +6,12 @@ import threading
 import time
 from dataclasses import replace
 
-from ..errors import LaunchError
-from ..middleware.config import adc_of, circuit_of, curve_of, describe, geometry_of
-from ..msg import Trigger
-from ..solvers import METHODS
-from ..view.process import PageProcess
-from ..view.snapshot import READINGS, STOP, TOPICS, Collector
+from ...errors import LaunchError
+from ...middleware.config import adc_of, circuit_of, curve_of, describe, geometry_of
+from ...msg import Trigger
+from ...solvers import METHODS
+from ...view.process import PageProcess
+from ...view.snapshot import READINGS, STOP, TOPICS, Collector
 
 _QUIET = 0.1  # s after which a page is told that nothing changed
 _AFTER = 0.001  # s after a decision: those who stop the robot go first

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from ..middleware.bus import DurabilityPolicy, QoSProfile
-from ..middleware.config import describe
-from ..msg import Bool, DiagnosticArray
-from ..recording import cdr
-from ..recording.recorder import Limits, Recorder
-from . import diagnostics
+from ...middleware.bus import DurabilityPolicy, QoSProfile
+from ...middleware.config import describe
+from ...msg import Bool, DiagnosticArray
+from ...recording import cdr
+from ...recording.recorder import Limits, Recorder
+from .. import diagnostics
 
 _DEPTH = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)  # and latched ones
 _CLOSE = 0.1  # s that the disk has at the end; what it takes longer it does in the background

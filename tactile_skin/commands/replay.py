@@ -1,0 +1,199 @@
+"""`tactile-skin replay`: recorded readings through the nodes again, or to other formats."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from ..middleware.config import SkinConfig, read_skin
+from ..middleware.threads import one_thread
+from ..recording import Recording
+from ..recording.convert import export, to_recording
+from ..recording.frames import read_frames, recorded_skin
+from ..replay.compare import compare, draw, table
+from ..replay.replay import Replay, Step
+from ..replay.results import STATUS, Job, Results, collect
+from ..solvers import METHODS
+from .words import split
+
+ABOUT = "recorded readings through the same nodes again, or to NumPy and CSV"
+EXAMPLES = """\
+FILE is a recording (.mcap), or frames of any board: .npy, .npz of (n, rows, cols), or .csv, a frame
+a line, with its time in front or not; ADC counts, or ratios from 0 to 1.
+examples:
+  tactile-skin replay touches.mcap
+  tactile-skin replay touches.mcap --speed 1
+  tactile-skin replay touches.mcap method:=map --step
+  tactile-skin replay touches.mcap config:=calibrated.yaml --out again.mcap
+  tactile-skin replay touches.mcap --compare auto cnn --picture compared.png
+  tactile-skin replay touches.mcap --export touches.npz
+  tactile-skin replay foreign.csv config:=foreign.yaml rate:=60 --out foreign.mcap
+name:=value:
+  method     of the compensation (default: as recorded)
+  config     parameter file in place of all recorded parameters, as one that calibrate wrote
+  namespace  of the skin, where a recording holds several
+  rate       frames a second, of files without times (default 100)"""
+
+_KINDS = {"method": str, "config": str, "namespace": str, "rate": float}
+_RATE = 100.0  # frames a second
+_SHOWN = 20  # stops that the summary lists
+_LINE = 0.1  # s between two live lines
+
+
+def run(args) -> int:
+    """The exit status."""
+    files, given = split(args.words, _KINDS)
+    if len(files) != 1:
+        raise ValueError(f"give one FILE, not {len(files)}")
+    method, config = given.get("method", ""), given.get("config", "")
+    for name in [method] * bool(method) + (args.compare or []):
+        if name not in METHODS:
+            raise ValueError(f"method {name!r}: must be one of {', '.join(METHODS)}")
+    if args.speed is not None and not args.speed > 0.0:
+        raise ValueError(f"--speed = {args.speed}: must be above 0")
+    if args.jobs < 1:
+        raise ValueError(f"--jobs = {args.jobs}: must be 1 or more")
+    skin = read_skin(config) if config else recorded_skin(files[0])
+    namespace = given.get("namespace", "")
+    if args.export:
+        return _export(files[0], args.export, skin, namespace)
+    with tempfile.TemporaryDirectory(prefix="tactile_skin_") as folder:
+        path = files[0]
+        if Path(path).suffix.lower() != ".mcap":
+            path = _imported(path, Path(folder), skin, config, given.get("rate", _RATE))
+        job = Job(path, namespace, method, config)
+        if args.compare:
+            return _compare(job, args.compare, args.picture)
+        if args.step or args.speed or args.out:
+            return _play(job, args)
+        _summarize(collect(job, args.jobs, _track))
+    return 0
+
+
+def _imported(path: str, folder: Path, skin: SkinConfig, config: str, rate: float) -> str:
+    """A recording of a foreign file's frames."""
+    frames = read_frames(path, skin.circuit)
+    _say_notes(path, frames.notes)
+    made = folder / f"{Path(path).stem}.mcap"
+    to_recording(frames, made, skin, config or None, rate, time.time_ns())
+    return str(made)
+
+
+def _export(path: str, out: Path, skin: SkinConfig, namespace: str) -> int:
+    frames = read_frames(path, skin.circuit, namespace)
+    _say_notes(path, frames.notes)
+    source = Recording(path, namespace) if Path(path).suffix.lower() == ".mcap" else frames
+    export(source, frames, out)
+    print(f"{out}: {len(frames.values)} frames")
+    return 0
+
+
+def _say_notes(path: str, notes: list[str]) -> None:
+    for note in notes:
+        print(f"{path}: {note}", file=sys.stderr)
+
+
+def _track(items, total: int):
+    from tqdm import tqdm
+
+    return tqdm(items, desc="replay", total=total, disable=None, leave=False)
+
+
+def _compare(job: Job, methods: list[str], picture: Path) -> int:
+    try:
+        import matplotlib
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            "charts are drawn by matplotlib: pip install 'tactile_skin[charts]'"
+        ) from error
+    matplotlib.use("Agg")
+    n = Recording(job.path, job.namespace)
+    count = n.topics[n.adc_topic].count
+    found = compare(job, methods, lambda steps: _track(steps, count))
+    _say_notes(job.path, found.results[0].notes)
+    print(table(found))
+    draw(found).savefig(picture, dpi=100)
+    print(f"picture: {picture}")
+    return 0
+
+
+def _play(job: Job, args) -> int:
+    """At a pace, stepwise, or into a new recording."""
+    steps, started = [], time.process_time()
+    with one_thread():
+        replay = job.replay()
+        if args.out:
+            replay.record(args.out)
+        paced = _stepwise(replay) if args.step else _paced(replay, args.speed)
+        for step in paced:
+            step.force = None
+            steps.append(step)
+    _summarize(Results.of(steps, time.process_time() - started, replay.notes))
+    if args.out:
+        print(f"{args.out}: all that the nodes published")
+    return 0
+
+
+def _paced(replay: Replay, speed: float | None):
+    """The steps in their time; None: as they come."""
+    begun, first, shown = time.monotonic(), None, 0.0
+    for step in replay:
+        first = step.stamp if first is None else first
+        t = (step.stamp - first) * 1e-9
+        if speed:
+            time.sleep(max(0.0, begun + t / speed - time.monotonic()))
+        now = time.monotonic()
+        if now - shown >= _LINE and sys.stdout.isatty():
+            shown = now
+            print(f"\r\x1b[2K{_line(t, step)}", end="", flush=True)
+        yield step
+    if shown:
+        print()
+
+
+def _stepwise(replay: Replay):
+    """The steps, each after Enter; a word ends it."""
+    first = None
+    for step in replay:
+        first = step.stamp if first is None else first
+        print(_line((step.stamp - first) * 1e-9, step), end="", flush=True)
+        yield step
+        try:
+            if input("  Enter: next, q: end "):
+                return
+        except EOFError:
+            return
+
+
+def _line(t: float, step: Step) -> str:
+    stop = f"STOP {step.stop}" if step.stop else "free"
+    return f"{t:8.2f} s  {step.status:<7}  {step.total:6.1f} N  cell {step.peak:5.2f} N  {stop}"
+
+
+def _summarize(found: Results) -> None:
+    n, times = len(found.stamps), found.times
+    if not n:
+        raise ValueError("no reading was replayed")
+    p50, p99 = (1e3 * v for v in np.percentile(found.seconds, (50, 99)))
+    counts = ", ".join(f"{int(np.sum(found.status == k))} {s}" for k, s in enumerate(STATUS))
+    begins = found.stop_begins
+    print(f"readings  {n} of {times[-1]:.1f} s: {counts}")
+    print(f"force     up to {_largest(found.total)} in total, {_largest(found.peak)} on a cell")
+    print(f"time      p50 {p50:.2f} ms, p99 {p99:.2f} ms a reading")
+    print(f"stops     {len(begins)}, stopped {100 * np.mean(found.stops != ''):.1f} % of the time")
+    for k in begins[:_SHOWN]:
+        free = np.flatnonzero(found.stops[k:] == "")
+        length = f"for {times[k + free[0]] - times[k]:.2f} s" if len(free) else "until the end"
+        print(f'  at {times[k]:8.2f} s {length}: "{found.stops[k]}"')
+    if len(begins) > _SHOWN:
+        print(f"  and {len(begins) - _SHOWN} more")
+    for note in found.notes:
+        print(note)
+
+
+def _largest(force: np.ndarray) -> str:
+    return f"{np.nanmax(force):.1f} N" if np.isfinite(force).any() else "no force"

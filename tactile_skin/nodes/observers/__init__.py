@@ -1,0 +1,1 @@
+"""Nodes that watch the others, and hold none of them up."""

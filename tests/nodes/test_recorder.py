@@ -1,0 +1,172 @@
+"""The recorder on a running skin: everything is in the file, and replay gives it again."""
+
+import errno
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import yaml
+from simulated import CIRCUIT, PATIENCE, make_board, serving
+
+from tactile_skin import PressureCurve
+from tactile_skin.board import simulator
+from tactile_skin.errors import RosError
+from tactile_skin.launch import find, launch, read_plan
+from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Image
+from tactile_skin.recording import Recording
+from tactile_skin.replay.replay import Replay
+from tactile_skin.ros import launch_processes
+
+pytest.importorskip("mcap")
+SHARED = {"circuit": {"rows": CIRCUIT.rows, "cols": CIRCUIT.cols}}
+
+
+@pytest.fixture
+def config(tmp_path):
+    """A function that writes a parameter file, with parameters of the recorder."""
+
+    def write(**recorder):
+        path = tmp_path / "skin.yaml"
+        sections = {"/**": SHARED, "recorder": recorder}
+        text = {name: {"ros__parameters": values} for name, values in sections.items()}
+        path.write_text(yaml.safe_dump(text))
+        return path
+
+    return write
+
+
+def wait_for(condition):
+    deadline = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def run(tmp_path, config, record, until, board=None):
+    """A skin on a simulated board, until a condition of (received images, skin) holds."""
+    heard = {"skin/adc": [], "skin/pressure": []}
+    link = tmp_path / "port"
+    given = {"port": link, "config": config, "monitor": False, "record": record}
+    with (
+        serving(link, board or make_board("one_finger")),
+        launch("skin.launch.yaml", **given) as skin,
+    ):
+        for topic, into in heard.items():
+            skin.node.create_subscription(Image, topic, into.append, 1000)
+        wait_for(lambda: until(heard, skin))
+    return heard
+
+
+def test_all_that_was_published_is_read_back_and_replay_gives_the_same_pressure(tmp_path, config):
+    path = tmp_path / "a.mcap"
+    heard = run(tmp_path, config(), path, lambda h, _: len(h["skin/pressure"]) >= 250)
+    found = Recording(path)
+    assert found.damage == ""
+    for topic, messages in heard.items():
+        first = heard[topic][0].header.stamp
+        recorded = [m for _, _, m in found.messages(f"/{topic}")]
+        start = next(k for k, m in enumerate(recorded) if m.header.stamp == first)
+        assert recorded[start : start + len(messages)] == messages
+    for topic in ("contacts", "wrench", "stop", "stop_status", "push_direction"):
+        assert found.topics[f"/skin/{topic}"].count > 100
+    assert found.skin.circuit.shape == CIRCUIT.shape
+    assert found.parameters["/compensation"]["method"] == "auto"
+    names = {s.name for _, _, m in found.messages("/diagnostics") for s in m.status}
+    assert {"serial_driver", "compensation", "gesture_feature", "recorder"} <= names
+
+    stamps, pressure = found.images("/skin/pressure")
+    replay = Replay(found)
+    again = {step.stamp: step.force for step in replay}
+    assert len(again) == len(found.adc)
+    for stamp, picture in zip(stamps.tolist(), pressure, strict=True):
+        np.testing.assert_array_equal(again[stamp], picture * replay.cell_area)
+
+
+def test_a_full_disk_ends_the_recording_and_never_the_skin(tmp_path, config):
+    """The limit of a file's size is the operating system's own: EFBIG."""
+    path, warned, counts = tmp_path / "a.mcap", [], []
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def on_diagnostics(message):
+        warned.extend(s for s in message.status if s.name == "recorder" and s.level)
+
+    def ended(heard, skin):
+        """50 frames after it was said."""
+        if not counts:
+            skin.node.create_subscription(DiagnosticArray, "diagnostics", on_diagnostics, 100)
+            counts.append(0)
+        if warned and len(counts) == 1:
+            counts.append(len(heard["skin/pressure"]))
+        return warned and len(heard["skin/pressure"]) >= counts[-1] + 50
+
+    resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, before[1]))
+    try:
+        run(tmp_path, config(), path, ended)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert warned[0].message == f"recording has ended: {os.strerror(errno.EFBIG)}"
+    assert warned[0].level == DiagnosticStatus.WARN  # an error would stop the robot
+    assert path.stat().st_size <= 60_000
+    found = Recording(path)
+    assert found.damage
+    assert len(found.adc) > 10
+
+
+def test_a_stop_is_kept_with_what_led_to_it(tmp_path, config):
+    folder = tmp_path / "stops"
+    folder.mkdir()
+
+    def scene(t):  # idle, then 60 N
+        return np.full(CIRCUIT.shape, 3.0 * (t % 6.0 > 3.0))
+
+    board = simulator.Board(CIRCUIT, PressureCurve(), scene)
+    run(tmp_path, config(last=30.0), folder, lambda *_: any(folder.iterdir()), board)
+    first = min(folder.iterdir())
+    found = Recording(first)
+    assert first.name.startswith("stop_")
+    assert found.damage == ""
+    stops = [m.data for _, _, m in found.messages("/skin/stop")]
+    begin = next(k for k in range(1, len(stops)) if stops[k] and not stops[k - 1])
+    assert begin > 50 and len(stops) - begin > 20
+    assert any("push" in m.status[0].message for _, _, m in found.messages("/skin/stop_status"))
+
+
+def test_a_file_that_is_there_ends_the_launch_before_it_begins(tmp_path, config):
+    path = tmp_path / "a.mcap"
+    path.write_bytes(b"")
+    skin = launch("skin.launch.yaml", port="loop://", config=config(), record=path)
+    with pytest.raises(ValueError, match="is there already"):
+        skin.__enter__()
+    assert path.read_bytes() == b""
+
+
+def test_on_ros_it_says_what_records_there():
+    plan = read_plan(find("skin.launch.yaml"), {"port": "loop://", "record": "a.mcap"})
+    with pytest.raises(RosError, match="ros2 bag record"):
+        launch_processes(plan, 2)
+
+
+def test_a_killed_process_leaves_all_but_the_last_second(tmp_path):
+    """Once here; twenty times by tests/yardsticks/recording.py."""
+    path = tmp_path / "a.mcap"
+    command = [sys.executable, "-m", "tactile_skin", "record", path, "demo.launch.yaml"]
+    process = subprocess.Popen(
+        [*map(str, command), f"port:={tmp_path / 'port'}", "monitor:=false"],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    try:
+        wait_for(lambda: path.exists() and path.stat().st_size > 100_000)
+    finally:
+        killed = time.time_ns()
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait(PATIENCE)
+    found = Recording(path)
+    assert found.damage
+    assert killed - found.stamps[-1] < 1e9
