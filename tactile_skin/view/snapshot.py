@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,10 +11,11 @@ from ..msg import DiagnosticArray, DiagnosticStatus, Image, PointCloud2, cloud_c
 from .wire import pack, unpack
 
 STOP = "skin/stop_status"
+_LAG = 20  # readings that a pressure picture may come behind: 0.2 s at 100 a second
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 # topic -> its type, and how many of its messages may wait; of each reading first
 READINGS = {
-    "skin/adc": (Image, 4),
+    "skin/adc": (Image, _LAG),
     "skin/pressure": (Image, 1),
     "skin/contacts": (PointCloud2, 1),
 }
@@ -24,7 +24,6 @@ TOPICS = READINGS | {
     STOP: (DiagnosticArray, LATCHED),
     "diagnostics": (DiagnosticArray, 50),
 }
-_LAG = 4  # readings that a pressure picture may come behind
 CONTACT = ("x", "y", "z", "force", "id", "vx", "vy", "vz")
 
 
@@ -87,7 +86,7 @@ class Collector:
     """
 
     def __init__(self):
-        self._readings: deque[tuple[float, np.ndarray]] = deque(maxlen=_LAG)
+        self._readings: dict[float, np.ndarray] = {}  # by their stamps, the oldest first
         self._pressure: tuple[float, np.ndarray] | None = None
         self._others: dict = {}
         self._nodes: dict[str, NodeStatus] = {}
@@ -111,8 +110,10 @@ class Collector:
         else:
             stamp = Time.from_msg(message.header.stamp).nanoseconds / 1e9
             if topic == "skin/adc":
-                if all(stamp != known for known, _ in self._readings):
-                    self._readings.append((stamp, image_array(message)))
+                if stamp not in self._readings:
+                    self._readings[stamp] = image_array(message)
+                while len(self._readings) > _LAG:
+                    del self._readings[next(iter(self._readings))]
             else:
                 self._pressure = stamp, image_array(message)
 
@@ -121,10 +122,10 @@ class Collector:
         if not self._readings:
             return Snapshot(nodes=self._nodes, **self._others)
         solved, pressure = self._pressure or (None, None)
-        stamp, adc = next((r for r in self._readings if r[0] == solved), self._readings[-1])
+        stamp = solved if solved in self._readings else next(reversed(self._readings))
         return Snapshot(
             stamp=stamp,
-            adc=adc,
+            adc=self._readings[stamp],
             pressure=pressure if stamp == solved else None,
             nodes=self._nodes,
             **self._others,

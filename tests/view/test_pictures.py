@@ -79,10 +79,10 @@ def test_a_picture_belongs_to_its_reading():
     snapshot = collector.snapshot()
     assert snapshot.stamp == 1.0 and snapshot.pressure is not None
     np.testing.assert_array_equal(snapshot.adc, one)
-    for k in range(2, 9):  # from here on every frame fails: the readings are shown all the same
+    for k in range(1, 31):  # from here on every frame fails: the readings are shown all the same
         collector.take("skin/adc", image(two, "16UC1", header(1.0 + 0.01 * k)))
     snapshot = collector.snapshot()
-    assert snapshot.stamp == 1.08 and snapshot.pressure is None
+    assert snapshot.stamp == 1.3 and snapshot.pressure is None
 
 
 def test_a_stop_and_its_reason_and_what_nodes_say_are_collected():

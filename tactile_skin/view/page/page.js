@@ -308,6 +308,7 @@ function ask() {
 
 let askedFor = "";
 let textsAt = 0;
+let count = 0; // of all draws
 let before = performance.now();
 
 function frame(now) {
@@ -324,6 +325,7 @@ function frame(now) {
     if (fresh) {
       if (!frozen || hello.recording || !shown) shown = latest;
       draws.push(now);
+      document.body.dataset.draws = ++count;
     }
     drawPictures(shown, now);
     drawChart(now);
