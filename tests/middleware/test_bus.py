@@ -908,3 +908,15 @@ def test_nodes_share_a_context_unless_given_one():
     """As in rclpy, where nodes of one process see each other."""
     a, b = Node("a"), Node("b")
     assert a.context is b.context
+
+
+def test_without_a_callback_the_newest_messages_are_kept_and_nobody_is_woken():
+    context = Context(ManualClock())
+    node, other = Node("a", context=context), Node("b", context=context)
+    publisher = other.create_publisher(Bool, "x", 10)
+    kept = node.create_subscription(Bool, "x", None, 2)
+    messages = [Bool(True), Bool(False), Bool(True)]
+    assert kept.kept == ()
+    for message in messages:
+        publisher.publish(message)
+    assert kept.kept == tuple(messages[1:]) and kept.dropped == 0 and node._idle()
