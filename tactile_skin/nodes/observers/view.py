@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from dataclasses import replace
+from itertools import takewhile
 
 from ...errors import LaunchError
 from ...middleware.config import adc_of, circuit_of, curve_of, describe, geometry_of
@@ -55,8 +56,9 @@ class View:
         parameters = {name: node.get_parameter(name).value for name in node.parameter_names()}
         self._page = PageProcess(parameters)
         self._collector = Collector()
+        self._closed = False
         self._sent = 0.0, 0.0  # stamp of the last snapshot, and when it was sent
-        self._kept = {}
+        self._kept, self._seen = {}, {}  # topic -> subscription, the last message taken
         for topic, (kind, qos) in TOPICS.items():
             callback = None if topic in READINGS else self._taker(topic)
             subscription = node.create_subscription(kind, topic, callback, qos)
@@ -80,8 +82,12 @@ class View:
         if not self._page.watched:
             return
         for topic, subscription in self._kept.items():
-            for message in subscription.kept:
+            new = takewhile(
+                lambda m, t=topic: m is not self._seen.get(t), reversed(subscription.kept)
+            )
+            for message in reversed(list(new)):
                 self._collector.take(topic, message)
+                self._seen[topic] = message
         snapshot, now = self._collector.snapshot(), time.monotonic()
         stamp, at = self._sent
         if snapshot.stamp == stamp and now - at < _QUIET:
@@ -94,7 +100,7 @@ class View:
         """In a thread of its own: what the pages ask for."""
         for name in self._page.requests():
             self._page.answer(name, *self._call(name))
-        if self.node.context.ok():
+        if not self._closed:
             self.node.get_logger().error("the page's process has ended; the skin goes on")
 
     def _call(self, name: str) -> tuple[bool, str]:
@@ -112,4 +118,5 @@ class View:
         return True, said[-1]
 
     def close(self) -> None:
+        self._closed = True
         self._page.close()
