@@ -103,6 +103,18 @@ def drawn(browser) -> int:
     return int(found[1]) if found else 0
 
 
+def noisy(browser):
+    """The colours of the misfit, in which each cell has noise of its own."""
+    found = []
+
+    def there():  # a busy computer's skin may be behind, and have no picture of a reading
+        found[:] = browser.run(COLOURS.replace("NAME", "misfit"))
+        return len(set(found[0])) > 20
+
+    until(there, "a picture of the misfit")
+    return found
+
+
 def test_a_running_skin_is_drawn(live, browser):
     browser.open(live)
     until(lambda: drawn(browser) > 5, "snapshots are drawn")
@@ -119,10 +131,8 @@ def test_cells_are_exact_and_pointed_at(live, browser):
     """One colour a cell, and none between two: the misfit has noise in each."""
     browser.open(live)
     until(lambda: drawn(browser) > 5, "snapshots are drawn")
-    browser.press(" ")
-    browser.until("document.getElementById('pause').innerText === 'go on'")
-    cells, colours = browser.run(COLOURS.replace("NAME", "misfit"))
-    assert colours == len(set(cells)) > 20
+    cells, colours = noisy(browser)
+    assert colours == len(set(cells))
     box = browser.run("JSON.stringify(document.querySelector('#a canvas').getBoundingClientRect())")
     x, y = (float(re.search(rf'"{name}":([\d.]+)', box)[1]) for name in "xy")
     cell = browser.run("Math.floor((document.querySelector('#a canvas').width - 20) / 16)")
@@ -151,7 +161,7 @@ def test_it_fits_a_phone(live, browser, scheme):
     assert browser.run("document.documentElement.scrollWidth") <= 360
     page = browser.run("getComputedStyle(document.body).backgroundColor")
     assert (int(re.search(r"\d+", page)[0]) > 128) is (scheme == "light")
-    cells, colours = browser.run(COLOURS.replace("NAME", "misfit"))
+    cells, colours = noisy(browser)
     assert colours == len(set(cells))
 
 
@@ -179,3 +189,6 @@ def test_a_recording_is_scrubbed(recording, browser):
         browser.run(SEEK.format(0.2))
         browser.until("document.querySelectorAll('#contacts tbody tr').length === 0")
         assert "recorded" in browser.run(TEXT.format("stop"))
+        before, _ = browser.run(COLOURS.replace("NAME", "b"))  # it stands: another method is drawn
+        browser.press("b")
+        until(lambda: browser.run(COLOURS.replace("NAME", "b"))[0] != before, "B is drawn anew")

@@ -3,10 +3,21 @@
 const FONT = "11px system-ui, sans-serif";
 const MARGIN = { left: 20, top: 16, right: 4, bottom: 4 }; // px around the cells
 
-/** The colours of the page that canvases need, by the names of style.css. */
+const COLOURS = [
+  "panel", "text", "faint", "line", "absent", "middle", "bad", "stopped", "force",
+];
+const dark = matchMedia("(prefers-color-scheme: dark)");
+
+/** The colours of the page that canvases need, by the names of style.css; they follow its mode. */
 export function pageColours() {
-  const style = getComputedStyle(document.documentElement);
-  return new Proxy({}, { get: (_, name) => style.getPropertyValue(`--${name}`).trim() });
+  const colours = {};
+  const read = () => {
+    const style = getComputedStyle(document.documentElement);
+    for (const name of COLOURS) colours[name] = style.getPropertyValue(`--${name}`).trim();
+  };
+  read();
+  dark.addEventListener("change", read);
+  return colours;
 }
 
 export class Mat {
@@ -39,6 +50,20 @@ export class Mat {
     this.canvas.style.height = `${h / ratio}px`;
     this.ratio = ratio;
     this.context = this.canvas.getContext("2d", { alpha: false });
+    this.framed = ""; // colour of the numbers, once they are drawn
+  }
+
+  /** What does not change: the numbers of the lines. From then on only cells are drawn on. */
+  frame(colours) {
+    if (this.framed) this.resize();
+    const ctx = this.context;
+    ctx.fillStyle = colours.panel;
+    ctx.fillRect(0, 0, this.canvas.width, this.canvas.height);
+    this.number(ctx, colours);
+    ctx.beginPath();
+    ctx.rect(this.left, this.top, this.cell * this.cols, this.cell * this.rows);
+    ctx.clip();
+    this.framed = colours.panel;
   }
 
   /** Centre of a cell, or of a place between cells, in canvas pixels. */
@@ -62,11 +87,11 @@ export class Mat {
    * @param colours of the page.
    */
   draw(values, low, high, table, colours) {
+    if (this.framed !== colours.panel) this.frame(colours);
     const ctx = this.context;
-    ctx.fillStyle = colours.panel;
-    ctx.fillRect(0, 0, this.canvas.width, this.canvas.height);
-    this.number(ctx, colours);
     if (!values) {
+      ctx.fillStyle = colours.panel;
+      ctx.fillRect(0, 0, this.canvas.width, this.canvas.height);
       this.words(ctx, "no picture", colours);
       return;
     }
@@ -118,15 +143,16 @@ export class Mat {
     ctx.strokeStyle = colours.bad;
     ctx.lineWidth = 2 * this.ratio;
     ctx.setLineDash([5 * this.ratio, 3 * this.ratio]);
-    const { left, top, cell, rows, cols } = this;
+    const { left, top, cell, rows, cols, ratio } = this;
+    const around = (x, y, w, h) => ctx.strokeRect(x + ratio, y + ratio, w - 2 * ratio, h - 2 * ratio);
     for (const found of findings) {
       const crossing = found.rows.length === 1 && found.cols.length === 1;
       for (const r of found.rows) {
-        if (crossing) ctx.strokeRect(left + found.cols[0] * cell, top + r * cell, cell, cell);
-        else ctx.strokeRect(left, top + r * cell, cell * cols, cell);
+        if (crossing) around(left + found.cols[0] * cell, top + r * cell, cell, cell);
+        else around(left, top + r * cell, cell * cols, cell);
       }
       if (!crossing) {
-        for (const c of found.cols) ctx.strokeRect(left + c * cell, top, cell, cell * rows);
+        for (const c of found.cols) around(left + c * cell, top, cell, cell * rows);
       }
     }
     ctx.setLineDash([]);

@@ -10,6 +10,7 @@ const HISTORY = 10; // s of force that the chart shows
 const OLD = 1; // s from which on data are old
 const HELD = 3000; // ms for which a scale does not shrink
 const TEXTS = 100; // ms between two changes of the texts
+const CHART = 30; // ms between two draws of the chart
 const PICTURES = ["reading", "b", "a", "std", "misfit"];
 const $ = (id) => document.getElementById(id);
 
@@ -21,7 +22,8 @@ const chart = new Chart(document.querySelector("#force canvas"));
 
 let latest = null; // the last snapshot: {head, arrays, at: when it came [ms]}
 let shown = null; // the one in the pictures
-let drawn = 0; // its number
+let last = null; // the one before, while it is drawn
+let drawn = 0; // number of the latest that was drawn
 let frozen = false; // pictures are held, or the recording stands
 let lostWhy = "";
 let chosen = null; // {row, col}
@@ -59,6 +61,7 @@ function setUp(said) {
     select.onchange = () => {
       wanted[side] = select.value;
       delete peaks.force;
+      touchedAt = performance.now();
     };
   }
   const ends = [0.5, 1, 2, 5, 10].filter((end) => end <= hello.max_force * 1.1);
@@ -79,6 +82,7 @@ function setUp(said) {
   }
 }
 
+$("scale").onchange = () => choose(chosen);
 facts.twice($("tare"), "hands off? then again", () => connection.ask("tare"));
 facts.twice($("reset"), "reset? then again", () => connection.ask("reset"));
 $("at").oninput = () => seek(Number($("at").value));
@@ -101,6 +105,7 @@ function seek(t) {
 
 function choose(cell) {
   chosen = cell;
+  touchedAt = performance.now();
 }
 
 document.onkeydown = (event) => {
@@ -134,7 +139,7 @@ function resize() {
     legends[name].style.width = `${(mat.cell * mat.cols) / mat.ratio}px`;
   }
   chart.resize();
-  drawn = 0;
+  last = null;
 }
 window.onresize = resize;
 
@@ -309,6 +314,7 @@ function ask() {
 let askedFor = "";
 let textsAt = 0;
 let count = 0; // of all draws
+let [drawnAt, chartAt, touchedAt] = [0, 0, 0]; // ms
 let before = performance.now();
 
 function frame(now) {
@@ -321,15 +327,22 @@ function frame(now) {
     if (next > hello.recording.duration) freeze(true);
   }
   if (hello && latest) {
-    const fresh = latest.head.number !== drawn;
-    if (fresh) {
-      if (!frozen || hello.recording || !shown) shown = latest;
+    const fresh = latest !== last;
+    if (fresh && (!frozen || hello.recording || !shown)) shown = latest;
+    if (latest.head.number !== drawn) {
       draws.push(now);
       document.body.dataset.draws = ++count;
     }
-    drawPictures(shown, now);
-    drawChart(now);
+    if (fresh || touchedAt > drawnAt) {
+      drawPictures(shown, now);
+      drawnAt = now;
+    }
+    if (now - chartAt > CHART || hello.recording) {
+      drawChart(now);
+      chartAt = now;
+    }
     drawn = latest.head.number;
+    last = latest;
   }
   if (now - textsAt > TEXTS) {
     textsAt = now;
