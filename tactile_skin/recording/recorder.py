@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -83,7 +84,7 @@ class Recorder:
         self._thread.start()
 
     def put(self, topic: str, t: int, message) -> None:
-        """A message received at t [ns since 1970]; never blocks."""
+        """A message received at t [ns since 1970]; never blocks. For any thread."""
         if self.trouble:
             return
         if len(self._waiting) >= _WAITING:
@@ -108,6 +109,7 @@ class Recorder:
             while self._waiting:
                 topic, t, message = self._waiting.popleft()
                 self._store.write(topic, type(message), t, cdr.encode(message))
+                time.sleep(0)  # hands the interpreter to who waits for it: the stop, say
             self._store.turn(self._now(), closing)
         except LimitReached as reached:
             self._end(str(reached))
