@@ -89,13 +89,17 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
         "weighed.\nexamples:\n"
         "  tactile-skin calibrate --config mine.yaml --out calibrated.yaml\n"
         "  tactile-skin calibrate --config mine.yaml --out mine.yaml port:=/dev/ttyUSB0\n"
+        "from recordings (.mcap, .npy, .npz, .csv; rate:=60 if they have no times), one for each "
+        "weight:\n"
+        "  tactile-skin calibrate --config mine.yaml rest:=rest.mcap touches:=touches.mcap \\\n"
+        "    500g:=bottle.mcap 1.2kg:=books.mcap 3kg:=bag.mcap\n"
         "then:\n  tactile-skin launch skin.launch.yaml config:=calibrated.yaml",
     )
     sub.add_argument(
         "words",
         nargs="*",
         metavar="NAME:=VALUE",
-        help="port, baud or protocol, instead of the parameter file's",
+        help="port, baud or protocol, instead of the parameter file's; or recordings",
     )
     sub.add_argument("--config", type=Path, help="parameter file with what you know of the board")
     sub.add_argument(
@@ -232,9 +236,10 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
         "parts: speed, cases, stability, growth, way (bytes in to stop hook), touch_to_stop; all\n"
         "of them take nine minutes, with --quick one. Times are best read on an idle machine.\n"
         "Only on request: faults, damaged boards through the whole chain, which takes an hour on\n"
-        "two cores, with --quick one minute.\n"
+        "two cores, with --quick one minute; recorded, every method on frames of your own board.\n"
         "examples:\n  tactile-skin bench --quick\n  tactile-skin bench speed growth --out figures\n"
-        "  tactile-skin bench faults --shapes 4x4 16x16 --minutes 10",
+        "  tactile-skin bench faults --shapes 4x4 16x16 --minutes 10\n"
+        "  tactile-skin bench recorded --frames touches.csv --config mine.yaml",
     )
     sub.add_argument("parts", nargs="*", metavar="PART", help="what to measure (default: all)")
     sub.add_argument("--quick", action="store_true", help="few frames, for a look")
@@ -242,6 +247,9 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
     sub.add_argument(
         "--out", type=Path, default=Path("bench"), help="folder for the pictures (default bench)"
     )
+    recorded = sub.add_argument_group("recorded")
+    recorded.add_argument("--frames", metavar="FILE", help="frames: .mcap, .npy, .npz or .csv")
+    recorded.add_argument("--config", help="parameter file (default: as recorded)")
     faults = sub.add_argument_group("faults")
     faults.add_argument("--shapes", nargs="+", metavar="SHAPE", help="such as 4x4 (default: all)")
     faults.add_argument(

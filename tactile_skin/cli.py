@@ -56,7 +56,7 @@ def _view(args) -> int:
 def _calibrate(args) -> int:
     from .commands import calibrate
 
-    return calibrate.run(args.out, args.config, calibrate.board_parameters(args.words))
+    return calibrate.run(args.out, args.config, args.words)
 
 
 def _launch(args) -> int:
@@ -204,6 +204,7 @@ def _bench(args) -> int:
     _check_folder(args.out)
     from .bench import choose, run, speed, touch_to_stop
     from .bench.damage import table
+    from .replay import methods
 
     unknown = [part for part in args.parts if part not in run.PARTS]
     if unknown:
@@ -220,6 +221,8 @@ def _bench(args) -> int:
         print("auto, what fails silently:", *choose.silent(written["stability"]), "", sep="\n")
     if "touch_to_stop" in written:
         print(touch_to_stop.table(written["touch_to_stop"]), "", sep="\n")
+    if "recorded" in written:
+        print(methods.table(written["recorded"]), "", sep="\n")
     if "faults" in written:
         print(table.table(written["faults"]))
     print(f"pictures: {', '.join(str(args.out / f'{name}.png') for name in written)}")
@@ -227,7 +230,7 @@ def _bench(args) -> int:
 
 
 def _given(args, parts) -> dict[str, dict]:
-    """Part -> what the command line gives its `measure`: today for `faults` only."""
+    """Part -> what the command line gives its `measure`."""
     from .bench.damage import reliability
 
     options = ("shapes", "faults", "minutes", "streams", "jobs")
@@ -242,7 +245,9 @@ def _given(args, parts) -> dict[str, dict]:
             raise ValueError(f"--{name} = {given[name]}: must be {least:g} or more")
     if "faults" in given:
         given["faults"] = reliability.named(given["faults"])
-    return {"faults": given}
+    if (args.frames is not None) != ("recorded" in parts):
+        raise ValueError("the part recorded needs --frames FILE, and no other part takes it")
+    return {"faults": given, "recorded": {"frames": args.frames, "config": args.config}}
 
 
 def _torch(extra: str):

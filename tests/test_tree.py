@@ -43,6 +43,7 @@ MAY = {
         "msg",
         "middleware",
         "physics",
+        "solvers",
         "recording",
         "nodes",
         "launch",

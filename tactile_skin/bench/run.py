@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+from ..replay import methods
 from ..solvers import METHODS
 from . import cases, chart, growth, speed, stability, touch_to_stop, way
 from .damage import reliability
@@ -22,8 +23,9 @@ PARTS = {  # name -> module, and the arguments of its `measure` in full and quic
     ),
     "touch_to_stop": (touch_to_stop, {"pushes": 40, "cuts": 10}, {"pushes": 1, "cuts": 1}),
     "faults": (reliability, reliability.FULL, reliability.QUICK),
+    "recorded": (methods, {"n": 1000}, {"n": 30}),
 }
-ON_REQUEST = ("faults",)  # takes longer than all others together
+ON_REQUEST = "faults", "recorded"  # longer than all others together; needs a file
 
 
 def run(parts, out: Path, quick: bool, seed: int, tqdm, given=None) -> dict[str, dict]:

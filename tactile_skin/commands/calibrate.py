@@ -14,37 +14,100 @@ import numpy as np
 import yaml
 
 from .. import __version__
-from ..calibration.guide import Guide
+from ..calibration.guide import Guide, newtons
 from ..middleware.bus import Context, Node, Parameter, SingleThreadedExecutor
-from ..middleware.config import ParameterFile, adc_of, circuit_of, read_skin
+from ..middleware.config import ParameterFile, SkinConfig, adc_of, circuit_of, read_skin
 from ..msg import Image, image_array
 from ..nodes import QUEUE
 from ..nodes.serial_driver import SerialDriver
+from ..physics.adc import Adc
+from ..recording.frames import read_frames
 from ..yaml_files import read_yaml
 
+_OF_FILES = "rest", "touches", "rate"
+_RATE = 100.0  # frames a second, of files without times
 _OF_BOARD = {"port": str, "baud": int, "protocol": str}
 _PATIENCE = 10.0  # s without a frame after which the board is taken for absent
 
 
-def run(out: Path, config: Path | None, board: dict) -> int:
-    """Guide through the three steps on a live board, and write what was learnt.
+def run(out: Path, config: Path | None, words: list[str]) -> int:
+    """Guide through the three steps, on a live board or through files, and write what was learnt.
 
     Args:
         out: parameter file to write.
         config: parameter file with what is known of the board; None: the defaults.
-        board: parameters of the serial driver that take the place of the file's: port, baud.
+        words: NAME:=VALUE, of the board (port, baud, protocol) or of files (rest, a weight ...).
     """
     if not out.parent.is_dir():
         raise ValueError(f"--out {out}: there is no folder {out.parent}")
-    skin, live = read_skin(config), Live(config, board)
-    guide = Guide(skin.circuit, live, _ask, print)
-    try:
-        guide.run()
-    finally:
-        live.close()
+    skin = read_skin(config)
+    files, loads = recorded_words(words)
+    if files or loads:
+        guide = from_files(skin, files, loads)
+    else:
+        live = Live(config, board_parameters(words))
+        guide = Guide(skin.circuit, live, _ask, print)
+        try:
+            guide.run()
+        finally:
+            live.close()
     write(out, config, guide)
     print(f"{out} is written. Use it: tactile-skin launch skin.launch.yaml config:={out}")
     return 0
+
+
+def recorded_words(words: list[str]) -> tuple[dict[str, str], list[tuple[str, str]]]:
+    """["rest:=a.csv", "500g:=b.csv"] -> {"rest": "a.csv"}, [("500g", "b.csv")]; none: a live board.
+
+    Raises:
+        ValueError: files beside a live board's parameters, or without the rest.
+    """
+    pairs = [word.split(":=", 1) for word in words if ":=" in word]
+    loads = [(name, path) for name, path in pairs if newtons(name) is not None]
+    files = {name: value for name, value in pairs if name in _OF_FILES}
+    if (files or loads) and len(files) + len(loads) < len(words):
+        allowed = ", ".join(_OF_FILES)
+        raise ValueError(f"{' '.join(words)}: files are {allowed}, or a weight such as 500g:=FILE")
+    if (files or loads) and "rest" not in files:
+        raise ValueError("rest:=FILE is missing: frames of the untouched skin")
+    return files, loads
+
+
+def from_files(skin: SkinConfig, files: dict[str, str], loads: list[tuple[str, str]]) -> Guide:
+    """The three steps with recorded frames in place of a board and a person.
+
+    Args:
+        files: rest, and touches if there are; rate: frames a second, of files without times.
+        loads: weight and file of each object that lies on the skin.
+    """
+    try:
+        rate = float(files.get("rate", _RATE))
+    except ValueError:
+        raise ValueError(f"rate:={files['rate']}: must be a number") from None
+    source, left, asked = Recorded(skin.adc, rate), list(loads), []
+
+    def ask(text: str) -> str:
+        if guide.rest is None:
+            if asked:  # a file does not take its hands off
+                raise ValueError(f"{files['rest']}: {text.strip().splitlines()[0]}")
+            asked.append(text)
+            return ""
+        if not left:
+            return ""
+        weight, path = left.pop(0)
+        print(f"  {weight}: {path}")
+        source.open(path)
+        return weight
+
+    guide = Guide(skin.circuit, source, ask, print)
+    source.open(files["rest"])
+    guide.measure_rest()
+    if "touches" in files:
+        source.open(files["touches"])
+        guide.identify()
+    if loads:
+        guide.fit_curve()
+    return guide
 
 
 def board_parameters(words: list[str]) -> dict:
@@ -119,6 +182,32 @@ def replace_file(path: Path, text: str) -> None:
 
 
 # --- a live board, or files -----------------------------------------------------------------------
+
+
+class Recorded:
+    """Frames of a file, as if its board were there: each call takes those that come next."""
+
+    def __init__(self, adc: Adc, rate: float):
+        self._adc, self._default = adc, rate
+
+    def open(self, path: str) -> None:
+        """
+        Raises:
+            FileError, OSError: as read_frames.
+        """
+        found = read_frames(path, self._adc.circuit)
+        for note in found.notes:
+            print(f"  {path}: {note}")
+        self._frames, self._at, times = found.ratio(self._adc), 0, found.times
+        self._rate = self._default
+        if times is not None and len(times) > 1:
+            self._rate = 1.0 / float(np.median(np.diff(times)))
+
+    def __call__(self, seconds: float) -> np.ndarray:
+        """At the end of the file its last frames, again and again."""
+        n = min(max(2, round(seconds * self._rate)), len(self._frames))
+        self._at = min(self._at + n, len(self._frames))
+        return self._frames[self._at - n : self._at]
 
 
 class Live:

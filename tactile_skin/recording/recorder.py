@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
+from ..errors import FileError
 from . import cdr
 from .writer import Writer
 
@@ -38,8 +40,8 @@ class LimitReached(Exception):
 
 class Recorder:
     """Args:
-        path: file to make, or folder for files named after their time. With `limits.last` the time
-            of the stop is part of each file's name.
+        path: .mcap file to make, or folder for files named after their time; a folder is made if it
+            is not there. With `limits.last` the time of the stop is part of each file's name.
         limits: after which it ends.
         attachments: name -> bytes.
         now: the time [ns since 1970].
@@ -56,10 +58,11 @@ class Recorder:
 
     def __init__(self, path, limits: Limits, attachments: dict[str, bytes], now: Callable[[], int]):
         cdr.check()
+        path = _target(Path(path))
         self.trouble, self.dropped = "", 0
         self._now, self._waiting, self._closing = now, deque(), threading.Event()
         store = Ring if limits.last else Whole
-        self._store = store(Path(path), limits, attachments, now())
+        self._store = store(path, limits, attachments, now())
         self._thread = threading.Thread(target=self._run, name="recording", daemon=True)
 
     @property
@@ -81,7 +84,7 @@ class Recorder:
         self._thread.start()
 
     def put(self, topic: str, t: int, message) -> None:
-        """A message received at t [ns since 1970]; never blocks."""
+        """A message received at t [ns since 1970]; never blocks. For any thread."""
         if self.trouble:
             return
         if len(self._waiting) >= _WAITING:
@@ -106,6 +109,7 @@ class Recorder:
             while self._waiting:
                 topic, t, message = self._waiting.popleft()
                 self._store.write(topic, type(message), t, cdr.encode(message))
+                time.sleep(0)  # hands the interpreter to who waits for it: the stop, say
             self._store.turn(self._now(), closing)
         except LimitReached as reached:
             self._end(str(reached))
@@ -163,9 +167,6 @@ class Ring:
     """The last seconds in memory; a file of them for each stop."""
 
     def __init__(self, path: Path, limits: Limits, attachments: dict[str, bytes], now: int):
-        folder = path if path.is_dir() else path.parent
-        if not folder.is_dir():
-            raise FileNotFoundError(2, "there is no such folder", str(folder))
         self._path, self._limits, self._attachments = path, limits, attachments
         self._kept: deque = deque()  # bytes and numbers only: the garbage collector skips them
         self._stopped: int | None = None  # when, if it is not written yet [ns]
@@ -219,6 +220,18 @@ class Ring:
     def abandon(self) -> None:
         if self._saving:
             self._saving[0].abandon()
+
+
+def _target(path: Path) -> Path:
+    """The file, or the folder, which is made."""
+    if path.suffix and not path.is_dir():
+        if path.suffix != ".mcap":
+            raise FileError(f"{path}: must be a .mcap file, or a folder")
+        if not path.parent.is_dir():
+            raise FileError(f"{path}: there is no folder {path.parent}")
+    else:
+        path.mkdir(exist_ok=True)
+    return path
 
 
 def _name(stem: str, suffix: str, t: int) -> str:

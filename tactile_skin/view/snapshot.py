@@ -11,19 +11,21 @@ from ..msg import DiagnosticArray, DiagnosticStatus, Image, PointCloud2, cloud_c
 from .wire import pack, unpack
 
 STOP = "skin/stop_status"
-_LAG = 20  # readings that a pressure picture may come behind: 0.2 s at 100 a second
+LAG = 20  # readings that a pressure picture may come behind: 0.2 s at 100 a second
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-# topic -> its type, and how many of its messages may wait; of each reading first
+# topic -> its type, and how many of its newest messages count
 READINGS = {
-    "skin/adc": (Image, _LAG),
+    "skin/adc": (Image, LAG),
     "skin/pressure": (Image, 1),
     "skin/contacts": (PointCloud2, 1),
 }
-TOPICS = READINGS | {
+# the same, and how many may wait
+OTHERS = {
     "skin/rest": (Image, LATCHED),
     STOP: (DiagnosticArray, LATCHED),
     "diagnostics": (DiagnosticArray, 50),
 }
+TOPICS = READINGS | OTHERS
 CONTACT = ("x", "y", "z", "force", "id", "vx", "vy", "vz")
 
 
@@ -112,7 +114,7 @@ class Collector:
             if topic == "skin/adc":
                 if stamp not in self._readings:
                     self._readings[stamp] = image_array(message)
-                while len(self._readings) > _LAG:
+                while len(self._readings) > LAG:
                     del self._readings[next(iter(self._readings))]
             else:
                 self._pressure = stamp, image_array(message)

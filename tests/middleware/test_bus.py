@@ -910,13 +910,43 @@ def test_nodes_share_a_context_unless_given_one():
     assert a.context is b.context
 
 
-def test_without_a_callback_the_newest_messages_are_kept_and_nobody_is_woken():
-    context = Context(ManualClock())
-    node, other = Node("a", context=context), Node("b", context=context)
-    publisher = other.create_publisher(Bool, "x", 10)
-    kept = node.create_subscription(Bool, "x", None, 2)
-    messages = [Bool(True), Bool(False), Bool(True)]
-    assert kept.kept == ()
-    for message in messages:
-        publisher.publish(message)
-    assert kept.kept == tuple(messages[1:]) and kept.dropped == 0 and node._idle()
+# --- what watches ---
+
+
+def test_topics_are_listed_with_their_types(bench):
+    node = bench.node(namespace="left")
+    node.create_publisher(Bool, "a", 1)
+    node.create_subscription(Float32, "/b", print, 1)
+    assert sorted(node.get_topic_names_and_types()) == [
+        ("/b", ["std_msgs/msg/Float32"]),
+        ("/left/a", ["std_msgs/msg/Bool"]),
+    ]
+
+
+def test_a_tap_hears_at_once_and_what_was_latched(bench):
+    """In the publisher's thread: nothing spins here."""
+    publisher, heard = bench.node("a").create_publisher(Bool, "topic", LATCHED), []
+    publisher.publish(Bool(True))
+    watcher = bench.node("b")
+    watcher.create_tap(Bool, "topic", heard.append)
+    publisher.publish(Bool(False))
+    assert values(heard) == [True, False]
+    watcher.destroy_node()
+    publisher.publish(Bool(True))
+    assert len(heard) == 2
+
+
+def test_a_tap_that_raises_is_counted_and_does_not_reach_the_publisher(bench, caplog):
+    publisher, heard = bench.node("a").create_publisher(Bool, "topic", 1), []
+
+    def broken(message):
+        raise RuntimeError("broken")
+
+    watcher = bench.node("b")
+    watcher.create_tap(Bool, "topic", broken)
+    bench.node("c").create_subscription(Bool, "topic", heard.append, 10)
+    for _ in range(3):
+        publisher.publish(Bool(True))
+    bench.spin()
+    assert len(heard) == watcher.callback_errors == 3
+    assert "broken raised" in caplog.text

@@ -58,11 +58,18 @@ def equal(folder: Path, _) -> None:
     stamps, pressure = found.images("/skin/pressure")
     live = dict(zip(stamps.tolist(), pressure, strict=True))
     replay = Replay(found)
-    same = [
-        step.stamp in live and np.array_equal(step.force, live[step.stamp] * replay.cell_area)
-        for step in replay
-    ]
-    print(f"equal: replayed: {sum(same)} of {len(same)} to the bit")
+    same, skipped = [], []
+    for k, step in enumerate(replay):
+        picture = live.get(step.stamp)
+        if picture is None:
+            skipped.append(k)
+        else:
+            same.append(np.array_equal(step.force, picture * replay.cell_area))
+    before = skipped[0] if skipped else len(same)
+    print(
+        f"equal: replayed to the bit: {sum(same)} of {len(same)}; the skin skipped {len(skipped)}"
+    )
+    print(f"equal: up to the first that it skipped: {sum(same[:before])} of {before}")
 
 
 def kills(folder: Path, times: int) -> None:

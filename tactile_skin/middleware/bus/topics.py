@@ -97,11 +97,7 @@ class Publisher:
 
 
 class Subscription:
-    """Attributes: `dropped`, messages that a slow callback made the queue lose.
-
-    With None for a callback, which rclpy does not know, the newest messages are `kept`, and nobody
-    is woken for them.
-    """
+    """Attributes: `dropped`, messages that a slow callback made the queue lose."""
 
     def __init__(self, node: Node, msg_type: type, topic: str, callback, qos: QoSProfile):
         self.topic_name, self.msg_type, self.qos_profile = topic, msg_type, qos
@@ -123,11 +119,6 @@ class Subscription:
         with node._lock:
             if node._gone:
                 return
-            if self.callback is None:
-                self._queue.append(message)
-                if len(self._queue) > self.qos_profile.depth:
-                    self._queue.popleft()
-                return
             if len(self._queue) >= self.qos_profile.depth:
                 self._queue.popleft()
                 node._inbox.remove(self)
@@ -136,12 +127,16 @@ class Subscription:
             node._inbox.append(self)
         node._wake.set()
 
-    @property
-    def kept(self) -> tuple:
-        """The messages that wait, oldest first."""
-        with self._node._lock:
-            return tuple(self._queue)
-
     def _next(self):
         """The oldest message's call, as (callback, arguments, future)."""
         return self.callback, (self._queue.popleft(),), None
+
+
+class Tap(Subscription):
+    """Calls back at once, in the publisher's thread, and wakes nobody: for what only queues."""
+
+    def put(self, message) -> None:
+        try:
+            self.callback(message)
+        except Exception as error:  # it must not reach the publisher
+            self._node._report(self.callback, error)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import deque
 from dataclasses import replace
-from itertools import takewhile
 
 from ...errors import LaunchError
 from ...middleware.config import adc_of, circuit_of, curve_of, describe, geometry_of
 from ...msg import Trigger
 from ...solvers import METHODS
 from ...view.process import PageProcess
-from ...view.snapshot import READINGS, STOP, TOPICS, Collector
+from ...view.snapshot import OTHERS, READINGS, STOP, Collector
 
 _QUIET = 0.1  # s after which a page is told that nothing changed
 _AFTER = 0.001  # s after a decision: those who stop the robot go first
@@ -58,12 +58,12 @@ class View:
         self._collector = Collector()
         self._closed = False
         self._sent = 0.0, 0.0  # stamp of the last snapshot, and when it was sent
-        self._kept, self._seen = {}, {}  # topic -> subscription, the last message taken
-        for topic, (kind, qos) in TOPICS.items():
-            callback = None if topic in READINGS else self._taker(topic)
-            subscription = node.create_subscription(kind, topic, callback, qos)
-            if callback is None:
-                self._kept[topic] = subscription
+        self._newest: dict[str, deque] = {}  # topic -> messages that were not taken yet
+        for topic, (kind, count) in READINGS.items():  # nobody is woken for each of them
+            self._newest[topic] = deque(maxlen=count)
+            node.create_tap(kind, topic, self._newest[topic].append)
+        for topic, (kind, qos) in OTHERS.items():
+            node.create_subscription(kind, topic, self._taker(topic), qos)
         node.create_timer(_QUIET, self._show)
         threading.Thread(target=self._obey, name="view controls", daemon=True).start()
         node.get_logger().info("the skin in a browser: %s", self._page.address)
@@ -81,13 +81,9 @@ class View:
         """Send what there is, unless it was sent just now."""
         if not self._page.watched:
             return
-        for topic, subscription in self._kept.items():
-            new = takewhile(
-                lambda m, t=topic: m is not self._seen.get(t), reversed(subscription.kept)
-            )
-            for message in reversed(list(new)):
-                self._collector.take(topic, message)
-                self._seen[topic] = message
+        for topic, messages in self._newest.items():
+            while messages:
+                self._collector.take(topic, messages.popleft())
         snapshot, now = self._collector.snapshot(), time.monotonic()
         stamp, at = self._sent
         if snapshot.stamp == stamp and now - at < _QUIET:

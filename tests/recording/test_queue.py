@@ -66,10 +66,10 @@ def test_a_kill_loses_less_than_a_second(tmp_path, clock):
 
 
 def test_a_folder_gets_files_named_after_their_time(tmp_path, clock):
-    recorder = make(tmp_path, clock)
+    recorder = make(tmp_path / "made", clock)
     feed(recorder, clock, recorded.samples(20))
     recorder.turn(closing=True)
-    (path,) = tmp_path.iterdir()
+    (path,) = (tmp_path / "made").iterdir()
     assert path.name.startswith("skin_2023-11-")
     assert len(Recording(path).adc) == 20
 
@@ -162,10 +162,11 @@ def test_a_file_that_cannot_be_made_is_said_at_once(tmp_path, clock):
     (tmp_path / "a.mcap").write_bytes(b"")
     with pytest.raises(FileError, match="is there already"):
         make(tmp_path / "a.mcap", clock)
-    with pytest.raises(FileNotFoundError):
-        make(tmp_path / "no" / "a.mcap", clock)
-    with pytest.raises(FileNotFoundError, match="no such folder"):
-        make(tmp_path / "no" / "a.mcap", clock, last=10.0)
+    for limits in ({}, {"last": 10.0}):
+        with pytest.raises(FileError, match="there is no folder"):
+            make(tmp_path / "no" / "a.mcap", clock, **limits)
+        with pytest.raises(FileError, match=r"must be a \.mcap file, or a folder"):
+            make(tmp_path / "a.csv", clock, **limits)
 
 
 # --- what led to a stop ---

@@ -1,0 +1,158 @@
+"""Readings leave as NumPy and CSV, and come back as they were."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import recorded
+
+from tactile_skin import cli, msg
+from tactile_skin.errors import FileError
+from tactile_skin.launch import read_skin
+from tactile_skin.recording import Recording, cdr
+from tactile_skin.recording.convert import export, to_recording
+from tactile_skin.recording.frames import Frames, read_frames
+from tactile_skin.recording.writer import Writer
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def config(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text("/**: {ros__parameters: {circuit: {rows: 4, cols: 5, r_par: 300.0}}}\n")
+    return path
+
+
+@pytest.mark.parametrize("kind", [".npy", ".npz", ".csv"])
+def test_there_and_back(tmp_path, config, kind):
+    samples = recorded.samples(30) // 64 * 64
+    samples[3, 1, 2] = 65535
+    path, out = recorded.write(tmp_path / "a.mcap", samples), tmp_path / f"a{kind}"
+    skin = read_skin(config)
+    frames = read_frames(path, skin.circuit)
+    export(Recording(path), frames, out)
+    again = read_frames(out, skin.circuit)
+    np.testing.assert_array_equal(again.samples(skin.adc), samples)
+    if kind != ".npy":
+        np.testing.assert_allclose(again.times, np.arange(30) / 100.0, atol=1e-9)
+    back = tmp_path / "b.mcap"
+    to_recording(again, back, skin, config, 100.0, recorded.START)
+    found = Recording(back)
+    np.testing.assert_array_equal(found.adc, samples)
+    np.testing.assert_allclose(found.stamps, Recording(path).stamps, atol=1)
+    assert found.skin.circuit.r_par == 300.0
+    with pytest.raises(FileError, match="is there already"):
+        export(Recording(path), frames, out)
+
+
+def test_pressure_is_exported_where_it_was_recorded(tmp_path, config):
+    path, frames = tmp_path / "a.mcap", recorded.samples(5)
+    writer = Writer(path, {}, recorded.START)
+    for k, frame in enumerate(frames):
+        t = recorded.stamp(k)
+        adc = recorded.adc_image(frame, t)
+        pressure = msg.image(frame * 2.0, "32FC1", adc.header)
+        for topic, message in (("/skin/adc", adc), ("/skin/pressure", pressure)):
+            writer.write(topic, msg.Image, t, cdr.encode(message))
+    writer.close()
+    export(Recording(path), read_frames(path, read_skin(config).circuit), tmp_path / "a.npz")
+    arrays = np.load(tmp_path / "a.npz")
+    np.testing.assert_allclose(arrays["pressure"], frames * 2.0)
+    np.testing.assert_allclose(arrays["pressure_times"], arrays["times"], atol=1e-9)
+
+
+def test_frames_without_times_take_a_rate(tmp_path, config):
+    skin, path = read_skin(config), tmp_path / "a.mcap"
+    to_recording(Frames("a", np.zeros((4, 4, 5))), path, skin, None, 50.0, recorded.START)
+    np.testing.assert_allclose(Recording(path).times, np.arange(4) / 50.0, atol=1e-9)
+    with pytest.raises(ValueError, match=r"rate = 0\.0: must be above 0"):
+        to_recording(Frames("a", np.zeros((4, 4, 5))), path, skin, None, 0.0, 0)
+
+
+def test_layout_of_foxglove_names_topics_of_the_skin():
+    """Of those that the README lists; every panel stands in the layout."""
+    layout = json.loads((ROOT / "config" / "foxglove_layout.json").read_text())
+    text, readme = json.dumps(layout), (ROOT / "README.md").read_text()
+    for topic in ("pressure", "adc", "contacts", "wrench", "stop", "stop_status"):
+        assert f"/skin/{topic}" in text and f"skin/{topic}" in readme
+    placed = json.dumps(layout["layout"])
+    assert all(panel in placed for panel in layout["configById"])
+
+
+# --- the commands ---
+
+
+@pytest.fixture
+def call(capfd):
+    def call(*words):
+        try:
+            status = cli.main(list(map(str, words)))
+        except SystemExit as end:
+            status = end.code
+        out, err = capfd.readouterr()
+        assert "Traceback" not in out + err
+        return status, out, err
+
+    return call
+
+
+def rest(tmp_path, n=200):
+    """A .csv of a skin at rest, with a cut line and a word of the board."""
+    rng = np.random.default_rng(2)
+    frames = 150.0 + rng.normal(0.0, 1.0, (n, 20)) + 3.0 * rng.standard_normal(20)
+    lines = ["ready"] + [",".join(f"{v:.0f}" for v in frame) for frame in frames]
+    lines[50] = lines[50][:20]
+    path = tmp_path / "rest.csv"
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_a_foreign_file_is_replayed_recorded_and_exported(tmp_path, config, call):
+    path, made, out = rest(tmp_path), tmp_path / "made.mcap", tmp_path / "out.npy"
+    status, said, err = call("replay", path, f"config:={config}", "rate:=50", "--out", made)
+    assert status == 0
+    assert "readings  199 of 4.0 s" in said
+    assert "1 lines before the numbers: passed over (the first: line 1)" in err
+    assert "1 lines of other than 20 fields: dropped (the first: line 51)" in err
+    assert Recording(made).topics["/skin/stop"].count > 199
+    status, said, _ = call("replay", made, "--export", out)
+    assert status == 0 and np.load(out).shape == (199, 4, 5)
+    status, said, _ = call("replay", made, "--jobs", "2")
+    assert status == 0 and "readings  199" in said
+
+
+def test_methods_are_compared(tmp_path, config, call):
+    path, picture = rest(tmp_path, 60), tmp_path / "a.png"
+    words = (f"config:={config}", "--compare", "map", "naive", "--picture", picture)
+    status, said, _ = call("replay", path, *words)
+    assert status == 0
+    assert [line.split()[0] for line in said.splitlines()[:3]] == ["method", "map", "naive"]
+    assert picture.exists()
+
+
+def test_step_by_step(tmp_path, config, call, monkeypatch):
+    answers = iter(["", "", "q"])
+    monkeypatch.setattr("builtins.input", lambda _: next(answers))
+    status, said, _ = call("replay", rest(tmp_path), f"config:={config}", "--step")
+    assert status == 0
+    assert said.count("cell") >= 3 and "readings  3 of" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["none.mcap"], "none.mcap: No such file"),
+        ([], "give one FILE, not 0"),
+        (["a.csv", "b.csv"], "give one FILE, not 2"),
+        (["a.mcap", "method:=magic"], "method 'magic': must be one of"),
+        (["a.mcap", "speed:=2"], "argument 'speed': must be one of method, config"),
+        (["a.mcap", "rate:=fast"], "rate:=fast: must be a number"),
+        (["a.mcap", "--speed", "0"], "--speed = 0.0: must be above 0"),
+        (["a.bag"], "must be one of .mcap"),
+    ],
+)
+def test_mistakes_are_one_line(call, words, said):
+    status, _, err = call("replay", *words)
+    assert status == 2 and said in err and len(err.splitlines()) == 1
