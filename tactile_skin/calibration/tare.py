@@ -9,6 +9,8 @@ not at rest. A line that conducts less is not the fabric's doing, and is not fol
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from ..physics.circuit import Circuit
@@ -24,13 +26,14 @@ _MAX_RESISTANCE = 4.0  # times the usual cell's at rest; a cell that conducts le
 _LEVEL = 0.1, 3.0
 _ONE_VOLTAGE = 4.0  # times the noise of the mean, within which readings are one voltage
 _AS_THE_CURVE = 0.02  # log of the usual cell's conductance over the curve's
-_STILL = 3.0, 0.03  # ADC steps, and share of a reading, by which it may move during the first
-_SMOOTH = 0.25  # of the difference to it that each frame adds to the reading that is compared
-_RESTLESS = 0.02  # of the cells that may move more: a bad contact; what presses, _fabric tells
+# Standard deviations of its noise, and share, by which a reading may move between the halves of a
+# measurement and after it; share of the cells that may move more, with a bad contact.
+_STILL, _RESTLESS = (5.0, 0.01), 0.02
 _TOUCH = 10.0 * GRAM  # N on a cell, felt: a touch
 _WINDOW = 1.0  # s that a measurement takes
 _MIN_FRAMES = 8  # frames that it takes
-_DRIFT_FOLLOWED = 0.3, 0.003  # s after which a drift of all cells is followed, and 1/s, at most
+_DRIFT_FOLLOWED = 0.3, 0.003  # s of rest after which a drift of all cells is followed; 1/s, at most
+_DRIFT_UNSEEN = 5.0  # s for which it is made up for, after a touch that hid it
 _RECOVERY = 1.0  # s after a touch in which the fabric recovers: nothing is measured
 _QUIET_AFTER = 0.1  # s without a touch that must follow a measurement: an onset is too weak to feel
 _GAIN = 0.5  # share of the change that a later measurement adds
@@ -64,12 +67,9 @@ class Tare:
         self._max_factor = at_rest / float(
             curve.resistance(MAX_TARED_FORCE)
         )  # as a factor of conductance
-        # of the first measurement: its first reading, and those that follow, smoothed
-        self._begun: np.ndarray | None = None
-        self._smooth: np.ndarray | None = None
         self._last = -np.inf  # s, when the last frame was read
         self._begin(-np.inf)
-        self._followed = -np.inf  # s, when the common drift was followed last
+        self._quiet = self._followed = -np.inf  # s, when a touch was last, and a drift followed
 
     def suppose(self, circuit: Circuit) -> None:
         """The same readings at rest, of another circuit.
@@ -88,7 +88,10 @@ class Tare:
 
     def _begin(self, after: float) -> None:
         self._after, self._since, self._until = after, np.inf, np.inf
-        self._sum, self._frames = np.zeros(self._circuit.shape), 0
+        # sum and frames of the first half, of the second, and of what follows
+        self._parts = [(np.zeros(self._circuit.shape), 0)] * 3
+        self._adc: np.ndarray | None = None  # the last frame
+        self._changes = np.zeros(self._circuit.shape)  # squares of those from frame to frame
 
     def update(self, t: float, adc: np.ndarray, force: np.ndarray) -> bool:
         """Take a frame.
@@ -103,31 +106,50 @@ class Tare:
         """
         if t < self._last:
             self._learned = -np.inf  # how long ago cannot be told, nor whether a pause is over
-        if t < self._last:
+            self._quiet = self._followed = t
             self._begin(t + _RECOVERY)
-        elif not self.measured:
-            if self._begun is None or self._moved(adc):
-                self._begun = self._smooth = adc
-                self.message = ""
-                self._begin(t)
-        elif force.max() > _TOUCH:
+        elif self.measured and force.max() > _TOUCH:
             self._begin(t + _RECOVERY)
-            self._followed = t
+            self._quiet = t
         self._last = t
         followed = self.measured and self._follow(t, adc)
         if t < self._after:
             return followed
         self._since = min(self._since, t)
-        if self._until == np.inf:
-            self._sum += adc
-            self._frames += 1
-            if t - self._since >= _WINDOW and self._frames >= _MIN_FRAMES:
-                self._until = t
+        self._add(t, adc)
         if t - self._until < _QUIET_AFTER:
             return followed
-        mean, frames = self._sum / self._frames, self._frames
+        (one, n), (other, m), _ = self._parts
+        mean, frames, still = (one + other) / (n + m), n + m, self._still()
         self._begin(t)
+        if not still:
+            self.message = self.message if self.measured else ""
+            return followed
         return self._learn(mean, SCAN_NOISE / frames**0.5) or followed
+
+    def _add(self, t: float, adc: np.ndarray) -> None:
+        """Take a frame into the measurement, or into what follows it."""
+        if self._adc is not None:
+            self._changes += np.square(adc - self._adc)
+        self._adc = adc
+        half = t - self._since >= 0.5 * _WINDOW and self._parts[0][1] >= _MIN_FRAMES // 2
+        part = 2 if self._until < np.inf else int(half)
+        total, n = self._parts[part]
+        self._parts[part] = total + adc, n + 1
+        if t - self._since >= _WINDOW and self._parts[1][1] >= _MIN_FRAMES // 2:
+            self._until = min(self._until, t)
+
+    def _still(self) -> bool:
+        """Whether the parts of the measurement read alike: else it holds a touch, or its end."""
+        counts = [n for _, n in self._parts]
+        noise = np.sqrt(self._changes / (2.0 * (sum(counts) - 1)))
+        noise = np.maximum(noise, SCAN_NOISE / self._circuit.full_scale)
+        few = max(1.0, _RESTLESS * np.count_nonzero(self._circuit.populated))
+        for (one, n), (other, m) in itertools.pairwise(p for p in self._parts if p[1]):
+            limit = _STILL[0] * noise * (1.0 / n + 1.0 / m) ** 0.5 + _STILL[1] * one / n
+            if np.count_nonzero(np.abs(one / n - other / m) > limit) > few:
+                return False
+        return True
 
     def _follow(self, t: float, adc: np.ndarray) -> bool:
         """Take over by what all cells have drifted since, from a frame that nothing touches.
@@ -135,9 +157,9 @@ class Tare:
         A measurement needs a longer pause between two touches than a hand at work leaves, and the
         fabric goes on warming up. It does so slowly; a supply or a reference that fails does not.
         """
-        if not t - self._followed >= _DRIFT_FOLLOWED[0]:
+        if not t - max(self._quiet, self._followed) >= _DRIFT_FOLLOWED[0]:
             return False
-        elapsed, self._followed = min(t - self._followed, 1.0), t
+        elapsed, self._followed = min(t - self._followed, _DRIFT_UNSEEN), t
         known = self._circuit.populated & (adc > 0.0) & (adc < 1.0)
         now, before = adc[known], rest_reading(self._circuit, self.curve)[known]
         # r_ref / rho, but for r_par, is what conducts
@@ -148,13 +170,6 @@ class Tare:
         common = float(np.clip(common, -_DRIFT_FOLLOWED[1] * elapsed, _DRIFT_FOLLOWED[1] * elapsed))
         self.curve = self.curve.resting_at(np.exp(-common) * self.curve.rest_resistance)
         return True
-
-    def _moved(self, adc: np.ndarray) -> bool:
-        self._smooth = self._smooth + _SMOOTH * (adc - self._smooth)
-        steps = np.abs(self._smooth - self._begun) * self._circuit.full_scale
-        much = steps > _STILL[0] + _STILL[1] * self._begun * self._circuit.full_scale
-        few = max(1.0, _RESTLESS * np.count_nonzero(self._circuit.populated))
-        return bool(np.count_nonzero(much) > few)
 
     def _learn(self, adc: np.ndarray, noise: float) -> bool:
         """Args:

@@ -197,10 +197,10 @@ def _by_score(reading: Reading, point: _Point, equations, broad: bool, prior) ->
         message = suspect.by_cost(reading, point.cost - 0.5 * pull @ ahead)
         if message:
             return message
-    for text, is_r_par in suspect.by_score(reading, point.model, equations, ahead):
-        if broad and is_r_par:
+    for text, way in suspect.by_score(reading, point.model, equations, ahead):
+        if broad and way:
             continue  # the level prior pulls a fit along r_par's pattern on a valid board too
-        if rough or series.confirms(reading, point.model.g, is_r_par):
+        if rough or series.confirms(reading, point.model.g, way):
             return text
     return ""
 

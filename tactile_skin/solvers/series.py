@@ -108,25 +108,28 @@ def r_par_shift(
     return RParShift(-score / left, slack * left**-0.5, (square - score**2 / left) / n)
 
 
-def confirms(reading: Reading, g: np.ndarray, r_par: bool) -> bool:
+def confirms(reading: Reading, g: np.ndarray, way: int) -> bool:
     """Whether a fault that a score test of a fit found is there without the fit's prior, too.
 
     A palm presses less and less towards its rim. A prior that prefers touches with an edge then
     leaves misfits that look like a short, or like another r_par. So the skin around the touch must
-    be at rest, and r_par off by a relevant amount.
+    be at rest, and r_par off by a relevant amount, the same way.
 
     Args:
         g: (rows, cols) conductance [S] that the fit found.
-        r_par: whether the test is that for r_par.
+        way: that r_par would have to move, 1 or -1; 0 for another test.
     """
     scale = series_scale(reading.circuit)
     found = r_par_shift(reading, g)
     if found is not None and found.chi2 <= _CHI2_REST:
         # cells that are lightly touched make r_par seem smaller than it is, never larger
         limit = _SETTLED if found.shift > 0.0 else R_PAR_LIMIT
-        return not r_par or (abs(found.shift) > _RELEVANT * scale and found.exceeds(limit))
+        if not way:
+            return True
+        possible = reading.circuit.r_par + found.shift + _SETTLED * found.std > 0.0
+        return possible and way * found.shift > _RELEVANT * scale and found.exceeds(limit)
     rim = r_par_shift(reading, g, lifted=_RIM)
-    if rim is None or not r_par:
+    if rim is None or way <= 0:
         return False
     # what is left of a rim can only make r_par seem smaller than it is
     return rim.exceeds(R_PAR_LIMIT) and rim.shift > _RIM_SHARE * scale

@@ -174,7 +174,7 @@ class NormalEquations(NamedTuple):
 
 def by_score(
     reading: Reading, model: Linearised, equations: NormalEquations, ahead: np.ndarray
-) -> list[tuple[str, bool]]:
+) -> list[tuple[str, int]]:
     """Score tests for a short between neighbouring lines and for a wrong r_par.
 
     How far does the misfit lie along the change p that the fault would make in the readings, past
@@ -185,7 +185,8 @@ def by_score(
         ahead: (n,) step of the unknowns that is left to the fit's minimum.
 
     Returns:
-        what may be wrong, the likelier first, each with whether it is r_par.
+        what may be wrong, the likelier first, each with which way r_par would have to move: 1
+        larger, -1 smaller, 0 if it is not about r_par.
     """
     rows, k, readings = len(model.weight), model.network.k, equations.readings
     equal = _equal_lines(reading), _equal_lines(reading, columns=True)
@@ -214,12 +215,12 @@ def by_score(
         line = pairs[score[:-1].argmax()]
         name, i = ("rows", line) if line < rows - 1 else ("columns", line - rows)
         text = f"{name} {i} and {i + 1} have equal readings: are they shorted?"
-        found.append((score[:-1].max() / _SHORT_LIMIT, text, False))
+        found.append((score[:-1].max() / _SHORT_LIMIT, text, 0))
     if abs(score[-1]) > R_PAR_LIMIT:
-        way = "low" if score[-1] < 0 else "high"
-        text = f"r_par = {reading.circuit.r_par:g} ohm is too {way} for this reading: measure it"
-        found.append((abs(score[-1]) / R_PAR_LIMIT, text, True))
-    return [(text, is_r_par) for _, text, is_r_par in sorted(found, reverse=True)]
+        way, word = (1, "low") if score[-1] < 0 else (-1, "high")
+        text = f"r_par = {reading.circuit.r_par:g} ohm is too {word} for this reading: measure it"
+        found.append((abs(score[-1]) / R_PAR_LIMIT, text, way))
+    return [(text, way) for _, text, way in sorted(found, reverse=True)]
 
 
 def rounded(reading: Reading) -> bool:

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from tactile_skin import Circuit, forward
+from tactile_skin import Circuit, PressureCurve, forward
+from tactile_skin.learning import scenes
 from tactile_skin.middleware.bus import (
     Context,
     ManualClock,
@@ -31,14 +32,15 @@ class Skin:
 
     Attributes:
         published: stamps of skin/pressure [s].
+        force: the last one's sum [N].
         status: the last word on diagnostics.
     """
 
-    def __init__(self):
+    def __init__(self, *given):
         self.clock, self.executor = ManualClock(), SingleThreadedExecutor()
         context = Context(self.clock)
         shape = [Parameter("circuit.rows", 8), Parameter("circuit.cols", 8)]
-        node = Node("compensation", context=context, parameter_overrides=shape)
+        node = Node("compensation", context=context, parameter_overrides=[*shape, *given])
         self.compensation = Compensation(node)
         self.published, self.status, self.levels = [], None, set()
         self.observer = observer = Node("observer", context=context)
@@ -51,6 +53,11 @@ class Skin:
         self.rest = 40000.0 * np.exp(0.03 * self.rng.standard_normal((8, 8)))
         self.steps = forward(CIRCUIT, self.rest) * CIRCUIT.full_scale
 
+    def press(self):
+        """A finger of 20 N."""
+        resistance = PressureCurve().resistance(scenes.finger(8, 8, 3.3, 4.1, 20.0, 1.2))
+        self.steps = forward(CIRCUIT, resistance * self.rest / 40000.0) * CIRCUIT.full_scale
+
     def ask(self, name):
         """The answer of its service."""
         client = self.observer.create_client(Trigger, f"/compensation/{name}")
@@ -60,6 +67,7 @@ class Skin:
 
     def _on_pressure(self, message):
         self.published.append(message.header.stamp)
+        self.force = float(image_array(message).sum()) * self.compensation.cell_area
 
     def _on_status(self, message):
         self.status = message.status[0]
@@ -101,10 +109,37 @@ def test_one_that_is_behind_skips_old_frames_and_counts_them(skin):
     assert int(values["skipped"]) == skin.compensation.skipped
 
 
-def test_a_reading_a_little_old_is_taken(skin):
+def test_a_reading_a_little_old_is_taken_by_the_fast_method(skin):
+    skin.press()
+    skin.frame()
+    right = skin.force
     for _ in range(40):
         skin.frame(age=0.04)
-    assert len(skin.published) == 40
+    assert len(skin.published) == 41
+    assert skin.compensation._taken == {"map": 1, "fixed_point": 40}
+    assert skin.force == pytest.approx(right, rel=0.1)
+
+
+def test_a_board_that_leaves_cells_unread_has_no_fast_method():
+    """Nor has one whose user asked for another than auto."""
+    for given in (Parameter("threshold", 3.0), Parameter("method", "map")):
+        skin = Skin(given)
+        skin.press()
+        for _ in range(5):
+            skin.frame(age=0.04)
+        assert len(skin.published) == 5 and "fixed_point" not in skin.compensation._taken
+
+
+def test_the_fast_method_does_not_speak_for_the_circuit(skin):
+    """A fault that only a fit finds holds while nothing is fitted."""
+    skin.play(2.5)
+    skin.press()
+    skin.steps *= 0.8
+    skin.play(0.5)
+    assert skin.status.level == DiagnosticStatus.ERROR
+    for _ in range(100):
+        skin.frame(age=0.04)
+        assert skin.status.level == DiagnosticStatus.ERROR
 
 
 @pytest.mark.parametrize("off", [0.0, 7.0])
