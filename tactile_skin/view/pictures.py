@@ -64,14 +64,15 @@ class Pictures:
         head = {"stamp": snapshot.stamp, "stop": snapshot.stop, "reason": snapshot.reason, **more}
         head |= self._numbers(snapshot)
         pictures, errors = {}, {}
-        if snapshot.adc is not None:
-            ratio = self._ratio(snapshot)
-            pictures["reading"] = ratio * self.skin.circuit.full_scale
-            for side, method in (("a", a), ("b", b)):
-                try:
-                    pictures |= self._side(side, method, snapshot, ratio)
-                except ValueError as error:  # weights of another circuit, say
-                    errors[side] = str(error)
+        for side, method in (("a", a), ("b", b)):
+            if snapshot.adc is None:
+                break
+            try:
+                ratio = self._ratio(snapshot)
+                pictures["reading"] = ratio * self.skin.circuit.full_scale
+                pictures |= self._side(side, method, snapshot, ratio)
+            except ValueError as error:  # weights of another circuit, nothing read, say
+                errors[side] = str(error)
         head["errors"] = errors
         head["contacts"] = self._contacts(snapshot)
         if (force := pictures.get("a")) is not None:
@@ -112,6 +113,10 @@ class Pictures:
         return self._estimates[method]
 
     def _ratio(self, snapshot: Snapshot) -> np.ndarray:
+        shape = self.skin.circuit.shape
+        for picture in (snapshot.adc, snapshot.pressure):
+            if picture is not None and picture.shape != shape:
+                raise ValueError(f"a picture of {picture.shape}: the circuit is {shape}")
         return self.skin.adc.ratio_of(snapshot.adc)
 
     def _known(self, snapshot: Snapshot) -> tuple[Circuit, PressureCurve]:

@@ -29,6 +29,7 @@ from websockets.http11 import Request, Response
 from ..solvers import METHODS
 from .pictures import PUBLISHED, Pictures
 
+_logger = logging.getLogger("tactile_skin.view")
 _PAGES = 16  # that may be open at once
 _CONNECTIONS = 64  # that may be open at once, those included that never ask for anything
 _OPEN_WITHIN = 5.0  # s for a request to be complete
@@ -161,6 +162,9 @@ class Server:
         try:
             with contextlib.suppress(ConnectionClosed):
                 await self._talk(connection)
+        except Exception:
+            _logger.exception("a page was given up")
+            raise
         finally:
             self._pages -= 1
             self._source.watched(self._pages)
@@ -230,8 +234,8 @@ async def serve(
             is_open.discard(self.transport)
             super().connection_lost(exc)
 
-    logger = logging.getLogger("tactile_skin.view")
-    logger.setLevel(logging.CRITICAL)  # what strangers send is no news
+    strangers = logging.getLogger("tactile_skin.view.strangers")
+    strangers.setLevel(logging.CRITICAL)  # what they send is no news
     async with serve_websockets(
         server.page,
         sock=listening,
@@ -242,7 +246,7 @@ async def serve(
         max_size=_LARGEST,
         max_queue=2,
         close_timeout=1.0,
-        logger=logger,
+        logger=strangers,
         server_header=None,
     ):
         await ended.wait()

@@ -144,6 +144,9 @@ def test_a_method_that_cannot_is_said_and_the_others_are_drawn():
     assert np.isnan(pictures["reading"][0, 0]) and np.isfinite(pictures["a"]).all()
     head, pictures = drawn(Snapshot(adc=snapshot.adc))
     assert "a" in head["errors"] and "reading" in pictures and "b" in pictures
+    for bad in (np.full((16, 16), 65535, np.uint16), np.zeros((8, 8), np.uint16)):
+        head, pictures = drawn(Snapshot(adc=bad))
+        assert head["errors"].keys() == {"a", "b"} and pictures == {}
     head, pictures = drawn(Snapshot())
     assert pictures == {} and head["stop"] is None
 
