@@ -39,7 +39,8 @@ COLOURS = """
 
 @contextlib.contextmanager
 def running(*words):
-    """A command that serves the page; yields its address, and a function that ends it."""
+    """A command that serves the page; yields its address, and a function that ends it or sends it
+    another signal."""
     process = subprocess.Popen(
         [sys.executable, "-m", "tactile_skin", *words, "view_port:=0"],
         stdout=subprocess.PIPE,
@@ -59,9 +60,10 @@ def running(*words):
         found = re.search(r"http://[\d.]+:\d+", "".join(said))
         return found and found[0]
 
-    def end():
-        process.send_signal(signal.SIGINT)
-        process.wait(chromium.PATIENCE)
+    def end(number=signal.SIGINT):
+        process.send_signal(number)
+        if number == signal.SIGINT:
+            process.wait(chromium.PATIENCE)
 
     reader.start()
     try:
@@ -173,6 +175,19 @@ def test_it_says_when_the_data_are_old(tmp_path):
         end()
         browser.until(f"{TEXT.format('old')}.includes('old')")
         browser.until("document.body.classList.contains('old')")
+        browser.until(f"{TEXT.format('stop')}.includes('STOP UNKNOWN')")
+
+
+def test_it_does_not_call_a_robot_free_whose_skin_hangs(tmp_path):
+    words = ("launch", "scene:=two_fingers", "monitor:=false", "view:=true")
+    with running(*words) as (address, end), Chromium(tmp_path / "profile") as browser:
+        browser.open(address)
+        browser.until(f"{TEXT.format('stop')}.includes('FREE')")
+        end(signal.SIGSTOP)
+        browser.until(f"{TEXT.format('stop')}.includes('STOP UNKNOWN')")
+        browser.until(f"{TEXT.format('old')}.includes('s old')")
+        end(signal.SIGCONT)
+        browser.until(f"{TEXT.format('stop')}.includes('FREE')")
 
 
 def test_a_recording_is_scrubbed(recording, browser):

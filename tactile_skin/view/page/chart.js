@@ -31,7 +31,7 @@ export class Chart {
     const y = (force) => h - bottom - (force / end) * (h - top - bottom);
     ctx.fillStyle = colours.panel;
     ctx.fillRect(0, 0, w, h);
-    this.stops(points, x, top, h - bottom, from, to, colours);
+    this.stops(points, x, top, h - bottom, from, colours);
     ctx.font = `${11 * ratio}px ${FONT}`;
     ctx.fillStyle = colours.faint;
     ctx.strokeStyle = colours.line;
@@ -74,12 +74,13 @@ export class Chart {
     }
   }
 
-  stops(points, x, top, bottom, from, to, colours) {
+  stops(points, x, top, bottom, from, colours) {
     const ctx = this.context;
     ctx.fillStyle = colours.stopped;
     ctx.globalAlpha = 0.25;
     let since = null;
-    for (const { t, stop } of [...points, { t: to, stop: false }]) {
+    const last = { t: points.at(-1)?.t, stop: false };
+    for (const { t, stop } of [...points, last]) {
       if (stop && since === null) since = t;
       if (stop || since === null) continue;
       const begin = Math.max(x(since), x(from)); // not before what is shown

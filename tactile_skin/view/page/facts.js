@@ -14,16 +14,19 @@ export const fixed = (x, digits, unit) =>
 
 export const share = (sorted, p) => sorted[Math.min(sorted.length - 1, Math.floor(p * sorted.length))];
 
-/** The banner: the stop with its reason. */
-export function showStop(stop, reason, recorded) {
+/**
+ * The banner: the stop with its reason.
+ * @param stop whether the robot is stopped; null: nobody says.
+ * @param why why nobody does.
+ */
+export function showStop(stop, reason, recorded, why) {
   const banner = $("stop");
   const state = stop === null ? "unknown" : stop ? "stopped" : "free";
   banner.className = state;
   const title = { unknown: "STOP UNKNOWN", stopped: "■ STOPPED", free: "✓ FREE" }[state];
   say(banner.querySelector("strong"), recorded ? `recorded: ${title}` : title);
   const free = recorded ? "no stop was asked for" : "the skin asks for no stop";
-  const unknown = recorded ? "no stop was recorded" : "no stop_on_push is heard";
-  say(banner.querySelector("span"), stop ? reason : stop === null ? unknown : free);
+  say(banner.querySelector("span"), { unknown: why, stopped: reason, free }[state]);
 }
 
 /** The line about old data; empty: they are not. */

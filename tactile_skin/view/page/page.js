@@ -24,6 +24,7 @@ let latest = null; // the last snapshot: {head, arrays, at: when it came [ms]}
 let shown = null; // the one in the pictures
 let last = null; // the one before, while it is drawn
 let drawn = 0; // number of the latest that was drawn
+let newsAt = 0; // when the last new one came [ms]
 let frozen = false; // pictures are held, or the recording stands
 let lostWhy = "";
 let chosen = null; // {row, col}
@@ -152,6 +153,7 @@ const connection = new Connection({
   },
   snapshot(head, arrays) {
     const now = performance.now();
+    if (head.number !== latest?.head.number) newsAt = now;
     latest = { head, arrays, at: now };
     lostWhy = "";
     const force = head.contacts.reduce((sum, c) => sum + c.force, 0);
@@ -258,7 +260,9 @@ function cellText({ arrays, head }) {
 
 function showTexts(now) {
   const { head } = latest;
-  facts.showStop(head.stop, head.reason, Boolean(hello.recording));
+  const silent = silentWhy(now);
+  const why = silent || (hello.recording ? "no stop was recorded" : "no stop_on_push is heard");
+  facts.showStop(silent ? null : head.stop, head.reason, Boolean(hello.recording), why);
   const picture = frozen ? shown : latest;
   facts.showContacts(picture.head.contacts);
   facts.showPush(picture.head.push, colours);
@@ -292,6 +296,13 @@ const fixedRate = (now) => {
   draws = draws.filter((at) => at > now - 1000);
   return `${draws.length}/s`;
 };
+
+/** Why nothing is known of the skin now; empty if it is heard, which it is ten times a second. */
+function silentWhy(now) {
+  if (hello.recording && !lostWhy) return "";
+  const seconds = (now - newsAt) / 1000;
+  return lostWhy || (seconds > OLD ? `the skin has said nothing for ${seconds.toFixed(0)} s` : "");
+}
 
 /** Why what is shown is old; empty if it is not. */
 function oldWhy(now) {
