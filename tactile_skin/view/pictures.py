@@ -13,7 +13,7 @@ from ..physics.circuit import Circuit, forward
 from ..physics.curve import PressureCurve
 from ..solvers import METHODS, Estimate, compensate
 from ..touch import features
-from .snapshot import Snapshot
+from .snapshot import NodeStatus, Snapshot
 from .wire import pack
 
 PUBLISHED = "published"  # not a method: what the skin itself made of the reading
@@ -189,25 +189,39 @@ class Pictures:
             "lost": _count(values.get("lost")),
             "crc_errors": _count(values.get("crc_errors")),
             "dropped": dropped,
-            "says": [
-                [name, s.level, s.message] for name, s in sorted(snapshot.nodes.items()) if s.level
-            ],
+            "says": _reports(snapshot),
             "findings": findings(snapshot),
         }
+
+
+def _reports(snapshot: Snapshot) -> list[tuple[str, int, str]]:
+    """(node, level, text) of all that is not well, and of what doctor found."""
+    reports = []
+    for name, status in sorted(snapshot.nodes.items()):
+        if status.level:
+            reports.append((name, status.level, status.message))
+        reports += [(name, 1, text) for text in _found(status) if text not in status.message]
+    return reports
+
+
+def _found(status: NodeStatus) -> list[str]:
+    """What doctor found, by a node's values: "column 5: evidence. Remedy."."""
+    return [v for k, v in sorted(status.values.items()) if k.startswith("finding_")]
 
 
 def findings(snapshot: Snapshot) -> list[dict]:
     """What is wrong with which lines: what doctor found, and what the nodes' messages name."""
     texts: list[str] = []
     for _, status in sorted(snapshot.nodes.items()):
-        texts += [v for k, v in sorted(status.values.items()) if k.startswith("finding_")]
+        texts += _found(status)
         if status.level:  # what keeps the rest from being measured is a touch, and no fault
             unrested = status.values.get("tare", "")
             texts += status.message.replace(unrested or "\0", "").split("; ")
     found = []
     for text in dict.fromkeys(texts):
         lines = {"row": [], "column": []}
-        for match in _LINES.finditer(text):
+        where = text.partition(":")[0]  # the lines that are meant stand first
+        for match in _LINES.finditer(where if _LINES.search(where) else text):
             lines[match[1]] += map(int, re.findall(r"\d+", match[2]))
         if lines["row"] or lines["column"]:
             found.append({"text": text, "rows": lines["row"], "cols": lines["column"]})

@@ -189,6 +189,15 @@ def test_lines_that_a_message_names_are_marked(said, rows, cols):
     assert [(f["rows"], f["cols"]) for f in found] == [(rows, cols)]
 
 
+def test_what_doctor_found_is_marked_and_reported():
+    text = "row 2, column 7: reads 900 where rows 3 and 4 read 41. Check the crossing."
+    values = {"finding_1": text, "residual": "0.5"}
+    snapshot = Snapshot(nodes={"compensation": NodeStatus(0, "ok", values)})
+    head, _ = drawn(snapshot)
+    assert head["says"] == [["compensation", 1, text]]
+    assert head["findings"] == [{"text": text, "rows": [2], "cols": [7]}]
+
+
 def test_a_touch_that_keeps_the_rest_from_being_measured_is_no_fault():
     why = "rest not measured: row 6, column 10 conducts 35 times as much: does something press?"
     both = NodeStatus(1, f"{why}; column 3 is open", {"tare": why})
