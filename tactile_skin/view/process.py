@@ -101,8 +101,8 @@ def listen(host: str, port: int) -> socket.socket:
     except (OSError, UnicodeError) as error:
         why = (getattr(error, "strerror", None) or str(error)).partition(" (while")[0]
         raise LaunchError(
-            f"the page on {host}, port {port}: {why}: choose a free port, 0 for any, and an "
-            "address of this computer"
+            f"the page on {host}, port {port}: {why}: set view_port to a free one, 0 for any, and "
+            "view_host to an address of this computer"
         ) from error
 
 
