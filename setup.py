@@ -45,6 +45,7 @@ setup(
             "learning/weights/*",
             "board/firmware/*.c",
             "board/firmware/*.h",
+            "view/page/*",
         ]
     },
     # optional: without a compiler NumPy does the same, in twice the time
@@ -68,6 +69,7 @@ setup(
         "train": ["torch>=2.1", "tqdm>=4.66"],
         "progress": ["tqdm>=4.66"],  # of benchmarks
         "record": ["mcap>=1.6", "rosbags>=0.10"],
+        "view": ["websockets>=14.0", "tqdm>=4.66"],
         "charts": ["matplotlib>=3.8"],
         # of trained networks, to be run elsewhere
         "onnx": ["torch>=2.1", "onnx>=1.16", "onnxscript>=0.2"],
@@ -81,6 +83,7 @@ setup(
             "setuptools>=70.1",  # builds the wheel
             "threadpoolctl>=3.0",
             "tqdm>=4.66",
+            "websockets>=14.0",
         ],
     },
     entry_points={"console_scripts": programs},

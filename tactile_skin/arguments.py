@@ -52,7 +52,13 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
     )
     sub.add_argument("-s", "--show-args", action="store_true", help="print its arguments and end")
 
-    from .commands import sim
+    from .commands import sim, view
+
+    sub = command("view", view.ABOUT, epilog=view.EXAMPLES)
+    sub.add_argument(
+        "words", nargs="*", metavar="FILE | NAME:=VALUE", help="recording or launch file; arguments"
+    )
+
     from .learning import scenes
 
     sub = command("sim", sim.ABOUT, epilog=sim.EXAMPLES)

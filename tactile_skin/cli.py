@@ -20,7 +20,7 @@ def main(argv: list[str] | None = None) -> int:
         level=logging.INFO, format="%(levelname)s %(name)s: %(message)s", stream=sys.stderr
     )
     try:
-        if args.run in (_launch, _record):  # the skin does it itself, where no signal gets lost
+        if args.run in (_launch, _record, _view):  # the skin does it, where no signal gets lost
             return args.run(args)
         with one_thread():  # the matrices are small: more threads wait for one another
             return args.run(args)
@@ -38,6 +38,15 @@ def _doctor(args) -> int:
     from .commands import doctor
 
     return doctor.run(args)
+
+
+def _view(args) -> int:
+    from .commands import view
+
+    if view.is_recording(args.words):
+        return view.run(args.words, _tqdm())
+    args.words, args.show_args, args.ros = [*args.words, "view:=true"], False, None
+    return _launch(args)
 
 
 def _calibrate(args) -> int:
@@ -242,6 +251,7 @@ def _tqdm():
 
 _COMMANDS = {
     "launch": _launch,
+    "view": _view,
     "sim": _sim,
     "flash": _flash,
     "calibrate": _calibrate,

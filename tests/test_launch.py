@@ -1015,7 +1015,7 @@ def test_a_reset_first_ends_a_fault_that_is_kept_from_an_earlier_touch(write, la
         Robot(skin)
         compensation = skin._nodes[1]
         heard.wait_for((False, ""))
-        handle, (service,) = skin._handles[1], skin._handles[1]._services
+        handle, (service, _) = skin._handles[1], skin._handles[1]._services
         compensation._waits = False  # rest was measured
         compensation._fault = True  # as a doubt that is held
         handle.create_timer(

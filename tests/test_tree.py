@@ -23,6 +23,7 @@ MAY = {
     "board": ("physics",),
     "middleware": ("files", "yaml_files", "msg", "physics", "touch"),
     "recording": ("files", "yaml_files", "msg", "physics", "middleware"),
+    "view": ("msg", "physics", "solvers", "touch", "middleware", "recording"),
     "nodes": (
         "msg",
         "physics",
@@ -34,6 +35,7 @@ MAY = {
         "board",
         "middleware",
         "recording",
+        "view",
     ),
     "launch": ("files", "msg", "touch", "behaviours", "middleware", "recording", "nodes"),
     "ros": ("files", "yaml_files", "msg", "middleware", "nodes", "launch"),

@@ -181,10 +181,10 @@ class Tare:
         noise: of the mean reading, in ADC steps.
         """
         full = self._circuit.full_scale
-        self.wiring = _twins(adc * full, noise, self._circuit.populated)
+        wiring = _twins(adc * full, noise, self._circuit.populated)  # of a skin that rests
         off = (adc - rest_reading(self._circuit, self.curve)) * full
         if np.square(off).mean() < (_SIGNIFICANT * noise) ** 2:
-            self.message, self.measured = "", True
+            self.message, self.measured, self.wiring = "", True, wiring
             return False
         cells, at_rest = self._circuit.populated, self.curve.points[0][1]
         try:
@@ -199,7 +199,7 @@ class Tare:
         if self.message:
             self.message = f"rest not measured: {self.message}"
             return False
-        self.measured = True
+        self.measured, self.wiring = True, wiring
         if self._first is None:
             self._first = now
         else:

@@ -98,8 +98,11 @@ def _say_notes(path: str, notes: list[str]) -> None:
 
 
 def _track(items, total: int):
-    from tqdm import tqdm
-
+    """With a progress bar, where tqdm is installed."""
+    try:
+        from tqdm import tqdm
+    except ModuleNotFoundError:
+        return items
     return tqdm(items, desc="replay", total=total, disable=None, leave=False)
 
 

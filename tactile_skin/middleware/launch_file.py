@@ -31,6 +31,7 @@ NODES = {  # exec -> class, imported when it is started
     "push_to_move": "push_to_move.PushToMove",
     "monitor": "observers.monitor.Monitor",
     "push_arrow": "push_arrow.PushArrow",
+    "view": "observers.view.View",
 }
 RECORDER = "recorder"  # record:=FILE of any launch file; on ROS there is ros2 bag record
 CLASSES = NODES | {RECORDER: "observers.recorder.RecorderNode"}

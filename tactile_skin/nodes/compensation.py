@@ -16,15 +16,16 @@ from ..calibration.noise import Noise
 from ..calibration.tare import Tare
 from ..calibration.tracker import CircuitTracker
 from ..learning import network
-from ..middleware.bus import Time
+from ..middleware.bus import DurabilityPolicy, QoSProfile, Time
 from ..middleware.config import adc_of, circuit_of, creep_of, curve_of, describe, geometry_of
-from ..msg import DiagnosticArray, Image, Trigger, image, image_array
+from ..msg import DiagnosticArray, Header, Image, Trigger, image, image_array
 from ..physics.circuit import forward
 from ..physics.curve import GRAM
 from ..solvers import METHODS, Estimate, compensate
 from ..solvers.reading import ROUNDING_NOISE, SCAN_NOISE, rest_reading
 from . import QUEUE, diagnostics
 
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _IDLE = 15.0 * GRAM  # N on a cell: below it nothing touches; lines shorted at rest read as 13 g
 _LIGHT, _STIRRED = 1.0 * GRAM, 3  # N on so many cells: a touch that begins, not noise
 _MIN_LINES = 3  # rows and columns; with fewer some faults look like touches: docs/reliability.md
@@ -44,14 +45,16 @@ _ASIDE = 3  # times in a second that a reading is set aside: a sound board's is 
 
 
 class Compensation:
-    """Publishes skin/pressure (32FC1, Pa, row-major) with the reading's stamp, and diagnostics once
-    a second and whenever the level changes: WARN for a suspect frame, ERROR, which stops the
-    robot, for a failed one and while they are suspect too often (doubt.py). A frame that fails is
-    not published. What the cells conduct at rest is measured between touches (`Tare`). Until the
+    """Publishes skin/pressure (32FC1, Pa, row-major) with the reading's stamp; skin/rest (32FC1,
+    the resistance of each cell at rest, ohm) once it was measured; and diagnostics once a second
+    and whenever the level changes: WARN for a suspect frame, ERROR, which stops the robot, for a
+    failed one and while they are suspect too often (doubt.py). A frame that fails is not published.
+    What the cells conduct at rest is measured between touches (`Tare`). Until the
     first time, a second after the start, what would be a fault is "measuring rest: hands off", and
     so is a skin of which half was loaded from the first frame on, until it is let go. The service
     `~/reset` forgets faults that the last frames no longer show, says so on diagnostics before it
-    answers, and forgets the last frame, from which the next one starts. Behind by 10 ms, `auto`
+    answers, and forgets the last frame, from which the next one starts; `~/tare` measures the rest
+    anew, as at the start, and is refused while something presses. Behind by 10 ms, `auto`
     takes the fixed point, which says nothing of the circuit; by half of what the stop bears, old
     frames are skipped to come to the new ones, and diagnostics count them.
     What a standing load gains by creep is taken out of what is published, if the curve says how
@@ -62,6 +65,7 @@ class Compensation:
         self.node = node
         self.circuit, curve = circuit_of(node), curve_of(node)
         self._adc = adc_of(node, self.circuit)
+        self._curve = curve
         self._tare, self._tracker = Tare(self.circuit, curve), CircuitTracker(self.circuit)
         creep = creep_of(node)
         self._standing = Standing(creep, curve) if creep.share else None
@@ -109,6 +113,7 @@ class Compensation:
         }
         self._pressure = node.create_publisher(Image, "skin/pressure", 10)
         self._diagnostics = node.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
+        self._rest = node.create_publisher(Image, "skin/rest", LATCHED)
         self._hurries = method == "auto" and not threshold
         self._noise = Noise(self.circuit.populated)
         self._cell_count = np.count_nonzero(self.circuit.populated)
@@ -129,6 +134,7 @@ class Compensation:
         self._loaded = ""  # since the start, where
         self._level, self._message, self._residual = diagnostics.OK, "ok", 0.0
         self.status, self._present = "ok", ""  # of the last frame, and its message
+        self._present_force = 0.0  # N, on its strongest cell
         self._taken: Counter[str] = Counter()
         self._taken_at, self.skipped = -np.inf, 0  # s, when the last frame was taken; frames
         self._aside: Counter[tuple[int, int]] = Counter()  # since the last report
@@ -138,6 +144,7 @@ class Compensation:
         self._compensate(np.full(self.circuit.shape, 0.05))
         node.create_subscription(Image, "skin/adc", self.on_adc, QUEUE)
         node.create_service(Trigger, "~/reset", self.on_reset)
+        node.create_service(Trigger, "~/tare", self.on_tare)
         node.create_timer(1.0, self.on_second)
 
     def _compensate(self, adc, late: bool = False) -> Estimate:
@@ -186,7 +193,8 @@ class Compensation:
                 force = self._standing.update(t, force)
             pressure = force / self.cell_area
             self._pressure.publish(image(pressure, "32FC1", msg.header))
-        touched = estimate.force.max() >= _IDLE
+        self._present_force = float(estimate.force.max())
+        touched = self._present_force >= _IDLE
         suspect = estimate.status == "suspect"
         if suspect or not late:
             self._fault = self._doubt.frame(t, suspect, touched)
@@ -252,6 +260,17 @@ class Compensation:
         response.success, response.message = True, "past faults are cleared"
         return response
 
+    def on_tare(self, _, response):
+        if not self._follows:
+            response.message = "the tare is off: see `tare` and `threshold`"
+        elif self._present_force >= _IDLE:
+            response.message = f"something presses with {self._present_force:.2g} N on a cell"
+        else:
+            self._tare = Tare(self.circuit, self._curve)
+            self._waits, self._at_rest, self._last = True, False, None
+            response.success, response.message = True, "measuring rest: hands off for a second"
+        return response
+
     def _join_reasons(self, present: str) -> str:
         reasons = (
             self._doctor.message,
@@ -309,6 +328,10 @@ class Compensation:
             self._doctor.look(self.circuit)
         self.report()
         self._aside.clear()
+        rest = self._tare.curve.rest_resistance
+        if np.ndim(rest):
+            header = Header(self.node.get_clock().now().to_msg())
+            self._rest.publish(image(rest, "32FC1", header))
 
     def _bad_contact(self) -> str:
         """The reading that was set aside most often in the last second, and before: no chance."""

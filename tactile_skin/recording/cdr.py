@@ -16,7 +16,7 @@ from ..middleware.ros.messages import from_ros
 KINDS = {  # ROS 2 type -> class of a message
     kind.TYPE: kind for _, kind in inspect.getmembers(msg, dataclasses.is_dataclass)
 }
-_PARTS = "data_stream", "exceptions", "records", "stream_reader", "writer"
+_PARTS = "data_stream", "exceptions", "reader", "records", "stream_reader", "writer"
 
 
 @functools.cache

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -83,7 +84,7 @@ class Recorder:
         self._thread.start()
 
     def put(self, topic: str, t: int, message) -> None:
-        """A message received at t [ns since 1970]; never blocks."""
+        """A message received at t [ns since 1970]; never blocks. For any thread."""
         if self.trouble:
             return
         if len(self._waiting) >= _WAITING:
@@ -108,6 +109,7 @@ class Recorder:
             while self._waiting:
                 topic, t, message = self._waiting.popleft()
                 self._store.write(topic, type(message), t, cdr.encode(message))
+                time.sleep(0)  # hands the interpreter to who waits for it: the stop, say
             self._store.turn(self._now(), closing)
         except LimitReached as reached:
             self._end(str(reached))
@@ -166,7 +168,9 @@ class Ring:
 
     def __init__(self, path: Path, limits: Limits, attachments: dict[str, bytes], now: int):
         self._path, self._limits, self._attachments = path, limits, attachments
-        self._kept: deque = deque()  # bytes and numbers only: the garbage collector skips them
+        # No objects but text, numbers and bytes: the garbage collector passes over them, and so
+        # takes no longer for minutes of messages.
+        self._kept: deque = deque()
         self._stopped: int | None = None  # when, if it is not written yet [ns]
         self._saving: tuple[Writer, deque] | None = None
         self.files, self.written, self.size = [], 0, 0
@@ -175,7 +179,7 @@ class Ring:
         self._stopped = t if self._stopped is None else self._stopped
 
     def write(self, topic: str, kind: type, t: int, data: bytes) -> None:
-        self._kept.append((topic, kind, t, data))
+        self._kept.append((topic, kind.TYPE, t, data))
         oldest = (t if self._stopped is None else self._stopped) - self._limits.last * 1e9
         while self._kept[0][2] < oldest:
             self._kept.popleft()
@@ -201,7 +205,8 @@ class Ring:
         writer, entries = self._saving
         before = writer.size
         for _ in range(min(most, len(entries))):
-            writer.write(*entries.popleft())
+            topic, kind, t, data = entries.popleft()
+            writer.write(topic, cdr.KINDS[kind], t, data)
             self.written += 1
         self.size += writer.size - before
         _check_size(self.size, self._limits)

@@ -33,8 +33,13 @@ def measure(n: int, frames: str, config: str | None, seed: int, track=lambda ite
     skin = read_skin(config) if config else recorded_skin(frames)
     found = read_frames(frames, skin.circuit)
     adc = _busiest(found.ratio(skin.adc), n)
-    solved = {name: _solve(name, adc, skin) for name in track(METHODS)}
-    reference = solved[_REFERENCE]["force"]
+    reference = _solve(_REFERENCE, adc, skin)["force"]
+    solved, notes = {}, list(found.notes)
+    for name in track(METHODS):
+        try:
+            solved[name] = _solve(name, adc, skin)
+        except ValueError as error:  # a network of another circuit
+            notes.append(f"{name} is left out: {error}")
     methods = {}
     for name, result in solved.items():
         p50, p99 = 1e3 * np.percentile(result["seconds"], (50, 99))
@@ -46,7 +51,7 @@ def measure(n: int, frames: str, config: str | None, seed: int, track=lambda ite
             "total_n": float(result["force"].sum((1, 2)).mean()),
             "apart_g": float(np.abs(result["force"] - reference).mean() / GRAM),
         }
-    about = {"file": str(frames), "frames": len(adc), "notes": found.notes}
+    about = {"file": str(frames), "frames": len(adc), "notes": notes}
     return {"recorded": about | {"methods": methods}}
 
 

@@ -908,3 +908,45 @@ def test_nodes_share_a_context_unless_given_one():
     """As in rclpy, where nodes of one process see each other."""
     a, b = Node("a"), Node("b")
     assert a.context is b.context
+
+
+# --- what watches ---
+
+
+def test_topics_are_listed_with_their_types(bench):
+    node = bench.node(namespace="left")
+    node.create_publisher(Bool, "a", 1)
+    node.create_subscription(Float32, "/b", print, 1)
+    assert sorted(node.get_topic_names_and_types()) == [
+        ("/b", ["std_msgs/msg/Float32"]),
+        ("/left/a", ["std_msgs/msg/Bool"]),
+    ]
+
+
+def test_a_tap_hears_at_once_and_what_was_latched(bench):
+    """In the publisher's thread: nothing spins here."""
+    publisher, heard = bench.node("a").create_publisher(Bool, "topic", LATCHED), []
+    publisher.publish(Bool(True))
+    watcher = bench.node("b")
+    watcher.create_tap(Bool, "topic", heard.append)
+    publisher.publish(Bool(False))
+    assert values(heard) == [True, False]
+    watcher.destroy_node()
+    publisher.publish(Bool(True))
+    assert len(heard) == 2
+
+
+def test_a_tap_that_raises_is_counted_and_does_not_reach_the_publisher(bench, caplog):
+    publisher, heard = bench.node("a").create_publisher(Bool, "topic", 1), []
+
+    def broken(message):
+        raise RuntimeError("broken")
+
+    watcher = bench.node("b")
+    watcher.create_tap(Bool, "topic", broken)
+    bench.node("c").create_subscription(Bool, "topic", heard.append, 10)
+    for _ in range(3):
+        publisher.publish(Bool(True))
+    bench.spin()
+    assert len(heard) == watcher.callback_errors == 3
+    assert "broken raised" in caplog.text

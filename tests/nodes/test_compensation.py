@@ -12,8 +12,16 @@ from tactile_skin.middleware.bus import (
     Parameter,
     SingleThreadedExecutor,
 )
-from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Header, Image, image, image_array
-from tactile_skin.nodes.compensation import Compensation
+from tactile_skin.msg import (
+    DiagnosticArray,
+    DiagnosticStatus,
+    Header,
+    Image,
+    Trigger,
+    image,
+    image_array,
+)
+from tactile_skin.nodes.compensation import LATCHED, Compensation
 
 CIRCUIT = Circuit(8, 8)
 FRAME = 0.01  # s
@@ -35,20 +43,27 @@ class Skin:
         node = Node("compensation", context=context, parameter_overrides=[*shape, *given])
         self.compensation = Compensation(node)
         self.published, self.status, self.levels = [], None, set()
-        observer = Node("observer", context=context)
+        self.observer = observer = Node("observer", context=context)
         observer.create_subscription(Image, "skin/pressure", self._on_pressure, 100)
         observer.create_subscription(DiagnosticArray, "diagnostics", self._on_status, 100)
         self._adc = observer.create_publisher(Image, "skin/adc", 100)
         self.executor.add_node(node)
         self.executor.add_node(observer)
         self.rng = np.random.default_rng(6)
-        self._rest = np.exp(0.03 * self.rng.standard_normal((8, 8)))
-        self.steps = forward(CIRCUIT, 40000.0 * self._rest) * CIRCUIT.full_scale
+        self.rest = 40000.0 * np.exp(0.03 * self.rng.standard_normal((8, 8)))
+        self.steps = forward(CIRCUIT, self.rest) * CIRCUIT.full_scale
 
     def press(self):
         """A finger of 20 N."""
         resistance = PressureCurve().resistance(scenes.finger(8, 8, 3.3, 4.1, 20.0, 1.2))
-        self.steps = forward(CIRCUIT, resistance * self._rest) * CIRCUIT.full_scale
+        self.steps = forward(CIRCUIT, resistance * self.rest / 40000.0) * CIRCUIT.full_scale
+
+    def ask(self, name):
+        """The answer of its service."""
+        client = self.observer.create_client(Trigger, f"/compensation/{name}")
+        future = client.call_async(Trigger.Request())
+        self.executor.spin_some()
+        return future.result(0)
 
     def _on_pressure(self, message):
         self.published.append(message.header.stamp)
@@ -178,3 +193,34 @@ def test_a_stop_names_the_line_that_is_open_and_what_to_check(skin):
     skin.play(3.0)
     assert skin.status.level == DiagnosticStatus.OK
     assert "finding_1" not in {pair.key for pair in skin.status.values}
+
+
+def test_what_cells_have_at_rest_is_published_once_it_was_measured(skin):
+    found = []
+    observer = Node("second", context=skin.compensation.node.context)
+    observer.create_subscription(Image, "skin/rest", found.append, LATCHED)
+    skin.executor.add_node(observer)
+    skin.play(0.5)
+    assert not found
+    skin.play(2.0)
+    rest = image_array(found[-1])
+    np.testing.assert_allclose(rest, skin.rest, rtol=0.02)
+
+
+def test_a_tare_measures_the_rest_anew_and_is_refused_under_a_touch(skin):
+    skin.play(2.0)
+    assert skin.compensation._tare.measured
+    skin.steps = forward(CIRCUIT, 1.03 * skin.rest) * CIRCUIT.full_scale
+    answer = skin.ask("tare")
+    assert answer.success and "hands off" in answer.message
+    assert not skin.compensation._tare.measured
+    skin.play(2.0)
+    measured = skin.compensation._tare.curve.rest_resistance
+    np.testing.assert_allclose(measured, 1.03 * skin.rest, rtol=0.02)
+    pressed = skin.rest.copy()
+    pressed[3, 4] = 500.0
+    skin.steps = forward(CIRCUIT, pressed) * CIRCUIT.full_scale
+    skin.play(0.1)
+    answer = skin.ask("tare")
+    assert not answer.success and "something presses" in answer.message
+    assert skin.compensation._tare.measured

@@ -12,7 +12,16 @@ from concurrent.futures import Future
 
 from .calls import DUE, Client, Service, Timer
 from .parameters import Parameter, ParameterDescriptor, ParameterError, checked
-from .topics import Context, Publisher, QoSProfile, Subscription, as_qos, default_context
+from .topics import (
+    Context,
+    DurabilityPolicy,
+    Publisher,
+    QoSProfile,
+    Subscription,
+    Tap,
+    as_qos,
+    default_context,
+)
 from .turns import Turns, Wake
 
 
@@ -112,6 +121,17 @@ class Node:
             self._subscriptions.append(subscription)
         self._wake.set()
         return subscription
+
+    def create_tap(self, msg_type, topic: str, callback) -> Tap:
+        """A subscription whose callback runs in the publisher's thread; rclpy has none.
+
+        Latched messages that are there come first.
+        """
+        qos = QoSProfile(durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        tap = Tap(self, msg_type, self.resolve_topic_name(topic), callback, qos)
+        with self._lock:
+            self._subscriptions.append(tap)
+        return tap
 
     def create_timer(self, timer_period_sec: float, callback) -> Timer:
         if not timer_period_sec > 0:

@@ -130,3 +130,13 @@ class Subscription:
     def _next(self):
         """The oldest message's call, as (callback, arguments, future)."""
         return self.callback, (self._queue.popleft(),), None
+
+
+class Tap(Subscription):
+    """Calls back at once, in the publisher's thread, and wakes nobody: for what only queues."""
+
+    def put(self, message) -> None:
+        try:
+            self.callback(message)
+        except Exception as error:  # it must not reach the publisher
+            self._node._report(self.callback, error)

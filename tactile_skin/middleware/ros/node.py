@@ -76,7 +76,14 @@ class RosNode(bus.Node):
         return made
 
     def create_subscription(self, msg_type, topic: str, callback, qos_profile):
-        subscription = super().create_subscription(msg_type, topic, callback, qos_profile)
+        return self._hear(super().create_subscription(msg_type, topic, callback, qos_profile))
+
+    def create_tap(self, msg_type, topic: str, callback):
+        return self._hear(super().create_tap(msg_type, topic, callback))
+
+    def _hear(self, subscription):
+        """The subscription, of what arrives on ROS."""
+        msg_type = subscription.msg_type
 
         def arrived(message) -> None:  # in ROS's thread: queue it, nothing else
             try:

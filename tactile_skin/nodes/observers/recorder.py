@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from ...middleware.bus import DurabilityPolicy, QoSProfile
 from ...middleware.config import describe
 from ...msg import Bool, DiagnosticArray
 from ...recording import cdr
 from ...recording.recorder import Limits, Recorder
 from .. import diagnostics
 
-_DEPTH = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)  # and latched ones
 _CLOSE = 0.1  # s that the disk has at the end; what it takes longer it does in the background
 
 
 class RecorderNode:
     """Records every topic of its process, also those that appear later. It never holds the others
-    up: what the disk cannot take is dropped and counted, and a full one ends the recording with a
+    up: they put their messages into a queue that a thread of the recorder's own looks at now and
+    then. What the disk cannot take is dropped and counted, and a full one ends the recording with a
     warning in diagnostics, not with a stop.
     """
 
@@ -61,7 +60,7 @@ class RecorderNode:
         for topic, (kind,) in self.node.get_topic_names_and_types():
             if topic not in self._heard and kind in cdr.KINDS:
                 self._heard.add(topic)
-                self.node.create_subscription(cdr.KINDS[kind], topic, self._taker(topic), _DEPTH)
+                self.node.create_tap(cdr.KINDS[kind], topic, self._taker(topic))
 
     def _taker(self, topic: str):
         is_stop = topic.endswith("/skin/stop")

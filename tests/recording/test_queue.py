@@ -1,6 +1,7 @@
 """The recorder drops, counts and ends; it never blocks, and what is written stays readable."""
 
 import errno
+import gc
 import threading
 
 import numpy as np
@@ -188,6 +189,13 @@ def test_what_led_to_a_stop_is_kept(tmp_path, clock):
     assert found.stamps[-1] == pytest.approx(stopped + 2e9, abs=2e8)
     np.testing.assert_array_equal(found.adc, frames[500 : 500 + len(found.adc)])
     assert found.attachments == {"notes": b"abc"}
+
+
+def test_what_is_kept_does_not_hold_the_garbage_collector_up(tmp_path, clock):
+    recorder = make(tmp_path, clock, last=5.0)
+    feed(recorder, clock, recorded.samples(300))
+    gc.collect()
+    assert not any(gc.is_tracked(entry) for entry in recorder._store._kept)
 
 
 def test_a_second_stop_has_a_file_of_its_own(tmp_path, clock):

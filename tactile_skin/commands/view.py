@@ -1,0 +1,88 @@
+"""`tactile-skin view`: a recording in the browser, or the skin of a launch file."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable
+
+ABOUT = "a recording in the browser; without one, the skin of a launch file"
+EXAMPLES = """\
+FILE is what `launch record:=FILE` made. Without one, or with a launch file, this is `tactile-skin
+launch ... view:=true`. Open the address that is printed. The page compares two methods, and of a
+recording shows any time: press space, drag the slider, step with , and .
+examples:
+  tactile-skin view
+  tactile-skin view skin.launch.yaml port:=/dev/ttyUSB0
+  tactile-skin view touches.mcap
+  tactile-skin view touches.mcap view_port:=8400 config:=my_skin.yaml
+options for a recording, name:=value:
+  view_host, view_port   address of the page (default 127.0.0.1, 8321; port 0: any that is free)
+  config                 parameter file (default: the parameters that were recorded)
+  namespace              of the skin, where several were recorded"""
+
+_OPTIONS = {"view_host": "127.0.0.1", "view_port": "8321", "config": "", "namespace": ""}
+
+
+def is_recording(words: list[str]) -> bool:
+    """Whether the words name a recording, and no launch file."""
+    files = [word for word in words if ":=" not in word]
+    return bool(files) and not files[0].endswith((".yaml", ".yml"))
+
+
+def run(words: list[str], tqdm: Callable) -> int:
+    """Show the recording that the words name until Ctrl-C.
+
+    Raises:
+        ValueError: an unknown option, or a value that is not allowed.
+        FileError, OSError: the recording cannot be read.
+    """
+    from ..middleware.config import read_skin
+    from ..recording.reader import Recording
+    from ..view.pictures import Pictures
+    from ..view.process import address_of, listen
+    from ..view.recorded import Recorded
+
+    path, given = _options(words)
+    recording = Recording(path, given["namespace"])
+    skin = read_skin(given["config"]) if given["config"] else recording.skin
+    method = recording.node_parameters("compensation").get("method", "auto")
+
+    def track(messages, total: int):
+        return tqdm(messages, desc=f"reading {path}", total=total, leave=False, disable=None)
+
+    port = given["view_port"]
+    if not (port.isdecimal() and int(port) <= 65535):
+        raise ValueError(f"view_port:={port}: must be a whole number from 0 to 65535")
+    with listen(given["view_host"], int(port)) as listening:
+        shown, pictures = Recorded(recording, track), Pictures(skin, method)
+        shape = shown.shape
+        if shape != skin.circuit.shape:
+            raise ValueError(
+                f"{path}: its readings are {shape[0]} x {shape[1]}, the configuration says "
+                f"{skin.circuit.rows} x {skin.circuit.cols}: give config:=FILE"
+            )
+        print(f"{path} in a browser: {address_of(listening)} (Ctrl-C ends)", flush=True)
+        with contextlib.suppress(KeyboardInterrupt):
+            asyncio.run(_serve(listening, shown, pictures))
+    return 0
+
+
+async def _serve(listening, shown, pictures) -> None:
+    from ..view.server import serve
+
+    await serve(listening, shown, pictures, asyncio.Event(), False)
+
+
+def _options(words: list[str]) -> tuple[str, dict[str, str]]:
+    files = [word for word in words if ":=" not in word]
+    if len(files) > 1:
+        raise ValueError(f"one recording, not {len(files)}: {' '.join(files)}")
+    given = dict(_OPTIONS)
+    for word in words:
+        name, mark, value = word.partition(":=")
+        if mark and name not in given:
+            raise ValueError(f"argument {name!r}: must be one of {', '.join(given)}")
+        if mark:
+            given[name] = value
+    return files[0], given

@@ -1,0 +1,94 @@
+"""The snapshots of a running skin, in the page's process."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import socket
+
+from ..middleware.config import skin_of
+from .pictures import Pictures
+from .process import LARGEST
+from .server import Wanted, serve
+from .snapshot import Snapshot
+
+_PATIENCE = 0.5  # s after which a page is told once more what there is
+_ANSWER_WITHIN = 5.0  # s
+
+
+class Live:
+    """The newest snapshot only.
+
+    Args:
+        skin: the socket to the skin.
+    """
+
+    def __init__(self, skin: socket.socket):
+        self.newest, self._number = Snapshot(), 0
+        self._skin = skin
+        self._news = asyncio.Event()
+        self.ended = asyncio.Event()
+        self._answer: asyncio.Future | None = None
+        self._asking = asyncio.Lock()
+        skin.setblocking(False)
+        asyncio.get_running_loop().add_reader(skin, self._receive)
+
+    def hello(self) -> dict:
+        return {"recording": None, "title": "live"}
+
+    async def snapshot(self, wanted: Wanted) -> tuple[int, Snapshot]:
+        """One that is newer than the page's last; after half a second what there is."""
+        if self._number <= wanted.after:
+            with contextlib.suppress(TimeoutError, asyncio.TimeoutError):
+                await asyncio.wait_for(self._news.wait(), _PATIENCE)
+        return self._number, self.newest
+
+    def watched(self, pages: int) -> None:
+        self._tell({"watched": pages > 0})
+
+    async def ask(self, name: str) -> dict:
+        """What the skin answers to a request."""
+        async with self._asking:
+            self._answer = asyncio.get_running_loop().create_future()
+            self._tell({"ask": name})
+            try:
+                return await asyncio.wait_for(self._answer, _ANSWER_WITHIN)
+            except (TimeoutError, asyncio.TimeoutError):
+                return {"answer": name, "success": False, "message": "the skin does not answer"}
+
+    def _tell(self, said: dict) -> None:
+        with contextlib.suppress(OSError):
+            self._skin.send(json.dumps(said).encode())
+
+    def _receive(self) -> None:
+        newest = None
+        try:
+            while data := self._skin.recv(LARGEST):
+                if data[:1] == b"{":  # an answer; a snapshot begins with the length of its head
+                    self._settle(json.loads(data))
+                else:
+                    newest = data
+            self.ended.set()
+        except BlockingIOError:
+            pass
+        except OSError:
+            self.ended.set()
+        if newest is not None:
+            self.newest, self._number = Snapshot.unpack(newest), self._number + 1
+            self._news.set()
+            self._news = asyncio.Event()
+
+    def _settle(self, said: dict) -> None:
+        if self._answer is not None and not self._answer.done():
+            self._answer.set_result(said)
+
+
+async def run(listening: socket.socket, skin: socket.socket) -> None:
+    """Serve until the skin ends."""
+    parameters = json.loads(skin.recv(LARGEST))["parameters"]
+    live = Live(skin)
+    own = ("host", "port", "controls", "method")
+    configured = skin_of({k: v for k, v in parameters.items() if k not in own}, "view")
+    pictures = Pictures(configured, parameters["method"])
+    await serve(listening, live, pictures, live.ended, parameters["controls"])

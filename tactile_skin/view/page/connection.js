@@ -1,0 +1,48 @@
+// The WebSocket: one snapshot is asked for at a time, so that nothing waits in a queue.
+
+import { unpack } from "./wire.js";
+
+const RETRY = 1000; // ms until a lost connection is tried again
+
+export class Connection {
+  /** @param listener with hello(hello), snapshot(head, arrays), said(answer), lost(why). */
+  constructor(listener) {
+    this.listener = listener;
+    this.open();
+  }
+
+  open() {
+    this.asked = false;
+    this.socket = new WebSocket(`ws://${location.host}/snapshots`);
+    this.socket.binaryType = "arraybuffer";
+    this.socket.onmessage = ({ data }) => this.take(data);
+    this.socket.onclose = ({ reason }) => {
+      this.listener.lost(reason);
+      setTimeout(() => this.open(), RETRY);
+    };
+  }
+
+  take(data) {
+    if (data instanceof ArrayBuffer) {
+      this.asked = false;
+      const { head, arrays } = unpack(data);
+      this.listener.snapshot(head, arrays);
+      return;
+    }
+    const said = JSON.parse(data);
+    if (said.hello) this.listener.hello(said.hello);
+    else this.listener.said(said.said);
+  }
+
+  /** Ask for a snapshot, unless one is on its way; whether it was asked for. */
+  want(wanted) {
+    if (this.asked || this.socket.readyState !== WebSocket.OPEN) return false;
+    this.asked = true;
+    this.socket.send(JSON.stringify(wanted));
+    return true;
+  }
+
+  ask(name) {
+    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify({ ask: name }));
+  }
+}

@@ -1,0 +1,250 @@
+"""What the page draws of a snapshot: pictures of the cells, contacts on the mat, numbers."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+
+from ..middleware.config import SkinConfig
+from ..physics.circuit import Circuit, forward
+from ..physics.curve import PressureCurve
+from ..solvers import METHODS, Estimate, compensate
+from ..touch import features
+from .snapshot import NodeStatus, Snapshot
+from .wire import pack
+
+PUBLISHED = "published"  # not a method: what the skin itself made of the reading
+_CELL = 0.2  # N: a contact has a cell with more, as of gesture_feature's cell_threshold
+_TIME_LIMIT = 0.05  # s for a frame, as of compensation's time_limit
+_NUMBER = re.compile(r"-?\d+(\.\d+)?")
+_LINES = re.compile(r"\b(row|column)s? (\d+(?:(?:, | and )\d+)*)")  # "columns 3, 4 and 5"
+MISSING = ("map", "auto")  # methods that do without the readings that are missing
+
+
+class Pictures:
+    """Draws the snapshots of one skin.
+
+    Args:
+        skin: its configuration.
+        method: with which it compensates: that of the standard deviation of what it published.
+    """
+
+    def __init__(self, skin: SkinConfig, method: str):
+        self.skin, self.method = skin, method
+        self._snapshot: Snapshot | None = None
+        self._estimates: dict[str, Estimate] = {}
+        self._last: dict[str, Estimate] = {}  # of the snapshot before, where the next one starts
+
+    def hello(self) -> dict:
+        """What holds for all snapshots."""
+        circuit, geometry = self.skin.circuit, self.skin.geometry
+        return {
+            "rows": circuit.rows,
+            "cols": circuit.cols,
+            "full_scale": circuit.full_scale,
+            "populated": circuit.populated.astype(int).ravel().tolist(),
+            "max_force": self.skin.curve.max_force,
+            "flat": bool(np.ptp(geometry.normal[circuit.populated], axis=0).max() < 1e-6),
+            "methods": list(METHODS),
+            "method": self.method,
+        }
+
+    def message(self, snapshot: Snapshot, a: str, b: str, more: dict) -> bytes:
+        """The message for a page that compares methods a and b.
+
+        Args:
+            a, b: a method, or PUBLISHED.
+            more: what else the page is told.
+        """
+        if snapshot is not self._snapshot:
+            self._snapshot, self._last, self._estimates = snapshot, self._estimates, {}
+        head = {"stamp": snapshot.stamp, "stop": snapshot.stop, "reason": snapshot.reason, **more}
+        head |= self._numbers(snapshot)
+        pictures, errors = {}, {}
+        for side, method in (("a", a), ("b", b)):
+            if snapshot.adc is None:
+                break
+            try:
+                ratio = self._ratio(snapshot)
+                pictures["reading"] = ratio * self.skin.circuit.full_scale
+                pictures |= self._side(side, method, snapshot, ratio)
+            except ValueError as error:  # weights of another circuit, nothing read, say
+                errors[side] = str(error)
+        head["errors"] = errors
+        head["contacts"] = self._contacts(snapshot)
+        if (force := pictures.get("a")) is not None:
+            head["push"] = self._push(np.nan_to_num(force))
+        pictures = {name: np.asarray(p, np.float32) for name, p in pictures.items()}
+        return pack(head, pictures)
+
+    def _side(self, side: str, method: str, snapshot: Snapshot, ratio: np.ndarray) -> dict:
+        """Force [N], its standard deviation [N] and the misfit [ADC steps] of a method."""
+        circuit, curve = self._known(snapshot)
+        solver = self.method if method == PUBLISHED else method
+        if method == PUBLISHED:
+            if snapshot.pressure is None:
+                raise ValueError("the skin published no picture of this reading")
+            force = snapshot.pressure * self.skin.geometry.cell_area
+        else:
+            force = self._estimate(method, ratio, circuit, curve, snapshot).force
+        found = {side: force}
+        if side == "a":
+            model = forward(circuit, curve.resistance(force))
+            found["misfit"] = (ratio - model) * circuit.full_scale
+            found["std"] = self._estimate(solver, ratio, circuit, curve, snapshot).std
+        return found
+
+    def _estimate(self, method, ratio, circuit, curve, snapshot) -> Estimate:
+        if method not in self._estimates:
+            start = self._last.get(method)
+            self._estimates[method] = compensate(
+                np.where(circuit.populated, ratio, np.nan) if method in MISSING else ratio,
+                circuit,
+                curve,
+                method,
+                start=start if start is not None and start.status == "ok" else None,
+                noise=_value(snapshot, "noise"),
+                missing=method in MISSING,
+                time_limit=_TIME_LIMIT,
+            )
+        return self._estimates[method]
+
+    def _ratio(self, snapshot: Snapshot) -> np.ndarray:
+        shape = self.skin.circuit.shape
+        for picture in (snapshot.adc, snapshot.pressure):
+            if picture is not None and picture.shape != shape:
+                raise ValueError(f"a picture of {picture.shape}: the circuit is {shape}")
+        return self.skin.adc.ratio_of(snapshot.adc)
+
+    def _known(self, snapshot: Snapshot) -> tuple[Circuit, PressureCurve]:
+        """The circuit and the curve as the skin has found them, by what it says."""
+        circuit, curve = self.skin.circuit, self.skin.curve
+        found = {name: _value(snapshot, name) for name in ("r_par", "r_line")}
+        circuit = replace(circuit, **{k: v for k, v in found.items() if v is not None})
+        if snapshot.rest is not None and snapshot.rest.shape == circuit.shape:
+            curve = curve.resting_at(snapshot.rest)
+        return circuit, curve
+
+    def _contacts(self, snapshot: Snapshot) -> list[dict]:
+        """Each contact with its place and velocity on the mat, in cells and cells a second."""
+        found = []
+        for x, y, z, force, number, *velocity in snapshot.contacts.tolist():
+            place, way = self._on_mat(np.array([x, y, z]), np.array(velocity))
+            found.append(
+                {
+                    "id": int(number),
+                    "force": force,
+                    "row": place[0],
+                    "col": place[1],
+                    "way": way,
+                    "speed": math.hypot(*velocity),
+                }
+            )
+        return found
+
+    def _push(self, force: np.ndarray) -> dict | None:
+        """The push of a picture; `way`: what of it lies in the mat, in cells of the unit vector."""
+        push = features.analyse_frame(force, self.skin.geometry, _CELL).push
+        if not push.direction.any():
+            return None
+        place, way = self._on_mat(push.centre, push.direction * self.skin.geometry.pitch)
+        return {
+            "row": place[0],
+            "col": place[1],
+            "way": way,
+            "force": math.hypot(*push.force.tolist()),
+            "direction": push.direction.tolist(),
+            "confidence": push.confidence,
+        }
+
+    def _on_mat(self, position: np.ndarray, vector: np.ndarray) -> tuple[list, list]:
+        """A point (3,) [m] as (row, column) of the mat, and a vector there as rows and columns."""
+        at = self.skin.geometry.position
+        cells = self.skin.circuit.populated
+        off = np.where(cells, np.square(at - position).sum(-1), np.inf)
+        row, col = np.unravel_index(off.argmin(), off.shape)
+        steps = np.stack([_slope(at, row, 0)[col], _slope(at.swapaxes(0, 1), col, 0)[row]], 1)
+        inverse = np.linalg.pinv(steps)  # (2, 3): metres -> rows, columns
+        place = inverse @ (position - at[row, col])
+        place = np.clip(place, -0.5, 0.5) + np.array([row, col])
+        return place.tolist(), (inverse @ vector).tolist()
+
+    def _numbers(self, snapshot: Snapshot) -> dict:
+        """What the nodes say of themselves."""
+        values: dict[str, str] = {}
+        for status in snapshot.nodes.values():
+            values |= status.values
+        dropped = sum(  # the page itself takes the newest only
+            _count(s.values.get("dropped"))
+            for name, s in snapshot.nodes.items()
+            if name.rpartition("/")[2] != "view"
+        )
+        return {
+            "rate": _number(values.get("rate")),
+            "residual": _number(values.get("residual")),
+            "noise": _number(values.get("noise")),
+            "lost": _count(values.get("lost")),
+            "crc_errors": _count(values.get("crc_errors")),
+            "dropped": dropped,
+            "says": _reports(snapshot),
+            "findings": findings(snapshot),
+        }
+
+
+def _reports(snapshot: Snapshot) -> list[tuple[str, int, str]]:
+    """(node, level, text) of all that is not well, and of what doctor found."""
+    reports = []
+    for name, status in sorted(snapshot.nodes.items()):
+        if status.level:
+            reports.append((name, status.level, status.message))
+        reports += [(name, 1, text) for text in _found(status) if text not in status.message]
+    return reports
+
+
+def _found(status: NodeStatus) -> list[str]:
+    """What doctor found, by a node's values: "column 5: evidence. Remedy."."""
+    return [v for k, v in sorted(status.values.items()) if k.startswith("finding_")]
+
+
+def findings(snapshot: Snapshot) -> list[dict]:
+    """What is wrong with which lines: what doctor found, and what the nodes' messages name."""
+    texts: list[str] = []
+    for _, status in sorted(snapshot.nodes.items()):
+        texts += _found(status)
+        if status.level:  # what keeps the rest from being measured is a touch, and no fault
+            unrested = status.values.get("tare", "")
+            texts += status.message.replace(unrested or "\0", "").split("; ")
+    found = []
+    for text in dict.fromkeys(texts):
+        lines = {"row": [], "column": []}
+        where = text.partition(":")[0]  # the lines that are meant stand first
+        for match in _LINES.finditer(where if _LINES.search(where) else text):
+            lines[match[1]] += map(int, re.findall(r"\d+", match[2]))
+        if lines["row"] or lines["column"]:
+            found.append({"text": text, "rows": lines["row"], "cols": lines["column"]})
+    return found
+
+
+def _slope(at: np.ndarray, k: int, axis: int) -> np.ndarray:
+    """d position / d index at k along an axis, by its neighbours; 0 where there is one line."""
+    low, high = max(k - 1, 0), min(k + 1, at.shape[axis] - 1)
+    return (at.take(high, axis) - at.take(low, axis)) / max(high - low, 1)
+
+
+def _value(snapshot: Snapshot, name: str) -> float | None:
+    """A number that a node gives among its values."""
+    texts = (s.values[name] for s in snapshot.nodes.values() if name in s.values)
+    return next((_number(text) for text in texts), None)
+
+
+def _number(text: str | None) -> float | None:
+    """The number that a value begins with: "404.0 +- 5.0 ohm"."""
+    match = _NUMBER.match(text or "")
+    return float(match[0]) if match else None
+
+
+def _count(text: str | None) -> int:
+    return int(_number(text) or 0)

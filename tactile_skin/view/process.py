@@ -1,0 +1,126 @@
+"""The page's process, from the side of the skin: start it, hand it snapshots, hear its requests.
+
+Between the two is a socket of whole messages. A snapshot that does not fit in its buffer is
+dropped; of those that wait, the page's process takes the newest (live.py).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import json
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from ..errors import LaunchError
+from .snapshot import Snapshot
+
+LARGEST = 1 << 18  # bytes of a message
+_END_WITHIN = 0.05  # s for the process to end by itself
+
+
+class PageProcess:
+    """Serves the page until it is closed, or this process ends.
+
+    Args:
+        parameters: of the node `view`, name -> value.
+
+    Attributes:
+        address: of the page.
+        watched: whether a page is open.
+        dropped: snapshots that its process was too slow for.
+
+    Raises:
+        LaunchError: the address cannot be served on, or websockets is not installed.
+    """
+
+    def __init__(self, parameters: dict):
+        host, port = parameters["host"], parameters["port"]
+        with listen(host, port) as listening:
+            self.address = address_of(listening)
+            self._ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+            with theirs:
+                self._process = _start(listening, theirs)
+        self.watched, self.dropped = False, 0
+        self._send({"parameters": parameters})
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Never waits."""
+        try:
+            self._ours.send(snapshot.pack(), socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            self.dropped += 1
+        except OSError:  # it ended
+            self.watched = False
+
+    def requests(self) -> Iterator[str]:
+        """What the pages ask for, as it comes, until the process ends."""
+        while data := self._receive():
+            said = json.loads(data)
+            self.watched = said.get("watched", self.watched)
+            if "ask" in said:
+                yield said["ask"]
+        self.watched = False
+
+    def _receive(self) -> bytes:
+        with contextlib.suppress(OSError):
+            return self._ours.recv(LARGEST)
+        return b""
+
+    def answer(self, request: str, success: bool, message: str) -> None:
+        self._send({"answer": request, "success": success, "message": message})
+
+    def _send(self, said: dict) -> None:
+        with contextlib.suppress(OSError):  # it ended
+            self._ours.send(json.dumps(said).encode())
+
+    def close(self) -> None:
+        with contextlib.suppress(OSError):
+            self._ours.shutdown(socket.SHUT_RDWR)
+        self._ours.close()
+        self._process.terminate()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(_END_WITHIN)
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A socket that listens there.
+
+    Raises:
+        LaunchError: the address is taken, or none of this computer's, or websockets is missing.
+    """
+    if not importlib.util.find_spec("websockets"):
+        raise LaunchError("the page needs websockets: pip install 'tactile_skin[view]'")
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+        return socket.create_server((host, port), family=family)
+    except (OSError, UnicodeError) as error:
+        why = (getattr(error, "strerror", None) or str(error)).partition(" (while")[0]
+        raise LaunchError(
+            f"the page on {host}, port {port}: {why}: set view_port to a free one, 0 for any, and "
+            "view_host to an address of this computer"
+        ) from error
+
+
+def address_of(listening: socket.socket) -> str:
+    host, port = listening.getsockname()[:2]
+    if host in ("0.0.0.0", "::"):
+        host = socket.gethostname()
+    return f"http://{f'[{host}]' if ':' in host else host}:{port}"
+
+
+def _start(listening: socket.socket, theirs: socket.socket) -> subprocess.Popen:
+    package = str(Path(__file__).parents[2])
+    path = os.pathsep.join(filter(None, [package, os.environ.get("PYTHONPATH")]))
+    numbers = listening.fileno(), theirs.fileno()
+    return subprocess.Popen(
+        [sys.executable, "-m", "tactile_skin.view", *map(str, numbers)],
+        stdin=subprocess.DEVNULL,
+        pass_fds=numbers,
+        env=os.environ | {"PYTHONPATH": path, "OPENBLAS_NUM_THREADS": "1"},
+        start_new_session=True,  # Ctrl-C ends the skin, and that ends it
+    )

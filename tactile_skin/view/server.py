@@ -1,0 +1,252 @@
+"""The page's server: a few files, and one WebSocket for each page.
+
+A page asks for each snapshot when it has drawn the one before, and is answered with the newest:
+one that is slow, or asleep, has nothing queued. Only pages of this server are answered: a request
+must name the host that it reached, by address or by this computer's name (a foreign name may be a
+rebound one), and its origin must be that host.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import ipaddress
+import json
+import logging
+import socket
+import time
+from collections import OrderedDict
+from dataclasses import dataclass
+from http import HTTPStatus
+from pathlib import Path
+
+from websockets.asyncio.server import ServerConnection
+from websockets.asyncio.server import serve as serve_websockets
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+
+from ..solvers import METHODS
+from .pictures import PUBLISHED, Pictures
+
+_logger = logging.getLogger("tactile_skin.view")
+_PAGES = 16  # that may be open at once
+_CONNECTIONS = 64  # that may be open at once, those included that never ask for anything
+_OPEN_WITHIN = 5.0  # s for a request to be complete
+_LARGEST = 1024  # bytes that a page may say at once
+_SENT = 8  # snapshots of which is known when their readings arrived
+_WEBSOCKET = "/snapshots"
+_FOLDER = Path(__file__).parent / "page"
+_TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".svg": "image/svg+xml",
+}
+_HEADERS = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
+    "img-src 'self'; connect-src 'self'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "Connection": "close",
+}
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What a page asks for.
+
+    Attributes:
+        a, b: the methods that it compares.
+        after: number of the snapshot that it has.
+        drawn: number of the one that it drew last.
+        at: of a recording, the time [s] from its start.
+        ask: "tare" or "reset"; empty: a snapshot.
+    """
+
+    a: str = PUBLISHED
+    b: str = "naive"
+    after: int = 0
+    drawn: int = 0
+    at: float = 0.0
+    ask: str = ""
+
+
+def read_wanted(text: str | bytes) -> Wanted:
+    """
+    Raises:
+        ValueError: not what a page says.
+    """
+    said = json.loads(text)
+    if not isinstance(said, dict) or not said.keys() <= Wanted.__dataclass_fields__.keys():
+        raise ValueError("must be an object of known keys")
+    wanted = Wanted(**said)
+    methods = (PUBLISHED, *METHODS)
+    if not (
+        wanted.a in methods
+        and wanted.b in methods
+        and type(wanted.after) is type(wanted.drawn) is int
+        and type(wanted.at) in (int, float)
+        and abs(wanted.at) < 1e9
+        and wanted.ask in ("", "tare", "reset")
+    ):
+        raise ValueError("a value out of range")
+    return wanted
+
+
+def names_this_host(host: str, reached: str) -> bool:
+    """Whether a request's Host names this computer: DNS rebinding comes under a foreign name.
+
+    Args:
+        host: the header.
+        reached: address and port, as "127.0.0.1:8321", that the connection was made to.
+    """
+    address, _, port = reached.rpartition(":")
+    name, colon, given = host.rpartition(":") if not host.endswith("]") else (host, "", "")
+    if not colon:
+        name, given = host, "80"
+    if given != port:
+        return False
+    name = name.strip("[]").lower()
+    own = socket.gethostname().lower()
+    try:
+        return ipaddress.ip_address(name) == ipaddress.ip_address(address)
+    except ValueError:
+        loopback = ipaddress.ip_address(address).is_loopback
+        return name in ({"localhost"} if loopback else {own, own + ".local", f"{own}.lan"})
+
+
+class Server:
+    """
+    Args:
+        source: where snapshots come from: hello() -> dict, async snapshot(wanted) -> (number,
+            Snapshot), watched(pages) and async ask(name) -> dict.
+        controls: whether pages may ask for "tare" and "reset".
+    """
+
+    def __init__(self, source, pictures: Pictures, controls: bool):
+        self._source, self._pictures, self._controls = source, pictures, controls
+        self._pages = 0
+        self._files = {
+            f"/{path.name}": (path.read_bytes(), _TYPES[path.suffix])
+            for path in _FOLDER.iterdir()
+            if path.suffix in _TYPES
+        }
+        self._files["/"] = self._files["/index.html"]
+
+    def answer(self, connection: ServerConnection, request: Request) -> Response | None:
+        """A file, or a refusal; None: a page that may have its WebSocket."""
+        hosts, origins = (request.headers.get_all(name) for name in ("Host", "Origin"))
+        if len(hosts) != 1 or not names_this_host(hosts[0], _reached(connection)):
+            return _text(HTTPStatus.MISDIRECTED_REQUEST, "this host has another name")
+        if any(origin != f"http://{hosts[0]}" for origin in origins):
+            return _text(HTTPStatus.FORBIDDEN, "not for pages of another origin")
+        if request.path == _WEBSOCKET:
+            if not origins:
+                return _text(HTTPStatus.FORBIDDEN, "for the page only")
+            if self._pages >= _PAGES:
+                return _text(HTTPStatus.SERVICE_UNAVAILABLE, f"{_PAGES} pages are open already")
+            return None
+        if request.path not in self._files:
+            return _text(HTTPStatus.NOT_FOUND, "no such file")
+        return _response(HTTPStatus.OK, *self._files[request.path])
+
+    async def page(self, connection: ServerConnection) -> None:
+        """Talk with one page until it leaves."""
+        self._pages += 1
+        self._source.watched(self._pages)
+        try:
+            with contextlib.suppress(ConnectionClosed):
+                await self._talk(connection)
+        except Exception:
+            _logger.exception("a page was given up")
+            raise
+        finally:
+            self._pages -= 1
+            self._source.watched(self._pages)
+
+    async def _talk(self, connection: ServerConnection) -> None:
+        hello = self._pictures.hello() | self._source.hello() | {"controls": self._controls}
+        await connection.send(json.dumps({"hello": hello}))
+        sent: OrderedDict[int, float | None] = OrderedDict()
+        async for text in connection:
+            try:
+                wanted = read_wanted(text)
+            except (ValueError, TypeError, RecursionError):
+                await connection.close(1003, "not understood")
+                return
+            if wanted.ask:
+                await connection.send(json.dumps({"said": await self._ask(wanted.ask)}))
+                continue
+            more = {}
+            if (read_at := sent.get(wanted.drawn)) is not None:
+                more["latency"] = time.monotonic() - read_at
+            number, snapshot = await self._source.snapshot(wanted)
+            if snapshot.read_at is not None:
+                more["age"] = max(0.0, time.monotonic() - snapshot.read_at)
+            more["number"] = number
+            await connection.send(self._pictures.message(snapshot, wanted.a, wanted.b, more))
+            sent[number] = snapshot.read_at
+            while len(sent) > _SENT:
+                sent.popitem(last=False)
+
+    async def _ask(self, name: str) -> dict:
+        if not self._controls:
+            return {"answer": name, "success": False, "message": "controls are off"}
+        return await self._source.ask(name)
+
+
+def _reached(connection: ServerConnection) -> str:
+    address, port = connection.local_address[:2]
+    return f"{address.removeprefix('::ffff:')}:{port}"
+
+
+def _response(status: HTTPStatus, body: bytes, kind: str) -> Response:
+    headers = _HEADERS | {"Content-Type": kind, "Content-Length": str(len(body))}
+    return Response(status.value, status.phrase, Headers(headers), body)
+
+
+def _text(status: HTTPStatus, text: str) -> Response:
+    return _response(status, f"{text}\n".encode(), "text/plain; charset=utf-8")
+
+
+async def serve(
+    listening: socket.socket, source, pictures: Pictures, ended: asyncio.Event, controls: bool
+) -> None:
+    """Serve the page on a listening socket until `ended`."""
+    server = Server(source, pictures, controls)
+    is_open: set[asyncio.BaseTransport] = set()
+
+    class Bounded(ServerConnection):
+        """One of at most _CONNECTIONS."""
+
+        def connection_made(self, transport: asyncio.BaseTransport) -> None:
+            super().connection_made(transport)
+            is_open.add(transport)
+            if len(is_open) > _CONNECTIONS:
+                transport.abort()
+
+        def connection_lost(self, exc: Exception | None) -> None:
+            is_open.discard(self.transport)
+            super().connection_lost(exc)
+
+    strangers = logging.getLogger("tactile_skin.view.strangers")
+    strangers.setLevel(logging.CRITICAL)  # what they send is no news
+    async with serve_websockets(
+        server.page,
+        sock=listening,
+        process_request=server.answer,
+        create_connection=Bounded,
+        compression=None,
+        open_timeout=_OPEN_WITHIN,
+        max_size=_LARGEST,
+        max_queue=2,
+        close_timeout=1.0,
+        logger=strangers,
+        server_header=None,
+    ):
+        await ended.wait()

@@ -1,0 +1,140 @@
+"""What the topics said last, as one thing to draw."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..middleware.bus import DurabilityPolicy, QoSProfile, Time
+from ..msg import DiagnosticArray, DiagnosticStatus, Image, PointCloud2, cloud_columns, image_array
+from .wire import pack, unpack
+
+STOP = "skin/stop_status"
+LAG = 20  # readings that a pressure picture may come behind: 0.2 s at 100 a second
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+# topic -> its type, and how many of its newest messages count
+READINGS = {
+    "skin/adc": (Image, LAG),
+    "skin/pressure": (Image, 1),
+    "skin/contacts": (PointCloud2, 1),
+}
+# the same, and how many may wait
+OTHERS = {
+    "skin/rest": (Image, LATCHED),
+    STOP: (DiagnosticArray, LATCHED),
+    "diagnostics": (DiagnosticArray, 50),
+}
+TOPICS = READINGS | OTHERS
+CONTACT = ("x", "y", "z", "force", "id", "vx", "vy", "vz")
+
+
+@dataclass(frozen=True)
+class NodeStatus:
+    """What a node said last on diagnostics."""
+
+    level: int
+    message: str
+    values: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """The newest of each topic.
+
+    Attributes:
+        stamp: of the reading [s].
+        read_at: when its last byte arrived, on the monotonic clock [s]; None: in a recording.
+        adc: (rows, cols) uint16 of skin/adc; None as long as there is none.
+        pressure: (rows, cols) float32 [Pa], of the same reading if there is one.
+        contacts: (n, 8) float32, the columns CONTACT.
+        rest: (rows, cols) float32, resistance of the untouched cells [ohm], once measured.
+        stop: whether the robot is stopped, with its reason; None: nobody said.
+        nodes: name -> what it said last on diagnostics.
+    """
+
+    stamp: float = 0.0
+    read_at: float | None = None
+    adc: np.ndarray | None = None
+    pressure: np.ndarray | None = None
+    contacts: np.ndarray = field(default_factory=lambda: np.zeros((0, len(CONTACT)), np.float32))
+    rest: np.ndarray | None = None
+    stop: bool | None = None
+    reason: str = ""
+    nodes: dict[str, NodeStatus] = field(default_factory=dict)
+
+    def pack(self) -> bytes:
+        head = {
+            "stamp": self.stamp,
+            "read_at": self.read_at,
+            "stop": self.stop,
+            "reason": self.reason,
+            "nodes": {n: [s.level, s.message, s.values] for n, s in self.nodes.items()},
+        }
+        arrays = {name: getattr(self, name) for name in ("adc", "pressure", "contacts", "rest")}
+        return pack(head, {name: a for name, a in arrays.items() if a is not None})
+
+    @classmethod
+    def unpack(cls, data: bytes) -> Snapshot:
+        head, arrays = unpack(data)
+        nodes = {name: NodeStatus(*said) for name, said in head.pop("nodes").items()}
+        return cls(**head, **arrays, nodes=nodes)
+
+
+class Collector:
+    """Takes the messages of TOPICS, in any order.
+
+    A pressure picture comes after its reading, when the next one may already be there.
+    """
+
+    def __init__(self):
+        self._readings: dict[float, np.ndarray] = {}  # by their stamps, the oldest first
+        self._pressure: tuple[float, np.ndarray] | None = None
+        self._others: dict = {}
+        self._nodes: dict[str, NodeStatus] = {}
+
+    def take(self, topic: str, message) -> None:
+        """
+        Raises:
+            ValueError: a message that holds something else than the topic carries.
+        """
+        if topic == "diagnostics":
+            self._nodes = self._nodes | {s.name: _said(s) for s in message.status}
+        elif topic == STOP:
+            status = message.status[0]
+            stop = status.level != DiagnosticStatus.OK
+            self._others |= {"stop": stop, "reason": status.message if stop else ""}
+        elif topic == "skin/contacts":
+            columns = cloud_columns(message, *CONTACT)
+            self._others["contacts"] = np.stack([columns[name] for name in CONTACT], 1)
+        elif topic == "skin/rest":
+            self._others["rest"] = image_array(message)
+        else:
+            stamp = Time.from_msg(message.header.stamp).nanoseconds / 1e9
+            if topic == "skin/adc":
+                if stamp not in self._readings:
+                    self._readings[stamp] = image_array(message)
+                while len(self._readings) > LAG:
+                    del self._readings[next(iter(self._readings))]
+            else:
+                self._pressure = stamp, image_array(message)
+
+    def snapshot(self) -> Snapshot:
+        """The newest reading that there is a pressure picture of; without one, the newest."""
+        if not self._readings:
+            return Snapshot(nodes=self._nodes, **self._others)
+        solved, pressure = self._pressure or (None, None)
+        stamp = solved if solved in self._readings else next(reversed(self._readings))
+        return Snapshot(
+            stamp=stamp,
+            adc=self._readings[stamp],
+            pressure=pressure if stamp == solved else None,
+            nodes=self._nodes,
+            **self._others,
+        )
+
+
+def _said(status: DiagnosticStatus) -> NodeStatus:
+    return NodeStatus(
+        status.level, status.message, {pair.key: pair.value for pair in status.values}
+    )

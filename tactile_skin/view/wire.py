@@ -1,0 +1,48 @@
+"""Numbers and arrays as one string of bytes: from the node to the server, and on to the page.
+
+    length of the head (4 bytes, little-endian) | head: JSON, padded to 4 bytes | arrays
+
+The head is an object; its `arrays` lists [name, dtype, shape] of each array that follows, in order,
+little-endian, each padded to 4 bytes (wire.js reads the same).
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+
+import numpy as np
+
+_LENGTH = struct.Struct("<I")
+_DTYPES = {name: np.dtype(name) for name in ("<f4", "<u2", "|u1")}
+
+
+def pack(head: dict, arrays: dict[str, np.ndarray]) -> bytes:
+    """Args:
+    head: JSON's own types; NaN is not allowed.
+    arrays: float32, uint16 or uint8, any shape.
+    """
+    parts, listed = [], []
+    for name, array in arrays.items():
+        array = np.ascontiguousarray(array)
+        listed.append([name, array.dtype.str, array.shape])
+        parts.append(_padded(array.tobytes(), b"\0"))
+    text = json.dumps(head | {"arrays": listed}, allow_nan=False, separators=(",", ":"))
+    text = _padded(text.encode(), b" ")
+    return b"".join((_LENGTH.pack(len(text)), text, *parts))
+
+
+def unpack(data: bytes) -> tuple[dict, dict[str, np.ndarray]]:
+    """What was packed; the arrays are read-only."""
+    at = _LENGTH.size + _LENGTH.unpack_from(data)[0]
+    head, arrays = json.loads(data[_LENGTH.size : at]), {}
+    for name, dtype, shape in head.pop("arrays"):
+        count = int(np.prod(shape))
+        arrays[name] = np.frombuffer(data, _DTYPES[dtype], count, at).reshape(shape)
+        at += count * _DTYPES[dtype].itemsize
+        at += -at % 4
+    return head, arrays
+
+
+def _padded(data: bytes, fill: bytes) -> bytes:
+    return data + fill * (-len(data) % 4)

@@ -1,0 +1,195 @@
+"""The node `view`: snapshots to the page's process, requests from there, and its end."""
+
+import asyncio
+import json
+import os
+import signal
+import time
+
+import numpy as np
+import pytest
+
+pytest.importorskip("websockets", reason="serves the page")
+
+from websockets.asyncio.client import connect
+
+from tactile_skin.errors import LaunchError
+from tactile_skin.launch import Skin, read_plan
+from tactile_skin.middleware.bus import (
+    Context,
+    ManualClock,
+    MultiThreadedExecutor,
+    Node,
+    Parameter,
+)
+from tactile_skin.msg import (
+    DiagnosticArray,
+    DiagnosticStatus,
+    Header,
+    Image,
+    Time,
+    Trigger,
+    image,
+)
+from tactile_skin.nodes.observers.view import View
+from tactile_skin.view.process import listen
+from tactile_skin.view.snapshot import LATCHED, STOP
+from tactile_skin.view.wire import unpack
+
+PATIENCE = 30.0  # s, for what must happen
+
+
+class Viewed:
+    """The node on a bus, and what a page of it gets."""
+
+    def __init__(self, controls=False):
+        self.clock = ManualClock()
+        self.context, self.executor = Context(self.clock), MultiThreadedExecutor()
+        given = [Parameter("port", 0), Parameter("controls", controls)]
+        self.asked = []
+        self.node = Node("view", context=self.context, parameter_overrides=given)
+        self.other = Node("other", context=self.context)
+        for name in ("compensation/tare", "compensation/reset", "stop_on_push/reset"):
+            self.other.create_service(Trigger, f"/{name}", self._service(name))
+        self.adc = self.other.create_publisher(Image, "skin/adc", 10)
+        self.stop = self.other.create_publisher(DiagnosticArray, STOP, LATCHED)
+        self.view = View(self.node)
+        self.address = self.view._page.address
+        self.executor.add_node(self.node)
+        self.executor.add_node(self.other)
+
+    def _service(self, name):
+        def serve(_, response):
+            self.asked.append(name)
+            response.success, response.message = name != "stop_on_push/reset", f"{name} said"
+            return response
+
+        return serve
+
+    def publish(self, k, stop=False):
+        stamp = Header(Time(k, 0))
+        self.adc.publish(image(np.full((16, 16), 64 * (k % 1000), np.uint16), "16UC1", stamp))
+        status = DiagnosticStatus(2 * stop, "stop_on_push", "push" if stop else "")
+        self.stop.publish(DiagnosticArray(stamp, [status]))
+
+    def close(self):
+        self.view.close()
+        self.executor.shutdown(PATIENCE)
+
+
+@pytest.fixture
+def viewed(request):
+    made = Viewed(getattr(request, "param", False))
+    yield made
+    made.close()
+
+
+def talk(viewed, scenario):
+    """Run `scenario(page)` with a page of it."""
+
+    async def run():
+        url = viewed.address.replace("http", "ws") + "/snapshots"
+        async with connect(url, origin=viewed.address, max_size=None) as page:
+            await page.recv()
+            await scenario(page)
+
+    asyncio.run(asyncio.wait_for(run(), PATIENCE))
+
+
+async def until(page, happens, before=lambda: None):
+    number = 0
+    while True:
+        before()
+        await page.send(json.dumps({"after": number}))
+        head, arrays = unpack(await page.recv())
+        number = head["number"]
+        if happens(head):
+            return arrays
+
+
+def test_a_page_sees_what_is_published_and_the_stop(viewed):
+    async def scenario(page):
+        arrays = await until(page, lambda h: h["stamp"] == 200.0, lambda: viewed.publish(200))
+        assert (arrays["reading"] == 200.0).all()
+        stopped = lambda h: h["stop"] and h["reason"] == "push"  # noqa: E731
+        await until(page, stopped, lambda: viewed.publish(201, stop=True))
+
+    talk(viewed, scenario)
+
+
+def test_nothing_is_sent_while_no_page_is_open(viewed):
+    sent = []
+    viewed.view._page.show = sent.append
+    viewed.publish(3)
+    deadline = time.monotonic() + PATIENCE
+    while not viewed.node._idle() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert not sent and not viewed.view._page.watched
+
+
+@pytest.mark.parametrize("viewed", [True], indirect=True)
+def test_a_page_that_may_tares_and_resets(viewed):
+    async def scenario(page):
+        await page.send(json.dumps({"ask": "tare"}))
+        said = json.loads(await page.recv())["said"]
+        assert (said["success"], said["message"]) == (True, "compensation/tare said")
+        await page.send(json.dumps({"ask": "reset"}))
+        said = json.loads(await page.recv())["said"]
+        assert (said["success"], said["message"]) == (False, "stop_on_push/reset said")
+
+    talk(viewed, scenario)
+    assert viewed.asked == ["compensation/tare", "compensation/reset", "stop_on_push/reset"]
+
+
+def test_a_page_that_may_not_is_refused_by_the_skin_too(viewed):
+    """Whatever the page's process is made to ask for."""
+    assert viewed.view._call("reset")[0] is False and viewed.asked == []
+
+
+def test_the_skin_goes_on_when_the_pages_process_dies(viewed, caplog):
+    os.kill(viewed.view._page._process.pid, signal.SIGKILL)
+    deadline = time.monotonic() + PATIENCE
+    while "has ended" not in caplog.text and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert "the skin goes on" in caplog.text
+    viewed.view._page.watched = True
+    for k in range(2000):  # more than any buffer holds
+        viewed.publish(k)
+    viewed.view._show()
+    assert not viewed.view._page.watched and viewed.node.callback_errors == 0
+
+
+def test_a_page_process_that_hangs_costs_snapshots_only(viewed):
+    """Frozen, it takes nothing: the buffer is full, and what is new is dropped."""
+    os.kill(viewed.view._page._process.pid, signal.SIGSTOP)
+    try:
+        viewed.view._page.watched = True
+        for k in range(2000):
+            viewed.publish(k)
+            viewed.view._show()
+            if viewed.view._page.dropped:
+                break
+        assert viewed.view._page.dropped
+    finally:
+        os.kill(viewed.view._page._process.pid, signal.SIGCONT)
+
+
+def test_it_ends_with_the_skin():
+    viewed = Viewed()
+    process = viewed.view._page._process
+    viewed.close()
+    process.wait(PATIENCE)
+    assert process.returncode is not None
+
+
+def test_an_address_that_is_taken_is_named(tmp_path):
+    with listen("127.0.0.1", 0) as taken:
+        port = taken.getsockname()[1]
+        plan = read_plan("launch/skin.launch.yaml", {"view": "true", "view_port": str(port)})
+        plan.nodes = [action for action in plan.nodes if action.kind == "view"]
+        with pytest.raises(LaunchError, match=rf"port {port}: .*in use"):
+            Skin(plan).build()
+    with pytest.raises(LaunchError, match=r"192\.0\.2\.1"):
+        listen("192.0.2.1", 0)
+    with pytest.raises(LaunchError, match=r"no\.such"):
+        listen("no.such.host.invalid", 0)

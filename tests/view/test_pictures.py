@@ -1,0 +1,205 @@
+"""What is drawn of a snapshot, and that it comes through the wire as it is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tactile_skin import forward
+from tactile_skin.middleware.config import read_skin
+from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Header, KeyValue, Time, image
+from tactile_skin.nodes.gesture_feature import contact_cloud
+from tactile_skin.touch import features
+from tactile_skin.touch.tracking import Tracker
+from tactile_skin.view.pictures import PUBLISHED, Pictures, findings
+from tactile_skin.view.snapshot import STOP, Collector, NodeStatus, Snapshot
+from tactile_skin.view.wire import pack, unpack
+
+SKIN = read_skin()
+RNG = np.random.default_rng(5)
+
+
+def header(seconds: float) -> Header:
+    return Header(Time(int(seconds), round(seconds % 1 * 1e9)))
+
+
+def touched(row=5, col=9, newtons=2.0) -> np.ndarray:
+    force = np.zeros((16, 16))
+    force[row : row + 2, col : col + 3] = newtons
+    return force
+
+
+def samples(force, r_par=None) -> np.ndarray:
+    """skin/adc of a noiseless board."""
+    circuit = SKIN.circuit
+    ratio = forward(circuit, SKIN.curve.resistance(force))
+    return np.rint(ratio * circuit.full_scale * 64).astype(np.uint16)
+
+
+def snapshot_of(force, **more) -> Snapshot:
+    pressure = np.float32(force / SKIN.geometry.cell_area)
+    return Snapshot(stamp=1.0, adc=samples(force), pressure=pressure, **more)
+
+
+def drawn(snapshot, a=PUBLISHED, b="naive"):
+    return unpack(Pictures(SKIN, "newton").message(snapshot, a, b, {}))
+
+
+def test_numbers_and_arrays_come_back_as_they_were_packed():
+    arrays = {
+        "a": np.float32([[1.5, np.nan]]),
+        "odd": np.uint8([1, 2, 3]),
+        "b": np.uint16([[1], [65535], [3]]),
+        "none": np.zeros((0, 8), np.float32),
+    }
+    head, found = unpack(pack({"x": 1, "text": "µ"}, arrays))
+    assert head == {"x": 1, "text": "µ"} and found.keys() == arrays.keys()
+    for name, array in arrays.items():
+        np.testing.assert_array_equal(found[name], array)
+
+
+def test_a_snapshot_comes_through_the_wire():
+    nodes = {"compensation": NodeStatus(1, "a message", {"residual": "0.5"})}
+    sent = snapshot_of(touched(), stop=True, reason="push", nodes=nodes, read_at=7.0)
+    got = Snapshot.unpack(sent.pack())
+    assert (got.stamp, got.read_at, got.stop, got.reason) == (1.0, 7.0, True, "push")
+    assert got.nodes == nodes
+    np.testing.assert_array_equal(got.adc, sent.adc)
+    assert got.rest is None
+
+
+def test_a_picture_belongs_to_its_reading():
+    """A pressure picture comes when the next reading may be there already."""
+    collector, one, two = Collector(), samples(touched()), samples(touched(2, 2))
+    assert collector.snapshot().adc is None
+    collector.take("skin/adc", image(one, "16UC1", header(1.0)))
+    assert collector.snapshot().pressure is None
+    collector.take("skin/adc", image(two, "16UC1", header(1.01)))
+    collector.take("skin/pressure", image(touched(), "32FC1", header(1.0)))
+    snapshot = collector.snapshot()
+    assert snapshot.stamp == 1.0 and snapshot.pressure is not None
+    np.testing.assert_array_equal(snapshot.adc, one)
+    for k in range(1, 31):  # from here on every frame fails: the readings are shown all the same
+        collector.take("skin/adc", image(two, "16UC1", header(1.0 + 0.01 * k)))
+    snapshot = collector.snapshot()
+    assert snapshot.stamp == 1.3 and snapshot.pressure is None
+
+
+def test_a_stop_and_its_reason_and_what_nodes_say_are_collected():
+    collector = Collector()
+    status = DiagnosticStatus(2, "stop_on_push", "push")
+    collector.take(STOP, DiagnosticArray(Header(), [status]))
+    pairs = [KeyValue("residual", "0.4")]
+    said = DiagnosticStatus(1, "left/compensation", "a message", "tactile_skin", pairs)
+    collector.take("diagnostics", DiagnosticArray(Header(), [said]))
+    snapshot = collector.snapshot()
+    assert snapshot.stop and snapshot.reason == "push"
+    assert snapshot.nodes["left/compensation"].values == {"residual": "0.4"}
+
+
+@pytest.mark.parametrize("method", [PUBLISHED, "newton", "map"])
+def test_the_pictures_are_of_the_force_that_presses(method):
+    force = touched()
+    head, pictures = drawn(snapshot_of(force), a=method)
+    assert not head["errors"]
+    np.testing.assert_allclose(pictures["a"], force, atol=0.1)
+    assert np.abs(pictures["misfit"]).max() < 2.0 and pictures["std"].max() < 0.5
+    assert pictures["b"].sum() > 1.3 * force.sum()  # naive sees ghosts
+    reading = pictures["reading"]
+    np.testing.assert_allclose(reading, samples(force) / 64.0, atol=0.01)
+
+
+def test_the_misfit_is_the_readings_minus_the_models():
+    force = touched()
+    adc = samples(force)
+    adc[3, 4] += 64 * 20
+    snapshot = Snapshot(adc=adc, pressure=np.float32(force / SKIN.geometry.cell_area))
+    misfit = drawn(snapshot)[1]["misfit"]
+    assert misfit[3, 4] == pytest.approx(20.0, abs=0.5)
+    assert np.abs(np.delete(misfit.ravel(), 3 * 16 + 4)).max() < 0.5
+
+
+def test_the_skins_own_rest_and_circuit_count():
+    """What it published is explained by what it knows of its board, not by the configuration."""
+    rest = 40000.0 * np.exp(0.1 * RNG.standard_normal((16, 16)))
+    circuit = replace(SKIN.circuit, r_par=360.0)
+    force, curve = touched(), SKIN.curve.resting_at(rest)
+    adc = forward(circuit, curve.resistance(force)) * circuit.full_scale * 64
+    said = {"compensation": NodeStatus(0, "ok", {"r_par": "360.0 +- 2.0 ohm"})}
+    pressure = np.float32(force / SKIN.geometry.cell_area)
+    snapshot = Snapshot(adc=np.rint(adc).astype(np.uint16), pressure=pressure)
+    assert np.abs(drawn(snapshot)[1]["misfit"]).max() > 3.0
+    known = Snapshot(adc=snapshot.adc, pressure=pressure, rest=np.float32(rest), nodes=said)
+    _, pictures = drawn(known, b="newton")
+    assert np.abs(pictures["misfit"]).max() < 0.1
+    np.testing.assert_allclose(pictures["b"], force, atol=0.1)
+
+
+def test_a_method_that_cannot_is_said_and_the_others_are_drawn():
+    snapshot = snapshot_of(touched())
+    adc = snapshot.adc.copy()
+    adc[0, 0] = 65535  # not read
+    head, pictures = drawn(Snapshot(adc=adc, pressure=snapshot.pressure), a="map", b="naive")
+    assert "b" in head["errors"] and "b" not in pictures
+    assert np.isnan(pictures["reading"][0, 0]) and np.isfinite(pictures["a"]).all()
+    head, pictures = drawn(Snapshot(adc=snapshot.adc))
+    assert "a" in head["errors"] and "reading" in pictures and "b" in pictures
+    for bad in (np.full((16, 16), 65535, np.uint16), np.zeros((8, 8), np.uint16)):
+        head, pictures = drawn(Snapshot(adc=bad))
+        assert head["errors"].keys() == {"a", "b"} and pictures == {}
+    head, pictures = drawn(Snapshot())
+    assert pictures == {} and head["stop"] is None
+
+
+def test_contacts_and_push_are_where_they_press():
+    """A cylinder's contact, in metres, comes back to its row and column."""
+    force = touched(5, 12)
+    frame = features.analyse_frame(force, SKIN.geometry, 0.2)
+    tracker = Tracker(SKIN.geometry.pitch)
+    touches = tracker.update(0.0, frame)
+    collector = Collector()
+    collector.take("skin/adc", image(samples(force), "16UC1", header(1.0)))
+    collector.take("skin/pressure", image(force / SKIN.geometry.cell_area, "32FC1", header(1.0)))
+    collector.take("skin/contacts", contact_cloud(touches, header(1.0)))
+    head, _ = drawn(collector.snapshot())
+    (contact,) = head["contacts"]
+    assert contact["row"] == pytest.approx(5.5, abs=0.1)
+    assert contact["col"] == pytest.approx(13.0, abs=0.1)
+    assert contact["force"] == pytest.approx(12.0, rel=0.01)
+    assert head["push"]["row"] == pytest.approx(5.5, abs=0.1)
+    assert np.hypot(*head["push"]["way"]) < 0.05  # a push along the normal
+    assert head["push"]["direction"][0] < 0.0
+
+
+@pytest.mark.parametrize(
+    ("said", "rows", "cols"),
+    [
+        ("column 5 is open: 8 of its 8 readings are at most 3 ADC steps", [], [5]),
+        ("rows 2 and 15 read the same, cell for cell", [2, 15], []),
+        ("row 3, column 7: much noisier than the other cells", [3], [7]),
+        ("columns 1, 2 and 4 are open", [], [1, 2, 4]),
+    ],
+)
+def test_lines_that_a_message_names_are_marked(said, rows, cols):
+    found = findings(Snapshot(nodes={"compensation": NodeStatus(1, said)}))
+    assert [(f["rows"], f["cols"]) for f in found] == [(rows, cols)]
+    assert findings(Snapshot(nodes={"compensation": NodeStatus(0, said)})) == []
+    values = {"finding_0": said, "finding_1": "link: nothing of lines"}
+    found = findings(Snapshot(nodes={"doctor": NodeStatus(0, "ok", values)}))
+    assert [(f["rows"], f["cols"]) for f in found] == [(rows, cols)]
+
+
+def test_what_doctor_found_is_marked_and_reported():
+    text = "row 2, column 7: reads 900 where rows 3 and 4 read 41. Check the crossing."
+    values = {"finding_1": text, "residual": "0.5"}
+    snapshot = Snapshot(nodes={"compensation": NodeStatus(0, "ok", values)})
+    head, _ = drawn(snapshot)
+    assert head["says"] == [["compensation", 1, text]]
+    assert head["findings"] == [{"text": text, "rows": [2], "cols": [7]}]
+
+
+def test_a_touch_that_keeps_the_rest_from_being_measured_is_no_fault():
+    why = "rest not measured: row 6, column 10 conducts 35 times as much: does something press?"
+    both = NodeStatus(1, f"{why}; column 3 is open", {"tare": why})
+    (found,) = findings(Snapshot(nodes={"compensation": both}))
+    assert found["cols"] == [3] and found["rows"] == []

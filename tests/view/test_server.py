@@ -1,0 +1,349 @@
+"""The page's server: what it serves, to whom, and what strangers can do to it."""
+
+import asyncio
+import contextlib
+import json
+import resource
+import socket
+
+import numpy as np
+import pytest
+
+pytest.importorskip("websockets", reason="serves the page")
+
+from websockets.asyncio.client import connect
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from tactile_skin.middleware.config import read_skin
+from tactile_skin.view import server
+from tactile_skin.view.pictures import Pictures
+from tactile_skin.view.server import names_this_host, read_wanted, serve
+from tactile_skin.view.snapshot import Snapshot
+from tactile_skin.view.wire import unpack
+
+PATIENCE = 20.0  # s, for what must happen
+
+
+class Source:
+    """Snapshots that a test makes."""
+
+    def __init__(self):
+        self.number, self.pages, self.asked = 1, [], []
+
+    def hello(self):
+        return {"recording": None, "title": "a test"}
+
+    async def snapshot(self, wanted):
+        adc = np.full((16, 16), 20000 + self.number, np.uint16)
+        return self.number, Snapshot(stamp=float(self.number), adc=adc)
+
+    def watched(self, pages):
+        self.pages.append(pages)
+
+    async def ask(self, name):
+        self.asked.append(name)
+        return {"answer": name, "success": True, "message": "done"}
+
+
+def served(scenario, controls=False):
+    """Run `scenario(source, address)`, a coroutine function, beside the server."""
+
+    async def run():
+        source, ended = Source(), asyncio.Event()
+        with socket.create_server(("127.0.0.1", 0)) as listening:
+            port = listening.getsockname()[1]
+            pictures = Pictures(read_skin(), "auto")
+            serving = asyncio.create_task(serve(listening, source, pictures, ended, controls))
+            try:
+                await asyncio.wait_for(scenario(source, f"127.0.0.1:{port}"), PATIENCE)
+            finally:
+                ended.set()
+                await serving
+
+    asyncio.run(run())
+
+
+async def get(address: str, path: str, *headers: str, host: str | None = None) -> str:
+    """The whole answer to a request as it stands, dots and all."""
+    name, port = address.split(":")
+    reader, writer = await asyncio.open_connection(name, int(port))
+    lines = [f"GET {path} HTTP/1.1", f"Host: {host or address}", *headers, "", ""]
+    writer.write("\r\n".join(lines).encode())
+    answer = await reader.read()
+    writer.close()
+    return answer.decode(errors="replace")
+
+
+def open_page(address: str, **more):
+    given = {"origin": f"http://{address}", "max_size": None, "compression": None} | more
+    return connect(f"ws://{address}/snapshots", **given)
+
+
+async def ask(page, **wanted) -> dict:
+    await page.send(json.dumps(wanted))
+    return unpack(await page.recv())[0]
+
+
+# --- what it is for ---
+
+
+def test_it_serves_the_page_for_itself_only():
+    async def scenario(source, address):
+        for path, kind in (("/", "text/html"), ("/page.js", "text/javascript")):
+            answer = await get(address, path)
+            assert answer.startswith("HTTP/1.1 200") and f"Content-Type: {kind}" in answer
+            assert "default-src 'none'" in answer and "Access-Control" not in answer
+
+    served(scenario)
+
+
+def test_all_that_the_page_names_is_there():
+    """It works offline, then: nothing is named that is not served."""
+    names = [path.name for path in server._FOLDER.iterdir()]
+    for name in names:
+        text = (server._FOLDER / name).read_text()
+        assert "http" not in text.replace("http://www.w3.org/2000/svg", "")
+        for other in names:
+            named = [f'"{other}"', f'"./{other}"']
+            if name == "index.html" and other in ("page.js", "style.css", "icon.svg"):
+                assert named[0] in text
+
+
+def test_a_page_gets_the_newest_snapshot_however_long_it_slept():
+    async def scenario(source, address):
+        async with open_page(address) as page:
+            hello = json.loads(await page.recv())["hello"]
+            assert hello["rows"] == hello["cols"] == 16 and hello["controls"] is False
+            assert (await ask(page))["number"] == 1
+            source.number = 500
+            assert (await ask(page, after=1, drawn=1))["number"] == 500
+        async with open_page(address) as page:
+            await page.recv()
+            assert source.pages[-1] == 1
+        while source.pages[-1]:
+            await asyncio.sleep(0.01)
+
+    served(scenario)
+
+
+def test_a_page_that_reads_nothing_has_one_snapshot_on_its_way():
+    """It asks once: nothing more is sent, whatever the skin does meanwhile."""
+
+    async def scenario(source, address):
+        async with open_page(address) as page:
+            await page.recv()
+            await page.send("{}")
+            for number in range(2, 50):
+                source.number = number
+                await asyncio.sleep(0)
+            assert unpack(await page.recv())[0]["number"] >= 1
+            with pytest.raises(asyncio.TimeoutError):
+                await asyncio.wait_for(page.recv(), 0.2)
+
+    served(scenario)
+
+
+@pytest.mark.parametrize("controls", [False, True])
+def test_controls_are_off_unless_allowed(controls):
+    async def scenario(source, address):
+        async with open_page(address) as page:
+            await page.recv()
+            await page.send(json.dumps({"ask": "reset"}))
+            said = json.loads(await page.recv())["said"]
+            assert said["success"] is controls
+            assert source.asked == ["reset"] * controls
+
+    served(scenario, controls)
+
+
+# --- strangers ---
+
+
+@pytest.mark.parametrize(
+    ("host", "ours"),
+    [
+        ("127.0.0.1:80", True),
+        ("127.0.0.1", True),
+        ("localhost:80", True),
+        ("LOCALHOST", True),
+        ("127.0.0.1:81", False),
+        ("localhost:", False),
+        ("evil.example:80", False),
+        ("127.0.0.1.evil.example:80", False),
+        ("localhost.evil.example", False),
+        ("10.0.0.1:80", False),
+        ("", False),
+        ("[::1]:80", False),
+    ],
+)
+def test_a_host_must_be_this_one(host, ours):
+    assert names_this_host(host, "127.0.0.1:80") is ours
+
+
+def test_a_host_on_the_network_goes_by_its_address_or_name():
+    own = socket.gethostname()
+    assert names_this_host("192.168.0.7:8321", "192.168.0.7:8321")
+    assert names_this_host(f"{own}:8321", "192.168.0.7:8321")
+    assert not names_this_host("localhost:8321", "192.168.0.7:8321")
+    assert names_this_host("[fe80::1]:8321", "fe80::1:8321")
+
+
+def test_a_rebound_name_and_another_origin_are_refused():
+    async def scenario(source, address):
+        port = address.split(":")[1]
+        for host in (f"evil.example:{port}", "evil.example", f"127.0.0.1:{int(port) + 1}"):
+            assert "HTTP/1.1 421" in await get(address, "/", host=host)
+        assert "HTTP/1.1 421" in await get(address, "/", f"Host: {address}")  # twice
+        for origin in ("http://evil.example", "null", f"https://{address}", "http://localhost"):
+            assert "HTTP/1.1 403" in await get(address, "/", f"Origin: {origin}")
+        assert "HTTP/1.1 200" in await get(address, "/", f"Origin: http://{address}")
+
+    served(scenario)
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", None, "https://{}"])
+def test_a_websocket_of_another_origin_is_refused(origin):
+    async def scenario(source, address):
+        with pytest.raises(InvalidStatus) as refused:
+            async with open_page(address, origin=origin and origin.format(address)):
+                pass
+        assert refused.value.response.status_code == 403 and not source.pages
+
+    served(scenario)
+
+
+def test_a_websocket_by_a_rebound_name_is_refused():
+    async def scenario(source, address):
+        name, port = address.split(":")
+        with pytest.raises(InvalidStatus) as refused:
+            async with connect(
+                f"ws://evil.example:{port}/snapshots",
+                origin=f"http://evil.example:{port}",
+                host=name,
+                port=int(port),
+            ):
+                pass
+        assert refused.value.response.status_code == 421
+
+    served(scenario)
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        *("/../server.py", "/..%2fserver.py", "//etc/passwd", "/page.js/../../server.py"),
+        *("/page.js?x", "/./page.js", "/PAGE.JS", "/page", "/..\\server.py"),
+        "http://evil.example/page.js",
+    ],
+)
+def test_nothing_else_is_served(path):
+    async def scenario(source, address):
+        answer = await get(address, path)
+        assert "HTTP/1.1 404" in answer or "HTTP/1.1 400" in answer
+
+    served(scenario)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("", "[]", "{", "null", '{"a": "fastest"}', '{"at": NaN}', '{"at": 1e400}'),
+        *('{"after": true}', '{"after": 1.5}', '{"ask": "shutdown"}', '{"more": 1}'),
+        *("[" * 900, '{"a": ["naive"]}'),
+    ],
+)
+def test_what_no_page_says_ends_the_connection(text):
+    with pytest.raises((ValueError, TypeError, RecursionError)):
+        read_wanted(text)
+
+    async def scenario(source, address):
+        async with open_page(address) as page:
+            await page.recv()
+            await page.send(text)
+            with pytest.raises(ConnectionClosed) as closed:
+                await page.recv()
+            assert closed.value.rcvd.code == 1003
+
+    served(scenario)
+
+
+def test_huge_messages_and_headers_are_refused():
+    async def scenario(source, address):
+        async with open_page(address) as page:
+            await page.recv()
+            with contextlib.suppress(ConnectionClosed):
+                await page.send(b"x" * 1_000_000)
+            with pytest.raises(ConnectionClosed) as closed:
+                await page.recv()
+            assert closed.value.rcvd is None or closed.value.rcvd.code == 1009
+        for headers in ([f"X: {'x' * 100_000}"], [f"X{k}: x" for k in range(5000)]):
+            with contextlib.suppress(ConnectionError):
+                assert "HTTP/1.1 200" not in await get(address, "/", *headers)
+        assert "HTTP/1.1 200" in await get(address, "/")
+
+    served(scenario)
+
+
+def test_only_so_many_pages_are_open():
+    async def scenario(source, address):
+        async with contextlib.AsyncExitStack() as stack:
+            for _ in range(server._PAGES):
+                await (await stack.enter_async_context(open_page(address))).recv()
+            with pytest.raises(InvalidStatus) as refused:
+                await stack.enter_async_context(open_page(address))
+            assert refused.value.response.status_code == 503
+
+    served(scenario)
+
+
+def test_a_thousand_connections_are_bounded_and_leave_no_trace(monkeypatch):
+    """Most are closed at once, the rest when their time for a request is over."""
+    monkeypatch.setattr(server, "_OPEN_WITHIN", 1.0)
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if 0 <= soft < 2200:  # both ends are in this process
+        if 0 <= hard < 2200:
+            pytest.skip(f"at most {hard} files may be open")
+        resource.setrlimit(resource.RLIMIT_NOFILE, (2200, hard))
+
+    async def scenario(source, address):
+        name, port = address.split(":")
+        async with open_page(address) as page:  # one that was there before goes on
+            await page.recv()
+            streams = [await asyncio.open_connection(name, int(port)) for _ in range(1000)]
+            assert (await ask(page))["number"] == 1
+            ends = [asyncio.create_task(_end(reader)) for reader, _ in streams]
+            await asyncio.gather(*ends)  # the server ended each of them
+            assert (await ask(page))["number"] == 1
+        assert "HTTP/1.1 200" in await get(address, "/")
+        for _, writer in streams:
+            writer.close()
+
+    served(scenario)
+
+
+def test_a_request_that_dribbles_in_is_cut_off(monkeypatch):
+    """Slow loris: a byte now and then keeps no connection open."""
+    monkeypatch.setattr(server, "_OPEN_WITHIN", 0.3)
+
+    async def scenario(source, address):
+        name, port = address.split(":")
+        reader, writer = await asyncio.open_connection(name, int(port))
+        writer.write(f"GET / HTTP/1.1\r\nHost: {address}\r\n".encode())
+
+        async def dribble():
+            while True:
+                writer.write(b"X-a: b\r\n")
+                await asyncio.sleep(0.02)
+
+        task = asyncio.create_task(dribble())
+        await _end(reader)
+        task.cancel()
+        writer.close()
+
+    served(scenario)
+
+
+async def _end(reader) -> None:
+    with contextlib.suppress(ConnectionError):
+        while await reader.read(4096):
+            pass
