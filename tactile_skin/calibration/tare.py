@@ -242,7 +242,8 @@ class Tare:
             if end > self._max_factor or end < 1.0 / _MAX_RESISTANCE:
                 row, col = np.unravel_index(bad, factor.shape)
                 why = "does something press there?" if end > 1.0 else "is it connected?"
-                much = f"{end:.2g} times as much as the median cell"
+                much = f"{end:.0f}" if end >= 10.0 else f"{end:.2g}"
+                much = f"{much} times as much as the median cell"
                 return f"row {row}, column {col} conducts {much}: {why}"
         return ""
 

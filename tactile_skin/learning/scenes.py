@@ -130,8 +130,8 @@ def _stroke(t, rows, cols):
     return finger(rows, cols, 0.5 * (rows - 1), 2.0 + phase * (cols - 5.0), 5.0)
 
 
-_DEMO = (  # start [s], end [s], what is done
-    (1.0, 3.5, _one_finger),
+_DEMO = (  # start [s], end [s], what is done; the rest is measured first
+    (2.0, 4.0, _one_finger),
     (4.5, 8.0, _two_fingers),
     (9.0, 11.5, _push_left),
     (12.5, 16.5, _stroke),
