@@ -31,6 +31,7 @@ def run(args) -> int:
     for name, value, low in (("--baud", args.baud, 300), ("--seed", args.seed, 0)):
         if value < low:
             raise ValueError(f"{name} = {value}: must be {low} or more")
+    skin = read_skin(args.config)  # before signals are taken: a bad file ends it
     done = threading.Event()
     numbers = [signal.SIGTERM, signal.SIGINT]
     if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:  # nohup
@@ -45,7 +46,7 @@ def run(args) -> int:
         print(f"{what} on {args.link}, scene {args.scene}", file=sys.stderr)
 
     serve = _serve_firmware if args.board == "firmware" else _serve_model
-    serve(args, read_skin(args.config), lambda: not done.is_set(), ready)
+    serve(args, skin, lambda: not done.is_set(), ready)
     return 0
 
 
