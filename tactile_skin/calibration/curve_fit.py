@@ -106,7 +106,7 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
     if doubts:
         message.append(
             f"the circuit does not explain {doubts} of {len(frames)} frames: find r_par and r_line "
-            "by touches (identify), and check the wiring"
+            "by touches first, and check the wiring"
         )
     indices = tuple(np.flatnonzero(~used).tolist())
     return FittedCurve(curve, error, off, indices, "; ".join(message))
@@ -361,7 +361,7 @@ def _words(weights, used, off, objects, odd) -> list[str]:
         mine = np.flatnonzero(objects == k)
         said = weights[mine[0]] * (1.0 + off[mine].mean())
         words.append(
-            f"object {', '.join(map(str, mine))} is left out: its weight is given as "
+            f"object {', '.join(str(i + 1) for i in mine)} is left out: its weight is given as "
             f"{weights[mine[0]]:.3g} N, the others say {said:.3g} N"
         )
     kept = weights[used]
@@ -375,7 +375,7 @@ def _words(weights, used, off, objects, odd) -> list[str]:
     if np.sqrt(np.mean(np.square(off[used]))) > _POOR:
         worst = np.flatnonzero(used)[np.abs(off[used]).argmax()]
         words.append(
-            f"the weights contradict one another: object {worst}, {weights[worst]:.3g} N, is off "
-            f"by {off[worst]:+.0%} from what the others say: check it, or add more objects"
+            f"the weights contradict one another: object {worst + 1}, {weights[worst]:.3g} N, is "
+            f"off by {off[worst]:+.0%} from what the others say: check it, or add more objects"
         )
     return words

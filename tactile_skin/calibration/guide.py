@@ -32,10 +32,11 @@ TOUCHES = 30  # that are asked for at most
 _EVERY = 5  # touches after which the circuit is looked for
 OBJECTS, LEAST_OBJECTS = 10, 3  # that are asked for; with fewer there is no curve
 ENOUGH = 0.05  # error of a total, left out in turn, at which the objects suffice
+_USELESS = 0.5  # the same, from which on the shipped curve is as good
 _TOUCHED = 8.0  # times the noise by which a reading rises where something touches
 _GLANCE = 0.3  # s that a touch must stand
 _PATIENCE = 20.0  # s without a new touch after which what is there must do
-_WEIGHT = re.compile(r"\s*([0-9]*[.,]?[0-9]+)\s*(g|kg|N)?\s*$")
+_WEIGHT = re.compile(r"\s*([0-9]*[.,]?[0-9]+)\s*(g|kg|N)\s*$")
 _UNIT = {"g": GRAM, "kg": 1000.0 * GRAM, "N": 1.0}
 _SHADES = " .:-=+*#%@"
 
@@ -122,7 +123,8 @@ class Guide:
     def identify(self) -> None:
         self._say(
             "2 of 3. Press here and there, near the edges too: hard, with a knuckle, a palm, both "
-            "hands.\n  Hold each touch for a moment."
+            f"hands.\n  Hold each touch for a moment. {2 * _EVERY} to {TOUCHES} touches are taken; "
+            f"{_PATIENCE:.0f} s after the last it goes on."
         )
         touches: list[np.ndarray] = []
         waited = 0.0  # s
@@ -145,6 +147,8 @@ class Guide:
             self._say(f"  {self.found.message}")
         if not touches:
             self._say("  no touch was felt: r_par and r_line stay as they are configured.")
+        elif not all(self.found.told.values()):
+            self._say("  What the touches do not tell stays as it is configured.")
 
     def _new_touch(self, touches: list[np.ndarray]) -> np.ndarray | None:
         """The mean frame of a touch that stands and was not there before; None: there is none."""
@@ -174,13 +178,16 @@ class Guide:
             number = len(weights) + 1
             word = self._ask(
                 f"  object {number}: its weight (such as 500 g, 1.2 kg, 5 N), once it lies there; "
-                "Enter alone ends: "
+                "back: without the last one; Enter alone ends: "
             )
             if not word.strip():
                 break
+            if word.strip() == "back":
+                frames, weights = frames[:-1], weights[:-1]
+                continue
             weight = newtons(word)
             if weight is None:
-                self._say(f"  {word.strip()!r} is no weight: write it as 500 g, 1.2 kg or 5 N")
+                self._say(f"  {word.strip()!r} is no weight and unit: write 500 g, 1.2 kg or 5 N")
                 continue
             frame = _mean(self.rest.quiet(self._frames(OBJECT)))
             if not self._touched(frame):
@@ -193,7 +200,13 @@ class Guide:
             self._fit(frames, weights)
             if self.fitted and len(weights) >= 6 and self.fitted.error < ENOUGH:
                 self._say("  That is enough. Enter alone ends; more objects make it better.")
-        if len(weights) < LEAST_OBJECTS:
+        if self.fitted and self.fitted.error > _USELESS:
+            self._say(
+                f"  A total would be off by {self.fitted.error:.0%}: this curve is not kept. Check "
+                "the weights that are named above, and begin anew."
+            )
+            self.fitted = None
+        elif len(weights) < LEAST_OBJECTS:
             self._say(
                 f"  {len(weights)} objects: the curve stays that of the configuration; forces are "
                 "as good as it is."
@@ -216,11 +229,11 @@ class Guide:
 
 
 def newtons(text: str) -> float | None:
-    """ "500 g", "1,2 kg", "5 N", "500" (g) -> N; None: it is no weight above 0."""
+    """ "500 g", "1,2 kg", "5 N" -> N; None: it is no weight above 0, or has no unit."""
     match = _WEIGHT.match(text)
     if not match:
         return None
-    value = float(match[1].replace(",", ".")) * _UNIT[match[2] or "g"]
+    value = float(match[1].replace(",", ".")) * _UNIT[match[2]]
     return value if value > 0.0 else None
 
 

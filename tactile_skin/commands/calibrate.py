@@ -5,7 +5,9 @@ from __future__ import annotations
 import datetime
 import os
 import shutil
+import sys
 import tempfile
+import termios
 import threading
 import time
 from pathlib import Path
@@ -189,6 +191,9 @@ def board_parameters(words: list[str]) -> dict:
 
 
 def _ask(text: str) -> str:
+    """What is typed from now on: an Enter of the step before is no answer."""
+    if sys.stdin.isatty():
+        termios.tcflush(sys.stdin, termios.TCIFLUSH)
     try:
         return input(text)
     except EOFError:

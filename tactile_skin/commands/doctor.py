@@ -9,7 +9,7 @@ import numpy as np
 
 from ..calibration.doctor import Finding, diagnose
 from ..calibration.rest import measure_rest
-from ..middleware.config import SkinConfig, read_skin
+from ..middleware.config import ParameterFile, SkinConfig, read_skin
 from ..physics.adc import Adc
 from ..physics.circuit import Circuit
 from ..recording.frames import read_frames, recorded_skin
@@ -139,6 +139,9 @@ def _listen(adc: Adc, given: dict) -> tuple[np.ndarray, list[Finding]]:
     from ..board.serial_port import SerialReader, check_port
 
     circuit, port = adc.circuit, given["port"]
+    if "config" in given:
+        driver = ParameterFile(given["config"]).overrides("/serial_driver")
+        given = {p.name: p.value for p in driver if p.name in ("baud", "protocol")} | given
     seconds, baud = given.get("seconds", 60.0), given.get("baud", 1_000_000)
     protocol = given.get("protocol", "binary")
     if not _SECONDS[0] <= seconds <= _SECONDS[1]:

@@ -29,7 +29,7 @@ examples:
   tactile-skin replay touches.mcap --speed 1
   tactile-skin replay touches.mcap method:=map --step
   tactile-skin replay touches.mcap config:=calibrated.yaml --out again.mcap
-  tactile-skin replay touches.mcap --compare auto cnn --picture compared.png
+  tactile-skin replay touches.mcap --compare auto naive --picture compared.png
   tactile-skin replay touches.mcap --export touches.npz
   tactile-skin replay foreign.csv config:=foreign.yaml rate:=60 --out foreign.mcap
 name:=value:
@@ -107,6 +107,8 @@ def _track(items, total: int):
 
 
 def _compare(job: Job, methods: list[str], picture: Path) -> int:
+    if not picture.parent.is_dir():
+        raise ValueError(f"--picture {picture}: there is no folder {picture.parent}")
     try:
         import matplotlib
     except ModuleNotFoundError as error:

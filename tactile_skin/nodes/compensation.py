@@ -318,7 +318,7 @@ class Compensation:
         if not self._noise.noisy.any():  # the usual case
             return ""
         cells = np.argwhere(self._noise.noisy)
-        names = ", ".join(f"row {row}, column {col}" for row, col in cells[:3])
+        names = " and ".join(f"row {row}, column {col}" for row, col in cells[:3])
         more = f" and {len(cells) - 3} more" if len(cells) > 3 else ""
         return f"{names}{more}: much noisier than the other cells: is a contact loose?"
 

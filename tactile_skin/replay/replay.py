@@ -139,6 +139,11 @@ class Replay:
                     self._diagnostics.publish(message)
                     self.driven.run()
                     continue
+                if (message.height, message.width) != (shape := compensation.circuit.shape):
+                    raise ValueError(
+                        f"{self._source.path}: readings of {message.height} x {message.width}, but "
+                        f"the circuit is {shape[0]} x {shape[1]}"
+                    )
                 self._force, begun = self._unknown, time.perf_counter()
                 self._adc.publish(message)
                 self.driven.run()

@@ -29,7 +29,7 @@ _MOST = 0.1
 _LEFT = 0.45
 # Of the readings of a line from which on its contact is bad throughout, share of the whole force
 # that may then press on it, and of its readings that may be set aside at all.
-_LINE, _LIGHT, _OPEN = 0.5, 0.12, 0.9
+_LINE, _LIGHT, _OPEN = 0.5, 0.18, 0.9
 _OFF = 4.0  # standard deviations below the model
 _AT_REST = 1.05  # times its conductance at rest: such a cell cannot explain less
 _CHI = 2.2  # of a reading that carries a value, on average, without those that are set aside

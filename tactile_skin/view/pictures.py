@@ -21,6 +21,7 @@ _CELL = 0.2  # N: a contact has a cell with more, as of gesture_feature's cell_t
 _TIME_LIMIT = 0.05  # s for a frame, as of compensation's time_limit
 _NUMBER = re.compile(r"-?\d+(\.\d+)?")
 _LINES = re.compile(r"\b(row|column)s? (\d+(?:(?:, | and )\d+)*)")  # "columns 3, 4 and 5"
+_CELL_NAME = re.compile(r"\brow (\d+), column (\d+)")
 MISSING = ("map", "auto")  # methods that do without the readings that are missing
 
 
@@ -221,6 +222,9 @@ def findings(snapshot: Snapshot) -> list[dict]:
     for text in dict.fromkeys(texts):
         lines = {"row": [], "column": []}
         where = text.partition(":")[0]  # the lines that are meant stand first
+        if cells := _CELL_NAME.findall(where):
+            found += [{"text": text, "rows": [int(r)], "cols": [int(c)]} for r, c in cells]
+            continue
         for match in _LINES.finditer(where if _LINES.search(where) else text):
             lines[match[1]] += map(int, re.findall(r"\d+", match[2]))
         if lines["row"] or lines["column"]:

@@ -83,7 +83,10 @@ def test_a_wrong_label_is_named(bench, fitted, factor, heaviest):
     weights[bad] *= factor
     found = bench.fit(weights)
     assert found.odd == (bad,)
-    assert f"object {bad} is left out: its weight is given as {weights[bad]:.3g} N" in found.message
+    assert (
+        f"object {bad + 1} is left out: its weight is given as {weights[bad]:.3g} N"
+        in found.message
+    )
     assert np.median(np.abs(bench.off(found))) < 0.03
     assert found.off[bad] == pytest.approx(1.0 / factor - 1.0, abs=0.15)
 

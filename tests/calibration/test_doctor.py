@@ -79,6 +79,15 @@ def recordings(tmp_path_factory):
     return folder
 
 
+def test_readings_that_are_missing_now_and_then_are_not_noise():
+    """A text line with a blank now and then."""
+    case = Case(2, (), 20.0)
+    frames = case.frames.copy()
+    lost = np.random.default_rng(4).choice(len(frames), 12, replace=False)
+    frames[lost, 0, 3] = np.nan
+    assert [f.kind for f in diagnose(frames, case.circuit)] == []
+
+
 @pytest.mark.parametrize("kind", ["npy", "npz", "csv"])
 def test_the_command_tells_by_its_status(recordings, kind, capsys):
     size = "rows:=8", "cols:=9"

@@ -203,3 +203,9 @@ def test_a_touch_that_keeps_the_rest_from_being_measured_is_no_fault():
     both = NodeStatus(1, f"{why}; column 3 is open", {"tare": why})
     (found,) = findings(Snapshot(nodes={"compensation": both}))
     assert found["cols"] == [3] and found["rows"] == []
+
+
+def test_cells_that_a_message_names_are_marked_one_by_one():
+    said = "row 2, column 7 and row 5, column 3: much noisier than the other cells: a contact?"
+    found = findings(Snapshot(nodes={"compensation": NodeStatus(1, said)}))
+    assert [(f["rows"], f["cols"]) for f in found] == [([2], [7]), ([5], [3])]

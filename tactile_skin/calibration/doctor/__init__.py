@@ -27,7 +27,8 @@ from .recorded import Recorded, record
 # Cells, in all touches together, that identify is asked about: it takes 0.1 s for 256. At least
 # and at most so many touches, each looked for within so many frames of its peak.
 _ASKED, _TOUCHES, _HELD = 20_000, (20, 60), 15
-_SERIES = 0.05, 3.0  # share of r_par, and standard deviations, by which it must be off
+# share of r_par, and standard deviations, by which it must be off; touches that must say so
+_SERIES, _SAYING = (0.05, 3.0), 20
 _SHORTED = 0.5  # share of what a short of two lines takes from their readings at rest
 _ONE_VOLTAGE = 4.0  # times the noise within which all readings are one voltage
 
@@ -171,7 +172,7 @@ def _series(seen: Recorded, skip, wires: wiring.Wires, cell: float) -> list[Find
         return []
     off = found.circuit.r_par - circuit.r_par
     limit = max(_SERIES[0] * series_scale(circuit), _SERIES[1] * found.std["r_par"])
-    if abs(off) < limit:
+    if found.frames < _SAYING or abs(off) < limit:
         return []
     return [texts.circuit(circuit, found)]
 

@@ -73,9 +73,11 @@ def record(frames, circuit: Circuit, rest: Rest | None) -> Recorded:
     closed = tuple(_closed(axis, steps, usual) for axis in (0, 1))
     level = _activity(steps - usual, closed)
     quiet = level <= np.quantile(level, _QUIET)
-    base = steps[quiet].mean(0) if rest is None else rest.adc * circuit.full_scale
+    calm, n = np.where(absent, 0.0, steps)[quiet], np.maximum((~absent)[quiet].sum(0), 1)
+    mean = np.where((~absent)[quiet].any(0), calm.sum(0) / n, usual)
+    base = mean if rest is None else rest.adc * circuit.full_scale
     base = np.where(np.isfinite(base), base, 0.0)
-    noise = steps[quiet].std(0)
+    noise = np.sqrt((np.square(calm - mean) * (~absent)[quiet]).sum(0) / n)
     peaks = _peaks(level, len(frames), float(np.median(level[quiet])))
     return Recorded(circuit, steps, read, base, quiet, noise, peaks, closed)
 
