@@ -29,6 +29,11 @@ _AS_THE_CURVE = 0.02  # log of the usual cell's conductance over the curve's
 # Standard deviations of its noise, and share, by which a reading may move between the halves of a
 # measurement and after it; share of the cells that may move more, with a bad contact.
 _STILL, _RESTLESS = (5.0, 0.01), 0.02
+_TRIES = 5  # measurements that held a touch, or seemed to, after which to say so
+_WANDERS = (
+    "rest not measured: the readings wander from second to second: does something touch the skin, "
+    "or is the supply unsteady?"
+)
 _TOUCH = 10.0 * GRAM  # N on a cell, felt: a touch
 _WINDOW = 1.0  # s that a measurement takes
 _MIN_FRAMES = 8  # frames that it takes
@@ -68,6 +73,7 @@ class Tare:
             curve.resistance(MAX_TARED_FORCE)
         )  # as a factor of conductance
         self._last = -np.inf  # s, when the last frame was read
+        self._restless = 0  # measurements in a row whose parts differed
         self._begin(-np.inf)
         self._quiet = self._followed = -np.inf  # s, when a touch was last, and a drift followed
 
@@ -122,8 +128,10 @@ class Tare:
         (one, n), (other, m), _ = self._parts
         mean, noise, still = (one + other) / (n + m), self._noise(), self._still()
         self._begin(t)
+        self._restless = 0 if still else self._restless + 1
         if not still:
-            self.message = self.message if self.measured else ""
+            if not self.measured:
+                self.message = _WANDERS if self._restless >= _TRIES else ""
             return followed
         usual = float(np.median(noise[self._circuit.populated])) * self._circuit.full_scale
         return self._learn(mean, usual / (n + m) ** 0.5) or followed

@@ -38,6 +38,7 @@ _RESTART_AFTER = 4  # suspect or failed frames in a row after which the last one
 # s that a reading has waited from which on `auto` takes the fixed point: under a palm it takes a
 # tenth of the time, and errs by twice as much. Less than four frames of the fastest boards.
 _LATE, _FAST = 0.01, "fixed_point"
+_FULL_FIT = 0.1  # s after a full fit until the next, however late: only that tests the circuit
 # s from which on a reading is old news, and apart that old ones are taken: half of `stale_after`,
 # and often enough for the stop to know that there are readings
 _OLD, _APART = 0.05, 0.02
@@ -54,9 +55,9 @@ class Compensation:
     so is a skin of which half was loaded from the first frame on, until it is let go. The service
     `~/reset` forgets faults that the last frames no longer show, says so on diagnostics before it
     answers, and forgets the last frame, from which the next one starts; `~/tare` measures the rest
-    anew, as at the start, and is refused while something presses. Behind by 10 ms, `auto`
-    takes the fixed point, which says nothing of the circuit; by half of what the stop bears, old
-    frames are skipped to come to the new ones, and diagnostics count them.
+    anew, as at the start, and is refused while something presses. Behind by 10 ms, `auto` takes
+    the fixed point, which says nothing of the circuit, but ten times a second; by half of what the
+    stop bears, old frames are skipped to come to the new ones, and diagnostics count them.
     What a standing load gains by creep is taken out of what is published, if the curve says how
     much, and of nothing else.
     """
@@ -137,6 +138,7 @@ class Compensation:
         self._present_force = 0.0  # N, on its strongest cell
         self._taken: Counter[str] = Counter()
         self._taken_at, self.skipped = -np.inf, 0  # s, when the last frame was taken; frames
+        self._fitted_at = -np.inf  # s, when the last one was that the configured method took
         self._aside: Counter[tuple[int, int]] = Counter()  # since the last report
         self._bad: tuple[int, int] | None = None  # of these, most often in an earlier second
         self._contact = ""  # a bad one that the last second showed
@@ -165,9 +167,11 @@ class Compensation:
             adc = self._adc.ratio_of(samples)
             late = (
                 now - t > _LATE
+                and 0.0 <= now - self._fitted_at < _FULL_FIT
                 and self._hurries
                 and not np.isnan(adc[self.circuit.populated]).any()
             )
+            self._fitted_at = self._fitted_at if late else now
             estimate = self._compensate(adc, late)
         except ValueError as error:
             self.status, self._present = "failed", str(error)
@@ -265,6 +269,8 @@ class Compensation:
             response.message = "the tare is off: see `tare` and `threshold`"
         elif self._present_force >= _IDLE:
             response.message = f"something presses with {self._present_force:.2g} N on a cell"
+        elif self._doubt.kept:
+            response.message = f"a fault is kept ({self._doubt.kept}): reset first"
         else:
             self._tare = Tare(self.circuit, self._curve)
             self._waits, self._at_rest, self._last = True, False, None

@@ -253,6 +253,8 @@ static void start(void)
     DIDR0 = _BV(ADC0D);
     ADMUX = _BV(REFS0) | _BV(ADLAR); /* the supply as reference, channel 0 */
     ADCSRA = _BV(ADEN) | ADC_PRESCALER;
+    UCSR0A = 0;  /* a boot loader may have left the double speed on */
+    UCSR0C = _BV(UCSZ01) | _BV(UCSZ00);  /* 8 bits, no parity, 1 stop bit */
     UBRR0 = F_CPU / 16 / BAUD - 1;
     UCSR0B = _BV(RXEN0) | _BV(TXEN0);
     TCCR0A = _BV(WGM01); /* count to OCR0A, and begin again */

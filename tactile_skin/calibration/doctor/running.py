@@ -1,8 +1,8 @@
 """The doctor on a running skin: asked while the robot stands still for a fault, and not before.
 
-`diagnose` takes 30 ms for 256 cells and 0.1 s for 1024, which must not come between a push and its
-stop. Its frames begin with the stop, so that none of the sound board's is among them, and go on in
-between where one stop follows another, as of a fault that only touches show.
+`diagnose` takes 30 to 120 ms for 256 cells and up to 0.7 s for 1024, which must not come between a
+push and its stop. Its frames begin with the stop, so that none of the sound board's is among them,
+and go on in between where one stop follows another, as of a fault that only touches show.
 """
 
 from __future__ import annotations

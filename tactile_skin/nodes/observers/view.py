@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import concurrent.futures
 import threading
 import time
 from collections import deque
@@ -104,10 +105,15 @@ class View:
             return False, "controls are off: launch with view_controls:=true"
         said = []
         for client in self._clients[name]:
+            future = client.call_async(Trigger.Request())
             try:
-                answer = client.call_async(Trigger.Request()).result(1.0)
+                answer = future.result(1.0)
+            except (TimeoutError, concurrent.futures.TimeoutError):
+                # a reset that was given up must not free the robot later
+                given_up = future.cancel()
+                return False, f"{name}: {'no answer' if given_up else 'is at work on it'}"
             except Exception as error:
-                return False, f"{name}: {error or 'no answer'}"
+                return False, f"{name}: {error}"
             said.append(answer.message)
             if not answer.success:
                 return False, answer.message
