@@ -283,7 +283,7 @@ def _wanted(body: dict, fill, path: Path, kind: str) -> bool:
         if key in body:
             text = fill(body[key], f"{kind}: {key}").strip().lower()
             if text not in ("true", "false", "1", "0"):
-                asked = f"{key}: {shorten(body[key])} is {shorten(text)}"
+                asked = " = ".join([key, *dict.fromkeys(map(shorten, (body[key], text)))])
                 raise LaunchError(f"{path}: {kind}: {asked}: must be true or false")
             if (text in ("true", "1")) is not wish:
                 return False
