@@ -343,6 +343,19 @@ def test_a_slow_drift_is_followed_where_touches_leave_no_time_for_a_measurement(
     assert np.median(known) == pytest.approx(-0.03, abs=0.004)
 
 
+def test_a_drift_that_touches_hide_is_made_up_for_between_them():
+    """0.1 % a second, touches of 3 s and half a second between them: a pause alone follows half."""
+    skin = Skin(scatter(0.03), seed=11)
+    skin.frames(150)
+    first = skin.rest
+    for _ in range(12):
+        skin.rest = skin.rest * 1.0035
+        skin.frames(30, touch(), dt=0.1)
+        skin.frames(10, dt=0.05)
+    known = np.log(skin.tare.curve.rest_resistance * first)
+    assert np.median(known) == pytest.approx(-12 * np.log(1.0035), abs=0.005)
+
+
 @pytest.mark.parametrize("steps", [8.0, 15.0])
 def test_a_noisy_reading_does_not_keep_the_rest_from_being_measured(steps):
     skin = Skin(scatter(0.03), seed=9)

@@ -54,6 +54,17 @@ def test_the_shifts_spread_covers_that_of_the_noise():
     assert np.mean([f.chi2 for f in found]) < 1.0
 
 
+@pytest.mark.parametrize("off", [-60.0, 60.0])
+def test_a_score_is_confirmed_in_its_own_direction_only(off):
+    """A fit's prior and the readings without it may say the opposite: then it is neither."""
+    other = dataclasses.replace(CIRCUIT, r_par=CIRCUIT.r_par + off)
+    adc = read_by(other, block(), np.random.default_rng(5))
+    reading = check_reading(adc, CIRCUIT, CURVE, noise=SCAN_NOISE)
+    g = 1.0 / CURVE.resistance(block())
+    assert series.confirms(reading, g, int(np.sign(off)))
+    assert not series.confirms(reading, g, -int(np.sign(off)))
+
+
 def test_where_everything_is_touched_r_par_is_not_determined():
     force = scenes.sample("random", 1, 16, 16, np.random.default_rng(1))[0] + 20 * GRAM
     reading = check_reading(read_by(CIRCUIT, force, np.random.default_rng(2)), CIRCUIT, CURVE)
