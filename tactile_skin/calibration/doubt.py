@@ -24,6 +24,7 @@ class Doubt:
 
     Attributes:
         kept: why a fault holds although the present frames are not in doubt; empty if it does not.
+        held: whether a fault that was seen under a touch is not over.
     """
 
     def __init__(self):
@@ -42,7 +43,7 @@ class Doubt:
         self._at_rest, self._lasting = 0, False  # frames in doubt with nothing touching
         self._touches = 0  # with a fault since the last one without doubt
         self._counted = False  # the present touch is among them
-        self._held = False  # the last one's fault is not over
+        self.held = False  # the last one's fault is not over
         self._began = self._last = -math.inf
         self._touched = False
 
@@ -68,21 +69,21 @@ class Doubt:
         clear = t - self._began
         if touched:
             if self._now and not self._counted:
-                self._touches, self._counted, self._held = self._touches + 1, True, True
+                self._touches, self._counted, self.held = self._touches + 1, True, True
             if clear >= _VALID_SECONDS:
-                self._touches, self._counted, self._held = 0, False, False
+                self._touches, self._counted, self.held = 0, False, False
         else:
             # a fault that a touch hides for a while is still there
             self._at_rest = min(max(self._at_rest + (1 if suspect else -1), 0), _FAULT)
             if self._at_rest in (0, _FAULT):
                 self._lasting = self._at_rest > 0
             if clear >= _REST_SECONDS:
-                self._counted, self._held = False, self._held and self._touches >= _REPEATED
+                self._counted, self.held = False, self.held and self._touches >= _REPEATED
         self.kept = ""
-        if self._held and not self._now:
+        if self.held and not self._now:
             self.kept = (
                 "seen under each touch: kept until a valid touch or a reset"
                 if self._touches >= _REPEATED
                 else f"seen under the last touch: kept until {_REST_SECONDS:g} s of rest"
             )
-        return self._now or self._lasting or self._held
+        return self._now or self._lasting or self.held

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..bench.chart import prepare
 from ..middleware.config import SkinConfig, read_skin
 from ..middleware.threads import one_thread
 from ..recording import Recording
@@ -109,13 +110,7 @@ def _track(items, total: int):
 def _compare(job: Job, methods: list[str], picture: Path) -> int:
     if not picture.parent.is_dir():
         raise ValueError(f"--picture {picture}: there is no folder {picture.parent}")
-    try:
-        import matplotlib
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            "charts are drawn by matplotlib: pip install 'tactile_skin[charts]'"
-        ) from error
-    matplotlib.use("Agg")
+    prepare()
     n = Recording(job.path, job.namespace)
     count = n.topics[n.adc_topic].count
     found = compare(job, methods, lambda steps: _track(steps, count))

@@ -55,9 +55,10 @@ class Compensation:
     so is a skin of which half was loaded from the first frame on, until it is let go. The service
     `~/reset` forgets faults that the last frames no longer show, says so on diagnostics before it
     answers, and forgets the last frame, from which the next one starts; `~/tare` measures the rest
-    anew, as at the start, and is refused while something presses. Behind by 10 ms, `auto` takes
-    the fixed point, which says nothing of the circuit, but ten times a second; by half of what the
-    stop bears, old frames are skipped to come to the new ones, and diagnostics count them.
+    anew, as at the start, and is refused while something presses or a fault is kept. Behind by
+    10 ms, `auto` takes the fixed point, which says nothing of the circuit; ten frames a second are
+    fitted in full all the same. Behind by half of what the stop bears, old frames are skipped to
+    come to the new ones, and diagnostics count them.
     What a standing load gains by creep is taken out of what is published, if the curve says how
     much, and of nothing else.
     """
@@ -269,8 +270,8 @@ class Compensation:
             response.message = "the tare is off: see `tare` and `threshold`"
         elif self._present_force >= _IDLE:
             response.message = f"something presses with {self._present_force:.2g} N on a cell"
-        elif self._doubt.kept:
-            response.message = f"a fault is kept ({self._doubt.kept}): reset first"
+        elif self._doubt.held:
+            response.message = f"a fault is kept ({self._why}): reset first"
         else:
             self._tare = Tare(self.circuit, self._curve)
             self._waits, self._at_rest, self._last = True, False, None

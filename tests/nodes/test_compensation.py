@@ -167,6 +167,8 @@ def test_a_tare_does_not_clear_a_fault_that_is_kept(skin):
         skin.steps *= 0.8
         skin.play(0.6)
         skin.steps = rest
+        skin.play(0.05)
+        assert not skin.ask("tare").success, "the last frames are still in doubt"
         skin.play(1.5)
     assert "kept until a valid touch or a reset" in skin.status.message
     answer = skin.ask("tare")
