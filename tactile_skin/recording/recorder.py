@@ -47,7 +47,6 @@ class Recorder:
         now: the time [ns since 1970].
 
     Attributes:
-        written, dropped: messages.
         trouble: why it has ended; empty while it records.
         dropped: messages that found the queue full.
 
