@@ -54,7 +54,8 @@ class Replay:
 
     The nodes have the parameters that they were recorded with. Each reading comes at its stamp, so
     a frame that was skipped, timed out, or given to the fast method because the machine was behind
-    is now taken as it should be; else the same method from the same start gives the same pressure, to the bit.
+    is now taken as it should be; else the same method from the same start gives the same pressure,
+    to the bit.
 
     Args:
         source: the recording.
