@@ -43,6 +43,7 @@ setup(
         package_name: [
             "py.typed",
             "learning/weights/*",
+            "learning/pictures/*",
             "board/firmware/*.c",
             "board/firmware/*.h",
             "view/page/*",

@@ -10,7 +10,7 @@ import numpy as np
 from ..learning import scenes
 from ..physics.circuit import Circuit
 from ..physics.curve import GRAM, PressureCurve
-from .textile import Textile, bodies, expose
+from .textile import Textile, expose
 
 # What every real skin has a little of: the ADC's noise, the paper's coupling of 0.5 %, 1 ohm of a
 # silver-coated stripe, cells that are not quite alike. At rest they are: that can be measured.
@@ -58,11 +58,15 @@ class Trouble:
     unit: str
     strengths: tuple[float, ...]
     textile: Callable[[float], Textile] = lambda strength: UNEVEN
-    scene: Callable = lambda n, strength, circuit, rng: bodies(n, circuit.shape, rng)
+    scene: Callable = lambda n, strength, circuit, rng: _bodies(n, circuit, rng)
     bits: Callable[[float], int] = lambda strength: 10
     sound: float | None = 0.0
     reason: str = ""
     kinds: tuple[str, ...] = ()
+
+
+def _bodies(n: int, circuit: Circuit, rng) -> np.ndarray:
+    return scenes.sample("bodies", n, *circuit.shape, rng)
 
 
 def touches(n: int, circuit: Circuit, rng) -> np.ndarray:

@@ -24,6 +24,7 @@ from ..calibration.doctor import diagnose
 from ..calibration.identify import identify
 from ..calibration.rest import Rest, measure_rest, supposing
 from ..calibration.tare import Tare
+from ..learning import scenes
 from ..middleware.threads import one_thread
 from ..physics.circuit import Circuit
 from ..physics.curve import GRAM, PressureCurve
@@ -31,7 +32,7 @@ from ..solvers import METHODS, compensate
 from ..solvers.reading import ROUNDING_NOISE
 from .faults import TROUBLES, Trouble
 from .measure import GHOST
-from .textile import Board, bodies
+from .textile import Board
 
 FAILS = 30.0  # g a cell
 FAILS_SHARE = 0.2  # of the cells' load
@@ -136,7 +137,7 @@ def _on_board(trouble: Trouble, strength: float, n: int, seed) -> tuple[Found, d
     circuit, curve = Circuit(adc_bits=trouble.bits(strength)), PressureCurve()
     textile = trouble.textile(strength)
     board = Board(textile, circuit, curve, [*seed, 0])
-    touches = board.expose(bodies(_LEARNT, circuit.shape, rng))
+    touches = board.expose(scenes.sample("bodies", _LEARNT, *circuit.shape, rng))
     force = trouble.scene(n, strength, circuit, rng)
     adc = board.sample(board.expose(force), rng)
     idle = board.at_rest(_AT_REST, rng)

@@ -10,13 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import gaussian_filter, shift
+from scipy.ndimage import shift
 
 from ..physics.circuit import Circuit
 from ..physics.curve import GRAM, PressureCurve
 
 _SCANS = 4  # a frame is their mean, see scenes.read_out
-_FINE = 8  # points a cell and side of which the pressure is the mean
 
 
 @dataclass(frozen=True)
@@ -215,29 +214,3 @@ def _wiring(rows: int, cols: int, line: float, cuts: dict):
             incidence[far, place[stripe]] = sign
             shared[np.ix_(far, far)] += np.minimum.outer(segments[: far.size], segments[: far.size])
     return incidence, shared
-
-
-def bodies(n: int, shape, rng) -> np.ndarray:
-    """(n, rows, cols) force [N] of one to three bodies, placed and turned off the grid."""
-    rows, cols = shape
-    y, x = (np.mgrid[0 : rows * _FINE, 0 : cols * _FINE] + 0.5) / _FINE - 0.5
-    most = 3.0 * min(1.0, min(shape) / 12)  # cells, half of a side
-    scenes = []
-    for _ in range(n):
-        load = np.zeros(y.shape)
-        for _ in range(rng.integers(1, 4)):
-            cy, cx, turn = rng.uniform(0, rows - 1), rng.uniform(0, cols - 1), rng.uniform(0, np.pi)
-            side = rng.uniform(0.7, most, 2)
-            u = ((y - cy) * np.cos(turn) + (x - cx) * np.sin(turn)) / side[0]
-            v = ((x - cx) * np.cos(turn) - (y - cy) * np.sin(turn)) / side[1]
-            r2 = u**2 + v**2
-            kind = rng.integers(3)
-            inside = (r2 < 1.0) & (r2 > 0.4) if kind == 0 else np.maximum(abs(u), abs(v)) < 1.0
-            shape_ = np.sqrt(np.maximum(1.0 - r2, 0.0)) if kind == 1 else inside * 1.0
-            texture = gaussian_filter(rng.standard_normal(y.shape), 6.0)
-            texture = 1.0 + 0.25 * texture / texture.std()
-            load += shape_ * np.maximum(texture, 0.1) * rng.uniform(30.0, 1000.0)
-        cells = load.reshape(rows, _FINE, cols, _FINE).mean((1, 3))
-        cells *= 1.0 + 0.05 * rng.standard_normal(shape)
-        scenes.append(np.clip(cells, 0.0, 1000.0) * GRAM)
-    return np.array(scenes)

@@ -1,8 +1,8 @@
-"""Synthetic pressure scenes: what a skin may feel, as force per cell.
+"""Pressure scenes: what a skin may feel, as force per cell.
 
-The three families are the paper's (section V-B): Gaussian blobs in random rectangles, filled
+Three families are the paper's (section V-B): Gaussian blobs in random rectangles, filled
 rectangles, and random matrices. Its text leaves the numbers open; the ones here are this
-project's, and every figure names them.
+project's, and every figure names them. Two more are nearer to real touches (bodies.py).
 """
 
 from __future__ import annotations
@@ -11,8 +11,10 @@ import numpy as np
 
 from ..physics.circuit import Circuit
 from ..physics.curve import GRAM
+from .bodies import bodies, pictures
 
-FAMILIES = ("blobs", "rects", "random")
+FAMILIES = ("blobs", "rects", "random")  # the paper's
+_FREE = {"bodies": bodies, "pictures": pictures}
 MAX_LOAD = 1000.0  # g a cell, as the paper's
 _SIDE = (2, 9)  # cells, shortest and longest side of a rectangle
 _NOISE = 0.05  # relative, of each cell
@@ -23,7 +25,8 @@ def sample(family: str, n: int, rows: int, cols: int, rng: np.random.Generator) 
 
     blobs: 1 to 4 rectangles of 2 to 9 cells a side, each a*exp(-(dy/(h/3))^2 - (dx/(w/3))^2) about
     its middle, a = U(0, 1000) g, 5 % multiplicative noise a cell, summed. rects: the same, filled
-    constant. random: U(0, 1) a cell times one U(0, 1) * 1000 g.
+    constant. random: U(0, 1) a cell times one U(0, 1) * 1000 g. bodies: one to four free bodies
+    off the grid. pictures: recorded ones, scaled, turned and cropped (bodies.py).
 
     Raises:
         ValueError: an unknown family.
@@ -31,8 +34,10 @@ def sample(family: str, n: int, rows: int, cols: int, rng: np.random.Generator) 
     if family == "random":
         scale = rng.uniform(0.0, MAX_LOAD, (n, 1, 1))
         return rng.uniform(0.0, 1.0, (n, rows, cols)) * scale * GRAM
+    if family in _FREE:
+        return np.clip(_FREE[family](n, rows, cols, rng), 0.0, MAX_LOAD) * GRAM
     if family not in FAMILIES:
-        raise ValueError(f"family {family!r}: must be one of {', '.join(FAMILIES)}")
+        raise ValueError(f"family {family!r}: must be one of {', '.join((*FAMILIES, *_FREE))}")
     load = np.zeros((n, rows, cols))
     count = rng.integers(1, 5, n)
     y, x = np.arange(rows)[:, None], np.arange(cols)[None, :]

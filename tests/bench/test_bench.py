@@ -25,7 +25,7 @@ from tactile_skin.bench import (
 )
 from tactile_skin.bench.faults import FAULTS, TROUBLES, UNEVEN, faulty, pressed
 from tactile_skin.bench.measure import Clock, day, errors
-from tactile_skin.bench.textile import Board, Textile, bodies
+from tactile_skin.bench.textile import Board, Textile
 from tactile_skin.learning import scenes
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.solvers import METHODS
@@ -300,7 +300,7 @@ def learnt():
     """What a running skin knows of a board with another circuit."""
     circuit, rng = Circuit(12, 12), np.random.default_rng(3)
     board = Board(Textile(noise=1.0, rest=0.03, r_par=0.85, line=20.0), circuit, CURVE, 4)
-    touches = board.sample(board.expose(bodies(20, (12, 12), rng)), rng)
+    touches = board.sample(board.expose(scenes.sample("bodies", 20, 12, 12, rng)), rng)
     return stability.learn(board.at_rest(125, rng), touches, circuit, CURVE)
 
 

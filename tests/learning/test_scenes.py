@@ -61,3 +61,24 @@ def test_scripted_scenes_are_forces(name):
 
 def test_a_finger_weighs_what_it_is_told():
     assert scenes.finger(16, 16, 5.3, 8.8, 7.0).sum() == pytest.approx(7.0)
+
+
+@pytest.mark.parametrize("family", ["bodies", "pictures"])
+@pytest.mark.parametrize("shape", [(16, 16), (4, 4), (3, 20), (1, 8)])
+def test_free_touches_are_within_the_papers_loads(family, shape):
+    force = scenes.sample(family, 30, *shape, np.random.default_rng(4)) / GRAM
+    assert force.shape == (30, *shape)
+    assert force.min() >= 0.0 and 30.0 < force.max() <= scenes.MAX_LOAD
+    assert (force > 0.0).any((1, 2)).mean() > 0.7  # a body may hang over the edge
+
+
+def _twist(family: str) -> float:
+    """Median of the mixed second difference of the log load, which is 0 for a product."""
+    x = np.log(scenes.sample(family, 40, 16, 16, np.random.default_rng(5)) / GRAM + 1.0)
+    touched = x > 0.0
+    touched = touched[1:, 1:] & touched[:-1, 1:] & touched[1:, :-1] & touched[:-1, :-1]
+    return np.median(np.abs(x[1:, 1:] - x[:-1, 1:] - x[1:, :-1] + x[:-1, :-1])[touched])
+
+
+def test_bodies_are_no_products_of_rows_and_columns():
+    assert _twist("bodies") > 2.0 * _twist("rects")

@@ -17,11 +17,16 @@ import numpy as np
 
 from tactile_skin import Circuit, PressureCurve, compensate, identify, measure_rest
 from tactile_skin.bench import textile
-from tactile_skin.bench.textile import bodies
 from tactile_skin.calibration.rest import supposing
+from tactile_skin.learning import scenes
 from tactile_skin.physics.curve import GRAM
 
 AT_REST = 60  # frames
+
+
+def bodies(n: int, shape, rng) -> np.ndarray:
+    """(n, rows, cols) force [N] of one to four bodies each."""
+    return scenes.sample("bodies", n, *shape, rng)
 
 
 class Unknown:
