@@ -176,8 +176,9 @@ def forward(circuit: Circuit, resistance) -> np.ndarray:
             cell. Where the circuit's mask says that there is no cell, the value is ignored.
 
     Returns:
-        (..., rows, cols) ADC ratio in [0, 1], of a pull-up 1 minus what the ADC reads. A crossing
-        with no cell is read like any other, through its neighbours; 0 where no path connects the two lines.
+        (..., rows, cols) ADC ratio in [0, 1]; where r_ref pulls up, 1 minus what the ADC reads. A
+        crossing with no cell is read like any other, through its neighbours; 0 where no path
+        connects the two lines.
 
     Raises:
         ValueError: wrong shape, NaN, or a resistance that is not above 0.

@@ -28,15 +28,15 @@ from . import kernel
 
 READOUTS = "floating", "loaded", "grounded"
 DRIVEN = "rows", "columns"
-_LEAST_SCALE = 1e-6  # of `apparent`: noise of a saturated frame may leave less, or less than 0
+LEAST_SCALE = 1e-6  # of `apparent`: noise of a saturated frame may leave less, or less than 0
 
 
 class Floating:
     """All follows from two-terminal resistances rho: d rho_a / d g_b = -t_ab^2."""
 
-    def __init__(self, circuit, g: np.ndarray):
-        self.inverse = kernel.solve(g)
-        self.rho = self.inverse.rho
+    def __init__(self, circuit, g: np.ndarray, derivatives: bool):
+        self.inverse = kernel.solve(g) if derivatives else None
+        self.rho = self.inverse.rho if derivatives else kernel.connected_rho(g)
         self.adc = circuit.ratio(self.rho)
         self._r_ref = circuit.r_ref
 
@@ -154,9 +154,16 @@ class Driven:
         return out
 
 
-def solve(circuit, g: np.ndarray) -> Floating | Driven:
-    """The network of cells g (rows, cols) [S], 0 where there is none; floating: connected."""
-    return (Floating if circuit.readout == "floating" else Driven)(circuit, g)
+def solve(circuit, g: np.ndarray, derivatives: bool = True) -> Floating | Driven:
+    """The network of cells g (rows, cols) [S], 0 where there is none.
+
+    Args:
+        g: if floating, of a connected network, which is not checked.
+        derivatives: whether others than `own` and `by_r_par` will be asked for.
+    """
+    if circuit.readout == "floating":
+        return Floating(circuit, g, derivatives)
+    return Driven(circuit, g)
 
 
 def apparent(circuit, adc: np.ndarray) -> tuple[np.ndarray | float, float]:
@@ -172,6 +179,6 @@ def apparent(circuit, adc: np.ndarray) -> tuple[np.ndarray | float, float]:
     along = 1 if circuit.driven == "rows" else 0
     if circuit.readout == "loaded":  # the driven line's own voltage, behind r_par
         scale = 1.0 - circuit.r_par / circuit.r_ref * adc.sum(along, keepdims=True)
-        return np.maximum(scale, _LEAST_SCALE), circuit.r_ref
+        return np.maximum(scale, LEAST_SCALE), circuit.r_ref
     total = (circuit.r_ref + circuit.r_par) / circuit.r_ref
-    return np.maximum(1.0 - total * adc.sum(1 - along, keepdims=True), _LEAST_SCALE), 0.0
+    return np.maximum(1.0 - total * adc.sum(1 - along, keepdims=True), LEAST_SCALE), 0.0

@@ -129,9 +129,9 @@ def test_described_and_back(kind):
 
 
 def test_what_is_refused():
-    with pytest.raises(ValueError, match="readout = 'grounded lines'.*floating, loaded, grounded"):
+    with pytest.raises(ValueError, match=r"readout = 'grounded lines'.*floating, loaded, grounded"):
         Circuit(readout="grounded lines")
-    with pytest.raises(ValueError, match="driven = 'cols'.*rows, columns"):
+    with pytest.raises(ValueError, match=r"driven = 'cols'.*rows, columns"):
         Circuit(driven="cols")
-    with pytest.raises(ValueError, match="r_line = 5.0 ohm.*readout = 'loaded'"):
+    with pytest.raises(ValueError, match=r"r_line = 5.0 ohm.*readout = 'loaded'"):
         Circuit(readout="loaded", r_line=5.0)
