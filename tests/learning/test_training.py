@@ -128,6 +128,13 @@ def test_a_config_that_cannot_be_is_refused(change, message):
         replace(TINY, **change)
 
 
+def test_the_physics_network_is_for_a_floating_matrix():
+    with pytest.raises(ValueError, match="readout = 'grounded' of the circuit"):
+        make_pairs(replace(CIRCUIT, readout="grounded"), CURVE, 10, "physics", "board", 5)
+    adc, _ = make_pairs(replace(CIRCUIT, readout="grounded"), CURVE, 10, "paper", "ideal", 5)
+    assert np.isfinite(adc).all()
+
+
 @pytest.mark.parametrize("network_kind", network.NETWORKS)
 def test_pairs_do_not_depend_on_how_many_are_made(network_kind):
     """The first pairs of a larger set are those of a smaller one."""
