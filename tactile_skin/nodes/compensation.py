@@ -8,13 +8,14 @@ from collections import Counter
 import numpy as np
 
 from ..board.converter import Ceiling, RestPicture, Windows
-from ..calibration.cells import Cells
 from ..calibration.creep import Standing
 from ..calibration.doctor.running import RunningDoctor
-from ..calibration.doubt import Doubt
 from ..calibration.noise import Noise
 from ..calibration.tare import Tare
 from ..calibration.tracker import CircuitTracker
+from ..calibration.watch.cells import Cells
+from ..calibration.watch.doubt import Doubt
+from ..calibration.watch.untouched import Untouched
 from ..learning import network
 from ..middleware.bus import DurabilityPolicy, QoSProfile, Time
 from ..middleware.config import adc_of, circuit_of, creep_of, curve_of, describe, geometry_of
@@ -131,6 +132,7 @@ class Compensation:
         self._ceiling, self._saturated = Ceiling(self.circuit.adc_bits, short_circuit, top), ""
         self._picture, self._dead = RestPicture(), ""
         self._cells, self._odd = Cells(self.circuit.shape), ""
+        self._untouched = Untouched(self.circuit)
         self._doctor = RunningDoctor()
         self._full_since = np.inf  # s, since when half of the cells or more have been loaded
         self._said = -np.inf  # s, when the message was new
@@ -221,6 +223,10 @@ class Compensation:
                 self._dead = self._picture.window(window, rest * self.circuit.full_scale)
         stirs = touched or np.count_nonzero(estimate.force > _LIGHT) >= _STIRRED
         self._noise.frame(t, adc * self.circuit.full_scale, stirs)
+        if self._tare.measured:
+            noise = (self._noise.rms or SCAN_NOISE) / self.circuit.full_scale
+            rest = rest_reading(self.circuit, self._tare.curve)
+            self._untouched.frame(t, adc, stirs, rest, noise)
         self._odd = self._noisy_cells() or self._cells.frame(t, estimate.force)
         if estimate.aside is not None:
             self._aside.update(map(tuple, np.argwhere(estimate.aside)))
@@ -251,6 +257,7 @@ class Compensation:
             if self._tracker.ask(self._tare.curve, noise):
                 self._tare.suppose(self._tracker.circuit)
                 self.circuit, self._last = self._tracker.circuit, None
+                self._untouched.forget()  # it is explained
         except ValueError as error:  # no skin rests so with what was found: begin anew
             self.node.get_logger().warning("r_par and r_line were not found: %s", error)
             self._tracker = CircuitTracker(self.circuit)
@@ -266,6 +273,7 @@ class Compensation:
     def on_reset(self, _, response):
         self._last = None
         self._doubt.reset()
+        self._untouched.forget()
         self._fault, self._saturated = self._doubt.present, self._ceiling.forget()
         self._update_level(self.status, self._join_reasons(self._present))
         self.report()  # the stop must know before it is reset
@@ -282,6 +290,7 @@ class Compensation:
         else:
             self._tare = Tare(self.circuit, self._curve)
             self._waits, self._at_rest, self._last = True, False, None
+            self._untouched.forget()
             response.success, response.message = True, "measuring rest: hands off for a second"
         return response
 
@@ -291,6 +300,7 @@ class Compensation:
             self._loaded,
             self._dead,
             self._saturated,
+            self._untouched.message,
             present,
             self._tracker.message,
             self._tare.message,
@@ -303,7 +313,7 @@ class Compensation:
     def _update_level(self, status: str, message: str) -> None:
         level = diagnostics.OK if status == "ok" and not message else diagnostics.WARN
         wrong = self._fault or self._saturated or self._loaded or self._dead
-        wrong = wrong or self._tracker.impossible
+        wrong = wrong or self._tracker.impossible or self._untouched.fault or self._tare.half_read
         if status == "failed" or (wrong and self._stops):
             level = diagnostics.ERROR
         before = self._waiting
