@@ -19,12 +19,13 @@ from ..calibration.watch.untouched import Untouched
 from ..learning import network
 from ..middleware.bus import DurabilityPolicy, QoSProfile, Time
 from ..middleware.config import adc_of, circuit_of, creep_of, curve_of, describe, geometry_of
-from ..msg import DiagnosticArray, Header, Image, Trigger, image, image_array
+from ..msg import DiagnosticArray, Header, Image, TimeReference, Trigger, image, image_array
 from ..physics.circuit import forward
 from ..physics.curve import GRAM
 from ..solvers import METHODS, Estimate, compensate
 from ..solvers.reading import ROUNDING_NOISE, SCAN_NOISE, rest_reading
 from . import QUEUE, diagnostics
+from .gesture_feature import heard
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _IDLE = 15.0 * GRAM  # N on a cell: below it nothing touches; lines shorted at rest read as 13 g
@@ -47,8 +48,9 @@ _ASIDE = 3  # times in a second that a reading is set aside: a sound board's is 
 
 
 class Compensation:
-    """Publishes skin/pressure (32FC1, Pa, row-major) with the reading's stamp; skin/rest (32FC1,
-    the resistance of each cell at rest, ohm) once it was measured; and diagnostics once a second
+    """Publishes skin/pressure (32FC1, Pa, row-major) with the reading's stamp; skin/taken, when it
+    took each reading up, from which a replay knows which were late; skin/rest (32FC1, the
+    resistance of each cell at rest, ohm) once it was measured; and diagnostics once a second
     and whenever the level changes: WARN for a suspect frame, ERROR, which stops the robot, for a
     failed one and while they are suspect too often (doubt.py). A frame that fails is not published.
     What the cells conduct at rest is measured between touches (`Tare`). Until the
@@ -115,6 +117,7 @@ class Compensation:
             "missing": method in ("map", "auto"),
         }
         self._pressure = node.create_publisher(Image, "skin/pressure", 10)
+        self._taken_up = node.create_publisher(TimeReference, "skin/taken", 10)
         self._diagnostics = node.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
         self._rest = node.create_publisher(Image, "skin/rest", LATCHED)
         self._hurries = method == "auto" and not threshold
@@ -160,7 +163,11 @@ class Compensation:
         return compensate(adc, self.circuit, self._tare.curve, method, start=self._last, **given)
 
     def on_adc(self, msg: Image) -> None:
-        now, t = self._now(), Time.from_msg(msg.header.stamp).nanoseconds / 1e9
+        clock = self.node.get_clock().now()
+        if heard(self._taken_up):
+            name = diagnostics.name_of(self.node)
+            self._taken_up.publish(TimeReference(msg.header, clock.to_msg(), name))
+        now, t = clock.nanoseconds / 1e9, Time.from_msg(msg.header.stamp).nanoseconds / 1e9
         if now - t > _OLD and 0.0 <= now - self._taken_at < _APART:
             self.skipped += 1
             return
