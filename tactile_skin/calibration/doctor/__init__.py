@@ -47,7 +47,8 @@ def diagnose(
         series: whether to ask for r_par, r_ref and supply, which takes most of the time.
 
     Returns:
-        The faults, an empty list for a sound board. A wrong bit hides all else.
+        The faults, an empty list for a sound board. A wrong bit, and rows
+        and columns that are exchanged, hide all else.
 
     Raises:
         ValueError: another shape, values outside [0, 1], or fewer than 20 frames.
@@ -57,6 +58,8 @@ def diagnose(
         return [finding]
     if bits := readings.stuck_bits(seen):
         return [texts.bit(*bit) for bit in bits]
+    if votes := order.transposed(seen):
+        return [texts.transposed(circuit, *votes)]
     found: list[Finding] = []
     if top := readings.ceiling(seen):
         found.append(texts.ceiling(seen, *top))
