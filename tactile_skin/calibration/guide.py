@@ -123,8 +123,8 @@ class Guide:
     def identify(self) -> None:
         if self._supposed.readout != "floating":
             self._say(
-                "2 of 3 is left out: r_par and r_line are found on floating matrices only; they stay "
-                "as they are configured."
+                "2 of 3 is left out: r_par and r_line, which are found on floating matrices only, "
+                "stay as they are configured."
             )
             return
         self._say(
