@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -186,11 +185,8 @@ def streams(n: int, seed: int, shape=(8, 8)) -> None:
             for first, last in scene.pushes():
                 pushes += 1
                 missed += not record.stopped[first + round(0.3 * KNOTS) : last].any()
-        print(
-            f"{' '.join(kind):16} {n} min: {faults} fault stops, {missed} of {pushes} pushes missed",
-            sorted(set(reasons))[:3],
-            flush=True,
-        )
+        said = f"{faults} fault stops, {missed} of {pushes} pushes missed"
+        print(f"{' '.join(kind):16} {n} min: {said}", sorted(set(reasons))[:3], flush=True)
 
 
 def recording(circuit: Circuit, seed: int, seconds=60.0) -> np.ndarray:
@@ -225,9 +221,9 @@ def named(n: int, seed: int, shape=(8, 8)) -> None:
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
+
+    raw = argparse.RawTextHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=raw)
     parser.add_argument("what", choices=[*_WHAT])
     parser.add_argument("--n", type=int, default=20, help="frames of a family, or streams")
     parser.add_argument("--seed", type=int, default=1)
