@@ -148,6 +148,11 @@ class Weights:
         if circuit is self._fits[0] and curve is self._fits[1]:  # a stream's next frame
             return
         made, here = self.meta["circuit"], circuit.describe()
+        if circuit.readout != "floating":
+            raise ValueError(
+                f"the networks know the floating readout only, not {circuit.readout!r}: use map or "
+                "auto"
+            )
         differs = [
             f"{key} = {made[key]} (yours: {here[key]})"
             for key in ("rows", "cols", "r_ref", "r_par", "mask")
