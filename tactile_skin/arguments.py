@@ -134,7 +134,7 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
         "On ROS: ros2 bag record -a -s mcap",
     )
     sub.add_argument(
-        "out", type=Path, metavar="OUT", help="file to make, or folder for files named by time"
+        "out", metavar="OUT", help="file to make (.mcap), or folder/ for files named by time"
     )
     sub.add_argument(
         "words",

@@ -85,13 +85,10 @@ def make_pairs(circuit, curve, n: int, network_kind: str, readout: str, seed, tr
         (n, channels, rows, cols) inputs, (n, rows, cols) force [N], both float32.
 
     Raises:
-        ValueError: the physics network, or readout "board", for a matrix that is not floating.
+        ValueError: the circuit's readout is not the floating one.
     """
-    if circuit.readout != "floating" and (network_kind == "physics" or readout == "board"):
-        raise ValueError(
-            f"readout = {circuit.readout!r} of the circuit: the physics network and training on "
-            "readout 'board' need a floating matrix; train --network paper --readout scan"
-        )
+    if circuit.readout != "floating":
+        raise ValueError(f"the networks know the floating readout only, not {circuit.readout!r}")
     channels = 1 if network_kind == "paper" else network.PHYSICS_INPUTS
     inputs = np.empty((n, channels, *circuit.shape), np.float32)
     force = np.empty((n, *circuit.shape), np.float32)

@@ -148,10 +148,15 @@ class Weights:
         """
         if circuit is self._fits[0] and curve is self._fits[1]:  # a stream's next frame
             return
-        made, here = self._circuit.describe(), circuit.describe()
+        made, here = self.meta["circuit"], circuit.describe()
+        if circuit.readout != "floating":
+            raise ValueError(
+                f"the networks know the floating readout only, not {circuit.readout!r}: use map or "
+                "auto"
+            )
         differs = [
             f"{key} = {made[key]} (yours: {here[key]})"
-            for key in ("rows", "cols", "r_ref", "r_par", "mask", "readout")
+            for key in ("rows", "cols", "r_ref", "r_par", "mask")
             if made[key] != here[key]
         ]
         if self.meta["curve"] != curve.describe():
