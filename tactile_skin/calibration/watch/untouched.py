@@ -94,7 +94,7 @@ class Untouched:
             fell = change < -_FALL
             if not self.message or fell > self.fault:
                 self._rest, self._told_at, self.fault = rest, t, fell
-                much = f"{abs(np.expm1(change)):.1%}"
+                much = f"{100.0 * abs(np.expm1(change)):.1f} %"
                 self.message = (
                     f"all cells conduct {much} {'less' if fell or change < 0.0 else 'more'} at once"
                     ": did the supply, the reference or r_par change, or does something lie on all "
