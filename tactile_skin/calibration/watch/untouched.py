@@ -72,7 +72,7 @@ class Untouched:
             return
         now = self._sum / _FRAMES
         self._begin()
-        known = self._circuit.populated & (now > 0.0) & (now < 1.0) & (rest > 0.0)
+        known = self._circuit.populated & (now > 0.0) & (now < 1.0) & (rest > 0.0) & (rest < 1.0)
         if self._rest is not None:
             rest = self._rest
         if np.count_nonzero(known) >= _CELLS:
