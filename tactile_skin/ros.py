@@ -28,7 +28,7 @@ from .errors import RosError
 from .files import one_line, shorten
 from .middleware import bus
 from .middleware.config import ParameterFile
-from .middleware.launch_file import NODES, PACKAGE, RECORDER, NodeAction, Plan
+from .middleware.launch_file import FOXGLOVE, NODES, PACKAGE, RECORDER, NodeAction, Plan
 from .middleware.processes import end_commands, start_command
 from .middleware.ros.node import MODULES, RosNode, ToRos, choose
 from .middleware.threads import one_thread
@@ -222,6 +222,8 @@ def launch_processes(plan: Plan, version: int) -> int:
     for action in plan.nodes:
         if action.kind == RECORDER:
             raise RosError("record: is without ROS; with it: ros2 bag record -a -s mcap")
+        if action.kind == FOXGLOVE:
+            raise RosError("foxglove: is without ROS; with it: foxglove_bridge")
         if action.user:
             raise RosError(
                 f"{action.file}: node {action.kind}: --ros starts the nodes of {PACKAGE} only; "

@@ -1,7 +1,4 @@
-"""ROS 2's YAML launch format, as much of it as the skin needs.
-
-What is not understood is refused by name.
-"""
+"""ROS 2's YAML launch format, as far as it is needed; what is unknown is refused by name."""
 
 from __future__ import annotations
 
@@ -33,8 +30,9 @@ NODES = {  # exec -> class, imported when it is started
     "push_arrow": "push_arrow.PushArrow",
     "view": "observers.view.View",
 }
-RECORDER = "recorder"  # record:=FILE of any launch file; on ROS there is ros2 bag record
-CLASSES = NODES | {RECORDER: "observers.recorder.RecorderNode"}
+RECORDER, FOXGLOVE = "recorder", "foxglove"  # of any launch file, but not on ROS
+_OBSERVERS = {RECORDER: "observers.recorder.RecorderNode", FOXGLOVE: "observers.foxglove.Foxglove"}
+CLASSES = NODES | _OBSERVERS
 _MAX_FILES = 30  # launch files of one launch: includes may double at each level
 _MAX_TEXT = 10_000  # characters of a filled-in value: it may double with each let
 
@@ -75,7 +73,8 @@ class Argument:
     description: str
 
 
-RECORD = Argument("record", "", "MCAP file to record all topics to, or a folder for such files")
+RECORD = Argument("record", "", "MCAP file to record all topics to, or folder/ for such files")
+LIVE = Argument("foxglove", "false", "serve all topics to the Foxglove app")
 
 
 @dataclass
@@ -119,19 +118,20 @@ def read_plan(path, arguments: dict[str, str]) -> Plan:
         LaunchError: an unknown entity, key, substitution or argument, or a value that is missing.
     """
     plan, given = Plan(), dict(arguments)
-    record = given.pop(RECORD.name, RECORD.default)
+    record, live = (given.pop(a.name, a.default) for a in (RECORD, LIVE))
     _read_file(str(path), given, plan, _Read())
-    plan.arguments[RECORD.name] = RECORD
+    plan.arguments |= {a.name: a for a in (RECORD, LIVE)}
+    if _wanted({"if": live}, lambda text, _: text, Path(path), LIVE.name):
+        plan.nodes.append(_observer(FOXGLOVE, plan, Path(path)))
     if record:
-        plan.nodes.append(_recorder(record, plan, Path(path)))
+        plan.nodes.append(_observer(RECORDER, plan, Path(path), ("path", record)))
     return plan
 
 
-def _recorder(path: str, plan: Plan, file: Path) -> NodeAction:
-    """The node that records the others, with the parameter files that they have."""
+def _observer(kind: str, plan: Plan, file: Path, *given: tuple[str, str]) -> NodeAction:
+    """A node that hears all others, with the parameter files that they have."""
     files = [p for action in plan.nodes for p in action.parameters if isinstance(p, ParameterFile)]
-    parameters = [*dict.fromkeys(files), ("path", path)]
-    return NodeAction(RECORDER, RECORDER, "", parameters, [], file)
+    return NodeAction(kind, kind, "", [*dict.fromkeys(files), *given], [], file)
 
 
 @dataclass

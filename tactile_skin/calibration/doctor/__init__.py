@@ -49,9 +49,10 @@ def diagnose(
         series: whether to ask for r_par, r_ref and supply, which takes most of the time.
 
     Returns:
-        The faults, an empty list for a sound board. Another readout than the circuit's, or a
-        wrong bit, hides all else. Damage of wires that only their network shows (all but "open",
-        "contact" and "noisy") is looked for on floating matrices only.
+        The faults, an empty list for a sound board. Another readout than the circuit's, a wrong
+        bit, and rows and columns that are exchanged hide all else. Damage of wires that only their
+        network shows (all but "open", "contact" and "noisy") is looked for on floating matrices
+        only.
 
     Raises:
         ValueError: another shape, values outside [0, 1], or fewer than 20 frames.
@@ -63,6 +64,8 @@ def diagnose(
         return [texts.readout(circuit, fitting)]
     if bits := readings.stuck_bits(seen):
         return [texts.bit(*bit) for bit in bits]
+    if votes := order.transposed(seen):
+        return [texts.transposed(circuit, *votes)]
     found: list[Finding] = []
     if top := readings.ceiling(seen):
         found.append(texts.ceiling(seen, *top))

@@ -22,8 +22,9 @@ class Finding:
     """One fault.
 
     Attributes:
-        kind: "short", "open", "broken", "lead", "doubled", "swapped", "shifted", "dead", "stuck",
-            "noisy", "contact", "circuit", "readout", "bits", "saturation" or "no signal".
+        kind: "short", "open", "broken", "lead", "doubled", "swapped", "shifted", "transposed",
+            "dead", "stuck", "noisy", "contact", "circuit", "readout", "bits", "saturation" or
+            "no signal".
         where: for a person: "column 5", "row 2, column 7", "ADC".
         evidence: the numbers that show it.
         remedy: what to check.
@@ -223,6 +224,17 @@ def misplaced(moved: order.Misplaced) -> Finding:
         f"{saved} if they are exchanged",
         f"Press along them: if the touch jumps, exchange the two leads, or `{name}` in the sketch",
         **{key: (a, b)},
+    )
+
+
+def transposed(supposed: Circuit, touches: int, share: float) -> Finding:
+    rows, cols = supposed.shape
+    return Finding(
+        "transposed",
+        "rows and columns",
+        f"{touches} touches are {100 * share:.0f} % smoother if they are exchanged",
+        f"Set circuit.rows: {cols} and circuit.cols: {rows}; or let the sketch send row by row, "
+        "not column by column",
     )
 
 
