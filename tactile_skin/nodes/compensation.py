@@ -18,7 +18,7 @@ from ..calibration.tracker import CircuitTracker
 from ..learning import network
 from ..middleware.bus import DurabilityPolicy, QoSProfile, Time
 from ..middleware.config import adc_of, circuit_of, creep_of, curve_of, describe, geometry_of
-from ..msg import DiagnosticArray, Header, Image, Trigger, image, image_array
+from ..msg import Header, Image, Trigger, image, image_array
 from ..physics.circuit import forward
 from ..physics.curve import GRAM
 from ..solvers import METHODS, Estimate, compensate
@@ -76,7 +76,8 @@ class Compensation:
         def value(name, default, *bounds):
             return node.declare_parameter(name, default, describe(*bounds)).value
 
-        method = value("method", "auto", f"one of {', '.join(METHODS)}")
+        described = describe(f"one of {', '.join(METHODS)}", read_only=False)
+        method = node.declare_parameter("method", "auto", described).value
         path = value("weights", "", "file of a network's weights; empty: those of the package")
         threshold = value(
             "threshold",
@@ -100,23 +101,17 @@ class Compensation:
                 "docs/reliability.md",
                 *self.circuit.shape,
             )
-        if method not in METHODS:
-            raise ValueError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
-        weights = network.load(path) if path else None
-        if weights:
-            weights.check(self.circuit, curve)
-        self._method = method
+        self._weights = network.load(path) if path else None
+        if self._weights:
+            self._weights.check(self.circuit, curve)
         self._arguments = {
-            "weights": weights if method in _LEARNED else None,
             "threshold": self._adc.threshold(threshold),
             "time_limit": time_limit,
             "noise": self._adc.share(noise) * self.circuit.full_scale or None,
-            "missing": method in ("map", "auto"),
         }
         self._pressure = node.create_publisher(Image, "skin/pressure", 10)
-        self._diagnostics = node.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
+        self._diagnostics = diagnostics.Reporter(node)
         self._rest = node.create_publisher(Image, "skin/rest", LATCHED)
-        self._hurries = method == "auto" and not threshold
         self._noise = Noise(self.circuit.populated)
         self._cell_count = np.count_nonzero(self.circuit.populated)
         self._last: Estimate | None = None  # the last frame: where the next starts from
@@ -143,12 +138,31 @@ class Compensation:
         self._aside: Counter[tuple[int, int]] = Counter()  # since the last report
         self._bad: tuple[int, int] | None = None  # of these, most often in an earlier second
         self._contact = ""  # a bad one that the last second showed
-        # Loads the weights, and says here, not in the first callback, that they do not fit.
-        self._compensate(np.full(self.circuit.shape, 0.05))
+        self._set_method(method)
+        node.on_set_parameters(self.on_parameters)
         node.create_subscription(Image, "skin/adc", self.on_adc, QUEUE)
         node.create_service(Trigger, "~/reset", self.on_reset)
         node.create_service(Trigger, "~/tare", self.on_tare)
         node.create_timer(1.0, self.on_second)
+
+    def on_parameters(self, values: dict) -> None:
+        """Another method from the next frame on."""
+        before = self._method
+        try:
+            self._set_method(values["method"])
+        except ValueError:
+            self._set_method(before)
+            raise
+
+    def _set_method(self, method: str) -> None:
+        if method not in METHODS:
+            raise ValueError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
+        self._method, self._last = method, None
+        self._arguments["weights"] = self._weights if method in _LEARNED else None
+        self._arguments["missing"] = method in ("map", "auto")
+        self._hurries = method == "auto" and not self._arguments["threshold"]
+        # Loads the weights, and says here, not in the first callback, that they do not fit.
+        self._compensate(np.full(self.circuit.shape, 0.05))
 
     def _compensate(self, adc, late: bool = False) -> Estimate:
         given = dict(self._arguments)

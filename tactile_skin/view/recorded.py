@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import FileError
 from ..recording.reader import ADC, Recording
 from .server import Wanted
-from .snapshot import TOPICS, Collector, Snapshot
+from .snapshot import DIAGNOSTICS, TOPICS, Collector, Snapshot
 
 _POINTS = 2000  # of the force over the whole recording
 
@@ -30,6 +30,7 @@ class Recorded:
     def __init__(self, recording: Recording, track: Callable = lambda items, total: items):
         here = recording.adc_topic.removesuffix(ADC)
         topics = {f"{here}{topic}": topic for topic in TOPICS}
+        topics[recording.diagnostics_topic] = DIAGNOSTICS
         total = sum(t.count for name, t in recording.topics.items() if name in topics)
         collector = Collector()
         self._snapshots: list[Snapshot] = []

@@ -57,7 +57,7 @@ class Fed:
         self.force, self.reports = None, []
         observer.create_subscription(Image, "skin/pressure", self._on_pressure, 10)
         observer.create_subscription(
-            DiagnosticArray, "diagnostics", lambda m: self.reports.append(m.status[0]), 100
+            DiagnosticArray, "skin/diagnostics", lambda m: self.reports.append(m.status[0]), 100
         )
         self._publisher = observer.create_publisher(Image, "skin/adc", 10)
         self.absent = np.zeros(CIRCUIT.shape, bool)  # crossings that are not read
