@@ -36,6 +36,8 @@ from .middleware.package import COMPOSED, NODES, PACKAGE, RECORDER
 from .middleware.processes import end_commands, start_command
 from .middleware.ros.arguments import RosArguments, split_arguments
 from .middleware.ros.node import MODULES, RosNode, ToRos, choose
+from .middleware.ros.ros1 import Ros1
+from .middleware.ros.ros2 import Ros2
 from .nodes import diagnostics
 
 _logger = logging.getLogger("tactile_skin")
@@ -79,18 +81,15 @@ class Program(launch.Skin):
 class RosSkin(Program):
     """Nodes of this process that are on ROS as well, until a signal or ROS ends them."""
 
-    def __init__(self, executable: str, version: int, args: RosArguments):
-        super().__init__(executable, plan_of(executable, args))
-        self._version, self._name, self._args = version, executable, args
+    def __init__(self, executable: str, plan: Plan, ros: Ros1 | Ros2):
+        super().__init__(executable, plan)
+        self._ros = ros
         self._lost = False
         self._to_ros = ToRos()
         _logger.setLevel(logging.DEBUG)  # ROS has levels of its own
         _logger.propagate, _logger.handlers = False, [self._to_ros]
 
     def build(self) -> list[RosNode]:
-        namespace = "/" + self._args.namespace_of(self._name).strip("/")
-        name = self._args.name_of(self._name)
-        self._ros = MODULES[self._version][1](name, namespace, self._args.logs)
         self._settings.callback(self._leave)
         super().build()
         for handle in self._handles:
@@ -126,7 +125,11 @@ def run(executable: str, words: list[str] | None = None) -> int:
             "--ros", type=int, choices=(1, 2), help="1: rospy, 2: rclpy (default: what is there)"
         )
         version = choose(parser.parse_args(own).ros)
-        skin = RosSkin(executable, version, args)
+        plan = plan_of(executable, args)
+        namespace = "/" + args.namespace_of(executable).strip("/")
+        # it may wait for ROS 1's master, which a signal ends at once
+        ros = MODULES[version][1](args.name_of(executable), namespace, args.logs)
+        skin = RosSkin(executable, plan, ros)
         # a signal that came before it ran has asked for the same
         with contextlib.suppress(KeyboardInterrupt, SystemExit), skin:
             skin.spin()
