@@ -135,7 +135,7 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
         "On ROS: ros2 bag record -a -s mcap",
     )
     sub.add_argument(
-        "out", type=Path, metavar="OUT", help="file to make, or folder for files named by time"
+        "out", metavar="OUT", help="file to make (.mcap), or folder/ for files named by time"
     )
     sub.add_argument(
         "words",
@@ -241,7 +241,7 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
         "measure every method and draw it: speed against accuracy, and where each method fails",
         epilog="Each picture NAME.png stands beside NAME.json, which holds the numbers drawn.\n"
         "parts: speed, cases, stability, growth, way (bytes in to stop hook), touch_to_stop; all\n"
-        "of them take nine minutes, with --quick one. Times are best read on an idle machine.\n"
+        "of them take 20 minutes, with --quick two. Times are best read on an idle machine.\n"
         "Only on request: faults, damaged boards through the whole chain, which takes an hour on\n"
         "two cores, with --quick one minute; recorded, every method on frames of your own board.\n"
         "examples:\n  tactile-skin bench --quick\n  tactile-skin bench speed growth --out figures\n"

@@ -102,7 +102,7 @@ def _spin(skin) -> int:
 def _record(args) -> int:
     from . import launch
 
-    plan, _ = _plan(args.words, "skin.launch.yaml", record=str(args.out))
+    plan, _ = _plan(args.words, "skin.launch.yaml", record=args.out)
     recorder = plan.nodes[-1]
     for name in ("last", "max_duration", "max_size"):
         if (value := getattr(args, name)) is not None:

@@ -32,7 +32,7 @@ from .middleware.bus import Context
 from .middleware.config import ParameterFile
 from .middleware.launch_file import NodeAction, Plan
 from .middleware.launched import check_commands, check_names, given
-from .middleware.package import COMPOSED, NODES, PACKAGE, RECORDER
+from .middleware.package import COMPOSED, FOXGLOVE, NODES, PACKAGE, RECORDER
 from .middleware.processes import end_commands, start_command
 from .middleware.ros.arguments import RosArguments, split_arguments
 from .middleware.ros.node import MODULES, RosNode, ToRos, choose
@@ -242,6 +242,8 @@ def launch_processes(plan: Plan, version: int) -> int:
     for action in plan.nodes:
         if action.kind == RECORDER:
             raise RosError("record: is without ROS; with it: ros2 bag record -a -s mcap")
+        if action.kind == FOXGLOVE:
+            raise RosError("foxglove: is without ROS; with it: foxglove_bridge")
         if action.user:
             raise RosError(
                 f"{action.file}: node {action.kind}: --ros starts the nodes of {PACKAGE} only; "

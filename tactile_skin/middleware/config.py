@@ -15,6 +15,7 @@ from ..physics.adc import Adc
 from ..physics.circuit import Circuit
 from ..physics.creep import MAX_SHARE, Creep
 from ..physics.curve import PressureCurve
+from ..physics.readouts import DRIVEN, READOUTS
 from ..touch.geometry import CELL_AREA, PITCH, SHAPES, Geometry, make_geometry
 from ..yaml_files import read_yaml
 from .bus import (
@@ -111,7 +112,9 @@ def circuit_of(node: Node) -> Circuit:
     adc_bits = value("adc_bits", 10, "width of the ADC", 4, 16)
     mask = value("mask", "", "cells that exist: a word of 0 and 1 per row; empty: all")
     r_line = value("r_line", 0.0, "of a stripe, from its lead to its far end [ohm]", 0.0, 1e4)
-    return Circuit(rows, cols, r_ref, r_par, adc_bits, mask_of(mask), r_line)
+    readout = value("readout", "floating", f"one of {', '.join(READOUTS)}")
+    driven = value("driven", "rows", f"which lines are driven: {' or '.join(DRIVEN)}")
+    return Circuit(rows, cols, r_ref, r_par, adc_bits, mask_of(mask), r_line, readout, driven)
 
 
 def adc_of(node: Node, circuit: Circuit) -> Adc:

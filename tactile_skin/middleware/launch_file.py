@@ -1,7 +1,4 @@
-"""ROS 2's YAML launch format, as much of it as the skin needs.
-
-What is not understood is refused by name.
-"""
+"""ROS 2's YAML launch format, as far as it is needed; what is unknown is refused by name."""
 
 from __future__ import annotations
 
@@ -15,7 +12,7 @@ from ..errors import FileError, LaunchError
 from ..files import shorten
 from ..yaml_files import parse_yaml, read_yaml
 from .config import ParameterFile
-from .package import COMPOSED, NODES, PACKAGE, RECORDER
+from .package import COMPOSED, FOXGLOVE, NODES, PACKAGE, RECORDER
 from .substitutions import substitute
 from .user_nodes import UserNode, find_user_node
 
@@ -31,7 +28,8 @@ class Argument:
     description: str
 
 
-RECORD = Argument("record", "", "MCAP file to record all topics to, or a folder for such files")
+RECORD = Argument("record", "", "MCAP file to record all topics to, or folder/ for such files")
+LIVE = Argument("foxglove", "false", "serve all topics to the Foxglove app")
 
 
 @dataclass
@@ -83,19 +81,20 @@ def read_plan(path, arguments: dict[str, str], in_process: bool = True) -> Plan:
         LaunchError: an unknown entity, key, substitution or argument, or a value that is missing.
     """
     plan, given = Plan(), dict(arguments)
-    record = given.pop(RECORD.name, RECORD.default)
+    record, live = (given.pop(a.name, a.default) for a in (RECORD, LIVE))
     _read_file(str(path), given, plan, _Read(in_process))
-    plan.arguments[RECORD.name] = RECORD
+    plan.arguments |= {a.name: a for a in (RECORD, LIVE)}
+    if _wanted({"if": live}, lambda text, _: text, Path(path), LIVE.name):
+        plan.nodes.append(_observer(FOXGLOVE, plan, Path(path)))
     if record:
-        plan.nodes.append(_recorder(record, plan, Path(path)))
+        plan.nodes.append(_observer(RECORDER, plan, Path(path), ("path", record)))
     return plan
 
 
-def _recorder(path: str, plan: Plan, file: Path) -> NodeAction:
-    """The node that records the others, with the parameter files that they have."""
+def _observer(kind: str, plan: Plan, file: Path, *given: tuple[str, str]) -> NodeAction:
+    """A node that hears all others, with the parameter files that they have."""
     files = [p for action in plan.nodes for p in action.parameters if isinstance(p, ParameterFile)]
-    parameters = [*dict.fromkeys(files), ("path", path)]
-    return NodeAction(RECORDER, RECORDER, "", parameters, [], file)
+    return NodeAction(kind, kind, "", [*dict.fromkeys(files), *given], [], file)
 
 
 @dataclass

@@ -19,9 +19,10 @@ NODES = {  # exec -> class, imported when it is started
     "push_arrow": "push_arrow.PushArrow",
     "view": "observers.view.View",
 }
-RECORDER = "recorder"  # record:=FILE of any launch file; on ROS there is ros2 bag record
+RECORDER, FOXGLOVE = "recorder", "foxglove"  # of any launch file, but not on ROS
 COMPOSED = "skin"  # the program that runs a whole skin on ROS
-CLASSES = NODES | {RECORDER: "observers.recorder.RecorderNode"}
+_OBSERVERS = {RECORDER: "observers.recorder.RecorderNode", FOXGLOVE: "observers.foxglove.Foxglove"}
+CLASSES = NODES | _OBSERVERS
 
 
 def share_dir() -> Path:

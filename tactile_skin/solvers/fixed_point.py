@@ -41,8 +41,8 @@ def first_guess(reading: Reading) -> np.ndarray:
 def _closed_form(reading: Reading) -> np.ndarray:
     """Conductance [S] of the grounded readout; cells that would leave their bounds are held there.
 
-    With v = adc (r_ref + r_par) / r_ref, a sense line's cells have g = v G / (1 - sum v), where G is
-    what leads from it to ground: its divider, and the cells that are held.
+    With v = adc (r_ref + r_par) / r_ref, a sense line's cells have g = v G / (1 - sum v), where G
+    is what leads from it to ground: its divider, and the cells that are held.
     """
     circuit, (low, high) = reading.circuit, reading.bounds
     divider, axis = circuit.r_ref + circuit.r_par, 0 if circuit.driven == "rows" else 1

@@ -94,6 +94,13 @@ class Collector:
         self._others: dict = {}
         self._nodes: dict[str, NodeStatus] = {}
 
+    def copy(self) -> Collector:
+        """One that knows the same, and goes its own way."""
+        other = Collector()
+        other._readings, other._others = dict(self._readings), dict(self._others)
+        other._pressure, other._nodes = self._pressure, self._nodes
+        return other
+
     def take(self, topic: str, message) -> None:
         """
         Raises:

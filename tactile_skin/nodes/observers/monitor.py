@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import sys
 from collections import deque
@@ -28,6 +29,7 @@ from ..touch import xyz
 
 _FIRST_FRAME_WITHIN = 20.0  # s, before a run of limited duration gives up
 _KEPT = 200_000  # latencies
+_NUMBER = re.compile(r"-?\d+(\.\d+)?")  # in two warnings alike but for their numbers
 _EVERY_DECISION = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -54,7 +56,8 @@ class Monitor:
         self._decided = 0, 0  # stamp of the last decision that came before its reading, when [ns]
         self._first: int | None = None
         self._driver: dict[str, str] = {}
-        self._troubles: dict[str, str] = {}
+        self._warnings: dict[str, str] = {}  # node -> its message
+        self._warned: dict[str, str] = {}  # the same without numbers, of those that were printed
         self._contacts, self._force = 0, 0.0
         self._direction = (0.0, 0.0, 0.0)
         self._cmd_vel: Twist | None = None  # while a node of the skin moves the robot
@@ -132,9 +135,9 @@ class Monitor:
             if "crc_errors" in values:
                 self._driver = values
             if status.level == DiagnosticStatus.WARN:  # an ERROR shows as the stop's reason
-                self._troubles[status.name] = f"{status.name}: {status.message}"
+                self._warnings[status.name] = status.message
             else:
-                self._troubles.pop(status.name, None)
+                self._warnings.pop(status.name, None)
 
     def on_timer(self) -> None:
         now = self._now()
@@ -173,15 +176,26 @@ class Monitor:
             # 0.0 is added after rounding, so that nothing reads as -0.00
             x, y, turn = (round(value, 2) + 0.0 for value in (linear.x, linear.y, turn))
             line += f"  cmd_vel ({x:+.2f} {y:+.2f} m/s {turn:+.2f} rad/s)"
-        line = "  ".join([line, *self._troubles.values()])
-        if self.out.isatty():
+        if self._warnings:
+            line += f"  warned: {', '.join(self._warnings)}"
+        clear = "\r\x1b[2K" if self.out.isatty() else ""
+        for text in self._new_warnings():
+            print(f"{clear}{text}", file=self.out)
+        if clear:
             width = shutil.get_terminal_size().columns - 1
             if reason and reason != self._last_reason and len(line) > width:
-                print(f"\r\x1b[2K{reason}", file=self.out)  # what to do stands at its end
+                print(f"{clear}{reason}", file=self.out)  # what to do stands at its end
             self._last_reason = reason
-            print(f"\r\x1b[2K{line[:width]}", end="", file=self.out, flush=True)
+            print(f"{clear}{line[:width]}", end="", file=self.out, flush=True)
         else:
             print(line, file=self.out, flush=True)
+
+    def _new_warnings(self) -> list[str]:
+        """Those that say something else than before; each is printed once, and whole."""
+        now = {name: _NUMBER.sub("", text) for name, text in self._warnings.items()}
+        new = [name for name, text in now.items() if self._warned.get(name) != text]
+        self._warned |= now
+        return [f"{name} warns: {self._warnings[name]}" for name in new]
 
     @property
     def drops(self) -> int:
