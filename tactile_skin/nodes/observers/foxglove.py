@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections import deque
@@ -36,6 +37,7 @@ class Foxglove:
             raise LaunchError(
                 "foxglove needs foxglove-sdk: pip install 'tactile_skin[foxglove]'"
             ) from error
+        logging.getLogger("foxglove").setLevel(logging.WARNING)  # who comes and goes is no news
         cdr.check()
         self._sdk, self._context = foxglove, foxglove.Context()
         try:
