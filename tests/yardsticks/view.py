@@ -6,7 +6,7 @@ One run of skin.launch.yaml on a simulated board. In every second turn ("shown")
 open, in a process of their own at the lowest priority (the computers of those who look are others):
 three draw 60 times a second, one is asleep, one reads 20 kB a second. Prints p50 and p99 [ms] of
 both kinds of turn, and the median of the turns' p99: on a busy computer the bursts of others fall
-into a few turns. --bare: a third kind, with no node `view` at all, which is started and destroyed in
+into a few turns. --bare: a third kind, with no node `view` at all, started and destroyed in
 turns.
 --foxglove: in place of the pages an app that has subscribed to every topic of the node `foxglove`.
 """
@@ -27,8 +27,8 @@ import numpy as np
 
 from tactile_skin.launch import Skin, class_of, find, read_plan
 from tactile_skin.middleware.bus import Time
-from tactile_skin.middleware.package import FOXGLOVE
 from tactile_skin.middleware.launched import make_node
+from tactile_skin.middleware.package import FOXGLOVE
 from tactile_skin.msg import DiagnosticArray, Image
 from tactile_skin.view.wire import unpack
 

@@ -74,7 +74,7 @@ class Foxglove:
             self._tap(kind, topic, channel)
 
     def _tap(self, kind: type, topic: str, channel) -> None:
-        count = _NODES if topic.endswith(f"/{diagnostics.TOPIC}") else 1
+        count = _NODES if topic.endswith(diagnostics.ALL) else 1
         waiting = self._newest[topic] = deque(maxlen=count)
 
         def take(message) -> None:
