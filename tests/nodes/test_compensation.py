@@ -47,7 +47,7 @@ class Skin:
         self.published, self.status, self.levels = [], None, set()
         self.observer = observer = Node("observer", context=context)
         observer.create_subscription(Image, "skin/pressure", self._on_pressure, 100)
-        observer.create_subscription(DiagnosticArray, "diagnostics", self._on_status, 100)
+        observer.create_subscription(DiagnosticArray, "skin/diagnostics", self._on_status, 100)
         self._adc = observer.create_publisher(Image, "skin/adc", 100)
         self.executor.add_node(node)
         self.executor.add_node(observer)

@@ -15,7 +15,8 @@ from websockets.sync.client import connect
 
 from tactile_skin.errors import LaunchError
 from tactile_skin.middleware.bus import Context, Node, Parameter, SingleThreadedExecutor
-from tactile_skin.middleware.launch_file import FOXGLOVE, find, read_plan
+from tactile_skin.middleware.launch_file import read_plan
+from tactile_skin.middleware.package import FOXGLOVE, find
 from tactile_skin.msg import Bool, Header, Image, PointCloud2, Time, Vector3Stamped, cloud, image
 from tactile_skin.nodes.observers import foxglove as module
 from tactile_skin.nodes.observers.foxglove import Foxglove
