@@ -5,10 +5,9 @@
     speed      floating, in times y, to compare two versions: run them in turn
     wrong      how often a frame of one readout is suspect to another, after a tare by that
     named      streams of a minute, with the readout that `diagnose` names
-    streams    false stops and missed pushes through all nodes, minutes of everyday touches
-    recorded   a cushion with loaded lines: what each readout leaves of its frames (FOLDER)
 
-Paper's circuit, default curve.
+Paper's circuit, default curve. Streams through all nodes: `tactile-skin bench faults --shapes
+8x8-loaded-rows`.
 """
 
 from __future__ import annotations
@@ -21,8 +20,6 @@ import numpy as np
 from tactile_skin import Circuit, PressureCurve, compensate, diagnose, forward
 from tactile_skin.bench.damage import streams as touches
 from tactile_skin.bench.damage.board import KNOTS, FaultBoard
-from tactile_skin.bench.damage.chain import Chain
-from tactile_skin.bench.damage.reliability import play
 from tactile_skin.bench.measure import Clock, frames
 from tactile_skin.calibration.rest import resting_conductance
 from tactile_skin.learning import scenes
@@ -40,7 +37,6 @@ KINDS = (
     ("grounded", "columns"),
 )
 REST_SCATTER = 0.1  # RMS, relative, of the cells at rest
-BATCH = 3.0  # s of a stream that are drawn at once
 
 
 def circuit_of(kind, base: Circuit = CIRCUIT) -> Circuit:
@@ -50,7 +46,7 @@ def circuit_of(kind, base: Circuit = CIRCUIT) -> Circuit:
 def noise() -> None:
     """One standard deviation of a touched cell's force by each reading's noise."""
     print("readout   scene        ghost   std of a touched cell [g], median")
-    for kind in KINDS[::2]:
+    for kind in (k for k in KINDS if k[1] == "rows"):
         circuit = circuit_of(kind)
         for scene in ("one_finger", "two_fingers", "push_left"):
             force = scenes.script(scene, *circuit.shape)(0.0)
@@ -140,59 +136,10 @@ def wrong(n: int, seed: int) -> None:
         print(f"{' '.join(true):16}  " + "  ".join(f"{word:16}" for word in line), flush=True)
 
 
-class Board(FaultBoard):
-    """A sound fabric, read in any way."""
-
-    def ratio(self, force: np.ndarray) -> np.ndarray:
-        with np.errstate(divide="ignore"):
-            moving = force.any((1, 2))
-            out = np.empty(force.shape)
-            if moving.any():
-                out[moving] = forward(self.circuit, 1.0 / self.conductance(force[moving]))
-            if not moving.all():
-                out[~moving] = forward(self.circuit, 1.0 / self.conductance(force[~moving][:1]))
-        return out
-
-
-def stream(circuit: Circuit, seconds: float, seed: int):
-    """A board, its everyday touches, and what arrives of them, (t, bytes)."""
-    rng = np.random.default_rng(seed)
-    board = Board(circuit, CURVE, rng)
-    scene = touches.everyday(circuit.populated, seconds, rng, CURVE.max_force, hard=False)
-    step, arriving = round(BATCH * KNOTS), []
-    for k in range(0, len(scene.force), step):
-        arriving += board.advance(scene.force[k : k + step])
-    return scene, arriving
-
-
-def streams(n: int, seed: int, shape=(8, 8)) -> None:
-    """Minutes of everyday touches, each on a board of its own."""
-    for kind in KINDS:
-        circuit = circuit_of(kind, Circuit(*shape))
-        faults = pushes = missed = 0
-        reasons: list[str] = []
-        for k in range(n):
-            scene, arriving = stream(circuit, 60.0, seed + k)
-            chain = Chain(circuit, parameters={"compensation": {"noise": SCAN_NOISE}})
-            try:
-                record = play(chain, arriving, scene.force)
-            finally:
-                chain.close()
-            idle = round(touches.IDLE * KNOTS)
-            begun = np.diff(record.faulted[idle:].astype(int)) > 0
-            faults += int(begun.sum()) + bool(record.faulted[idle])
-            reasons += record.reasons[1:]
-            for first, last in scene.pushes():
-                pushes += 1
-                missed += not record.stopped[first + round(0.3 * KNOTS) : last].any()
-        said = f"{faults} fault stops, {missed} of {pushes} pushes missed"
-        print(f"{' '.join(kind):16} {n} min: {said}", sorted(set(reasons))[:3], flush=True)
-
-
 def recording(circuit: Circuit, seed: int, seconds=60.0) -> np.ndarray:
     """(n, rows, cols) ADC ratio of a minute of touches, 20 frames a second."""
     rng = np.random.default_rng(seed)
-    board = Board(circuit, CURVE, rng)
+    board = FaultBoard(circuit, CURVE, rng)
     force = touches.everyday(circuit.populated, seconds, rng, CURVE.max_force, hard=False).force
     ratio = board.ratio(force[:: KNOTS // 20])
     steps = ratio * circuit.full_scale + SCAN_NOISE * rng.standard_normal(ratio.shape)
@@ -237,7 +184,6 @@ _WHAT = {
     "speed": lambda args: speed(args.n, args.seed),
     "wrong": lambda args: wrong(args.n, args.seed),
     "named": lambda args: named(args.n, args.seed),
-    "streams": lambda args: streams(args.n, args.seed),
 }
 
 if __name__ == "__main__":
