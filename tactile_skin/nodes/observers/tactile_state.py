@@ -1,4 +1,4 @@
-"""tactile_state: skin/pressure -> tactile_state, as rqt and rviz of Ubi's tactile_toolbox show it."""
+"""tactile_state: skin/pressure -> tactile_state, which Ubi's tactile_toolbox shows."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class State:
 
 
 class TactileState:
-    """Publishes tactile_state: one channel, named after the namespace, of all cells row by row [Pa].
+    """Publishes tactile_state: all cells row by row [Pa], a channel named after the namespace.
 
     Needs the package tactile_msgs (github.com/ubi-agni/tactile_toolbox).
     """
