@@ -15,6 +15,7 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from ..physics import laplacian
+from ..physics.kernel import connected_rho
 from ..physics.conjugate_gradients import conjugate_gradients
 from ..physics.quadratic import inverse_diagonal, solve_in_box
 from . import prior as prior_terms
@@ -25,6 +26,8 @@ from .fixed_point import fill, first_guess, is_level, iterate, last_guess
 from .reading import ROUNDING_NOISE, Linearised, Reading, noise_at_rest
 from .suspect import NormalEquations
 
+REFIT = True
+LEAVE = True
 MAX_STEPS = 12  # of Gauss-Newton; bounds the time of readings that no circuit explains
 START_STEPS = 10  # of the fixed point: a step costs a twentieth of a Gauss-Newton step
 WARM_STEPS = 12  # the same from the last frame: the rim of a touch that moved misfits by far
@@ -105,7 +108,7 @@ def _unchanged(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | N
 
 
 def _fit(
-    reading: Reading, g: np.ndarray, prior, warm: bool = False, fits: int = _MAX_FITS
+    reading: Reading, g: np.ndarray, prior, warm: bool = False, fits: int = _MAX_FITS, broad=None
 ) -> Estimate:
     """Args:
     warm: g is close to the answer; a step that went as predicted is then the last one.
@@ -118,8 +121,9 @@ def _fit(
         reading = _with_noise_at_rest(reading, g)
     low = reading.bounds[0]
     at_rest = circuit.populated & (g < _NEAR_REST * low)
-    broad = np.count_nonzero(at_rest) < _BROAD * np.count_nonzero(circuit.populated)
-    broad = broad and is_level(reading, g)
+    if broad is None:
+        broad = np.count_nonzero(at_rest) < _BROAD * np.count_nonzero(circuit.populated)
+        broad = broad and is_level(reading, g)
     g = np.where(at_rest, low, g)
     point = _Point.at(reading, g, broad, prior)
     costs = [point.cost]
@@ -138,17 +142,27 @@ def _fit(
         if settled or reading.late():
             break
     converged = step.solved and (settled or iterations == MAX_STEPS)
-    if not reading.noise_given and fits and converged and not reading.late():
+    if broad and converged and LEAVE and not reading.late():
+        at_rest = circuit.populated & (point.model.g < _NEAR_REST * low)
+        if np.count_nonzero(at_rest) >= _BROAD * np.count_nonzero(circuit.populated):
+            found = _fit(reading, point.model.g, prior, warm, fits - 1, False)
+            return replace(found, iterations=found.iterations + steps + iterations)
+    if not reading.noise_given and fits > 0 and converged and not reading.late():
         noise = _noise_left(reading, point, step)
         if not 1.0 / _AGREE < noise / reading.noise < _AGREE:
             again = reading.with_noise(noise)
             if again.noise != reading.noise:
-                found = _fit(again, begin, prior, warm, fits - 1)
+                found = _fit(again, point.model.g if REFIT else begin, prior, warm, fits - 1, None if broad else False)
                 return replace(found, iterations=found.iterations + steps + iterations)
+    found = None
+    if converged and not broad and step.equations is not None and step.equations.unknowns.size:
+        found = _with_neighbours(reading, point, step.equations, prior)
+    g, std_x = (point.model.g, _std_x(point, step.equations)) if found is None else found
     with np.errstate(divide="ignore"):
-        force = reading.curve.force(1.0 / point.model.g) * circuit.populated
-    std = _spread(reading, point, step, force)
-    residual = reading.residual(point.model.adc)
+        force = reading.curve.force(1.0 / g) * circuit.populated
+    std = _spread(reading, std_x, force)
+    adc = point.model.adc if found is None else circuit.ratio(connected_rho(g))
+    residual = reading.residual(adc)
     message = suspect.by_reading(reading)
     message = message or suspect.by_residual(reading, point.model.adc, ROUNDING_NOISE)
     if not message and step.equations is not None:
@@ -362,15 +376,51 @@ def _descend(reading: Reading, point: _Point, step: _Step, broad: bool, extra, c
     return point
 
 
-def _spread(reading: Reading, point: _Point, step: _Step, force) -> np.ndarray:
-    """One posterior standard deviation of the force (rows, cols) [N].
+def _with_neighbours(reading: Reading, point: _Point, equations: NormalEquations, extra):
+    """One more step from a fit, with what its neighbours say of each cell as the only prior.
 
-    Of the Gauss-Newton posterior for the free cells; from each one's own reading and prior alone
-    for cells held at a bound.
+    Returns:
+        g (rows, cols) [S] and the standard deviation of x (rows, cols); None: no step was found.
+    """
+    circuit, free = reading.circuit, equations.unknowns
+    cells, unknown = circuit.populated, np.zeros(circuit.shape, bool)
+    unknown.flat[free] = True
+    std_x = _std_x(point, equations)
+    x = np.log(np.where(cells, point.gx, 1.0) * reading.curve.points[0][1])
+    own = point.model.network.rho**2 * point.model.weight * point.gx
+    terms = prior_terms.neighbours(x, std_x, own, unknown, cells)
+    if extra is not None:
+        force = np.where(cells, reading.curve.force(1.0 / np.where(cells, point.model.g, 1.0)), 0.0)
+        slope = -reading.curve.slope(force)
+        terms = prior_terms.add(terms, prior_terms.known(force, slope, *extra, cells))
+    precision = _precision(equations.jacobian, terms, None, free)
+    misfit = point.model.misfit.ravel()[equations.readings].astype(np.float32)
+    b = misfit @ equations.jacobian - terms.gradient.ravel()[free]
+    here, change = point.model.g.ravel()[free], point.gx.ravel()[free]
+    low, high = (bound.ravel()[free] for bound in reading.bounds)
+    ends = (np.log1p((bound - here) / change) for bound in (low, high))
+    dx, factor, inside = solve_in_box(precision, b.astype(float), *ends)
+    if factor is None or not np.isfinite(dx).all():
+        return None
+    g = point.model.g.copy()
+    g.flat[free] = np.clip(here + change * np.expm1(np.clip(dx, -2.0, 2.0)), low, high)
+    std_x.flat[free[inside]] = np.sqrt(inverse_diagonal(factor))
+    return g, std_x
+
+
+def _std_x(point: _Point, equations: NormalEquations | None) -> np.ndarray:
+    """(rows, cols) standard deviation of x: of the posterior for cells that met no bound.
+
+    From each one's own reading and prior alone for cells held at a bound.
     """
     std_x = 1.0 / np.sqrt(point.curvature + 1e-12)
-    if step.equations is not None:
-        std_x.flat[step.equations.unknowns] = np.sqrt(inverse_diagonal(step.equations.factor))
+    if equations is not None:
+        std_x.flat[equations.unknowns] = np.sqrt(inverse_diagonal(equations.factor))
+    return std_x
+
+
+def _spread(reading: Reading, std_x: np.ndarray, force) -> np.ndarray:
+    """One posterior standard deviation of the force (rows, cols) [N]."""
     std_x = np.minimum(_WIDEN * std_x, 10.0)
     curve = reading.curve
     resistance = curve.resistance(force)

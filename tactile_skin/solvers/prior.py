@@ -10,38 +10,31 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..learning import denoiser
 from ..physics import kernel
 
-# Spread and weight of the two kinds of differences, chosen on 40 scenes of blobs and rects each.
-_STEP = 0.5, 0.1  # weight, spread of x_i - x_j between direct neighbours
-_TWIST = 1.5, 0.15  # of x_ij - x_i+1,j - x_i,j+1 + x_i+1,j+1, the mixed second difference
+# Of the differences x_i - x_j between direct neighbours: their weight, and the spread below which
+# they are drawn together. Chosen on bodies of many sizes and textures (tests/yardsticks/prior.py).
+_STEP, _SPREAD = 1.0, 0.3
 _REST = 1.0, 0.3  # of x - x_rest, one-sided: at rest unless the reading says otherwise
 
 
 class Differences:
-    """Which cells the prior compares: those beside and below one another, and squares of four.
+    """Which cells the prior compares: those beside and below one another.
 
     Attributes:
-        weight, square: (differences,) of each one's cost weight/2 log(square + d^2), the weight 0
-            where a cell is missing; first those to the right, then downwards, then of squares.
-        here, there: (entries,) int32, flat cells, here < there, that a difference joins: to the
-            right, downwards, and along both diagonals.
+        weight: (differences,) of each one's cost weight/2 log(spread^2 + d^2), 0 where a cell is
+            missing; first those to the right, then downwards.
+        here, there: (differences,) int32, flat cells, here < there, that a difference joins.
     """
 
     def __init__(self, shape: tuple[int, int], cells: np.ndarray | None = None):
         cells = np.ones(shape, bool) if cells is None else cells
-        right, down = cells[:, 1:] & cells[:, :-1], cells[1:] & cells[:-1]
-        kinds = (right, _STEP), (down, _STEP), (right[1:] & right[:-1], _TWIST)
-        self.weight = np.concatenate([w * there.ravel() for there, (w, _) in kinds])
-        self.square = np.concatenate([np.full(there.size, s**2) for there, (_, s) in kinds])
         n = np.arange(cells.size, dtype=np.int32).reshape(shape)
-        pairs = (
-            (n[:, :-1], n[:, 1:]),
-            (n[:-1], n[1:]),
-            (n[:-1, :-1], n[1:, 1:]),
-            (n[:-1, 1:], n[1:, :-1]),
-        )
+        pairs = ((n[:, :-1], n[:, 1:]), (n[:-1], n[1:]))
         self.here, self.there = (np.concatenate([p[k].ravel() for p in pairs]) for k in (0, 1))
+        both = cells.ravel()[self.here] & cells.ravel()[self.there]
+        self.weight = np.where(both, _STEP, 0.0)
 
 
 def differences(circuit) -> Differences:
@@ -68,23 +61,34 @@ class Quadratic(NamedTuple):
 
 
 def touches(x: np.ndarray, x_rest: float, between: Differences) -> Quadratic:
-    """Most cells are at rest; touched patches are flat or separable, with sharp edges.
+    """Most cells are at rest; neighbours are alike, with sharp edges.
 
     Each difference d has the cost w/2 log(s^2 + d^2): small ones are drawn together, a large one,
-    an edge, costs next to nothing more. Direct differences favour constant patches. The mixed
-    second difference vanishes for every footprint that is a product of a function of the row and
-    one of the column. Distance from rest costs w log(1 + d/s): its slope at rest holds a cell
-    there that noise alone would lift.
+    an edge, costs next to nothing more. Distance from rest costs w log(1 + d/s): its slope at rest
+    holds a cell there that noise alone would lift.
 
     Args:
         x: (rows, cols), of cells that do not exist x_rest.
     """
-    value, gradient, diagonal, entries = kernel.roughness(x, between.weight, between.square)
+    value, gradient, diagonal, entries = kernel.roughness(x, between.weight, _SPREAD**2)
     weight, spread = _REST
     above = (x - (x_rest - spread)) / spread
     value += weight * float(np.log(above).sum())
     gradient += (weight / spread) / above
     return Quadratic(value, gradient, diagonal, entries)
+
+
+def neighbours(x, std, own, unknown, cells) -> Quadratic:
+    """What the cells around say of each: a network's answer to a fit (learning/denoiser.py).
+
+    Args:
+        x: (rows, cols) log conductance over that at rest; the rest as of `denoiser.inputs`.
+    """
+    shift, wide = denoiser.shipped()(denoiser.inputs(x, std, own, unknown, cells))
+    clipped = np.clip(std, *denoiser.STD)
+    rate = np.where(unknown, 1.0 / (clipped * wide), 0.0)
+    off = np.where(unknown, -shift / wide, 0.0)
+    return Quadratic(0.5 * np.square(off).sum(), off * rate, np.square(rate), None)
 
 
 def level(force: np.ndarray, slope: np.ndarray, cells: np.ndarray) -> Quadratic:
