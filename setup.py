@@ -19,7 +19,7 @@ def literal(path: str, name: str):
     return ast.literal_eval(values[name])
 
 
-programs = ["tactile-skin = tactile_skin.cli:main"]
+programs = ["tactile-skin = tactile_skin.__main__:main"]
 # colcon runs `setup.py install` or `develop`: setup.cfg sends the programs to lib/tactile_skin,
 # where `ros2 run` looks for the nodes. pip runs neither, and would put a `monitor` on users' PATH.
 if {"install", "develop"} & set(sys.argv):

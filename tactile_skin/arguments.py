@@ -7,6 +7,8 @@ import os
 from pathlib import Path
 
 from . import __version__
+from .commands import doctor, flash, replay, sim, view
+from .learning import scenes
 
 
 def make_parser(run: dict) -> argparse.ArgumentParser:
@@ -52,14 +54,10 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
     )
     sub.add_argument("-s", "--show-args", action="store_true", help="print its arguments and end")
 
-    from .commands import sim, view
-
     sub = command("view", view.ABOUT, epilog=view.EXAMPLES)
     sub.add_argument(
         "words", nargs="*", metavar="FILE | NAME:=VALUE", help="recording or launch file; arguments"
     )
-
-    from .learning import scenes
 
     sub = command("sim", sim.ABOUT, epilog=sim.EXAMPLES)
     sub.add_argument(
@@ -80,8 +78,6 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
         "--baud", type=int, default=1_000_000, help="pace of the bytes (default 1000000)"
     )
     sub.add_argument("--seed", type=int, default=0, help="of the noise (default 0)")
-
-    from .commands import flash
 
     sub = command("flash", flash.ABOUT, epilog=flash.EXAMPLES)
     sub.add_argument("words", nargs="*", metavar="NAME:=VALUE", help="port, and options")
@@ -124,8 +120,6 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
         "(default calibrated.yaml)",
     )
 
-    from .commands import doctor
-
     sub = command("doctor", doctor.ABOUT, epilog=doctor.EXAMPLES)
     sub.add_argument("words", nargs="*", metavar="FILE | NAME:=VALUE", help="frames; options")
 
@@ -156,8 +150,6 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
     )
     sub.add_argument("--max-duration", type=float, metavar="S", help="ends after so long")
     sub.add_argument("--max-size", type=float, metavar="MB", help="ends at that (default 2000)")
-
-    from .commands import replay
 
     sub = command("replay", replay.ABOUT, epilog=replay.EXAMPLES)
     sub.add_argument("words", nargs="*", metavar="FILE | NAME:=VALUE", help="recording; options")

@@ -15,11 +15,11 @@ from .middleware.threads import one_thread
 
 def main(argv: list[str] | None = None) -> int:
     """Run one command; returns the exit status: 0, 1 for a run that failed, 2 for a mistake."""
-    args = make_parser(_COMMANDS).parse_args(argv)
-    logging.basicConfig(
-        level=logging.INFO, format="%(levelname)s %(name)s: %(message)s", stream=sys.stderr
-    )
     try:
+        args = make_parser(_COMMANDS).parse_args(argv)
+        logging.basicConfig(
+            level=logging.INFO, format="%(levelname)s %(name)s: %(message)s", stream=sys.stderr
+        )
         if args.run in (_launch, _record, _view):  # the skin does it, where no signal gets lost
             return args.run(args)
         with one_thread():  # the matrices are small: more threads wait for one another
@@ -262,7 +262,3 @@ _COMMANDS = {
     "export": _export,
     "bench": _bench,
 }
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -162,6 +162,14 @@ class PointCloud2:
     is_dense: bool = False
 
 
+@dataclass
+class TimeReference:
+    TYPE: ClassVar[str] = "sensor_msgs/msg/TimeReference"
+    header: Header = field(default_factory=Header)
+    time_ref: Time = field(default_factory=Time)
+    source: str = ""
+
+
 # --- diagnostic_msgs ----------------------------------------------------------------------------
 
 

@@ -122,7 +122,7 @@ def test_setup_installs_each_node_for_colcon(monkeypatch, command):
     monkeypatch.chdir(launch.share_dir())
     runpy.run_path("setup.py")
     scripts = dict(s.split(" = ") for s in made["entry_points"]["console_scripts"])
-    assert scripts.pop("tactile-skin") == "tactile_skin.cli:main"
+    assert scripts.pop("tactile-skin") == "tactile_skin.__main__:main"
     assert scripts == {name: f"tactile_skin.ros:{name}" for name in NODES}
     assert "share/ament_index/resource_index/packages" in dict(made["data_files"])
 
@@ -922,7 +922,7 @@ def test_the_launched_demo_speaks_100_times_a_second(version, tmp_path):
     all, and the last word is stop.
     """
     with Graph(version) as graph:
-        words = [sys.executable, "-m", "tactile_skin.cli", "launch", "--ros", str(version)]
+        words = [sys.executable, "-m", "tactile_skin", "launch", "--ros", str(version)]
         words += ["demo.launch.yaml", f"port:={tmp_path / 'skin'}", "method:=auto"]
         graph.start("launch", words)
         name = graph.listen()

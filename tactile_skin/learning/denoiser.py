@@ -1,8 +1,8 @@
-"""What is likely of a cell, given its neighbours and how well each is known: a small network.
+"""What its neighbours say of a cell, given how well each is known: a small network.
 
 It works on x = log conductance, whatever the skin's size, circuit or curve: convolutions only, and
-all that it is told is relative to rest or to the cell's own standard deviation. `map` takes its
-answer as a prior (solvers/prior.py). PyTorch trains it (denoiser_training.py); here the pass is four
+all that it sees is relative to rest or to a standard deviation. `map` takes its answer as a prior
+(solvers/prior.py). PyTorch trains it (tests/yardsticks/train_prior.py); here the pass is a few
 products of matrices.
 """
 
@@ -12,26 +12,17 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
-
+from numpy.lib.stride_tricks import as_strided
 
 SHIPPED = Path(__file__).parent / "weights" / "touches.npz"
 INPUTS, OUTPUTS = 5, 2
 # Ends between which a standard deviation of x, and that of a cell's own reading, are told apart.
 STD, OWN = (0.003, 3.0), (1e-3, 1e3)
-MOST_NARROWED, MOST_WIDENED = -3.0, 4.0  # logarithms of the answer's std over the cell's own
+SHARE = -3.0, 4.0  # ends of log(the answer's standard deviation over the fit's)
 
 
 def inputs(x, std, own, unknown, cells) -> np.ndarray:
-    """(5, rows, cols) float32 of one fit.
-
-    Args:
-        x: (rows, cols) log conductance over that at rest.
-        std: (rows, cols) standard deviation of x that the fit found, of the unknowns.
-        own: (rows, cols) d reading / d x, in standard deviations of a reading, of each cell's own.
-        unknown: (rows, cols) bool, cells that the fit was free to move.
-        cells: (rows, cols) bool, cells that exist.
-    """
+    """(5, rows, cols) float32 of one fit, as `Denoiser` takes it."""
     out = np.empty((INPUTS, *x.shape), np.float32)
     out[0] = x / 4.0
     out[1] = unknown
@@ -54,18 +45,23 @@ class Denoiser:
         names = [name[: -len(".weight")] for name in state if name.endswith(".weight")]
         self._layers = [_flat(state[f"{n}.weight"], state[f"{n}.bias"]) for n in names]
 
-    def __call__(self, picture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """From `inputs` to the likely x and its standard deviation (rows, cols).
+    def __call__(self, x, std, own, unknown, cells) -> tuple[np.ndarray, np.ndarray]:
+        """The likely x of each cell, and its standard deviation, (rows, cols) each.
 
-        Returns:
-            the distance of the likely x from the fit's, and its standard deviation, both in units
-            of the fit's standard deviation.
+        Args:
+            x: (rows, cols) log conductance over that at rest, as a fit found it.
+            std: (rows, cols) standard deviation of x, of the unknowns.
+            own: (rows, cols) d reading / d x, in standard deviations of a reading, of each cell's
+                own.
+            unknown: (rows, cols) bool, cells that the fit was free to move.
+            cells: (rows, cols) bool, cells that exist.
         """
-        h = np.maximum(_convolve(self._layers[0], picture), 0.0)
+        h = np.maximum(_convolve(self._layers[0], inputs(x, std, own, unknown, cells)), 0.0)
         for layer in self._layers[1:-1]:
             h += np.maximum(_convolve(layer, h), 0.0)
-        shift, log_std = _convolve(self._layers[-1], h)
-        return shift, np.exp(np.clip(log_std, MOST_NARROWED, MOST_WIDENED))
+        shift, log_share = _convolve(self._layers[-1], h)
+        std = np.clip(std, *STD)
+        return x + shift * std, std * np.exp(np.clip(log_share, *SHARE))
 
 
 def _flat(weight: np.ndarray, bias: np.ndarray) -> np.ndarray:
@@ -79,8 +75,10 @@ def _convolve(layer: np.ndarray, picture: np.ndarray) -> np.ndarray:
     padded = np.zeros((channels, rows + 2, cols + 2), np.float32)
     padded[:, 1:-1, 1:-1] = picture
     columns = np.ones((9 * channels + 1, rows * cols), np.float32)
-    windows = sliding_window_view(padded, (rows, cols), (1, 2))  # (in, 3, 3, rows, cols)
-    columns[:-1].reshape(channels, 3, 3, rows, cols)[...] = windows
+    plane, line, item = padded.strides
+    shape = channels, 3, 3, rows, cols
+    windows = as_strided(padded, shape, (plane, line, item, line, item), writeable=False)
+    columns[:-1].reshape(shape)[...] = windows
     return (layer @ columns).reshape(-1, rows, cols)
 
 

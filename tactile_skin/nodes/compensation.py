@@ -8,22 +8,24 @@ from collections import Counter
 import numpy as np
 
 from ..board.converter import Ceiling, RestPicture, Windows
-from ..calibration.cells import Cells
 from ..calibration.creep import Standing
 from ..calibration.doctor.running import RunningDoctor
-from ..calibration.doubt import Doubt
 from ..calibration.noise import Noise
 from ..calibration.tare import Tare
 from ..calibration.tracker import CircuitTracker
+from ..calibration.watch.cells import Cells
+from ..calibration.watch.doubt import Doubt
+from ..calibration.watch.untouched import Untouched
 from ..learning import network
 from ..middleware.bus import DurabilityPolicy, QoSProfile, Time
 from ..middleware.config import adc_of, circuit_of, creep_of, curve_of, describe, geometry_of
-from ..msg import DiagnosticArray, Header, Image, Trigger, image, image_array
+from ..msg import DiagnosticArray, Header, Image, TimeReference, Trigger, image, image_array
 from ..physics.circuit import forward
 from ..physics.curve import GRAM
 from ..solvers import METHODS, Estimate, compensate
 from ..solvers.reading import ROUNDING_NOISE, SCAN_NOISE, rest_reading
 from . import QUEUE, diagnostics
+from .gesture_feature import heard
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _IDLE = 15.0 * GRAM  # N on a cell: below it nothing touches; lines shorted at rest read as 13 g
@@ -46,8 +48,9 @@ _ASIDE = 3  # times in a second that a reading is set aside: a sound board's is 
 
 
 class Compensation:
-    """Publishes skin/pressure (32FC1, Pa, row-major) with the reading's stamp; skin/rest (32FC1,
-    the resistance of each cell at rest, ohm) once it was measured; and diagnostics once a second
+    """Publishes skin/pressure (32FC1, Pa, row-major) with the reading's stamp; skin/taken, when it
+    took each reading up, from which a replay knows which were late; skin/rest (32FC1, the
+    resistance of each cell at rest, ohm) once it was measured; and diagnostics once a second
     and whenever the level changes: WARN for a suspect frame, ERROR, which stops the robot, for a
     failed one and while they are suspect too often (doubt.py). A frame that fails is not published.
     What the cells conduct at rest is measured between touches (`Tare`). Until the
@@ -114,6 +117,7 @@ class Compensation:
             "missing": method in ("map", "auto"),
         }
         self._pressure = node.create_publisher(Image, "skin/pressure", 10)
+        self._taken_up = node.create_publisher(TimeReference, "skin/taken", 10)
         self._diagnostics = node.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
         self._rest = node.create_publisher(Image, "skin/rest", LATCHED)
         self._hurries = method == "auto" and not threshold
@@ -128,6 +132,7 @@ class Compensation:
         self._ceiling, self._saturated = Ceiling(self.circuit.adc_bits, short_circuit, top), ""
         self._picture, self._dead = RestPicture(), ""
         self._cells, self._odd = Cells(self.circuit.shape), ""
+        self._untouched = Untouched(self.circuit)
         self._doctor = RunningDoctor()
         self._full_since = np.inf  # s, since when half of the cells or more have been loaded
         self._said = -np.inf  # s, when the message was new
@@ -158,7 +163,11 @@ class Compensation:
         return compensate(adc, self.circuit, self._tare.curve, method, start=self._last, **given)
 
     def on_adc(self, msg: Image) -> None:
-        now, t = self._now(), Time.from_msg(msg.header.stamp).nanoseconds / 1e9
+        clock = self.node.get_clock().now()
+        if heard(self._taken_up):
+            name = diagnostics.name_of(self.node)
+            self._taken_up.publish(TimeReference(msg.header, clock.to_msg(), name))
+        now, t = clock.nanoseconds / 1e9, Time.from_msg(msg.header.stamp).nanoseconds / 1e9
         if now - t > _OLD and 0.0 <= now - self._taken_at < _APART:
             self.skipped += 1
             return
@@ -214,6 +223,10 @@ class Compensation:
                 self._dead = self._picture.window(window, rest * self.circuit.full_scale)
         stirs = touched or np.count_nonzero(estimate.force > _LIGHT) >= _STIRRED
         self._noise.frame(t, adc * self.circuit.full_scale, stirs)
+        if self._tare.measured:
+            noise = (self._noise.rms or SCAN_NOISE) / self.circuit.full_scale
+            rest = rest_reading(self.circuit, self._tare.curve)
+            self._untouched.frame(t, adc, stirs, rest, noise)
         self._odd = self._noisy_cells() or self._cells.frame(t, estimate.force)
         if estimate.aside is not None:
             self._aside.update(map(tuple, np.argwhere(estimate.aside)))
@@ -244,6 +257,7 @@ class Compensation:
             if self._tracker.ask(self._tare.curve, noise):
                 self._tare.suppose(self._tracker.circuit)
                 self.circuit, self._last = self._tracker.circuit, None
+                self._untouched.forget()  # it is explained
         except ValueError as error:  # no skin rests so with what was found: begin anew
             self.node.get_logger().warning("r_par and r_line were not found: %s", error)
             self._tracker = CircuitTracker(self.circuit)
@@ -259,6 +273,7 @@ class Compensation:
     def on_reset(self, _, response):
         self._last = None
         self._doubt.reset()
+        self._untouched.forget()
         self._fault, self._saturated = self._doubt.present, self._ceiling.forget()
         self._update_level(self.status, self._join_reasons(self._present))
         self.report()  # the stop must know before it is reset
@@ -275,6 +290,7 @@ class Compensation:
         else:
             self._tare = Tare(self.circuit, self._curve)
             self._waits, self._at_rest, self._last = True, False, None
+            self._untouched.forget()
             response.success, response.message = True, "measuring rest: hands off for a second"
         return response
 
@@ -284,6 +300,7 @@ class Compensation:
             self._loaded,
             self._dead,
             self._saturated,
+            self._untouched.message,
             present,
             self._tracker.message,
             self._tare.message,
@@ -296,7 +313,7 @@ class Compensation:
     def _update_level(self, status: str, message: str) -> None:
         level = diagnostics.OK if status == "ok" and not message else diagnostics.WARN
         wrong = self._fault or self._saturated or self._loaded or self._dead
-        wrong = wrong or self._tracker.impossible
+        wrong = wrong or self._tracker.impossible or self._untouched.fault or self._tare.half_read
         if status == "failed" or (wrong and self._stops):
             level = diagnostics.ERROR
         before = self._waiting

@@ -139,9 +139,14 @@ def roughness(
 
 
 def fixed_point(
-    g, cells, measured, low, high, *, r_ref: float, r_par: float, goal: float, steps: int, deadline
+    g, cells, measured, low, high, *, r_ref, r_par, goal: float, steps: int, deadline, read=None
 ) -> tuple[np.ndarray, int]:
-    """As kernel.fixed_point."""
+    """As kernel.fixed_point.
+
+    Args:
+        r_ref, r_par: a number, or (n,) of them.
+        read: g (rows, cols) -> rho (rows, cols); None: `connected_rho`.
+    """
     g = g.copy()
     flat = g.reshape(-1)
     x = np.log(flat[cells])  # (cells,)
@@ -150,7 +155,7 @@ def fixed_point(
     d_image = np.empty((_HISTORY, x.size))
     last_misfit, last_image = None, None
     for step in range(steps):
-        rho = connected_rho(g).ravel()[cells]
+        rho = (read or connected_rho)(g).ravel()[cells]
         error = r_ref / (r_ref + r_par + rho) - adc
         if error @ error <= goal or time.monotonic() > deadline:
             return g, step

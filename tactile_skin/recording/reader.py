@@ -14,10 +14,10 @@ import numpy as np
 from ..errors import FileError
 from ..middleware.bus import Time
 from ..middleware.config import SkinConfig, skin_of
-from ..msg import DiagnosticArray, Image, image_array
+from ..msg import DiagnosticArray, Image, TimeReference, image_array
 from . import cdr, configuration
 
-ADC = "skin/adc"
+ADC, TAKEN = "skin/adc", "skin/taken"
 _MAGIC, _VERSION = b"\x89MCAP", b"0\r\n"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _ATTACHMENT = 2, 3, 4, 5, 6, 9  # MCAP's opcodes
 _READ = _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _ATTACHMENT
@@ -160,6 +160,20 @@ class Recording:
                 if not message.status:
                     continue
             yield Time.from_msg(message.header.stamp).nanoseconds, message
+
+    def taken(self, begin: int = 0, end: int = EVER) -> dict[int, int]:
+        """Stamp of a reading -> when the skin's compensation took it up [both ns since 1970].
+
+        Args:
+            begin, end: only what was recorded from begin to before end [ns since 1970].
+        """
+        topic = self.adc_topic.removesuffix(ADC) + TAKEN
+        if self.topics.get(topic, Topic("none", 0)).type != TimeReference.TYPE:
+            return {}
+        return {
+            Time.from_msg(m.header.stamp).nanoseconds: Time.from_msg(m.time_ref).nanoseconds
+            for _, _, m in self.messages(topic, begin=begin, end=end)
+        }
 
     @cached_property
     def parameters(self) -> dict[str, dict]:

@@ -12,22 +12,18 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import blas, lapack
+from scipy.linalg import lapack
 
-from ..physics import laplacian
-from ..physics.kernel import connected_rho
 from ..physics.conjugate_gradients import conjugate_gradients
 from ..physics.quadratic import inverse_diagonal, solve_in_box
 from . import prior as prior_terms
 from . import series, suspect
 from .aside import without_bad_contacts
-from .estimate import Estimate
-from .fixed_point import fill, first_guess, is_level, iterate, last_guess
+from .estimate import Estimate, spread
+from .fixed_point import fill, first_guess, is_broad, is_level, iterate, last_guess
 from .reading import ROUNDING_NOISE, Linearised, Reading, noise_at_rest
 from .suspect import NormalEquations
 
-REFIT = True
-LEAVE = True
 MAX_STEPS = 12  # of Gauss-Newton; bounds the time of readings that no circuit explains
 START_STEPS = 10  # of the fixed point: a step costs a twentieth of a Gauss-Newton step
 WARM_STEPS = 12  # the same from the last frame: the rim of a touch that moved misfits by far
@@ -41,12 +37,12 @@ _DENSE = 600  # unknowns up to which a Cholesky factor is faster than conjugate 
 _CG_STEPS = 100
 _UNCHANGED = 2.2  # standard deviations of chi^2 up to which a frame is that of the same load
 _NEAR_REST = 1.5  # times the conductance at rest: a starting cell below it starts at rest
-_WIDEN = 1.12  # of the prior's majorant, wider in curvature than the prior: measured coverage
-# A load on the whole skin: the share of cells at rest is below the first. It is hard and uneven, as
-# the level prior says, if the median rho is below a share of `series_scale` (an r_par 10 % off then
-# moves every cell), the spread of log g above that of a flat load on a fabric's scatter, and the
-# squared difference of neighbours over that of any two cells nearer to 1 (random) than 0 (a palm).
-_BROAD, _HARD, _UNEVEN, _INDEPENDENT = 0.1, 0.5, 0.25, 0.5
+_WIDEN = 1.2  # what the measured coverage requires
+# A load on the whole skin is hard and uneven, as the level prior says, if the median rho is below a
+# share of `series_scale` (an r_par 10 % off then moves every cell), the spread of log g above that
+# of a flat load on a fabric's scatter, and the squared difference of neighbours over that of any
+# two cells nearer to 1 (random) than 0 (a palm).
+_HARD, _UNEVEN, _INDEPENDENT = 0.5, 0.25, 0.5
 # Noise that is measured in the frame (docs/derivation.md): fits that may be made, factor within
 # which two agree, standard deviations beyond which a reading is an outlier; the noise that boards
 # usually have [ADC steps], and for how many readings that counts.
@@ -65,7 +61,7 @@ def map_estimate(reading: Reading, start: Estimate | None = None, prior=None) ->
         prior: (mean, std), two (rows, cols) arrays or numbers [N], joined to the built-in prior as
             independent knowledge of each cell.
     """
-    warm = start is not None
+    reading, warm = reading.above_cut_off(), start is not None
     g = last_guess(reading, start) if warm else first_guess(reading)
     if warm and prior is None and (same := _unchanged(reading, start, g)) is not None:
         return same
@@ -101,29 +97,28 @@ def _unchanged(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | N
     if start.method != "map" or start.status != "ok" or not reading.noise:
         return None
     noise = reading.noise if reading.noise_given else start.noise
-    residual = reading.residual(reading.circuit.ratio(laplacian.solve(g).rho))
+    residual = reading.residual(reading.model(g))
     if residual**2 > noise**2 * (1.0 + _UNCHANGED * (2.0 / reading.n_informative) ** 0.5):
         return None
     return replace(start, residual=residual, iterations=0)
 
 
 def _fit(
-    reading: Reading, g: np.ndarray, prior, warm: bool = False, fits: int = _MAX_FITS, broad=None
+    reading: Reading, g: np.ndarray, prior, warm: bool = False, fits: int = _MAX_FITS, level=True
 ) -> Estimate:
     """Args:
     warm: g is close to the answer; a step that went as predicted is then the last one.
     fits: that may be made to measure the noise, where it was not given.
+    level: whether the load may be one of the level prior.
     """
-    circuit, begin, start_steps = reading.circuit, g, WARM_STEPS if warm else START_STEPS
+    circuit, start_steps = reading.circuit, WARM_STEPS if warm else START_STEPS
     g, steps = iterate(reading, g, start_steps, _NEAR * reading.fitted_noise)
     g = fill(reading, g)
     if not reading.noise_given and fits == _MAX_FITS:
         reading = _with_noise_at_rest(reading, g)
     low = reading.bounds[0]
     at_rest = circuit.populated & (g < _NEAR_REST * low)
-    if broad is None:
-        broad = np.count_nonzero(at_rest) < _BROAD * np.count_nonzero(circuit.populated)
-        broad = broad and is_level(reading, g)
+    broad = level and is_broad(circuit, at_rest) and is_level(reading, g)
     g = np.where(at_rest, low, g)
     point = _Point.at(reading, g, broad, prior)
     costs = [point.cost]
@@ -142,26 +137,26 @@ def _fit(
         if settled or reading.late():
             break
     converged = step.solved and (settled or iterations == MAX_STEPS)
-    if broad and converged and LEAVE and not reading.late():
-        at_rest = circuit.populated & (point.model.g < _NEAR_REST * low)
-        if np.count_nonzero(at_rest) >= _BROAD * np.count_nonzero(circuit.populated):
-            found = _fit(reading, point.model.g, prior, warm, fits - 1, False)
+    if converged and not reading.late():
+        again = reading
+        if not reading.noise_given and fits:
+            noise = _noise_left(reading, point, step)
+            if not 1.0 / _AGREE < noise / reading.noise < _AGREE:
+                again = reading.with_noise(noise)
+        # The first guess lifts cells beside a hard touch, which the level prior lets go.
+        level = broad and is_broad(circuit, point.model.g < _NEAR_REST * low)
+        if again.noise != reading.noise or broad != level:
+            found = _fit(again, point.model.g, prior, warm, max(fits - 1, 0), level)
             return replace(found, iterations=found.iterations + steps + iterations)
-    if not reading.noise_given and fits > 0 and converged and not reading.late():
-        noise = _noise_left(reading, point, step)
-        if not 1.0 / _AGREE < noise / reading.noise < _AGREE:
-            again = reading.with_noise(noise)
-            if again.noise != reading.noise:
-                found = _fit(again, point.model.g if REFIT else begin, prior, warm, fits - 1, None if broad else False)
-                return replace(found, iterations=found.iterations + steps + iterations)
-    found = None
-    if converged and not broad and step.equations is not None and step.equations.unknowns.size:
-        found = _with_neighbours(reading, point, step.equations, prior)
-    g, std_x = (point.model.g, _std_x(point, step.equations)) if found is None else found
+    g, std_x, adc = point.model.g, _std_x(point, step.equations), point.model.adc
+    if converged and not broad and step.equations is not None:
+        found = prior_terms.with_neighbours(
+            reading, point.model, point.gx, step.equations, std_x, prior
+        )
+        g, std_x, adc = found or (g, std_x, adc)
     with np.errstate(divide="ignore"):
         force = reading.curve.force(1.0 / g) * circuit.populated
-    std = _spread(reading, std_x, force)
-    adc = point.model.adc if found is None else circuit.ratio(connected_rho(g))
+    std = spread(reading.curve, force, np.minimum(_WIDEN * std_x, 10.0)) * circuit.populated
     residual = reading.residual(adc)
     message = suspect.by_reading(reading)
     message = message or suspect.by_residual(reading, point.model.adc, ROUNDING_NOISE)
@@ -180,7 +175,7 @@ def _with_noise_at_rest(reading: Reading, g: np.ndarray) -> Reading:
     """The reading with the noise of those cells that the first guess g [S] has at rest."""
     low = reading.bounds[0]
     at_rest = reading.known & reading.circuit.populated & (g < _NEAR_REST * low)
-    adc = reading.circuit.ratio(laplacian.solve(np.where(at_rest, low, g)).rho)
+    adc = reading.model(np.where(at_rest, low, g))
     noise = noise_at_rest(reading.misfit(adc)[at_rest])
     return reading.with_noise(_USUAL_NOISE if noise is None else noise)
 
@@ -191,10 +186,7 @@ def _noise_left(reading: Reading, point: _Point, step: _Step) -> float:
     The distance of outliers does not count; where the unknowns absorb nearly all readings, the
     noise is what boards usually have.
     """
-    absorbed, equations = 0.0, step.equations
-    if equations is not None and equations.unknowns.size:
-        taken = lapack.strtrs(equations.factor, equations.jacobian.T, trans=1)[0]
-        absorbed = np.square(taken).sum()
+    absorbed = 0.0 if step.equations is None else step.equations.absorbed()
     left = reading.n_informative - absorbed
     square = np.minimum(np.square(point.model.misfit), _OUTLIER**2).sum() * reading.fitted_noise**2
     usual = _USUAL_COUNT * _USUAL_NOISE**2
@@ -225,7 +217,8 @@ def _rough(reading: Reading, point: _Point) -> bool:
     Only then is a misfit of that prior evidence against the circuit: a palm is smooth.
     """
     cells = reading.circuit.populated
-    if np.median(point.model.network.rho[cells]) >= _HARD * series.series_scale(reading.circuit):
+    rho = reading.rho_of(point.model.network)
+    if np.median(rho[cells]) >= _HARD * series.series_scale(reading.circuit):
         return False
     x = np.where(cells, np.log(np.where(cells, point.model.g, 1.0)), np.nan)
     apart = [np.square(np.diff(x, axis=axis)).ravel() for axis in (0, 1)]
@@ -251,16 +244,15 @@ class _Point(NamedTuple):
         gx = g if curve.offset is None else g - curve.offset * cells
         at_rest = 1.0 / curve.points[0][1]
         x = np.log(gx if circuit.mask is None else np.where(cells, gx, at_rest))
-        if broad or extra is not None:
-            force = np.where(cells, curve.force(1.0 / np.where(cells, g, 1.0)), 0.0)
-            slope = -curve.slope(force)
         if broad:
-            terms = prior_terms.level(force, slope, cells)
+            terms = prior_terms.level(*prior_terms.force_of(reading, g), cells)
         else:
             between = prior_terms.differences(circuit)
             terms = prior_terms.touches(x, np.log(at_rest), between)
         if extra is not None:
-            terms = prior_terms.add(terms, prior_terms.known(force, slope, *extra, cells))
+            terms = prior_terms.add(
+                terms, prior_terms.known(*prior_terms.force_of(reading, g), *extra, cells)
+            )
         flat = model.misfit.ravel()
         cost = 0.5 * (flat @ flat) + terms.value
         return cls(model, gx, terms, float(cost))
@@ -268,8 +260,7 @@ class _Point(NamedTuple):
     @property
     def curvature(self) -> np.ndarray:
         """(rows, cols) of the cost over each cell's x, from its own reading and prior alone."""
-        own = self.model.network.rho**2
-        own *= self.model.weight
+        own = self.model.network.own * self.model.weight
         own *= self.gx
         own *= own
         own += self.prior.diagonal
@@ -287,7 +278,7 @@ class _Step(NamedTuple):
 def _downhill(point: _Point) -> np.ndarray:
     """- d cost / d x (rows, cols), for all cells at once in O(lines^3)."""
     model = point.model
-    pull = laplacian.hessian_product(model.network.k, model.weight * model.misfit)
+    pull = model.network.pull(model.weight * model.misfit)
     pull *= point.gx
     pull -= point.prior.gradient
     return pull
@@ -317,7 +308,8 @@ def _gauss_newton(reading: Reading, point: _Point) -> _Step:
     readings = readings.astype(np.int32)
     jacobian = point.model.jacobian(readings, free)
     jacobian *= gx.ravel()[free].astype(np.float32)
-    precision = _precision(jacobian, point.prior, prior_terms.differences(circuit), free)
+    between = prior_terms.differences(circuit)
+    precision = prior_terms.precision(jacobian, point.prior, between, free)
     here = g.ravel()[free]
     ends = ((bound.ravel()[free] - here) / gx.ravel()[free] for bound in (low, high))
     dx, factor, inside = solve_in_box(precision, b, *ends)
@@ -328,30 +320,15 @@ def _gauss_newton(reading: Reading, point: _Point) -> _Step:
     return _Step(free, dx, 0.5 * b @ dx, equations)
 
 
-def _precision(jacobian, prior: prior_terms.Quadratic, between, free: np.ndarray) -> np.ndarray:
-    """(n, n) of the cost over the n free cells, upper triangle: J^T J and the prior's."""
-    precision = blas.ssyrk(1.0, jacobian.T, lower=1).T
-    precision.reshape(-1)[:: free.size + 1] += prior.diagonal.ravel()[free]
-    if prior.entries is None:
-        return precision
-    place = np.full(prior.diagonal.size, -1, np.int32)
-    place[free] = np.arange(free.size)
-    here, there = place[between.here], place[between.there]
-    both = np.flatnonzero((here >= 0) & (there >= 0))
-    precision[here[both], there[both]] += prior.entries[both]
-    return precision
-
-
 def _conjugate_gradients(point: _Point, between, free: np.ndarray, b: np.ndarray) -> np.ndarray:
     """The Gauss-Newton step without its matrix: a product costs O(lines^3)."""
     diagonal = point.curvature.ravel()[free]
     picture = np.zeros(point.gx.shape)
-    k, square = point.model.network.k, point.model.weight**2
+    network, square = point.model.network, point.model.weight**2
 
     def product(p):
         picture.flat[free] = p
-        rho = laplacian.hessian_product(k, point.gx * picture)
-        data = point.gx * laplacian.hessian_product(k, square * rho)
+        data = point.gx * network.pull(square * network.change(point.gx * picture))
         return (data + prior_terms.product(point.prior, picture, between)).ravel()[free]
 
     return conjugate_gradients(product, diagonal, b, steps=_CG_STEPS, target=1e-2)
@@ -376,38 +353,6 @@ def _descend(reading: Reading, point: _Point, step: _Step, broad: bool, extra, c
     return point
 
 
-def _with_neighbours(reading: Reading, point: _Point, equations: NormalEquations, extra):
-    """One more step from a fit, with what its neighbours say of each cell as the only prior.
-
-    Returns:
-        g (rows, cols) [S] and the standard deviation of x (rows, cols); None: no step was found.
-    """
-    circuit, free = reading.circuit, equations.unknowns
-    cells, unknown = circuit.populated, np.zeros(circuit.shape, bool)
-    unknown.flat[free] = True
-    std_x = _std_x(point, equations)
-    x = np.log(np.where(cells, point.gx, 1.0) * reading.curve.points[0][1])
-    own = point.model.network.rho**2 * point.model.weight * point.gx
-    terms = prior_terms.neighbours(x, std_x, own, unknown, cells)
-    if extra is not None:
-        force = np.where(cells, reading.curve.force(1.0 / np.where(cells, point.model.g, 1.0)), 0.0)
-        slope = -reading.curve.slope(force)
-        terms = prior_terms.add(terms, prior_terms.known(force, slope, *extra, cells))
-    precision = _precision(equations.jacobian, terms, None, free)
-    misfit = point.model.misfit.ravel()[equations.readings].astype(np.float32)
-    b = misfit @ equations.jacobian - terms.gradient.ravel()[free]
-    here, change = point.model.g.ravel()[free], point.gx.ravel()[free]
-    low, high = (bound.ravel()[free] for bound in reading.bounds)
-    ends = (np.log1p((bound - here) / change) for bound in (low, high))
-    dx, factor, inside = solve_in_box(precision, b.astype(float), *ends)
-    if factor is None or not np.isfinite(dx).all():
-        return None
-    g = point.model.g.copy()
-    g.flat[free] = np.clip(here + change * np.expm1(np.clip(dx, -2.0, 2.0)), low, high)
-    std_x.flat[free[inside]] = np.sqrt(inverse_diagonal(factor))
-    return g, std_x
-
-
 def _std_x(point: _Point, equations: NormalEquations | None) -> np.ndarray:
     """(rows, cols) standard deviation of x: of the posterior for cells that met no bound.
 
@@ -417,12 +362,3 @@ def _std_x(point: _Point, equations: NormalEquations | None) -> np.ndarray:
     if equations is not None:
         std_x.flat[equations.unknowns] = np.sqrt(inverse_diagonal(equations.factor))
     return std_x
-
-
-def _spread(reading: Reading, std_x: np.ndarray, force) -> np.ndarray:
-    """One posterior standard deviation of the force (rows, cols) [N]."""
-    std_x = np.minimum(_WIDEN * std_x, 10.0)
-    curve = reading.curve
-    resistance = curve.resistance(force)
-    std = 0.5 * (curve.force(resistance * np.exp(-std_x)) - curve.force(resistance * np.exp(std_x)))
-    return np.where(reading.circuit.populated, std, 0.0)

@@ -13,7 +13,7 @@ from tactile_skin.learning import scenes
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.solvers import map as map_solver
 from tactile_skin.solvers import prior
-from tactile_skin.solvers.map import _gauss_newton, _Point, _precision
+from tactile_skin.solvers.map import _gauss_newton, _Point
 from tactile_skin.solvers.reading import SCAN_NOISE, check_reading
 
 CIRCUIT, CURVE = Circuit(), PressureCurve()
@@ -62,9 +62,8 @@ def test_the_precision_is_that_of_the_differences_one_by_one(shape, masked):
     rows = []
     for i, j in np.ndindex(shape):
         for step, ends in (
-            ((0.5, 0.1), {(i, j): -1.0, (i, j + 1): 1.0}),
-            ((0.5, 0.1), {(i, j): -1.0, (i + 1, j): 1.0}),
-            ((1.5, 0.15), {(i, j): 1.0, (i, j + 1): -1.0, (i + 1, j): -1.0, (i + 1, j + 1): 1.0}),
+            ((1.0, 0.3), {(i, j): -1.0, (i, j + 1): 1.0}),
+            ((1.0, 0.3), {(i, j): -1.0, (i + 1, j): 1.0}),
         ):
             if all(a < shape[0] and b < shape[1] and cells[a, b] for a, b in ends):
                 d = sum(sign * x[end] for end, sign in ends.items())
@@ -78,7 +77,7 @@ def test_the_precision_is_that_of_the_differences_one_by_one(shape, masked):
     free = np.flatnonzero(cells)[::2]
     jacobian = rng.standard_normal((7, free.size)).astype(np.float32)
     expected = jacobian.T @ jacobian + (each.T @ each)[np.ix_(free, free)]
-    found = _precision(jacobian, terms, between, free)
+    found = prior.precision(jacobian, terms, between, free)
     np.testing.assert_allclose(np.triu(found), np.triu(expected), rtol=1e-4, atol=1e-4)
     direction = rng.standard_normal(shape) * cells
     product = prior.product(terms, direction, between).ravel()
@@ -95,16 +94,6 @@ def test_the_differences_depend_on_the_cells_alone():
     assert holed is not between
     assert prior.differences(dataclasses.replace(CIRCUIT, mask=mask, adc_bits=12)) is holed
     assert prior.differences(Circuit(8, 32)) is not between
-
-
-def test_separable_footprints_pay_for_no_twist():
-    """A Gaussian blob is separable: rotating its rows against each other costs more."""
-    y, x = np.arange(8)[:, None], np.arange(8)[None]
-    blob = -0.1 * ((y - 3.5) ** 2 + (x - 3.5) ** 2)
-    sheared = -0.1 * ((y - 3.5) ** 2 + (x - 3.5 - 0.5 * (y - 3.5)) ** 2)
-    between = prior.Differences((8, 8))
-    of_blob, of_sheared = (prior.touches(x_, -10.0, between) for x_ in (blob, sheared))
-    assert of_blob.value < of_sheared.value
 
 
 def test_the_step_goes_down_the_true_cost():
