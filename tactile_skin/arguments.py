@@ -66,6 +66,7 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
     sub.add_argument(
         "--link", type=Path, required=True, help="symbolic link to make, the port to open"
     )
+    sub.add_argument("--once", action="store_true", help="end when whoever read the port has left")
     sub.add_argument(
         "--scene", default="demo", help=f"what it feels: {', '.join(scenes.SCRIPTS)} (default demo)"
     )
@@ -134,7 +135,7 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
         "On ROS: ros2 bag record -a -s mcap",
     )
     sub.add_argument(
-        "out", type=Path, metavar="OUT", help="file to make, or folder for files named by time"
+        "out", metavar="OUT", help="file to make (.mcap), or folder/ for files named by time"
     )
     sub.add_argument(
         "words",
@@ -240,7 +241,7 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
         "measure every method and draw it: speed against accuracy, and where each method fails",
         epilog="Each picture NAME.png stands beside NAME.json, which holds the numbers drawn.\n"
         "parts: speed, cases, stability, growth, way (bytes in to stop hook), touch_to_stop; all\n"
-        "of them take nine minutes, with --quick one. Times are best read on an idle machine.\n"
+        "of them take 20 minutes, with --quick two. Times are best read on an idle machine.\n"
         "Only on request: faults, damaged boards through the whole chain, which takes an hour on\n"
         "two cores, with --quick one minute; recorded, every method on frames of your own board.\n"
         "examples:\n  tactile-skin bench --quick\n  tactile-skin bench speed growth --out figures\n"

@@ -116,6 +116,13 @@ class Twist:
     angular: Vector3 = field(default_factory=Vector3)
 
 
+@dataclass
+class TwistStamped:
+    TYPE: ClassVar[str] = "geometry_msgs/msg/TwistStamped"
+    header: Header = field(default_factory=Header)
+    twist: Twist = field(default_factory=Twist)
+
+
 # --- sensor_msgs --------------------------------------------------------------------------------
 
 

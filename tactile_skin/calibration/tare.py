@@ -15,6 +15,7 @@ import numpy as np
 
 from ..physics.circuit import Circuit
 from ..physics.curve import GRAM, PressureCurve
+from ..physics.readouts import apparent
 from ..solvers.reading import SCAN_NOISE, rest_reading
 from .rest import resting_conductance
 from .watch.twins import stuck_bit, twins
@@ -176,10 +177,10 @@ class Tare:
             return False
         elapsed, self._followed = min(t - self._followed, _DRIFT_UNSEEN), t
         known = self._circuit.populated & (adc > 0.0) & (adc < 1.0)
-        now, before = adc[known], rest_reading(self._circuit, self.curve)[known]
-        # r_ref / rho, but for r_par, is what conducts
-        common = float(np.median(np.log(now / (1.0 - now) * (1.0 - before) / before)))
-        noise = SCAN_NOISE / (self._circuit.full_scale * np.median(now))
+        before = rest_reading(self._circuit, self.curve)
+        change = [_conducts(self._circuit, np.where(known, a, before)) for a in (adc, before)]
+        common = float(np.median(np.log(change[0] / change[1])[known]))
+        noise = SCAN_NOISE / (self._circuit.full_scale * np.median(adc[known]))
         if not noise < abs(common) <= _MAX_STEP:
             return False
         common = float(np.clip(common, -_DRIFT_FOLLOWED[1] * elapsed, _DRIFT_FOLLOWED[1] * elapsed))
@@ -308,6 +309,12 @@ class Tare:
                     f"{name} {worst} conducts {much} compared with the start: is its lead breaking?"
                 )
         return ""
+
+
+def _conducts(circuit: Circuit, adc: np.ndarray) -> np.ndarray:
+    """(rows, cols) r_ref times what conducts at each crossing, but for r_par."""
+    scale, offset = apparent(circuit, adc)
+    return adc / (scale - adc * min(offset / circuit.r_ref, 1.0))
 
 
 def _twins(steps: np.ndarray, noise: float, cells: np.ndarray) -> str:

@@ -84,31 +84,41 @@ class Driven:
         self._rows = rows = len(g)
         self._picture, self._lines = g.shape, sum(g.shape)
         self._shift = g.shape[0] if self._turned else 0  # of a line's number, inside
-        loaded = circuit.readout == "loaded"
-        if loaded:
-            matrix = np.zeros((self._lines, self._lines))
-            matrix[rows:, :rows] = -g.T
-            ends = np.r_[g.sum(1), g.sum(0) + 1.0 / circuit.r_ref]
-            ends[ends == 0.0] = 1.0  # a driven line without a cell: nothing reaches another
-            matrix.flat[:: self._lines + 1] = ends
-            # transposed, LAPACK reads the upper triangle
-            factor, _ = lapack.dpotrf(matrix, lower=1, overwrite_a=1)
-            k, _ = lapack.dpotri(factor, lower=1, overwrite_c=1)
-            k += np.tril(k, -1).T
-            at_drive = k.diagonal()[:rows] + circuit.r_par  # ohm
-            self._c = k[:rows, rows:]
-            self._p, self._k = k[:rows] / at_drive[:, None], k[rows:]
-            self._s, series = 1.0, -self._p[:, rows:] / at_drive[:, None]
+        self._r_par = circuit.r_par
+        if circuit.readout == "loaded":
+            self._s, self._load = 1.0, circuit.r_ref
+            self._solve_loaded(g)
         else:
-            total = circuit.r_ref + circuit.r_par
-            at_sense = 1.0 / (1.0 / total + g.sum(0))  # ohm
-            self._c = np.zeros((rows, 1))
-            self._p = np.concatenate([np.eye(rows), g * at_sense], 1)
-            self._k = np.concatenate([np.zeros((len(at_sense), rows)), np.diag(at_sense)], 1)
-            self._s = circuit.r_ref / total
-            series = self._s * self._p[:, rows:] * (at_sense / total - 1.0) / total
-        self.adc = self._turn(self._s * self._p[:, rows:])
-        self.by_r_par = self._turn(series)
+            self._load = circuit.r_ref + circuit.r_par
+            self._s = circuit.r_ref / self._load
+            self._at_sense = 1.0 / (1.0 / self._load + g.sum(0))  # ohm, K_jj
+            self._v = g * self._at_sense  # P_ij
+            self._c, self._at_drive = np.zeros((rows, 1)), None
+        self.adc = self._turn(self._s * self._v)
+
+    def _solve_loaded(self, g: np.ndarray) -> None:
+        rows = self._rows
+        matrix = np.zeros((self._lines, self._lines))
+        matrix[rows:, :rows] = -g.T
+        ends = np.r_[g.sum(1), g.sum(0) + 1.0 / self._load]
+        ends[ends == 0.0] = 1.0  # a driven line without a cell: nothing reaches another
+        matrix.flat[:: self._lines + 1] = ends
+        factor, _ = lapack.dpotrf(matrix, lower=1, overwrite_a=1)
+        k, _ = lapack.dpotri(factor, lower=1, overwrite_c=1)
+        k += np.tril(k, -1).T
+        ends = k.diagonal()
+        self._at_drive, self._at_sense = ends[:rows] + self._r_par, ends[rows:]  # ohm
+        self._p, self._k, self._c = k[:rows] / self._at_drive[:, None], k[rows:], k[:rows, rows:]
+        self._v = self._p[:, rows:]
+
+    @cached_property
+    def _p(self) -> np.ndarray:  # if grounded
+        return np.concatenate([np.eye(self._rows), self._v], 1)
+
+    @cached_property
+    def _k(self) -> np.ndarray:  # if grounded
+        ends = self._at_sense
+        return np.concatenate([np.zeros((len(ends), self._rows)), np.diag(ends)], 1)
 
     def _turn(self, picture: np.ndarray) -> np.ndarray:
         """(rows, cols) to (driven, sense), and back."""
@@ -116,10 +126,17 @@ class Driven:
 
     @property
     def own(self) -> np.ndarray:
-        rows = self._rows
-        across = self._p[:, :rows].diagonal()[:, None] - self._p[:, rows:]
-        held = self._k[:, rows:].diagonal() - self._k[:, :rows].T + self._c * across
-        return self._turn(self._s * across * held)
+        own = 1.0 if self._at_drive is None else 1.0 - self._r_par / self._at_drive[:, None]
+        across = own - self._v
+        return self._turn(self._s * across * (self._at_sense - self._c * (1.0 - across)))
+
+    @property
+    def by_r_par(self) -> np.ndarray:
+        if self._at_drive is None:
+            falls = (1.0 - self._at_sense / self._load) / self._load
+        else:
+            falls = 1.0 / self._at_drive[:, None]
+        return self._turn(-self._s * self._v * falls)
 
     def change(self, p: np.ndarray) -> np.ndarray:
         rows, p = self._rows, self._turn(p)

@@ -34,7 +34,7 @@ _JOIN, _JOIN_LAST = 0.2, 1e-8
 # another measure than ADC steps. 2 in 1,000 exceed 2, 1 in 10,000 exceeds 2.5.
 _SLACK = 2.2
 # Steps of the fixed point, and residual over noise, that show that cells explain a reading.
-_FIT_STEPS, _FIT_RESIDUAL = 16, 1.3
+_FIT_STEPS, _FIT_RESIDUAL = 40, 1.3
 _DENSE = 400  # unknowns up to which a Cholesky factor is faster than conjugate gradients
 
 

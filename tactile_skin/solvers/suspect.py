@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -53,8 +54,9 @@ def by_reading(reading: Reading) -> str:
     """
     circuit, steps, known = reading.circuit, reading.steps, reading.known
     margin = _IMPOSSIBLE * reading.noise + 1.0
-    rest = rest_reading(circuit, reading.curve)
-    rest = rest * (circuit.full_scale * reading.apparent[0] / readouts.apparent(circuit, rest)[0])
+    rest = rest_reading(circuit, reading.curve) * circuit.full_scale
+    if circuit.readout != "floating":
+        rest *= reading.apparent[0] / _rest_scale(circuit, reading.curve)
     short_circuit = circuit.ratio(0.0) * circuit.full_scale
     low = known & (steps < _OPEN * rest - margin)
     high = known & (steps > short_circuit + margin)
@@ -72,6 +74,12 @@ def by_reading(reading: Reading) -> str:
         )
     touched = steps.max() > rest.max() + margin
     return saturation(reading, *_SATURATED) if touched and reading.noise > _SPREADS else ""
+
+
+@lru_cache(maxsize=16)
+def _rest_scale(circuit, curve):
+    """That of `readouts.apparent` of an untouched skin."""
+    return readouts.apparent(circuit, rest_reading(circuit, curve))[0]
 
 
 def _place(bad: np.ndarray, known: np.ndarray) -> tuple[str, str, np.ndarray]:
