@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from yardsticks import prior as yardstick
 from yardsticks.solvers import accuracy, with_net
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
@@ -112,6 +113,43 @@ def test_the_step_goes_down_the_true_cost():
         _Point.at(reading, np.exp(x + s), False, None).cost for s in (direction, -direction)
     )
     assert (up - down) / 2e-6 == pytest.approx(-2.0 * step.gain, rel=1e-3)
+
+
+@pytest.mark.parametrize("family", ["bodies", "pictures"])
+def test_neighbours_say_more_of_a_cell_than_the_built_in_prior(family):
+    """On touches that nothing was tuned on, of the same readings, with a spread that is as honest."""
+    table = yardstick.family(family, 30, seed=71, noise=SCAN_NOISE)
+    error = {name: row["error"].mean() for name, row in table.items()}
+    assert error["map"] < 0.97 * error["built-in prior"] < 0.97 * error["newton"]
+    assert 0.58 < table["map"]["within"] < 0.78
+    assert table["map"]["failed"] == 0
+
+
+def test_what_neighbours_say_gives_way_to_the_readings(monkeypatch):
+    """Sure of nonsense, the network is not believed."""
+    force = scenes.sample("bodies", 1, 16, 16, np.random.default_rng(8))[0]
+    adc = scan(force, np.random.default_rng(9))
+    sound = compensate(adc, CIRCUIT, CURVE, "map", noise=SCAN_NOISE)
+
+    def nonsense(x, std, *_):
+        return np.where(np.indices(x.shape).sum(0) % 2, 0.2, 6.0), np.full(x.shape, 1e-3)
+
+    monkeypatch.setattr(prior.denoiser, "shipped", lambda: nonsense)
+    found = compensate(adc, CIRCUIT, CURVE, "map", noise=SCAN_NOISE)
+    assert found.status == "ok" and found.residual < 1.2 * sound.residual
+    assert np.abs(found.force - force).mean() < 2.0 * np.abs(sound.force - force).mean()
+
+
+def test_a_hard_touch_on_half_of_the_skin_is_no_load_on_all_of_it():
+    """A first guess lifts the cells beside it; they return to rest, and its prior with them."""
+    y, x = np.arange(16)[:, None], np.arange(16)[None]
+    force = np.where(np.hypot(y - 7.5, 0.8 * (x - 7.5)) < 6.2, 900.0, 0.0)
+    force *= np.random.default_rng(5).uniform(0.7, 1.1, force.shape) * GRAM
+    adc = scan(np.minimum(force, CURVE.max_force), np.random.default_rng(6))
+    for noise in (SCAN_NOISE, None):
+        found = compensate(adc, CIRCUIT, CURVE, "map", noise=noise)
+        assert found.noise == pytest.approx(SCAN_NOISE, rel=0.3)
+        assert (found.force[force == 0] > 20 * GRAM).sum() < 5
 
 
 @pytest.mark.parametrize(("family", "limit"), [("blobs", 4.2), ("rects", 13.0)])
