@@ -30,6 +30,9 @@ _CELLS = 4  # of a line, at least, by which lines are compared
 # which it is the other line.
 _OWN, _LEFT_BEHIND = 40.0, 0.25
 _OTHER = 4.0
+# ADC steps that a mean may be off at least: the rest is measured anew only from such a difference
+# on (tare.py); and where a reading has less noise than averages its rounding away.
+_LEAST, _ROUNDED, _DITHER = 0.1, 0.3, 0.4
 
 
 class Untouched:
@@ -79,10 +82,12 @@ class Untouched:
         if self._rest is not None:
             rest = self._rest
         if np.count_nonzero(known) >= _CELLS:
-            self._look(t, now, rest, noise / _FRAMES**0.5, known)
+            full = self._circuit.full_scale
+            least = (_ROUNDED if noise * full < _DITHER else _LEAST) / full
+            self._look(t, now, rest, noise / _FRAMES**0.5, least, known)
 
-    def _look(self, t: float, now, rest, noise: float, known) -> None:
-        line = _another_line(now, rest, noise, known)
+    def _look(self, t: float, now, rest, noise: float, least: float, known) -> None:
+        line = _another_line(now, rest, max(noise, least), known)
         elapsed = min(max(t - self._looked, 0.0), _UNSEEN)
         limit = _AT_ONCE + _A_SECOND * (elapsed if self._rest is None else 0.0)
         limit += 4.0 * noise / (np.median(rest[known]) * np.count_nonzero(known) ** 0.5)
