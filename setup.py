@@ -19,13 +19,13 @@ def literal(path: str, name: str):
     return ast.literal_eval(values[name])
 
 
-programs = ["tactile-skin = tactile_skin.cli:main"]
+programs = ["tactile-skin = tactile_skin.__main__:main"]
 # colcon runs `setup.py install` or `develop`: setup.cfg sends the programs to lib/tactile_skin,
 # where `ros2 run` looks for the nodes. pip runs neither, and would put a `monitor` on users' PATH.
 if {"install", "develop"} & set(sys.argv):
     programs += [
         f"{name} = tactile_skin.ros:{name}"
-        for name in literal("middleware/launch_file.py", "NODES")
+        for name in ("skin", *literal("middleware/package.py", "NODES"))
     ]
 
 setup(
@@ -71,10 +71,12 @@ setup(
         "progress": ["tqdm>=4.66"],  # of benchmarks
         "record": ["mcap>=1.6", "rosbags>=0.10"],
         "view": ["websockets>=14.0", "tqdm>=4.66"],
+        "foxglove": ["foxglove-sdk>=0.14", "rosbags>=0.10", "mcap>=1.6"],
         "charts": ["matplotlib>=3.8"],
         # of trained networks, to be run elsewhere
         "onnx": ["torch>=2.1", "onnx>=1.16", "onnxscript>=0.2"],
         "test": [
+            "foxglove-sdk>=0.14",
             "hypothesis>=6.100",
             "mcap>=1.6",
             "mcap-ros2-support>=0.5",  # reads recordings independently

@@ -2,18 +2,36 @@
 
 from tactile_skin import Circuit, PressureCurve, forward, compensate
 from tactile_skin import measure_rest, identify, fit_curve, fit_reference, measure_creep
+
+Each name is loaded when it is first asked for: what the command does before anything else takes no
+second (__main__.py).
 """
 
-from .calibration.creep import measure_creep
-from .calibration.curve_fit import FittedCurve, fit_curve, fit_reference
-from .calibration.doctor import Finding, diagnose
-from .calibration.identify import Identified, identify
-from .calibration.rest import Rest, measure_rest
-from .physics.circuit import Circuit, forward
-from .physics.creep import Creep
-from .physics.curve import PressureCurve
-from .solvers import Estimate, compensate
+from importlib import import_module
+from typing import TYPE_CHECKING
 
+if TYPE_CHECKING:
+    from .calibration.creep import measure_creep
+    from .calibration.curve_fit import FittedCurve, fit_curve, fit_reference
+    from .calibration.doctor import Finding, diagnose
+    from .calibration.identify import Identified, identify
+    from .calibration.rest import Rest, measure_rest
+    from .physics.circuit import Circuit, forward
+    from .physics.creep import Creep
+    from .physics.curve import PressureCurve
+    from .solvers import Estimate, compensate
+
+_HOME = {
+    "calibration.creep": ("measure_creep",),
+    "calibration.curve_fit": ("FittedCurve", "fit_curve", "fit_reference"),
+    "calibration.doctor": ("Finding", "diagnose"),
+    "calibration.identify": ("Identified", "identify"),
+    "calibration.rest": ("Rest", "measure_rest"),
+    "physics.circuit": ("Circuit", "forward"),
+    "physics.creep": ("Creep",),
+    "physics.curve": ("PressureCurve",),
+    "solvers": ("Estimate", "compensate"),
+}
 __all__ = [
     "Circuit",
     "Creep",
@@ -33,3 +51,15 @@ __all__ = [
     "measure_rest",
 ]
 __version__ = "0.1.0"  # setup.py reads it here; package.xml repeats it
+
+
+def __getattr__(name: str):
+    for module, names in _HOME.items():
+        if name in names:
+            globals()[name] = value = getattr(import_module(f".{module}", __name__), name)
+            return value
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

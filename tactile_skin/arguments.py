@@ -7,6 +7,8 @@ import os
 from pathlib import Path
 
 from . import __version__
+from .commands import doctor, flash, replay, sim, view
+from .learning import scenes
 
 
 def make_parser(run: dict) -> argparse.ArgumentParser:
@@ -52,14 +54,10 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
     )
     sub.add_argument("-s", "--show-args", action="store_true", help="print its arguments and end")
 
-    from .commands import sim, view
-
     sub = command("view", view.ABOUT, epilog=view.EXAMPLES)
     sub.add_argument(
         "words", nargs="*", metavar="FILE | NAME:=VALUE", help="recording or launch file; arguments"
     )
-
-    from .learning import scenes
 
     sub = command("sim", sim.ABOUT, epilog=sim.EXAMPLES)
     sub.add_argument(
@@ -68,6 +66,7 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
     sub.add_argument(
         "--link", type=Path, required=True, help="symbolic link to make, the port to open"
     )
+    sub.add_argument("--once", action="store_true", help="end when whoever read the port has left")
     sub.add_argument(
         "--scene", default="demo", help=f"what it feels: {', '.join(scenes.SCRIPTS)} (default demo)"
     )
@@ -80,8 +79,6 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
         "--baud", type=int, default=1_000_000, help="pace of the bytes (default 1000000)"
     )
     sub.add_argument("--seed", type=int, default=0, help="of the noise (default 0)")
-
-    from .commands import flash
 
     sub = command("flash", flash.ABOUT, epilog=flash.EXAMPLES)
     sub.add_argument("words", nargs="*", metavar="NAME:=VALUE", help="port, and options")
@@ -124,8 +121,6 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
         "(default calibrated.yaml)",
     )
 
-    from .commands import doctor
-
     sub = command("doctor", doctor.ABOUT, epilog=doctor.EXAMPLES)
     sub.add_argument("words", nargs="*", metavar="FILE | NAME:=VALUE", help="frames; options")
 
@@ -140,7 +135,7 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
         "On ROS: ros2 bag record -a -s mcap",
     )
     sub.add_argument(
-        "out", type=Path, metavar="OUT", help="file to make, or folder for files named by time"
+        "out", metavar="OUT", help="file to make (.mcap), or folder/ for files named by time"
     )
     sub.add_argument(
         "words",
@@ -156,8 +151,6 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
     )
     sub.add_argument("--max-duration", type=float, metavar="S", help="ends after so long")
     sub.add_argument("--max-size", type=float, metavar="MB", help="ends at that (default 2000)")
-
-    from .commands import replay
 
     sub = command("replay", replay.ABOUT, epilog=replay.EXAMPLES)
     sub.add_argument("words", nargs="*", metavar="FILE | NAME:=VALUE", help="recording; options")
@@ -248,7 +241,7 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
         "measure every method and draw it: speed against accuracy, and where each method fails",
         epilog="Each picture NAME.png stands beside NAME.json, which holds the numbers drawn.\n"
         "parts: speed, cases, stability, growth, way (bytes in to stop hook), touch_to_stop; all\n"
-        "of them take nine minutes, with --quick one. Times are best read on an idle machine.\n"
+        "of them take 20 minutes, with --quick two. Times are best read on an idle machine.\n"
         "Only on request: faults, damaged boards through the whole chain, which takes an hour on\n"
         "two cores, with --quick one minute; recorded, every method on frames of your own board.\n"
         "examples:\n  tactile-skin bench --quick\n  tactile-skin bench speed growth --out figures\n"

@@ -15,11 +15,11 @@ from .middleware.threads import one_thread
 
 def main(argv: list[str] | None = None) -> int:
     """Run one command; returns the exit status: 0, 1 for a run that failed, 2 for a mistake."""
-    args = make_parser(_COMMANDS).parse_args(argv)
-    logging.basicConfig(
-        level=logging.INFO, format="%(levelname)s %(name)s: %(message)s", stream=sys.stderr
-    )
     try:
+        args = make_parser(_COMMANDS).parse_args(argv)
+        logging.basicConfig(
+            level=logging.INFO, format="%(levelname)s %(name)s: %(message)s", stream=sys.stderr
+        )
         if args.run in (_launch, _record, _view):  # the skin does it, where no signal gets lost
             return args.run(args)
         with one_thread():  # the matrices are small: more threads wait for one another
@@ -58,7 +58,7 @@ def _calibrate(args) -> int:
 def _launch(args) -> int:
     from . import launch
 
-    plan, file = _plan(args.words, "demo.launch.yaml")
+    plan, file = _plan(args.words, "demo.launch.yaml", in_process=not args.ros)
     if args.show_args:
         for argument in plan.arguments.values():
             print(f"{argument.name}:={argument.default}\n    {argument.description}")
@@ -72,7 +72,7 @@ def _launch(args) -> int:
     return _spin(launch.Skin(plan))
 
 
-def _plan(words: list[str], default: str, **given: str):
+def _plan(words: list[str], default: str, in_process: bool = True, **given: str):
     """The plan of a launch file, or of the default one, with its arguments; and the file."""
     from . import launch
 
@@ -89,7 +89,7 @@ def _plan(words: list[str], default: str, **given: str):
         twice = next(name for name in names if names.count(name) > 1)
         raise ValueError(f"argument {twice!r} is given twice")
     file = files[0] if files else default
-    return launch.read_plan(launch.find(file), arguments | given), file
+    return launch.read_plan(launch.find(file), arguments | given, in_process), file
 
 
 def _spin(skin) -> int:
@@ -102,7 +102,7 @@ def _spin(skin) -> int:
 def _record(args) -> int:
     from . import launch
 
-    plan, _ = _plan(args.words, "skin.launch.yaml", record=str(args.out))
+    plan, _ = _plan(args.words, "skin.launch.yaml", record=args.out)
     recorder = plan.nodes[-1]
     for name in ("last", "max_duration", "max_size"):
         if (value := getattr(args, name)) is not None:
@@ -262,7 +262,3 @@ _COMMANDS = {
     "export": _export,
     "bench": _bench,
 }
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -116,6 +116,13 @@ class Twist:
     angular: Vector3 = field(default_factory=Vector3)
 
 
+@dataclass
+class TwistStamped:
+    TYPE: ClassVar[str] = "geometry_msgs/msg/TwistStamped"
+    header: Header = field(default_factory=Header)
+    twist: Twist = field(default_factory=Twist)
+
+
 # --- sensor_msgs --------------------------------------------------------------------------------
 
 
@@ -160,6 +167,14 @@ class PointCloud2:
     row_step: int = 0
     data: bytes = b""
     is_dense: bool = False
+
+
+@dataclass
+class TimeReference:
+    TYPE: ClassVar[str] = "sensor_msgs/msg/TimeReference"
+    header: Header = field(default_factory=Header)
+    time_ref: Time = field(default_factory=Time)
+    source: str = ""
 
 
 # --- diagnostic_msgs ----------------------------------------------------------------------------

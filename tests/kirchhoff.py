@@ -51,3 +51,58 @@ def system(resistance: np.ndarray, r: int, c: int, r_ext: float):
     right = np.zeros(n)
     right[0] = 1.0
     return np.stack(equations), right
+
+
+def nodal_reading(resistance: np.ndarray, circuit, short=None) -> np.ndarray:
+    """ADC ratio of every crossing of any readout, by Kirchhoff's node law; supply 1 V.
+
+    Every line is a node, the divider's middle, the ground and the supply are others; each crossing
+    is read by a solution of its own.
+
+    Args:
+        short: (line, line, conductance) between two lines, rows first.
+    """
+    rows, cols = resistance.shape
+    divider, ground, supply = rows + cols, rows + cols + 1, rows + cols + 2
+    cell = np.isfinite(resistance)
+    row, col = np.nonzero(cell)
+    wires = np.stack([row, rows + col, 1.0 / resistance[cell]], 1)  # node, node, conductance
+    if short:
+        wires = np.vstack([wires, short])
+    drives, senses = np.arange(rows), np.arange(rows, rows + cols)
+    if circuit.driven == "columns":
+        drives, senses = senses, drives
+    out = np.empty((rows, cols))
+    for r, c in np.ndindex(rows, cols):
+        drive, sense = (r, rows + c) if circuit.driven == "rows" else (rows + c, r)
+        fixed, at = {ground: 0.0, supply: 1.0}, divider
+        before, behind = (drive, supply), (sense, divider)
+        if circuit.readout == "loaded":
+            at, behind = sense, before
+            more = [(line, ground, 1.0 / circuit.r_ref) for line in senses]
+        else:
+            held = drives if circuit.readout == "grounded" else ()
+            fixed |= dict.fromkeys(held, 0.0) | {drive: 1.0}
+            more = [(divider, ground, 1.0 / circuit.r_ref)]
+            if circuit.readout == "grounded":  # all sense lines have a divider
+                total = circuit.r_ref + circuit.r_par
+                more += [(line, ground, 1.0 / total) for line in senses if line != sense]
+        more.append((*behind, 1.0 / circuit.r_par))
+        out[r, c] = _voltages(np.vstack([wires, more]), fixed, supply + 1)[at]
+    return out
+
+
+def _voltages(wires: np.ndarray, fixed: dict, nodes: int) -> np.ndarray:
+    """Of each node, where those of some are fixed; 0 where nothing leads."""
+    one, other = wires[:, :2].astype(int).T
+    matrix = np.zeros((nodes, nodes))
+    for a, b in ((one, other), (other, one)):
+        np.add.at(matrix, (a, a), wires[:, 2])
+        np.add.at(matrix, (a, b), -wires[:, 2])
+    voltage, known = np.zeros(nodes), np.zeros(nodes, bool)
+    known[list(fixed)] = True
+    voltage[known] = [fixed[node] for node in np.flatnonzero(known)]
+    free = ~known & (matrix.diagonal() > 0.0)
+    right = -matrix[np.ix_(free, known)] @ voltage[known]
+    voltage[free] = np.linalg.solve(matrix[np.ix_(free, free)], right)
+    return voltage

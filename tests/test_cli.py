@@ -25,7 +25,7 @@ COMMANDS = ("launch", "sim", "train", "bench")
 
 def run_command(*words, cwd=None, timeout=120) -> subprocess.CompletedProcess:
     """The command in a process of its own, as a user starts it."""
-    command = [sys.executable, "-m", "tactile_skin.cli", *map(str, words)]
+    command = [sys.executable, "-m", "tactile_skin", *map(str, words)]
     return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=timeout)
 
 
@@ -230,6 +230,20 @@ def test_a_mistake_in_a_process_of_its_own(tmp_path):
     assert "port /dev/ttyNONE0: does not exist" in done.stderr
 
 
+@pytest.mark.parametrize("loaded", ["numpy", "scipy.linalg._fblas", "tactile_skin.commands.view"])
+def test_an_end_while_it_loads_is_quiet(loaded):
+    """Ctrl-C before anything runs, whatever module is being loaded."""
+    words = [sys.executable, "-X", "importtime", "-m", "tactile_skin", "launch"]
+    process = subprocess.Popen(words, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    for line in process.stderr:  # a line for each module that was loaded
+        if line.split("|")[-1].strip() == loaded:
+            break
+    process.send_signal(signal.SIGINT)
+    rest = process.communicate(timeout=60)[1]
+    assert "Traceback" not in rest
+    assert process.returncode in (-signal.SIGINT, 130)
+
+
 def test_the_demo(tmp_path):
     """Two seconds of the whole skin on a simulated board, started in an empty folder."""
     done = run_command("launch", "duration:=2", f"port:={tmp_path / 'skin'}", cwd=tmp_path)
@@ -246,7 +260,7 @@ def test_the_demo(tmp_path):
 def test_a_board_ends_at_a_signal(tmp_path):
     """And takes its link with it."""
     link = tmp_path / "skin"
-    command = [sys.executable, "-m", "tactile_skin.cli", "sim", "--link", str(link)]
+    command = [sys.executable, "-m", "tactile_skin", "sim", "--link", str(link)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         assert f"simulated board on {link}" in process.stderr.readline()
         assert os.readlink(link).startswith("/dev/")
@@ -258,7 +272,7 @@ def test_a_board_ends_at_a_signal(tmp_path):
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGHUP, signal.SIGTERM])
 def test_no_board_and_no_link_outlive_the_launcher(tmp_path, number):
     link = tmp_path / "skin"
-    command = [sys.executable, "-m", "tactile_skin.cli", "launch", f"port:={link}"]
+    command = [sys.executable, "-m", "tactile_skin", "launch", f"port:={link}"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
         for line in process.stdout:
             if b"free" in line:

@@ -722,7 +722,7 @@ def test_as_a_user_sees_it(tmp_path, wrong):
         NO_FILE[wrong][0](path)
     else:
         write(path, "launch:\n" + ENTITIES[wrong][0])
-    words = [sys.executable, "-m", "tactile_skin.cli", "launch", str(path)]
+    words = [sys.executable, "-m", "tactile_skin", "launch", str(path)]
     done = subprocess.run(
         words, capture_output=True, text=True, timeout=60, stdin=subprocess.DEVNULL
     )

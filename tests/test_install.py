@@ -73,7 +73,7 @@ def test_pip_puts_one_command_on_the_path(wheel):
     points = configparser.ConfigParser()
     points.read_string(the(wheel, "entry_points.txt"))
     assert points.sections() == ["console_scripts"]
-    assert dict(points["console_scripts"]) == {"tactile-skin": "tactile_skin.cli:main"}
+    assert dict(points["console_scripts"]) == {"tactile-skin": "tactile_skin.__main__:main"}
     assert not [name for name in wheel if ".data/scripts/" in name]
 
 

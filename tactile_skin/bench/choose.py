@@ -15,42 +15,50 @@ import sys
 import textwrap
 from pathlib import Path
 
+from ..learning.scenes import FAMILIES
+from .speed import USES
 from .stability import SILENT
 
 
 def lines(speed: dict) -> list[str]:
-    """A Markdown table from a run's figure "speed": `scan` readings, blobs and rects."""
-    at = {p["method"]: p for p in speed["readouts"]["scan"]}
-    exact = {p["method"]: p for p in speed["readouts"]["ideal"]}
-    day = speed["day"]
-
-    def row(method: str, use: str, point: dict | None = None) -> str:
-        p = point or at[method]
-        error = f"{p['mean_g']:.{0 if p['mean_g'] >= 100 else 1}f}"
-        return f"| `{method}` | {use} | {error} | {p['p50_ms']:.1f} | {p['p99_ms']:.1f} |"
-
+    """A Markdown table from a run's figure "speed": what to take, `scan` readings."""
+    noisy, exact = ({p["method"]: p for p in speed["readouts"][r]} for r in ("scan", "ideal"))
+    rows = []
+    day = f". Over a simulated day a frame takes {speed['day']['mean_ms']:.1f} ms on average"
+    for method, use in USES.items():
+        p = noisy[method]
+        what = use.replace("\n", " ") + day * (method == "auto")
+        errors = p["mean_g"], p["families"]["pictures"]["mean_g"], exact[method]["mean_g"]
+        rows.append(
+            f"| `{method}` | {what} | {' | '.join(map(_grams, errors))} "
+            f"| {p['p50_ms']:.1f} | {p['p99_ms']:.1f} |"
+        )
     return [
-        "| method | use it for | mean error [g a cell] | p50 [ms] | p99 [ms] |",
-        "|---|---|---|---|---|",
-        row(
-            "auto",
-            "a robot: reports readings that it does not trust. Times are of frames with a touch; "
-            f"over a simulated day a frame takes {day['mean_ms']:.1f} ms on average",
-        ),
-        row(
-            "map",
-            "single frames, missing readings, prior knowledge of your own; gives a standard "
-            "deviation for each cell",
-        ),
-        row("newton", "exact readings, from a simulation or a laboratory meter", exact["newton"]),
-        row("newton", "the same on a noisy board"),
-        row(
-            "physics",
-            "a fast picture, not a stop: needs weights for your board, and detects "
-            "only lines that read what no skin can",
-        ),
-        *(row(method, "comparison") for method in ("cnn", "fixed_point", "naive")),
+        "| method | use it for | error on bodies [g a cell] | on recorded pictures "
+        "| on exact readings of bodies | p50 [ms] | p99 [ms] |",
+        "|---|---|---|---|---|---|---|",
+        *rows,
     ]
+
+
+def paper(speed: dict) -> list[str]:
+    """A Markdown table of the paper's own families, by its readings (exact) and a noisy board's."""
+    readouts = speed["readouts"]
+    rows = []
+    for method in USES:
+        (index,) = (k for k, p in enumerate(readouts["scan"]) if p["method"] == method)
+        errors = [
+            _grams(readouts[readout][index]["families"][family]["mean_g"])
+            for readout in ("ideal", "scan")
+            for family in FAMILIES
+        ]
+        rows.append(f"| `{method}` | {' | '.join(errors)} |")
+    names = [f"{family}, {word}" for word in ("exact", "noisy") for family in FAMILIES]
+    return [f"| method | {' | '.join(names)} |", "|---" * (len(names) + 1) + "|", *rows]
+
+
+def _grams(mean_g: float) -> str:
+    return f"{mean_g:.{0 if mean_g >= 100 else 1}f}"
 
 
 def silent(stability: dict) -> list[str]:
@@ -93,6 +101,7 @@ def blocks(run: Path) -> dict[str, str]:
 
     return {
         "which method": "\n".join(lines(read("speed"))),
+        "paper's families": "\n".join(paper(read("speed"))),
         "silent failures": wrapped(silent(read("stability"))),
         "methods in trouble": "\n".join(compared(read("stability"))),
     }

@@ -1,4 +1,4 @@
-"""Speed against accuracy: every method as a point, a panel for each readout."""
+"""Speed against accuracy: every method as a point, on a noisy board and on exact readings."""
 
 from __future__ import annotations
 
@@ -11,9 +11,19 @@ from ..solvers import METHODS, compensate
 from . import chart
 from .measure import NOISE, Clock, day, errors, frames
 
-TOUCHES = ("blobs", "rects")  # whose errors a point means; `random` loads the whole skin
-PAPER = {"cnn_ms": 2.2, "cnn_g": 11.0, "naive_g": 150.0}  # its sections V and VI
+TOUCHES = "bodies"  # the family whose times and errors a point shows: no solver was made for it
+FAMILIES = (*scenes.FAMILIES, "bodies", "pictures")
+PAPER = {"cnn_g": 11.0, "naive_g": 150.0}  # its sections V and VI
 FRAME_MS = 10.0  # at 100 frames a second
+USES = {  # what to take when, in lines; the first is for a robot
+    "auto": "a robot: as accurate as the frame allows,\nand reports what it does not trust",
+    "map": "single frames, missing readings, prior knowledge;\na standard deviation for each cell",
+    "newton": "exact readings, from a simulation\nor a laboratory meter",
+    "physics": "a fast picture, not a stop:\nneeds weights for your board",
+    "fixed_point": "comparison: the literature's iteration",
+    "cnn": "comparison: the paper's network",
+    "naive": "comparison: no compensation",
+}
 
 
 def measure(n: int, day_frames: int, seed: int, track=lambda items: items) -> dict:
@@ -21,13 +31,11 @@ def measure(n: int, day_frames: int, seed: int, track=lambda items: items) -> di
 
     Returns:
         the figure "speed" as plain data: for each readout a list of points {method, p50_ms,
-        p99_ms, p50_y, p99_y, mean_g, families}, times and mean_g over blobs and rects; `front`,
-        the methods on its Pareto front; `day`; `forward`.
+        p99_ms, p50_y, p99_y, mean_g, families}, times and mean_g of bodies; `day`; `forward`.
     """
     circuit, curve = Circuit(), PressureCurve()
-    clocks = {(r, m): Clock() for r in scenes.READOUTS for m in METHODS}
-    families = {key: {} for key in clocks}
-    cases = [(r, f) for r in scenes.READOUTS for f in scenes.FAMILIES]
+    clocks, families = {}, {(r, m): {} for r in scenes.READOUTS for m in METHODS}
+    cases = [(r, f) for r in scenes.READOUTS for f in FAMILIES]
     for readout, family in track(cases):
         rng = np.random.default_rng([seed, cases.index((readout, family))])
         force, adc = frames(family, readout, n, rng, circuit, curve)
@@ -40,17 +48,12 @@ def measure(n: int, day_frames: int, seed: int, track=lambda items: items) -> di
             ]
             times = {"p50_y": clock.quantile(0.5), "p99_y": clock.quantile(0.99)}
             families[readout, method][family] = errors(np.array(found), force) | times
-            if family in TOUCHES:
-                clocks[readout, method].calls += clock.calls
-                clocks[readout, method].solves += clock.solves
-    readouts, front = {}, {}
-    for readout in scenes.READOUTS:
-        points = [
-            point(method, clocks[readout, method], families[readout, method]) for method in METHODS
-        ]
-        readouts[readout] = points
-        on = pareto([(p["p50_ms"], p["mean_g"]) for p in points])
-        front[readout] = [points[k]["method"] for k in on]
+            if family == TOUCHES:
+                clocks[readout, method] = clock
+    readouts = {
+        readout: [point(m, clocks[readout, m], families[readout, m]) for m in METHODS]
+        for readout in scenes.READOUTS
+    }
     rng = np.random.default_rng([seed, len(cases)])
     resistance = curve.resistance(scenes.sample("blobs", 1, *circuit.shape, rng)[0])
     clock = Clock()
@@ -60,7 +63,6 @@ def measure(n: int, day_frames: int, seed: int, track=lambda items: items) -> di
         "speed": {
             "frames": n,
             "readouts": readouts,
-            "front": front,
             "day": stream(day_frames, rng, circuit, curve),
             "paper": PAPER,
             "frame_ms": FRAME_MS,
@@ -82,7 +84,7 @@ def point(method: str, clock: Clock, families: dict) -> dict:
         "p99_ms": p99 * ms,
         "p50_y": p50,
         "p99_y": p99,
-        "mean_g": float(np.mean([families[family]["mean_g"] for family in TOUCHES])),
+        "mean_g": families[TOUCHES]["mean_g"],
         "families": families,
     }
 
@@ -109,17 +111,6 @@ def stream(n: int, rng, circuit: Circuit, curve: PressureCurve) -> dict:
     }
 
 
-def pareto(points) -> list[int]:
-    """Indices of the points that no other beats in both coordinates, by the first one."""
-    order = sorted(range(len(points)), key=lambda k: points[k])
-    front, best = [], np.inf
-    for k in order:
-        if points[k][1] < best:
-            front.append(k)
-            best = points[k][1]
-    return front
-
-
 def table(data: dict) -> str:
     """The figures of all families as text."""
     lines = [
@@ -144,113 +135,63 @@ def table(data: dict) -> str:
 
 # --- picture -------------------------------------------------------------------------------------
 
-_FLOOR = 0.02  # g; what errs less is drawn there, with an arrow
-_TITLES = {
-    "ideal": "ideal: exact readings",
-    "adc10": "adc10: 10 bits",
-    "scan": "scan: 10 bits, noise, mean of 4",
-}
+_FLOOR = 0.02  # g; what errs less is drawn there
+_BEST = "#e8f1e4"  # behind the row of a robot's method
+_SMALL = 8.5
 
 
 def draw(data: dict):
+    """A row a method: what for, its error on a noisy board and on exact readings, its time."""
     from matplotlib import pyplot as plt
 
-    figure, axes = plt.subplots(
-        1, 3, figsize=(9.0, 4.3), sharex=True, sharey=True, layout="constrained"
+    figure, (errors, times) = plt.subplots(
+        1, 2, figsize=(9.0, 4.8), sharey=True, width_ratios=(3, 2), layout="constrained"
     )
-    for axis, (readout, points) in zip(axes, data["readouts"].items(), strict=True):
-        axis.set_xscale("log")
-        axis.set_yscale("log")
-        axis.xaxis.set_major_formatter("{x:g}")
-        axis.yaxis.set_major_formatter("{x:g}")
-        axis.set_title(_TITLES[readout], fontsize=10.5)
-        axis.grid(alpha=0.25, linewidth=0.6)
-        axis.axvline(data["frame_ms"], color="black", linewidth=0.8, linestyle=(0, (2, 3)))
-        axis.axhline(data["paper"]["naive_g"], color="#8a8a8a", linewidth=0.8, linestyle=":")
-        by_name = {p["method"]: p for p in points}
-        front = [by_name[name] for name in data["front"][readout]]
-        axis.plot(
-            [p["p50_ms"] for p in front],
-            [_shown(p["mean_g"]) for p in front],
-            drawstyle="steps-post",
-            color="#b0b0b0",
-            linewidth=4,
-            alpha=0.6,
-            zorder=1,
-            label="Pareto front",
-        )
-        for p in points:
-            look = chart.style(p["method"]) | {"linestyle": "none"}
-            y = _shown(p["mean_g"])
-            axis.plot(
-                [p["p50_ms"], p["p99_ms"]], [y, y], color=look["color"], linewidth=1.2, zorder=2
-            )
-            axis.plot(p["p50_ms"], y, **look, zorder=3, label=p["method"])
-        below = [p for p in points if p["mean_g"] < _FLOOR]
-        for p in below:
-            axis.annotate(
-                "",
-                (p["p50_ms"], 0.4 * _FLOOR),
-                (p["p50_ms"], 0.85 * _FLOOR),
-                arrowprops={"arrowstyle": "->", "color": chart.STYLES[p["method"]][0]},
-            )
-        if below:
-            axis.text(
-                np.mean([p["p50_ms"] for p in below]),
-                0.22 * _FLOOR,
-                f"{' and '.join(p['method'] for p in below)}:\n"
-                f"below {max(p['mean_g'] for p in below):.0e} g",
-                ha="center",
-                va="center",
-                fontsize=8.5,
-            )
-        paper = data["paper"]
-        axis.plot(
-            paper["cnn_ms"],
-            paper["cnn_g"],
-            marker="o",
-            markersize=8,
-            markerfacecolor="none",
-            markeredgecolor="#d55e00",
-            linestyle="none",
-            label="the paper's CNN",
-        )
-        axis.set_xlabel("time of a frame [ms]: p50, line to p99", fontsize=9.5)
-    day = data["day"]
-    axes[2].plot(
-        [day["p50_ms"], day["p99_ms"]],
-        [_shown(day["touched_mean_g"])] * 2,
-        color="#111111",
-        linewidth=1.2,
-    )
-    axes[2].plot(
-        day["mean_ms"],
-        _shown(day["touched_mean_g"]),
-        marker="*",
-        markersize=12,
-        markerfacecolor="white",
-        markeredgecolor="#111111",
-        linestyle="none",
-        label="auto over a day: mean time, error while touched",
-    )
-    axes[0].set_ylabel("mean error on blobs and rectangles [g a cell]", fontsize=9.5)
-    axes[0].set_ylim(bottom=_FLOOR * 0.1)
-    axes[1].text(data["frame_ms"] * 1.1, 0.3 * _FLOOR, "100 frames/s", rotation=90, fontsize=8.5)
-    axes[1].text(
-        0.98,
-        data["paper"]["naive_g"] * 0.72,
-        "paper's naive",
-        fontsize=8.5,
-        ha="right",
-        transform=axes[1].get_yaxis_transform(),
-    )
-    handles, labels = axes[2].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=5, fontsize=9.5, frameon=False)
+    noisy, exact = ({p["method"]: p for p in data["readouts"][r]} for r in ("scan", "ideal"))
+    for row, method in enumerate(USES):
+        look = chart.style(method) | {"linestyle": "none", "markersize": 8.0}
+        look["markeredgecolor"] = colour = look["color"]
+        p = noisy[method]
+        for mean_g, face, above in ((exact[method]["mean_g"], "white", False),
+                                    (p["mean_g"], colour, True)):  # fmt: skip
+            errors.plot(max(mean_g, _FLOOR), row, **look | {"markerfacecolor": face})
+            _beside(errors, max(mean_g, _FLOOR), row, _grams(mean_g), above)
+        times.plot([p["p50_ms"], p["p99_ms"]], [row, row], color=colour, linewidth=2.5)
+        times.plot(p["p50_ms"], row, **look | {"markerfacecolor": colour})
+        times.plot(p["p99_ms"], row, "|", color=colour, markersize=11, markeredgewidth=2)
+        _beside(times, p["p50_ms"], row, f"{p['p50_ms']:.1f} to {p['p99_ms']:.1f}", True, "left")
+        errors.text(-0.02, row - 0.33, method, ha="right", va="center", fontsize=10,
+                    fontweight="bold", transform=errors.get_yaxis_transform())  # fmt: skip
+    errors.set_yticks(range(len(USES)), USES.values(), fontsize=_SMALL)
+    errors.set(xscale="log", xlim=(0.2 * _FLOOR, 400.0), ylim=(len(USES) - 0.45, -0.65))
+    errors.xaxis.set_major_formatter("{x:g}")
+    errors.set_xlabel("mean error on free bodies [g a cell]:\nfilled: a noisy board; hollow: exact")
+    times.set_xlim(left=0.0)
+    times.set_xlabel("time of a frame, noisy board [ms]:\nmark: p50; end of the bar: p99")
+    for axis in (errors, times):
+        axis.tick_params(axis="y", length=0)
+        axis.grid(axis="x", alpha=0.25, linewidth=0.6)
+        axis.axhspan(-0.65, 0.48, color=_BEST, zorder=0)
     return figure
 
 
-def _shown(mean_g: float) -> float:
-    return max(mean_g, _FLOOR)
+def _beside(axis, x: float, row: int, text: str, above: bool, ha: str = "center") -> None:
+    """A mark's number, above or below it."""
+    axis.annotate(
+        text,
+        (x, row),
+        (0, 6 if above else -7),
+        textcoords="offset points",
+        ha=ha,
+        va="bottom" if above else "top",
+        fontsize=_SMALL,
+    )
+
+
+def _grams(mean_g: float) -> str:
+    if mean_g < _FLOOR:
+        return f"below {_FLOOR:g}"
+    return f"{mean_g:.{0 if mean_g >= 20.0 else 1}f}"
 
 
 DRAW = {"speed": draw}

@@ -287,83 +287,79 @@ def verdict(trouble: Trouble, running: dict) -> str:
 
 # --- the picture ---------------------------------------------------------------------------------
 
-_SHADES = {"right": "#d5e3d0", "told": "#f2b84b", "silent": "#a01c30"}
-_STRIP, _GAP = 3.1, 0.35  # inches: of a column's bars, between two columns
+_SHADES = {"right": "#dbe7d6", "told": "#f3c566", "silent": "#e0857c"}
+_SECTIONS = {  # of troubles, by what becomes of them on a running skin
+    "silent": "Worry about these: beyond some strength the picture is wrong, and nothing says so",
+    "told": "The robot stops, with the reason",
+    "right": "Compensated",
+}
+_STRIP, _BAR = 4.6, 0.62  # width of a row's bars [inches], height of a bar [rows]
 
 
 def draw(data: dict):
-    """A row a trouble, what is silent first, and a bar a strength: alone left, running right."""
+    """A row a trouble, in sections by what becomes of it on a running skin, a bar a strength."""
     from matplotlib import pyplot as plt
 
-    troubles = sorted(data["troubles"], key=_worry)
-    figure, axis = plt.subplots(figsize=(9.0, 0.52 * len(troubles) + 1.3), layout="constrained")
-    second = _STRIP + _GAP
-    for y, trouble in enumerate(troubles):
-        for left, name in ((0.0, "alone"), (second, "running")):
-            _strip(axis, left, y, trouble, trouble[name])
-        silent = max(trouble["running"]["silent"]) > SILENT
-        axis.text(
-            second + _STRIP + 0.1,
-            y + 0.42,
-            _folded(trouble["verdict"]),
-            va="center",
-            fontsize=8.5,
-            color=_SHADES["silent"] if silent else "#333333",
-        )
-        title = f"{trouble['trouble']}\n[{trouble['unit']}]"
-        axis.text(-0.1, y + 0.42, title, va="center", ha="right", fontsize=8.5)
-    for left, title in ((0.0, "a frame alone"), (second, "a running skin")):
-        axis.text(left + _STRIP / 2, -0.22, title, ha="center", fontsize=11)
-    axis.text(second + _STRIP + 0.1, -0.22, "what becomes of it", fontsize=11)
-    axis.set_xlim(-1.75, second + _STRIP + 2.0)
-    axis.set_ylim(len(troubles), -0.7)
+    sections = {name: [] for name in _SECTIONS}
+    for trouble in sorted(data["troubles"], key=lambda t: -max(t["running"]["silent"])):
+        sections[_section(trouble)].append(trouble)
+    count = len(data["troubles"]) + len(_SECTIONS)
+    figure, axis = plt.subplots(figsize=(9.0, 0.42 * count + 0.7), layout="constrained")
+    y = 0.0
+    for name, troubles in sections.items():
+        axis.text(-1.85, y + 0.72, _SECTIONS[name], fontsize=11, fontweight="bold")
+        y += 1.0
+        for trouble in troubles:
+            _strip(axis, y, trouble)
+            label = f"{trouble['trouble']} [{trouble['unit']}]"
+            axis.text(-0.1, y + 0.5, label, va="center", ha="right", fontsize=9)
+            if name == "silent":
+                reason = _folded(trouble["reason"])
+                axis.text(_STRIP + 0.1, y + 0.5, reason, va="center", fontsize=8.5)
+            y += 1.0
+    axis.set_xlim(-1.9, _STRIP + 2.4)
+    axis.set_ylim(y, 0.0)
     axis.set_axis_off()
     handles = [plt.Rectangle((0, 0), 1, 1, facecolor=shade) for shade in _SHADES.values()]
     handles.append(axis.plot([], [], "o", color="black", markersize=3.5)[0])
-    labels = ["right", "reported: the robot stops", "wrong and silent", "the doctor names it"]
+    labels = ["right", "reported: the robot stops", "silently wrong", "the doctor names it"]
     figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
     return figure
 
 
-def _worry(trouble: dict) -> tuple[bool, float]:
-    """Less for more to worry about."""
-    silent = max(trouble["running"]["silent"])
-    return silent <= SILENT, -silent if silent > SILENT else -max(trouble["running"]["reported"])
+def _section(trouble: dict) -> str:
+    """Which of _SECTIONS a trouble belongs to, as `verdict` says it."""
+    if trouble["verdict"] == trouble["reason"]:
+        return "silent"
+    return "right" if trouble["verdict"] == "compensated" else "told"
 
 
-def _strip(axis, left: float, y: float, trouble: dict, shares: dict) -> None:
-    """The bars of one trouble in one column: from below, what is right, told, and silent."""
-    strengths = trouble["strengths"]
+def _strip(axis, y: float, trouble: dict) -> None:
+    """The bars of one trouble, each split into what is right, told and silent; its strengths."""
+    shares, strengths = trouble["running"], trouble["strengths"]
     width = _STRIP / len(strengths)
     for k, strength in enumerate(strengths):
-        x, bottom = left + k * width, y + 0.62
+        left = k * width
         silent, told = shares["silent"][k], shares["reported"][k]
-        for name, share in (("right", 1.0 - silent - told), ("told", told), ("silent", silent)):
-            axis.bar(
-                x, -0.54 * share, 0.9 * width, bottom, align="edge", color=_SHADES[name], zorder=2
-            )
-            bottom -= 0.54 * share
-        middle = x + 0.45 * width
-        if silent > SILENT:
-            inside = silent > 0.4
-            axis.text(
-                middle, y + 0.08 + 0.54 * (silent / 2 if inside else silent + 0.25),
-                f"{100 * silent:.0f} %", ha="center", va="center", fontsize=7,
-                color="white" if inside else _SHADES["silent"], zorder=3,
-            )  # fmt: skip
-        if shares.get("named", [0.0] * len(strengths))[k] >= 0.8:
-            axis.plot(middle, y + 0.02, "o", color="black", markersize=3.0, zorder=3)
-        sound = strength == trouble["sound"]
+        split = {"right": 1.0 - silent - told, "told": told, "silent": silent}
+        for name, share in split.items():
+            length = 0.94 * width * share
+            axis.barh(y + 0.5, length, _BAR, left, color=_SHADES[name], zorder=2)
+            left += length
+        usual = strength == trouble["sound"]
+        text = f"{strength:g}" + (f": {100 * silent:.0f} %" if silent > SILENT else "")
         axis.text(
-            middle, y + 0.8, f"{strength:g}", ha="center", fontsize=7.5,
-            color="#999999" if sound else "black",
+            (k + 0.06) * width, y + 0.5, text, va="center", fontsize=8, zorder=3,
+            color="#777777" if usual else "black", fontweight="bold" if ":" in text else "normal",
         )  # fmt: skip
+        if shares["named"][k] >= 0.8:
+            axis.plot((k + 0.87) * width, y + 0.3, "o", color="black", markersize=3, zorder=3)
 
 
 def _folded(text: str) -> str:
     import textwrap
 
-    return "\n".join(textwrap.wrap(text, 26))
+    return "\n".join(textwrap.wrap(text, 34))
 
 
 DRAW = {"stability": draw}

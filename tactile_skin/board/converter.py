@@ -27,6 +27,7 @@ _MOVES = 20.0  # times the noise by which others differ when they stand there ag
 # Times that readings at rest are further apart, which makes, and ends, a fault; readings at least;
 # share of the rest by which no fabric changes between two measurements of it.
 _ALIKE, _MANY, _RAISED = (3.0, 2.0), 8, 0.3
+_BEYOND = 5.0  # standard deviations of noise beyond which a reading is above a ceiling
 _NEAR_MOST = 0.9  # of what a short circuit would read: above, all hard touches read alike
 
 
@@ -122,6 +123,7 @@ class Ceiling:
         # where readings stood still [ADC steps], and what the others read then
         self._shelf, self._picture = math.inf, None
         self.height: float | None = None
+        self._noise = 0.0  # ADC steps by which a reading there may exceed it
         self._last: np.ndarray | None = None
         self._still: np.ndarray | None = None  # (rows, cols) frames since each reading moved
         self._count = _PRIOR  # readings that stood still, and all
@@ -135,7 +137,7 @@ class Ceiling:
         self._still = np.where(samples == self._last, self._still + 1, 0)
         self._last, self._present = samples, False
         top = int(samples.max())
-        if self.height is not None and top > self.height * self._scale:
+        if self.height is not None and top > (self.height + self._noise) * self._scale:
             self.height = None  # it was none
         still = self._still >= _STILL
         at_top = samples == top
@@ -149,7 +151,7 @@ class Ceiling:
         n = np.count_nonzero(still & at_top)
         told = n and n * math.log(max(stood / max(seen, 1.0), _SELDOM)) < math.log(_CHANCE)
         if told and top - np.median(samples) > _ABOVE * self._scale:
-            self.height = top / self._scale
+            self.height, self._noise = top / self._scale, 0.0
             self._present = True
         return self._said()
 
@@ -158,6 +160,7 @@ class Ceiling:
         self._shelf, told = self._stands(window)
         if told:
             self.height, self._present = self._shelf, True
+            self._noise = _BEYOND * (window.noise + _ROUND)
         return self._said()
 
     def _stands(self, window: Window) -> tuple[float, bool]:

@@ -24,9 +24,8 @@ _HEALING = 1e-4  # the same while frames lag: a board that lost a few ms of its 
 _SETTLING = 0.2  # s in which frames must come at the board's own pace before they count as new
 _DRAINING = 0.015  # s by which the lag may fall in that time; more, and a queue is being emptied
 _GAP = 3.0  # usual intervals without a frame after which text frames may have been queued
-_BURST = 0.5  # of the usual interval: frames that come faster were queued
-_SHORTEST = 1e-3  # s between two frames of any board; less is one read of several
-_INTERVALS, _FEW = 64, 3  # arrivals that the usual interval is taken from; intervals at least
+_HURRY = 1.25  # times the usual pace, from which on a queue is being emptied
+_INTERVALS, _FEW = 64, 3  # intervals that the usual one is taken from; at least
 _HALF_WRAP = 1 << 31  # us; a larger step of the board's clock is one backward
 
 
@@ -40,9 +39,8 @@ class Delay:
         self._lag = 0.0
         self._floors: deque[tuple[float, float]] = deque()  # of the last _SETTLING seconds
         self._since = math.inf  # arrival of the first frame since the start or a restart
-        self._arrivals: deque[float] = deque(maxlen=_INTERVALS)
-        self._interval: float | None = None  # s, usual between frames; None: too few have come
-        self._steady = 0.0  # s for which text frames have come at their usual pace
+        self._intervals: deque[float] = deque(maxlen=_INTERVALS)  # s, while nothing was queued
+        self._stretch = 0.0, 0  # s, and frames in it, of text that may have been queued
 
     def frame(self, t: float, device_time_us: int | None) -> tuple[float, bool]:
         """A frame arrived at t [s]: its lag [s], and whether the board's clock went backward."""
@@ -50,7 +48,7 @@ class Delay:
         if self._last is None:
             self.restart(t)
         elif device_time_us is None:
-            self._by_pace(t, t - self._last[0])
+            self._by_pace(t - self._last[0])
         else:
             step = (device_time_us - self._last[1]) % (2 * _HALF_WRAP)
             backward = step >= _HALF_WRAP
@@ -60,7 +58,6 @@ class Delay:
                 self._board += step * 1e-6
                 self._by_clock(t, t - self._last[0])
         self._last = t, device_time_us
-        self._arrivals.append(t)
         return self._lag, backward
 
     def restart(self, t: float) -> None:
@@ -78,22 +75,26 @@ class Delay:
         while len(self._floors) > 1 and self._floors[1][0] <= t - _SETTLING:
             self._floors.popleft()
 
-    def _by_pace(self, t: float, elapsed: float) -> None:
-        steps = np.diff(self._arrivals)
-        steps = steps[steps >= _SHORTEST]
-        if steps.size >= _FEW:
-            self._interval = float(np.median(steps))
-        usual = self._interval
-        if usual is None:
+    def _by_pace(self, elapsed: float) -> None:
+        """Of text: a gap may have queued frames. Each of them stands for one usual interval; at the
+        usual pace none is queued, and what is missing was lost. The mean interval is the usual one,
+        since USB delivers frames in groups.
+        """
+        usual = math.fsum(self._intervals) / max(len(self._intervals), 1)
+        if self._lag == 0.0:
+            if len(self._intervals) >= _FEW and elapsed > _GAP * usual:
+                self._lag, self._stretch = elapsed - usual, (0.0, 0)
+            else:
+                self._intervals.append(elapsed)
             return
-        if elapsed > _GAP * usual:
-            self._lag, self._steady = self._lag + elapsed - usual, 0.0
-        elif elapsed < _BURST * usual:
-            self._lag, self._steady = max(0.0, self._lag - (usual - elapsed)), 0.0
-        else:
-            self._steady += elapsed
-            if self._steady >= _SETTLING:
+        self._lag = max(0.0, self._lag + elapsed - usual)
+        time, frames = self._stretch[0] + elapsed, self._stretch[1] + 1
+        self._stretch = time, frames
+        if time >= _SETTLING and frames >= _FEW:
+            if frames * usual < _HURRY * time:
                 self._lag = 0.0
+                self._intervals.extend([time / frames] * frames)
+            self._stretch = 0.0, 0
 
     @property
     def settled(self) -> bool:

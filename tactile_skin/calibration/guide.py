@@ -121,6 +121,12 @@ class Guide:
             )
 
     def identify(self) -> None:
+        if self._supposed.readout != "floating":
+            self._say(
+                "2 of 3 is left out: r_par and r_line, which are found on floating matrices only, "
+                "stay as they are configured."
+            )
+            return
         self._say(
             "2 of 3. Press here and there, near the edges too: hard, with a knuckle, a palm, both "
             f"hands.\n  Hold each touch for a moment. {2 * _EVERY} to {TOUCHES} touches are taken; "

@@ -60,8 +60,13 @@ def identify(frames, circuit: Circuit, rest: Rest, *, soft: bool | None = None) 
             finds r_par 5 % too high if they have.
 
     Raises:
-        ValueError: another shape, values outside [0, 1], readings that fit no skin.
+        ValueError: another shape, values outside [0, 1], readings that fit no skin, or another
+            readout than the floating one.
     """
+    if circuit.readout != "floating":
+        raise ValueError(
+            f"readout = {circuit.readout!r}: r_par and r_line are found on floating matrices only"
+        )
     frames = rest.quiet(check_frames(frames, circuit))
     first = _solve_frames(frames, circuit, rest, np.zeros(2), SOFT if soft else HARD)
     if first is None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..physics import readouts
 from ..physics.circuit import Circuit, forward
 from ..physics.curve import PressureCurve
 from ..solvers import compensate
@@ -171,6 +172,8 @@ def _carried(off, middle, circuit: Circuit, row: int, col: int):
     What a cell conducts besides changes its two-terminal resistance, and those of its row and
     column by a share of that change (docs/derivation.md).
     """
+    if circuit.readout != "floating":
+        return _carried_when_driven(off, middle, circuit, row, col)
     least = 0.5 / circuit.full_scale
     rho = circuit.two_terminal(np.maximum(middle, least))
     share = np.zeros(circuit.shape)
@@ -186,6 +189,18 @@ def _carried(off, middle, circuit: Circuit, row: int, col: int):
     return beside, expected * circuit.full_scale
 
 
+def _carried_when_driven(off, middle, circuit: Circuit, row: int, col: int):
+    """As `_carried`, to first order, of a skin of equal cells."""
+    usual = _usual_resistance(middle, circuit.populated, circuit)
+    changed = np.zeros(circuit.shape)
+    changed[row, col] = 1.0
+    share = readouts.solve(circuit, circuit.populated / usual).change(changed)
+    share /= share[row, col]
+    share[~circuit.populated] = share[row, col] = 0.0
+    beside = np.flatnonzero(np.abs(share) > 0.01)
+    return beside, share.flat[beside] * off[:, row, col, None]
+
+
 def _loose(own: np.ndarray, middle: np.ndarray, circuit: Circuit, row: int, col: int) -> bool:
     """Whether a cell comes and goes as one with a loose contact does, and no touch.
 
@@ -195,7 +210,7 @@ def _loose(own: np.ndarray, middle: np.ndarray, circuit: Circuit, row: int, col:
     least = 0.5 / circuit.full_scale
     rho = circuit.two_terminal(np.maximum(middle[row, col] + own / circuit.full_scale, least))
     conducts = 1.0 / np.maximum(rho, least * circuit.r_ref)
-    usual = _foster(circuit) / np.median(circuit.two_terminal(middle[circuit.populated]))
+    usual = 1.0 / _usual_resistance(middle, circuit.populated, circuit)
     high = own > (own.max() + own.min()) / 2
     times = np.count_nonzero(high[1:] != high[:-1])
     return bool(np.ptp(conducts) < _LOOSE * usual and times >= _TIMES)
@@ -210,9 +225,19 @@ def _correlation(one: np.ndarray, other: np.ndarray) -> float:
     return float(one @ other / max(np.sqrt((one @ one) * (other @ other)), 1e-12))
 
 
-def _foster(circuit: Circuit) -> float:
-    """Conductance times two-terminal resistance of equal cells (Foster's theorem)."""
-    return (sum(circuit.shape) - 1) / np.count_nonzero(circuit.populated)
+def _usual_resistance(adc: np.ndarray, known: np.ndarray, circuit: Circuit) -> float:
+    """Of a cell [ohm], if (rows, cols) `adc` is read of equal ones, by those that are known.
+
+    Foster's theorem: conductance times two-terminal resistance of equal cells is
+    (rows + cols - 1) / cells.
+    """
+    scale, offset = readouts.apparent(circuit, np.where(known, adc, np.median(adc[known])))
+    share = 1.0
+    if circuit.readout == "floating":
+        share = (sum(circuit.shape) - 1) / np.count_nonzero(circuit.populated)
+    with np.errstate(divide="ignore"):
+        rho = np.maximum(circuit.r_ref * scale / np.where(known, adc, 1.0) - offset, 0.0)
+    return float(np.median(rho[known])) / share
 
 
 def _mask(cells, shape) -> np.ndarray:
@@ -252,7 +277,7 @@ def resting_conductance(
     """
     cells, unused = circuit.populated, _mask(noisy, circuit.shape)
     known = cells & np.isfinite(adc) & ~unused
-    usual = float(np.median(circuit.two_terminal(adc[known]))) / _foster(circuit)  # ohm
+    usual = _usual_resistance(adc, known, circuit)
     if not 0.0 < usual < np.inf:
         raise ValueError("the readings fit no skin: r_par or r_ref is wrong, or no cell")
     curve = PressureCurve((0.0, 1.0), (usual * REST_SPAN, usual / REST_SPAN))

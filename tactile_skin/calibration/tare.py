@@ -15,9 +15,10 @@ import numpy as np
 
 from ..physics.circuit import Circuit
 from ..physics.curve import GRAM, PressureCurve
+from ..physics.readouts import apparent
 from ..solvers.reading import SCAN_NOISE, rest_reading
 from .rest import resting_conductance
-from .twins import twins
+from .watch.twins import stuck_bit, twins
 
 MAX_TARED_FORCE = 2.0 * GRAM  # N on a cell; what conducts more is a touch, and stays one
 _MAX_RESISTANCE = 4.0  # times the usual cell's at rest; a cell that conducts less is broken
@@ -49,6 +50,7 @@ _SIGNIFICANT = 4.0  # standard deviations of its noise by which a measurement di
 _MAX_LINE_OFFSET = 0.2
 _MAX_STEP, _MAX_DRIFT = 0.1, 0.02 / 60.0
 _MAX_LINE_FALL = 0.05
+_BIT = "address bit"
 
 
 class Tare:
@@ -58,13 +60,14 @@ class Tare:
         curve: the given curve, with the cells' offsets once they are known.
         message: why the last measurement could not be used; empty if it could.
         measured: whether there was one that could.
-        wiring: what seems wrong with the wires, by the last measurement; empty if nothing. A
-            warning: what the cells rest at is followed all the same.
+        wiring: what seems wrong with the wires, by the last measurement; empty if nothing. What the
+            cells rest at is followed all the same.
+        half_read: whether that means that half of the lines are not read.
     """
 
     def __init__(self, circuit: Circuit, curve: PressureCurve):
         self.curve, self.message, self.measured = curve, "", False
-        self.wiring = ""
+        self.wiring, self.half_read = "", False
         self._learned = -np.inf  # s, when the rest was measured last
         self._first: np.ndarray | None = None  # (rows, cols) [S] that was measured first
         self._circuit = circuit
@@ -174,10 +177,10 @@ class Tare:
             return False
         elapsed, self._followed = min(t - self._followed, _DRIFT_UNSEEN), t
         known = self._circuit.populated & (adc > 0.0) & (adc < 1.0)
-        now, before = adc[known], rest_reading(self._circuit, self.curve)[known]
-        # r_ref / rho, but for r_par, is what conducts
-        common = float(np.median(np.log(now / (1.0 - now) * (1.0 - before) / before)))
-        noise = SCAN_NOISE / (self._circuit.full_scale * np.median(now))
+        before = rest_reading(self._circuit, self.curve)
+        change = [_conducts(self._circuit, np.where(known, a, before)) for a in (adc, before)]
+        common = float(np.median(np.log(change[0] / change[1])[known]))
+        noise = SCAN_NOISE / (self._circuit.full_scale * np.median(adc[known]))
         if not noise < abs(common) <= _MAX_STEP:
             return False
         common = float(np.clip(common, -_DRIFT_FOLLOWED[1] * elapsed, _DRIFT_FOLLOWED[1] * elapsed))
@@ -190,9 +193,11 @@ class Tare:
         """
         full = self._circuit.full_scale
         wiring = _twins(adc * full, noise, self._circuit.populated)  # of a skin that rests
+        half_read = wiring.startswith(_BIT)
         off = (adc - rest_reading(self._circuit, self.curve)) * full
         if np.square(off).mean() < (_SIGNIFICANT * noise) ** 2:
-            self.message, self.measured, self.wiring = "", True, wiring
+            self.message, self.measured = "", True
+            self.wiring, self.half_read = wiring, half_read
             return False
         cells, at_rest = self._circuit.populated, self.curve.points[0][1]
         try:
@@ -207,7 +212,7 @@ class Tare:
         if self.message:
             self.message = f"rest not measured: {self.message}"
             return False
-        self.measured, self.wiring = True, wiring
+        self.measured, self.wiring, self.half_read = True, wiring, half_read
         if self._first is None:
             self._first = now
         else:
@@ -306,8 +311,20 @@ class Tare:
         return ""
 
 
+def _conducts(circuit: Circuit, adc: np.ndarray) -> np.ndarray:
+    """(rows, cols) r_ref times what conducts at each crossing, but for r_par."""
+    scale, offset = apparent(circuit, adc)
+    return adc / (scale - adc * min(offset / circuit.r_ref, 1.0))
+
+
 def _twins(steps: np.ndarray, noise: float, cells: np.ndarray) -> str:
-    """What to say of two lines that are one; empty if there are none."""
+    """What to say of lines that are one; empty if there are none."""
+    if found := stuck_bit(steps, noise, cells):
+        name, bit = found
+        return (
+            f"{_BIT} {bit} of the {name}s' multiplexer is stuck, or not connected: {name}s 0 and "
+            f"{1 << bit} read the same, cell for cell, and so do all such pairs"
+        )
     if (found := twins(steps, noise, cells)) is None:
         return ""
     name, one, other = found

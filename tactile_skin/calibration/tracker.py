@@ -65,6 +65,8 @@ class CircuitTracker:
             adc: (rows, cols) ADC ratio; NaN where a crossing was not read.
             noise: RMS of a reading [ADC steps].
         """
+        if self._configured.readout != "floating":  # the only one that `Supposed` knows
+            return
         before, self._before = self._before, adc
         if 0.0 <= t - self._t < _APART:
             return

@@ -24,25 +24,29 @@ _PIXELS = 0.5, 4.0  # of a recorded picture that a cell spans, log-uniform: a hi
 _TOUCHED = 0.05  # share of the cells that a crop of a picture must load
 
 
-def bodies(n: int, rows: int, cols: int, rng: np.random.Generator) -> np.ndarray:
+def bodies(n: int, rows: int, cols: int, rng: np.random.Generator, half=_HALF) -> np.ndarray:
     """Draw (n, rows, cols) load [g] of one to four bodies each.
 
     Ellipses with Hertz's pressure, flat boxes, rings and kites; placed and turned at random, with
     a smooth texture of 25 % and 5 % of noise a cell.
+
+    Args:
+        half: of the sides, the shortest and the longest [cells].
     """
     y, x = (np.mgrid[0 : rows * _FINE, 0 : cols * _FINE] + 0.5) / _FINE - 0.5
-    longest = max(_HALF[1] * min(1.0, min(rows, cols) / 12), 1.0)
-    return np.array([_scene(y, x, longest, rng) for _ in range(n)]).reshape(n, rows, cols)
+    longest = max(half[1] * min(1.0, min(rows, cols) / 12), 1.0)
+    scenes = [_scene(y, x, (half[0], longest), rng) for _ in range(n)]
+    return np.array(scenes).reshape(n, rows, cols)
 
 
-def _scene(y: np.ndarray, x: np.ndarray, longest: float, rng) -> np.ndarray:
+def _scene(y: np.ndarray, x: np.ndarray, half, rng) -> np.ndarray:
     load = np.zeros(y.shape)
     for _ in range(rng.integers(1, _MOST_BODIES + 1)):
         cy, cx = rng.uniform(0.0, y[-1, 0]), rng.uniform(0.0, x[0, -1])
         turn = rng.uniform(0.0, np.pi)
-        half = rng.uniform(_HALF[0], longest, 2)
-        u = ((y - cy) * np.cos(turn) + (x - cx) * np.sin(turn)) / half[0]
-        v = ((x - cx) * np.cos(turn) - (y - cy) * np.sin(turn)) / half[1]
+        side = rng.uniform(*half, 2)
+        u = ((y - cy) * np.cos(turn) + (x - cx) * np.sin(turn)) / side[0]
+        v = ((x - cx) * np.cos(turn) - (y - cy) * np.sin(turn)) / side[1]
         r2 = u**2 + v**2
         kind = rng.integers(4)
         if kind == 0:

@@ -11,11 +11,14 @@ import numpy as np
 from ..physics.circuit import forward
 from ..physics.curve import GRAM
 from . import network, scenes
+from .bodies import bodies
 
 _CHUNK = 2000  # scenes made at a time: bounds memory, and seeds each chunk by its number
 # What a real board has, in turn: noise, noise with R_par and curve off, rounding alone, nothing.
 _BOARD = ("scan", "off", "scan", "adc10", "ideal")
-_FAMILIES = (*scenes.FAMILIES, "fingers")  # the last so that pairs of touches leave no ghosts
+# Fingers, so that pairs of touches leave no ghosts; large bodies, as a hip or a lying arm.
+_FAMILIES = (*scenes.FAMILIES, "fingers", "bodies", "large bodies")
+_LARGE = 1.0, 6.0  # cells, half of a side
 CHOICES = {
     "loss": ("l1", "mse"),
     "optimizer": ("adam", "sgd"),
@@ -30,7 +33,7 @@ class TrainingConfig:
 
     Attributes:
         pairs, validation: number of (reading, force) pairs to learn from and to pick the best
-            epoch by; a quarter each of blobs, rects, random and fingers.
+            epoch by; a sixth each of blobs, rects, random, fingers, bodies and large bodies.
         epochs, batch: passes over the pairs, and pairs per step.
         rate: highest learning rate; a short linear rise, then a cosine to 0.
         loss: "mse" as the paper, or "l1", which fits the mean absolute error that is reported.
@@ -80,7 +83,12 @@ def make_pairs(circuit, curve, n: int, network_kind: str, readout: str, seed, tr
 
     Returns:
         (n, channels, rows, cols) inputs, (n, rows, cols) force [N], both float32.
+
+    Raises:
+        ValueError: the circuit's readout is not the floating one.
     """
+    if circuit.readout != "floating":
+        raise ValueError(f"the networks know the floating readout only, not {circuit.readout!r}")
     channels = 1 if network_kind == "paper" else network.PHYSICS_INPUTS
     inputs = np.empty((n, channels, *circuit.shape), np.float32)
     force = np.empty((n, *circuit.shape), np.float32)
@@ -88,7 +96,7 @@ def make_pairs(circuit, curve, n: int, network_kind: str, readout: str, seed, tr
         rng = np.random.default_rng([*np.atleast_1d(seed), chunk])
         here = slice(chunk * _CHUNK, min((chunk + 1) * _CHUNK, n))
         family, kind = _FAMILIES[chunk % len(_FAMILIES)], readout
-        sample = _fingers if family == "fingers" else partial(scenes.sample, family)
+        sample = _OWN.get(family) or partial(scenes.sample, family)
         truth = sample(here.stop - here.start, *circuit.shape, rng)
         truth = np.minimum(truth, curve.max_force) * circuit.populated
         resistance = curve.resistance(truth)
@@ -125,3 +133,11 @@ def _fingers(n: int, rows: int, cols: int, rng) -> np.ndarray:
         tip *= load / tip.sum((1, 2), keepdims=True)
         force += np.where(count[:, None, None] > k, tip, 0.0)
     return np.minimum(force, scenes.MAX_LOAD * GRAM)
+
+
+def _large_bodies(n: int, rows: int, cols: int, rng) -> np.ndarray:
+    """(n, rows, cols) force [N] of bodies of up to 12 cells a side."""
+    return np.minimum(bodies(n, rows, cols, rng, _LARGE), scenes.MAX_LOAD) * GRAM
+
+
+_OWN = {"fingers": _fingers, "large bodies": _large_bodies}  # families of training alone

@@ -21,9 +21,9 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided, sliding_window_view
 
 from ..files import FileError, one_line, read_bytes
-from ..physics.circuit import Circuit, circuit_from, two_terminal_resistance
+from ..physics import kernel
+from ..physics.circuit import Circuit, circuit_from
 from ..physics.curve import PressureCurve
-from ..physics.kernel import connected_rho
 
 SHIPPED = Path(__file__).parent / "weights"
 DILATIONS = (1, 2, 3)  # of the parallel context convolutions (paper Fig. 7)
@@ -31,11 +31,14 @@ _FORMAT = 1
 _FRAMES_AT_ONCE = 16  # of a recording: what a pass holds stays in the cache
 NETWORKS = ("paper", "physics")
 PHYSICS_INPUTS = 5
-HEAD = ((27, 9), (9, 9), (9, 9), (9, 1))  # inputs and outputs of the plain convolutions
+FIXED_POINT = 3  # of the inputs: the force by the fixed point
+_HEAD = (27, 9, 9, 9)  # channels between the plain convolutions
+_OUTPUTS = {"paper": 1, "physics": 2}  # the force; what to make of the fixed point's
 _MOST_BYTES = 1024 * 1024  # of a weights file, packed or not: ours take 30 kB
 _MOST_ARRAYS = 50  # in a weights file: ours hold 21
-_STEPS = 6  # of the fixed point
-_SEEN = 2  # of them before the network's second input
+_STEPS = 14  # of the fixed point; each costs 0.02 y
+_RHO = 1.0, 1e12  # ohm: a short and an open line stay finite
+_LEAST_SEEN = 1e-6  # of log10: a cell that hardly shows in its own reading
 
 
 def physics_inputs(adc: np.ndarray, circuit: Circuit, curve: PressureCurve) -> np.ndarray:
@@ -45,42 +48,40 @@ def physics_inputs(adc: np.ndarray, circuit: Circuit, curve: PressureCurve) -> n
         adc: (n, rows, cols) ADC ratio.
 
     Returns:
-        (5, n, rows, cols) float32: log conductance as read, after 2 and after 6 steps of the
-        fixed point g <- g (rho(g) / rho_measured)^1.5 between the curve's ends, from 0 at rest
-        to 1 at its end; the force of the last, as a share of the curve's maximum; log10 of how
-        strongly the cell shows in its own reading.
+        (5, n, rows, cols) float32: log conductance as read and after 14 accelerated steps of the
+        fixed point g <- g rho(g) / rho_measured between the curve's ends, from 0 at rest to 1 at
+        its end; log of what is left of rho(g) / rho_measured; the force by that conductance, as a
+        share of the curve's maximum; log10 of how strongly the cell shows in its own reading.
     """
     low, high = 1.0 / curve.rest_resistance, 1.0 / curve.least_resistance
     scale = 1.0 / np.log(high / low)
-    cells = circuit.populated
-    rho_measured = np.maximum(circuit.two_terminal(adc), 1.0)  # ohm; a short stays finite
+    cells = np.flatnonzero(circuit.populated).astype(np.int32)
+    bounds = np.full(cells.size, np.log(low)), np.full(cells.size, np.log(high))
+    rho_measured = np.clip(circuit.two_terminal(adc), *_RHO)
+    # Foster: the sum of g rho is lines - 1
+    share = (sum(circuit.shape) - 1) / cells.size
+    g = np.clip(share / rho_measured, low, high) * circuit.populated
+    rho = np.empty(g.shape)
+    divider = {"r_ref": circuit.r_ref, "r_par": circuit.r_par}
+    for k, measured in enumerate(rho_measured):
+        g[k], _ = kernel.fixed_point(
+            g[k], cells, measured.ravel()[cells], *bounds, **divider, goal=0.0, steps=_STEPS
+        )
+        rho[k] = kernel.connected_rho(g[k])
+    g = np.maximum(g, low)  # where there is no cell too
     out = np.empty((PHYSICS_INPUTS, *adc.shape), np.float32)
     out[0] = np.log(np.clip(1.0 / rho_measured, low, high) / low) * scale
-    # Foster: the sum of g rho is lines - 1
-    share = (sum(circuit.shape) - 1) / np.count_nonzero(cells)
-    g = np.clip(share / rho_measured, low, high)
-    for channel, steps in ((1, _SEEN), (2, _STEPS - _SEEN)):
-        rho = _relax(g, rho_measured, low, high, steps, circuit)
-        out[channel] = np.log(g / low) * scale
-    out[3] = curve.force(1.0 / g) / curve.max_force
+    out[1] = np.log(g / low) * scale
+    out[2] = np.log(rho / rho_measured)
+    out[FIXED_POINT] = curve.force(1.0 / g) / curve.max_force
     seen = g * np.square(circuit.ratio(rho) * rho)  # - R_ref d u / d log R
-    out[4] = np.log10(np.maximum(seen, 1e-6))
+    out[4] = np.log10(np.maximum(seen, _LEAST_SEEN))
     return out
 
 
-def _relax(g, rho_measured, low: float, high: float, steps: int, circuit: Circuit) -> np.ndarray:
-    """Steps of the fixed point from g (n, rows, cols) [S], in place; rho before the last [ohm]."""
-    one = len(g) == 1 and circuit.mask is None
-    for _ in range(steps):
-        if one:
-            rho = connected_rho(g[0])[None]
-        else:
-            rho = two_terminal_resistance(g if circuit.mask is None else g * circuit.populated)
-        ratio = rho / rho_measured
-        g *= ratio
-        g *= np.sqrt(ratio)  # to the power of 1.5; 1 is the literature's, 2 the edge of stability
-        np.minimum(np.maximum(g, low, out=g), high, out=g)
-    return rho
+def head(kind: str) -> list[tuple[int, int]]:
+    """Inputs and outputs of each of the plain convolutions of a network of `NETWORKS`."""
+    return list(zip(_HEAD, (*_HEAD[1:], _OUTPUTS[kind]), strict=True))
 
 
 def shapes(kind: str, rows: int, cols: int) -> dict[str, tuple[int, ...]]:
@@ -91,8 +92,8 @@ def shapes(kind: str, rows: int, cols: int) -> dict[str, tuple[int, ...]]:
         found |= {"row.weight": (1, 1, 1, cols), "row.bias": (1,)}
         found |= {"col.weight": (1, 1, rows, 1), "col.bias": (1,)}
         inputs = 3  # with what the line kernels say
-    layers = {f"context.{k}": (inputs, HEAD[0][0] // len(DILATIONS)) for k in range(len(DILATIONS))}
-    layers |= {f"head.{k}": sizes for k, sizes in enumerate(HEAD)}
+    layers = {f"context.{k}": (inputs, _HEAD[0] // len(DILATIONS)) for k in range(len(DILATIONS))}
+    layers |= {f"head.{k}": sizes for k, sizes in enumerate(head(kind))}
     for name, (a, b) in layers.items():
         found |= {f"{name}.weight": (b, a, 3, 3), f"{name}.bias": (b,)}
     return found
@@ -148,6 +149,11 @@ class Weights:
         if circuit is self._fits[0] and curve is self._fits[1]:  # a stream's next frame
             return
         made, here = self.meta["circuit"], circuit.describe()
+        if circuit.readout != "floating":
+            raise ValueError(
+                f"the networks know the floating readout only, not {circuit.readout!r}: use map or "
+                "auto"
+            )
         differs = [
             f"{key} = {made[key]} (yours: {here[key]})"
             for key in ("rows", "cols", "r_ref", "r_par", "mask")
@@ -209,7 +215,8 @@ class Weights:
             np.matmul(weight, padded, out=taps)
             np.add.reduce(shifted, (0, 1), out=flat)
             h = summed
-        return np.maximum(h[0], 0.0) * self._curve.max_force
+        force = h[0] if self._lines else h[0] + (1.0 + h[1]) * inputs[FIXED_POINT]
+        return np.maximum(force, 0.0) * self._curve.max_force
 
     def _allocate(self, n: int) -> None:
         """Buffers for n frames, and views of them; padding stays 0, and channels of ones 1."""
@@ -235,11 +242,15 @@ class Weights:
         wide, size = cols + 2, n * (rows + 2) * (cols + 2)
         used = size - 2 * wide - 2
         scratch.layers = []
+        # One layer after the other uses the same memory, which so stays in the cache.
+        most = max(len(weight) for weight in self._heads)
+        all_taps = np.empty((most, size), np.float32)
+        all_flat = np.zeros((most // 9, size), np.float32)
         for weight in self._heads:
             channels, out = weight.shape[1] - 1, len(weight) // 9
             padded = np.zeros((channels + 1, n, rows + 2, wide), np.float32)
             padded[-1] = 1.0
-            taps = np.empty((9 * out, size), np.float32)
+            taps, flat = all_taps[: 9 * out], all_flat[:out]
             line, item = taps.strides
             shifted = as_strided(
                 taps,
@@ -247,7 +258,6 @@ class Weights:
                 (3 * out * line + wide * item, out * line + item, line, item),
                 writeable=False,
             )
-            flat = np.zeros((out, size), np.float32)
             summed = flat.reshape(out, n, rows + 2, wide)[:, :, :rows, :cols]
             inner = padded[:-1, :, 1:-1, 1:-1]
             scratch.layers.append(

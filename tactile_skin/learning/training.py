@@ -36,31 +36,35 @@ class PaperNet(nn.Module):
         _standardise(self, 1)
         self.row = nn.Conv2d(1, 1, (1, cols))
         self.col = nn.Conv2d(1, 1, (rows, 1))
-        self.context, self.head = _stages(3)
+        self.context, self.head = _stages("paper", 3)
 
     def forward(self, adc):
         """(n, 1, rows, cols) ADC ratio -> (n, rows, cols) force, a share of the curve's maximum."""
         x = (adc - self.input_mean) / self.input_std
         lines = [torch.relu(layer(x)).expand_as(x) for layer in (self.row, self.col)]
-        return _through(torch.cat([x, *lines], 1), self.context, self.head, self.training)
+        force = _through(torch.cat([x, *lines], 1), self.context, self.head).squeeze(1)
+        return _last(force, self.training)
 
 
 class PhysicsNet(nn.Module):
-    """What the physics says -> force picture: the paper's later stages, 4,996 parameters.
+    """What the physics says -> force picture: the paper's later stages, 5,078 parameters.
 
     Its inputs, `network.physics_inputs`, hold what the paper's row and column kernels had to
-    guess.
+    guess. Its outputs say what to add to the fixed point's force and by how much to scale it: with
+    0 and 0 the answer is that of the fixed point, with a scale of -1 the network's own.
     """
 
     def __init__(self):
         super().__init__()
         _standardise(self, network.PHYSICS_INPUTS)
-        self.context, self.head = _stages(network.PHYSICS_INPUTS)
+        self.context, self.head = _stages("physics", network.PHYSICS_INPUTS)
 
     def forward(self, inputs):
         """(n, 5, rows, cols) -> (n, rows, cols) force, as a share of the curve's maximum."""
         x = (inputs - self.input_mean) / self.input_std
-        return _through(x, self.context, self.head, self.training)
+        added, scaled = _through(x, self.context, self.head).unbind(1)
+        force = added + (1.0 + scaled) * inputs[:, network.FIXED_POINT]
+        return _last(force, self.training)
 
 
 def _standardise(net: nn.Module, channels: int) -> None:
@@ -68,37 +72,45 @@ def _standardise(net: nn.Module, channels: int) -> None:
     net.register_buffer("input_std", torch.ones(channels, 1, 1))
 
 
-def _stages(channels: int) -> tuple[nn.ModuleList, nn.ModuleList]:
+def _stages(kind: str, channels: int) -> tuple[nn.ModuleList, nn.ModuleList]:
     """The paper's dilated convolutions side by side, and the plain ones behind them."""
     context = [nn.Conv2d(channels, 9, 3, padding=d, dilation=d) for d in network.DILATIONS]
-    head = [nn.Conv2d(a, b, 3, padding=1) for a, b in network.HEAD]
+    head = [nn.Conv2d(a, b, 3, padding=1) for a, b in network.head(kind)]
     return nn.ModuleList(context), nn.ModuleList(head)
 
 
-def _through(x, context, head, training: bool):
-    """While training the output ReLU leaks: most cells are at rest, so that the answer 0
-    everywhere is tempting, and a plain ReLU would never come back from it.
-    """
+def _through(x, context, head):
+    """(n, channels, rows, cols) -> what the last convolution says, before its ReLU."""
     x = torch.relu(torch.cat([layer(x) for layer in context], 1))  # (n, 27, rows, cols)
     *hidden, last = head
     for layer in hidden:
         x = torch.relu(layer(x))
-    return nn.functional.leaky_relu(last(x), _LEAK if training else 0.0).squeeze(1)
+    return last(x)
+
+
+def _last(force, training: bool):
+    """The output neuron: a ReLU, which leaks in training. Most cells are at rest, so that the
+    answer 0 everywhere is tempting, and a plain ReLU would never come back from it.
+    """
+    return nn.functional.leaky_relu(force, _LEAK if training else 0.0)
 
 
 def make_net(kind: str, rows: int, cols: int) -> nn.Module:
     """A new network of `network.NETWORKS`, He-initialised from torch's global seed.
 
-    Neurons that have no sibling start open: the last by its bias, the paper's line kernels as
-    means of their line. With random signs none of ten runs kept both, and six lost both for good.
+    The physics network starts as the fixed point: its last weights are 0. Of the paper's, neurons
+    that have no sibling start open: the last by its bias, the line kernels as means of their line.
+    With random signs none of ten runs kept both, and six lost both for good.
     """
     net = PaperNet(rows, cols) if kind == "paper" else PhysicsNet()
     for module in net.modules():
         if isinstance(module, nn.Conv2d):
             nn.init.kaiming_normal_(module.weight, nonlinearity="relu")
             nn.init.zeros_(module.bias)
-    nn.init.constant_(net.head[-1].bias, 0.1)
-    if kind == "paper":
+    if kind == "physics":
+        nn.init.zeros_(net.head[-1].weight)
+    else:
+        nn.init.constant_(net.head[-1].bias, 0.1)
         for line in (net.row, net.col):
             nn.init.constant_(line.weight, 1.0 / line.weight.numel())
             nn.init.ones_(line.bias)

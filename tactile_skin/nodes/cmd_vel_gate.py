@@ -6,8 +6,8 @@ import numpy as np
 
 from ..behaviours.gate import Gate, GateConfig
 from ..middleware.config import describe
-from ..msg import Twist
-from .cmd_vel import CmdVel
+from ..msg import Twist, TwistStamped
+from .cmd_vel import CmdVel, twist_of
 from .touch import Touch, on_touch, xyz
 
 
@@ -36,14 +36,15 @@ class CmdVelGate:
         )
         self._cmd_vel = CmdVel(node, self.gate.decide, self.gate.stop)
         on_touch(node, self.on_touch)
-        node.create_subscription(Twist, "cmd_vel_in", self.on_command, 1)
+        node.create_subscription(self._cmd_vel.kind, "cmd_vel_in", self.on_command, 1)
 
     def on_touch(self, touch: Touch) -> None:
         places = np.vstack([touch.centre, touch.places])
         self.gate.touch(touch.stamp, touch.total, touch.force, places)
 
-    def on_command(self, msg: Twist) -> None:
-        self.gate.command(self._cmd_vel.now(), xyz(msg.linear), xyz(msg.angular))
+    def on_command(self, msg: Twist | TwistStamped) -> None:
+        twist = twist_of(msg)
+        self.gate.command(self._cmd_vel.now(), xyz(twist.linear), xyz(twist.angular))
         self._cmd_vel.publish()
 
     def close(self) -> None:

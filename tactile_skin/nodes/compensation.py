@@ -8,22 +8,24 @@ from collections import Counter
 import numpy as np
 
 from ..board.converter import Ceiling, RestPicture, Windows
-from ..calibration.cells import Cells
 from ..calibration.creep import Standing
 from ..calibration.doctor.running import RunningDoctor
-from ..calibration.doubt import Doubt
 from ..calibration.noise import Noise
 from ..calibration.tare import Tare
 from ..calibration.tracker import CircuitTracker
+from ..calibration.watch.cells import Cells
+from ..calibration.watch.doubt import Doubt
+from ..calibration.watch.untouched import Untouched
 from ..learning import network
 from ..middleware.bus import DurabilityPolicy, QoSProfile, Time
 from ..middleware.config import adc_of, circuit_of, creep_of, curve_of, describe, geometry_of
-from ..msg import DiagnosticArray, Header, Image, Trigger, image, image_array
+from ..msg import Header, Image, TimeReference, Trigger, image, image_array
 from ..physics.circuit import forward
 from ..physics.curve import GRAM
 from ..solvers import METHODS, Estimate, compensate
 from ..solvers.reading import ROUNDING_NOISE, SCAN_NOISE, rest_reading
 from . import QUEUE, diagnostics
+from .gesture_feature import heard
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _IDLE = 15.0 * GRAM  # N on a cell: below it nothing touches; lines shorted at rest read as 13 g
@@ -46,8 +48,9 @@ _ASIDE = 3  # times in a second that a reading is set aside: a sound board's is 
 
 
 class Compensation:
-    """Publishes skin/pressure (32FC1, Pa, row-major) with the reading's stamp; skin/rest (32FC1,
-    the resistance of each cell at rest, ohm) once it was measured; and diagnostics once a second
+    """Publishes skin/pressure (32FC1, Pa, row-major) with the reading's stamp; skin/taken, when it
+    took each reading up, from which a replay knows which were late; skin/rest (32FC1, the
+    resistance of each cell at rest, ohm) once it was measured; and diagnostics once a second
     and whenever the level changes: WARN for a suspect frame, ERROR, which stops the robot, for a
     failed one and while they are suspect too often (doubt.py). A frame that fails is not published.
     What the cells conduct at rest is measured between touches (`Tare`). Until the
@@ -76,15 +79,11 @@ class Compensation:
         def value(name, default, *bounds):
             return node.declare_parameter(name, default, describe(*bounds)).value
 
-        method = value("method", "auto", f"one of {', '.join(METHODS)}")
+        described = describe(f"one of {', '.join(METHODS)}", read_only=False)
+        method = node.declare_parameter("method", "auto", described).value
         path = value("weights", "", "file of a network's weights; empty: those of the package")
-        threshold = value(
-            "threshold",
-            0.0,
-            "ADC steps up to which the board sends 0 or no valid reading",
-            0.0,
-            65535.0,
-        )
+        text = "ADC steps up to which the board sends 0 or no reading"
+        threshold = value("threshold", 0.0, text, 0.0, 65535.0)
         noise = value("noise", 0.0, "RMS noise of a reading [ADC steps]; 0: measured", 0.0, 1e3)
         time_limit = value("time_limit", 0.05, "time after which a frame fails [s]", 1e-4, 10.0)
         # Where the board keeps readings to itself, rest cannot be measured.
@@ -100,23 +99,18 @@ class Compensation:
                 "docs/reliability.md",
                 *self.circuit.shape,
             )
-        if method not in METHODS:
-            raise ValueError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
-        weights = network.load(path) if path else None
-        if weights:
-            weights.check(self.circuit, curve)
-        self._method = method
+        self._weights = network.load(path) if path else None
+        if self._weights:
+            self._weights.check(self.circuit, curve)
         self._arguments = {
-            "weights": weights if method in _LEARNED else None,
             "threshold": self._adc.threshold(threshold),
             "time_limit": time_limit,
             "noise": self._adc.share(noise) * self.circuit.full_scale or None,
-            "missing": method in ("map", "auto"),
         }
         self._pressure = node.create_publisher(Image, "skin/pressure", 10)
-        self._diagnostics = node.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
+        self._taken_up = node.create_publisher(TimeReference, "skin/taken", 10)
+        self._diagnostics = diagnostics.Reporter(node)
         self._rest = node.create_publisher(Image, "skin/rest", LATCHED)
-        self._hurries = method == "auto" and not threshold
         self._noise = Noise(self.circuit.populated)
         self._cell_count = np.count_nonzero(self.circuit.populated)
         self._last: Estimate | None = None  # the last frame: where the next starts from
@@ -128,6 +122,7 @@ class Compensation:
         self._ceiling, self._saturated = Ceiling(self.circuit.adc_bits, short_circuit, top), ""
         self._picture, self._dead = RestPicture(), ""
         self._cells, self._odd = Cells(self.circuit.shape), ""
+        self._untouched = Untouched(self.circuit)
         self._doctor = RunningDoctor()
         self._full_since = np.inf  # s, since when half of the cells or more have been loaded
         self._said = -np.inf  # s, when the message was new
@@ -143,12 +138,25 @@ class Compensation:
         self._aside: Counter[tuple[int, int]] = Counter()  # since the last report
         self._bad: tuple[int, int] | None = None  # of these, most often in an earlier second
         self._contact = ""  # a bad one that the last second showed
-        # Loads the weights, and says here, not in the first callback, that they do not fit.
-        self._compensate(np.full(self.circuit.shape, 0.05))
+        self.on_parameters({"method": method})
+        node.on_set_parameters(self.on_parameters)
         node.create_subscription(Image, "skin/adc", self.on_adc, QUEUE)
         node.create_service(Trigger, "~/reset", self.on_reset)
         node.create_service(Trigger, "~/tare", self.on_tare)
         node.create_timer(1.0, self.on_second)
+
+    def on_parameters(self, values: dict) -> None:
+        """Another method from the next frame on."""
+        method = values["method"]
+        if method not in METHODS:
+            raise ValueError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
+        weights, missing = self._weights if method in _LEARNED else None, method in ("map", "auto")
+        given = self._arguments | {"weights": weights, "missing": missing}
+        # Loads the weights, and says here, not in the callback of a frame, that they do not fit.
+        flat = np.full(self.circuit.shape, 0.05)
+        compensate(flat, self.circuit, self._tare.curve, method, **given)
+        self._method, self._arguments, self._last = method, given, None
+        self._hurries = method == "auto" and not given["threshold"]
 
     def _compensate(self, adc, late: bool = False) -> Estimate:
         given = dict(self._arguments)
@@ -158,7 +166,11 @@ class Compensation:
         return compensate(adc, self.circuit, self._tare.curve, method, start=self._last, **given)
 
     def on_adc(self, msg: Image) -> None:
-        now, t = self._now(), Time.from_msg(msg.header.stamp).nanoseconds / 1e9
+        clock = self.node.get_clock().now()
+        if heard(self._taken_up):
+            name = diagnostics.name_of(self.node)
+            self._taken_up.publish(TimeReference(msg.header, clock.to_msg(), name))
+        now, t = clock.nanoseconds / 1e9, Time.from_msg(msg.header.stamp).nanoseconds / 1e9
         if now - t > _OLD and 0.0 <= now - self._taken_at < _APART:
             self.skipped += 1
             return
@@ -214,6 +226,10 @@ class Compensation:
                 self._dead = self._picture.window(window, rest * self.circuit.full_scale)
         stirs = touched or np.count_nonzero(estimate.force > _LIGHT) >= _STIRRED
         self._noise.frame(t, adc * self.circuit.full_scale, stirs)
+        if self._tare.measured:
+            noise = (self._noise.rms or SCAN_NOISE) / self.circuit.full_scale
+            rest = rest_reading(self.circuit, self._tare.curve)
+            self._untouched.frame(t, adc, stirs, rest, noise)
         self._odd = self._noisy_cells() or self._cells.frame(t, estimate.force)
         if estimate.aside is not None:
             self._aside.update(map(tuple, np.argwhere(estimate.aside)))
@@ -244,6 +260,7 @@ class Compensation:
             if self._tracker.ask(self._tare.curve, noise):
                 self._tare.suppose(self._tracker.circuit)
                 self.circuit, self._last = self._tracker.circuit, None
+                self._untouched.forget()  # it is explained
         except ValueError as error:  # no skin rests so with what was found: begin anew
             self.node.get_logger().warning("r_par and r_line were not found: %s", error)
             self._tracker = CircuitTracker(self.circuit)
@@ -259,6 +276,7 @@ class Compensation:
     def on_reset(self, _, response):
         self._last = None
         self._doubt.reset()
+        self._untouched.forget()
         self._fault, self._saturated = self._doubt.present, self._ceiling.forget()
         self._update_level(self.status, self._join_reasons(self._present))
         self.report()  # the stop must know before it is reset
@@ -275,6 +293,7 @@ class Compensation:
         else:
             self._tare = Tare(self.circuit, self._curve)
             self._waits, self._at_rest, self._last = True, False, None
+            self._untouched.forget()
             response.success, response.message = True, "measuring rest: hands off for a second"
         return response
 
@@ -284,6 +303,7 @@ class Compensation:
             self._loaded,
             self._dead,
             self._saturated,
+            self._untouched.message,
             present,
             self._tracker.message,
             self._tare.message,
@@ -296,7 +316,7 @@ class Compensation:
     def _update_level(self, status: str, message: str) -> None:
         level = diagnostics.OK if status == "ok" and not message else diagnostics.WARN
         wrong = self._fault or self._saturated or self._loaded or self._dead
-        wrong = wrong or self._tracker.impossible
+        wrong = wrong or self._tracker.impossible or self._untouched.fault or self._tare.half_read
         if status == "failed" or (wrong and self._stops):
             level = diagnostics.ERROR
         before = self._waiting

@@ -38,9 +38,9 @@ class GestureFeature:
 
     def __init__(self, node):
         self.geometry = geometry_of(node, circuit_of(node))
-        self.cell_threshold = node.declare_parameter(
-            "cell_threshold", 0.2, describe("a contact has a cell with more [N]", 1e-3, 10.0)
-        ).value
+        described = describe("a contact has a cell with more [N]", 1e-3, 10.0, read_only=False)
+        self.cell_threshold = node.declare_parameter("cell_threshold", 0.2, described).value
+        node.on_set_parameters(self.on_parameters)
         self.tracker = Tracker(self.geometry.pitch)
         self.gestures = Gestures(self.geometry)
         self._contacts = node.create_publisher(PointCloud2, "skin/contacts", 10)
@@ -52,6 +52,9 @@ class GestureFeature:
         self._stroke_confidence = node.create_publisher(Float32, "skin/stroke_confidence", 10)
         self._gestures = node.create_publisher(PointCloud2, "skin/gestures", 10)
         node.create_subscription(Image, "skin/pressure", self.on_pressure, QUEUE)
+
+    def on_parameters(self, values: dict) -> None:
+        self.cell_threshold = values["cell_threshold"]
 
     def on_pressure(self, msg: Image) -> None:
         header = msg.header

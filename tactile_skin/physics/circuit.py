@@ -1,9 +1,9 @@
 """The resistor matrix and its read-out: what the ADC sees for given cell resistances.
 
 A skin of ``rows x cols`` cells is a bipartite resistor network: one node per stripe, one resistor
-(the taxel) where a row stripe crosses a column stripe. The read-out connects one row and one
-column and lets every other line float, so it sees the *two-terminal resistance* between the two
-stripes, not the taxel alone: that is the cross-talk.
+(the taxel) where a row stripe crosses a column stripe. The paper's read-out connects one row and
+one column and lets every other line float, so it sees the *two-terminal resistance* between the two
+stripes, not the taxel alone: that is the cross-talk. readouts.py has this and the other readouts.
 
 All readings of a frame follow from one small inverse (numpy_kernel.py, docs/derivation.md). The
 paper (section IV-B) solves one system of ``rows*cols + 1`` equations per reading instead; it stands
@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
-from . import laplacian, lines
+from . import laplacian, lines, readouts
 from .kernel import connected_rho
 
 
@@ -33,10 +33,16 @@ class Circuit:
         mask: (rows, cols) bool, which crossings carry a cell; None: all of them.
         r_line: resistance of a stripe from its lead to its far end [ohm]: one for all, or rows +
             cols of them, the rows' first. Rows are led out beside column 0, columns above row 0.
+            Of the floating readout only.
+        readout: "floating" (one row is driven, one column read, all others are open), "loaded"
+            (each column has its own r_ref, the other rows are open; r_par is that of the driver) or
+            "grounded" (the same, the other rows are at 0 V; r_par lies before r_ref).
+        driven: "rows", or "columns" where these are driven and the rows are read.
 
     Raises:
         ValueError: a size, resistance or width outside its range, a mask of another shape, or one
-            that falls into parts with no cell between them (their cells could not be told apart).
+            that falls into parts with no cell between them (their cells could not be told apart);
+            an unknown readout, or one with an r_line that it does not model.
     """
 
     rows: int = 16
@@ -46,8 +52,15 @@ class Circuit:
     adc_bits: int = 10
     mask: np.ndarray | None = field(default=None, repr=False)
     r_line: float | np.ndarray = 0.0
+    readout: str = "floating"
+    driven: str = "rows"
 
     def __post_init__(self):
+        for name, allowed in (("readout", readouts.READOUTS), ("driven", readouts.DRIVEN)):
+            if getattr(self, name) not in allowed:
+                raise ValueError(
+                    f"{name} = {getattr(self, name)!r}: must be one of {', '.join(allowed)}"
+                )
         for name, low, high in (("rows", 1, 255), ("cols", 1, 255), ("adc_bits", 1, 16)):
             value = getattr(self, name)
             if not isinstance(value, (int, np.integer)) or not low <= value <= high:
@@ -64,6 +77,11 @@ class Circuit:
             )
         if not (np.isfinite(r_line) & (r_line >= 0.0)).all():
             raise ValueError(f"r_line = {self.r_line!r} ohm: must be finite and 0 or more")
+        if self.readout != "floating" and r_line.any():
+            raise ValueError(
+                f"r_line = {self.r_line!r} ohm: must be 0 for readout = {self.readout!r}, whose "
+                "stripes are taken as ideal"
+            )
         r_line.setflags(write=False)
         object.__setattr__(self, "r_line", r_line if r_line.ndim else float(r_line))
         if self.mask is not None:
@@ -124,13 +142,15 @@ class Circuit:
             "adc_bits": int(self.adc_bits),
             "mask": mask,
             "r_line": np.asarray(self.r_line).tolist(),
+            "readout": self.readout,
+            "driven": self.driven,
         }
 
     def __eq__(self, other):
         return isinstance(other, Circuit) and self.describe() == other.describe()
 
     def __hash__(self):
-        return hash((self.shape, self.r_ref, self.r_par, self.adc_bits))
+        return hash((self.shape, self.r_ref, self.r_par, self.adc_bits, self.readout))
 
 
 def circuit_from(description: dict) -> Circuit:
@@ -139,7 +159,8 @@ def circuit_from(description: dict) -> Circuit:
     Raises:
         ValueError: a key is missing or unknown, or as `Circuit`.
     """
-    description = {"r_line": 0.0} | description  # weights of old have none
+    # weights of old have none of these
+    description = {"r_line": 0.0, "readout": "floating", "driven": "rows"} | description
     if (wanted := Circuit().describe().keys()) != description.keys():
         raise ValueError(f"circuit has {', '.join(description)}: must be {', '.join(wanted)}")
     mask = description["mask"]
@@ -155,8 +176,9 @@ def forward(circuit: Circuit, resistance) -> np.ndarray:
             cell. Where the circuit's mask says that there is no cell, the value is ignored.
 
     Returns:
-        (..., rows, cols) ADC ratio in [0, 1]. A crossing with no cell is read like any other,
-        through its neighbours; 0 where no path connects the two lines.
+        (..., rows, cols) ADC ratio in [0, 1]; where r_ref pulls up, 1 minus what the ADC reads. A
+        crossing with no cell is read like any other, through its neighbours; 0 where no path
+        connects the two lines.
 
     Raises:
         ValueError: wrong shape, NaN, or a resistance that is not above 0.
@@ -171,9 +193,12 @@ def forward(circuit: Circuit, resistance) -> np.ndarray:
     if not (resistance > 0).all():
         bad = resistance[~(resistance > 0)].flat[0]
         raise ValueError(f"resistance of {bad} ohm: every cell's must be above 0")
-    if circuit.stripes is None:
+    if circuit.readout == "floating" and circuit.stripes is None:
         return circuit.ratio(two_terminal_resistance(1.0 / resistance))
     frames = (1.0 / resistance).reshape(-1, *circuit.shape)
+    if circuit.readout != "floating":
+        adc = np.array([readouts.solve(circuit, g).adc for g in frames])
+        return adc.reshape(resistance.shape)
     rho = np.array([lines.solve(g, *circuit.stripes).rho for g in frames])
     return circuit.ratio(rho.reshape(resistance.shape))
 
@@ -213,6 +238,10 @@ def jacobian(circuit: Circuit, resistance) -> np.ndarray:
     if resistance.shape != circuit.shape:
         raise ValueError(f"resistance has shape {resistance.shape}, not {circuit.shape}")
     g = np.where(circuit.populated, 1.0 / resistance, 0.0)
+    if circuit.readout != "floating":
+        network = readouts.solve(circuit, g)
+        cells = [network.change(cell) for cell in np.eye(g.size).reshape(-1, *g.shape)]
+        return -np.moveaxis(cells, 0, -1).reshape(*g.shape, *g.shape) * g**2
     if circuit.stripes is None:
         network = laplacian.solve(g)
         transfer = laplacian.transfer_resistance(network)

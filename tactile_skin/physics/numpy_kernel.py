@@ -165,9 +165,14 @@ def _by_kind(of: np.ndarray, shape) -> tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def fixed_point(
-    g, cells, measured, low, high, *, r_ref: float, r_par: float, goal: float, steps: int, deadline
+    g, cells, measured, low, high, *, r_ref, r_par, goal: float, steps: int, deadline, read=None
 ) -> tuple[np.ndarray, int]:
-    """As kernel.fixed_point."""
+    """As kernel.fixed_point.
+
+    Args:
+        r_ref, r_par: a number, or (n,) of them.
+        read: g (rows, cols) -> rho (rows, cols); None: `connected_rho`.
+    """
     g = g.copy()
     flat = g.reshape(-1)
     x = np.log(flat[cells])  # (cells,)
@@ -176,7 +181,7 @@ def fixed_point(
     d_image = np.empty((_HISTORY, x.size))
     last_misfit, last_image = None, None
     for step in range(steps):
-        rho = connected_rho(g).ravel()[cells]
+        rho = (read or connected_rho)(g).ravel()[cells]
         error = r_ref / (r_ref + r_par + rho) - adc
         if error @ error <= goal or time.monotonic() > deadline:
             return g, step

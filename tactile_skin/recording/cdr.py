@@ -16,6 +16,7 @@ from ..middleware.ros.messages import from_ros
 KINDS = {  # ROS 2 type -> class of a message
     kind.TYPE: kind for _, kind in inspect.getmembers(msg, dataclasses.is_dataclass)
 }
+SCHEMAS, MESSAGES = "ros2msg", "cdr"  # names of ROS 2's formats, in MCAP and in Foxglove
 _PARTS = "data_stream", "exceptions", "reader", "records", "stream_reader", "writer"
 
 

@@ -14,15 +14,16 @@ import numpy as np
 from ..errors import FileError
 from ..middleware.bus import Time
 from ..middleware.config import SkinConfig, skin_of
-from ..msg import DiagnosticArray, Image, image_array
+from ..msg import DiagnosticArray, Image, TimeReference, image_array
 from . import cdr, configuration
 
-ADC = "skin/adc"
+ADC, TAKEN = "skin/adc", "skin/taken"
 _MAGIC, _VERSION = b"\x89MCAP", b"0\r\n"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _ATTACHMENT = 2, 3, 4, 5, 6, 9  # MCAP's opcodes
 _READ = _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _ATTACHMENT
 _RECORD = struct.Struct("<BQ")  # opcode, length
 EVER = 2**63
+_SPAN = struct.Struct("<QQ")  # times of a chunk's first and last message [ns]
 _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time [ns]
 
 
@@ -60,6 +61,8 @@ class Recording:
         self.attachments: dict[str, bytes] = {}
         self._schemas: dict[int, str] = {}  # number -> type
         self._channels: dict[int, tuple[str, str]] = {}  # number -> topic, type
+        # place in the file, and times of the first and the last message, of each chunk [ns]
+        self._chunks: list[tuple[int, int, int]] = []
         self._check_magic()
         counts, self.span = self._index() or self._scan()
         self.topics: dict[str, Topic] = {}
@@ -82,7 +85,9 @@ class Recording:
             return name
         if len(found) == 1 and not self._namespace:
             return found[0]
-        there = ", ".join(found or self.topics) or "none"
+        if not self.topics:
+            raise FileError(f"{self.path}: holds no message{self.damage and f': it {self.damage}'}")
+        there = ", ".join(found or self.topics)
         raise FileError(f"{self.path}: has no topic {name}; there are: {there}")
 
     @cached_property
@@ -145,6 +150,13 @@ class Recording:
             except ValueError as error:
                 raise FileError(f"{self.path}: {topic} at {t} ns: {error}") from error
 
+    @property
+    def diagnostics_topic(self) -> str:
+        """Of the skin whose readings `adc_topic` are; version 0.1 had one without its own name."""
+        here = self.adc_topic.removesuffix(ADC)
+        own = f"{here}skin/diagnostics"
+        return own if own in self.topics else f"{here}diagnostics"
+
     def readings(
         self, begin: int = 0, end: int = EVER
     ) -> Iterator[tuple[int, Image | DiagnosticArray]]:
@@ -153,13 +165,27 @@ class Recording:
         here = self.adc_topic.removesuffix(ADC)
         driver = f"{here}serial_driver".lstrip("/")
         for _, _, message in self.messages(
-            self.adc_topic, f"{here}diagnostics", begin=begin, end=end
+            self.adc_topic, self.diagnostics_topic, begin=begin, end=end
         ):
             if isinstance(message, DiagnosticArray):
                 message.status = [status for status in message.status if status.name == driver]
                 if not message.status:
                     continue
             yield Time.from_msg(message.header.stamp).nanoseconds, message
+
+    def taken(self, begin: int = 0, end: int = EVER) -> dict[int, int]:
+        """Stamp of a reading -> when the skin's compensation took it up [both ns since 1970].
+
+        Args:
+            begin, end: only what was recorded from begin to before end [ns since 1970].
+        """
+        topic = self.adc_topic.removesuffix(ADC) + TAKEN
+        if self.topics.get(topic, Topic("none", 0)).type != TimeReference.TYPE:
+            return {}
+        return {
+            Time.from_msg(m.header.stamp).nanoseconds: Time.from_msg(m.time_ref).nanoseconds
+            for _, _, m in self.messages(topic, begin=begin, end=end)
+        }
 
     @cached_property
     def parameters(self) -> dict[str, dict]:
@@ -184,6 +210,8 @@ class Recording:
     def _check_magic(self) -> None:
         with self.path.open("rb") as file:
             magic = file.read(len(_MAGIC + _VERSION))
+        if not magic:
+            raise FileError(f"{self.path}: is empty")
         if not magic.startswith(_MAGIC):
             raise FileError(f"{self.path}: is no MCAP file")
         if not magic.endswith(_VERSION):
@@ -201,6 +229,10 @@ class Recording:
                     self._declare(record)
                 for record in reader.iter_attachments():
                     self.attachments[record.name] = record.data
+                self._chunks = sorted(
+                    (c.chunk_start_offset, c.message_start_time, c.message_end_time)
+                    for c in summary.chunk_indexes
+                )
                 span = statistics.message_start_time, statistics.message_end_time
                 return Counter(statistics.channel_message_counts), span
             except Exception:  # cut off, or damaged: whatever wrong bytes lead to
@@ -226,19 +258,30 @@ class Recording:
     ) -> Iterator[tuple[int, int, bytes]]:
         """Channel, time of recording [ns] and CDR of each message from begin to before end.
 
-        What is damaged is left out, and named in `damage`.
+        What is damaged is left out, and named in `damage`. Of a part only its chunks are read.
         """
         damaged, whole, good, size = 0, False, 0, self.path.stat().st_size
+        start, stop = len(_MAGIC + _VERSION), size
+        within = [at for at, first, last in self._chunks if last >= begin and first < end]
+        if part := bool(self._chunks) and (begin > 0 or end < EVER):
+            start, stop = (within[0], within[-1] + 1) if within else (size, size)
+        chunks = []
         with self.path.open("rb") as file:
-            file.seek(len(_MAGIC + _VERSION))
-            while len(head := file.read(_RECORD.size)) == _RECORD.size:
+            file.seek(start)
+            while (at := file.tell()) < stop:
+                head = file.read(_RECORD.size)
+                if len(head) < _RECORD.size:
+                    break
                 kind, length = _RECORD.unpack(head)
                 after = file.tell() + length
                 if after > size:
                     break
                 if kind in _READ:
+                    data = file.read(length)
                     try:
-                        found = self._record(kind, file.read(length), begin, end, topics)
+                        if kind == _CHUNK:
+                            chunks.append((at, *_SPAN.unpack_from(data)))
+                        found = self._record(kind, data, begin, end, topics)
                     except Exception:  # whatever the decompression makes of wrong bytes
                         damaged += 1
                     else:
@@ -249,7 +292,10 @@ class Recording:
                     whole = file.read() == _MAGIC + _VERSION
                     break
         said = [f"{damaged} damaged chunks are left out"] if damaged else []
-        if not whole:
+        if part and not damaged:
+            return
+        self._chunks = self._chunks or chunks
+        if not (whole or part):
             left = f": its last {size - good} bytes are no whole record" if good < size else ""
             said.append(f"ends without an index{left}")
         self.damage = "; ".join(said)

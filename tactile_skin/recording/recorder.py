@@ -40,8 +40,9 @@ class LimitReached(Exception):
 
 class Recorder:
     """Args:
-        path: .mcap file to make, or folder for files named after their time; a folder is made if it
-            is not there. With `limits.last` the time of the stop is part of each file's name.
+        path: file to make, .mcap is added where it has no suffix; or folder for files named after
+            their time: one that is there, or a name that ends in /, which is made. With
+            `limits.last` the time of the stop is part of each file's name.
         limits: after which it ends.
         attachments: name -> bytes.
         now: the time [ns since 1970].
@@ -57,7 +58,7 @@ class Recorder:
 
     def __init__(self, path, limits: Limits, attachments: dict[str, bytes], now: Callable[[], int]):
         cdr.check()
-        path = _target(Path(path))
+        path = _target(str(path))
         self.trouble, self.dropped = "", 0
         self._now, self._waiting, self._closing = now, deque(), threading.Event()
         store = Ring if limits.last else Whole
@@ -224,15 +225,19 @@ class Ring:
             self._saving[0].abandon()
 
 
-def _target(path: Path) -> Path:
+def _target(name: str) -> Path:
     """The file, or the folder, which is made."""
-    if path.suffix and not path.is_dir():
-        if path.suffix != ".mcap":
-            raise FileError(f"{path}: must be a .mcap file, or a folder")
-        if not path.parent.is_dir():
-            raise FileError(f"{path}: there is no folder {path.parent}")
-    else:
-        path.mkdir(exist_ok=True)
+    path = Path(name)
+    if path.is_dir():
+        return path
+    if not path.parent.is_dir():
+        raise FileError(f"{name}: there is no folder {path.parent}")
+    if name.endswith("/"):
+        path.mkdir()
+    elif not path.suffix:
+        path = path.with_suffix(".mcap")
+    elif path.suffix != ".mcap":
+        raise FileError(f"{name}: must be a .mcap file, or a folder")
     return path
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from ..errors import FileError
 from . import cdr
 
-_PROFILE, _SCHEMAS, _MESSAGES = "ros2", "ros2msg", "cdr"  # MCAP's names of ROS 2's formats
+_PROFILE = "ros2"  # MCAP's name of what is written here
 
 
 class Writer:
@@ -55,9 +55,9 @@ class Writer:
         if topic not in self._channels:
             if kind not in self._schemas:
                 text = cdr.definition(kind).encode()
-                self._schemas[kind] = self._writer.register_schema(kind.TYPE, _SCHEMAS, text)
+                self._schemas[kind] = self._writer.register_schema(kind.TYPE, cdr.SCHEMAS, text)
             self._channels[topic] = self._writer.register_channel(
-                topic, _MESSAGES, self._schemas[kind]
+                topic, cdr.MESSAGES, self._schemas[kind]
             )
         self._writer.add_message(self._channels[topic], t, data, t)
         self._span = (self._span or (t, t))[0], t

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -12,6 +13,8 @@ from ..middleware.threads import one_thread
 from ..physics.curve import GRAM
 from .results import STATUS, Job, Results
 
+_WIDTH = 100  # characters of a line
+_BARS = 0.07  # height of the bars, share of the picture's
 _TOUCHED = 0.2  # N on a cell from which on a reading counts as touched: gesture_feature's own
 
 
@@ -66,17 +69,17 @@ def compare(
 
 
 def table(compared: Compared) -> str:
-    """A line for each method."""
-    first = compared.results[0]
+    """What is compared, and a line for each method."""
+    first, reference = compared.results[0], compared.methods[0]
     touched = first.peak > _TOUCHED
     head = (
         "method",
         *STATUS,
         "stops",
-        "stopped",
-        "force while touched",
-        "cell, from the first",
-        "p50",
+        "time stopped",
+        "total while touched",
+        f"a cell from {reference}",
+        "solved in, p50",
         "p99",
     )
     lines = [head]
@@ -88,14 +91,23 @@ def table(compared: Compared) -> str:
         p50, p99 = (f"{1e3 * v:.2f} ms" for v in np.percentile(found.seconds, (50, 99)))
         begun = str(len(found.stop_begins))
         lines.append((name, *counts, begun, stopped, total, apart, p50, p99))
+    about = (
+        f"{len(first.stamps)} readings of {first.times[-1]:.1f} s, all by each method. Force and "
+        f"differences are means; a cell from {reference}: how far each cell is from the same "
+        f"cell by {reference}; touched: by {reference} a cell has more than {_TOUCHED:g} N."
+    )
+    return "\n".join([*textwrap.wrap(about, _WIDTH), "", *_aligned(lines)])
+
+
+def _aligned(lines: list[tuple[str, ...]]) -> list[str]:
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    return "\n".join(
+    return [
         "  ".join(
             word.rjust(width) if k else word.ljust(width)
             for k, (word, width) in enumerate(zip(line, widths, strict=True))
         )
         for line in lines
-    )
+    ]
 
 
 def draw(compared: Compared):
@@ -108,25 +120,35 @@ def draw(compared: Compared):
     )
     for name, found in zip(compared.methods, compared.results, strict=True):
         axes["time"].plot(found.times, found.total, label=name, linewidth=1.0)
+    axes["time"].set_ylim(bottom=-_BARS * axes["time"].get_ylim()[1])
     for low, found in enumerate(compared.results):
         axes["time"].fill_between(
             found.times,
-            low / m * 0.06,
-            (low + 1) / m * 0.06,
+            low / m * 0.8 * _BARS,
+            (low + 1) / m * 0.8 * _BARS,
             where=found.stops != "",
             transform=axes["time"].get_xaxis_transform(),
             color=f"C{low}",
             linewidth=0.0,
         )
     axes["time"].axvline(first.times[compared.worst], color="0.5", linewidth=0.8)
-    axes["time"].set_xlabel("time [s]; bars: stopped; line: the pictures below")
-    axes["time"].set_ylabel("force [N]")
+    axes["time"].set_title("The same readings, by each method")
+    axes["time"].set_xlabel(
+        "time [s]  (bars: the robot would be stopped; line: the reading below, "
+        "in which the methods differ most)"
+    )
+    axes["time"].set_ylabel("force of all cells [N]")
     axes["time"].grid(alpha=0.25)
     axes["time"].legend(frameon=False)
     top = float(np.nanmax(compared.pictures)) or 1.0
     for k, name in enumerate(compared.methods):
         shown = axes[k].imshow(compared.pictures[k], vmin=0.0, vmax=top, cmap="viridis")
         apart = compared.cell[k, compared.worst] / GRAM
-        axes[k].set_title(name if k == 0 else f"{name}: {apart:.1f} g a cell apart", fontsize=10)
+        title = f"{name}, {first.times[compared.worst]:.2f} s"
+        if k:
+            title = f"{name}: {apart:.1f} g a cell from {compared.methods[0]}"
+        axes[k].set_title(title, fontsize=10)
+        axes[k].set_xlabel("column")
+    axes[0].set_ylabel("row")
     figure.colorbar(shown, ax=[axes[k] for k in range(m)], label="force on a cell [N]")
     return figure

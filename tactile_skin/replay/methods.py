@@ -12,6 +12,7 @@ from ..recording.frames import read_frames, recorded_skin
 from ..solvers import METHODS, compensate
 
 _REFERENCE = "map"
+_MOST = 0.5  # share of frames without blanks from which on the others are left out
 
 
 def measure(n: int, frames: str, config: str | None, seed: int, track=lambda items: items) -> dict:
@@ -32,9 +33,10 @@ def measure(n: int, frames: str, config: str | None, seed: int, track=lambda ite
     """
     skin = read_skin(config) if config else recorded_skin(frames)
     found = read_frames(frames, skin.circuit)
-    adc = _busiest(found.ratio(skin.adc), n)
+    adc, notes = _complete(found.ratio(skin.adc), skin.circuit.populated)
+    adc, notes = _busiest(adc, n), [*found.notes, *notes]
     reference = _solve(_REFERENCE, adc, skin)["force"]
-    solved, notes = {}, list(found.notes)
+    solved = {}
     for name in track(METHODS):
         try:
             solved[name] = _solve(name, adc, skin)
@@ -53,6 +55,15 @@ def measure(n: int, frames: str, config: str | None, seed: int, track=lambda ite
         }
     about = {"file": str(frames), "frames": len(adc), "notes": notes}
     return {"recorded": about | {"methods": methods}}
+
+
+def _complete(adc: np.ndarray, populated: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """The frames in which every cell was read, if these are most; and what was left out."""
+    whole = ~np.isnan(adc[:, populated]).any(1)
+    if whole.all() or whole.mean() < _MOST:
+        return adc, []
+    n, why = np.count_nonzero(~whole), "not all methods take them"
+    return adc[whole], [f"{n} of {len(adc)} frames with blanks are left out: {why}"]
 
 
 def _busiest(adc: np.ndarray, n: int) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..launch import Skin, find, read_plan
-from ..middleware.bus import Context
+from ..middleware.bus import Context, Time
 from ..middleware.launch_file import Plan
 from ..middleware.launched import parameters_of
 from ..msg import DiagnosticArray, Image, image_array
@@ -25,6 +26,7 @@ from .driven import Driven
 _NODES = "compensation", "gesture_feature", "stop_on_push"  # of the launch file; no board
 _NO_PORT = "loop://"  # the driver is never started
 _PATIENT = 10.0  # s for a frame, the most there is: a busy machine is not what is replayed
+_LONGEST_WAIT = 10.0  # s that a reading may have waited for compensation: its queue holds 40
 
 
 @dataclass
@@ -50,12 +52,13 @@ class Step:
 
 
 class Replay:
-    """Iterate over it once: a Step for each reading.
+    """Iterate over it once: a Step for each reading that compensation takes.
 
-    The nodes have the parameters that they were recorded with. Each reading comes at its stamp, so
-    a frame that was skipped, timed out, or given to the fast method because the machine was behind
-    is now taken as it should be; else the same method from the same start gives the same pressure,
-    to the bit.
+    The nodes have the parameters that they were recorded with. With these, each reading comes when
+    the robot took it up (skin/taken): one that was late is skipped again, or given to the fast
+    method again, and the pressure is the same to the bit, but for frames that timed out. With
+    another method, configuration or parameters, or in a recording without skin/taken, each reading
+    comes at its stamp, and none is late.
 
     Args:
         source: the recording.
@@ -83,9 +86,11 @@ class Replay:
         end: int = EVER,
     ):
         self._source, self._part = source, (begin, end)
+        self._as_taken = not (method or config or parameters)
         self._folder = tempfile.TemporaryDirectory(prefix="tactile_skin_")
         self.notes: list[str] = []
         self._writer: Writer | None = None
+        self._left_out = 0  # readings
         plan = _plan(config)
         self._actions = {f"/{action.name}": action for action in plan.nodes}
         for action in plan.nodes:
@@ -134,7 +139,7 @@ class Replay:
     def __iter__(self) -> Iterator[Step]:
         compensation = self.driven.nodes["compensation"]
         try:
-            for t, message in self._source.readings(*self._part):
+            for t, message in self._events():
                 self.driven.until(t)
                 if isinstance(message, DiagnosticArray):
                     self._diagnostics.publish(message)
@@ -146,12 +151,19 @@ class Replay:
                         f"the circuit is {shape[0]} x {shape[1]}"
                     )
                 self._force, begun = self._unknown, time.perf_counter()
+                skipped = compensation.skipped
                 self._adc.publish(message)
                 self.driven.run()
+                if compensation.skipped > skipped:
+                    self._left_out += 1
+                    continue
                 seconds = time.perf_counter() - begun
                 force = self._force
                 total, peak = float(force.sum()), float(force.max())
-                yield Step(t, force, total, peak, compensation.status, self._stop, seconds)
+                stamp = Time.from_msg(message.header.stamp).nanoseconds
+                yield Step(stamp, force, total, peak, compensation.status, self._stop, seconds)
+            if self._left_out:
+                self.notes.append(f"{self._left_out} readings that the robot skipped, being late")
             if self._source.damage:
                 self.notes.append(f"{self._source.path}: {self._source.damage}")
         finally:
@@ -159,6 +171,23 @@ class Replay:
                 self._writer.close()
             self.driven.close()
             self._folder.cleanup()
+
+    def _events(self) -> Iterator[tuple[int, Image | DiagnosticArray]]:
+        """When [ns since 1970] and what the nodes are given, in that order."""
+        begin, end = self._part
+        wait = round(_LONGEST_WAIT * 1e9)
+        taken = self._source.taken(begin, end + wait) if self._as_taken else {}
+        waiting: deque[tuple[int, Image]] = deque()
+        for t, message in self._source.readings(begin, end):
+            while waiting and waiting[0][0] <= t:
+                yield waiting.popleft()
+            if not taken or isinstance(message, DiagnosticArray):
+                yield t, message
+            elif t in taken:
+                waiting.append((taken[t], message))
+            else:  # compensation's queue dropped it, or the recording ends before
+                self._left_out += 1
+        yield from waiting
 
     def _on_pressure(self, message: Image) -> None:
         self._force = image_array(message) * self.cell_area

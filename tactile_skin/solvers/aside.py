@@ -14,7 +14,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..physics import laplacian
 from .estimate import Estimate
 from .fixed_point import last_guess
 from .reading import Reading
@@ -73,7 +72,7 @@ def _explained(left: Reading, estimate: Estimate) -> bool:
     Of those below a threshold most say nothing either way, and would make up for a misfit.
     """
     g = last_guess(left, estimate)
-    misfit = left.misfit(left.circuit.ratio(laplacian.solve(g).rho))
+    misfit = left.misfit(left.model(g))
     variance = np.square(left.spread) + model_variance(left)
     return bool((np.square(misfit) / variance)[left.known].mean() <= _CHI)
 
@@ -106,7 +105,7 @@ def _impossible(reading: Reading, estimate: Estimate, aside: np.ndarray) -> np.n
     """
     g = last_guess(reading, estimate)
     at_rest = g <= _AT_REST * reading.bounds[0]
-    misfit = reading.misfit(reading.circuit.ratio(laplacian.solve(g).rho))
+    misfit = reading.misfit(reading.model(g))
     off = -misfit / np.sqrt(np.square(reading.spread) + model_variance(reading))
     new = np.where(at_rest & ~aside, off, 0.0)
     return (aside & (off > _OFF)) | (new > max(_OFF, _WORST * new.max()))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..physics import kernel
+from ..physics import kernel, numpy_kernel, readouts
 from .estimate import Estimate
 from .reading import Reading
 from .suspect import estimate_from_force
@@ -24,14 +24,39 @@ def fixed_point(reading: Reading) -> Estimate:
 
 
 def first_guess(reading: Reading) -> np.ndarray:
-    """Conductance [S] whose products with the measured rho are all alike and keep Foster's sum.
+    """Conductance [S] whose products with the measured rho are all alike.
 
-    Foster's theorem: the sum of g*rho is rows + cols - 1.
+    Floating, they keep Foster's sum: that of g*rho is rows + cols - 1. Otherwise they are 1: equal
+    cells send no current from one sense line to another.
     """
-    populated = reading.circuit.populated
-    share = (sum(reading.circuit.shape) - 1) / np.count_nonzero(populated)
+    if reading.circuit.readout == "grounded":
+        return _closed_form(reading)
+    populated, share = reading.circuit.populated, 1.0
+    if reading.circuit.readout == "floating":
+        share = (sum(reading.circuit.shape) - 1) / np.count_nonzero(populated)
     guess = np.where(reading.known, share / reading.rho, 0.0)
     return populated * np.clip(guess, *reading.bounds)
+
+
+def _closed_form(reading: Reading) -> np.ndarray:
+    """Conductance [S] of the grounded readout; cells that would leave their bounds are held there.
+
+    With v = adc (r_ref + r_par) / r_ref, a sense line's cells have g = v G / (1 - sum v), where G
+    is what leads from it to ground: its divider, and the cells that are held.
+    """
+    circuit, (low, high) = reading.circuit, reading.bounds
+    divider, axis = circuit.r_ref + circuit.r_par, 0 if circuit.driven == "rows" else 1
+    v = reading.adc * (divider / circuit.r_ref)
+    held = np.where(circuit.populated, np.nan, 0.0)
+    while True:  # each round holds more cells
+        free = np.isnan(held)
+        ground = 1.0 / divider + np.where(free, 0.0, held).sum(axis, keepdims=True)
+        left = 1.0 - np.where(free, v, 0.0).sum(axis, keepdims=True)
+        g = np.where(free, v * ground / np.maximum(left, readouts.LEAST_SCALE), held)
+        for out, bound in ((g < low, low), (g > high, high)):
+            held = np.where(free & out, bound, held)
+        if (np.isnan(held) == free).all():
+            return g
 
 
 def last_guess(reading: Reading, start: Estimate) -> np.ndarray:
@@ -72,17 +97,26 @@ def iterate(reading: Reading, g, steps: int, target: float) -> tuple[np.ndarray,
         g (rows, cols) [S], within the curve's bounds, and the steps taken.
     """
     circuit = reading.circuit
+    if circuit.readout == "grounded":  # nothing to iterate: the first guess is the solution
+        return g, 0
     cells = np.flatnonzero(circuit.populated & reading.known).astype(np.int32)  # others stay
     low, high = (np.log(bound.ravel()[cells]) for bound in reading.bounds)
-    return kernel.fixed_point(
-        g,
-        cells,
+    rho, given = (
         reading.rho.ravel()[cells],
-        low,
-        high,
-        r_ref=circuit.r_ref,
-        r_par=circuit.r_par,
-        goal=cells.size * (target / circuit.full_scale) ** 2,
-        steps=steps,
-        deadline=reading.deadline,
+        {
+            "goal": cells.size * (target / circuit.full_scale) ** 2,
+            "steps": steps,
+            "deadline": reading.deadline,
+        },
     )
+    if circuit.readout == "floating":
+        given |= {"r_ref": circuit.r_ref, "r_par": circuit.r_par}
+        return kernel.fixed_point(g, cells, rho, low, high, **given)
+
+    def read(g):
+        return reading.rho_of(readouts.solve(circuit, g))
+
+    scale, offset = reading.apparent  # of a divider whose supply is not 1
+    r_ref = np.broadcast_to(circuit.r_ref * scale, circuit.shape).ravel()[cells]
+    given |= {"r_ref": r_ref, "r_par": offset - r_ref, "read": read}
+    return numpy_kernel.fixed_point(g, cells, rho, low, high, **given)

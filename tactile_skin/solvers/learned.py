@@ -76,7 +76,7 @@ def _with_single_cells(force: np.ndarray, there: tuple, reading: Reading):
     # large, there is no such cell.
     if not (reading.rho < _max_own_rho(reading.circuit, reading.curve)).any():
         return force, there
-    around = 1.0 / there[2] - there[1]  # S
+    around = 1.0 / there[2].rho - there[1]  # S
     alone = around * reading.rho < 1.0 - _OWN_SHARE
     if reading.circuit.mask is not None:
         alone &= reading.circuit.populated

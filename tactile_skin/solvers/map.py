@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from ..physics import laplacian
 from ..physics.conjugate_gradients import conjugate_gradients
 from ..physics.quadratic import inverse_diagonal, solve_in_box
 from . import prior as prior_terms
@@ -62,7 +61,7 @@ def map_estimate(reading: Reading, start: Estimate | None = None, prior=None) ->
         prior: (mean, std), two (rows, cols) arrays or numbers [N], joined to the built-in prior as
             independent knowledge of each cell.
     """
-    warm = start is not None
+    reading, warm = reading.above_cut_off(), start is not None
     g = last_guess(reading, start) if warm else first_guess(reading)
     if warm and prior is None and (same := _unchanged(reading, start, g)) is not None:
         return same
@@ -98,7 +97,7 @@ def _unchanged(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | N
     if start.method != "map" or start.status != "ok" or not reading.noise:
         return None
     noise = reading.noise if reading.noise_given else start.noise
-    residual = reading.residual(reading.circuit.ratio(laplacian.solve(g).rho))
+    residual = reading.residual(reading.model(g))
     if residual**2 > noise**2 * (1.0 + _UNCHANGED * (2.0 / reading.n_informative) ** 0.5):
         return None
     return replace(start, residual=residual, iterations=0)
@@ -166,7 +165,7 @@ def _with_noise_at_rest(reading: Reading, g: np.ndarray) -> Reading:
     """The reading with the noise of those cells that the first guess g [S] has at rest."""
     low = reading.bounds[0]
     at_rest = reading.known & reading.circuit.populated & (g < _NEAR_REST * low)
-    adc = reading.circuit.ratio(laplacian.solve(np.where(at_rest, low, g)).rho)
+    adc = reading.model(np.where(at_rest, low, g))
     noise = noise_at_rest(reading.misfit(adc)[at_rest])
     return reading.with_noise(_USUAL_NOISE if noise is None else noise)
 
@@ -211,7 +210,8 @@ def _rough(reading: Reading, point: _Point) -> bool:
     Only then is a misfit of that prior evidence against the circuit: a palm is smooth.
     """
     cells = reading.circuit.populated
-    if np.median(point.model.network.rho[cells]) >= _HARD * series.series_scale(reading.circuit):
+    rho = reading.rho_of(point.model.network)
+    if np.median(rho[cells]) >= _HARD * series.series_scale(reading.circuit):
         return False
     x = np.where(cells, np.log(np.where(cells, point.model.g, 1.0)), np.nan)
     apart = [np.square(np.diff(x, axis=axis)).ravel() for axis in (0, 1)]
@@ -254,8 +254,7 @@ class _Point(NamedTuple):
     @property
     def curvature(self) -> np.ndarray:
         """(rows, cols) of the cost over each cell's x, from its own reading and prior alone."""
-        own = self.model.network.rho**2
-        own *= self.model.weight
+        own = self.model.network.own * self.model.weight
         own *= self.gx
         own *= own
         own += self.prior.diagonal
@@ -273,7 +272,7 @@ class _Step(NamedTuple):
 def _downhill(point: _Point) -> np.ndarray:
     """- d cost / d x (rows, cols), for all cells at once in O(lines^3)."""
     model = point.model
-    pull = laplacian.hessian_product(model.network.k, model.weight * model.misfit)
+    pull = model.network.pull(model.weight * model.misfit)
     pull *= point.gx
     pull -= point.prior.gradient
     return pull
@@ -332,12 +331,11 @@ def _conjugate_gradients(point: _Point, between, free: np.ndarray, b: np.ndarray
     """The Gauss-Newton step without its matrix: a product costs O(lines^3)."""
     diagonal = point.curvature.ravel()[free]
     picture = np.zeros(point.gx.shape)
-    k, square = point.model.network.k, point.model.weight**2
+    network, square = point.model.network, point.model.weight**2
 
     def product(p):
         picture.flat[free] = p
-        rho = laplacian.hessian_product(k, point.gx * picture)
-        data = point.gx * laplacian.hessian_product(k, square * rho)
+        data = point.gx * network.pull(square * network.change(point.gx * picture))
         return (data + prior_terms.product(point.prior, picture, between)).ravel()[free]
 
     return conjugate_gradients(product, diagonal, b, steps=_CG_STEPS, target=1e-2)

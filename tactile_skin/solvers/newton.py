@@ -5,6 +5,9 @@
 has the gradient rho(g) - rho_measured and the Hessian -t_ab^2. It is strictly concave: one
 solution, no local optimum. The bounds make it solvable for noisy readings too, where the free
 maximum may lie at negative conductances.
+
+The other readouts have no such function: there the same steps solve rho(g) = rho_measured, and a
+step must bring the unknowns' own readings nearer. Grounded, the first guess is the solution.
 """
 
 from __future__ import annotations
@@ -12,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import lapack
 
-from ..physics import laplacian
+from ..physics import laplacian, readouts
 from ..physics.conjugate_gradients import conjugate_gradients
 from .estimate import Estimate
 from .fixed_point import first_guess, iterate, last_guess
@@ -31,18 +34,21 @@ _JOIN, _JOIN_LAST = 0.2, 1e-8
 # another measure than ADC steps. 2 in 1,000 exceed 2, 1 in 10,000 exceeds 2.5.
 _SLACK = 2.2
 # Steps of the fixed point, and residual over noise, that show that cells explain a reading.
-_FIT_STEPS, _FIT_RESIDUAL = 16, 1.3
+_FIT_STEPS, _FIT_RESIDUAL = 40, 1.3
 _DENSE = 400  # unknowns up to which a Cholesky factor is faster than conjugate gradients
 
 
 def newton(reading: Reading, start: Estimate | None = None) -> Estimate:
     """Projected Newton from `start`, or from a few steps of the fixed point."""
     reading.need_all_cells("newton")
-    if start is None:
+    if reading.circuit.readout == "grounded":  # in closed form
+        g, steps, iterations, done = first_guess(reading), 0, 0, True
+    elif start is None:
         g, steps = iterate(reading, first_guess(reading), START_STEPS, 1e-9)
     else:
         g, steps = iterate(reading, last_guess(reading, start), WARM_STEPS, 1e-9)
-    g, iterations, done = maximise(reading, g)
+    if reading.circuit.readout != "grounded":
+        g, iterations, done = maximise(reading, g)
     with np.errstate(divide="ignore"):
         force = reading.curve.force(1.0 / g) * reading.circuit.populated
     slack = _SLACK if reading.noise else 1.0
@@ -70,10 +76,10 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
     cells = reading.circuit.populated
     low, high = reading.bounds
     rho_measured = reading.rho
-    network = laplacian.solve(g)
+    network = readouts.solve(reading.circuit, g)
     free, solve, last, join = None, None, np.inf, _JOIN
     for iteration in range(MAX_STEPS):
-        rho = network.rho
+        rho = reading.rho_of(network)
         gradient = np.where(cells, rho - rho_measured, 0.0)
         # A cell on its bound is held there if the gradient pushes outwards. One at rest joins the
         # unknowns if its own reading asks for a touch; once the others are settled, for anything.
@@ -88,7 +94,7 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
         misfit = np.abs(gradient.flat[now] / rho.flat[now]).max()
         if solve is None or misfit > 0.05 * last or not np.array_equal(free, now):
             free = now
-            solve = _step_solver(network, g, free)
+            solve = _step_solver(reading, network, g, free)
         last = misfit
         # rho log(rho / rho_measured) is the gradient to first order, and closer to linear far off
         pull = rho.flat[free] * np.log(rho.flat[free] / rho_measured.flat[free])
@@ -106,39 +112,52 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
     return g, iteration + 1, False
 
 
-def _climb(reading: Reading, g, network: laplacian.Network, step, gradient):
-    """Take the step, or as much of it as gains height; returns the new g and its network."""
+def _climb(reading: Reading, g, network, step, gradient):
+    """Take the step, or as much of it as gains height; returns the new g and its network.
+
+    Args:
+        gradient: (rows, cols) of the unknowns, 0 elsewhere.
+    """
     low, high = reading.bounds
     cells = reading.circuit.populated
     height = None
     for halving in range(40):
         new = np.where(cells, np.clip(g + step, np.maximum(low, 0.05 * g), high), 0.0)
-        there = laplacian.solve(new)
+        there = readouts.solve(reading.circuit, new)
         change = new - g
         if np.abs(change).max() < 1e-2 * low.min():  # so near that phi's own rounding would decide
             break
         if height is None:
-            height = _height(reading, g, network)
-        if _height(reading, new, there) >= height + 1e-4 * (gradient * change).sum():
+            height = _height(reading, g, network, gradient)
+        if _height(reading, new, there, gradient) >= height + 1e-4 * (gradient * change).sum():
             break
         if halving == 3:  # past the bounds' corners only the gradient is sure to climb
-            step = 8.0 * gradient / np.square(network.rho)
+            step = 8.0 * gradient / np.square(reading.rho_of(network))
         step = 0.5 * step
     return new, there
 
 
-def _height(reading: Reading, g: np.ndarray, network: laplacian.Network) -> float:
-    """phi(g) but for a constant; det K is 1 / (det L_reduced * total conductance)."""
+def _height(reading: Reading, g: np.ndarray, network, gradient) -> float:
+    """phi(g) but for a constant; det K is 1 / (det L_reduced * total conductance).
+
+    Of other readouts, how near the unknowns' readings are.
+    """
+    if reading.circuit.readout != "floating":
+        apart = np.log(reading.rho_of(network) / reading.rho)[gradient != 0.0]
+        return -float(apart @ apart)
     populated_rho = np.where(reading.circuit.populated, reading.rho, 0.0)
-    log_det = 2.0 * np.log(np.abs(network.root.diagonal())).sum()
+    log_det = 2.0 * np.log(np.abs(network.inverse.root.diagonal())).sum()
     return -log_det - np.log(g.sum()) - (populated_rho * g).sum()
 
 
-def _step_solver(network: laplacian.Network, g: np.ndarray, free: np.ndarray):
-    """A function that solves (t_ab^2) x = b over the free cells, to single precision.
+def _step_solver(reading: Reading, network, g: np.ndarray, free: np.ndarray):
+    """A function that solves (- d rho_a / d g_b) x = b over the free cells, to single precision.
 
-    Scaled by sqrt(g) on both sides the matrix has a diagonal (g rho)^2 <= 1.
+    Floating, that is (t_ab^2), which scaled by sqrt(g) on both sides has a diagonal (g rho)^2 <= 1.
     """
+    if reading.circuit.readout != "floating":
+        return _unsymmetric_solver(reading, network, g, free)
+    network = network.inverse
     scale = np.sqrt(g.flat[free]).astype(np.float32)
     if free.size > _DENSE:
         return _matrix_free_solver(network, g, free)
@@ -152,6 +171,18 @@ def _step_solver(network: laplacian.Network, g: np.ndarray, free: np.ndarray):
         factor, info = lapack.dpotrf(squared.T, lower=0, clean=0)
         return lambda b: scale * lapack.dpotrs(factor, scale * b)[0]
     return lambda b: scale * lapack.spotrs(factor, scale * b)[0]
+
+
+def _unsymmetric_solver(reading: Reading, network, g: np.ndarray, free: np.ndarray):
+    """The same of other readouts, scaled by rho and by g."""
+    rho, cols = reading.rho_of(network), reading.circuit.cols
+    falls = (rho + reading.apparent[1]) / network.adc  # - d rho / d adc
+    ends = free // cols, reading.circuit.rows + free % cols
+    matrix = network.sensitivity(falls / rho, free, *ends)
+    matrix *= g.flat[free].astype(np.float32)
+    factor, pivots, _ = lapack.sgetrf(matrix.T, overwrite_a=True)  # of the transposed
+    rho = rho.flat[free]
+    return lambda b: g.flat[free] * lapack.sgetrs(factor, pivots, b / rho, trans=1)[0]
 
 
 def _matrix_free_solver(network: laplacian.Network, g: np.ndarray, free: np.ndarray):

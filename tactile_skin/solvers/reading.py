@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..files import shorten
-from ..physics import laplacian
+from ..physics import laplacian, readouts
 from ..physics.circuit import Circuit, forward
 from ..physics.conjugate_gradients import conjugate_gradients
 from ..physics.curve import PressureCurve
@@ -22,6 +22,8 @@ ROUNDING_NOISE = 12**-0.5  # ADC steps RMS of rounding to whole steps
 # Share of the smallest magnitudes that a standard deviation is estimated from, and its ratio to
 # their mean for a normal distribution. A median would jump with the steps of an ADC.
 _KEPT, _STD_OVER_MEAN = 0.8, 1.790
+# ADC steps below which noise of single scans is cut off at 0, so that their mean is too high.
+_CUT_OFF = 2.0
 _MIN_AT_REST = 8  # readings of cells at rest that noise is measured by: it is then right to 25 %
 # N, of a prior: no cell feels more, none is known better; the squares of both stay numbers.
 _MAX_PRIOR_MEAN, _MIN_PRIOR_STD = 1e6, 1e-6
@@ -56,6 +58,16 @@ class Reading:
     def with_noise(self, noise: float) -> Reading:
         """The same frame with a noise that was measured in it [ADC steps]."""
         return replace(self, noise=min(max(noise, ROUNDING_NOISE), MAX_NOISE))
+
+    def above_cut_off(self) -> Reading:
+        """The same frame with readings next to 0 known as that only: where lines are driven, hard
+        loads push others there."""
+        threshold = max(self.threshold, _CUT_OFF / self.circuit.full_scale)
+        low = self.known & (self.adc <= threshold)
+        if self.circuit.readout == "floating" or not self.noise or not low.any():
+            return self
+        known, adc = self.known & ~low, np.where(low, 0.0, self.adc)
+        return replace(self, adc=adc, known=known, capped=self.capped | low, threshold=threshold)
 
     def behind(self, added: np.ndarray) -> Reading:
         """The same frame if nothing lay in series but r_par: without (rows, cols) [ohm] more."""
@@ -95,9 +107,32 @@ class Reading:
         return self.fitted_noise * (1.0 if self.noise_ratio is None else self.noise_ratio)
 
     @cached_property
+    def apparent(self) -> tuple[np.ndarray | float, float]:
+        """`readouts.apparent` of the frame: scale and offset of `rho`."""
+        adc = self.adc
+        if not self.all_read and self.circuit.readout != "floating":
+            adc = np.where(self.known | self.capped, adc, adc.sum() / max(self.n_informative, 1))
+        return readouts.apparent(self.circuit, adc)
+
+    @cached_property
     def rho(self) -> np.ndarray:
-        """(rows, cols) measured two-terminal resistance [ohm], kept finite and above 0."""
-        return np.minimum(np.maximum(self.circuit.two_terminal(self.adc), 1e-3), 1e12)
+        """(rows, cols) measured resistance [ohm], kept finite and above 0: two-terminal, or as
+        `readouts.apparent` says."""
+        return self._rho_at(self.adc)
+
+    def _rho_at(self, adc: np.ndarray) -> np.ndarray:
+        scale, offset = self.apparent
+        with np.errstate(divide="ignore"):
+            rho = self.circuit.r_ref * scale / adc - offset
+        return np.minimum(np.maximum(rho, 1e-3), 1e12)
+
+    def rho_of(self, network: readouts.Floating | readouts.Driven) -> np.ndarray:
+        """(rows, cols) the same of a model [ohm]: equal if the readings are."""
+        return network.rho if self.circuit.readout == "floating" else self._rho_at(network.adc)
+
+    def model(self, g: np.ndarray) -> np.ndarray:
+        """(rows, cols) ADC ratio of cells that conduct g (rows, cols) [S]."""
+        return readouts.solve(self.circuit, g, derivatives=False).adc
 
     @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -133,15 +168,13 @@ class Reading:
         Args:
             std: standard deviation of a reading [ADC steps], a number or (rows, cols).
         """
-        network = laplacian.solve(g)
-        adc = self.circuit.ratio(network.rho)
-        misfit = self.misfit(adc)
+        network = readouts.solve(self.circuit, g)
+        misfit = self.misfit(network.adc)
         misfit /= std
-        weight = adc * adc
-        weight *= self.circuit.full_scale / (self.circuit.r_ref * std)
+        weight = np.full(g.shape, self.circuit.full_scale / std)
         if not self.all_read:
             weight *= self.known | (misfit < 0)
-        return Linearised(g, network, adc, misfit, weight)
+        return Linearised(g, network, network.adc, misfit, weight)
 
     def need_all_cells(self, method: str) -> None:
         """ValueError unless every cell was read: only `map` can do without."""
@@ -160,17 +193,17 @@ class Linearised(NamedTuple):
     """
 
     g: np.ndarray  # S, the cells' conductance
-    network: laplacian.Network
+    network: readouts.Floating | readouts.Driven
     adc: np.ndarray  # ratio
     misfit: np.ndarray  # reading - model
-    weight: np.ndarray  # - d model / d rho [1/ohm]; 0 for readings that are not informative
+    weight: np.ndarray  # of an ADC ratio of 1; 0 for readings that are not informative
 
     def jacobian(self, readings: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """(m, n) float32 d model / d g [1/S], of flat readings (m,) int32 and cells (n,)."""
         rows, cols = self.g.shape
         row, col = np.divmod(cells.astype(np.int32), np.int32(cols))
         col += np.int32(rows)
-        return laplacian.sensitivity(self.network.k, self.weight, readings, row, col)
+        return self.network.sensitivity(self.weight, readings, row, col)
 
 
 def check_reading(
@@ -326,20 +359,16 @@ def rest_reading(circuit: Circuit, curve: PressureCurve) -> np.ndarray:
     return adc
 
 
-def r_par_pattern(reading: Reading, k: np.ndarray) -> np.ndarray:
-    """(rows, cols) d (r_par + rho) / d r_par of a frame whose touched cells stay as they are.
+def r_par_pattern(reading: Reading, model: Linearised) -> np.ndarray:
+    """(rows, cols) - d model / d r_par [1/ohm] of a frame whose touched cells stay as they are.
 
-    1 where the cells rest as the curve says. Where their rest was measured, it was measured with
-    the r_par that was supposed, and falls as that rises: an untouched skin reads the same whatever
-    r_par is.
-
-    Args:
-        k: inverse of the frame's Laplacian (lines, lines) [ohm].
+    Where their rest was measured, it was measured with the r_par that was supposed, and falls as
+    that rises: an untouched skin reads the same whatever r_par is.
     """
-    if reading.curve.offset is None:
-        return np.ones(reading.adc.shape)
-    shift = rest_shift(reading.circuit, reading.curve)
-    return 1.0 - laplacian.hessian_product(k, shift)
+    falls = -model.network.by_r_par
+    if reading.curve.offset is not None:
+        falls -= model.network.change(rest_shift(reading.circuit, reading.curve))
+    return model.weight * falls
 
 
 @lru_cache(maxsize=16)
@@ -349,12 +378,18 @@ def rest_shift(circuit: Circuit, curve: PressureCurve) -> np.ndarray:
     So that what an untouched skin reads stays: the sum of t_ab^2 d g_b is 1 for each crossing.
     """
     cells = np.flatnonzero(circuit.populated)
-    network = laplacian.solve(circuit.populated / curve.rest_resistance)
+    network = readouts.solve(circuit, circuit.populated / curve.rest_resistance)
     picture = np.zeros(circuit.shape)
+    if circuit.readout != "floating":
+        ends = cells // circuit.cols, circuit.rows + cells % circuit.cols
+        slopes = network.sensitivity(np.ones(circuit.shape), cells, *ends)
+        picture.flat[cells] = np.linalg.solve(slopes, -network.by_r_par.ravel()[cells])
+        picture.setflags(write=False)
+        return picture
 
     def product(p: np.ndarray) -> np.ndarray:
         picture.flat[cells] = p
-        return laplacian.hessian_product(network.k, picture).flat[cells]
+        return laplacian.hessian_product(network.inverse.k, picture).flat[cells]
 
     diagonal = np.square(network.rho.flat[cells])
     picture.flat[cells] = conjugate_gradients(

@@ -82,7 +82,7 @@ def r_par_shift(
     touched, g = _hold_rest(reading, g, neighbours, lifted)
     variance = reading.spread**2 + (model_variance(reading) if neighbours else 0.0)
     model = reading.linearised(g, np.sqrt(variance))
-    pattern = model.weight * r_par_pattern(reading, model.network.k)
+    pattern = r_par_pattern(reading, model)
     both = np.array([pattern.ravel(), model.misfit.ravel()])
     gram = both @ both.T
     size = gram[0, 0]
@@ -216,11 +216,11 @@ def _with_r_par(reading: Reading, r_par: float) -> Reading:
 def report_r_par(estimate: Estimate, reading: Reading) -> Estimate:
     """An estimate with an r_par other than the circuit's, as a suspect one that says so."""
     circuit = reading.circuit
-    _, _, rho = network_of(estimate.force, reading)
+    _, _, network = network_of(estimate.force, reading)
     message = f"r_par = {circuit.r_par:g} ohm: the readings fit {estimate.r_par:.0f} ohm better"
     return replace(
         estimate,
-        residual=reading.residual(circuit.ratio(rho)),
+        residual=reading.residual(network.adc),
         status="suspect",
         message="; ".join(filter(None, (message, estimate.message))),
     )

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import lapack
 
-from ..physics import laplacian
-from ..physics.kernel import connected_rho
+from ..physics import readouts
 from .estimate import Estimate
 from .reading import ROUNDING_NOISE, Linearised, Reading, r_par_pattern, rest_reading
 
@@ -48,12 +48,15 @@ _SPREADS = 0.4
 def by_reading(reading: Reading) -> str:
     """Readings that no skin can give, whatever presses on it; for methods that fit nothing too.
 
-    A load only raises a reading, from that at rest to that of a short circuit behind r_par. Noise
-    keeps even a flat touch's readings apart.
+    A load only raises a reading, from that at rest to that of a short circuit behind r_par. Where
+    lines are driven it may lower others, all of a line alike. Noise keeps even a flat touch's
+    readings apart.
     """
     circuit, steps, known = reading.circuit, reading.steps, reading.known
     margin = _IMPOSSIBLE * reading.noise + 1.0
     rest = rest_reading(circuit, reading.curve) * circuit.full_scale
+    if circuit.readout != "floating":
+        rest *= reading.apparent[0] / _rest_scale(circuit, reading.curve)
     short_circuit = circuit.ratio(0.0) * circuit.full_scale
     low = known & (steps < _OPEN * rest - margin)
     high = known & (steps > short_circuit + margin)
@@ -71,6 +74,12 @@ def by_reading(reading: Reading) -> str:
         )
     touched = steps.max() > rest.max() + margin
     return saturation(reading, *_SATURATED) if touched and reading.noise > _SPREADS else ""
+
+
+@lru_cache(maxsize=16)
+def _rest_scale(circuit, curve):
+    """That of `readouts.apparent` of an untouched skin."""
+    return readouts.apparent(circuit, rest_reading(circuit, curve))[0]
 
 
 def _place(bad: np.ndarray, known: np.ndarray) -> tuple[str, str, np.ndarray]:
@@ -188,7 +197,7 @@ def by_score(
         what may be wrong, the likelier first, each with which way r_par would have to move: 1
         larger, -1 smaller, 0 if it is not about r_par.
     """
-    rows, k, readings = len(model.weight), model.network.k, equations.readings
+    rows, network, readings = len(model.weight), model.network, equations.readings
     equal = _equal_lines(reading, reading.steps)
     if reading.curve.offset is not None and equal.any():  # lines that differ at rest are two
         rest = rest_reading(reading.circuit, reading.curve) * reading.circuit.full_scale
@@ -198,8 +207,8 @@ def by_score(
     # a short is a conductance between the two lines of a pair, r_par one before every reading
     p = np.empty((readings.size, pairs.size + 1), np.float32)
     lines = pairs.astype(np.int32)
-    p[:, :-1] = laplacian.sensitivity(k, model.weight, readings, lines, lines + np.int32(1))
-    p[:, -1] = (model.weight * r_par_pattern(reading, k)).ravel()[readings]
+    p[:, :-1] = network.sensitivity(model.weight, readings, lines, lines + np.int32(1))
+    p[:, -1] = r_par_pattern(reading, model).ravel()[readings]
     size = np.square(p).sum(0)
     along = equations.jacobian.T @ p
     hidden = (along * lapack.spotrs(equations.factor.T, along, lower=1)[0]).sum(0)
@@ -269,7 +278,7 @@ def estimate_from_force(
     """The estimate of a method that finds forces only: standard deviation and status by the misfit.
 
     The standard deviation is what each cell's resistance would have to change by, alone, to meet
-    its own reading (d u / d log R = -g u^2 rho^2 / R_ref). An impossible reading is always suspect,
+    its own reading. An impossible reading is always suspect,
     a misfit only after a method that fits.
 
     Args:
@@ -278,17 +287,16 @@ def estimate_from_force(
         network: `network_of(force, reading)` where it is known already.
     """
     circuit, curve = reading.circuit, reading.curve
-    resistance, g, rho = network or network_of(force, reading)
-    model = circuit.ratio(rho)
-    slope = g * np.square(model * rho) * (circuit.full_scale / circuit.r_ref)  # steps per log R
-    misfit = reading.misfit(model)
+    resistance, g, model = network or network_of(force, reading)
+    slope = g * model.own * circuit.full_scale  # steps per log R
+    misfit = reading.misfit(model.adc)
     shift = np.sqrt(np.square(misfit) + max(reading.noise, 1e-9) ** 2) / np.maximum(slope, 1e-9)
     # both ends at once: half the time
     ends = curve.force_at(_SIGNS * np.minimum(shift, 50.0) - np.log(resistance))
     std = 0.5 * (ends[0] - ends[1])
     message = by_reading(reading)
     if slack and not message:
-        message = by_residual(reading, model, slack=slack)
+        message = by_residual(reading, model.adc, slack=slack)
     status = "suspect" if message else "ok"
     if not converged:
         status, message = "failed", f"no convergence after {iterations} steps"
@@ -298,10 +306,10 @@ def estimate_from_force(
     return Estimate(force, std, residual, status, message, method, iterations, noise=noise)
 
 
-def network_of(force, reading: Reading) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(rows, cols) resistance [ohm], conductance [S] and two-terminal resistance [ohm] of cells."""
+def network_of(force, reading: Reading):
+    """(rows, cols) resistance [ohm] and conductance [S] of cells, and their network."""
     resistance = reading.curve.resistance(force)
     g = 1.0 / resistance
     if reading.circuit.mask is not None:
         g *= reading.circuit.populated
-    return resistance, g, connected_rho(g)
+    return resistance, g, readouts.solve(reading.circuit, g, derivatives=False)

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from array import array
+from collections.abc import Callable, Iterator
+from functools import lru_cache
+from itertools import dropwhile
 
 import numpy as np
 
 from ..errors import FileError
 from ..recording.reader import ADC, Recording
 from .server import Wanted
-from .snapshot import TOPICS, Collector, Snapshot
+from .snapshot import DIAGNOSTICS, TOPICS, Collector, Snapshot
 
 _POINTS = 2000  # of the force over the whole recording
+_BLOCK = 300  # readings that are read from the file together
+_BLOCKS = 8  # that are kept
+_AROUND = 1_000_000_000  # ns by which a message may be out of order in the file
 
 
 class Recorded:
-    """
+    """Keeps the times and the forces of all readings, and snapshots of the last few seconds that
+    were asked for: the others are read from the file when they are asked for.
+
     Args:
         recording: that is shown.
         track: wraps the messages while they are read, for a progress bar: (iterable, total).
@@ -29,46 +37,80 @@ class Recorded:
 
     def __init__(self, recording: Recording, track: Callable = lambda items, total: items):
         here = recording.adc_topic.removesuffix(ADC)
-        topics = {f"{here}{topic}": topic for topic in TOPICS}
-        total = sum(t.count for name, t in recording.topics.items() if name in topics)
-        collector = Collector()
-        self._snapshots: list[Snapshot] = []
-        for name, _, message in track(recording.messages(*topics), total):
-            if topics[name] == ADC:  # all that followed the reading before has been said
-                self._snapshots.append(collector.snapshot())
-            try:
-                collector.take(topics[name], message)
-            except ValueError as error:
-                raise FileError(f"{recording.path}: {name}: {error}") from error
-        self._snapshots = [*self._snapshots[1:], collector.snapshot()]
-        if self._snapshots[0].adc is None:
+        self._recording = recording
+        self._topics = {f"{here}{topic}": topic for topic in TOPICS}
+        self._topics[recording.diagnostics_topic] = DIAGNOSTICS
+        total = sum(t.count for name, t in recording.topics.items() if name in self._topics)
+        stamps, force, stop = array("d"), array("d"), array("b")
+        # where each block begins: time of recording [ns], and what was known before
+        self._blocks: list[tuple[int, Collector]] = []
+        self._block = lru_cache(_BLOCKS)(self._read)
+        self.shape: tuple[int, int] | None = None
+        collector, messages = Collector(), recording.messages(*self._topics)
+        for reading, snapshot in self._readings(collector, track(messages, total)):
+            if snapshot is not None:
+                stamps.append(snapshot.stamp)
+                force.append(snapshot.contacts[:, 3].sum())
+                stop.append(bool(snapshot.stop))
+                self.shape = self.shape or snapshot.adc.shape
+            if reading is not None and len(stamps) % _BLOCK == 0:
+                self._blocks.append((reading, collector.copy()))
+        if self.shape is None:
             raise FileError(f"{recording.path}: holds no reading")
-        self.shape = self._snapshots[0].adc.shape
-        stamps = np.array([s.stamp for s in self._snapshots])
-        self._times = np.maximum.accumulate(stamps - stamps[0])
-        self._path, self._damage = recording.path, recording.damage
+        self._times = np.maximum.accumulate(np.array(stamps) - stamps[0])
+        self._force, self._stop = np.array(force), np.array(stop, bool)
+        self._damage = recording.damage
+
+    def _readings(self, collector: Collector, messages) -> Iterator:
+        """(time of recording of a reading that comes [ns] or None, snapshot of the one before or
+        None): all that follows a reading has been said when the next one comes."""
+        before = False
+        for name, t, message in messages:
+            if self._topics[name] == ADC:
+                yield t, collector.snapshot() if before else None
+                before = True
+            try:
+                collector.take(self._topics[name], message)
+            except ValueError as error:
+                raise FileError(f"{self._recording.path}: {name}: {error}") from error
+        if before:
+            yield None, collector.snapshot()
+
+    def _read(self, block: int) -> list[Snapshot]:
+        """The snapshots of a block, from the file."""
+        begin, collector = self._blocks[block]
+        end = self._recording.span[1] + 1
+        if block + 1 < len(self._blocks):
+            end = self._blocks[block + 1][0] + 1
+        messages = self._recording.messages(*self._topics, begin=begin - _AROUND, end=end + _AROUND)
+        entries = dropwhile(lambda m: (self._topics[m[0]], m[1]) != (ADC, begin), messages)
+        found = []
+        for _, snapshot in self._readings(collector.copy(), entries):
+            if snapshot is not None:
+                found.append(snapshot)
+            if len(found) == _BLOCK:
+                break
+        return found
 
     def hello(self) -> dict:
-        n = len(self._snapshots)
+        n = len(self._times)
         steps = np.diff(self._times)
-        force = np.array([s.contacts[:, 3].sum() for s in self._snapshots])
-        stop = np.array([bool(s.stop) for s in self._snapshots])
         begins = np.arange(0, n, -(-n // _POINTS))
         return {
-            "title": self._path.name + (f" ({self._damage})" if self._damage else ""),
+            "title": self._recording.path.name + (f" ({self._damage})" if self._damage else ""),
             "recording": {
                 "duration": float(self._times[-1]),
                 "interval": float(np.median(steps)) if n > 1 else 0.0,
                 "times": self._times[begins].round(4).tolist(),
-                "force": np.maximum.reduceat(force, begins).round(2).tolist(),
-                "stop": np.logical_or.reduceat(stop, begins).tolist(),
+                "force": np.maximum.reduceat(self._force, begins).round(2).tolist(),
+                "stop": np.logical_or.reduceat(self._stop, begins).tolist(),
             },
         }
 
     async def snapshot(self, wanted: Wanted) -> tuple[int, Snapshot]:
         """The reading at a time, or the last before it."""
         k = max(0, int(np.searchsorted(self._times, wanted.at + 1e-6, side="right")) - 1)
-        return k + 1, self._snapshots[k]
+        return k + 1, self._block(k // _BLOCK)[k % _BLOCK]
 
     def watched(self, pages: int) -> None:
         pass

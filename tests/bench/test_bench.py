@@ -207,12 +207,6 @@ def test_an_unknown_fault_is_refused(resistance):
 # --- what the figures are made of ---
 
 
-def test_the_front_holds_what_nothing_beats():
-    points = [(1.0, 9.0), (2.0, 5.0), (3.0, 6.0), (4.0, 1.0), (0.5, 9.0), (4.0, 2.0)]
-    assert speed.pareto(points) == [4, 1, 3]
-    assert speed.pareto([(1.0, 1.0)]) == [0]
-
-
 def test_errors_by_hand():
     truth = np.zeros((1, 2, 2))
     truth[0, 0, 0] = 100 * GRAM
@@ -336,16 +330,24 @@ def test_the_stability_picture_shows_each_share(drawn):
 
     data = json.loads((Path(__file__).parents[2] / "docs/bench/stability.json").read_text())
     figure = stability.draw(data)
-    heights = sorted(-bar.get_height() for bar in figure.axes[0].patches)
-    shares = [
-        share
-        for trouble in data["troubles"]
-        for name in ("alone", "running")
-        for silent, told in zip(trouble[name]["silent"], trouble[name]["reported"], strict=True)
-        for share in (1.0 - silent - told, told, silent)
-    ]
-    np.testing.assert_allclose(heights, sorted(0.54 * s for s in shares), atol=1e-9)
+    lengths = sorted(bar.get_width() for bar in figure.axes[0].patches)
+    wide = 0.94 * stability._STRIP
+    shares = []
+    for trouble in data["troubles"]:
+        silent, told = (np.array(trouble["running"][key]) for key in ("silent", "reported"))
+        split = np.concatenate([1.0 - silent - told, told, silent])
+        shares += list(wide * split / len(silent))
+    np.testing.assert_allclose(lengths, sorted(shares), atol=1e-9)
     plt.close(figure)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "section"),
+    [("noise hides", "silent"), ("told: the robot stops", "told"), ("right, or told", "told"),
+     ("compensated", "right")],
+)  # fmt: skip
+def test_a_trouble_stands_where_its_verdict_says(verdict, section):
+    assert stability._section({"verdict": verdict, "reason": "noise hides"}) == section
 
 
 # --- the pictures ---
@@ -392,14 +394,32 @@ def test_what_is_drawn_is_what_is_written(drawn, tmp_path):
 def test_the_speed_picture_shows_every_method(drawn):
     from matplotlib import pyplot as plt
 
-    data = speed.measure(2, 50, 1)["speed"]
+    data = speed.measure(2, 300, 1)["speed"]
     figure = speed.draw(data)
-    for axis, points in zip(figure.axes, data["readouts"].values(), strict=True):
-        shown = {line.get_label(): line.get_xdata()[0] for line in axis.get_lines()}
-        for point in points:
-            assert shown[point["method"]] == pytest.approx(point["p50_ms"])
-    assert [p["method"] for p in points] == list(METHODS)
+    errors_axis, times_axis = figure.axes
+
+    def points(axis):
+        return {tuple(np.round(line.get_xdata(), 9)) for line in axis.get_lines()}
+
+    for readout in ("scan", "ideal"):
+        for p in data["readouts"][readout]:
+            assert (round(max(p["mean_g"], speed._FLOOR), 9),) in points(errors_axis)
+    for p in data["readouts"]["scan"]:
+        assert tuple(np.round([p["p50_ms"], p["p99_ms"]], 9)) in points(times_axis)
+        assert p["mean_g"] == p["families"]["bodies"]["mean_g"]
+    assert set(speed.USES) == set(METHODS)
+    assert set(p["families"]) == set(speed.FAMILIES)
     plt.close(figure)
+
+
+def test_the_tables_hold_each_method_and_family(drawn):
+    data = json.loads((Path(__file__).parents[2] / "docs/bench/speed.json").read_text())
+    auto = next(p for p in data["readouts"]["scan"] if p["method"] == "auto")
+    first = choose.lines(data)[2]
+    assert first.startswith("| `auto` | a robot") and f"| {auto['p99_ms']:.1f} |" in first
+    table = choose.paper(data)
+    assert len(table) == 2 + len(METHODS)
+    assert all(line.count("|") == 2 + 2 * len(scenes.FAMILIES) for line in table)
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/bench.md"])

@@ -6,10 +6,17 @@ import numpy as np
 import pytest
 from kirchhoff import adc_ratio
 
-from tactile_skin import Circuit, PressureCurve
+from tactile_skin import Circuit, PressureCurve, forward
 from tactile_skin.bench import choose
 from tactile_skin.bench.damage import table
-from tactile_skin.bench.damage.board import KNOTS, NOWHERE, FaultBoard, Wiring, between_leads
+from tactile_skin.bench.damage.board import (
+    KNOTS,
+    NOWHERE,
+    FaultBoard,
+    Wiring,
+    between_leads,
+    driven_ratio,
+)
 from tactile_skin.bench.damage.reliability import FAULTS
 from tactile_skin.bench.damage.wires import ELECTRICAL
 from tactile_skin.board import protocol
@@ -241,3 +248,22 @@ def test_every_fault_happens_on_the_smallest_skins(fault):
             board.advance(force)
             fault.damage(board)
             assert all(isinstance(data, bytes) for _, data in board.advance(force))
+
+
+@pytest.mark.parametrize("readout", ["loaded", "grounded"])
+@pytest.mark.parametrize("driven", ["rows", "columns"])
+def test_other_readouts_are_read_as_the_circuit_says(readout, driven):
+    """And behind an open lead nothing is, while a lead of 1 kohm lowers its line's readings."""
+    circuit = Circuit(4, 6, readout=readout, driven=driven)
+    resistance = 10.0 ** np.random.default_rng(4).uniform(2.0, 4.5, (2, 4, 6))
+    wiring = Wiring.sound(4, 6)
+    sound = driven_ratio(1.0 / resistance, wiring, circuit)
+    assert sound == pytest.approx(forward(circuit, resistance), abs=2e-5)  # a driver has 1 mohm
+    for lead, line in (wiring.row_lead, np.s_[:, 1]), (wiring.col_lead, np.s_[:, :, 1]):
+        lead[1] = 1000.0
+        led = driven_ratio(1.0 / resistance, wiring, circuit)
+        assert (led[line] < sound[line]).all()
+        lead[1] = 0.0
+    wiring.rows[3] = wiring.cols[0] = NOWHERE
+    cut = driven_ratio(1.0 / resistance, wiring, circuit)
+    assert (cut[:, 3] == 0.0).all() and (cut[:, :, 0] == 0.0).all() and (cut[:, 0, 1:] > 0).all()

@@ -109,6 +109,18 @@ def test_a_ceiling_with_noise_is_told_at_the_second_touch():
     assert board.frames(50, 750.0, np.s_[4:8, 4:8])[-1].startswith("readings end at 61")
 
 
+def test_noise_above_a_ceiling_does_not_end_it():
+    """A broad push that stands for seconds at the ceiling is let go otherwise."""
+    board = Clipped(noise=0.5, ceiling=614.0)
+    board.frames(200)
+    board.frames(50, 800.0)
+    board.frames(100)
+    board.frames(50, 750.0, np.s_[4:8, 4:8])
+    assert all(board.frames(2000, 800.0))
+    board.ceiling = 700.0
+    assert "" in board.frames(20, 800.0), "it was none"
+
+
 def test_hard_touches_of_a_sound_board_have_none():
     board = Clipped(noise=0.5)
     for touch in np.random.default_rng(3).uniform(300.0, 700.0, 200):

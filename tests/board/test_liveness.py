@@ -176,6 +176,48 @@ def test_what_a_link_held_back_is_as_old_as_it_is(source, late):
     assert source.run(0.5)[-1].lag < 0.02
 
 
+@pytest.mark.parametrize("pace", [1.5, 2.0, 4.0, 50.0])
+@pytest.mark.parametrize("late", [0.3, 1.0, 3.0])
+@pytest.mark.parametrize("held", [1e-4, 0.016])
+def test_a_queue_of_text_is_as_old_as_it_is(pace, late, held):
+    """It is emptied at any pace, by a link that delivers at once what came in `held` [s]."""
+    source = Source(text=True)
+
+    def arrival(t):
+        return np.ceil(t / held) * held
+
+    def send(t):  # the next frame comes at t
+        return source.send(lag=arrival(t) - source.t).lag
+
+    for _ in range(300):
+        assert send(source.t) < 0.02
+    begin = source.t
+    out, seen = begin + late, []
+    while out - source.t > 0.0:
+        seen.append((out - source.t, send(out)))
+        out += source.period / pace
+    for true, lag in seen:
+        assert lag > true - 0.05
+    assert [send(source.t) for _ in range(50)][-1] < 0.02
+
+
+def test_text_frames_that_were_lost_and_not_queued_are_no_lag():
+    source = Source(text=True)
+    source.run(2.0)
+    source.t += 1.0
+    assert source.run(0.25)[-1].lag == 0.0
+
+
+@pytest.mark.parametrize("rate", [200.0, 50.0])
+def test_a_text_board_that_now_sends_at_another_rate_is_believed(rate):
+    source = Source(text=True)
+    source.run(2.0)
+    source.t += 1.0
+    source.period = 1.0 / rate
+    source.run(5.0)
+    assert max(v.lag for v in source.run(5.0)) < 0.02
+
+
 def test_a_link_that_goes_on_slowly_stays_late():
     """A queue that never empties: the frames come at their pace, and each is as old."""
     source = Source()

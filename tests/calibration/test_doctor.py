@@ -33,6 +33,22 @@ def test_a_fault_is_named_with_its_line_or_cell(kind):
     assert str(found[0]).startswith(found[0].where)
 
 
+@pytest.mark.parametrize("shape", [(10, 12), (8, 16), (12, 5)])
+@pytest.mark.parametrize("first", ["columns", "configured"])
+def test_rows_and_columns_that_are_exchanged_are_named(shape, first):
+    """Not sent row by row, or sent so and configured the other way round."""
+    case = Case(5, (), SECONDS, shape)
+    rows, cols = shape
+    frames, circuit = case.frames, case.circuit
+    if first == "columns":
+        frames = frames.swapaxes(1, 2).reshape(frames.shape)
+    else:
+        frames, circuit = frames.reshape(-1, cols, rows), Circuit(cols, rows)
+    (finding,) = diagnose(frames, circuit, series=False)
+    assert finding.kind == "transposed"
+    assert f"circuit.rows: {circuit.cols}" in finding.remedy
+
+
 def test_two_faults_are_both_named():
     case = Case(3, ("open", "dead"), SECONDS, SHAPE)
     assert sorted(f.kind for f in diagnose(case.frames, case.circuit)) == ["dead", "open"]

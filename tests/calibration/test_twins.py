@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from tactile_skin import Circuit, forward
-from tactile_skin.calibration.twins import twins
+from tactile_skin.calibration.watch.twins import stuck_bit, twins
 
 NOISE = 0.06  # ADC steps, of the mean of a second
 SHAPES = [(8, 8), (8, 16), (16, 16)]
@@ -67,3 +68,28 @@ def test_lines_of_a_fabric_without_scatter_are_not_told_apart(noise):
     for _ in range(3000):
         read = steps + noise / 10.0 * rng.standard_normal((16, 16))
         assert twins(read, noise / 10.0, cells) is None
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_stuck_address_bit_is_named(shape, axis):
+    rng, cells, right = np.random.default_rng(15), np.ones(shape, bool), 0
+    for _ in range(20):
+        bit = int(rng.integers(int(np.log2(shape[axis]))))
+        selected = np.arange(shape[axis]) & ~(1 << bit)
+        steps = np.take(rest(rng, shape), selected, axis)
+        right += stuck_bit(read(rng, steps), NOISE, cells) == (("row", "column")[axis], bit)
+    assert right >= 15
+
+
+@pytest.mark.parametrize("shape", [(4, 4), *SHAPES, (3, 20)])
+@pytest.mark.parametrize("smooth", [0.0, 1.5, 4.0])
+def test_a_sound_fabric_has_none_however_smooth_it_is(shape, smooth):
+    rng, circuit = np.random.default_rng(16), Circuit(*shape)
+    for scatter in (0.003, 0.01, 0.03, 0.1):
+        for _ in range(20):
+            picture = rng.standard_normal(shape)
+            picture = gaussian_filter(picture, smooth) if smooth else picture
+            resistance = 40000.0 * np.exp(scatter * picture / picture.std())
+            steps = forward(circuit, resistance) * circuit.full_scale
+            assert stuck_bit(read(rng, steps), NOISE, circuit.populated) is None

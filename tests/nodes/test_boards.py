@@ -57,7 +57,7 @@ class Fed:
         self.force, self.reports = None, []
         observer.create_subscription(Image, "skin/pressure", self._on_pressure, 10)
         observer.create_subscription(
-            DiagnosticArray, "diagnostics", lambda m: self.reports.append(m.status[0]), 100
+            DiagnosticArray, "skin/diagnostics", lambda m: self.reports.append(m.status[0]), 100
         )
         self._publisher = observer.create_publisher(Image, "skin/adc", 10)
         self.absent = np.zeros(CIRCUIT.shape, bool)  # crossings that are not read
@@ -205,6 +205,34 @@ def test_a_reason_longer_than_the_terminal_is_printed_whole_once(monkeypatch):
     assert lines[0] == f"\r\x1b[2K{reason}"
     assert monitor.out.getvalue().count(reason) == 1
     assert len(lines) == 2
+
+
+def test_a_warning_is_printed_whole_once():
+    """And again when it says something else; the live line names who warns."""
+    clock = ManualClock(10.0)
+    context, executor = Context(clock), SingleThreadedExecutor()
+    node, observer = Node("monitor", context=context), Node("observer", context=context)
+    monitor = Monitor(node)
+    monitor.out = io.StringIO()
+    executor.add_node(node)
+    publisher = observer.create_publisher(DiagnosticArray, "skin/diagnostics", 10)
+
+    def say(level, text):
+        status = DiagnosticStatus(level, "compensation", text, "tactile_skin", [])
+        publisher.publish(DiagnosticArray(Header(clock.now().to_msg(), ""), [status]))
+        executor.spin_some()
+        begun = len(monitor.out.getvalue())
+        monitor.live_line()
+        return monitor.out.getvalue()[begun:].splitlines()
+
+    warning = DiagnosticStatus.WARN
+    first, line = say(warning, "row 4 conducts 111 times as much")
+    assert first == "compensation warns: row 4 conducts 111 times as much"
+    assert line.endswith("  warned: compensation")
+    assert len(say(warning, "row 5 conducts 112 times as much")) == 1
+    assert len(say(warning, "column 3 is open")) == 2
+    (line,) = say(DiagnosticStatus.OK, "ok")
+    assert "warned" not in line
 
 
 @pytest.mark.parametrize(("rate", "at_most"), [(8.0, 0.35), (3.0, 0.53), (100.0, 0.13)])

@@ -67,12 +67,19 @@ def test_a_kill_loses_less_than_a_second(tmp_path, clock):
 
 
 def test_a_folder_gets_files_named_after_their_time(tmp_path, clock):
-    recorder = make(tmp_path / "made", clock)
+    recorder = make(f"{tmp_path}/made/", clock)
     feed(recorder, clock, recorded.samples(20))
     recorder.turn(closing=True)
     (path,) = (tmp_path / "made").iterdir()
     assert path.name.startswith("skin_2023-11-")
     assert len(Recording(path).adc) == 20
+
+
+def test_a_name_without_a_suffix_is_a_file(tmp_path, clock):
+    recorder = make(tmp_path / "touches", clock)
+    feed(recorder, clock, recorded.samples(20))
+    recorder.turn(closing=True)
+    assert len(Recording(tmp_path / "touches.mcap").adc) == 20
 
 
 @pytest.mark.parametrize(

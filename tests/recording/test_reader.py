@@ -122,11 +122,14 @@ def test_an_index_that_is_damaged_is_done_without(tmp_path):
 @pytest.mark.parametrize(
     ("data", "said"),
     [
-        (b"", "is no MCAP file"),
+        (b"", "is empty"),
         (b"SQLite format 3\0", "is no MCAP file"),
         (b"\x89MCAP1\r\n" + bytes(100), "version of MCAP is b'1'"),
-        (b"\x89MCAP0\r\n", "has no topic /skin/adc; there are: none"),
-        (b"\x89MCAP0\r\n\x05" + struct.pack("<Q", 2**60), "has no topic"),
+        (b"\x89MCAP0\r\n", "holds no message: it ends without an index"),
+        (
+            b"\x89MCAP0\r\n\x05" + struct.pack("<Q", 2**60),
+            "holds no message: it ends without an index: its",
+        ),
     ],
 )
 def test_foreign_and_future_files_are_refused(tmp_path, data, said):
@@ -179,3 +182,18 @@ def test_a_file_that_is_there_is_not_overwritten(tmp_path):
     with pytest.raises(FileError, match="is there already"):
         Writer(path, {}, 0)
     assert path.read_bytes() == b"precious"
+
+
+@pytest.mark.parametrize("close", [True, False])
+def test_a_part_is_read_from_its_chunks_alone(tmp_path, close, monkeypatch):
+    frames = recorded.samples(400)
+    path = recorded.write(tmp_path / "a.mcap", frames, close=close)
+    found, read = Recording(path), []
+    unpacked = cdr.unpacked
+    monkeypatch.setattr(cdr, "unpacked", lambda chunk: read.append(1) or unpacked(chunk))
+    begin, end = recorded.stamp(205), recorded.stamp(215)
+    part = [t for _, t, _ in found.messages(begin=begin, end=end)]
+    assert part == [recorded.stamp(k) for k in range(205, 215)]
+    assert len(read) == 2  # of 40
+    assert list(found.messages(begin=recorded.stamp(500))) == []
+    assert len(found.adc) == 400

@@ -45,6 +45,18 @@ def test_the_bench_takes_a_foreign_file(path, tmp_path, capsys):
     assert (tmp_path / "out" / "recorded.png").exists()
 
 
+def test_a_few_blanks_cost_frames_and_no_method(path, tmp_path):
+    frames = read_frames(path)
+    frames.values[[20, 340, 350], 2, 3] = np.nan
+    export(frames, frames, tmp_path / "a.npy")
+    config = tmp_path / "mine.yaml"
+    text = ", ".join(f"{k.removeprefix('circuit.')}: {v}" for k, v in CELLS.items())
+    config.write_text(f"/**: {{ros__parameters: {{circuit: {{{text}}}}}}}\n")
+    data = measure(40, str(tmp_path / "a.npy"), str(config), 1)["recorded"]
+    assert set(data["methods"]) == set(METHODS) - {"cnn", "physics"}
+    assert any("3 of 500 frames with blanks are left out" in note for note in data["notes"])
+
+
 @pytest.mark.parametrize("words", [["recorded"], ["speed", "--frames", "a.csv"]])
 def test_frames_belong_to_recorded(words, capsys):
     assert cli.main(["bench", "--quick", *words]) == 2

@@ -161,8 +161,9 @@ def test_methods_side_by_side(path, tmp_path):
     assert found.cell.shape == (3, 600)
     assert found.cell[0].max() == found.cell[2].max() == 0.0 < found.cell[1].max()
     assert found.worst == found.cell[1].argmax()
-    lines = table(found).splitlines()
-    assert [line.split()[0] for line in lines] == ["method", "map", "naive", "map"]
+    about, lines = table(found).split("\n\n")
+    assert "600 readings of 6.0 s" in about and "from map" in about
+    assert [line.split()[0] for line in lines.splitlines()] == ["method", "map", "naive", "map"]
     plt = pytest.importorskip("matplotlib.pyplot")
     figure = draw(found)
     figure.savefig(tmp_path / "a.png")
@@ -173,5 +174,5 @@ def test_methods_side_by_side(path, tmp_path):
 
 def test_a_recording_without_readings_is_refused(tmp_path):
     path = write(tmp_path / "a.mcap", 0.0)
-    with pytest.raises(ValueError, match="has no topic /skin/adc"):
+    with pytest.raises(ValueError, match="holds no message"):
         collect(Job(str(path)))

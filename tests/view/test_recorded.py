@@ -61,6 +61,21 @@ def test_each_time_has_all_that_was_said_of_its_reading(tmp_path):
         assert snapshot.reason == ("push" if k >= 30 else "")
 
 
+def test_a_long_recording_is_read_by_blocks(tmp_path, monkeypatch):
+    """Of several blocks, in any order, the same as of one; few are kept."""
+    recording = Recording(write(tmp_path / "a.mcap", 50))
+    for name, value in (("_BLOCK", 8), ("_BLOCKS", 2)):
+        monkeypatch.setattr(f"tactile_skin.view.recorded.{name}", value)
+    shown = Recorded(recording)
+    assert len(shown._blocks) == 7
+    for k in (49, 0, 7, 8, 9, 15, 16, 40, 48, 3):
+        number, snapshot = asyncio.run(shown.snapshot(Wanted(at=k / 100)))
+        assert number == k + 1
+        assert (snapshot.adc == 64 * k).all() and (snapshot.pressure == k).all()
+        assert snapshot.contacts[0, 3] == k and snapshot.stop is (k >= 30)
+    assert shown._block.cache_info().currsize == 2
+
+
 def test_a_skin_of_several_is_chosen_by_its_namespace(tmp_path):
     path = write(tmp_path / "a.mcap", 3, "/left/skin")
     assert Recorded(Recording(path, "left")).shape == (16, 16)
@@ -79,7 +94,7 @@ def test_what_cannot_be_shown_is_said_in_a_line(tmp_path, capsys):
     wrong.write_text("/**: {ros__parameters: {circuit: {rows: 8}}}")
     good = str(write(tmp_path / "good.mcap", 3))
     for words, said in (
-        ([str(empty)], "skin/adc"),
+        ([str(empty)], "holds no message"),
         ([str(tmp_path / "none.mcap")], "none.mcap"),
         ([good, "view_port:=http"], "view_port:=http: must be a whole number"),
         ([good, "speed:=2"], "argument 'speed': must be one of"),

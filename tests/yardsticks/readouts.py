@@ -1,77 +1,190 @@
-"""Three ways to read a matrix, compared by what noise makes of the force:
-`python tests/yardsticks/readouts.py`.
+"""Floating, loaded and grounded matrices: `python tests/yardsticks/readouts.py WHAT [--n N] ...`.
 
-For each, the exact inverse of the readings of a scripted scene is taken to first order: one
-standard deviation of each cell's force if each reading has NOISE ADC steps of noise, and the
-largest reading of an untouched cell beside that of the hardest pressed one, both less what they
-read at rest. Paper's circuit, 16 x 16, default curve. `floating`: one row driven, one column read,
-the others open. `loaded`: all columns on a resistor of their own, the other rows open. `grounded`:
-the other rows at 0 V as well.
+    noise      what noise makes of the force, and ghosts, of the exact inverse to first order
+    accuracy   newton on ideal readings, map on `scan`, the same touches for each readout
+    speed      floating, in times y, to compare two versions: run them in turn
+    wrong      how often a frame of one readout is suspect to another, after a tare by that
+    named      streams of a minute, with the readout that `diagnose` names
+
+Paper's circuit, default curve. Streams through all nodes: `tactile-skin bench faults --shapes
+8x8-loaded-rows`.
 """
 
 from __future__ import annotations
 
+import argparse
+from dataclasses import replace
+
 import numpy as np
 
-from tactile_skin import Circuit, PressureCurve, forward
+from tactile_skin import Circuit, PressureCurve, compensate, diagnose, forward
+from tactile_skin.bench.damage import streams as touches
+from tactile_skin.bench.damage.board import KNOTS, FaultBoard
+from tactile_skin.bench.measure import Clock, frames
+from tactile_skin.calibration.rest import resting_conductance
 from tactile_skin.learning import scenes
+from tactile_skin.physics import readouts
+from tactile_skin.physics.curve import GRAM
+from tactile_skin.solvers.reading import SCAN_NOISE
 
-NOISE = (
-    3 / 13
-) ** 0.5  # ADC steps: 1 step behind a low-pass of 3/8 has a / (2 - a) of its variance
-STEPS = 1024
 CIRCUIT, CURVE = Circuit(), PressureCurve()
-SCENES = "one_finger", "two_fingers", "push_left"
+FAMILIES = "blobs", "rects", "random", "bodies"
+KINDS = (
+    ("floating", "rows"),
+    ("loaded", "rows"),
+    ("loaded", "columns"),
+    ("grounded", "rows"),
+    ("grounded", "columns"),
+)
+REST_SCATTER = 0.1  # RMS, relative, of the cells at rest
 
 
-def floating(g: np.ndarray) -> np.ndarray:
-    """(rows, cols) conductance [S] -> (rows, cols) share of the supply."""
-    return forward(CIRCUIT, 1.0 / g)
+def circuit_of(kind, base: Circuit = CIRCUIT) -> Circuit:
+    return replace(base, readout=kind[0], driven=kind[1])
 
 
-def loaded(g: np.ndarray) -> np.ndarray:
-    rows, cols = g.shape
-    network = np.zeros((rows + cols, rows + cols))
-    network[:rows, rows:], network[rows:, :rows] = -g, -g.T
-    network[np.diag_indices(rows + cols)] = np.r_[g.sum(1), g.sum(0) + 1.0 / CIRCUIT.r_ref]
-    k = np.linalg.inv(network)
-    return k[:rows, rows:] / (np.diag(k)[:rows, None] + CIRCUIT.r_par)
+def noise() -> None:
+    """One standard deviation of a touched cell's force by each reading's noise."""
+    print("readout   scene        ghost   std of a touched cell [g], median")
+    for kind in (k for k in KINDS if k[1] == "rows"):
+        circuit = circuit_of(kind)
+        for scene in ("one_finger", "two_fingers", "push_left"):
+            force = scenes.script(scene, *circuit.shape)(0.0)
+            touched, idle = force > 0.05, force == 0.0
+            g = 1.0 / CURVE.resistance(force)
+            network = readouts.solve(circuit, g)
+            rest = forward(circuit, CURVE.resistance(np.zeros_like(force)))
+            ghost = (network.adc - rest)[idle].max() / (network.adc - rest).max()
+            row, col = np.divmod(np.arange(g.size, dtype=np.int32), np.int32(circuit.cols))
+            slopes = network.sensitivity(
+                np.ones(g.shape),
+                np.arange(g.size, dtype=np.int32),
+                row,
+                col + np.int32(circuit.rows),
+            )
+            inverse = np.linalg.inv(slopes.astype(float))
+            std_g = np.sqrt(np.square(inverse).sum(1)).reshape(g.shape)
+            std_g *= SCAN_NOISE / circuit.full_scale
+            step = 1e-4 + 1e-4 * force
+            by_force = (1.0 / CURVE.resistance(force + step) - g) / step  # S/N
+            median = np.median((std_g / by_force)[touched]) / GRAM
+            print(f"{circuit.readout:9} {scene:12} {100 * ghost:4.0f} %  {median:5.2f}")
 
 
-def grounded(g: np.ndarray) -> np.ndarray:
-    return g / (1.0 / CIRCUIT.r_ref + g.sum(0))
+def accuracy(n: int, seed: int, families=FAMILIES) -> None:
+    """The same touches, each read in all ways."""
+    print("readout          family  newton, ideal: worst g  y p50  map, scan: mean g  ok %  y p50")
+    for family in families:
+        for kind in KINDS:
+            circuit = circuit_of(kind)
+            rng = np.random.default_rng(seed)
+            force, adc = frames(family, "ideal", n, rng, circuit, CURVE)
+            clock, worst = Clock(), 0.0
+            for truth, frame in zip(force, adc, strict=True):
+                found = clock(compensate, frame, circuit, CURVE, "newton", noise=0.0)
+                worst = max(worst, np.abs(found.force - truth).max() / GRAM)
+            rng = np.random.default_rng(seed)
+            force, adc = frames(family, "scan", n, rng, circuit, CURVE)
+            fits, error, ok = Clock(), 0.0, 0
+            for truth, frame in zip(force, adc, strict=True):
+                found = fits(compensate, frame, circuit, CURVE, "map", noise=SCAN_NOISE)
+                error += np.abs(found.force - truth).mean() / GRAM / n
+                ok += found.status == "ok"
+            print(
+                f"{' '.join(kind):16} {family:7} {worst:10.1e} {clock.quantile(0.5):17.2f} "
+                f"{error:15.2f} {100 * ok / n:10.1f} {fits.quantile(0.5):6.2f}",
+                flush=True,
+            )
 
 
-def spread(readout, force: np.ndarray) -> np.ndarray:
-    """(rows, cols) one standard deviation of each cell's force [N]."""
-    resistance = CURVE.resistance(force)
-    g = 1.0 / resistance
-    here, columns = readout(g), []
-    for cell in np.ndindex(g.shape):
-        step = 1e-5 * g[cell]
-        moved = g.copy()
-        moved[cell] += step
-        columns.append((readout(moved) - here).ravel() / step)
-    inverse = np.linalg.inv(np.array(columns).T)
-    std_g = np.sqrt((inverse**2).sum(1)).reshape(g.shape) * NOISE / STEPS
-    dforce = 1e-4 + 1e-4 * force
-    slope = (1.0 / CURVE.resistance(force + dforce) - g) / dforce  # S/N
-    return std_g / slope
+def speed(n: int, seed: int) -> None:
+    """p50 of floating frames."""
+    for family in FAMILIES:
+        line = []
+        for method, readout in (("newton", "ideal"), ("map", "scan"), ("fixed_point", "scan")):
+            _, adc = frames(family, readout, n, np.random.default_rng(seed), CIRCUIT, CURVE)
+            clock = Clock()
+            for frame in adc:
+                clock(compensate, frame, CIRCUIT, CURVE, method, noise=SCAN_NOISE)
+            line.append(f"{method} {clock.quantile(0.5):.2f}")
+        print(f"{family:7}", "  ".join(line), flush=True)
+
+
+def wrong(n: int, seed: int) -> None:
+    """Suspect frames, or failed ones, by what a board is and what it is taken for."""
+    print("is \\ taken for    " + "  ".join(f"{' '.join(k):16}" for k in KINDS))
+    for true in KINDS:
+        line = []
+        for supposed in KINDS:
+            rng = np.random.default_rng(seed)
+            rest = np.exp(REST_SCATTER * rng.standard_normal(CIRCUIT.shape))
+            rest = CURVE.resting_at(CURVE.rest_resistance * rest)
+            board, taken = circuit_of(true), circuit_of(supposed)
+            at_rest = forward(board, rest.resistance(np.zeros(board.shape)))
+            try:
+                curve = CURVE.resting_at(1.0 / resting_conductance(at_rest, taken, 0.1))
+            except ValueError as error:
+                line.append(f"no rest: {error}"[:16])
+                continue
+            bad = total = 0
+            for family in FAMILIES:
+                _, adc = frames(family, "scan", n, rng, board, rest)
+                for frame in adc:
+                    bad += compensate(frame, taken, curve, "map", noise=SCAN_NOISE).status != "ok"
+                    total += 1
+            line.append(f"{100 * bad / total:5.1f} %")
+        print(f"{' '.join(true):16}  " + "  ".join(f"{word:16}" for word in line), flush=True)
+
+
+def recording(circuit: Circuit, seed: int, seconds=60.0) -> np.ndarray:
+    """(n, rows, cols) ADC ratio of a minute of touches, 20 frames a second."""
+    rng = np.random.default_rng(seed)
+    board = FaultBoard(circuit, CURVE, rng)
+    force = touches.everyday(circuit.populated, seconds, rng, CURVE.max_force, hard=False).force
+    ratio = board.ratio(force[:: KNOTS // 20])
+    steps = ratio * circuit.full_scale + SCAN_NOISE * rng.standard_normal(ratio.shape)
+    return np.clip(np.rint(4.0 * steps) / 4.0, 0.0, circuit.full_scale) / circuit.full_scale
+
+
+def named(n: int, seed: int, shape=(8, 8)) -> None:
+    """What `diagnose` says of each true readout, taken for each."""
+    print("is \\ taken for: streams whose readout is named rightly (taken for itself: not named)")
+    for true in KINDS:
+        line = []
+        for supposed in KINDS:
+            good = 0
+            for k in range(n):
+                board, taken = (circuit_of(kind, Circuit(*shape)) for kind in (true, supposed))
+                found = diagnose(recording(board, seed + k), taken, series=False)
+                said = [f for f in found if f.kind == "readout"]
+                if true == supposed:
+                    good += not said
+                else:
+                    words = f"readout: {true[0]}", f"driven: {true[1]}"
+                    expected = words[: 1 if true[0] == "floating" else 2]
+                    good += bool(said) and all(word in said[0].remedy for word in expected)
+            line.append(f"{good}/{n}")
+        print(f"{' '.join(true):16}  " + "  ".join(f"{word:8}" for word in line), flush=True)
 
 
 def main():
-    print("readout   scene        ghost   std of a touched cell [g], median")
-    for readout in (floating, loaded, grounded):
-        for scene in SCENES:
-            force = scenes.script(scene, *CIRCUIT.shape)(0.0)
-            touched, idle = force > 0.05, force == 0.0
-            u = readout(1.0 / CURVE.resistance(force))
-            rest = readout(1.0 / CURVE.resistance(np.zeros_like(force)))
-            ghost = (u - rest)[idle].max() / (u - rest).max()
-            std = spread(readout, force) / 9.80665e-3
-            median = np.median(std[touched])
-            print(f"{readout.__name__:9} {scene:12} {100 * ghost:4.0f} %  {median:5.2f}")
 
+    raw = argparse.RawTextHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=raw)
+    parser.add_argument("what", choices=[*_WHAT])
+    parser.add_argument("--n", type=int, default=20, help="frames of a family, or streams")
+    parser.add_argument("--seed", type=int, default=1)
+    args = parser.parse_args()
+    _WHAT[args.what](args)
+
+
+_WHAT = {
+    "noise": lambda args: noise(),
+    "accuracy": lambda args: accuracy(args.n, args.seed),
+    "speed": lambda args: speed(args.n, args.seed),
+    "wrong": lambda args: wrong(args.n, args.seed),
+    "named": lambda args: named(args.n, args.seed),
+}
 
 if __name__ == "__main__":
     main()

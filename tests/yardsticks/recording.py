@@ -58,18 +58,15 @@ def equal(folder: Path, _) -> None:
     stamps, pressure = found.images("/skin/pressure")
     live = dict(zip(stamps.tolist(), pressure, strict=True))
     replay = Replay(found)
-    same, skipped = [], []
-    for k, step in enumerate(replay):
-        picture = live.get(step.stamp)
-        if picture is None:
-            skipped.append(k)
-        else:
-            same.append(np.array_equal(step.force, picture * replay.cell_area))
-    before = skipped[0] if skipped else len(same)
-    print(
-        f"equal: replayed to the bit: {sum(same)} of {len(same)}; the skin skipped {len(skipped)}"
-    )
-    print(f"equal: up to the first that it skipped: {sum(same[:before])} of {before}")
+    steps = {step.stamp: step.force for step in replay}
+    same = [
+        np.array_equal(steps.get(stamp), picture * replay.cell_area)
+        for stamp, picture in live.items()
+    ]
+    late = sum(found.taken()[stamp] - stamp > 10_000_000 for stamp in steps)
+    timed_out = len(steps.keys() - live.keys())
+    print(f"equal: replayed to the bit: {sum(same)} of {len(same)}; {late} of them were late")
+    print(f"equal: timed out on the skin, not here: {timed_out}; {replay.notes}")
 
 
 def kills(folder: Path, times: int) -> None:

@@ -234,7 +234,13 @@ class Graph:
         return all(word in said for word in words)
 
     def wait_until_heard(self, name: str, *topics: str) -> None:
-        topics = topics or (*DECIDED, "skin/adc", "skin/stop", "skin/stop_status", "diagnostics")
+        topics = topics or (
+            *DECIDED,
+            "skin/adc",
+            "skin/stop",
+            "skin/stop_status",
+            "skin/diagnostics",
+        )
         self.wait_for(
             lambda: self.hears(name, *(f"heard {t}\n" for t in topics)), f"{name} hears {topics}"
         )

@@ -27,6 +27,7 @@ BINARY, TEXT = "binary", "text"
 BOTH = (BINARY, TEXT)
 READOUTS = ("low-pass", "single", "mean of 4")  # what a frame is made of: scans
 _INSULATION = 1e-10  # S between stripes where no cell is: keeps severed parts solvable
+_DRIVER = 1e-3  # ohm of a driver that holds its line
 _LATERAL = 0.005  # of what a cell conducts above rest, gained by its neighbours (DESIGN: 0.5 %)
 _SCATTER = (0.05, 0.08)  # RMS of what a load adds to a cell's conductance, from board to board
 _REST = 0.03  # RMS scatter of the cells' resistance at rest
@@ -79,6 +80,57 @@ def between_leads(conductance: np.ndarray, wiring: Wiring) -> np.ndarray:
     Returns:
         (n, rows, cols) [ohm], infinite for an address that selects nothing.
     """
+    nodal, n_rows = nodal_matrix(conductance, wiring)
+    every = np.arange(nodal.shape[1])
+    fill = nodal[:, every, every].mean(1) / len(every)
+    k = np.linalg.inv(nodal + fill[:, None, None])
+    own = k[:, every, every]
+    a, b = wiring.rows, n_rows + wiring.cols
+    rho = own[:, a, None] + own[:, None, b] - 2.0 * k[:, a[:, None], b[None, :]]
+    rho += wiring.row_lead[:, None] + wiring.col_lead
+    rho[:, wiring.rows == NOWHERE] = np.inf
+    rho[:, :, wiring.cols == NOWHERE] = np.inf
+    return rho
+
+
+def driven_ratio(conductance: np.ndarray, wiring: Wiring, circuit: Circuit) -> np.ndarray:
+    """ADC ratio of a loaded or grounded matrix, by Kirchhoff's laws for all its nodes at once.
+
+    Each sense address has its resistor on the board's side of its lead, each drive address its
+    driver. One that selects nothing reads 0, and drives nothing.
+
+    Args:
+        conductance: (n, rows, cols) of the cells [S], 0 where there is none.
+        circuit: as it truly is.
+
+    Returns:
+        (n, rows, cols).
+    """
+    nodal, n_rows = nodal_matrix(conductance, wiring)
+    cols = np.where(wiring.cols == NOWHERE, NOWHERE, wiring.cols + n_rows)
+    lines = (wiring.rows, wiring.row_lead), (cols, wiring.col_lead)
+    (drive, before), (sense, behind) = lines if circuit.driven == "rows" else lines[::-1]
+    grounded = circuit.readout == "grounded"
+    load = circuit.r_ref + behind + (circuit.r_par if grounded else 0.0)  # ohm
+    _lead_to_ground(nodal, sense, 1.0 / load)
+    if grounded:
+        _lead_to_ground(nodal, drive, 1.0 / (before + _DRIVER))
+    k = np.linalg.inv(nodal)
+    series = before + (_DRIVER if grounded else k[:, drive, drive] + circuit.r_par)  # ohm
+    u = k[:, drive[:, None], sense] / np.broadcast_to(series, (len(k), len(drive)))[:, :, None]
+    u *= circuit.r_ref / load
+    u[:, drive == NOWHERE], u[:, :, sense == NOWHERE] = 0.0, 0.0
+    return u if circuit.driven == "rows" else u.swapaxes(1, 2)
+
+
+def _lead_to_ground(nodal: np.ndarray, nodes: np.ndarray, siemens: np.ndarray) -> None:
+    there = nodes != NOWHERE  # several addresses may select one node
+    every = np.arange(nodal.shape[1])
+    nodal[:, every, every] += np.bincount(nodes[there], siemens[there], len(every))
+
+
+def nodal_matrix(conductance: np.ndarray, wiring: Wiring) -> tuple[np.ndarray, int]:
+    """L of all stripes and severed parts, (n, nodes, nodes) [S], and how many of them are rows."""
     n_rows, n_cols = int(wiring.row_of.max()) + 1, int(wiring.col_of.max()) + 1
     n_rows = max(n_rows, int(wiring.rows.max()) + 1)
     n_cols = max(n_cols, int(wiring.cols.max()) + 1)
@@ -93,15 +145,7 @@ def between_leads(conductance: np.ndarray, wiring: Wiring) -> np.ndarray:
         nodal[:, [a, b], [b, a]] -= siemens
     every = np.arange(nodes)
     nodal[:, every, every] = -nodal.sum(2)
-    fill = nodal[:, every, every].mean(1) / nodes
-    k = np.linalg.inv(nodal + fill[:, None, None])
-    own = k[:, every, every]
-    a, b = wiring.rows, n_rows + wiring.cols
-    rho = own[:, a, None] + own[:, None, b] - 2.0 * k[:, a[:, None], b[None, :]]
-    rho += wiring.row_lead[:, None] + wiring.col_lead
-    rho[:, wiring.rows == NOWHERE] = np.inf
-    rho[:, :, wiring.cols == NOWHERE] = np.inf
-    return rho
+    return nodal, n_rows
 
 
 @dataclass
@@ -215,9 +259,15 @@ class FaultBoard:
         ratio = np.empty(force.shape)
         for part, scenes in ((moving, force[moving]), (~moving, force[~moving][:1])):
             if part.any():  # rest is solved once
-                rho = between_leads(self.conductance(scenes), self.wiring)
-                ratio[part] = self.r_ref / (self.r_ref + self.r_par + rho)
+                ratio[part] = self._read(self.conductance(scenes))
         return ratio
+
+    def _read(self, conductance: np.ndarray) -> np.ndarray:
+        if self.circuit.readout != "floating":
+            true = replace(self.circuit, r_ref=self.r_ref, r_par=self.r_par)
+            return driven_ratio(conductance, self.wiring, true)
+        rho = between_leads(conductance, self.wiring)
+        return self.r_ref / (self.r_ref + self.r_par + rho)
 
     def advance(self, force: np.ndarray) -> list[tuple[float, bytes]]:
         """Take the force at the next knots, (n, rows, cols) [N]: what arrives, and when [s]."""

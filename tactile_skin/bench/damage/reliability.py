@@ -21,6 +21,7 @@ from ...behaviours.stop import PUSH as PUSH_REASON
 from ...middleware.threads import one_thread
 from ...physics.circuit import Circuit
 from ...physics.curve import GRAM, PressureCurve
+from ...physics.readouts import DRIVEN, READOUTS
 from ..measure import GHOST
 from ..stability import FAILS, FAILS_SHARE
 from . import streams, table
@@ -46,6 +47,12 @@ SHAPES = {
     "disc": Circuit(16, 16, mask=_DISC),
     "32x32": Circuit(32, 32),
 }
+PUBLISHED = tuple(SHAPES)
+SHAPES |= {
+    f"8x8-{readout}-{driven}": Circuit(8, 8, readout=readout, driven=driven)
+    for readout in READOUTS[1:]
+    for driven in DRIVEN
+}
 SOUND = (  # protocol, readout, noise of a sample [ADC steps], whether its noise is configured
     (BINARY, "low-pass", 0.3, True),
     (BINARY, "low-pass", 1.0, True),
@@ -68,7 +75,7 @@ _LEFT = {"low-pass": (3 / 13) ** 0.5, "single": 1.0, "mean of 4": 0.5}  # of a s
 _NOISE = 1.0  # RMS of a sample where a fault is tried [ADC steps]
 _CHUNK = 30.0  # s of a sound stream that are drawn at once
 FULL = {  # arguments of `measure`
-    "shapes": tuple(SHAPES),
+    "shapes": PUBLISHED,
     "faults": FAULTS,
     "streams": 1,
     "seconds": 16.0,

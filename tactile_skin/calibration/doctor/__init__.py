@@ -2,6 +2,7 @@
 
 findings.py   each fault in words
 recorded.py   rest, noise and touches of the recording
+readout.py    another readout than the configured one
 readings.py   faults of single readings: bits, ceiling, noise, open and loose lines
 order.py      lines that read alike, lines in the wrong order
 wiring.py     damage of wires and cells that explains the rest
@@ -20,7 +21,7 @@ from ...solvers.series import series_scale
 from ..identify import identify
 from ..rest import REST_SPAN, Rest, resting_conductance
 from . import findings as texts
-from . import order, readings, wiring
+from . import order, readings, readout, wiring
 from .findings import Finding
 from .recorded import Recorded, record
 
@@ -30,6 +31,7 @@ _ASKED, _TOUCHES, _HELD = 20_000, (20, 60), 15
 # share of r_par, and standard deviations, by which it must be off; touches that must say so
 _SERIES, _SAYING = (0.05, 3.0), 20
 _SHORTED = 0.5  # share of what a short of two lines takes from their readings at rest
+_READ = 12, 4  # hardest touches that the readout is judged by, without `series`
 _ONE_VOLTAGE = 4.0  # times the noise within which all readings are one voltage
 
 
@@ -47,7 +49,10 @@ def diagnose(
         series: whether to ask for r_par, r_ref and supply, which takes most of the time.
 
     Returns:
-        The faults, an empty list for a sound board. A wrong bit hides all else.
+        The faults, an empty list for a sound board. Another readout than the circuit's, a wrong
+        bit, and rows and columns that are exchanged hide all else. Damage of wires that only their
+        network shows (all but "open", "contact" and "noisy") is looked for on floating matrices
+        only.
 
     Raises:
         ValueError: another shape, values outside [0, 1], or fewer than 20 frames.
@@ -55,8 +60,12 @@ def diagnose(
     seen = record(frames, circuit, rest)
     if finding := _silent(seen):
         return [finding]
+    if fitting := readout.other(seen, _touches(seen, _READ[0 if series else 1])):
+        return [texts.readout(circuit, fitting)]
     if bits := readings.stuck_bits(seen):
         return [texts.bit(*bit) for bit in bits]
+    if votes := order.transposed(seen):
+        return [texts.transposed(circuit, *votes)]
     found: list[Finding] = []
     if top := readings.ceiling(seen):
         found.append(texts.ceiling(seen, *top))
@@ -71,6 +80,8 @@ def diagnose(
     noisy_lines, noisy_cells = readings.noisy(seen, unusable)
     found += [texts.noisy_line(seen, *line) for line in noisy_lines]
     found += [texts.noisy_cell(seen, *cell) for cell in noisy_cells]
+    if circuit.readout != "floating":
+        return found
     wires, rho, known = _wires(seen, unusable)
     pairs = _joined(seen, wires, rho, known, order.equal_lines(seen, unusable), found)
     unusable |= pairs
@@ -182,9 +193,9 @@ def _without(lead: np.ndarray, adc: np.ndarray, circuit: Circuit) -> np.ndarray:
     return np.clip(circuit.r_ref / (circuit.r_ref / np.maximum(adc, 1e-4) - lead), 0.0, 1.0)
 
 
-def _touches(seen: Recorded) -> np.ndarray:
-    """(n, rows, cols) ADC ratio of touches, each where it moves least."""
-    n = int(np.clip(_ASKED / np.count_nonzero(seen.circuit.populated), *_TOUCHES))
+def _touches(seen: Recorded, n: int | None = None) -> np.ndarray:
+    """(n, rows, cols) ADC ratio of the hardest touches, each where it moves least."""
+    n = n or int(np.clip(_ASKED / np.count_nonzero(seen.circuit.populated), *_TOUCHES))
     hardest = np.argsort(-seen.steps[seen.peaks].max((1, 2)))
     picked = np.sort(seen.peaks[hardest[:n]])
     found = []
@@ -193,4 +204,6 @@ def _touches(seen: Recorded) -> np.ndarray:
         moved = np.abs(near[2:] - near[:-2]).sum((1, 2))
         k = int((moved / np.abs(near[1:-1] - seen.base).sum((1, 2))).argmin())
         found.append(near[k : k + 3].mean(0))
-    return np.clip(np.array(found) / seen.circuit.full_scale, 0.0, 1.0)
+    return np.clip(
+        np.array(found).reshape(-1, *seen.circuit.shape) / seen.circuit.full_scale, 0.0, 1.0
+    )

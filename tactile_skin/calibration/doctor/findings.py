@@ -9,6 +9,7 @@ import numpy as np
 from ...physics.circuit import Circuit
 from ..identify import Identified
 from . import order, wiring
+from .readout import Fitting
 from .recorded import Recorded, line_name
 
 # Ohm of a crossing, below which it is no pressed cell but a short: one of 1 ohm seems to have up to
@@ -21,8 +22,9 @@ class Finding:
     """One fault.
 
     Attributes:
-        kind: "short", "open", "broken", "lead", "doubled", "swapped", "shifted", "dead", "stuck",
-            "noisy", "contact", "circuit", "bits", "saturation" or "no signal".
+        kind: "short", "open", "broken", "lead", "doubled", "swapped", "shifted", "transposed",
+            "dead", "stuck", "noisy", "contact", "circuit", "readout", "bits", "saturation" or
+            "no signal".
         where: for a person: "column 5", "row 2, column 7", "ADC".
         evidence: the numbers that show it.
         remedy: what to check.
@@ -222,6 +224,30 @@ def misplaced(moved: order.Misplaced) -> Finding:
         f"{saved} if they are exchanged",
         f"Press along them: if the touch jumps, exchange the two leads, or `{name}` in the sketch",
         **{key: (a, b)},
+    )
+
+
+def transposed(supposed: Circuit, touches: int, share: float) -> Finding:
+    rows, cols = supposed.shape
+    return Finding(
+        "transposed",
+        "rows and columns",
+        f"{touches} touches are {100 * share:.0f} % smoother if they are exchanged",
+        f"Set circuit.rows: {cols} and circuit.cols: {rows}; or let the sketch send row by row, "
+        "not column by column",
+    )
+
+
+def readout(supposed: Circuit, fitting: Fitting) -> Finding:
+    name = fitting.circuit.readout
+    driven = "" if name == "floating" else f" and circuit.driven: {fitting.circuit.driven}"
+    return Finding(
+        "readout",
+        "wiring of the board",
+        f"the touches are those of a {name} matrix{' with driven ' if driven else ''}"
+        f"{fitting.circuit.driven if driven else ''}: it misses them by {fitting.left:.1f} times "
+        f"the noise, a {supposed.readout} one by {fitting.supposed:.1f} times",
+        f"Set circuit.readout: {name}{driven}; docs/boards.md shows how to tell by the wires",
     )
 
 

@@ -139,3 +139,23 @@ def _shifted(seen: Recorded, pictures: np.ndarray, axis: int) -> Misplaced | Non
     now, other = (np.abs(np.diff(np.pad(p, edges))).sum((1, 2)) for p in (pictures, moved))
     vote = _vote(now, other)
     return Misplaced(axis, (-1, -1), *vote) if vote else None
+
+
+def transposed(seen: Recorded) -> tuple[int, float] | None:
+    """Touches counted and variation saved if the samples come column by column, or the rows are the
+    columns; None: they do not.
+
+    On a square skin that is another touch's picture, and no reading tells.
+    """
+    rows, cols = seen.circuit.shape
+    if rows == cols or min(rows, cols) == 1 or not seen.circuit.populated.all():
+        return None
+    pictures = _pictures(seen)
+    other = pictures.reshape(-1, cols, rows).swapaxes(1, 2)
+    return _vote(_variation(pictures), _variation(other))
+
+
+def _variation(pictures: np.ndarray) -> np.ndarray:
+    """(n,) of (n, rows, cols), from line to line both ways; nothing is touched beyond the edges."""
+    padded = np.pad(pictures, ((0, 0), (1, 1), (1, 1)))
+    return sum(np.abs(np.diff(padded, axis=axis)).sum((1, 2)) for axis in (1, 2))

@@ -33,6 +33,7 @@ def stuck_bits(seen: Recorded) -> list[tuple[int, int, float]]:
     off = np.abs(steps - base)
     fell = (steps < _BELOW * base - 3.0) & (base > 10.0)
     folded = fell.sum() >= _BELOW_READINGS and np.count_nonzero(fell.any(0)) >= _BELOW_CELLS
+    folded &= seen.circuit.readout == "floating"  # a load only raises its readings
     found, full = [], seen.circuit.full_scale
     for bit in range(_LOWEST_BIT, seen.circuit.adc_bits):
         # At rest all readings are in one place, which may be the edge of a gap.

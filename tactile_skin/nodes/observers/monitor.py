@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import sys
 from collections import deque
@@ -17,15 +18,18 @@ from ...msg import (
     Image,
     PointCloud2,
     Twist,
+    TwistStamped,
     Vector3Stamped,
     cloud_columns,
 )
 from .. import diagnostics
+from ..cmd_vel import kind_of, twist_of
 from ..stop_on_push import STATUS_TOPIC
 from ..touch import xyz
 
 _FIRST_FRAME_WITHIN = 20.0  # s, before a run of limited duration gives up
 _KEPT = 200_000  # latencies
+_NUMBER = re.compile(r"-?\d+(\.\d+)?")  # in two warnings alike but for their numbers
 _EVERY_DECISION = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -52,7 +56,8 @@ class Monitor:
         self._decided = 0, 0  # stamp of the last decision that came before its reading, when [ns]
         self._first: int | None = None
         self._driver: dict[str, str] = {}
-        self._troubles: dict[str, str] = {}
+        self._warnings: dict[str, str] = {}  # node -> its message
+        self._warned: dict[str, str] = {}  # the same without numbers, of those that were printed
         self._contacts, self._force = 0, 0.0
         self._direction = (0.0, 0.0, 0.0)
         self._cmd_vel: Twist | None = None  # while a node of the skin moves the robot
@@ -64,7 +69,7 @@ class Monitor:
         node.create_subscription(Image, "skin/adc", self.on_adc, 100)
         node.create_subscription(PointCloud2, "skin/contacts", self.on_contacts, 100)
         node.create_subscription(Vector3Stamped, "skin/push_direction", self.on_direction, 100)
-        node.create_subscription(Twist, "cmd_vel", self.on_cmd_vel, 1)
+        node.create_subscription(kind_of(node), "cmd_vel", self.on_cmd_vel, 1)
         node.create_subscription(DiagnosticArray, STATUS_TOPIC, self.on_status, _EVERY_DECISION)
         node.create_subscription(DiagnosticArray, diagnostics.TOPIC, self.on_diagnostics, 100)
         node.create_timer(0.2 if self.out.isatty() else 1.0, self.live_line)
@@ -93,8 +98,8 @@ class Monitor:
     def on_direction(self, msg: Vector3Stamped) -> None:
         self._direction = xyz(msg.vector)
 
-    def on_cmd_vel(self, msg: Twist) -> None:
-        self._cmd_vel = msg
+    def on_cmd_vel(self, msg: Twist | TwistStamped) -> None:
+        self._cmd_vel = twist_of(msg)
 
     def on_status(self, msg: DiagnosticArray) -> None:
         """The stop hook: every decision, with the stamp of the reading it rests on."""
@@ -130,9 +135,9 @@ class Monitor:
             if "crc_errors" in values:
                 self._driver = values
             if status.level == DiagnosticStatus.WARN:  # an ERROR shows as the stop's reason
-                self._troubles[status.name] = f"{status.name}: {status.message}"
+                self._warnings[status.name] = status.message
             else:
-                self._troubles.pop(status.name, None)
+                self._warnings.pop(status.name, None)
 
     def on_timer(self) -> None:
         now = self._now()
@@ -171,15 +176,26 @@ class Monitor:
             # 0.0 is added after rounding, so that nothing reads as -0.00
             x, y, turn = (round(value, 2) + 0.0 for value in (linear.x, linear.y, turn))
             line += f"  cmd_vel ({x:+.2f} {y:+.2f} m/s {turn:+.2f} rad/s)"
-        line = "  ".join([line, *self._troubles.values()])
-        if self.out.isatty():
+        if self._warnings:
+            line += f"  warned: {', '.join(self._warnings)}"
+        clear = "\r\x1b[2K" if self.out.isatty() else ""
+        for text in self._new_warnings():
+            print(f"{clear}{text}", file=self.out)
+        if clear:
             width = shutil.get_terminal_size().columns - 1
             if reason and reason != self._last_reason and len(line) > width:
-                print(f"\r\x1b[2K{reason}", file=self.out)  # what to do stands at its end
+                print(f"{clear}{reason}", file=self.out)  # what to do stands at its end
             self._last_reason = reason
-            print(f"\r\x1b[2K{line[:width]}", end="", file=self.out, flush=True)
+            print(f"{clear}{line[:width]}", end="", file=self.out, flush=True)
         else:
             print(line, file=self.out, flush=True)
+
+    def _new_warnings(self) -> list[str]:
+        """Those that say something else than before; each is printed once, and whole."""
+        now = {name: _NUMBER.sub("", text) for name, text in self._warnings.items()}
+        new = [name for name, text in now.items() if self._warned.get(name) != text]
+        self._warned |= now
+        return [f"{name} warns: {self._warnings[name]}" for name in new]
 
     @property
     def drops(self) -> int:

@@ -3,6 +3,8 @@
 const FONT = "11px system-ui, sans-serif";
 const MARGIN = { left: 20, top: 16, right: 4, bottom: 4 }; // px around the cells
 
+const LABEL = 22; // px that the number of a line and a gap take
+
 const COLOURS = [
   "panel", "text", "faint", "line", "absent", "middle", "bad", "stopped", "force",
 ];
@@ -116,7 +118,7 @@ export class Mat {
   number(ctx, colours) {
     ctx.fillStyle = colours.faint;
     ctx.font = FONT.replace("11px", `${11 * this.ratio}px`);
-    const step = Math.max(this.rows, this.cols) > 40 ? 10 : 5;
+    const step = [5, 10, 20, 50].find((n) => n * this.cell >= LABEL * this.ratio) || 100;
     ctx.textAlign = "center";
     ctx.textBaseline = "bottom";
     for (let c = 0; c < this.cols; c += step) {

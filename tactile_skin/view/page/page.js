@@ -62,6 +62,7 @@ function setUp(said) {
     select.onchange = () => {
       wanted[side] = select.value;
       delete peaks.force;
+      delete peaks.std;
       touchedAt = performance.now();
     };
   }
@@ -74,8 +75,8 @@ function setUp(said) {
   $("buttons").hidden = Boolean(recorded);
   for (const name of ["tare", "reset"]) {
     $(name).disabled = !hello.controls;
-    $(name).title = hello.controls ? "" : "off: launch with view_controls:=true";
   }
+  if (!hello.controls && !recorded) $("said").textContent = "off: launch with view_controls:=true";
   resize();
   if (recorded) {
     $("at").max = recorded.duration;
@@ -202,23 +203,26 @@ function showLegend(name, table, low, high, unit) {
   const tidy = (x) => String(Number(x.toPrecision(3))).replace("-", "−");
   for (const x of [low, (low + high) / 2, high]) {
     const end = document.createElement("span");
-    end.textContent = x === high ? `${tidy(x)} ${unit}` : tidy(x);
+    end.textContent = tidy(x);
     ends.append(end);
   }
-  legend.replaceChildren(bar, ends);
+  const of = document.createElement("p");
+  of.textContent = unit;
+  legend.replaceChildren(bar, ends, of);
 }
 
 function drawPictures({ head, arrays }, now) {
   const both = Math.max(largest(arrays.a), largest(arrays.b));
   const force = Number($("scale").value) || hold("force", both, 0.5, now);
   const reading = hold("reading", largest(arrays.reading), 100, now);
+  const std = hold("std", largest(arrays.std), 0.01, now);
   const misfit = hold("misfit", largest(arrays.misfit?.map(Math.abs)), 5, now);
   const both_ways = signed(colours.middle);
   const scales = {
     reading: [rising, 0, reading, "ADC steps"],
     b: [rising, 0, force, "N per cell"],
     a: [rising, 0, force, "N per cell"],
-    std: [rising, 0, force, "N per cell"],
+    std: [rising, 0, std, "N per cell"],
     misfit: [both_ways, -misfit, misfit, "ADC steps"],
   };
   for (const name of PICTURES) {

@@ -10,11 +10,14 @@ _JUMP = 0.15  # of a cell's force, and
 _LEAST = 0.3  # N, that it gains or loses from one frame to the next
 _ALONE = 0.3  # of the change, or of the force: its neighbours have less
 _NOISY, _QUIET = 20.0, 5.0  # reversals that make, and that end, a noisy cell: no finger drums so
-_STEADY = 0.04  # of its force by which noise alone moves a cell; a hand trembles more
+# Of its force, by which noise alone moves the mean of a look; a hand trembles more (3 % RMS in the
+# tests). In a second a trembling force stays within it by chance once in some 10,000 times.
+_STEADY = 0.02
 _DRIFT = 0.02  # N, besides: noise at low forces
 _STUCK = 0.5  # N at least that a stuck cell has
-_LOOK = 0.05  # s between two looks at which cells stand still
-_STANDS = 2.0  # s for which it does
+_LOOK = 0.05  # s whose mean is looked at
+_STANDS = 1.0  # s for which a stuck cell stands still, alone
+_LEAVES = 0.15  # of its force, by which it must move to be none: touches beside it move it a little
 
 
 class Cells:
@@ -28,7 +31,9 @@ class Cells:
         self._noisy = np.zeros(shape, bool)
         self._stood_at = np.zeros(shape)  # N
         self._looked = -np.inf  # s
+        self._seen, self._frames = np.zeros(shape), 0  # N, the sum of the frames since
         self._since = np.full(shape, np.inf)  # s, since when a cell stands at that force, alone
+        self._stuck = np.zeros(shape, bool)
 
     def frame(self, t: float, force: np.ndarray) -> str:
         """What is odd; empty if nothing is.
@@ -44,6 +49,7 @@ class Cells:
             self._reversals *= np.exp(-elapsed / _FORGET)
         if max(force.max(), self._last.max()) < _LEAST and not self._noisy.any():
             self._last, self._t, self._since[:] = force, t, np.inf
+            self._stuck[:] = False
             return ""  # nothing touches: the usual case
         high = np.maximum(force, self._last)
         self._last, self._t = force, t
@@ -53,17 +59,18 @@ class Cells:
             self._reversals += jumps & (np.sign(step) == -self._way)
             self._way = np.where(jumps, np.sign(step), self._way)
         self._noisy = self._reversals > np.where(self._noisy, _QUIET, _NOISY)
+        self._seen, self._frames = self._seen + force, self._frames + 1
         if not 0.0 <= t - self._looked < _LOOK:
             self._looked = t
-            self._look_for_still_ones(t, force)
-        stuck = t - self._since >= _STANDS
+            self._look_for_still_ones(t, self._seen / self._frames)
+            self._seen, self._frames = np.zeros(force.shape), 0
         if self._noisy.any():
             row, col = np.unravel_index(self._reversals.argmax(), force.shape)
             return (
                 f"row {row}, column {col} jumps between high and low force: is its contact loose?"
             )
-        if stuck.any():
-            row, col = np.argwhere(stuck)[0]
+        if self._stuck.any():
+            row, col = np.argwhere(self._stuck)[0]
             return (
                 f"row {row}, column {col} alone has read a constant {force[row, col]:.1f} N "
                 f"for {_STANDS:g} s or longer: does something lie there, or is the cell stuck?"
@@ -71,10 +78,13 @@ class Cells:
         return ""
 
     def _look_for_still_ones(self, t: float, force: np.ndarray) -> None:
-        moved = np.abs(force - self._stood_at) > _STEADY * self._stood_at + _DRIFT
+        off = np.abs(force - self._stood_at)
+        self._stuck &= off <= _LEAVES * self._stood_at + _DRIFT
+        moved = off > _STEADY * self._stood_at + _DRIFT
         alone = (force > _STUCK) & (_around(force) < _ALONE * force)
-        self._stood_at = np.where(moved | ~alone, force, self._stood_at)
+        self._stood_at = np.where((moved | ~alone) & ~self._stuck, force, self._stood_at)
         self._since = np.where(~alone, np.inf, np.where(moved, t, np.minimum(self._since, t)))
+        self._stuck |= t - self._since >= _STANDS
 
 
 def _around(values: np.ndarray) -> np.ndarray:

@@ -1,0 +1,118 @@
+"""Two lines that read the same at rest: both addresses select one, or they are shorted.
+
+The cells of a fabric differ at rest, by 3 % and more, and with them what any two lines read. Lines
+that read alike cell for cell, to the noise, while other pairs are apart, are one line. How alike
+two sound ones may be by chance follows from the number of cells that they are compared by: with
+four a measurement is seldom fine enough to tell. A fabric may vary smoothly: how much, the lines
+across tell, which lie side by side.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import gammaincinv
+
+_CHANCE = 1e-4  # of a sound skin's having such a pair
+_FEWEST = 4  # cells that two lines are compared by
+_SHORTEST = 2  # the same, of lines of which many pairs are compared
+_ALIKE = 0.1  # squared difference over the usual one, at most
+_NOISE = 3.0  # times what noise explains of a squared difference
+_PAIRS = 2  # of lines, at least, that an address bit makes one
+_WHOLE = 0.01, 0.3  # ADC steps off a whole one, and share of readings that may be so near to it
+
+
+def twins(steps: np.ndarray, noise: float, cells: np.ndarray) -> tuple[str, int, int] | None:
+    """The pair of lines that are one, as ("row" or "column", k, l); None: there is none.
+
+    Args:
+        steps: (rows, cols) mean reading of an untouched skin [ADC steps].
+        noise: RMS of each [ADC steps].
+        cells: (rows, cols) bool, those that exist.
+    """
+    for name, pairs in _sides(steps, cells, _FEWEST):
+        if not pairs.differ(noise):
+            continue
+        apart, n = pairs.square / pairs.count, pairs.count
+        most = np.minimum(pairs.alike(n), _NOISE * 2.0 * noise**2)
+        k = int((apart - most).argmin())
+        if apart[k] < most[k]:
+            return name, int(pairs.one[k]), int(pairs.other[k])
+    return None
+
+
+def stuck_bit(steps: np.ndarray, noise: float, cells: np.ndarray) -> tuple[str, int] | None:
+    """The address bit, as ("row" or "column", bit), without which all lines are read in pairs.
+
+    Together they tell more surely than each pair. Lines as near to one another, or nearer, must be
+    apart: those of a smooth fabric are not.
+
+    Args:
+        as of `twins`.
+    """
+    for name, pairs in _sides(steps, cells, _SHORTEST):
+        if not pairs.differ(noise):
+            continue
+        distance = pairs.other - pairs.one
+        for bit in range(int(pairs.other.max()).bit_length()):
+            group = (distance == 1 << bit) & (pairs.one & 1 << bit == 0)
+            others = (distance <= 1 << bit) & ~group
+            if np.count_nonzero(group) < _PAIRS or not others.any():
+                continue
+            n = pairs.count[group].sum()
+            apart = pairs.square[group].sum() / n
+            near = np.median((pairs.square / pairs.count)[others])
+            most = min(pairs.alike(n), _ALIKE * near, _NOISE * 2.0 * noise**2)
+            if apart < most:
+                return name, bit
+    return None
+
+
+class _Pairs(NamedTuple):
+    """All pairs of rows, or of columns, that have cells to be compared by.
+
+    Attributes:
+        one, other: (pairs,) lines.
+        square: (pairs,) squared differences, summed [ADC steps squared]; count: of so many.
+        across: mean squared difference of neighbours along the lines [ADC steps squared].
+    """
+
+    one: np.ndarray
+    other: np.ndarray
+    square: np.ndarray
+    count: np.ndarray
+    across: float
+
+    @property
+    def usual(self) -> float:
+        return float(np.median(self.square / self.count))
+
+    def differ(self, noise: float) -> bool:
+        """Whether lines differ by more than noise: those of a simulated fabric may not."""
+        return self.usual * _ALIKE >= 2.0 * noise**2
+
+    def alike(self, n):
+        """Mean squared difference of n cells, below which it is no chance."""
+        # the smoother the fabric, the fewer of its cells are independent of those beside them
+        free = 0.5 * n * min(1.0, self.across / max(self.usual, 1e-300))
+        # of normal differences the sum of n squares is chi^2, whose small values are rare
+        alike = gammaincinv(free, _CHANCE / (2.0 * self.count.size)) / free
+        return np.minimum(alike, _ALIKE) * self.usual
+
+
+def _sides(steps: np.ndarray, cells: np.ndarray, fewest: int):
+    """("row" or "column", _Pairs with so many cells or more) of both, if they can be compared."""
+    near, share = _WHOLE
+    if np.mean(np.abs(steps - np.rint(steps))[cells] < near) > share:
+        return  # rounded without noise that would average it away: many read alike
+    for name, values, there in (("row", steps, cells), ("column", steps.T, cells.T)):
+        one, other = np.triu_indices(len(values), 1)
+        both = there[one] & there[other]  # (pairs, cells of a line)
+        n = both.sum(1)
+        one, other, both, n = (of[n >= fewest] for of in (one, other, both, n))
+        beside = there[:, 1:] & there[:, :-1]  # of the other lines, next to one another
+        if n.size and beside.any():
+            square = (np.square(values[one] - values[other]) * both).sum(1)
+            across = np.square(np.diff(values, axis=1))[beside].mean()
+            yield name, _Pairs(one, other, square, n, float(across))

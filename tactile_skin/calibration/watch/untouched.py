@@ -1,0 +1,161 @@
+"""What an untouched skin reads, beside what it read when its rest was measured.
+
+Its cells differ, so that the readings at rest are a picture that is known. Fabric changes cell by
+cell, and as a whole slowly. Two changes are none of its own: all cells at once, as of a supply, a
+reference or a series resistance; and a line that reads as another one did, cell for cell, as of a
+multiplexer or leads that were exchanged.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...physics.circuit import Circuit
+from ..rest import resting_conductance
+
+_FRAMES = 20  # whose mean is looked at: 0.2 s at 100 a second
+# Log conductance by which all cells change at once, and besides for each second since rest was seen
+# last: what the tare follows of a drift. Time for which that adds up [s].
+_AT_ONCE, _A_SECOND, _UNSEEN = 0.004, 0.003, 5.0
+# Of the cells may have changed by less than half of that: those that still recover from a touch;
+# standard deviations that a normal distribution's quartile lies off.
+_SHARE, _QUARTILE = 0.25, 0.674
+# Log conductance lost from which on a push may be hidden: it stops, if all cells have lost as much,
+# but for this share.
+_FALL, _EVEN = 0.05, 0.1
+_KEPT = 60.0  # s: by then touches have told another r_par, and a drift has been followed
+_CELLS = 4  # of a line, at least, by which lines are compared
+# Sum of squares, in standard deviations of noise, by which it differs from its own line, without
+# this share of its cells: those that a touch has left behind. Standard deviations of chi^2 up to
+# which it is the other line.
+_OWN, _LEFT_BEHIND = 40.0, 0.25
+_OTHER = 4.0
+
+
+class Untouched:
+    """Follows the picture of one skin at rest; all times are of one clock [s].
+
+    Attributes:
+        message: what is wrong; empty if nothing is.
+        fault: whether readings tell too little of what presses: a stop.
+    """
+
+    def __init__(self, circuit: Circuit):
+        self._circuit = circuit
+        self._looked = -np.inf  # s
+        self.forget()
+
+    def forget(self) -> None:
+        """What is read now is right: somebody has checked the skin, or it is explained."""
+        self.message, self.fault = "", False
+        self._line = ""  # that reads as another one; of `message`
+        self._rest: np.ndarray | None = None  # before what `message` says
+        self._told_at = -np.inf  # s
+        self._begin()
+
+    def _begin(self) -> None:
+        self._sum, self._count = np.zeros(self._circuit.shape), 0
+
+    def frame(self, t: float, adc: np.ndarray, touched: bool, rest: np.ndarray, noise: float):
+        """Take a frame.
+
+        Args:
+            t: when it was read.
+            adc: (rows, cols) ADC ratio; NaN where a crossing was not read.
+            touched: whether anything touches the skin.
+            rest: (rows, cols) ADC ratio at rest, as it was measured.
+            noise: RMS of a reading, as ADC ratio.
+        """
+        if touched:
+            self._begin()
+            return
+        self._sum, self._count = self._sum + adc, self._count + 1
+        if self._count < _FRAMES:
+            return
+        now = self._sum / _FRAMES
+        self._begin()
+        known = self._circuit.populated & (now > 0.0) & (now < 1.0) & (rest > 0.0) & (rest < 1.0)
+        if self._rest is not None:
+            rest = self._rest
+        if np.count_nonzero(known) >= _CELLS:
+            self._look(t, now, rest, noise / _FRAMES**0.5, known)
+
+    def _look(self, t: float, now, rest, noise: float, known) -> None:
+        line = _another_line(now, rest, noise, known)
+        elapsed = min(max(t - self._looked, 0.0), _UNSEEN)
+        limit = _AT_ONCE + _A_SECOND * (elapsed if self._rest is None else 0.0)
+        limit += 4.0 * noise / (np.median(rest[known]) * np.count_nonzero(known) ** 0.5)
+        self._looked = t
+        change, even = self._common(now, rest, noise, known, limit)
+        if line:
+            self._rest, self._line, self._told_at, self.fault = rest, line, t, True
+            self.message = (
+                f"{line}: does the multiplexer select another line, or were leads exchanged?"
+            )
+        elif abs(change) > limit and not self._line:
+            fell = even and change < -_FALL
+            if not self.message or fell > self.fault:
+                self._rest, self._told_at, self.fault = rest, t, fell
+                much = f"{100.0 * abs(np.expm1(change)):.1f} %"
+                which, else_ = (
+                    ("less", "was something taken off")
+                    if change < 0.0
+                    else ("more", "does something lie on")
+                )
+                self.message = (
+                    f"all cells conduct {much} {which} at once: did the supply, the reference or "
+                    f"r_par change, or {else_} all of the skin?"
+                )
+            elif not self.fault and t - self._told_at > _KEPT:
+                self.forget()
+        else:
+            self.forget()
+
+    def _common(self, now, rest, noise: float, known, limit: float) -> tuple[float, bool]:
+        """Log conductance that nearly all cells have gained, or lost; 0 if some did neither. And
+        whether all did evenly, as of the supply: a load that goes leaves no cells so alike.
+
+        A cell that changes moves the readings of others, too: if those say so, the cells are found.
+        """
+        # r_ref / rho, but for r_par, is what conducts
+        change = np.log(now / (1.0 - now) * (1.0 - rest) / rest)[known]
+        spread = noise / np.median((rest * (1.0 - rest))[known])  # of one reading's change
+        if abs(np.median(change)) > limit and known[self._circuit.populated].all():
+            try:
+                one, other = (resting_conductance(adc, self._circuit) for adc in (rest, now))
+                change = np.log(other[known] / one[known])
+            except ValueError:  # no cells read so
+                pass
+            else:  # by Foster's theorem a cell's own share of its reading's change
+                spread *= change.size / (sum(self._circuit.shape) - 1)
+        low, middle, high = np.quantile(change, (_SHARE, 0.5, 1.0 - _SHARE))
+        least = (low if middle > 0.0 else -high) + _QUARTILE * spread
+        even = high - low < 2.0 * _QUARTILE * (_EVEN * abs(middle) + 1.5 * spread)
+        return float(middle) if least > 0.5 * abs(middle) else 0.0, bool(even)
+
+
+def _another_line(now: np.ndarray, rest: np.ndarray, noise: float, known: np.ndarray) -> str:
+    """Which line reads as another one did; empty if none does.
+
+    Lines are compared by how their cells differ from each other: their level may drift.
+
+    Args:
+        noise: RMS of each of `now`, as ADC ratio.
+    """
+    for name, a, b, there in (("row", now, rest, known), ("column", now.T, rest.T, known.T)):
+        both = (there[:, None] & there[None]).astype(float)  # (lines, lines, cells of a line)
+        n = np.maximum(both.sum(2), 1.0)
+        off = (a[:, None] - b[None]) * both
+        off -= both * (off.sum(2) / n)[..., None]
+        square = np.square(off / noise)
+        free = np.maximum(n - 1.0, 1.0)
+        beyond = (square.sum(2) - free) / np.sqrt(2.0 * free)  # of chi^2, from each other line
+        beyond[n < _CELLS] = np.inf
+        own = np.sort(square.diagonal(), axis=0)  # (cells, lines)
+        own = own[: round((1.0 - _LEFT_BEHIND) * len(own))].sum(0)
+        np.fill_diagonal(beyond, np.inf)
+        found = (beyond.min(1) < _OTHER) & (own > _OWN)
+        if found.any():
+            k = int(found.argmax())
+            return f"{name} {k} reads at rest as {name} {beyond[k].argmin()} did, cell for cell"
+    return ""

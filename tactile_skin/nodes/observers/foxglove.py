@@ -1,0 +1,96 @@
+"""foxglove: all topics, live, for the Foxglove app."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+
+from ...errors import LaunchError
+from ...middleware.config import describe
+from ...recording import cdr
+
+_TURN = 0.02  # s between two looks at what waits: nobody wakes the thread for each message
+_WAITING = 1000  # messages that may wait: half a second of a skin at 100 frames/s
+
+
+class Foxglove:
+    """Serves every topic of its process, also those that appear later, by foxglove-sdk's WebSocket
+    server, with the schemas that a recording has. A message that no app has subscribed to costs
+    nothing. The others wait for a thread of this node's own; what finds its queue full displaces
+    the oldest, which is counted, and delays nobody.
+    """
+
+    def __init__(self, node):
+        self.node = node
+        host = node.declare_parameter(
+            "host", "127.0.0.1", describe("address to serve on; 0.0.0.0: all of this computer's")
+        ).value
+        port = node.declare_parameter(
+            "port", 8765, describe("TCP port; 0: any that is free", 0, 65535)
+        ).value
+        try:
+            import foxglove
+        except ModuleNotFoundError as error:
+            raise LaunchError(
+                "foxglove needs foxglove-sdk: pip install 'tactile_skin[foxglove]'"
+            ) from error
+        cdr.check()
+        self._sdk, self._context = foxglove, foxglove.Context()
+        try:
+            self._server = foxglove.start_server(
+                name="tactile_skin", host=host, port=port, context=self._context
+            )
+        except RuntimeError as error:
+            raise LaunchError(
+                f"foxglove on {host}, port {port}: {error}: set host and port of the node foxglove"
+            ) from error
+        self.address = f"ws://{host}:{self._server.port}"
+        self._heard: set[str] = set()
+        self._waiting: deque = deque()
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="foxglove", daemon=True)
+        self._thread.start()
+        self._listen()
+        node.create_timer(1.0, self._listen)
+        node.get_logger().info("open a connection in Foxglove: %s", self.address)
+
+    def _listen(self) -> None:
+        """A channel for each topic that is new."""
+        for topic, (name,) in self.node.get_topic_names_and_types():
+            if topic in self._heard or name not in cdr.KINDS:
+                continue
+            self._heard.add(topic)
+            kind = cdr.KINDS[name]
+            schema = self._sdk.Schema(
+                name=name, encoding=cdr.SCHEMAS, data=cdr.definition(kind).encode()
+            )
+            channel = self._sdk.Channel(
+                topic, schema=schema, message_encoding=cdr.MESSAGES, context=self._context
+            )
+            self._tap(kind, topic, channel)
+
+    def _tap(self, kind: type, topic: str, channel) -> None:
+        def take(message) -> None:
+            if not channel.has_sinks():  # nobody has subscribed
+                return
+            if len(self._waiting) >= _WAITING:
+                self._waiting.popleft()
+                tap.dropped += 1
+            self._waiting.append((channel, self.node.get_clock().now().nanoseconds, message))
+
+        tap = self.node.create_tap(kind, topic, take)
+
+    def _run(self) -> None:
+        while not self._closing.wait(_TURN):
+            self._send()
+
+    def _send(self) -> None:
+        while self._waiting and not self._closing.is_set():
+            channel, t, message = self._waiting.popleft()
+            channel.log(cdr.encode(message), log_time=t)
+            time.sleep(0)  # hands the interpreter to who waits for it: the stop, say
+
+    def close(self) -> None:
+        self._closing.set()
+        self._server.stop()

@@ -1,0 +1,201 @@
+"""How a matrix is read: from the conductances of a frame to its readings and their derivatives.
+
+    floating   one row is driven, one column is read, all other lines are open: the paper's board
+    loaded     one row is driven, each column has its own reference resistor, other rows are open
+    grounded   one row is driven, each column has its reference resistor, other rows are at 0 V
+
+In the last two rows and columns may change places. `solve` gives a frame's network, `Floating` or
+`Driven`, which answer alike (docs/derivation.md); adc_a is the reading of crossing a, g_b the
+conductance of cell b:
+
+    adc            (rows, cols) ADC ratio
+    own            (rows, cols) d adc_a / d g_a [ohm]
+    by_r_par       (rows, cols) d adc_a / d r_par [1/ohm]
+    change(p)      (rows, cols) sum_b d adc_a / d g_b * p_b
+    pull(w)        (rows, cols) sum_a w_a * d adc_a / d g_b
+    sensitivity(weight, readings, one, other)
+                   (m, n) float32, weight_a times d adc_a / d (a conductance between two lines)
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import lapack
+
+from . import kernel
+
+READOUTS = "floating", "loaded", "grounded"
+DRIVEN = "rows", "columns"
+LEAST_SCALE = 1e-6  # of `apparent`: noise of a saturated frame may leave less, or less than 0
+
+
+class Floating:
+    """All follows from two-terminal resistances rho: d rho_a / d g_b = -t_ab^2."""
+
+    def __init__(self, circuit, g: np.ndarray, derivatives: bool):
+        self.inverse = kernel.solve(g) if derivatives else None
+        self.rho = self.inverse.rho if derivatives else kernel.connected_rho(g)
+        self.adc = circuit.ratio(self.rho)
+        self._r_ref = circuit.r_ref
+
+    @cached_property
+    def _slope(self) -> np.ndarray:
+        """- d adc / d rho [1/ohm]."""
+        slope = self.adc * self.adc
+        slope /= self._r_ref
+        return slope
+
+    @property
+    def own(self) -> np.ndarray:
+        return self.rho * self.rho * self._slope
+
+    @property
+    def by_r_par(self) -> np.ndarray:
+        return -self._slope
+
+    def change(self, p: np.ndarray) -> np.ndarray:
+        return self._slope * kernel.hessian_product(self.inverse.k, p)
+
+    def pull(self, w: np.ndarray) -> np.ndarray:
+        return kernel.hessian_product(self.inverse.k, w * self._slope)
+
+    def sensitivity(self, weight, readings, one, other) -> np.ndarray:
+        return kernel.sensitivity(self.inverse.k, weight * self._slope, readings, one, other)
+
+
+class Driven:
+    """All follows from the voltages of the lines while each line in turn is driven.
+
+    P_i: of all lines while driven line i is at the supply, behind r_par where it is loaded. K_j: of
+    all lines for a current into sense line j, the driven ones being open or at 0 V. With i driven,
+    i is held by its driver, and what is left of K_j is K_j - C_ij P_i. Then for a = (i, j), and e_b
+    from one line of b to the other,
+
+        adc_a = s P_ij,   d adc_a / d g_b = - s (P_i e_b) ((K_j - C_ij P_i) e_b)
+
+    Inside, pictures are (driven, sense) and the driven lines come first.
+    """
+
+    def __init__(self, circuit, g: np.ndarray):
+        self._turned = circuit.driven == "columns"
+        g = self._turn(g)
+        self._rows = rows = len(g)
+        self._picture, self._lines = g.shape, sum(g.shape)
+        self._shift = g.shape[0] if self._turned else 0  # of a line's number, inside
+        self._r_par = circuit.r_par
+        if circuit.readout == "loaded":
+            self._s, self._load = 1.0, circuit.r_ref
+            self._solve_loaded(g)
+        else:
+            self._load = circuit.r_ref + circuit.r_par
+            self._s = circuit.r_ref / self._load
+            self._at_sense = 1.0 / (1.0 / self._load + g.sum(0))  # ohm, K_jj
+            self._v = g * self._at_sense  # P_ij
+            self._c, self._at_drive = np.zeros((rows, 1)), None
+        self.adc = self._turn(self._s * self._v)
+
+    def _solve_loaded(self, g: np.ndarray) -> None:
+        rows = self._rows
+        matrix = np.zeros((self._lines, self._lines))
+        matrix[rows:, :rows] = -g.T
+        ends = np.r_[g.sum(1), g.sum(0) + 1.0 / self._load]
+        ends[ends == 0.0] = 1.0  # a driven line without a cell: nothing reaches another
+        matrix.flat[:: self._lines + 1] = ends
+        factor, _ = lapack.dpotrf(matrix, lower=1, overwrite_a=1)
+        k, _ = lapack.dpotri(factor, lower=1, overwrite_c=1)
+        k += np.tril(k, -1).T
+        ends = k.diagonal()
+        self._at_drive, self._at_sense = ends[:rows] + self._r_par, ends[rows:]  # ohm
+        self._p, self._k, self._c = k[:rows] / self._at_drive[:, None], k[rows:], k[:rows, rows:]
+        self._v = self._p[:, rows:]
+
+    @cached_property
+    def _p(self) -> np.ndarray:  # if grounded
+        return np.concatenate([np.eye(self._rows), self._v], 1)
+
+    @cached_property
+    def _k(self) -> np.ndarray:  # if grounded
+        ends = self._at_sense
+        return np.concatenate([np.zeros((len(ends), self._rows)), np.diag(ends)], 1)
+
+    def _turn(self, picture: np.ndarray) -> np.ndarray:
+        """(rows, cols) to (driven, sense), and back."""
+        return picture.T if self._turned else picture
+
+    @property
+    def own(self) -> np.ndarray:
+        own = 1.0 if self._at_drive is None else 1.0 - self._r_par / self._at_drive[:, None]
+        across = own - self._v
+        return self._turn(self._s * across * (self._at_sense - self._c * (1.0 - across)))
+
+    @property
+    def by_r_par(self) -> np.ndarray:
+        if self._at_drive is None:
+            falls = (1.0 - self._at_sense / self._load) / self._load
+        else:
+            falls = 1.0 / self._at_drive[:, None]
+        return self._turn(-self._s * self._v * falls)
+
+    def change(self, p: np.ndarray) -> np.ndarray:
+        rows, p = self._rows, self._turn(p)
+        flow = np.concatenate(  # L(p) P
+            [
+                self._p[:, :rows] * p.sum(1) - self._p[:, rows:] @ p.T,
+                self._p[:, rows:] * p.sum(0) - self._p[:, :rows] @ p,
+            ],
+            1,
+        )
+        lost = np.einsum("il,il->i", self._p, flow)
+        return self._turn(self._s * (self._c * lost[:, None] - flow @ self._k.T))
+
+    def pull(self, w: np.ndarray) -> np.ndarray:
+        rows, w = self._rows, self._turn(w)
+        held = (w * self._c).sum(1)[:, None] * self._p - w @ self._k
+        own = np.einsum("il,il->l", self._p, held)
+        between = self._p[:, :rows].T @ held[:, rows:] + held[:, :rows].T @ self._p[:, rows:]
+        return self._turn(self._s * (own[:rows, None] + own[rows:] - between))
+
+    def sensitivity(self, weight, readings, one, other) -> np.ndarray:
+        row, col = np.divmod(readings, weight.shape[1])
+        drive, sense = (col, row) if self._turned else (row, col)
+        one, other = ((line + self._shift) % self._lines for line in (one, other))
+        p, k = ((v[:, one] - v[:, other]).astype(np.float32) for v in (self._p, self._k))
+        c = np.broadcast_to(self._c, self._picture).astype(np.float32)[drive, sense]
+        out = p[drive]
+        held = c[:, None] * out
+        held -= k[sense]
+        out *= held
+        out *= (self._s * weight.ravel()[readings]).astype(np.float32)[:, None]
+        return out
+
+
+def solve(circuit, g: np.ndarray, derivatives: bool = True) -> Floating | Driven:
+    """The network of cells g (rows, cols) [S], 0 where there is none.
+
+    Args:
+        g: if floating, of a connected network, which is not checked.
+        derivatives: whether others than `own` and `by_r_par` will be asked for.
+    """
+    if circuit.readout == "floating":
+        return Floating(circuit, g, derivatives)
+    return Driven(circuit, g)
+
+
+def apparent(circuit, adc: np.ndarray) -> tuple[np.ndarray | float, float]:
+    """How a frame's readings become resistances that vary with their own cell above all.
+
+    Returns:
+        scale, (rows, cols) or a number, and offset [ohm]: r_ref * scale / adc - offset is the
+        two-terminal resistance if floating, r_ref times voltage over current of the own cell if
+        loaded as if no current came to its sense line from other cells, and the cell if grounded.
+    """
+    if circuit.readout == "floating":
+        return 1.0, circuit.r_ref + circuit.r_par
+    along = 1 if circuit.driven == "rows" else 0
+    if circuit.readout == "loaded":  # the driven line's own voltage, behind r_par
+        scale = 1.0 - circuit.r_par / circuit.r_ref * adc.sum(along, keepdims=True)
+        return np.maximum(scale, LEAST_SCALE), circuit.r_ref
+    total = (circuit.r_ref + circuit.r_par) / circuit.r_ref
+    return np.maximum(1.0 - total * adc.sum(1 - along, keepdims=True), LEAST_SCALE), 0.0

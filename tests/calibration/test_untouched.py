@@ -1,0 +1,124 @@
+"""Changes of an untouched skin's picture that are none of the fabric's are told; others are not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tactile_skin import Circuit, forward
+from tactile_skin.calibration.watch.untouched import Untouched
+
+FRAME = 0.01  # s
+NOISE = 0.5 / 1023  # RMS of a reading, as ADC ratio
+SHAPES = [(4, 4), (8, 8), (8, 16), (16, 16)]
+
+
+class Skin:
+    """A skin at rest: what it reads, and what it read when its rest was measured."""
+
+    def __init__(self, shape, scatter=0.03, seed=3):
+        self.rng = np.random.default_rng(seed)
+        self.circuit = Circuit(*shape)
+        self.resistance = 40000.0 * np.exp(scatter * self.rng.standard_normal(shape))
+        self.rest = forward(self.circuit, self.resistance)
+        self.known = self.rest + 0.1 * NOISE * self.rng.standard_normal(shape)
+        self.untouched, self.t = Untouched(self.circuit), 0.0
+
+    def run(self, adc, seconds=0.5, touched=False) -> Untouched:
+        for _ in range(round(seconds / FRAME)):
+            noise = NOISE * self.rng.standard_normal(self.circuit.shape)
+            self.untouched.frame(self.t, adc + noise, touched, self.known, NOISE)
+            self.t += FRAME
+        return self.untouched
+
+    def of(self, **circuit):
+        return forward(replace(self.circuit, **circuit), self.resistance)
+
+
+@pytest.mark.parametrize("scatter", [0.0, 0.01, 0.1])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_sound_skin_is_silent(shape, scatter):
+    assert Skin(shape, scatter).run(Skin(shape, scatter).rest, 60.0).message == ""
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_lines_that_are_exchanged_are_named_and_stop(shape):
+    skin = Skin(shape)
+    order = [2, 1, 0, *range(3, shape[1])]
+    found = skin.run(skin.rest[:, order])
+    assert found.fault
+    named = [f"column {a} reads at rest as column {b} did" for a, b in ((0, 2), (2, 0))]
+    assert found.message.split(",")[0] in named
+    assert not skin.run(skin.rest).message, "they are put right"
+
+
+def test_it_is_told_under_a_drift_too():
+    skin = Skin((8, 8))
+    warm = forward(skin.circuit, 0.98 * skin.resistance)
+    assert "row 1 reads at rest as row 0 did" in skin.run(warm[[0, 0, *range(2, 8)]]).message
+
+
+def test_what_a_touch_leaves_behind_is_no_other_line():
+    """However strange a line became: cells that were touched conduct more, for a while."""
+    for seed in range(20):
+        skin = Skin((8, 8), 0.005, seed)
+        for left in np.linspace(0.3, 0.0, 7):
+            skin.resistance[2, 2:4] *= np.exp(-left)
+            assert not skin.run(forward(skin.circuit, skin.resistance), 0.2).fault
+
+
+@pytest.mark.parametrize("share", [0.8, 1.2])
+def test_an_r_par_that_changes_at_once_is_a_warning(share):
+    skin = Skin((16, 16))
+    adc = skin.of(r_par=share * skin.circuit.r_par)
+    skin.run(skin.rest, 1.0)
+    found = skin.run(adc)
+    assert f"{'more' if share < 1.0 else 'less'} at once" in found.message and not found.fault
+    skin.known = adc  # as the tare follows it
+    assert skin.run(adc, 30.0).message
+    assert not skin.run(adc, 60.0).message, "by then it is followed"
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_supply_that_falls_stops(shape):
+    skin = Skin(shape)
+    for share in np.linspace(1.0, 0.9, 15):
+        skin.run(share * skin.rest, 0.2)
+    assert skin.untouched.fault
+    assert skin.run(0.9 * skin.rest, 100.0).fault, "until it is back"
+    assert not skin.run(skin.rest).message
+
+
+def test_a_fabric_that_warms_up_is_silent():
+    """At 0.2 % a second, as the tare follows it; and after a touch of five seconds."""
+    skin = Skin((16, 16))
+    for k in range(100):
+        skin.known = forward(skin.circuit, skin.resistance * 0.998 ** (0.2 * k))
+        assert not skin.run(
+            forward(skin.circuit, skin.resistance * 0.998 ** (0.2 * k)), 0.2
+        ).message
+    later = forward(skin.circuit, skin.resistance * 0.998 ** (0.2 * k + 5.0))
+    skin.run(skin.rest, 5.0, touched=True)
+    assert not skin.run(later, 0.2).message
+
+
+def test_a_palm_that_leaves_half_of_the_skin_warm_is_silent():
+    skin = Skin((16, 16))
+    skin.resistance[:, :8] *= 0.9
+    assert not skin.run(forward(skin.circuit, skin.resistance), 2.0).message
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_cloth_that_is_taken_off_is_a_warning(shape):
+    """Its weight is never as even as what a supply does."""
+    skin = Skin(shape)
+    skin.resistance *= np.exp(0.4 * np.exp(0.3 * skin.rng.standard_normal(shape)))
+    found = skin.run(forward(skin.circuit, skin.resistance))
+    assert "less at once" in found.message and not found.fault
+
+
+def test_a_person_who_checked_the_skin_ends_it():
+    skin = Skin((8, 8))
+    assert skin.run(0.9 * skin.rest).fault
+    skin.untouched.forget()
+    assert not skin.untouched.message and not skin.untouched.fault

@@ -1,0 +1,199 @@
+"""The live server of the Foxglove app, by a client that speaks its protocol."""
+
+import contextlib
+import itertools
+import json
+import struct
+import sys
+import time
+
+import pytest
+
+pytest.importorskip("foxglove", reason="serves")
+pytest.importorskip("websockets", reason="is the client")
+from websockets.sync.client import connect
+
+from tactile_skin.errors import LaunchError
+from tactile_skin.middleware.bus import Context, Node, Parameter, SingleThreadedExecutor
+from tactile_skin.middleware.launch_file import read_plan
+from tactile_skin.middleware.package import FOXGLOVE, find
+from tactile_skin.msg import Bool, Header, Image, PointCloud2, Time, Vector3Stamped, cloud, image
+from tactile_skin.nodes.observers import foxglove as module
+from tactile_skin.nodes.observers.foxglove import Foxglove
+from tactile_skin.recording import cdr
+
+PATIENCE = 10.0  # s
+TOPICS = {"/skin/adc": Image, "/skin/contacts": PointCloud2, "/skin/stop": Bool}
+MESSAGE = struct.Struct("<BIQ")  # opcode 1, number of the subscription, log time [ns]
+
+
+class Skin:
+    """The node, and a publisher for each of TOPICS."""
+
+    def __init__(self, **given):
+        self.context, self.executor = Context(), SingleThreadedExecutor()
+        overrides = [Parameter(name, value) for name, value in ({"port": 0} | given).items()]
+        self.talker = Node("talker", context=self.context)
+        self.publish = {
+            topic: self.talker.create_publisher(kind, topic, 10).publish
+            for topic, kind in TOPICS.items()
+        }
+        self.node = Node("foxglove", context=self.context, parameter_overrides=overrides)
+        self.foxglove = Foxglove(self.node)
+        self.executor.add_node(self.node)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.foxglove.close()
+
+
+class App:
+    """A client, as the app is one."""
+
+    def __init__(self, address: str):
+        self._open = contextlib.ExitStack()
+        self._socket = self._open.enter_context(connect(address, subprotocols=["foxglove.sdk.v1"]))
+        self.info = self._said("serverInfo")
+        self.channels = {c["topic"]: c for c in self._said("advertise")["channels"]}
+        self._topics: dict[int, str] = {}
+
+    def _said(self, op: str) -> dict:
+        while True:
+            said = json.loads(self._socket.recv(PATIENCE))
+            if said["op"] == op:
+                return said
+
+    def new_channels(self) -> dict:
+        return {c["topic"]: c for c in self._said("advertise")["channels"]}
+
+    def subscribe(self, *topics: str) -> None:
+        self._topics |= dict(zip(itertools.count(len(self._topics)), topics))
+        wanted = [{"id": n, "channelId": self.channels[t]["id"]} for n, t in self._topics.items()]
+        self._socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
+
+    def message(self) -> tuple[str, int, bytes]:
+        """Topic, log time [ns] and CDR."""
+        data = self._socket.recv(PATIENCE)
+        opcode, number, t = MESSAGE.unpack_from(data)
+        assert opcode == 1
+        return self._topics[number], t, data[MESSAGE.size :]
+
+    def close(self):
+        self._open.close()
+
+
+@pytest.fixture
+def skin():
+    with Skin() as skin:
+        yield skin
+
+
+@pytest.fixture
+def app(skin):
+    app = App(skin.foxglove.address)
+    yield app
+    app.close()
+
+
+def until(happens):
+    end = time.monotonic() + PATIENCE
+    while not happens():
+        assert time.monotonic() < end
+        time.sleep(0.005)
+
+
+def subscribed(skin, app, *topics):
+    """Subscribe, and wait until the server knows: it then passes messages on."""
+    app.subscribe(*topics)
+    taps = {t.topic_name: t for t in skin.node._subscriptions}
+
+    def heard():
+        waiting = len(skin.foxglove._waiting)
+        for topic in topics:
+            taps[topic].callback(TOPICS[topic]())
+        there = len(skin.foxglove._waiting) - waiting == len(topics)
+        skin.foxglove._waiting.clear()
+        return there
+
+    skin.foxglove._closing.set()  # the thread rests; what waits is sent by hand
+    skin.foxglove._thread.join()
+    until(heard)
+    skin.foxglove._closing.clear()
+
+
+def test_every_topic_is_a_channel_with_the_schema_of_a_recording(app):
+    assert app.info["name"] == "tactile_skin"
+    assert app.info["capabilities"] == []  # nobody publishes or calls by it
+    assert set(app.channels) == set(TOPICS)
+    for topic, kind in TOPICS.items():
+        channel = app.channels[topic]
+        assert (channel["schemaName"], channel["encoding"]) == (kind.TYPE, "cdr")
+        assert channel["schemaEncoding"] == "ros2msg"
+        assert channel["schema"] == cdr.definition(kind)
+
+
+def test_frames_arrive_as_they_were_published(skin, app):
+    subscribed(skin, app, "/skin/adc", "/skin/contacts")
+    sent = []
+    for k in range(20):
+        header = Header(Time(k, 7), "base_link")
+        reading = image([[k, 2], [3, 65535]], "16UC1", header)
+        contacts = cloud({"x": [0.1 * k], "force": [2.0]}, header)
+        skin.publish["/skin/adc"](reading)
+        skin.publish["/skin/contacts"](contacts)
+        skin.publish["/skin/stop"](Bool(True))  # not subscribed to
+        sent += [("/skin/adc", reading), ("/skin/contacts", contacts)]
+    skin.foxglove._send()
+    before = 0
+    for topic, message in sent:
+        got, t, data = app.message()
+        assert (got, cdr.decode(TOPICS[topic], data)) == (topic, message)
+        assert t >= before
+        before = t
+
+
+def test_a_topic_that_appears_later_is_advertised(skin, app):
+    skin.talker.create_publisher(Vector3Stamped, "/skin/stroke", 10)
+    skin.foxglove._listen()
+    assert set(app.new_channels()) == {"/skin/stroke"}
+
+
+def test_nothing_is_kept_for_nobody(skin):
+    for _ in range(10):
+        skin.publish["/skin/stop"](Bool(True))
+    assert not skin.foxglove._waiting
+
+
+def test_a_server_that_is_behind_loses_the_oldest_and_counts_them(skin, app, monkeypatch):
+    monkeypatch.setattr(module, "_WAITING", 5)
+    subscribed(skin, app, "/skin/stop")
+    for k in range(12):
+        skin.publish["/skin/stop"](Bool(k >= 7))
+    assert skin.node.dropped == 7
+    skin.foxglove._send()
+    assert all(cdr.decode(Bool, app.message()[2]).data for _ in range(5))
+
+
+def test_a_port_that_is_taken_is_said_in_a_line(skin):
+    port = int(skin.foxglove.address.rpartition(":")[2])
+    with pytest.raises(LaunchError, match=f"port {port}: .*in use.*: set host and port"):
+        Skin(port=port)
+
+
+def test_without_its_library_it_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "foxglove", None)
+    with pytest.raises(LaunchError, match=r"pip install 'tactile_skin\[foxglove\]'"):
+        Skin()
+
+
+def test_any_launch_file_may_have_it():
+    def kinds(**given):
+        plan = read_plan(find("skin.launch.yaml"), {"port": "loop://"} | given)
+        return [action.kind for action in plan.nodes]
+
+    assert FOXGLOVE not in kinds() + kinds(foxglove="false")
+    assert FOXGLOVE in kinds(foxglove="true") and kinds(foxglove="true", record="x")[-2] == FOXGLOVE
+    with pytest.raises(LaunchError, match="foxglove: if = 'x': must be true or false"):
+        kinds(foxglove="x")

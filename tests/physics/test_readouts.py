@@ -1,0 +1,137 @@
+"""The loaded and the grounded readout: the literal network, and derivatives by differences."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from kirchhoff import nodal_reading
+
+from tactile_skin import Circuit, forward
+from tactile_skin.physics import readouts
+from tactile_skin.physics.circuit import circuit_from, jacobian
+
+KINDS = [("loaded", "rows"), ("loaded", "columns"), ("grounded", "rows"), ("grounded", "columns")]
+ALL = [("floating", "rows"), *KINDS]
+
+
+def skin(rows, cols, kind, **others) -> Circuit:
+    readout, driven = kind
+    return Circuit(rows, cols, readout=readout, driven=driven, **others)
+
+
+def fabric(shape, seed=0) -> np.ndarray:
+    """(rows, cols) [ohm] over the whole range of the curve."""
+    return 10.0 ** np.random.default_rng(seed).uniform(1.9, 4.7, shape)
+
+
+@pytest.mark.parametrize("kind", ALL, ids="-".join)
+@pytest.mark.parametrize("shape", [(2, 2), (1, 5), (4, 7), (16, 16), (32, 32)], ids=str)
+def test_forward_is_the_literal_network(shape, kind):
+    circuit, resistance = skin(*shape, kind), fabric(shape)
+    literal = nodal_reading(resistance, circuit)
+    assert np.abs(forward(circuit, resistance) - literal).max() < 1e-9
+
+
+@pytest.mark.parametrize("kind", ALL, ids="-".join)
+def test_forward_with_missing_cells(kind):
+    mask = np.ones((5, 6), bool)
+    mask[0, :3] = mask[4, 5] = False
+    circuit = skin(5, 6, kind, mask=mask)
+    resistance = fabric((5, 6))
+    literal = nodal_reading(np.where(mask, resistance, np.inf), circuit)
+    assert np.abs(forward(circuit, resistance) - literal).max() < 1e-9
+
+
+@pytest.mark.parametrize("kind", KINDS, ids="-".join)
+def test_a_line_without_a_cell_reads_nothing(kind):
+    circuit, resistance = skin(3, 4, kind), fabric((3, 4))
+    resistance[1], resistance[:, 2] = np.inf, np.inf
+    adc = forward(circuit, resistance)
+    assert np.abs(adc - nodal_reading(resistance, circuit)).max() < 1e-12
+    assert (adc[1] == 0).all() and (adc[:, 2] == 0).all()
+
+
+def test_a_hand_solved_2x2():
+    """1 kohm everywhere; the driven row's currents return through both columns."""
+    resistance = np.full((2, 2), 1000.0)
+    loaded = Circuit(2, 2, r_ref=1000.0, r_par=0.0, readout="loaded")
+    assert forward(loaded, resistance) == pytest.approx(np.full((2, 2), 0.5), abs=1e-12)
+    grounded = replace(loaded, readout="grounded")  # 1 kohm up, two times 1 kohm down
+    assert forward(grounded, resistance) == pytest.approx(np.full((2, 2), 1 / 3), abs=1e-12)
+
+
+def test_columns_driven_is_the_transposed_board():
+    resistance = fabric((4, 7))
+    for readout in ("loaded", "grounded"):
+        one = forward(Circuit(4, 7, readout=readout, driven="columns"), resistance)
+        other = forward(Circuit(7, 4, readout=readout), resistance.T)
+        assert one == pytest.approx(other.T, abs=1e-15)
+
+
+@pytest.mark.parametrize("kind", ALL, ids="-".join)
+def test_derivatives_are_those_of_differences(kind):
+    circuit = skin(4, 6, kind)
+    g = 1.0 / fabric((4, 6), 5)
+    network = readouts.solve(circuit, g)
+    n = g.size
+    by_g = np.empty((n, n))
+    for cell in range(n):
+        step = np.zeros(n)
+        step[cell] = 1e-5 * g.flat[cell]
+        ends = [readouts.solve(circuit, g + way * step.reshape(g.shape)).adc for way in (1, -1)]
+        by_g[:, cell] = (ends[0] - ends[1]).ravel() / (2.0 * step[cell])
+    close = {"rel": 1e-5, "abs": 1e-6 * np.abs(by_g).max()}
+    assert network.own.ravel() == pytest.approx(by_g.diagonal(), **close)
+    rng = np.random.default_rng(1)
+    p, w = rng.standard_normal((2, *g.shape))
+    assert network.change(p).ravel() == pytest.approx(by_g @ p.ravel(), **close)
+    assert network.pull(w).ravel() == pytest.approx(w.ravel() @ by_g, **close)
+    row, col = np.divmod(np.arange(n, dtype=np.int32), np.int32(6))
+    readings = np.arange(0, n, 2, dtype=np.int32)
+    found = network.sensitivity(w, readings, row, col + np.int32(4))
+    assert found == pytest.approx((w.reshape(-1, 1) * by_g)[::2], rel=1e-4, abs=1e-5)
+    whole = jacobian(circuit, 1.0 / g).reshape(n, n)
+    assert whole == pytest.approx(-by_g * g.ravel() ** 2, rel=1e-5, abs=1e-12)
+    more, less = (
+        readouts.solve(replace(circuit, r_par=circuit.r_par + step), g).adc for step in (0.1, -0.1)
+    )
+    assert network.by_r_par == pytest.approx((more - less) / 0.2, rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids="-".join)
+def test_a_short_between_lines_by_differences(kind):
+    """Lines, not only cells: a conductance between two neighbouring lines, read literally."""
+    circuit, resistance = skin(4, 6, kind), fabric((4, 6), 2)
+    network = readouts.solve(circuit, 1.0 / resistance)
+    ones = np.ones(circuit.shape)
+    for line in (0, 2, 4, 8):  # two pairs of rows, two of columns
+        one = np.array([line], np.int32)
+        found = network.sensitivity(ones, np.arange(24, dtype=np.int32), one, one + np.int32(1))
+        step = 1e-9
+        ends = [nodal_reading(resistance, circuit, (line, line + 1, way)) for way in (0.0, step)]
+        expected = ((ends[1] - ends[0]) / step).ravel()
+        assert found[:, 0] == pytest.approx(expected, rel=1e-3, abs=1e-3)
+
+
+@pytest.mark.parametrize("kind", KINDS[2:], ids="-".join)
+def test_grounded_is_inverted_in_closed_form(kind):
+    circuit, resistance = skin(4, 6, kind), fabric((4, 6), 3)
+    adc = forward(circuit, resistance)
+    scale, offset = readouts.apparent(circuit, adc)
+    assert circuit.r_ref * scale / adc - offset == pytest.approx(resistance, rel=1e-12)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids="-".join)
+def test_described_and_back(kind):
+    circuit = skin(3, 4, kind)
+    assert circuit_from(circuit.describe()) == circuit
+    assert circuit != Circuit(3, 4)
+
+
+def test_what_is_refused():
+    with pytest.raises(ValueError, match=r"readout = 'grounded lines'.*floating, loaded, grounded"):
+        Circuit(readout="grounded lines")
+    with pytest.raises(ValueError, match=r"driven = 'cols'.*rows, columns"):
+        Circuit(driven="cols")
+    with pytest.raises(ValueError, match=r"r_line = 5.0 ohm.*readout = 'loaded'"):
+        Circuit(readout="loaded", r_line=5.0)

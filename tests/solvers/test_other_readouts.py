@@ -1,0 +1,134 @@
+"""Each method on loaded and grounded matrices, and what tells one readout from another."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_skin import Circuit, PressureCurve, compensate, forward
+from tactile_skin.bench.measure import frames
+from tactile_skin.learning import scenes
+from tactile_skin.physics.curve import GRAM
+from tactile_skin.solvers.reading import SCAN_NOISE
+
+CURVE = PressureCurve()
+KINDS = [("loaded", "rows"), ("loaded", "columns"), ("grounded", "rows"), ("grounded", "columns")]
+CUSHION = Path(__file__).parents[1] / "data" / "cushion_loaded"
+
+
+def skin(kind, rows=8, cols=10, **others) -> Circuit:
+    return Circuit(rows, cols, readout=kind[0], driven=kind[1], **others)
+
+
+def press(shape, newtons=2.0) -> np.ndarray:
+    return scenes.finger(*shape, shape[0] / 2, shape[1] / 3, newtons)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids="-".join)
+@pytest.mark.parametrize("family", ["blobs", "rects", "random", "bodies"])
+def test_newton_inverts_ideal_readings(kind, family):
+    circuit = skin(kind, 12, 16)
+    force, adc = frames(family, "ideal", 3, np.random.default_rng(3), circuit, CURVE)
+    found = compensate(adc, circuit, CURVE, "newton", noise=0.0)
+    assert (found.status == "ok").all()
+    assert np.abs(found.force - force).max() < 1e-3 * GRAM
+
+
+@pytest.mark.parametrize("kind", KINDS, ids="-".join)
+@pytest.mark.parametrize("method", ["naive", "fixed_point", "newton", "map", "auto"])
+def test_each_method_finds_a_single_cell(kind, method):
+    circuit, force = skin(kind), np.zeros((8, 10))
+    force[3, 4] = 3.0
+    found = compensate(forward(circuit, CURVE.resistance(force)), circuit, CURVE, method)
+    assert found.status == "ok"
+    assert found.force.argmax() == force.argmax()
+    if method not in ("naive", "fixed_point"):
+        assert found.force[3, 4] == pytest.approx(3.0, rel=0.02)
+        assert (found.std > 0).all()
+
+
+@pytest.mark.parametrize("kind", KINDS, ids="-".join)
+def test_map_errs_by_what_it_says(kind):
+    circuit = skin(kind, 16, 16)
+    force, adc = frames("bodies", "scan", 8, np.random.default_rng(4), circuit, CURVE)
+    found = compensate(adc, circuit, CURVE, "map", noise=SCAN_NOISE)
+    assert (found.status == "ok").all()
+    error, touched = np.abs(found.force - force), force > 20 * GRAM
+    assert error.mean() < 8.0 * GRAM
+    assert 0.45 < (error <= found.std)[touched].mean() < 0.9
+
+
+@pytest.mark.parametrize("kind", KINDS, ids="-".join)
+def test_a_mask_and_missing_readings(kind):
+    mask = np.ones((8, 10), bool)
+    mask[0, :4] = mask[7, 9] = False
+    circuit = skin(kind, mask=mask)
+    force = press(circuit.shape) * mask
+    adc = forward(circuit, CURVE.resistance(force))
+    exact = compensate(adc, circuit, CURVE, "newton", noise=0.0)
+    assert np.abs(exact.force - force).max() < 1e-3 * GRAM
+    adc[2, 2] = adc[6, 6] = np.nan
+    found = compensate(adc, circuit, CURVE, "map", missing=True)
+    assert found.status == "ok"
+    assert found.force.sum() == pytest.approx(force.sum(), rel=0.1)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids="-".join)
+def test_an_untouched_skin_rests_and_a_stream_goes_on(kind):
+    circuit, rng = skin(kind), np.random.default_rng(5)
+    at_rest = forward(circuit, CURVE.resistance(np.zeros(circuit.shape)))
+    assert compensate(at_rest, circuit, CURVE).method == "rest"
+    last = None
+    for newtons in (1.0, 1.2, 1.3, 1.3):
+        force = press(circuit.shape, newtons)
+        steps = forward(circuit, CURVE.resistance(force)) * 1023
+        steps += SCAN_NOISE * rng.standard_normal(steps.shape)
+        adc = np.clip(steps, 0.0, 1023.0) / 1023
+        last = compensate(adc, circuit, CURVE, start=last, noise=SCAN_NOISE)
+        assert last.status == "ok"
+        assert last.force.sum() == pytest.approx(force.sum(), rel=0.1)
+
+
+@pytest.mark.parametrize("true", [("floating", "rows"), *KINDS], ids="-".join)
+@pytest.mark.parametrize("supposed", [("floating", "rows"), *KINDS], ids="-".join)
+def test_another_readout_is_suspect(true, supposed):
+    force = press((8, 10)) + scenes.finger(8, 10, 1.0, 8.0, 4.0)
+    adc = forward(skin(true), CURVE.resistance(force))
+    found = compensate(adc, skin(supposed), CURVE, "map", noise=SCAN_NOISE)
+    assert (found.status == "ok") == (true == supposed)
+
+
+@pytest.mark.parametrize("kind", KINDS[:2], ids="-".join)
+def test_another_r_par_is_told(kind):
+    """Of a grounded matrix r_par scales all readings, as r_ref does."""
+    force = 3.0 * press((16, 16), 6.0)
+    adc = forward(skin(kind, 16, 16, r_par=420.0), CURVE.resistance(force))
+    found = compensate(adc, skin(kind, 16, 16), CURVE, "map", noise=SCAN_NOISE)
+    assert found.status == "suspect"
+    assert found.r_par is None or found.r_par == pytest.approx(420.0, rel=0.02)
+
+
+@pytest.mark.parametrize("method", ["cnn", "physics"])
+def test_networks_know_the_floating_readout_only(method):
+    circuit = skin(KINDS[0], 16, 16)
+    adc = forward(circuit, CURVE.resistance(np.zeros(circuit.shape)))
+    with pytest.raises(ValueError, match="networks know the floating readout only, not 'loaded'"):
+        compensate(adc, circuit, CURVE, method)
+
+
+def test_a_recorded_cushion_fits_its_own_readout():
+    """Nothing is known of its fabric: the curve only bounds the cells; noise is 1 to 3 counts."""
+    wide = PressureCurve((0.0, 1.0), (3e7, 100.0))
+    left = {}
+    for kind in (("floating", "rows"), *KINDS[:3]):
+        circuit = Circuit(9, 9, r_ref=35e3, r_par=0.0, readout=kind[0], driven=kind[1])
+        residuals = []
+        for path in sorted(CUSHION.glob("*.csv")):
+            counts = np.loadtxt(path, delimiter=",").reshape(-1, 9, 9)
+            pulled_up = 1.0 - counts / 1023.0
+            found = compensate(pulled_up, circuit, wide, "newton", noise=2.9)
+            residuals.append(found.residual)
+        left[kind] = np.median(np.concatenate(residuals))
+    own = left.pop(("loaded", "rows"))  # counts
+    assert own < 1.0
+    assert min(left.values()) > 3.0 * own
