@@ -198,6 +198,13 @@ def test_the_parts_of_a_skin_are_chosen_by_parameters(tmp_path):
         ros.plan_of("skin", arguments("-p", "monitor:='yes'"))
 
 
+def test_what_the_shipped_launch_file_gives_is_taken():
+    """Also for parts that do not run: `stamped`, and the duration of a monitor."""
+    given = {"monitor": "false", "port": "/dev/null"}
+    plan = launch.read_plan(launch.find("skin.launch.yaml"), given, in_process=False)
+    ros._check(plan.nodes)
+
+
 # --- misspelt names ---
 
 

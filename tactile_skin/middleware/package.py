@@ -18,6 +18,7 @@ NODES = {  # exec -> class, imported when it is started
     "monitor": "observers.monitor.Monitor",
     "push_arrow": "push_arrow.PushArrow",
     "view": "observers.view.View",
+    "tactile_state": "observers.tactile_state.TactileState",
 }
 RECORDER, FOXGLOVE = "recorder", "foxglove"  # of any launch file, but not on ROS
 COMPOSED = "skin"  # the program that runs a whole skin on ROS

@@ -11,6 +11,9 @@ Arrays of floats may have any strides: what C needs in another order is copied.
 from __future__ import annotations
 
 import time
+import warnings
+import zlib
+from pathlib import Path
 
 import numpy as np
 
@@ -20,6 +23,22 @@ from .numpy_kernel import Network
 try:
     from . import _kernel
 except ImportError:
+    _kernel = None
+
+
+def _is_of(kernel, sources: Path) -> bool:
+    """Whether the compiled module is of the C files beside it; an installed package has none."""
+    files = sorted(sources.glob("*.[ch]"))
+    checksum = zlib.crc32(b"".join(file.read_bytes() for file in files)) & 0x7FFFFFFF
+    return not files or getattr(kernel, "SOURCES", None) == checksum
+
+
+if _kernel and not _is_of(_kernel, Path(__file__).with_name("kernel")):
+    warnings.warn(
+        "tactile_skin: the inner loops were compiled from other sources and are not used, which "
+        "takes twice the time: run `pip install -e .` again",
+        stacklevel=1,
+    )
     _kernel = None
 
 __all__ = [
@@ -105,23 +124,21 @@ def hessian_product(k: np.ndarray, p: np.ndarray) -> np.ndarray:
 
 
 def roughness(
-    x: np.ndarray, weight: np.ndarray, square: np.ndarray
+    x: np.ndarray, weight: np.ndarray, square: float
 ) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
     """How much a picture differs from cell to cell: sum of weight/2 log(square + d^2).
 
     Args:
         x: (rows, cols).
-        weight, square: (differences,) of each d: between neighbours in a row, then in a column,
-            then the mixed second differences of squares of four.
+        weight: (differences,) of each d between neighbours in a row, then in a column.
 
     Returns:
         the cost, and its quadratic majorant: gradient and diagonal of the precision (rows, cols),
-        entries off it, to the right, downwards, and along both diagonals of each square.
+        entries off it, of each difference.
     """
     if _compiled(x.shape):
-        squares = (x.shape[0] - 1) * (x.shape[1] - 1)
         gradient, diagonal = np.empty(x.shape), np.empty(x.shape)
-        entries = np.empty(weight.size + squares)
+        entries = np.empty(weight.size)
         x = np.ascontiguousarray(x)
         cost = _kernel.roughness(*x.shape, x, weight, square, gradient, diagonal, entries)
         return cost, gradient, diagonal, entries
