@@ -25,7 +25,7 @@ programs = ["tactile-skin = tactile_skin.__main__:main"]
 if {"install", "develop"} & set(sys.argv):
     programs += [
         f"{name} = tactile_skin.ros:{name}"
-        for name in literal("middleware/launch_file.py", "NODES")
+        for name in ("skin", *literal("middleware/package.py", "NODES"))
     ]
 
 setup(

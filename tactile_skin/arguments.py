@@ -66,6 +66,7 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
     sub.add_argument(
         "--link", type=Path, required=True, help="symbolic link to make, the port to open"
     )
+    sub.add_argument("--once", action="store_true", help="end when whoever read the port has left")
     sub.add_argument(
         "--scene", default="demo", help=f"what it feels: {', '.join(scenes.SCRIPTS)} (default demo)"
     )

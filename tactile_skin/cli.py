@@ -58,7 +58,7 @@ def _calibrate(args) -> int:
 def _launch(args) -> int:
     from . import launch
 
-    plan, file = _plan(args.words, "demo.launch.yaml")
+    plan, file = _plan(args.words, "demo.launch.yaml", in_process=not args.ros)
     if args.show_args:
         for argument in plan.arguments.values():
             print(f"{argument.name}:={argument.default}\n    {argument.description}")
@@ -72,7 +72,7 @@ def _launch(args) -> int:
     return _spin(launch.Skin(plan))
 
 
-def _plan(words: list[str], default: str, **given: str):
+def _plan(words: list[str], default: str, in_process: bool = True, **given: str):
     """The plan of a launch file, or of the default one, with its arguments; and the file."""
     from . import launch
 
@@ -89,7 +89,7 @@ def _plan(words: list[str], default: str, **given: str):
         twice = next(name for name in names if names.count(name) > 1)
         raise ValueError(f"argument {twice!r} is given twice")
     file = files[0] if files else default
-    return launch.read_plan(launch.find(file), arguments | given), file
+    return launch.read_plan(launch.find(file), arguments | given, in_process), file
 
 
 def _spin(skin) -> int:

@@ -28,18 +28,9 @@ from .behaviours.hooks import EventHook, StopHook
 from .errors import LaunchError
 from .middleware.bus import Context, MultiThreadedExecutor, Node
 from .middleware.config import SkinConfig, read_skin
-from .middleware.launch_file import (
-    CLASSES,
-    NODES,
-    PACKAGE,
-    RECORDER,
-    NodeAction,
-    Plan,
-    find,
-    read_plan,
-    share_dir,
-)
+from .middleware.launch_file import NodeAction, Plan, read_plan
 from .middleware.launched import (
+    by_thread,
     check_commands,
     check_overrides,
     make_node,
@@ -48,6 +39,7 @@ from .middleware.launched import (
     remaps,
 )
 from .middleware.logs import QueuedLog
+from .middleware.package import CLASSES, PACKAGE, RECORDER, find, share_dir
 from .middleware.processes import PATIENCE, end_commands, start_command
 from .middleware.signals import SIGNALS, unwinding
 from .middleware.threads import one_thread
@@ -70,7 +62,6 @@ __all__ = [
     "share_dir",
 ]
 
-_ONE_THREAD = ("compensation", "gesture_feature")  # strictly sequential
 _POLL = 0.02  # s between two checks of `spin` for signals, nodes and commands
 # From a signal to the end of the process it takes a second at most, whatever hangs:
 _CLOSE_WITHIN = 0.1  # s that the end of one node may keep the others waiting
@@ -125,23 +116,10 @@ class Skin:
         sys.setswitchinterval(0.0005)
         for handle in (*self._handles, self.node):
             diagnostics.ensure_reported(handle)
-        for handles in (*self._stages(), [self.node]):
+        for handles in (*by_thread(self._plan.nodes, self._handles), [self.node]):
             self._executor.add_node(*handles)
 
-    def _stages(self) -> list[list[Node]]:
-        """The nodes by thread: a skin's compensation and its features share one."""
-        groups: dict = {}
-        for handle, action in zip(self._handles, self._plan.nodes, strict=True):
-            shared = action.kind in _ONE_THREAD
-            key = handle.get_namespace() if shared else handle.get_fully_qualified_name()
-            groups.setdefault((shared, key), []).append((action.kind, handle))
-        order = {name: k for k, name in enumerate(NODES)}  # a user's node has its own thread
-        return [
-            [handle for _, handle in sorted(group, key=lambda item: order.get(item[0], 0))]
-            for group in groups.values()
-        ]
-
-    def build(self) -> None:
+    def build(self) -> list[Node]:
         """Make the nodes and check what they are given; nothing runs yet.
 
         Raises:
@@ -149,15 +127,24 @@ class Skin:
         """
         for action in self._plan.nodes:
             SIGNALS.raise_pending()  # the last one took a while
-            handle = make_node(action, self._context)
+            handle = self._make_node(action)
             name = handle.get_fully_qualified_name()
             if any(name == other.get_fully_qualified_name() for other in self._handles):
                 raise LaunchError(f"{action.file}: node {name}: there are two of this name")
             self._handles.append(handle)
-            with naming_its_file(action, name):
-                self._nodes.append(class_of(action)(handle))
-        check_overrides(self._plan.nodes, self._handles)
+            kind = class_of(action)
+            with naming_its_file(action, handle, kind):
+                self._nodes.append(kind(handle))
+        self._check_names()
         check_commands(self._handles)
+        return self._handles
+
+    def _make_node(self, action: NodeAction) -> Node:
+        return make_node(action, self._context)
+
+    def _check_names(self) -> None:
+        """Refuse parameters that no node knows."""
+        check_overrides(self._plan.nodes, self._handles)
 
     @SIGNALS.deferred
     def __exit__(self, *_) -> None:
@@ -182,10 +169,10 @@ class Skin:
         for hook in self._hooks:
             hook.close(max(0.0, until - time.monotonic()))
         self._executor.shutdown(max(0.0, until - time.monotonic()))
-        self._settings.close()
-        end_commands(self._processes, lambda: hurry if SIGNALS.acted else patience)
         if self._log is not None:
             self._log.close()
+        self._settings.close()
+        end_commands(self._processes, lambda: hurry if SIGNALS.acted else patience)
         atexit.unregister(self._end)
         if SIGNALS.acted:
             gc.freeze()  # the interpreter ends 0.1 s sooner if it need not look at all of NumPy

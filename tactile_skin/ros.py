@@ -1,10 +1,11 @@
-"""The same nodes on real ROS: each in a process of its own, on rclpy (ROS 2) or rospy (ROS 1).
+"""The same nodes on real ROS, by rclpy (ROS 2) or rospy (ROS 1): one a process, or all in one.
 
-ROS carries the messages from process to process; within its process a node has what it has on the
+ROS carries the messages from process to process; within a process a node has what it has on the
 bus: one thread for its callbacks, bounded queues, checked parameters, isolated exceptions. So what
-differs between the two ROS is one small class each, which knows topics and services only.
+differs between the two ROS is two small classes each, which know topics and services only.
 
     serial_driver --ros-args -r __node:=left --params-file skin.yaml -p port:=/dev/ttyUSB0
+    skin --ros-args --params-file skin.yaml -p serial_driver:port:=/dev/ttyUSB0 -p monitor:=true
 
 Both understand ROS 2's command line.
 """
@@ -12,6 +13,7 @@ Both understand ROS 2's command line.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
 import functools
 import logging
@@ -24,78 +26,105 @@ from pathlib import Path
 import yaml
 
 from . import launch
-from .errors import RosError
-from .files import one_line, shorten
-from .middleware import bus
+from .errors import LaunchError, ParameterError, RosError
+from .files import one_line
+from .middleware.bus import Context, Node
 from .middleware.config import ParameterFile
-from .middleware.launch_file import FOXGLOVE, NODES, PACKAGE, RECORDER, NodeAction, Plan
+from .middleware.launch_file import NodeAction, Plan
+from .middleware.launched import check_commands, check_names, given
+from .middleware.package import COMPOSED, FOXGLOVE, NODES, PACKAGE, RECORDER
 from .middleware.processes import end_commands, start_command
+from .middleware.ros.arguments import RosArguments, split_arguments
 from .middleware.ros.node import MODULES, RosNode, ToRos, choose
-from .middleware.threads import one_thread
+from .middleware.ros.ros1 import Ros1
+from .middleware.ros.ros2 import Ros2
 from .nodes import diagnostics
-from .yaml_files import parse_yaml
 
 _logger = logging.getLogger("tactile_skin")
+# The nodes of `skin`, in the way of the data, and whether they run unless a parameter says so.
+PARTS = {
+    "serial_driver": True,
+    "compensation": True,
+    "gesture_feature": True,
+    "stop_on_push": True,
+    "cmd_vel_gate": False,
+    "push_to_move": False,
+    "monitor": False,
+}
+_LAUNCH_ROS = "launch_params_"  # how launch_ros names the files that it writes for one program
 
 
-@dataclasses.dataclass
-class RosArguments:
-    """What stands between --ros-args and --; None: as the executable is called."""
+class Program(launch.Skin):
+    """The nodes of a ROS program, with what its command line gives them."""
 
-    name: str | None = None
-    namespace: str = ""
-    parameters: list[ParameterFile | bus.Parameter] = dataclasses.field(default_factory=list)
-    remappings: list[str] = dataclasses.field(default_factory=list)
+    def __init__(self, executable: str, plan: Plan, context: Context | None = None):
+        super().__init__(plan, context)
+        self._whole = executable == COMPOSED
 
-    def overrides(self, full_name: str) -> list[bus.Parameter]:
-        """For the node of this name; what comes later wins."""
-        found = {}
-        for item in self.parameters:
-            for p in item.overrides(full_name) if isinstance(item, ParameterFile) else [item]:
-                found[p.name] = p
-        return list(found.values())
-
-
-def split_arguments(words: list[str]) -> tuple[list[str], RosArguments]:
-    """A command line -> (what is the program's own, what is ROS's).
-
-    Raises:
-        ValueError: a ROS argument that is not understood, by name.
-    """
-    own, args, rest = [], RosArguments(), list(words)
-    while rest:
-        word = rest.pop(0)
-        if word != "--ros-args":
-            own.append(word)
-            continue
-        while rest and (word := rest.pop(0)) != "--":
-            if word == "--ros-args":
-                continue
-            if word not in ("-r", "--remap", "-p", "--param", "--params-file"):
-                raise ValueError(
-                    f"--ros-args: {word!r}: must be -r from:=to, -p name:=value or --params-file"
+    def _check_names(self) -> None:
+        """What a file says to every node may be meant for others, and what a launch file gives a
+        program, for any node in it."""
+        own = [set(handle.parameter_names()) for handle in self._handles]
+        process = set().union(*own)
+        if self._whole:  # a launch file also gives what is for parts that do not run
+            idle = set(PARTS) - {action.kind for action in self._plan.nodes}
+            process = process.union(PARTS, *map(_names_of, idle))
+        for action, handle, names in zip(self._plan.nodes, self._handles, own, strict=True):
+            for item in action.parameters:
+                file = isinstance(item, ParameterFile)
+                given_alone = not file or item.path.name.startswith(_LAUNCH_ROS)
+                check_names(
+                    dataclasses.replace(action, parameters=[item]),
+                    handle.get_fully_qualified_name(),
+                    names if file else process,
+                    process if given_alone else None,
                 )
-            value = rest.pop(0) if rest else ""
-            if word == "--params-file":
-                args.parameters.append(ParameterFile(value))
-                continue
-            name, assigned, to = value.partition(":=")
-            if not assigned or not name or ":" in name:
-                raise ValueError(f"--ros-args: {word} {value!r}: must be name:=value")
-            if word in ("-p", "--param"):
-                value_of = parse_yaml(to, f"--ros-args: {word} {shorten(value)}")
-                args.parameters.append(bus.Parameter(name, value_of))
-            elif name in ("__node", "__name"):
-                args.name = to
-            elif name == "__ns":
-                args.namespace = to
-            else:
-                args.remappings += ["-r", value]
-    return own, args
+
+
+def _names_of(kind: str) -> list[str]:
+    """The parameters of a node that does not run."""
+    node = Node(kind, context=Context())
+    with contextlib.suppress(ValueError, OSError):  # of what it would run on: no port, say
+        launch.node_class(kind)(node)
+    return node.parameter_names()
+
+
+class RosSkin(Program):
+    """Nodes of this process that are on ROS as well, until a signal or ROS ends them."""
+
+    def __init__(self, executable: str, plan: Plan, ros: Ros1 | Ros2):
+        super().__init__(executable, plan)
+        self._ros = ros
+        self._lost = False
+        self._to_ros = ToRos()
+        _logger.setLevel(logging.DEBUG)  # ROS has levels of its own
+        _logger.propagate, _logger.handlers = False, [self._to_ros]
+
+    def build(self) -> list[RosNode]:
+        self._settings.callback(self._leave)
+        super().build()
+        for handle in self._handles:
+            diagnostics.ensure_reported(handle)
+            handle.connect(diagnostics.TOPIC)
+        self._ros.start(self.shutdown)
+        return self._handles
+
+    def _make_node(self, action: NodeAction) -> RosNode:
+        node = RosNode(self._ros, action.name, context=self._context, **given(action))
+        self._to_ros.nodes[action.name] = node.ros
+        return node
+
+    def _leave(self) -> None:
+        self._lost = self._ros.failed  # not what it may raise while it is closed
+        self._ros.close()
+
+    @property
+    def failed(self) -> bool:
+        return self._lost or super().failed
 
 
 def run(executable: str, words: list[str] | None = None) -> int:
-    """One node until SIGTERM or SIGINT: what `ros2 run tactile_skin NODE` starts.
+    """A program of `ros2 run tactile_skin` until SIGTERM or SIGINT: a node, or `skin`.
 
     Returns:
         the exit status: 0, 1 for a run that failed or a ROS that did, 2 for a mistake.
@@ -107,9 +136,15 @@ def run(executable: str, words: list[str] | None = None) -> int:
             "--ros", type=int, choices=(1, 2), help="1: rospy, 2: rclpy (default: what is there)"
         )
         version = choose(parser.parse_args(own).ros)
-        with one_thread():
-            sys.setswitchinterval(0.0005)  # the default, 5 ms, is longer than a frame's whole way
-            return _run(executable, version, args)
+        plan = plan_of(executable, args)
+        namespace = "/" + args.namespace_of(executable).strip("/")
+        # it may wait for ROS 1's master, which a signal ends at once
+        ros = MODULES[version][1](args.name_of(executable), namespace, args.logs)
+        skin = RosSkin(executable, plan, ros)
+        # a signal that came before it ran has asked for the same
+        with contextlib.suppress(KeyboardInterrupt, SystemExit), skin:
+            skin.spin()
+        return 1 if skin.failed else 0
     except KeyboardInterrupt:
         return 130
     except (ValueError, OSError, ModuleNotFoundError) as error:
@@ -119,82 +154,62 @@ def run(executable: str, words: list[str] | None = None) -> int:
 
 def _about(executable: str) -> str:
     """The first line of the node's module."""
+    if executable == COMPOSED:
+        return f"All nodes of a skin in one process: {', '.join(PARTS)}."
     return sys.modules[launch.node_class(executable).__module__].__doc__.splitlines()[0]
 
 
-def _run(executable: str, version: int, args: RosArguments) -> int:
-    name = args.name or executable
-    ros = MODULES[version][1](name, "/" + args.namespace.strip("/"))
-    _logger.setLevel(logging.INFO)
-    _logger.propagate = False
-    _logger.addHandler(ToRos(ros))
-    asked = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: asked.set())
-    executor, part = bus.MultiThreadedExecutor(), None
-    try:
-        node = RosNode(
-            ros,
-            name,
-            namespace=args.namespace,
-            cli_args=args.remappings,
-            parameter_overrides=args.overrides(f"{args.namespace}/{name}"),
-        )
-        part = launch.node_class(executable)(node)
-        _check_overrides(args, node)
-        diagnostics.ensure_reported(node)
-        executor.add_node(node)
-        ros.start()
-        while not asked.wait(0.1) and node.context.ok() and ros.ok():
-            pass
-        lost = ros.failed  # not what it may raise while it is closed
-        node.context.try_shutdown()
-    finally:
-        if hasattr(part, "close"):
-            try:
-                part.close()
-            except Exception:  # a closed stdout, or a ROS that is gone
-                _logger.exception("close() raised")
-        executor.shutdown()
-        _logger.handlers.clear()
-        ros.close()
-    return 1 if lost or getattr(part, "failed", False) else 0
+def plan_of(executable: str, args: RosArguments) -> Plan:
+    """The nodes of a program, with what its command line gives them.
+
+    Raises:
+        ParameterError: a part of `skin` that is neither true nor false.
+    """
+    alone = executable != COMPOSED
+    plan = Plan()
+    for kind in (executable,) if alone else _parts(args):
+        name = args.name_of(kind, alone)
+        parameters = [
+            item if isinstance(item, ParameterFile) else (item.name, item.value)
+            for item in args.parameters_of(kind, name)
+        ]
+        rules = [tuple(rule.split(":=", 1)) for rule in args.remappings_of(kind, name)]
+        namespace = args.namespace_of(kind).strip("/")
+        plan.nodes.append(NodeAction(kind, name, namespace, parameters, rules, Path(executable)))
+    return plan
 
 
-def _check_overrides(args: RosArguments, node: RosNode) -> None:
-    """Refuse misspelt names; what a file says to every node (/**) may be meant for another."""
-    own = {"/" + node.get_fully_qualified_name().strip("/"), node.get_name()}
-    wanted = set()
-    for item in args.parameters:
-        if isinstance(item, ParameterFile):
-            wanted |= {key for name in own for key in item.sections.get(name, {})}
-        else:
-            wanted.add(item.name)
-    for key in sorted(wanted & set(node.undeclared())):
-        raise bus.ParameterError(
-            f"parameter {key!r} of node {node.get_name()} is unknown; "
-            f"there are: {', '.join(node.parameter_names())}"
-        )
+def _parts(args: RosArguments) -> list[str]:
+    """The nodes that `skin` runs."""
+    full_name = f"{args.namespace_of(COMPOSED)}/{args.name_of(COMPOSED)}"
+    wanted = dict(PARTS)
+    for p in args.overrides(full_name):
+        if p.name in PARTS:
+            if not isinstance(p.value, bool):
+                raise ParameterError(
+                    f"parameter {p.name} of {COMPOSED} = {p.value!r}: must be true or false"
+                )
+            wanted[p.name] = p.value
+    return [name for name, runs in wanted.items() if runs]
 
 
 def __getattr__(name: str):
-    """An entry point for each node of NODES, under its name."""
-    if name in NODES:
+    """An entry point for each node of NODES, under its name, and for all of them together."""
+    if name in NODES or name == COMPOSED:
         return functools.partial(run, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def command(action: NodeAction, version: int) -> list[str]:
-    """The command line that starts a node of a launch file, as `ros2 launch` would."""
-    words = [
-        sys.executable,
-        "-m",
-        f"{PACKAGE}.ros",
-        action.executable,
-        "--ros",
-        str(version),
-    ]
-    words += ["--ros-args", "-r", f"__node:={action.name}"]
+    """The command line that starts a program of a launch file, as `ros2 launch` would."""
+    words = [sys.executable, "-m", f"{PACKAGE}.ros", action.executable, "--ros", str(version)]
+    return words + _words(action)
+
+
+def _words(action: NodeAction) -> list[str]:
+    """What a launch file gives a program, as ROS's arguments."""
+    words = ["--ros-args"]
+    words += ["-r", f"__node:={action.name}"] if action.name != action.executable else []
     words += ["-r", f"__ns:={action.namespace}"] if action.namespace else []
     for item in action.parameters:
         if isinstance(item, ParameterFile):
@@ -204,6 +219,22 @@ def command(action: NodeAction, version: int) -> list[str]:
     for source, target in action.remappings:
         words += ["-r", f"{source}:={target}"]
     return words
+
+
+def _check(actions: list[NodeAction]) -> None:
+    """Build the programs' nodes in this process, to find mistakes before one is started."""
+    context, handles = Context(), []
+    for action in actions:
+        _, args = split_arguments(_words(action))
+        nodes = [
+            dataclasses.replace(node, file=action.file)
+            for node in plan_of(action.executable, args).nodes
+        ]
+        handles += Program(action.executable, Plan(nodes=nodes), context).build()
+    names = [handle.get_fully_qualified_name() for handle in handles]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise LaunchError(f"node {twice[0]}: there are two of this name")
+    check_commands(handles)
 
 
 def _as_yaml(value) -> str:
@@ -229,7 +260,7 @@ def launch_processes(plan: Plan, version: int) -> int:
                 f"{action.file}: node {action.kind}: --ros starts the nodes of {PACKAGE} only; "
                 "start this one as a program of its own"
             )
-    launch.Skin(Plan(nodes=plan.nodes)).build()
+    _check(plan.nodes)
     asked = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: asked.set())

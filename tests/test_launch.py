@@ -22,7 +22,6 @@ from tactile_skin.behaviours.gate import GateConfig
 from tactile_skin.behaviours.hooks import EventHook
 from tactile_skin.board import simulator
 from tactile_skin.launch import (
-    NODES,
     LaunchError,
     Skin,
     find,
@@ -33,6 +32,7 @@ from tactile_skin.launch import (
 )
 from tactile_skin.middleware.bus import Context, Node, Parameter, ParameterError
 from tactile_skin.middleware.config import ParameterFile
+from tactile_skin.middleware.package import NODES
 from tactile_skin.msg import Bool, Header, PointCloud2, Twist, cloud
 from tactile_skin.nodes.stop_on_push import LATCHED
 
@@ -121,7 +121,7 @@ def test_exec_in_pkg_is_a_program_of_the_package(plan, tmp_path, monkeypatch):
     built = tmp_path / "lib" / "tactile_skin" / "tactile-skin"
     built.touch()
     monkeypatch.setattr(
-        "tactile_skin.middleware.launch_file.share_dir", lambda: tmp_path / "share/tactile_skin"
+        "tactile_skin.middleware.substitutions.share_dir", lambda: tmp_path / "share/tactile_skin"
     )
     assert words(plan(line)) == [[str(built)]]
 
@@ -209,7 +209,7 @@ GRAMMAR = {  # what is wrong -> (entities, what the message must hold)
     "no map": ("- node\n", ["'node'", "must be one of"]),
     "two in one": ("- {arg: {name: a}, let: {name: b, value: c}}\n", ["must be one of"]),
     "body is no map": ("- node: 5\n", ["node: must map keys to values"]),
-    "unknown key": (NODE % ", respawn: true", ["node: key 'respawn'", "remap"]),
+    "unknown key": (NODE % ", respawns: true", ["node: key 'respawns'", "remap"]),
     "key of another entity": ("- let: {name: a, default: b}\n", ["let: key 'default'", "value"]),
     "missing key": ("- node: {pkg: tactile_skin}\n", ["node: needs the key 'exec'"]),
     "let without value": ("- let: {name: a}\n", ["let: needs the key 'value'"]),
@@ -1015,7 +1015,8 @@ def test_a_reset_first_ends_a_fault_that_is_kept_from_an_earlier_touch(write, la
         Robot(skin)
         compensation = skin._nodes[1]
         heard.wait_for((False, ""))
-        handle, (service, _) = skin._handles[1], skin._handles[1]._services
+        handle = skin._handles[1]
+        (service,) = [s for s in handle._services if s.srv_name.endswith("/reset")]
         compensation._waits = False  # rest was measured
         compensation._fault = True  # as a doubt that is held
         handle.create_timer(

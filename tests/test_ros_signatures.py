@@ -30,6 +30,15 @@ DOCUMENTED = {
         callback_group=None: 0,
     "declare_parameter": lambda name, value=None, descriptor=None, ignore_override=False: 0,
     "get_logger": lambda: 0,
+    "get_clock": lambda: 0,
+    "create_timer": lambda timer_period_sec, callback, callback_group=None, clock=None: 0,
+    "add_on_set_parameters_callback": lambda callback: 0,
+    "get_publishers_info_by_topic": lambda topic_name, no_mangle=False: 0,
+    "get_subscriptions_info_by_topic": lambda topic_name, no_mangle=False: 0,
+    # rclpy.parameter, rclpy.qos_overriding_options, rclpy.clock
+    "Parameter": lambda name, type_=None, value=None: 0,
+    "with_default_policies": lambda *, callback=None, entity_id=None: 0,
+    "now": lambda: 0,
     # rclpy.publisher.Publisher, rclpy.executors.SingleThreadedExecutor
     "wait_for_all_acked": lambda timeout=None: 0,
     "SingleThreadedExecutor": lambda *, context=None: 0,
@@ -50,18 +59,20 @@ DOCUMENTED = {
     "ParameterDescriptor": lambda *, name="", type=0, description="", additional_constraints="",
         read_only=False, dynamic_typing=False, floating_point_range=(), integer_range=(): 0,
     "FloatingPointRange": lambda *, from_value=0.0, to_value=0.0, step=0.0: 0,
+    "SetParametersResult": lambda *, successful=False, reason="": 0,
     "IntegerRange": lambda *, from_value=0, to_value=0, step=0: 0,
 }
 # fmt: on
 PYTHON = {"Thread", "start", "is_alive", "join", "current_thread", "append", "monotonic", "max"}
 PYTHON |= {"exception"}
-PYTHON |= {"_qos", "_isolated"}
+PYTHON |= {"_qos", "_isolated", "_remedy", "_ended", "Ros2Node", "RosError", "compare_types"}
+PYTHON |= {"wait_until_heard", "split", "add", "items", "take", "log", "set"}
 
 
 def calls() -> list[ast.Call]:
     tree = ast.parse(Path(ros2.__file__).read_text())
-    (found,) = [n for n in tree.body if isinstance(n, ast.ClassDef) and n.name == "Ros2"]
-    return [n for n in ast.walk(found) if isinstance(n, ast.Call)]
+    found = [n for n in tree.body if isinstance(n, ast.ClassDef)]
+    return [n for kind in found for n in ast.walk(kind) if isinstance(n, ast.Call)]
 
 
 def name_of(call: ast.Call) -> str:

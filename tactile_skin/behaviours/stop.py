@@ -105,6 +105,12 @@ class StopPolicy:
         self._was_free = False
         self._latched = ""  # the reason of the stop that waits for a reset
 
+    def configure(self, config: StopConfig) -> None:
+        """Go on with other limits; a push that is on, a fault and what is latched stay."""
+        if config.stale_after != self.config.stale_after:
+            self._pace = Pace(config.stale_after)
+        self.config = config
+
     def reading(
         self, t: float, force: float, peak: float = 0.0, stamp: float | None = None
     ) -> Decision:

@@ -98,12 +98,13 @@ def serve(
     running: Callable[[], bool],
     baud: int = BAUD,
     on_ready: Callable[[], None] = lambda: None,
+    once: bool = False,
 ) -> None:
     """Put the board behind a pty whose name is the symbolic link `link`, in real time.
 
     As on a USB board, opening the port restarts it, and what nobody reads is lost. A pty knows no
-    baud rate, so the bytes are paced here. Returns when `running()` is no longer true; calls
-    `on_ready()` once the link is there.
+    baud rate, so the bytes are paced here. Returns when `running()` is no longer true, or with
+    `once` when whoever read the port has left; calls `on_ready()` once the link is there.
 
     Raises:
         FileNotFoundError: there is no folder for `link`.
@@ -111,7 +112,7 @@ def serve(
     """
     with open_terminal(link) as terminal:
         on_ready()
-        _pump(board, terminal, running, baud)
+        _pump(board, terminal, lambda: running() and not (once and terminal.left()), baud)
 
 
 def _pump(board: Board, terminal: Terminal, running: Callable[[], bool], baud: int) -> None:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import math
 import os
 import select
+import time
 import tty
 from collections.abc import Iterator
 from pathlib import Path
 
+_LEFT_FOR = 2.0  # s after which nobody opens the port again: the driver does so at once
 _DIGITS = "0123456789"
 
 
@@ -21,11 +24,19 @@ class Terminal:
         self._poller = select.poll()
         self._poller.register(master, select.POLLIN)
         self._events = 0
+        self._last = math.inf  # monotonic time at which somebody had the port open [s]
 
     def connected(self) -> bool:
         """Whether somebody has the port open now."""
         self._events = dict(self._poller.poll(0)).get(self._master, 0)
-        return not self._events & select.POLLHUP
+        connected = not self._events & select.POLLHUP
+        if connected:
+            self._last = time.monotonic()
+        return connected
+
+    def left(self) -> bool:
+        """Whether who had the port open has closed it, and nobody has opened it again since."""
+        return time.monotonic() - self._last > _LEFT_FOR
 
     def read(self) -> bytes:
         """What was sent to the board until `connected` was called last; empty if nothing."""

@@ -55,7 +55,7 @@ def _serve_model(args, skin: SkinConfig, running: Callable[[], bool], ready) -> 
 
     scene = scenes.script(args.scene, *skin.circuit.shape)
     board = simulator.Board(skin.circuit, skin.curve, scene, args.noise, args.rate, args.seed)
-    simulator.serve(board, args.link, running, args.baud, ready)
+    simulator.serve(board, args.link, running, args.baud, ready, args.once)
 
 
 def _serve_firmware(args, skin: SkinConfig, running: Callable[[], bool], ready) -> None:
@@ -65,4 +65,4 @@ def _serve_firmware(args, skin: SkinConfig, running: Callable[[], bool], ready) 
         raise ValueError("--rate and --baud are of the board `model`; the firmware has its own")
     scene = scenes.script(args.scene, *skin.circuit.shape)
     with chip.Chip(skin.circuit, noise=args.noise, seed=args.seed + 1) as simulated:
-        chip.serve(simulated, skin.curve, scene, args.link, running, ready)
+        chip.serve(simulated, skin.curve, scene, args.link, running, ready, args.once)

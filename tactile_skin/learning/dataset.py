@@ -83,7 +83,12 @@ def make_pairs(circuit, curve, n: int, network_kind: str, readout: str, seed, tr
 
     Returns:
         (n, channels, rows, cols) inputs, (n, rows, cols) force [N], both float32.
+
+    Raises:
+        ValueError: the circuit's readout is not the floating one.
     """
+    if circuit.readout != "floating":
+        raise ValueError(f"the networks know the floating readout only, not {circuit.readout!r}")
     channels = 1 if network_kind == "paper" else network.PHYSICS_INPUTS
     inputs = np.empty((n, channels, *circuit.shape), np.float32)
     force = np.empty((n, *circuit.shape), np.float32)

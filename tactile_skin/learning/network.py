@@ -37,6 +37,7 @@ _OUTPUTS = {"paper": 1, "physics": 2}  # the force; what to make of the fixed po
 _MOST_BYTES = 1024 * 1024  # of a weights file, packed or not: ours take 30 kB
 _MOST_ARRAYS = 50  # in a weights file: ours hold 21
 _STEPS = 14  # of the fixed point; each costs 0.02 y
+_RHO = 1.0, 1e12  # ohm: a short and an open line stay finite
 _LEAST_SEEN = 1e-6  # of log10: a cell that hardly shows in its own reading
 
 
@@ -56,7 +57,7 @@ def physics_inputs(adc: np.ndarray, circuit: Circuit, curve: PressureCurve) -> n
     scale = 1.0 / np.log(high / low)
     cells = np.flatnonzero(circuit.populated).astype(np.int32)
     bounds = np.full(cells.size, np.log(low)), np.full(cells.size, np.log(high))
-    rho_measured = np.maximum(circuit.two_terminal(adc), 1.0)  # ohm; a short stays finite
+    rho_measured = np.clip(circuit.two_terminal(adc), *_RHO)
     # Foster: the sum of g rho is lines - 1
     share = (sum(circuit.shape) - 1) / cells.size
     g = np.clip(share / rho_measured, low, high) * circuit.populated

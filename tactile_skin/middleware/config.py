@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -86,13 +88,15 @@ def skin_of(values: dict, where: str) -> SkinConfig:
     return skin
 
 
-def describe(text: str, low=None, high=None) -> ParameterDescriptor:
+def describe(text: str, low=None, high=None, read_only: bool = True) -> ParameterDescriptor:
     """A parameter's description, and its range where it has one."""
     if low is None:
-        return ParameterDescriptor(text)
-    if isinstance(low, int):
-        return ParameterDescriptor(text, integer_range=[IntegerRange(low, high)])
-    return ParameterDescriptor(text, floating_point_range=[FloatingPointRange(low, high)])
+        bounds = {}
+    elif isinstance(low, int):
+        bounds = {"integer_range": [IntegerRange(low, high)]}
+    else:
+        bounds = {"floating_point_range": [FloatingPointRange(low, high)]}
+    return ParameterDescriptor(text, read_only=read_only, **bounds)
 
 
 def circuit_of(node: Node) -> Circuit:
@@ -189,6 +193,12 @@ def geometry_of(node: Node, circuit: Circuit) -> Geometry:
 class ParameterFile:
     """A ROS 2 parameter file: ``node_name: {ros__parameters: {...}}``, ``/**`` for every node.
 
+    As in rclpy, sections may stand within namespaces, and ``*`` in a section's name stands for one
+    name, ``**`` for any number of them: ``/**/stop_on_push`` is the node in any namespace.
+
+    Attributes:
+        sections: full name, such as "/left/stop_on_push" -> {parameter: value}.
+
     Raises:
         FileError: not such a file, or none; the message names the file and the key.
     """
@@ -204,20 +214,67 @@ class ParameterFile:
         if not isinstance(data, dict):
             raise FileError(f"{path}: must map node names to ros__parameters")
         self.sections: dict[str, dict] = {}
+        self._names: dict[str, str] = {}  # full name -> as the file has it
         for name, section in data.items():
-            if not isinstance(section, dict) or set(section) != {"ros__parameters"}:
-                raise FileError(f"{path}: {name}: must hold ros__parameters and nothing else")
-            if name.startswith("/") and name[1:] in data:
-                raise FileError(f"{path}: {name}: is the section {name[1:]} again")
-            values = section["ros__parameters"]
-            self.sections[name] = _flat({} if values is None else values, f"{path}: {name}")
+            self._read(name, section)
+
+    def _read(self, name: str, section) -> None:
+        below = section if isinstance(section, dict) else {}
+        if "ros__parameters" not in below and any(isinstance(v, dict) for v in below.values()):
+            for key, value in below.items():  # a namespace
+                self._read(f"{name.rstrip('/')}/{key.lstrip('/')}", value)
+            return
+        if set(below) != {"ros__parameters"}:
+            raise FileError(f"{self.path}: {name}: must hold ros__parameters and nothing else")
+        full = "/" + name.strip("/")
+        if full in self._names:
+            raise FileError(f"{self.path}: {name}: is the section {self._names[full]} again")
+        values = section["ros__parameters"]
+        self._names[full] = name
+        self.sections[full] = _flat({} if values is None else values, f"{self.path}: {name}")
+
+    def name_of(self, section: str) -> str:
+        """A section as the file has it, for messages."""
+        return f"{self.path}: {self._names[section]}"
 
     def overrides(self, node: str) -> list[Parameter]:
-        """What the file says for the node of this full name, its own section last."""
+        """What the file says for the node of this full name; what comes later in it wins."""
         found = {}
-        for name in ("/**", node.lstrip("/"), "/" + node.lstrip("/")):
-            found |= self.sections.get(name, {})
+        for section, values in self.sections.items():
+            if concerns(section, node):
+                found |= values
         return [Parameter(key, value) for key, value in found.items()]
+
+    def check_meant(self, node: str) -> None:
+        """Refuse a file with sections for nodes of this name, none of them in its namespace.
+
+        ROS would run the node on its defaults, and not say so.
+
+        Raises:
+            ParameterError: naming the sections and the node.
+        """
+        name = node.rsplit("/", 1)[-1]
+        alike = [section for section in self.sections if section.rsplit("/", 1)[-1] == name]
+        if alike and not any(concerns(section, node) for section in alike):
+            found = " and ".join(self._names[section] for section in alike)
+            raise ParameterError(
+                f"{self.path}: {found}: is not for the node /{node.strip('/')}: "
+                f"must be /**/{name}, for any namespace, or /{node.strip('/')}"
+            )
+
+
+_WILDCARDS = {"*": r"(/\w+)", "**": r"(/\w+)*"}  # as rcl_yaml_param_parser has them
+
+
+@functools.cache
+def _pattern(section: str) -> re.Pattern:
+    names = section.strip("/").split("/")
+    return re.compile("".join(_WILDCARDS.get(name, "/" + re.escape(name)) for name in names))
+
+
+def concerns(section: str, node: str) -> bool:
+    """Whether a section of this full name is for the node of that one."""
+    return _pattern(section).fullmatch("/" + node.strip("/")) is not None
 
 
 def _flat(tree, where: str, under: str = "") -> dict:

@@ -5,9 +5,6 @@ from __future__ import annotations
 import os
 import re
 import shlex
-import shutil
-import sys
-import uuid
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,55 +12,13 @@ from ..errors import FileError, LaunchError
 from ..files import shorten
 from ..yaml_files import parse_yaml, read_yaml
 from .config import ParameterFile
-from .processes import tool_path
+from .package import COMPOSED, FOXGLOVE, NODES, PACKAGE, RECORDER
+from .substitutions import substitute
 from .user_nodes import UserNode, find_user_node
 
-PACKAGE = "tactile_skin"
-NODES = {  # exec -> class, imported when it is started
-    "serial_driver": "serial_driver.SerialDriver",
-    "compensation": "compensation.Compensation",
-    "gesture_feature": "gesture_feature.GestureFeature",
-    "stop_on_push": "stop_on_push.StopOnPush",
-    "cmd_vel_gate": "cmd_vel_gate.CmdVelGate",
-    "push_to_move": "push_to_move.PushToMove",
-    "monitor": "observers.monitor.Monitor",
-    "push_arrow": "push_arrow.PushArrow",
-    "view": "observers.view.View",
-}
-RECORDER, FOXGLOVE = "recorder", "foxglove"  # of any launch file, but not on ROS
-_OBSERVERS = {RECORDER: "observers.recorder.RecorderNode", FOXGLOVE: "observers.foxglove.Foxglove"}
-CLASSES = NODES | _OBSERVERS
+_SEPARATE = "separate"  # argument of a launch file: a process for each node
 _MAX_FILES = 30  # launch files of one launch: includes may double at each level
 _MAX_TEXT = 10_000  # characters of a filled-in value: it may double with each let
-
-
-def share_dir() -> Path:
-    """Where launch/ and config/ are: the source tree, or share/tactile_skin of the installation."""
-    here = Path(__file__).resolve()
-    for parent in here.parents[2:]:
-        for place in (parent, parent / "share" / PACKAGE):
-            if (place / "package.xml").is_file() and (place / "launch").is_dir():
-                return place
-    raise LaunchError(f"the launch and config folders of {PACKAGE} are not beside {here}")
-
-
-def find(path) -> Path:
-    """A launch file as given; a bare name that is no file here, among those of the package.
-
-    Raises:
-        LaunchError: a path to nothing whose last part is the name of one of the package.
-    """
-    if Path(path).exists():
-        return Path(path)
-    shipped = share_dir() / "launch" / Path(path).name
-    if not shipped.is_file():
-        return Path(path)  # to be named when it is read
-    if os.path.dirname(path):  # who names a folder does not mean another file of the same name
-        raise LaunchError(
-            f"launch file {path}: does not exist; the one of {PACKAGE} is meant by its name alone: "
-            f"{shipped.name}"
-        )
-    return shipped
 
 
 @dataclass
@@ -102,24 +57,32 @@ class Plan:
     arguments: dict[str, Argument] = field(default_factory=dict)
 
 
+_LIFETIME = ("respawn", "respawn_delay", "on_exit")  # of a process of its own
 _KEYS = {  # entity -> keys that are understood; of these, the last tuple's say nothing in-process
     "arg": ({"name", "default", "description"}, set()),
     "let": ({"name", "value"}, set()),
-    "node": ({"pkg", "exec", "name", "namespace", "param", "remap", "if", "unless"}, {"output"}),
-    "executable": ({"cmd", "if", "unless"}, {"output", "name"}),
+    "node": (
+        {"pkg", "exec", "name", "namespace", "param", "remap", "if", "unless"},
+        {"output", *_LIFETIME},
+    ),
+    "executable": ({"cmd", "if", "unless"}, {"output", "name", *_LIFETIME}),
     "include": ({"file", "arg", "if", "unless"}, set()),
 }
 
 
-def read_plan(path, arguments: dict[str, str]) -> Plan:
+def read_plan(path, arguments: dict[str, str], in_process: bool = True) -> Plan:
     """Read a launch file and fill in its arguments.
+
+    Args:
+        in_process: the nodes will share this process; then the argument `separate`, by which a
+            launch file asks ROS for a process per node, is true: each is a node of the plan.
 
     Raises:
         LaunchError: an unknown entity, key, substitution or argument, or a value that is missing.
     """
     plan, given = Plan(), dict(arguments)
     record, live = (given.pop(a.name, a.default) for a in (RECORD, LIVE))
-    _read_file(str(path), given, plan, _Read())
+    _read_file(str(path), given, plan, _Read(in_process))
     plan.arguments |= {a.name: a for a in (RECORD, LIVE)}
     if _wanted({"if": live}, lambda text, _: text, Path(path), LIVE.name):
         plan.nodes.append(_observer(FOXGLOVE, plan, Path(path)))
@@ -138,6 +101,7 @@ def _observer(kind: str, plan: Plan, file: Path, *given: tuple[str, str]) -> Nod
 class _Read:
     """What the files of one launch share while they are read."""
 
+    in_process: bool
     anonymous: dict[str, str] = field(default_factory=dict)
     parameter_files: dict[str, ParameterFile] = field(default_factory=dict)
     including: list[str] = field(default_factory=list)  # the file being read, and those around it
@@ -169,7 +133,7 @@ def _read_file(name: str, given: dict[str, str], plan: Plan, read: _Read) -> Non
     declared = {}
 
     def fill(value, key):
-        text = _substitute(_text(value, path, key), variables, path, read.anonymous)
+        text = substitute(_text(value, path, key), variables, path, read.anonymous)
         if len(text) > _MAX_TEXT:
             raise LaunchError(
                 f"{path}: {key} = {shorten(text)}: must be at most {_MAX_TEXT} characters"
@@ -203,6 +167,8 @@ def _read_file(name: str, given: dict[str, str], plan: Plan, read: _Read) -> Non
                 _text(body.get("description", ""), path, "arg: description"),
             )
             value = given.get(name, declared[name].default)
+            if name == _SEPARATE and read.in_process:
+                value = "true"
             if value is None:
                 raise LaunchError(f"{path}: argument {name} has no default: give {name}:=value")
             variables[name] = value
@@ -295,9 +261,10 @@ def _node(body: dict, fill, path: Path, read: _Read) -> NodeAction:
         fill(_need(body, key, path, "node"), f"node: {key}") for key in ("pkg", "exec")
     )
     user = None
-    if package == PACKAGE and executable not in NODES:
+    there = NODES if read.in_process else (COMPOSED, *NODES)
+    if package == PACKAGE and executable not in there:
         raise LaunchError(
-            f"{path}: node {package}/{executable}: exec: must be one of {', '.join(NODES)}"
+            f"{path}: node {package}/{executable}: exec: must be one of {', '.join(there)}"
         )
     if package != PACKAGE:
         try:
@@ -345,56 +312,3 @@ def _node(body: dict, fill, path: Path, read: _Read) -> NodeAction:
     name = named(name, "name", _NODE_NAME, "of letters, digits and _, no digit first")
     namespace = named(body.get("namespace", ""), "namespace", _NAMESPACE, "names between slashes")
     return NodeAction(executable, name, namespace, parameters, remappings, path, user)
-
-
-_SUBSTITUTION = re.compile(r"\$\(([\w-]+)((?:\s+[^()\s]+)*)\)")
-
-
-def _substitute(text: str, variables: dict, path: Path, anonymous: dict) -> str:
-    """Fill in $(var x), $(env X default), $(dirname), $(anon x), $(find-pkg-share pkg) and
-    $(exec-in-pkg x pkg)."""
-
-    def value(match: re.Match) -> str:
-        kind, words = match[1], match[2].split()
-        if kind == "var" and len(words) == 1:
-            if words[0] not in variables:
-                known = ", ".join(variables) or "none"
-                raise LaunchError(f"{path}: $(var {words[0]}): not known here; there are: {known}")
-            return variables[words[0]]
-        if kind == "env" and len(words) in (1, 2):
-            found = os.environ.get(*words)
-            if found is None:
-                raise LaunchError(f"{path}: $(env {words[0]}): not set, and no default given")
-            return found
-        if kind == "dirname" and not words:
-            return str(path.resolve().parent)
-        if kind == "anon" and len(words) == 1:
-            name = f"{words[0]}_{os.getpid()}_{uuid.uuid4().hex[:8]}"
-            return anonymous.setdefault(words[0], name)
-        if kind == "find-pkg-share" and words == [PACKAGE]:
-            return str(share_dir())
-        if kind == "exec-in-pkg" and len(words) == 2 and words[1] == PACKAGE:
-            return _executable(words[0], path)
-        raise LaunchError(
-            f"{path}: {match[0]}: not understood; must be $(var x), $(env X [default]), "
-            f"$(dirname), $(anon x), $(find-pkg-share {PACKAGE}) or $(exec-in-pkg x {PACKAGE})"
-        )
-
-    filled = _SUBSTITUTION.sub(value, text)
-    if "$(" in filled:
-        raise LaunchError(f"{path}: {text!r}: a substitution that is not understood")
-    return filled
-
-
-def _executable(name: str, path: Path) -> str:
-    """How to start a program of the package: as colcon or pip installed it, else by this Python."""
-    if name not in ("tactile-skin", *NODES):
-        there = ", ".join(("tactile-skin", *NODES))
-        raise LaunchError(f"{path}: {PACKAGE} has no program {name!r}; there are: {there}")
-    built = share_dir().parents[1] / "lib" / PACKAGE / name
-    if built.exists():
-        return shlex.quote(str(built))
-    if name not in NODES and shutil.which(name, path=tool_path()):
-        return name
-    module = f"{PACKAGE}.ros {name}" if name in NODES else PACKAGE
-    return f"{shlex.quote(sys.executable)} -m {module}"

@@ -4,29 +4,58 @@ from __future__ import annotations
 
 import contextlib
 import re
+from collections.abc import Callable
 
 from ..errors import LaunchError, ParameterError, TopicTypeError
-from ..msg import Twist
+from ..msg import Twist, TwistStamped
 from .bus import Context, Node, Parameter
-from .config import SHARED, ParameterFile
-from .launch_file import CLASSES, NodeAction
+from .config import SHARED, ParameterFile, concerns
+from .launch_file import NodeAction
+from .package import CLASSES, NODES
+
+_SIMULATED = "use_sim_time"
+# parameters that ROS itself declares and takes; what ends with a point is a prefix
+THEIRS = (_SIMULATED, "start_type_description_service", "qos_overrides.")
+_ONE_THREAD = ("compensation", "gesture_feature")  # strictly sequential
 
 
 def make_node(action: NodeAction, context: Context) -> Node:
     """A node of the bus with the names, remappings and parameters of a launch file."""
+    arguments = given(action)
+    overrides = arguments["parameter_overrides"]
+    if any(p.name == _SIMULATED and p.value is not False for p in overrides):
+        raise LaunchError(f"{action.file}: {_SIMULATED}: must be false: /clock is on ROS only")
+    arguments["parameter_overrides"] = [p for p in overrides if p.name != _SIMULATED]
+    return Node(action.name, context=context, **arguments)
+
+
+def given(action: NodeAction) -> dict:
+    """The arguments of a node that a launch file names: namespace, remappings, parameters."""
     full_name = f"{action.namespace}/{action.name}"
     values: dict[str, Parameter] = {}
     for item in action.parameters:
         from_file = isinstance(item, ParameterFile)
         found = item.overrides(full_name) if from_file else [Parameter(*item)]
         values |= {p.name: p for p in found}
-    return Node(
-        action.name,
-        context=context,
-        cli_args=remaps(action.remappings),
-        namespace=action.namespace,
-        parameter_overrides=list(values.values()),
-    )
+    return {
+        "namespace": action.namespace,
+        "cli_args": remaps(action.remappings),
+        "parameter_overrides": list(values.values()),
+    }
+
+
+def by_thread(nodes: list[NodeAction], handles: list[Node]) -> list[list[Node]]:
+    """The nodes by thread: a skin's compensation and its features share one."""
+    groups: dict = {}
+    for action, handle in zip(nodes, handles, strict=True):
+        shared = action.kind in _ONE_THREAD
+        key = handle.get_namespace() if shared else handle.get_fully_qualified_name()
+        groups.setdefault((shared, key), []).append((action.kind, handle))
+    order = {name: k for k, name in enumerate(NODES)}  # a user's node has its own thread
+    return [
+        [handle for _, handle in sorted(group, key=lambda item: order.get(item[0], 0))]
+        for group in groups.values()
+    ]
 
 
 def parameters_of(handles: list[Node]) -> dict[str, dict]:
@@ -42,34 +71,59 @@ def parameters_of(handles: list[Node]) -> dict[str, dict]:
 def check_overrides(nodes: list[NodeAction], handles: list[Node]) -> None:
     """Refuse names in parameter files and launch files that no node knows."""
     declared = {name for handle in handles for name in handle.parameter_names()}
-    names = {h.get_fully_qualified_name() for h in handles}
-    # One file may serve several launches: sections of nodes that this one does not start.
-    absent = {f"/{name}" for name in set(CLASSES) - {a.kind for a in nodes}}
+    names = {handle.get_fully_qualified_name() for handle in handles}
     for action, handle in zip(nodes, handles, strict=True):
-        own = set(handle.undeclared())
         for item in action.parameters:
-            if not isinstance(item, ParameterFile):
-                if item[0] in own:
-                    raise _unknown(str(action.file), item[0], handle.parameter_names())
-                continue
-            for section, values in item.sections.items():
-                shared = [k for k in values if k.split(".")[0] in SHARED]
-                if section != "/**" and shared:
-                    raise LaunchError(
-                        f"{item.path}: {section}: {shared[0]}: belongs under /**, since "
-                        "several nodes must agree on it"
-                    )
-                full = "/" + section.lstrip("/")
-                if section != "/**" and full not in names | absent:
-                    there = ", ".join(sorted(name[1:] for name in names))
-                    raise LaunchError(
-                        f"{item.path}: {section}: no such node in this launch; there are: {there}"
-                    )
-                mine = full == handle.get_fully_qualified_name()
-                allowed = declared if section == "/**" else set(handle.parameter_names())
-                unknown = sorted(set(values) - allowed)
-                if unknown and (mine or section == "/**"):
-                    raise _unknown(f"{item.path}: {section}", unknown[0], allowed)
+            if isinstance(item, ParameterFile):
+                _check_sections(item, names)
+        own = set(handle.parameter_names())
+        check_names(action, handle.get_fully_qualified_name(), own, declared)
+
+
+def _check_sections(file: ParameterFile, names: set[str]) -> None:
+    """One file may serve several launches: for nodes that this one does not start, and other
+    namespaces."""
+    known = {"*", "**", *CLASSES, *(name.rsplit("/", 1)[-1] for name in names)}
+    for section in file.sections:
+        if section.rsplit("/", 1)[-1] not in known:
+            there = ", ".join(sorted(name[1:] for name in names))
+            raise LaunchError(
+                f"{file.name_of(section)}: no such node in this launch; there are: {there}"
+            )
+
+
+def check_names(
+    action: NodeAction, full_name: str, own: set[str], every: set[str] | None = None
+) -> None:
+    """Refuse parameters of one node that nothing has.
+
+    Args:
+        own: names of its parameters.
+        every: what `/**` may say; None: anything, it may be meant for other nodes.
+
+    Raises:
+        LaunchError: naming the file and the parameter.
+    """
+    for item in action.parameters:
+        if not isinstance(item, ParameterFile):
+            if item[0] not in own and not item[0].startswith(THEIRS):
+                raise _unknown(str(action.file), item[0], own)
+            continue
+        item.check_meant(full_name)
+        for section, values in item.sections.items():
+            last = section.rsplit("/", 1)[-1]
+            everyone = last in ("*", "**")
+            shared = [k for k in values if k.split(".")[0] in SHARED]
+            if last in CLASSES and shared:
+                raise LaunchError(
+                    f"{item.name_of(section)}: {shared[0]}: belongs under /**, since "
+                    "several nodes must agree on it"
+                )
+            allowed = every if everyone else own
+            names = [name for name in values if not name.startswith(THEIRS)]
+            unknown = sorted(set(names) - allowed) if allowed is not None else []
+            if unknown and concerns(section, full_name):
+                raise _unknown(item.name_of(section), unknown[0], allowed)
 
 
 def check_commands(handles: list[Node]) -> None:
@@ -77,7 +131,7 @@ def check_commands(handles: list[Node]) -> None:
     senders: dict[str, str] = {}
     for handle in handles:
         for publisher in handle.publishers:
-            if publisher.msg_type is Twist:
+            if publisher.msg_type in (Twist, TwistStamped):
                 topic, name = publisher.topic_name, handle.get_name()
                 if topic in senders:
                     raise LaunchError(
@@ -88,13 +142,23 @@ def check_commands(handles: list[Node]) -> None:
 
 
 @contextlib.contextmanager
-def naming_its_file(action: NodeAction, full_name: str):
-    """Put the file that a refused parameter or remapping is from in front of the error."""
+def naming_its_file(action: NodeAction, handle: Node, kind: Callable):
+    """Put the file that a refused parameter or remapping is from in front of the error.
+
+    Args:
+        kind: what makes the node of its handle.
+    """
+    full_name = handle.get_fully_qualified_name()
     try:
         yield
     except TopicTypeError as error:
         raise LaunchError(f"{action.file}: node {full_name}: {error}: check remap") from error
     except ValueError as error:
+        if action.user is None:  # a misspelt name is the mistake, what it leads to is not
+            known = Node(action.name, context=Context())
+            with contextlib.suppress(ValueError, OSError):
+                kind(known)
+            check_names(action, full_name, {*known.parameter_names(), *handle.parameter_names()})
         words = set(re.findall(r"\w+", str(error)))
         for item in reversed(action.parameters):
             if isinstance(item, ParameterFile):

@@ -5,13 +5,17 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
+import numpy as np
+
 from ..behaviours.gate import Motion
 from ..behaviours.stop import StopMessage
-from ..msg import DiagnosticArray, Twist, Vector3
+from ..middleware.config import describe
+from ..msg import DiagnosticArray, Header, Twist, TwistStamped, Vector3
 from . import diagnostics
 from .stop_on_push import STATUS, STATUS_TOPIC, stop_message_of
 
 PERIOD = 0.02  # s, between two velocities at most
+_STILL = Motion(np.zeros(3), np.zeros(3), "the clock stands still")
 
 
 class CmdVel:
@@ -20,6 +24,10 @@ class CmdVel:
 
     It reports on diagnostics why motion is not permitted, always at level OK: an error there would
     be another stop.
+
+    Attributes:
+        frame: of stamped velocities.
+        kind: of its velocities: Twist, or with the parameter `stamped` TwistStamped.
 
     Args:
         decide: time [s] -> Motion.
@@ -31,8 +39,12 @@ class CmdVel:
         self._message: StopMessage | None = None
         self._reason: str | None = None
         self._closed = threading.Lock()  # never released once the final zero is published
-        self._cmd_vel = node.create_publisher(Twist, "cmd_vel", 1)
-        self._diagnostics = node.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
+        self.kind = kind_of(node)
+        self.frame = node.declare_parameter(
+            "frame_id", "base_link", describe("base frame, of stamped velocities")
+        ).value
+        self._cmd_vel = node.create_publisher(self.kind, "cmd_vel", 1)
+        self._diagnostics = diagnostics.Reporter(node)
         node.create_subscription(DiagnosticArray, STATUS_TOPIC, self.on_status, STATUS)
         node.create_timer(PERIOD, self.publish)
         node.create_timer(1.0, self.report)
@@ -53,9 +65,10 @@ class CmdVel:
     def publish(self) -> None:
         if self._closed.acquire(blocking=False):
             try:
-                motion: Motion = self._decide(self.now())
+                still = self._node.get_clock().stands_still
+                motion = _STILL if still else self._decide(self.now())
                 vectors = (Vector3(*map(float, v)) for v in (motion.linear, motion.angular))
-                self._cmd_vel.publish(Twist(*vectors))
+                self._send(Twist(*vectors))
             finally:
                 self._closed.release()
             if motion.reason != self._reason:
@@ -68,4 +81,23 @@ class CmdVel:
 
     def close(self) -> None:
         self._closed.acquire()
-        self._cmd_vel.publish(Twist())
+        self._send(Twist())
+
+    def _send(self, twist: Twist) -> None:
+        if self.kind is TwistStamped:
+            header = Header(self._node.get_clock().now().to_msg(), self.frame)
+            self._cmd_vel.publish(TwistStamped(header, twist))
+        else:
+            self._cmd_vel.publish(twist)
+
+
+def kind_of(node) -> type:
+    """The type of velocities, from the node's parameter `stamped`."""
+    stamped = node.declare_parameter(
+        "stamped", False, describe("velocities are TwistStamped, not Twist")
+    )
+    return TwistStamped if stamped.value else Twist
+
+
+def twist_of(message: Twist | TwistStamped) -> Twist:
+    return message.twist if isinstance(message, TwistStamped) else message

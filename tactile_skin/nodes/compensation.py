@@ -19,7 +19,7 @@ from ..calibration.watch.untouched import Untouched
 from ..learning import network
 from ..middleware.bus import DurabilityPolicy, QoSProfile, Time
 from ..middleware.config import adc_of, circuit_of, creep_of, curve_of, describe, geometry_of
-from ..msg import DiagnosticArray, Header, Image, TimeReference, Trigger, image, image_array
+from ..msg import Header, Image, TimeReference, Trigger, image, image_array
 from ..physics.circuit import forward
 from ..physics.curve import GRAM
 from ..solvers import METHODS, Estimate, compensate
@@ -79,15 +79,11 @@ class Compensation:
         def value(name, default, *bounds):
             return node.declare_parameter(name, default, describe(*bounds)).value
 
-        method = value("method", "auto", f"one of {', '.join(METHODS)}")
+        described = describe(f"one of {', '.join(METHODS)}", read_only=False)
+        method = node.declare_parameter("method", "auto", described).value
         path = value("weights", "", "file of a network's weights; empty: those of the package")
-        threshold = value(
-            "threshold",
-            0.0,
-            "ADC steps up to which the board sends 0 or no valid reading",
-            0.0,
-            65535.0,
-        )
+        text = "ADC steps up to which the board sends 0 or no reading"
+        threshold = value("threshold", 0.0, text, 0.0, 65535.0)
         noise = value("noise", 0.0, "RMS noise of a reading [ADC steps]; 0: measured", 0.0, 1e3)
         time_limit = value("time_limit", 0.05, "time after which a frame fails [s]", 1e-4, 10.0)
         # Where the board keeps readings to itself, rest cannot be measured.
@@ -103,24 +99,18 @@ class Compensation:
                 "docs/reliability.md",
                 *self.circuit.shape,
             )
-        if method not in METHODS:
-            raise ValueError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
-        weights = network.load(path) if path else None
-        if weights:
-            weights.check(self.circuit, curve)
-        self._method = method
+        self._weights = network.load(path) if path else None
+        if self._weights:
+            self._weights.check(self.circuit, curve)
         self._arguments = {
-            "weights": weights if method in _LEARNED else None,
             "threshold": self._adc.threshold(threshold),
             "time_limit": time_limit,
             "noise": self._adc.share(noise) * self.circuit.full_scale or None,
-            "missing": method in ("map", "auto"),
         }
         self._pressure = node.create_publisher(Image, "skin/pressure", 10)
         self._taken_up = node.create_publisher(TimeReference, "skin/taken", 10)
-        self._diagnostics = node.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
+        self._diagnostics = diagnostics.Reporter(node)
         self._rest = node.create_publisher(Image, "skin/rest", LATCHED)
-        self._hurries = method == "auto" and not threshold
         self._noise = Noise(self.circuit.populated)
         self._cell_count = np.count_nonzero(self.circuit.populated)
         self._last: Estimate | None = None  # the last frame: where the next starts from
@@ -148,12 +138,25 @@ class Compensation:
         self._aside: Counter[tuple[int, int]] = Counter()  # since the last report
         self._bad: tuple[int, int] | None = None  # of these, most often in an earlier second
         self._contact = ""  # a bad one that the last second showed
-        # Loads the weights, and says here, not in the first callback, that they do not fit.
-        self._compensate(np.full(self.circuit.shape, 0.05))
+        self.on_parameters({"method": method})
+        node.on_set_parameters(self.on_parameters)
         node.create_subscription(Image, "skin/adc", self.on_adc, QUEUE)
         node.create_service(Trigger, "~/reset", self.on_reset)
         node.create_service(Trigger, "~/tare", self.on_tare)
         node.create_timer(1.0, self.on_second)
+
+    def on_parameters(self, values: dict) -> None:
+        """Another method from the next frame on."""
+        method = values["method"]
+        if method not in METHODS:
+            raise ValueError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
+        weights, missing = self._weights if method in _LEARNED else None, method in ("map", "auto")
+        given = self._arguments | {"weights": weights, "missing": missing}
+        # Loads the weights, and says here, not in the callback of a frame, that they do not fit.
+        flat = np.full(self.circuit.shape, 0.05)
+        compensate(flat, self.circuit, self._tare.curve, method, **given)
+        self._method, self._arguments, self._last = method, given, None
+        self._hurries = method == "auto" and not given["threshold"]
 
     def _compensate(self, adc, late: bool = False) -> Estimate:
         given = dict(self._arguments)

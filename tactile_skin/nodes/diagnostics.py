@@ -1,4 +1,4 @@
-"""What every node reports on `diagnostics`: a level, a message, values.
+"""What every node reports on `skin/diagnostics` and `/diagnostics`: a level, a message, values.
 
 The counts of messages that its queues dropped and of exceptions that its callbacks raised are among
 the values of every node.
@@ -9,7 +9,8 @@ from __future__ import annotations
 from ..msg import DiagnosticArray, DiagnosticStatus, Header, KeyValue
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
-TOPIC = "diagnostics"
+TOPIC = "skin/diagnostics"  # of one skin: an ERROR here stops its robot
+ALL = "/diagnostics"  # of the whole robot, for diagnostic_aggregator and for people: stops nothing
 
 # key of a status whose ERROR is no fault: what it waits for is in its message
 WAITING = "waiting"
@@ -19,9 +20,20 @@ def report(node, level: int, message: str, values: dict, header: Header | None =
     """A DiagnosticArray of one status, named after the node, its namespace included."""
     values = values | {"dropped": node.dropped, "callback_errors": node.callback_errors}
     pairs = [KeyValue(key, str(value)) for key, value in values.items()]
-    status = DiagnosticStatus(level, name_of(node), message, "tactile_skin", pairs)
+    status = DiagnosticStatus(level, name_of(node), message, hardware_id(node), pairs)
     header = header or Header(node.get_clock().now().to_msg())
     return DiagnosticArray(header, [status])
+
+
+class Reporter:
+    """Publishes the reports of a node on the topics for its skin and for the whole robot."""
+
+    def __init__(self, node, topics: tuple[str, ...] = (TOPIC, ALL)):
+        self._publishers = [node.create_publisher(DiagnosticArray, topic, 10) for topic in topics]
+
+    def publish(self, report: DiagnosticArray) -> None:
+        for publisher in self._publishers:
+            publisher.publish(report)
 
 
 def ensure_reported(node) -> None:
@@ -29,8 +41,13 @@ def ensure_reported(node) -> None:
     topic = node.resolve_topic_name(TOPIC)
     if any(p.topic_name == topic for p in node.publishers):
         return
-    publisher = node.create_publisher(DiagnosticArray, TOPIC, 10)
-    node.create_timer(1.0, lambda: publisher.publish(report(node, OK, "running", {})))
+    reporter = Reporter(node)
+    node.create_timer(1.0, lambda: reporter.publish(report(node, OK, "running", {})))
+
+
+def hardware_id(node) -> str:
+    """The skin that a node belongs to: one in each namespace."""
+    return f"tactile_skin{node.get_namespace().rstrip('/')}"
 
 
 def name_of(node) -> str:

@@ -13,7 +13,7 @@ from ..board.protocol import make_parser
 from ..board.serial_port import SerialReader, check_port
 from ..middleware.bus import Time
 from ..middleware.config import adc_of, circuit_of, describe
-from ..msg import DiagnosticArray, Header, Image, image
+from ..msg import Header, Image, image
 from . import diagnostics
 
 _DOUBTFUL, _BAD = 0.05, 0.5  # of a second's frames damaged or lost: a warning; a stop
@@ -65,7 +65,7 @@ class SerialDriver:
         self._mark, self._rate = (self._now(), 0, 0, 0, 0), 0.0
         self._bad, self._beyond = 0.0, False
         self._adc = node.create_publisher(Image, "skin/adc", 10)
-        self._diagnostics = node.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
+        self._diagnostics = diagnostics.Reporter(node)
         if wait == 0.0:
             check_port(port)
         self._reader = SerialReader(

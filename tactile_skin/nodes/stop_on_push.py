@@ -1,11 +1,20 @@
-"""stop_on_push: skin/contacts and diagnostics -> skin/stop, skin/stop_status."""
+"""stop_on_push: skin/contacts and skin/diagnostics -> skin/stop, skin/stop_status."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import threading
 
-from ..behaviours.stop import MAX_AHEAD, TRANSPORT, Decision, StopConfig, StopMessage, StopPolicy
+from ..behaviours.stop import (
+    MAX_AHEAD,
+    PUSH,
+    TRANSPORT,
+    Decision,
+    StopConfig,
+    StopMessage,
+    StopPolicy,
+)
 from ..middleware.bus import DurabilityPolicy, QoSProfile, Time
 from ..middleware.config import curve_of, describe
 from ..msg import (
@@ -62,7 +71,7 @@ class StopOnPush:
 
         def value(name, text, low, high):
             return node.declare_parameter(
-                name, getattr(default, name), describe(text, low, high)
+                name, getattr(default, name), describe(text, low, high, read_only=False)
             ).value
 
         self.policy = StopPolicy(
@@ -84,23 +93,36 @@ class StopOnPush:
                 ).value,
             )
         )
-        peak, end = self.policy.config.peak, curve_of(node).max_force
-        if peak > _END * end:
-            raise ValueError(
-                f"stop: peak = {peak:g} N: the curve ends at {end:g} N, so that no cell would ever "
-                f"reach it: must be at most {_END * end:.3g} N"
-            )
+        self._largest = _END * curve_of(node).max_force
+        self._check(self.policy.config)
         self._stop = node.create_publisher(Bool, "skin/stop", LATCHED)
         self._status = node.create_publisher(DiagnosticArray, STATUS_TOPIC, LATCHED)
+        self._to_skin = diagnostics.Reporter(node, (diagnostics.TOPIC,))
+        self._to_all = diagnostics.Reporter(node, (diagnostics.ALL,))
         self._header = Header()
         self._force = 0.0
         self._said: Decision | None = None
         self._closed = threading.Lock()  # never released once the final stop is published
+        node.on_set_parameters(self.on_parameters)
         node.create_subscription(PointCloud2, "skin/contacts", self.on_contacts, QUEUE)
         node.create_subscription(DiagnosticArray, diagnostics.TOPIC, self.on_diagnostics, 50)
         node.create_service(Trigger, "~/reset", self.on_reset)
+        node.create_timer(1.0, self.on_second)
         self._heartbeat = node.create_timer(HEARTBEAT, self.on_timer)
         self.on_timer()
+
+    def _check(self, config: StopConfig) -> None:
+        if config.peak > self._largest:
+            raise ValueError(
+                f"stop: peak = {config.peak:g} N: the curve ends at {self._largest / _END:g} N, so "
+                f"that no cell would ever reach it: must be at most {self._largest:.3g} N"
+            )
+
+    def on_parameters(self, values: dict) -> None:
+        """Limits that change while the robot moves."""
+        config = dataclasses.replace(self.policy.config, **values)
+        self._check(config)
+        self.policy.configure(config)
 
     def _now(self) -> float:
         return self.node.get_clock().now().nanoseconds / 1e9
@@ -119,10 +141,7 @@ class StopOnPush:
     def on_diagnostics(self, msg: DiagnosticArray) -> None:
         """A stage that reports ERROR stops the robot; WARN and OK do not."""
         for status in msg.status:
-            if (
-                status.name != diagnostics.name_of(self.node)
-                and status.hardware_id == "tactile_skin"
-            ):
+            if status.name != diagnostics.name_of(self.node):
                 bad = status.level >= DiagnosticStatus.ERROR
                 waiting = (diagnostics.WAITING, "true") in ((v.key, v.value) for v in status.values)
                 message = (status.message or "error") if bad else ""
@@ -139,7 +158,18 @@ class StopOnPush:
         return response
 
     def on_timer(self) -> None:
+        still = self.node.get_clock().stands_still
+        self.policy.fault("clock", "stands still: no age of a reading is known" if still else "")
         self._publish(self.policy.decide(self._now()))
+
+    def on_second(self) -> None:
+        """Report once a second and when the reason changes; a stop is no fault of this node."""
+        said = self._said
+        level = diagnostics.ERROR if said.stop else diagnostics.OK
+        if said.reason == PUSH:
+            level = diagnostics.WARN
+        self._to_all.publish(diagnostics.report(self.node, level, said.reason or "free", {}))
+        self._to_skin.publish(diagnostics.report(self.node, diagnostics.OK, "running", {}))
 
     def _publish(self, decision) -> None:
         if self._closed.acquire(blocking=False):
@@ -149,7 +179,7 @@ class StopOnPush:
                 self._closed.release()
 
     def _say(self, decision) -> None:
-        self._said = decision
+        changed, self._said = decision != self._said, decision
         self._stop.publish(Bool(decision.stop))
         level = diagnostics.ERROR if decision.stop else diagnostics.OK
         interval = self.policy.interval
@@ -162,6 +192,8 @@ class StopOnPush:
         self._status.publish(
             diagnostics.report(self.node, level, decision.reason, values, self._header)
         )
+        if changed:
+            self.on_second()
 
     def close(self) -> None:
         """Publish a final stop: nothing monitors the skin from here on."""

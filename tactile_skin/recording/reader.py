@@ -150,6 +150,13 @@ class Recording:
             except ValueError as error:
                 raise FileError(f"{self.path}: {topic} at {t} ns: {error}") from error
 
+    @property
+    def diagnostics_topic(self) -> str:
+        """Of the skin whose readings `adc_topic` are; version 0.1 had one without its own name."""
+        here = self.adc_topic.removesuffix(ADC)
+        own = f"{here}skin/diagnostics"
+        return own if own in self.topics else f"{here}diagnostics"
+
     def readings(
         self, begin: int = 0, end: int = EVER
     ) -> Iterator[tuple[int, Image | DiagnosticArray]]:
@@ -158,7 +165,7 @@ class Recording:
         here = self.adc_topic.removesuffix(ADC)
         driver = f"{here}serial_driver".lstrip("/")
         for _, _, message in self.messages(
-            self.adc_topic, f"{here}diagnostics", begin=begin, end=end
+            self.adc_topic, self.diagnostics_topic, begin=begin, end=end
         ):
             if isinstance(message, DiagnosticArray):
                 message.status = [status for status in message.status if status.name == driver]

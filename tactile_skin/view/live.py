@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import math
 import socket
 
 from ..middleware.config import skin_of
@@ -13,12 +14,13 @@ from .process import LARGEST
 from .server import Wanted, serve
 from .snapshot import Snapshot
 
+_PACE = 0.015  # s between two snapshots: a screen's 60 Hz; pages that ask in between share one
 _PATIENCE = 0.5  # s after which a page is told once more what there is
 _ANSWER_WITHIN = 5.0  # s
 
 
 class Live:
-    """The newest snapshot only.
+    """The newest snapshot only, 60 times a second.
 
     Args:
         skin: the socket to the skin.
@@ -26,6 +28,8 @@ class Live:
 
     def __init__(self, skin: socket.socket):
         self.newest, self._number = Snapshot(), 0
+        self._waiting: bytes | None = None  # a newer one, still packed
+        self._taken_at = -math.inf  # s, of the loop's clock, when the newest was taken
         self._skin = skin
         self._news = asyncio.Event()
         self.ended = asyncio.Event()
@@ -75,9 +79,17 @@ class Live:
         except OSError:
             self.ended.set()
         if newest is not None:
-            self.newest, self._number = Snapshot.unpack(newest), self._number + 1
-            self._news.set()
-            self._news = asyncio.Event()
+            scheduled, self._waiting = self._waiting is not None, newest
+            if not scheduled:
+                loop = asyncio.get_running_loop()
+                loop.call_at(max(loop.time(), self._taken_at + _PACE), self._take)
+
+    def _take(self) -> None:
+        self._taken_at = asyncio.get_running_loop().time()
+        self.newest, self._number = Snapshot.unpack(self._waiting), self._number + 1
+        self._waiting = None
+        self._news.set()
+        self._news = asyncio.Event()
 
     def _settle(self, said: dict) -> None:
         if self._answer is not None and not self._answer.done():

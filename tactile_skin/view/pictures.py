@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -14,10 +15,11 @@ from ..physics.curve import PressureCurve
 from ..solvers import METHODS, Estimate, compensate
 from ..touch import features
 from .snapshot import NodeStatus, Snapshot
-from .wire import pack
+from .wire import packed_with, parts_of
 
 PUBLISHED = "published"  # not a method: what the skin itself made of the reading
 _CELL = 0.2  # N: a contact has a cell with more, as of gesture_feature's cell_threshold
+_CELLS = 4096  # of which is kept how the mat lies there
 _TIME_LIMIT = 0.05  # s for a frame, as of compensation's time_limit
 _NUMBER = re.compile(r"-?\d+(\.\d+)?")
 _LINES = re.compile(r"\b(row|column)s? (\d+(?:(?:, | and )\d+)*)")  # "columns 3, 4 and 5"
@@ -37,6 +39,8 @@ class Pictures:
         self.skin, self.method = skin, method
         self._snapshot: Snapshot | None = None
         self._estimates: dict[str, Estimate] = {}
+        self._parts: dict[tuple[str, str], tuple[str, bytes]] = {}  # of its messages
+        self._inverse = lru_cache(_CELLS)(self._inverse_at)
         self._last: dict[str, Estimate] = {}  # of the snapshot before, where the next one starts
 
     def hello(self) -> dict:
@@ -54,15 +58,21 @@ class Pictures:
         }
 
     def message(self, snapshot: Snapshot, a: str, b: str, more: dict) -> bytes:
-        """The message for a page that compares methods a and b.
+        """The message for a page that compares methods a and b; pages that do so share the work.
 
         Args:
             a, b: a method, or PUBLISHED.
-            more: what else the page is told.
+            more: what else this page is told.
         """
         if snapshot is not self._snapshot:
             self._snapshot, self._last, self._estimates = snapshot, self._estimates, {}
-        head = {"stamp": snapshot.stamp, "stop": snapshot.stop, "reason": snapshot.reason, **more}
+            self._parts = {}
+        if (a, b) not in self._parts:
+            self._parts[a, b] = self._drawn(snapshot, a, b)
+        return packed_with(more, *self._parts[a, b])
+
+    def _drawn(self, snapshot: Snapshot, a: str, b: str) -> tuple[str, bytes]:
+        head = {"stamp": snapshot.stamp, "stop": snapshot.stop, "reason": snapshot.reason}
         head |= self._numbers(snapshot)
         pictures, errors = {}, {}
         for side, method in (("a", a), ("b", b)):
@@ -79,7 +89,7 @@ class Pictures:
         if (force := pictures.get("a")) is not None:
             head["push"] = self._push(np.nan_to_num(force))
         pictures = {name: np.asarray(p, np.float32) for name, p in pictures.items()}
-        return pack(head, pictures)
+        return parts_of(head, pictures)
 
     def _side(self, side: str, method: str, snapshot: Snapshot, ratio: np.ndarray) -> dict:
         """Force [N], its standard deviation [N] and the misfit [ADC steps] of a method."""
@@ -167,11 +177,16 @@ class Pictures:
         cells = self.skin.circuit.populated
         off = np.where(cells, np.square(at - position).sum(-1), np.inf)
         row, col = np.unravel_index(off.argmin(), off.shape)
-        steps = np.stack([_slope(at, row, 0)[col], _slope(at.swapaxes(0, 1), col, 0)[row]], 1)
-        inverse = np.linalg.pinv(steps)  # (2, 3): metres -> rows, columns
+        inverse = self._inverse(row, col)
         place = inverse @ (position - at[row, col])
         place = np.clip(place, -0.5, 0.5) + np.array([row, col])
         return place.tolist(), (inverse @ vector).tolist()
+
+    def _inverse_at(self, row: int, col: int) -> np.ndarray:
+        """(2, 3): metres -> rows and columns, around a cell."""
+        at = self.skin.geometry.position
+        steps = np.stack([_slope(at, row, 0)[col], _slope(at.swapaxes(0, 1), col, 0)[row]], 1)
+        return np.linalg.pinv(steps)
 
     def _numbers(self, snapshot: Snapshot) -> dict:
         """What the nodes say of themselves."""

@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import FileError
 from ..recording.reader import ADC, Recording
 from .server import Wanted
-from .snapshot import TOPICS, Collector, Snapshot
+from .snapshot import DIAGNOSTICS, TOPICS, Collector, Snapshot
 
 _POINTS = 2000  # of the force over the whole recording
 _BLOCK = 300  # readings that are read from the file together
@@ -39,6 +39,7 @@ class Recorded:
         here = recording.adc_topic.removesuffix(ADC)
         self._recording = recording
         self._topics = {f"{here}{topic}": topic for topic in TOPICS}
+        self._topics[recording.diagnostics_topic] = DIAGNOSTICS
         total = sum(t.count for name, t in recording.topics.items() if name in self._topics)
         stamps, force, stop = array("d"), array("d"), array("b")
         # where each block begins: time of recording [ns], and what was known before

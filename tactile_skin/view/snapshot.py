@@ -11,6 +11,7 @@ from ..msg import DiagnosticArray, DiagnosticStatus, Image, PointCloud2, cloud_c
 from .wire import pack, unpack
 
 STOP = "skin/stop_status"
+DIAGNOSTICS = "skin/diagnostics"
 LAG = 20  # readings that a pressure picture may come behind: 0.2 s at 100 a second
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 # topic -> its type, and how many of its newest messages count
@@ -23,7 +24,7 @@ READINGS = {
 OTHERS = {
     "skin/rest": (Image, LATCHED),
     STOP: (DiagnosticArray, LATCHED),
-    "diagnostics": (DiagnosticArray, 50),
+    DIAGNOSTICS: (DiagnosticArray, 50),
 }
 TOPICS = READINGS | OTHERS
 CONTACT = ("x", "y", "z", "force", "id", "vx", "vy", "vz")
@@ -105,7 +106,7 @@ class Collector:
         Raises:
             ValueError: a message that holds something else than the topic carries.
         """
-        if topic == "diagnostics":
+        if topic == DIAGNOSTICS:
             self._nodes = self._nodes | {s.name: _said(s) for s in message.status}
         elif topic == STOP:
             status = message.status[0]

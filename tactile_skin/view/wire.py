@@ -22,14 +22,24 @@ def pack(head: dict, arrays: dict[str, np.ndarray]) -> bytes:
     head: JSON's own types; NaN is not allowed.
     arrays: float32, uint16 or uint8, any shape.
     """
+    return packed_with({}, *parts_of(head, arrays))
+
+
+def parts_of(head: dict, arrays: dict[str, np.ndarray]) -> tuple[str, bytes]:
+    """The same in two parts, for `packed_with`: what several messages have in common."""
     parts, listed = [], []
     for name, array in arrays.items():
         array = np.ascontiguousarray(array)
         listed.append([name, array.dtype.str, array.shape])
         parts.append(_padded(array.tobytes(), b"\0"))
-    text = json.dumps(head | {"arrays": listed}, allow_nan=False, separators=(",", ":"))
+    return _json({"arrays": listed} | head), b"".join(parts)
+
+
+def packed_with(more: dict, head: str, arrays: bytes) -> bytes:
+    """A message of the parts, with more in its head."""
+    text = f"{_json(more)[:-1]},{head[1:]}" if more else head
     text = _padded(text.encode(), b" ")
-    return b"".join((_LENGTH.pack(len(text)), text, *parts))
+    return b"".join((_LENGTH.pack(len(text)), text, arrays))
 
 
 def unpack(data: bytes) -> tuple[dict, dict[str, np.ndarray]]:
@@ -42,6 +52,10 @@ def unpack(data: bytes) -> tuple[dict, dict[str, np.ndarray]]:
         at += count * _DTYPES[dtype].itemsize
         at += -at % 4
     return head, arrays
+
+
+def _json(values: dict) -> str:
+    return json.dumps(values, allow_nan=False, separators=(",", ":"))
 
 
 def _padded(data: bytes, fill: bytes) -> bytes:

@@ -52,6 +52,13 @@ def test_lines_that_are_exchanged_are_named_and_stop(shape):
     assert not skin.run(skin.rest).message, "they are put right"
 
 
+def test_crossings_that_are_not_read_hide_no_other_line():
+    skin = Skin((8, 16))
+    adc = skin.rest[:, [2, 1, 0, *range(3, 16)]]
+    adc[5, 9] = np.nan
+    assert skin.run(adc).fault
+
+
 def test_it_is_told_under_a_drift_too():
     skin = Skin((8, 8))
     warm = forward(skin.circuit, 0.98 * skin.resistance)
@@ -79,8 +86,9 @@ def test_an_r_par_that_changes_at_once_is_a_warning(share):
     assert not skin.run(adc, 60.0).message, "by then it is followed"
 
 
-def test_a_supply_that_falls_stops():
-    skin = Skin((8, 8))
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_supply_that_falls_stops(shape):
+    skin = Skin(shape)
     for share in np.linspace(1.0, 0.9, 15):
         skin.run(share * skin.rest, 0.2)
     assert skin.untouched.fault
@@ -105,6 +113,15 @@ def test_a_palm_that_leaves_half_of_the_skin_warm_is_silent():
     skin = Skin((16, 16))
     skin.resistance[:, :8] *= 0.9
     assert not skin.run(forward(skin.circuit, skin.resistance), 2.0).message
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_cloth_that_is_taken_off_is_a_warning(shape):
+    """Its weight is never as even as what a supply does."""
+    skin = Skin(shape)
+    skin.resistance *= np.exp(0.4 * np.exp(0.3 * skin.rng.standard_normal(shape)))
+    found = skin.run(forward(skin.circuit, skin.resistance))
+    assert "less at once" in found.message and not found.fault
 
 
 def test_a_person_who_checked_the_skin_ends_it():

@@ -95,6 +95,8 @@ def test_weights_survive_the_disk(tmp_path):
         loaded.check(Circuit(6, 6, r_par=100.0), PressureCurve())
     with pytest.raises(ValueError, match=r"rows = 6 \(yours: 16\)"):
         loaded.check(Circuit(), PressureCurve())
+    with pytest.raises(ValueError, match="know the floating readout only, not 'grounded'"):
+        loaded.check(Circuit(6, 6, readout="grounded"), PressureCurve())
 
 
 def test_another_size_of_reading_is_refused():

@@ -129,6 +129,12 @@ def test_a_config_that_cannot_be_is_refused(change, message):
 
 
 @pytest.mark.parametrize("network_kind", network.NETWORKS)
+def test_another_readout_is_refused_before_the_training(network_kind):
+    with pytest.raises(ValueError, match="floating readout only, not 'grounded'"):
+        make_pairs(replace(CIRCUIT, readout="grounded"), CURVE, 10, network_kind, "ideal", 5)
+
+
+@pytest.mark.parametrize("network_kind", network.NETWORKS)
 def test_pairs_do_not_depend_on_how_many_are_made(network_kind):
     """The first pairs of a larger set are those of a smaller one."""
     few = make_pairs(CIRCUIT, CURVE, 2000, network_kind, "board", 5)

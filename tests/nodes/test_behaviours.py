@@ -85,7 +85,7 @@ class Robot(Chain):
     @property
     def held_back(self) -> list[str]:
         """What the moving node said on diagnostics."""
-        said = [m.status[0] for m in self.seen["diagnostics"] if m.status[0].name == "mover"]
+        said = [m.status[0] for m in self.seen["skin/diagnostics"] if m.status[0].name == "mover"]
         assert {s.level for s in said} == {DiagnosticStatus.OK}  # an error would be a stop
         return [s.message for s in said]
 

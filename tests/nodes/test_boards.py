@@ -57,7 +57,7 @@ class Fed:
         self.force, self.reports = None, []
         observer.create_subscription(Image, "skin/pressure", self._on_pressure, 10)
         observer.create_subscription(
-            DiagnosticArray, "diagnostics", lambda m: self.reports.append(m.status[0]), 100
+            DiagnosticArray, "skin/diagnostics", lambda m: self.reports.append(m.status[0]), 100
         )
         self._publisher = observer.create_publisher(Image, "skin/adc", 10)
         self.absent = np.zeros(CIRCUIT.shape, bool)  # crossings that are not read
@@ -215,7 +215,7 @@ def test_a_warning_is_printed_whole_once():
     monitor = Monitor(node)
     monitor.out = io.StringIO()
     executor.add_node(node)
-    publisher = observer.create_publisher(DiagnosticArray, "diagnostics", 10)
+    publisher = observer.create_publisher(DiagnosticArray, "skin/diagnostics", 10)
 
     def say(level, text):
         status = DiagnosticStatus(level, "compensation", text, "tactile_skin", [])

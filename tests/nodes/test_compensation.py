@@ -1,5 +1,7 @@
 """What compensation does when it is behind, and what it says of a matrix wired wrong."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -45,7 +47,7 @@ class Skin:
         self.published, self.status, self.levels = [], None, set()
         self.observer = observer = Node("observer", context=context)
         observer.create_subscription(Image, "skin/pressure", self._on_pressure, 100)
-        observer.create_subscription(DiagnosticArray, "diagnostics", self._on_status, 100)
+        observer.create_subscription(DiagnosticArray, "skin/diagnostics", self._on_status, 100)
         self._adc = observer.create_publisher(Image, "skin/adc", 100)
         self.executor.add_node(node)
         self.executor.add_node(observer)
@@ -193,6 +195,39 @@ def test_a_line_that_is_read_twice_is_a_warning_that_names_it(skin):
     skin.play(3.5)
     assert skin.status.level == DiagnosticStatus.WARN
     assert skin.status.message.startswith("rows 2 and 6 read the same, cell for cell")
+
+
+def test_a_stuck_address_bit_stops(skin):
+    skin.steps = skin.steps[np.arange(8) & ~2]
+    skin.play(3.5)
+    assert skin.status.level == DiagnosticStatus.ERROR
+    assert "address bit 1 of the rows' multiplexer is stuck" in skin.status.message
+
+
+def test_lines_that_are_exchanged_while_it_runs_stop_until_they_are_put_right(skin):
+    skin.play(2.0)
+    sound = skin.steps
+    skin.steps = sound[:, [0, 1, 5, 3, 4, 2, 6, 7]]
+    skin.play(0.5)
+    assert skin.status.level == DiagnosticStatus.ERROR
+    assert "reads at rest as column" in skin.status.message
+    skin.play(5.0)
+    assert skin.status.level == DiagnosticStatus.ERROR, "what is measured meanwhile is no rest"
+    skin.steps = sound
+    skin.play(3.0)
+    assert skin.status.level != DiagnosticStatus.ERROR
+
+
+def test_an_r_par_that_changes_is_a_warning_that_a_tare_ends(skin):
+    skin.play(2.0)
+    other = replace(CIRCUIT, r_par=1.3 * CIRCUIT.r_par)
+    skin.steps = forward(other, skin.rest) * CIRCUIT.full_scale
+    skin.play(1.5)
+    assert skin.status.level == DiagnosticStatus.WARN
+    assert "less at once" in skin.status.message
+    assert skin.ask("tare").success
+    skin.play(3.0)
+    assert skin.status.level == DiagnosticStatus.OK
 
 
 def test_creep_is_taken_out_of_what_is_published():

@@ -14,7 +14,10 @@ def reports():
     context, executor, found = Context(ManualClock()), SingleThreadedExecutor(), {}
     listener = Node("listener", context=context, namespace="left")
     listener.create_subscription(
-        DiagnosticArray, "diagnostics", lambda m: found.update({s.name: s for s in m.status}), 10
+        DiagnosticArray,
+        "skin/diagnostics",
+        lambda m: found.update({s.name: s for s in m.status}),
+        10,
     )
     executor.add_node(listener)
     return context, executor, found
@@ -48,7 +51,7 @@ def test_dropped_messages_and_callback_errors_are_among_the_values(reports):
 
 def test_a_node_that_reports_itself_reports_once(reports):
     node = Node("own", context=reports[0], namespace="left")
-    node.create_publisher(DiagnosticArray, "diagnostics", 10)
+    node.create_publisher(DiagnosticArray, "skin/diagnostics", 10)
     diagnostics.ensure_reported(node)
     assert len(node.publishers) == 1
 
@@ -58,7 +61,7 @@ def test_every_node_of_a_launch_reports_them():
     with launch(method="auto") as skin:
         skin.node.create_subscription(
             DiagnosticArray,
-            "diagnostics",
+            "skin/diagnostics",
             lambda m: found.update({s.name: s for s in m.status}),
             100,
         )

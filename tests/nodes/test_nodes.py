@@ -74,14 +74,14 @@ class Chain:
             (PointCloud2, "skin/contacts", 100),
             (Bool, "skin/stop", 100),
             (DiagnosticArray, STATUS_TOPIC, 100),
-            (DiagnosticArray, "diagnostics", 100),
+            (DiagnosticArray, "skin/diagnostics", 100),
         ):
             self.observer.create_subscription(kind, topic, self.seen[topic].append, qos)
         self.compensation = Compensation(self.node("compensation", GEOMETRY | {"method": method}))
         self.features = GestureFeature(self.node("gesture_feature", GEOMETRY))
         self.stop = StopOnPush(self.node("stop_on_push", STOP | stop))
         self._adc = self.observer.create_publisher(Image, "skin/adc", 10)
-        self.diagnostics = self.observer.create_publisher(DiagnosticArray, "diagnostics", 10)
+        self.diagnostics = self.observer.create_publisher(DiagnosticArray, "skin/diagnostics", 10)
         self.scene, self._scripts = "idle", {n: scenes.script(n, 16, 16) for n in scenes.SCRIPTS}
         self._board = simulator.Board(
             Circuit(), PressureCurve(), lambda t: self._scripts[self.scene](t)
@@ -139,8 +139,8 @@ class Chain:
     def errors(self) -> int:
         return sum(n.callback_errors for n in self.executor._nodes)
 
-    def report(self, level, message="", name="elsewhere", hardware="tactile_skin") -> None:
-        status = DiagnosticStatus(level, name, message, hardware)
+    def report(self, level, message="", name="elsewhere") -> None:
+        status = DiagnosticStatus(level, name, message, "tactile_skin")
         self.diagnostics.publish(DiagnosticArray(self.header(), [status]))
         self.executor.spin_some()
 
@@ -299,7 +299,10 @@ def test_what_is_no_error_does_not_stop(moving, level):
 
 
 def test_the_diagnostics_of_other_parts_of_the_robot_do_not_stop(moving):
-    moving.report(DiagnosticStatus.ERROR, "arm is off", hardware="arm")
+    """Not even those of another skin: it is told apart by its topic, not by what it says."""
+    everybody = moving.observer.create_publisher(DiagnosticArray, "/diagnostics", 10)
+    status = DiagnosticStatus(DiagnosticStatus.ERROR, "elsewhere", "arm is off", "tactile_skin")
+    everybody.publish(DiagnosticArray(Header(), [status]))
     moving.play(1)
     assert not moving.stopped
 
@@ -398,7 +401,7 @@ def test_the_arrow_shows_the_push_and_is_gone_without_one(moving):
 
 
 def last_report(chain, name="compensation"):
-    reports = [m.status[0] for m in chain.seen["diagnostics"] if m.status[0].name == name]
+    reports = [m.status[0] for m in chain.seen["skin/diagnostics"] if m.status[0].name == name]
     return reports[-1]
 
 
@@ -665,7 +668,7 @@ def driven(tmp_path):
     def drive(**parameters):
         observer = Node("observer", context=context)
         adc = Waiting(observer, Image, "skin/adc")
-        reports = Waiting(observer, DiagnosticArray, "diagnostics")
+        reports = Waiting(observer, DiagnosticArray, "skin/diagnostics")
         executor.add_node(observer)
         parameters = {"circuit.rows": 4, "circuit.cols": 5, "port": str(tmp_path / "skin")} | {
             name.replace("__", "."): value for name, value in parameters.items()

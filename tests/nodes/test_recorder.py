@@ -98,7 +98,7 @@ def test_a_full_disk_ends_the_recording_and_never_the_skin(tmp_path, config):
     def ended(heard, skin):
         """50 frames after it was said."""
         if not counts:
-            skin.node.create_subscription(DiagnosticArray, "diagnostics", on_diagnostics, 100)
+            skin.node.create_subscription(DiagnosticArray, "skin/diagnostics", on_diagnostics, 100)
             counts.append(0)
         if warned and len(counts) == 1:
             counts.append(len(heard["skin/pressure"]))

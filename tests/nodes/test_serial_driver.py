@@ -49,7 +49,7 @@ class Driven:
         observer = Node("observer", context=context)
         observer.create_subscription(Image, "skin/adc", self._on_adc, 100)
         observer.create_subscription(
-            DiagnosticArray, "diagnostics", lambda m: self.reports.append(m.status[0]), 100
+            DiagnosticArray, "skin/diagnostics", lambda m: self.reports.append(m.status[0]), 100
         )
         for each in (node, observer):
             self.executor.add_node(each)

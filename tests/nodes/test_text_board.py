@@ -98,7 +98,7 @@ def skin_on(port, folder, **changes):
     heard = Heard()
     with launch(folder / "test.launch.yaml") as skin:
         skin.node.create_subscription(DiagnosticArray, STATUS_TOPIC, heard.on_status, 50)
-        skin.node.create_subscription(DiagnosticArray, "diagnostics", heard.on_diagnostics, 50)
+        skin.node.create_subscription(DiagnosticArray, "skin/diagnostics", heard.on_diagnostics, 50)
         skin.node.create_subscription(Image, "skin/adc", heard.on_adc, 100)
         spinning = threading.Thread(target=skin.spin)
         spinning.start()

@@ -91,7 +91,7 @@ def test_a_stop_and_its_reason_and_what_nodes_say_are_collected():
     collector.take(STOP, DiagnosticArray(Header(), [status]))
     pairs = [KeyValue("residual", "0.4")]
     said = DiagnosticStatus(1, "left/compensation", "a message", "tactile_skin", pairs)
-    collector.take("diagnostics", DiagnosticArray(Header(), [said]))
+    collector.take("skin/diagnostics", DiagnosticArray(Header(), [said]))
     snapshot = collector.snapshot()
     assert snapshot.stop and snapshot.reason == "push"
     assert snapshot.nodes["left/compensation"].values == {"residual": "0.4"}

@@ -51,7 +51,8 @@ TOPICS = {
     "skin/push_direction": (Vector3Stamped, lambda m: vector(m.vector)),
     "skin/stop": (Bool, lambda m: m.data),
     "skin/stop_status": (DiagnosticArray, report),
-    "diagnostics": (DiagnosticArray, report),
+    "skin/diagnostics": (DiagnosticArray, report),
+    "/diagnostics": (DiagnosticArray, report),
 }
 done = threading.Event()
 signal.signal(signal.SIGTERM, lambda *_: done.set())

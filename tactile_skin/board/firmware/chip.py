@@ -150,6 +150,7 @@ def serve(
     link: Path,
     running: Callable[[], bool],
     on_ready: Callable[[], None] = lambda: None,
+    once: bool = False,
 ) -> None:
     """Put the chip behind a pty whose name is the symbolic link `link`, in real time.
 
@@ -161,7 +162,7 @@ def serve(
     """
     with open_terminal(link) as terminal:
         on_ready()
-        _pump(chip, curve, scene, terminal, running)
+        _pump(chip, curve, scene, terminal, lambda: running() and not (once and terminal.left()))
 
 
 def _pump(

@@ -20,7 +20,9 @@ _AT_ONCE, _A_SECOND, _UNSEEN = 0.004, 0.003, 5.0
 # Of the cells may have changed by less than half of that: those that still recover from a touch;
 # standard deviations that a normal distribution's quartile lies off.
 _SHARE, _QUARTILE = 0.25, 0.674
-_FALL = 0.05  # log conductance lost from which on a push may be hidden: it stops
+# Log conductance lost from which on a push may be hidden: it stops, if all cells have lost as much,
+# but for this share.
+_FALL, _EVEN = 0.05, 0.1
 _KEPT = 60.0  # s: by then touches have told another r_par, and a drift has been followed
 _CELLS = 4  # of a line, at least, by which lines are compared
 # Sum of squares, in standard deviations of noise, by which it differs from its own line, without
@@ -41,6 +43,7 @@ class Untouched:
     def __init__(self, circuit: Circuit):
         self._circuit = circuit
         self._looked = -np.inf  # s
+        self._asked = self._conductance = None  # (rows, cols) rest, and what its cells conduct [S]
         self.forget()
 
     def forget(self) -> None:
@@ -72,7 +75,7 @@ class Untouched:
             return
         now = self._sum / _FRAMES
         self._begin()
-        known = self._circuit.populated & (now > 0.0) & (now < 1.0) & (rest > 0.0)
+        known = self._circuit.populated & (now > 0.0) & (now < 1.0) & (rest > 0.0) & (rest < 1.0)
         if self._rest is not None:
             rest = self._rest
         if np.count_nonzero(known) >= _CELLS:
@@ -84,46 +87,60 @@ class Untouched:
         limit = _AT_ONCE + _A_SECOND * (elapsed if self._rest is None else 0.0)
         limit += 4.0 * noise / (np.median(rest[known]) * np.count_nonzero(known) ** 0.5)
         self._looked = t
-        change = 0.0 if line or self._line else self._common(now, rest, noise, known, limit)
+        change, even = self._common(now, rest, noise, known, limit)
         if line:
             self._rest, self._line, self._told_at, self.fault = rest, line, t, True
             self.message = (
                 f"{line}: does the multiplexer select another line, or were leads exchanged?"
             )
-        elif abs(change) > limit:
-            fell = change < -_FALL
+        elif abs(change) > limit and not self._line:
+            fell = even and change < -_FALL
             if not self.message or fell > self.fault:
                 self._rest, self._told_at, self.fault = rest, t, fell
-                much = f"{abs(np.expm1(change)):.1%}"
+                much = f"{100.0 * abs(np.expm1(change)):.1f} %"
+                fewer = change < 0.0
                 self.message = (
-                    f"all cells conduct {much} {'less' if fell or change < 0.0 else 'more'} at once"
-                    ": did the supply, the reference or r_par change, or does something lie on all "
-                    "of the skin?"
+                    f"all cells conduct {much} {'less' if fewer else 'more'} at once: did the "
+                    "supply, the reference or r_par change, or "
+                    f"{'was something taken off' if fewer else 'does something lie on'} all of the "
+                    "skin?"
                 )
             elif not self.fault and t - self._told_at > _KEPT:
                 self.forget()
         else:
             self.forget()
 
-    def _common(self, now, rest, noise: float, known, limit: float) -> float:
-        """Log conductance that nearly all cells have gained, or lost; 0 if some did neither.
+    def _common(self, now, rest, noise: float, known, limit: float) -> tuple[float, bool]:
+        """Log conductance that nearly all cells have gained, or lost; 0 if some did neither. And
+        whether all did evenly, as of the supply: a load that goes leaves no cells so alike.
 
         A cell that changes moves the readings of others, too: if those say so, the cells are found.
         """
         # r_ref / rho, but for r_par, is what conducts
         change = np.log(now / (1.0 - now) * (1.0 - rest) / rest)[known]
         spread = noise / np.median((rest * (1.0 - rest))[known])  # of one reading's change
-        if abs(np.median(change)) > limit and known[self._circuit.populated].all():
+        middle = float(np.median(change))
+        # what is told already need not be found again, unless it grows into a fault
+        news = not self.message or (middle < -_FALL and not self.fault)
+        if news and abs(middle) > limit and known[self._circuit.populated].all():
             try:
-                one, other = (resting_conductance(adc, self._circuit) for adc in (rest, now))
-                change = np.log(other[known] / one[known])
+                before = self._conducted(rest)
+                after = resting_conductance(now, self._circuit)
+                change = np.log(after[known] / before[known])
             except ValueError:  # no cells read so
                 pass
             else:  # by Foster's theorem a cell's own share of its reading's change
                 spread *= change.size / (sum(self._circuit.shape) - 1)
-        middle = float(np.median(change))
-        least = np.quantile(np.sign(middle) * change, _SHARE) + _QUARTILE * spread
-        return middle if least > 0.5 * abs(middle) else 0.0
+        low, middle, high = np.quantile(change, (_SHARE, 0.5, 1.0 - _SHARE))
+        least = (low if middle > 0.0 else -high) + _QUARTILE * spread
+        even = high - low < 2.0 * _QUARTILE * (_EVEN * abs(middle) + 1.5 * spread)
+        return float(middle) if least > 0.5 * abs(middle) else 0.0, bool(even)
+
+    def _conducted(self, rest: np.ndarray) -> np.ndarray:
+        """(rows, cols) conductance [S] of the cells at rest; asked for the same rest again."""
+        if rest is not self._asked:
+            self._asked, self._conductance = rest, resting_conductance(rest, self._circuit)
+        return self._conductance
 
 
 def _another_line(now: np.ndarray, rest: np.ndarray, noise: float, known: np.ndarray) -> str:
@@ -134,6 +151,7 @@ def _another_line(now: np.ndarray, rest: np.ndarray, noise: float, known: np.nda
     Args:
         noise: RMS of each of `now`, as ADC ratio.
     """
+    now, rest = (np.where(known, adc, 0.0) for adc in (now, rest))
     for name, a, b, there in (("row", now, rest, known), ("column", now.T, rest.T, known.T)):
         both = (there[:, None] & there[None]).astype(float)  # (lines, lines, cells of a line)
         n = np.maximum(both.sum(2), 1.0)

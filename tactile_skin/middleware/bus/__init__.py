@@ -11,11 +11,13 @@ from .clock import Clock, Duration, ManualClock, Time
 from .executors import MultiThreadedExecutor, SingleThreadedExecutor
 from .node import Node
 from .parameters import (
+    SET_PARAMETERS,
     FloatingPointRange,
     IntegerRange,
     Parameter,
     ParameterDescriptor,
     ParameterError,
+    SetParameters,
 )
 from .topics import (
     Context,
@@ -28,6 +30,7 @@ from .topics import (
 )
 
 __all__ = [
+    "SET_PARAMETERS",
     "Client",
     "Clock",
     "Context",
@@ -44,6 +47,7 @@ __all__ = [
     "Publisher",
     "QoSProfile",
     "Service",
+    "SetParameters",
     "SingleThreadedExecutor",
     "Subscription",
     "Time",

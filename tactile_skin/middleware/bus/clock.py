@@ -29,7 +29,13 @@ class Time:
 
 
 class Clock:
-    """Time of day that never jumps: wall clock at start, then the monotonic clock."""
+    """Time of day that never jumps: wall clock at start, then the monotonic clock.
+
+    Attributes:
+        stands_still: a simulation's clock may, and so nothing that waits for it would happen.
+    """
+
+    stands_still = False
 
     def __init__(self):
         self._offset = time.time_ns() - time.monotonic_ns()
@@ -45,6 +51,8 @@ class Clock:
 
 class ManualClock:
     """A clock that a test drives."""
+
+    stands_still = False
 
     def __init__(self, seconds: float = 1000.0):
         self._now = round(seconds * 1e9)

@@ -8,10 +8,18 @@ import math
 import sys
 import threading
 from collections import deque
+from collections.abc import Callable
 from concurrent.futures import Future
 
 from .calls import DUE, Client, Service, Timer
-from .parameters import Parameter, ParameterDescriptor, ParameterError, checked
+from .parameters import (
+    SET_PARAMETERS,
+    Parameter,
+    ParameterDescriptor,
+    ParameterError,
+    SetParameters,
+    checked,
+)
 from .topics import (
     Context,
     DurabilityPolicy,
@@ -23,6 +31,8 @@ from .topics import (
     default_context,
 )
 from .turns import Turns, Wake
+
+_TOPIC, _SERVICE = "rostopic://", "rosservice://"  # before a remapping that is for one kind
 
 
 class Node:
@@ -50,6 +60,8 @@ class Node:
         self._namespace = "/" + namespace.strip("/") if namespace.strip("/") else "/"
         self._overrides = {p.name: p.value for p in parameter_overrides or []}
         self._parameters: dict[str, Parameter] = {}
+        self._described: dict[str, ParameterDescriptor] = {}
+        self._on_set: Callable | None = None
         self._lock = threading.RLock()
         self._wake = Wake()
         # Whose message or request comes next, in the order of their arrival, one entry for each.
@@ -62,7 +74,11 @@ class Node:
         self._errors: dict[int, tuple[int, float]] = {}
         self._in_callback = False
         self._turns = Turns((self,))
-        self._remappings = dict(map(self._remapping, _remap_rules(cli_args or [])))
+        # The first rule counts, as in ROS; rostopic:// and rosservice:// limit one to their kind.
+        rules = list(reversed(_remap_rules(cli_args or [])))
+        self._topic_remappings = dict(self._remapping(r) for r in rules if _SERVICE not in r)
+        self._service_remappings = dict(self._remapping(r) for r in rules if _TOPIC not in r)
+        self.context.node_names.add(self.get_fully_qualified_name())
 
     # names
 
@@ -78,7 +94,12 @@ class Node:
     def resolve_topic_name(self, topic: str) -> str:
         """Full name of a topic: namespace, private "~/" and remappings applied."""
         name = self._expand(topic)
-        return self._remappings.get(name, name)
+        return self._topic_remappings.get(name, name)
+
+    def resolve_service_name(self, service: str) -> str:
+        """Full name of a service, as that of a topic."""
+        name = self._expand(service)
+        return self._service_remappings.get(name, name)
 
     def get_topic_names_and_types(self) -> list[tuple[str, list[str]]]:
         """Full name of each topic, and ROS 2's name of its type."""
@@ -102,7 +123,7 @@ class Node:
         return f"{self._namespace.rstrip('/')}/{name}"
 
     def _remapping(self, rule: str) -> tuple[str, str]:
-        source, _, target = rule.partition(":=")
+        source, _, target = rule.removeprefix(_TOPIC).removeprefix(_SERVICE).partition(":=")
         return self._expand(source), self._expand(target)
 
     # what a node is made of
@@ -143,13 +164,13 @@ class Node:
         return timer
 
     def create_service(self, srv_type, srv_name: str, callback) -> Service:
-        service = Service(self, srv_type, self.resolve_topic_name(srv_name), callback)
+        service = Service(self, srv_type, self.resolve_service_name(srv_name), callback)
         with self._lock:
             self._services.append(service)
         return service
 
     def create_client(self, srv_type, srv_name: str) -> Client:
-        return Client(self, srv_type, self.resolve_topic_name(srv_name))
+        return Client(self, srv_type, self.resolve_service_name(srv_name))
 
     def get_clock(self):
         return self.context.clock
@@ -170,12 +191,44 @@ class Node:
         override = self._overrides.get(name, value)
         valid = checked(self._name, name, override, value, descriptor or ParameterDescriptor())
         self._parameters[name] = Parameter(name, valid)
+        self._described[name] = descriptor or ParameterDescriptor()
         return self._parameters[name]
 
     def get_parameter(self, name: str) -> Parameter:
         if name not in self._parameters:
             raise ParameterError(f"parameter {name} of node {self._name} is not declared")
         return self._parameters[name]
+
+    def on_set_parameters(self, callback: Callable[[dict[str, object]], None]) -> None:
+        """Let parameters change while the node runs: those that are not declared `read_only`.
+
+        Args:
+            callback: called in the node's thread with name -> new value of all parameters that may
+                change; a ValueError refuses them, with its text as the reason.
+        """
+        self._on_set = callback
+        Node.create_service(self, SetParameters, SET_PARAMETERS, self._set_parameters)
+
+    def _set_parameters(self, request, response):
+        """All or none: each is checked as when it was declared, then they are together."""
+        changed = {}
+        try:
+            for p in request.parameters:
+                old = self.get_parameter(p.name)
+                if self._described[p.name].read_only:
+                    raise ParameterError(
+                        f"parameter {p.name} of node {self._name} is read at the start only"
+                    )
+                described = self._described[p.name]
+                changed[p.name] = checked(self._name, p.name, p.value, old.value, described)
+            free = [name for name, d in self._described.items() if not d.read_only]
+            self._on_set({name: self._parameters[name].value for name in free} | changed)
+        except ValueError as error:
+            response.reason = str(error)
+            return response
+        self._parameters |= {name: Parameter(name, value) for name, value in changed.items()}
+        response.successful = True
+        return response
 
     def destroy_node(self) -> None:
         """Leave all topics and services; callbacks under way finish."""

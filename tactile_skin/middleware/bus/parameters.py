@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 from ...errors import ParameterError
 
@@ -25,6 +25,7 @@ class IntegerRange:
 class ParameterDescriptor:
     description: str = ""
     additional_constraints: str = ""
+    read_only: bool = False
     floating_point_range: list[FloatingPointRange] = field(default_factory=list)
     integer_range: list[IntegerRange] = field(default_factory=list)
 
@@ -33,6 +34,24 @@ class ParameterDescriptor:
 class Parameter:
     name: str
     value: Any = None
+
+
+class SetParameters:
+    """The service by which a node is asked to change parameters, all of them or none."""
+
+    TYPE: ClassVar[str] = "rcl_interfaces/srv/SetParametersAtomically"
+
+    @dataclass
+    class Request:
+        parameters: list[Parameter] = field(default_factory=list)
+
+    @dataclass
+    class Response:  # rcl_interfaces/msg/SetParametersResult
+        successful: bool = False
+        reason: str = ""
+
+
+SET_PARAMETERS = "~/set_parameters_atomically"
 
 
 def checked(node: str, name: str, value, default, descriptor: ParameterDescriptor):

@@ -43,6 +43,7 @@ class Context:
 
     def __init__(self, clock=None):
         self.clock = clock or Clock()
+        self.node_names: set[str] = set()  # full names of the nodes that were made in it
         self._lock = threading.RLock()
         self._topic_type: dict[str, type] = {}
         self._publishers: dict[str, list[Publisher]] = defaultdict(list)
@@ -52,6 +53,11 @@ class Context:
 
     def ok(self) -> bool:
         return not self._down.is_set()
+
+    def publishes(self, topic: str) -> bool:
+        """Whether a node publishes the topic of this full name."""
+        with self._lock:
+            return bool(self._publishers.get(topic))
 
     def try_shutdown(self) -> None:
         """Ask everything that spins in this context to end."""

@@ -8,13 +8,16 @@ import logging
 import time
 from collections.abc import Callable
 
+from ... import msg
 from ...errors import RosError
 from .. import bus
+from ..launched import THEIRS
 from .messages import from_ros, ros_class, to_ros
 from .ros1 import Ros1
 from .ros2 import Ros2
 
 _SERVICE_WITHIN = 5.0  # s, for a node's answer
+_STILL = 0.25  # s without news from /clock: ten messages of `ros2 bag play --clock`
 MODULES = {2: ("rclpy", Ros2), 1: ("rospy", Ros1)}
 
 
@@ -37,43 +40,85 @@ def choose(version: int | None) -> int:
     return found
 
 
-class _WallClock:
-    """The time of day, which processes and machines share. Timers run on the bus's own clock,
-    which does not jump when the time of day is set."""
+class _RosClock:
+    """The time of day, which processes and machines share, or a simulation's. Timers run on the
+    bus's own clock, which neither jumps nor stands still."""
+
+    def __init__(self, theirs):
+        self._theirs, self._last, self._since = theirs, 0, time.monotonic()
 
     def now(self) -> bus.Time:
-        return bus.Time(time.time_ns())
+        return bus.Time(self._theirs.now() if self._theirs.simulated else time.time_ns())
+
+    @property
+    def stands_still(self) -> bool:
+        """Whether it has shown the same for a while: who waits for it would wait for ever."""
+        if not self._theirs.simulated:
+            return False
+        shown, t = self._theirs.now(), time.monotonic()
+        if shown != self._last:
+            self._last, self._since = shown, t
+        return t - self._since > _STILL
 
 
 class _Publisher:
-    def __init__(self, msg_type: type, topic: str, send: Callable, count: Callable):
-        self.msg_type, self.topic_name, self._send = msg_type, topic, send
-        self.get_subscription_count = count
+    """Hands messages to the nodes of this process, and to ROS if anybody is there to hear them."""
+
+    def __init__(self, inside: bus.Publisher, send: Callable, count: Callable):
+        self.msg_type, self.topic_name = inside.msg_type, inside.topic_name
+        self._inside, self._send, self._count = inside, send, count
+        self._kept = inside.qos_profile.durability is bus.DurabilityPolicy.TRANSIENT_LOCAL
 
     def publish(self, message) -> None:
-        if type(message) is not self.msg_type:
-            raise TypeError(
-                f"topic {self.topic_name} carries {self.msg_type.TYPE}, not {message!r}"
-            )
-        self._send(to_ros(message))
+        self._inside.publish(message)
+        if self._kept or self._count():
+            self._send(to_ros(message))
+
+    def get_subscription_count(self) -> int:
+        return self._inside.get_subscription_count() + self._count()
 
 
 class RosNode(bus.Node):
-    """A node of the bus whose topics and services are ROS's."""
+    """A node of the bus whose topics, services and parameters are on ROS as well.
 
-    def __init__(self, ros: Ros1 | Ros2, node_name: str, **kwargs):
-        super().__init__(node_name, context=bus.Context(), **kwargs)
-        self._ros, self._wall_clock = ros, _WallClock()
+    Nodes of one process share a context: what one of them publishes does not take the way over ROS
+    to another. `connect` opens the rest to ROS, once all are there.
+
+    Attributes:
+        ros: what `Ros1` or `Ros2` made for it.
+    """
+
+    def __init__(
+        self,
+        ros: Ros1 | Ros2,
+        node_name: str,
+        *,
+        namespace: str = "",
+        parameter_overrides: list[bus.Parameter] | None = None,
+        **kwargs,
+    ):
+        given = parameter_overrides or []
+        theirs = [p for p in given if p.name.startswith(THEIRS)]
+        super().__init__(
+            node_name,
+            namespace=namespace,
+            parameter_overrides=[p for p in given if p not in theirs],
+            **kwargs,
+        )
+        self.ros = ros.node(node_name, self.get_namespace(), theirs)
+        self._clock = _RosClock(self.ros)
+        self._connected = False
         self._not_taken = 0
 
     def get_clock(self):
-        return self._wall_clock
+        return self._clock
 
     def create_publisher(self, msg_type, topic: str, qos_profile: bus.QoSProfile | int):
-        name, qos = self.resolve_topic_name(topic), bus.as_qos(qos_profile)
-        made = _Publisher(msg_type, name, *self._ros.advertise(ros_class(msg_type), name, qos))
-        self._publishers.append(made)
-        return made
+        inside = super().create_publisher(msg_type, topic, qos_profile)
+        theirs = ros_class(msg_type)
+        return _Publisher(
+            inside, *self.ros.advertise(theirs, inside.topic_name, inside.qos_profile)
+        )
 
     def create_subscription(self, msg_type, topic: str, callback, qos_profile):
         return self._hear(super().create_subscription(msg_type, topic, callback, qos_profile))
@@ -81,21 +126,38 @@ class RosNode(bus.Node):
     def create_tap(self, msg_type, topic: str, callback):
         return self._hear(super().create_tap(msg_type, topic, callback))
 
+    def connect(self, reports: str) -> None:
+        """Take from ROS what no node of this process publishes.
+
+        Args:
+            reports: topic on which nodes of this process and others have a word.
+        """
+        self._connected, self._reports = True, self.resolve_topic_name(reports)
+        for subscription in tuple(self._subscriptions):
+            self._hear(subscription)
+        self.ros.on_set(self._set_from_ros)  # not before: rclpy asks it for what is declared, too
+
     def _hear(self, subscription):
         """The subscription, of what arrives on ROS."""
-        msg_type = subscription.msg_type
+        msg_type, topic = subscription.msg_type, subscription.topic_name
+        if not self._connected or (topic != self._reports and self.context.publishes(topic)):
+            return subscription
 
         def arrived(message) -> None:  # in ROS's thread: queue it, nothing else
             try:
-                subscription.put(from_ros(msg_type, message))
+                taken = from_ros(msg_type, message)
+                if topic != self._reports or not self._is_of_this_process(taken):
+                    subscription.put(taken)
             except Exception:  # logged by whoever called
                 self._not_taken += 1
                 raise
 
-        self._ros.subscribe(
-            ros_class(msg_type), subscription.topic_name, arrived, subscription.qos_profile
-        )
+        self.ros.subscribe(ros_class(msg_type), topic, arrived, subscription.qos_profile)
         return subscription
+
+    def _is_of_this_process(self, report: msg.DiagnosticArray) -> bool:
+        """Whether it has arrived already, within the process."""
+        return all(f"/{status.name}" in self.context.node_names for status in report.status)
 
     def create_service(self, srv_type, srv_name: str, callback):
         service = super().create_service(srv_type, srv_name, callback)
@@ -109,7 +171,7 @@ class RosNode(bus.Node):
                 found = srv_type.Response(success=False, message=str(error) or repr(error))
             return to_ros(found, response)
 
-        self._ros.serve(ros_class(srv_type), service.srv_name, answer)
+        self.ros.serve(ros_class(srv_type), service.srv_name, answer)
         return service
 
     def create_client(self, srv_type, srv_name: str):
@@ -122,8 +184,19 @@ class RosNode(bus.Node):
 
     def declare_parameter(self, name: str, value, descriptor=None) -> bus.Parameter:
         parameter = super().declare_parameter(name, value, descriptor)
-        self._ros.declare(name, parameter.value, descriptor or bus.ParameterDescriptor())
+        self.ros.declare(name, parameter.value, descriptor or bus.ParameterDescriptor())
         return parameter
+
+    def _set_from_ros(self, parameters: list[bus.Parameter]) -> str:
+        """Why parameters cannot be set, or nothing; in ROS's thread: the node's own does it."""
+        ours = [p for p in parameters if p.name in self._parameters]
+        if not ours:
+            return ""
+        client = super().create_client(bus.SetParameters, bus.SET_PARAMETERS)
+        try:
+            return _ask(client, bus.SetParameters.Request(ours)).reason
+        except Exception as error:
+            return str(error) or repr(error)
 
 
 def _ask(client: bus.Client, request):
@@ -143,14 +216,23 @@ def _ask(client: bus.Client, request):
 
 
 class ToRos(logging.Handler):
-    """What is logged goes to ROS: its console and /rosout."""
+    """What is logged goes to ROS, its console and /rosout, under the name of its node.
 
-    def __init__(self, ros: Ros1 | Ros2):
+    Attributes:
+        nodes: name -> what `Ros1` and `Ros2` made for it; the first speaks for all others.
+    """
+
+    def __init__(self):
         super().__init__()
-        self._ros = ros
+        self.nodes: dict[str, object] = {}
 
     def emit(self, record: logging.LogRecord) -> None:
+        name = record.name.rsplit(".", 1)[-1]
+        node = self.nodes.get(name) or next(iter(self.nodes.values()), None)
         try:
-            self._ros.log(record.levelno, self.format(record))
+            if node is None:
+                logging.lastResort.handle(record)
+            else:
+                node.log(record.levelno, self.format(record))
         except Exception:  # a ROS that is gone
             self.handleError(record)

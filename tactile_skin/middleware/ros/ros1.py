@@ -8,31 +8,67 @@ import threading
 import time
 from collections.abc import Callable
 
+from ...errors import RosError
 from .. import bus
 from .ros2 import LAST_WORD
 
 _QUEUE = 40  # messages for each subscriber: as many as the bus keeps for a frame
+_LEVELS = {"debug": 1, "info": 2, "warn": 4, "error": 8, "fatal": 16}  # of rosgraph_msgs/Log
 
 
 class Ros1:
-    """Topics and services of one node by rospy; waits for a master.
+    """A process on ROS 1, which is one node of rospy whatever the skin's nodes in it; waits for a
+    master. Their topics and services have full names, so that the graph looks as with rclpy.
 
     rospy registers once: a master that was restarted would know nobody. So each node looks once a
     second whether the master knows it, and registers anew what it does not.
     """
 
-    def __init__(self, name: str, namespace: str):
+    def __init__(self, name: str, namespace: str, words: list[str]):
+        """
+        Args:
+            words: of the command line, for ROS itself.
+
+        Raises:
+            RosError: one of them is not for ROS 1.
+        """
+        options = _options(words)
         os.environ["ROS_NAMESPACE"] = namespace  # rospy reads it when it is imported
         import rospy
 
         self.failed = False  # rospy isolates what its threads call
-        rospy.init_node(name, argv=[], disable_signals=True)
+        rospy.init_node(name, argv=[], disable_signals=True, **options)
         self._rospy, self._closed = rospy, threading.Event()
-        # on a shutdown by the master the node publishes its final message first
-        rospy.on_shutdown(lambda: self._closed.wait(2 * LAST_WORD))
 
-    def start(self) -> None:
+    def node(self, name: str, namespace: str, parameters: list[bus.Parameter]) -> Ros1:
+        given = {p.name: p.value for p in parameters}
+        if given.pop("use_sim_time", False) and not self.simulated:
+            raise RosError(
+                "use_sim_time: ROS 1 has one for all nodes: rosparam set use_sim_time true, before "
+                "they start"
+            )
+        if given:
+            raise RosError(f"parameter {min(given)!r}: is for ROS 2 only")
+        return self
+
+    def start(self, ended: Callable) -> None:
+        """Let messages arrive; `ended` is called when none does any more."""
+
+        def on_shutdown() -> None:
+            ended()
+            self._closed.wait(2 * LAST_WORD)  # the final messages are published first
+
+        self._rospy.on_shutdown(on_shutdown)
         threading.Thread(target=self._stay_registered, name="rospy", daemon=True).start()
+
+    @property
+    def simulated(self) -> bool:
+        """Whether /clock tells the time."""
+        return not self._rospy.rostime.is_wallclock()
+
+    def now(self) -> int:
+        """Time of day, or what /clock says [ns]."""
+        return self._rospy.get_rostime().to_nsec()
 
     def ok(self) -> bool:
         """False once another node has taken this one's name."""
@@ -58,6 +94,9 @@ class Ros1:
 
     def declare(self, name: str, value, descriptor: bus.ParameterDescriptor) -> None:
         """ROS 1's parameters are values on a server, which a node does not declare."""
+
+    def on_set(self, take: Callable) -> None:
+        """Nor is a node asked when they change."""
 
     def log(self, level: int, text: str) -> None:
         if level >= logging.ERROR:
@@ -130,3 +169,24 @@ class Ros1:
 
         for entry in missing:
             registration.get_registration_listeners().notify_added(*entry)
+
+
+def _options(words: list[str]) -> dict:
+    """What rospy.init_node takes of ROS 2's words for its logs.
+
+    Raises:
+        RosError: naming one that ROS 1 has nothing for.
+    """
+    options, rest = {}, list(words)
+    while rest:
+        word = rest.pop(0)
+        if word == "--log-level" and (level := rest.pop(0)).lower() in _LEVELS:
+            options["log_level"] = _LEVELS[level.lower()]
+        elif word == "--disable-rosout-logs":
+            options["disable_rosout"] = True
+        else:
+            raise RosError(
+                f"--ros-args {' '.join(words)}: on ROS 1 must be --disable-rosout-logs or "
+                f"--log-level with one of {', '.join(_LEVELS)}"
+            )
+    return options

@@ -18,10 +18,12 @@ from ...msg import (
     Image,
     PointCloud2,
     Twist,
+    TwistStamped,
     Vector3Stamped,
     cloud_columns,
 )
 from .. import diagnostics
+from ..cmd_vel import kind_of, twist_of
 from ..stop_on_push import STATUS_TOPIC
 from ..touch import xyz
 
@@ -67,7 +69,7 @@ class Monitor:
         node.create_subscription(Image, "skin/adc", self.on_adc, 100)
         node.create_subscription(PointCloud2, "skin/contacts", self.on_contacts, 100)
         node.create_subscription(Vector3Stamped, "skin/push_direction", self.on_direction, 100)
-        node.create_subscription(Twist, "cmd_vel", self.on_cmd_vel, 1)
+        node.create_subscription(kind_of(node), "cmd_vel", self.on_cmd_vel, 1)
         node.create_subscription(DiagnosticArray, STATUS_TOPIC, self.on_status, _EVERY_DECISION)
         node.create_subscription(DiagnosticArray, diagnostics.TOPIC, self.on_diagnostics, 100)
         node.create_timer(0.2 if self.out.isatty() else 1.0, self.live_line)
@@ -96,8 +98,8 @@ class Monitor:
     def on_direction(self, msg: Vector3Stamped) -> None:
         self._direction = xyz(msg.vector)
 
-    def on_cmd_vel(self, msg: Twist) -> None:
-        self._cmd_vel = msg
+    def on_cmd_vel(self, msg: Twist | TwistStamped) -> None:
+        self._cmd_vel = twist_of(msg)
 
     def on_status(self, msg: DiagnosticArray) -> None:
         """The stop hook: every decision, with the stamp of the reading it rests on."""

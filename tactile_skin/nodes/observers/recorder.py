@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ...middleware.config import describe
-from ...msg import Bool, DiagnosticArray
+from ...msg import Bool
 from ...recording import cdr
 from ...recording.recorder import Limits, Recorder
 from .. import diagnostics
@@ -34,7 +34,7 @@ class RecorderNode:
         self._stopped: dict[str, bool] = {}
         self._recorder: Recorder | None = None
         self._said = ""
-        self._diagnostics = node.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
+        self._diagnostics = diagnostics.Reporter(node)
 
     def begin(self, attachments: dict[str, bytes]) -> None:
         """Make the file, and record from here on.

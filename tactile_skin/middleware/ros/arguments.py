@@ -1,0 +1,115 @@
+"""What stands between --ros-args and -- on a ROS program's command line."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+
+from ...files import shorten
+from ...yaml_files import parse_yaml
+from ..bus import Parameter
+from ..config import ParameterFile
+
+# Of rcl: what they do is ROS's business. Those of the first kind are followed by a value.
+_WITH_VALUE = ("--log-level", "--log-config-file", "--log-file-name", "-e", "--enclave")
+_LOGS = ("rosout-logs", "stdout-logs", "external-lib-logs")
+_SWITCHES = tuple(f"--{verb}-{log}" for verb in ("enable", "disable") for log in _LOGS)
+_NODE = r"(?:(?P<node>[A-Za-z_]\w*):(?!//))?"
+_RULE = re.compile(_NODE + r"(?:(?P<kind>rostopic|rosservice)://)?(?P<name>[^:\s]+):=(?P<to>\S+)")
+_VALUE = re.compile(_NODE + r"(?P<name>[^:\s]+):=(?P<to>.*)", re.DOTALL)
+
+
+@dataclasses.dataclass
+class RosArguments:
+    """Each with the name of the node that it is for; None: for every node of the process."""
+
+    parameters: list[tuple[str | None, ParameterFile | Parameter]] = dataclasses.field(
+        default_factory=list
+    )
+    remappings: list[tuple[str | None, str]] = dataclasses.field(default_factory=list)
+    names: dict[str | None, str] = dataclasses.field(default_factory=dict)
+    namespaces: dict[str | None, str] = dataclasses.field(default_factory=dict)
+    logs: list[str] = dataclasses.field(default_factory=list)  # words for ROS itself
+
+    def name_of(self, node: str, alone: bool = True) -> str:
+        """What the node is called; `alone`: a name for all nodes of the process is its own."""
+        return self.names.get(node) or (self.names.get(None) if alone else None) or node
+
+    def namespace_of(self, node: str) -> str:
+        return self.namespaces.get(node, self.namespaces.get(None, ""))
+
+    def parameters_of(self, *names: str) -> list[ParameterFile | Parameter]:
+        """For the node of these names, as the program and as the command line have it."""
+        return [item for node, item in self.parameters if node in (None, *names)]
+
+    def remappings_of(self, *names: str) -> list[str]:
+        """from:=to, the first of which counts."""
+        return [rule for node, rule in self.remappings if node in (None, *names)]
+
+    def overrides(self, full_name: str) -> list[Parameter]:
+        """For the node of this full name; what comes later wins."""
+        name = full_name.rsplit("/", 1)[-1]
+        return overrides_of(self.parameters_of(name), full_name)
+
+
+def overrides_of(items: list, full_name: str) -> list[Parameter]:
+    """What files and single values say for a node; what comes later wins."""
+    found = {}
+    for item in items:
+        for p in item.overrides(full_name) if isinstance(item, ParameterFile) else [item]:
+            found[p.name] = p
+    return list(found.values())
+
+
+def split_arguments(words: list[str]) -> tuple[list[str], RosArguments]:
+    """A command line -> (what is the program's own, what is ROS's).
+
+    Raises:
+        ValueError: a ROS argument that is not understood, by name.
+    """
+    own, args, rest = [], RosArguments(), list(words)
+    while rest:
+        word = rest.pop(0)
+        if word != "--ros-args":
+            own.append(word)
+            continue
+        while rest and (word := rest.pop(0)) != "--":
+            if word != "--ros-args":
+                _take(word, rest, args)
+    return own, args
+
+
+def _take(word: str, rest: list[str], args: RosArguments) -> None:
+    if word in _SWITCHES:
+        args.logs.append(word)
+    elif word in _WITH_VALUE:
+        if not rest:
+            raise ValueError(f"--ros-args: {word}: must be followed by a value")
+        args.logs += [word, rest.pop(0)]
+    elif word == "--params-file":
+        args.parameters.append((None, ParameterFile(rest.pop(0) if rest else "")))
+    elif word in ("-p", "--param"):
+        value = rest.pop(0) if rest else ""
+        found = _VALUE.fullmatch(value)
+        if not found:
+            raise ValueError(f"--ros-args: {word} {value!r}: must be [node:]name:=value")
+        text = parse_yaml(found["to"], f"--ros-args: {word} {shorten(value)}")
+        args.parameters.append((found["node"], Parameter(found["name"], text)))
+    elif word in ("-r", "--remap"):
+        value = rest.pop(0) if rest else ""
+        found = _RULE.fullmatch(value)
+        if not found:
+            raise ValueError(f"--ros-args: {word} {value!r}: must be [node:]from:=to")
+        name, to = found["name"], found["to"]
+        if name in ("__node", "__name"):
+            args.names.setdefault(found["node"], to)
+        elif name == "__ns":
+            args.namespaces.setdefault(found["node"], to)
+        else:
+            kind = f"{found['kind']}://" if found["kind"] else ""
+            args.remappings.append((found["node"], f"{kind}{name}:={to}"))
+    else:
+        raise ValueError(
+            f"--ros-args: {word!r}: must be -r [node:]from:=to, -p [node:]name:=value, "
+            f"--params-file, {', '.join((*_WITH_VALUE, *_SWITCHES))}"
+        )

@@ -1,0 +1,238 @@
+"""What ROS 2's users write on a command line, in a parameter file and in package.xml."""
+
+import importlib.util
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+
+import pytest
+
+from tactile_skin import launch, ros
+from tactile_skin.errors import ParameterError
+from tactile_skin.launch import LaunchError
+from tactile_skin.middleware.bus import Context, Node
+from tactile_skin.middleware.config import ParameterFile
+from tactile_skin.middleware.ros.ros1 import _options
+
+# As far as this package needs them: rosdep/base.yaml, rosdep/python.yaml and the packages of the
+# distributions in ros/rosdistro. python3-threadpoolctl and the like are no keys; torch has one that
+# pip installs, which Debian and Ubuntu refuse (PEP 668).
+ROSDISTRO = {
+    *("rclpy", "rcl_interfaces", "builtin_interfaces", "std_msgs", "std_srvs", "geometry_msgs"),
+    *("sensor_msgs", "diagnostic_msgs", "rosgraph_msgs", "ros2launch", "launch_yaml", "rviz2"),
+    *("tf2_msgs", "tactile_msgs"),
+    *("python3-dev", "python3-numpy", "python3-scipy", "python3-serial", "python3-yaml"),
+    *("python3-pytest", "python3-hypothesis"),
+}
+
+
+def test_rosdep_knows_what_the_package_depends_on():
+    root = ET.parse(launch.share_dir() / "package.xml").getroot()
+    keys = {element.text for element in root if element.tag.endswith("depend")}
+    assert len(keys) > 10
+    assert keys <= ROSDISTRO
+    assert "rviz2" in keys  # rviz.launch.yaml starts it
+
+
+# --- parameter files ---
+
+SECTIONS = """
+stop_on_push: {ros__parameters: {bare: 1, order: 1}}
+/left/stop_on_push: {ros__parameters: {full: 1, order: 2}}
+/**/stop_on_push: {ros__parameters: {any_namespace: 1, order: 3}}
+/*/stop_on_push: {ros__parameters: {one_namespace: 1, order: 4}}
+/left/**: {ros__parameters: {all_of_left: 1, order: 5}}
+/left/*: {ros__parameters: {one_of_left: 1, order: 6}}
+left:
+  stop_on_push: {ros__parameters: {order: 7, nested: {deep: 1.5}}}
+right:
+  arm:
+    stop_on_push: {ros__parameters: {deep_nested: 1}}
+  "*": {ros__parameters: {one_of_right: 1}}
+/**: {ros__parameters: {all: 1, order: 8}}
+/*: {ros__parameters: {root: 1}}
+right/stop_on_push: {ros__parameters: {no_slash: 1}}
+/**/left/**/stop_on_push: {ros__parameters: {within: 1, order: 9}}
+""".replace("left:\n  stop_on_push:", "/**/left:\n  stop_on_push:")
+NODES = ("/stop_on_push", "/left/stop_on_push", "/right/arm/stop_on_push", "/a/left/stop_on_push")
+ASK = """
+import json, sys, rclpy
+rclpy.init(args=["--ros-args", "--params-file", sys.argv[1]])
+found = {}
+for full in sys.argv[2:]:
+    namespace, name = full.rsplit("/", 1)
+    node = rclpy.create_node(name, namespace=namespace or "/",
+        automatically_declare_parameters_from_overrides=True)
+    found[full] = {k: p.value for k, p in node.get_parameters_by_prefix("").items()}
+print(json.dumps(found))
+"""
+
+
+@pytest.fixture
+def sections(tmp_path):
+    path = tmp_path / "skin.yaml"
+    path.write_text(SECTIONS)
+    return path
+
+
+def given(path, node: str) -> dict:
+    return {p.name: p.value for p in ParameterFile(path).overrides(node)}
+
+
+def test_sections_hold_in_namespaces(sections):
+    left = given(sections, "/left/stop_on_push")
+    assert {"full", "any_namespace", "one_namespace", "all_of_left", "all"} <= set(left)
+    assert left["nested.deep"] == 1.5
+    assert not {"bare", "root", "no_slash"} & set(left)
+    assert left["order"] == 9  # what comes later in the file
+    assert "one_of_left" not in given(sections, "/left/arm/stop_on_push")
+
+
+@pytest.mark.ros
+def test_sections_mean_what_they_mean_to_rclpy(sections, request):
+    if not importlib.util.find_spec("rclpy"):
+        pytest.skip("rclpy is not installed")
+    done = subprocess.run(
+        [sys.executable, "-c", ASK, str(sections), *NODES],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    import json
+
+    theirs = json.loads(done.stdout)
+    for node in NODES:
+        mine, own = given(sections, node), {"use_sim_time", "start_type_description_service"}
+        assert mine == {k: v for k, v in theirs[node].items() if k not in own}
+
+
+@pytest.mark.parametrize("namespace", ["", "left", "robot/left"])
+def test_the_shipped_file_holds_in_any_namespace(namespace):
+    path = launch.share_dir() / "config" / "skin.yaml"
+    found = given(path, f"/{namespace}/stop_on_push".replace("//", "/"))
+    assert found["threshold"] == 30.0
+    assert found["circuit.rows"] == 16
+
+
+def test_a_file_for_another_namespace_is_refused(tmp_path):
+    """ROS would run the node on its defaults."""
+    path = tmp_path / "skin.yaml"
+    path.write_text("stop_on_push: {ros__parameters: {threshold: 20.0}}\n")
+    plan = ros.plan_of("stop_on_push", arguments("-r", "__ns:=/left", "--params-file", str(path)))
+    with pytest.raises(ParameterError, match="must be /\\*\\*/stop_on_push") as error:
+        ros.Program("stop_on_push", plan).build()
+    assert "is not for the node /left/stop_on_push" in str(error.value)
+
+
+def test_one_file_for_two_skins(tmp_path):
+    path = tmp_path / "skin.yaml"
+    path.write_text(
+        "left/stop_on_push: {ros__parameters: {threshold: 21.0}}\n"
+        "right: {stop_on_push: {ros__parameters: {threshold: 22.0}}}\n"
+    )
+    for side, threshold in (("left", 21.0), ("right", 22.0)):
+        plan = ros.plan_of("skin", arguments("-r", f"__ns:={side}", "--params-file", str(path)))
+        plan.nodes = [node for node in plan.nodes if node.kind == "stop_on_push"]
+        (handle,) = ros.Program("skin", plan).build()
+        assert handle.get_fully_qualified_name() == f"/{side}/stop_on_push"
+        assert handle.get_parameter("threshold").value == threshold
+
+
+# --- arguments ---
+
+
+def arguments(*words):
+    return ros.split_arguments(["--ros-args", *words])[1]
+
+
+def test_words_for_ros_itself_are_handed_on():
+    words = ["--log-level", "debug", "--disable-rosout-logs", "--log-config-file", "a"]
+    assert arguments(*words).logs == words
+    assert _options(words[:3]) == {"log_level": 1, "disable_rosout": True}
+    with pytest.raises(ValueError, match="--log-config-file a: on ROS 1 must be"):
+        _options(words)
+
+
+def test_arguments_for_one_node_of_several():
+    args = arguments(
+        *("-r", "stop_on_push:skin/stop:=/halt", "-r", "skin/stop:=/other"),
+        *("-p", "stop_on_push:threshold:=20.0", "-p", "monitor:duration:=3.0"),
+        *("-r", "stop_on_push:__node:=guard", "-r", "__ns:=/left", "-r", "__node:=whole"),
+    )
+    nodes = {node.kind: node for node in ros.plan_of("skin", args).nodes}
+    assert set(nodes) == {"serial_driver", "compensation", "gesture_feature", "stop_on_push"}
+    assert nodes["stop_on_push"].name == "guard"
+    assert nodes["compensation"].name == "compensation"  # not all of them "whole"
+    assert nodes["stop_on_push"].parameters == [("threshold", 20.0)]
+    assert nodes["compensation"].parameters == []
+    assert nodes["stop_on_push"].namespace == "left"
+    made = ros.Program("skin", ros.Plan(nodes=[nodes["stop_on_push"]])).build()[0]
+    assert made.resolve_topic_name("skin/stop") == "/halt"
+    other = nodes["compensation"].remappings
+    assert other == [("skin/stop", "/other")]
+
+
+def test_a_remapping_may_be_for_topics_or_services_only():
+    rules = ["-r", "rostopic://~/reset:=/a", "-r", "rosservice://~/reset:=/b"]
+    node = Node("n", context=Context(), cli_args=rules)
+    assert node.resolve_topic_name("~/reset") == "/a"
+    assert node.resolve_service_name("~/reset") == "/b"
+    args = arguments("-r", "n:rosservice://~/reset:=/b")
+    assert args.remappings == [("n", "rosservice://~/reset:=/b")]
+
+
+def test_of_two_remappings_the_first_counts():
+    """As in rcl."""
+    node = Node("n", context=Context(), cli_args=["-r", "a:=b", "-r", "a:=c"])
+    assert node.resolve_topic_name("a") == "/b"
+
+
+def test_the_parts_of_a_skin_are_chosen_by_parameters(tmp_path):
+    path = tmp_path / "launch_params_x"
+    path.write_text("/**: {ros__parameters: {monitor: true, serial_driver: false}}\n")
+    plan = ros.plan_of("skin", arguments("--params-file", str(path)))
+    kinds = [node.kind for node in plan.nodes]
+    assert kinds == ["compensation", "gesture_feature", "stop_on_push", "monitor"]
+    with pytest.raises(ParameterError, match="monitor of skin = 'yes': must be true or false"):
+        ros.plan_of("skin", arguments("-p", "monitor:='yes'"))
+
+
+def test_what_the_shipped_launch_file_gives_is_taken():
+    """Also for parts that do not run: `stamped`, and the duration of a monitor."""
+    given = {"monitor": "false", "port": "/dev/null"}
+    plan = launch.read_plan(launch.find("skin.launch.yaml"), given, in_process=False)
+    ros._check(plan.nodes)
+
+
+# --- misspelt names ---
+
+
+@pytest.mark.parametrize("name", ["launch_params_abc", "robot.yaml"])
+def test_a_misspelt_name_in_a_launch_file_is_refused(tmp_path, name):
+    """launch_ros writes what a launch file says into a file with one section, /**; in a user's own
+    file that section may be meant for others."""
+    path = tmp_path / name
+    path.write_text("/**: {ros__parameters: {tresh_hold: 20.0, port: /dev/null}}\n")
+    plan = ros.plan_of("skin", arguments("--params-file", str(path)))
+    plan.nodes = [node for node in plan.nodes if node.kind in ("stop_on_push", "serial_driver")]
+    program = ros.Program("skin", plan)
+    if name == "robot.yaml":
+        program.build()
+    else:
+        with pytest.raises(LaunchError, match="parameter 'tresh_hold' is unknown"):
+            program.build()
+
+
+@pytest.mark.parametrize("whole", [False, True])
+def test_names_are_checked_before_values(tmp_path, whole):
+    """A threshold that is misspelt leaves one that is below `release`."""
+    path = tmp_path / "skin.yaml"
+    section = "/**/stop_on_push: {ros__parameters: {treshold: 60.0, release: 50.0}}\n"
+    path.write_text(section)
+    words = ["--params-file", str(path)]
+    if whole:
+        words = ["-p", "treshold:=60.0", "-p", "release:=50.0"]
+    plan = ros.plan_of("stop_on_push", arguments(*words))
+    with pytest.raises(LaunchError, match=r"'treshold' is unknown; there are: .*threshold"):
+        ros.Program("stop_on_push", plan).build()

@@ -1,0 +1,304 @@
+"""A skin on ROS 2 as its users have it: `skin` in namespaces, on a simulated clock, stamped."""
+
+import os
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from plain import Plain
+from yardsticks.ros import Graph, Player, endless
+
+from tactile_skin.middleware.ros import node as ros_node
+
+YARDSTICKS = Path(__file__).parent / "yardsticks"
+pytestmark = pytest.mark.ros
+
+
+@pytest.fixture(autouse=True)
+def version(request):
+    if ros_node.installed() != 2:
+        if request.config.getoption("--require-ros") and ros_node.installed() is None:
+            pytest.fail("rclpy cannot be imported")
+        pytest.skip("rclpy is not installed")
+
+
+@pytest.fixture
+def graph(monkeypatch):
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    with Graph(2) as graph:
+        yield graph
+
+
+@pytest.fixture
+def plain(graph):
+    with Plain(graph.env) as plain:
+        yield plain
+
+
+def skin(*words: str) -> list[str]:
+    return [sys.executable, "-m", "tactile_skin.ros", "skin", "--ros", "2", "--ros-args", *words]
+
+
+@contextmanager
+def board():
+    player = Player()
+    try:
+        yield player
+    finally:
+        player.close()
+
+
+FILE = """
+/**: {ros__parameters: {circuit: {rows: 16, cols: 16}}}
+/**/serial_driver: {ros__parameters: {watchdog: 60.0}}
+/left/stop_on_push: {ros__parameters: {threshold: 25.0}}
+right:
+  stop_on_push: {ros__parameters: {threshold: 35.0, peak: 8.5}}
+"""
+
+
+def test_two_skins_of_one_file_do_not_stop_one_another(graph, plain, tmp_path):
+    """Each has its thresholds; a push, a fault and the death of one leave the other free; and
+    /diagnostics tells them apart, with what each stop says."""
+    from diagnostic_msgs.msg import DiagnosticArray
+    from rclpy.parameter_client import AsyncParameterClient
+    from std_msgs.msg import Bool
+
+    path = tmp_path / "skin.yaml"
+    path.write_text(FILE)
+    stops = "/left/skin/stop", "/right/skin/stop"
+    plain.hear(Bool, *stops)
+    plain.hear(DiagnosticArray, "/left/skin/stop_status", "/right/skin/stop_status")
+    plain.hear(DiagnosticArray, "/diagnostics")
+    with board() as left, board() as right:
+        for side, player in (("left", left), ("right", right)):
+            words = ["-r", f"__ns:=/{side}", "--params-file", str(path)]
+            # a tare would wait for a touch to end
+            words += ["-p", f"port:={player.port}", "-p", "tare:=false"]
+            graph.start(side, skin(*words))
+        with right.playing(endless("idle", seed=2)):
+            with left.playing(endless("idle", seed=1)):
+                plain.until(
+                    lambda: all(plain.last(t) and not plain.last(t).data for t in stops),
+                    "both are free",
+                    graph,
+                )
+                for side, threshold in (("left", 25.0), ("right", 35.0)):
+                    client = AsyncParameterClient(plain.node, f"/{side}/stop_on_push")
+                    assert client.wait_for_services(20.0)
+                    future = client.get_parameters(["threshold"])
+                    plain.until(future.done, "parameters are told")
+                    assert future.result().values[0].double_value == threshold
+            begin = len(plain.heard[stops[1]])
+            with left.playing(endless("push_left", seed=3)):
+                said(plain, graph, "/left/skin/stop_status", "push")
+            said(plain, graph, "/left/skin/stop_status", "stale")  # the board says nothing
+
+            def told() -> set[tuple[str, str]]:
+                heard = list(plain.heard["/diagnostics"])
+                return {(s.name, s.hardware_id) for m in heard for s in m.status}
+
+            wanted = {
+                (f"{side}/{name}", f"tactile_skin/{side}")
+                for side in ("left", "right")
+                for name in ("compensation", "stop_on_push")
+            }
+            plain.until(lambda: wanted <= told(), "/diagnostics tells them apart", graph)
+            plain.until(
+                lambda: any(
+                    s.name == "left/stop_on_push" and "stale" in s.message
+                    for m in plain.heard["/diagnostics"]
+                    for s in m.status
+                ),
+                "/diagnostics has the reason of the stop",
+            )
+            graph.stop("left", 9)
+            time.sleep(1.0)
+        during = [m.data for m in plain.heard[stops[1]][begin:]]
+        reasons = {m.status[0].message for m in plain.heard["/right/skin/stop_status"][-400:]}
+    assert len(during) > 100
+    assert not any("left" in reason for reason in reasons)
+    assert not any(during)
+
+
+def said(plain, graph, topic: str, reason: str) -> None:
+    plain.until(
+        lambda: any(reason in m.status[0].message for m in plain.heard[topic][-100:]),
+        f"{topic} says {reason}",
+        graph,
+    )
+
+
+@pytest.mark.parametrize("stamped", [False, True])
+def test_velocities_are_stamped_if_asked_for(graph, plain, stamped):
+    """And who speaks the other type is told."""
+    from geometry_msgs.msg import Twist, TwistStamped
+
+    ours, other = (TwistStamped, Twist) if stamped else (Twist, TwistStamped)
+    command = ours()
+    velocity = command.twist if stamped else command
+    velocity.linear.x = 0.2
+    planner = plain.node.create_publisher(ours, "cmd_vel_in", 1)
+    plain.node.create_timer(0.05, lambda: planner.publish(command))
+    plain.hear(ours, "cmd_vel")
+
+    def moves() -> bool:
+        m = plain.last("cmd_vel")
+        return m is not None and (m.twist if stamped else m).linear.x == 0.2
+
+    with board() as player, Plain(graph.env, "stranger") as stranger:
+        stranger.node.create_publisher(other, "cmd_vel_in", 1)
+        words = ["-p", f"port:={player.port}", "-p", "cmd_vel_gate:=true", "-p", "tare:=false"]
+        words += ["-p", f"stamped:={str(stamped).lower()}", "-p", "watchdog:=60.0"]
+        graph.start("skin", skin(*words))
+        with player.playing(endless("idle", seed=1)):
+            plain.until(moves, "the robot moves", graph)
+            if stamped:
+                header = plain.last("cmd_vel").header
+                assert header.frame_id == "base_link"
+                now = plain.node.get_clock().now().nanoseconds * 1e-9
+                assert abs(header.stamp.sec + header.stamp.nanosec * 1e-9 - now) < 30.0
+            remedy = f"they do not hear each other: set stamped to {str(not stamped).lower()}"
+            plain.until(lambda: remedy in graph.said("skin"), "the planner is told of", graph)
+
+
+class Simulation:
+    """/clock, and readings with its stamps, as `ros2 bag play --clock` sends them."""
+
+    def __init__(self, plain):
+        from rosgraph_msgs.msg import Clock
+        from sensor_msgs.msg import Image
+
+        self._clock = plain.node.create_publisher(Clock, "/clock", 10)
+        self._adc = plain.node.create_publisher(Image, "skin/adc", 40)
+        self.t = 100.0
+        self._frames = endless("idle", seed=4)
+
+    def tick(self, seconds: float = 0.01) -> None:
+        from rosgraph_msgs.msg import Clock
+        from sensor_msgs.msg import Image
+
+        from tactile_skin.board.protocol import BinaryParser
+
+        self.t += seconds
+        clock = Clock()
+        clock.clock.sec, clock.clock.nanosec = divmod(round(self.t * 1e9), 10**9)
+        self._clock.publish(clock)
+        ((frame),) = BinaryParser().feed(next(self._frames))
+        picture = Image(height=16, width=16, encoding="16UC1", step=32)
+        picture.header.frame_id, picture.header.stamp = "base_link", clock.clock
+        picture.data.frombytes(frame.samples.astype("<u2").tobytes())
+        self._adc.publish(picture)
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize("where", ["parameter", "file", "launch"])
+def test_a_simulated_clock(graph, plain, tmp_path, where):
+    """Readings that are old by the time of day count by /clock; while it stands still, and when it
+    jumps, the robot stops."""
+    from std_msgs.msg import Bool
+
+    plain.hear(Bool, "skin/stop")
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    plain.hear(DiagnosticArray, "skin/stop_status")
+    path = tmp_path / "launch_params_x"  # as launch_ros makes them
+    section = "/**" if where == "launch" else "stop_on_push"
+    path.write_text(f"{section}: {{ros__parameters: {{use_sim_time: true}}}}\n")
+    words = ["-p", "serial_driver:=false", "-p", "tare:=false", "-p", "time_limit:=10.0"]
+    given = ["--params-file", str(path)]
+    if where == "file":  # of one node, for all
+        given += ["-p", "compensation:use_sim_time:=true", "-p", "stale_after:=0.5"]
+    if where == "parameter":
+        given = ["-p", "use_sim_time:=true"]
+    graph.start("skin", skin(*words, *given, "-p", "stop_on_push:stale_after:=0.5"))
+    simulation = Simulation(plain)
+
+    def runs_until(stop: bool, what: str) -> None:
+        def happened() -> bool:
+            simulation.tick()
+            m = plain.last("skin/stop")
+            return m is not None and m.data is stop
+
+        plain.until(happened, what, graph)
+
+    runs_until(False, "free")
+    last = len(plain.heard["skin/stop_status"])
+    plain.until(lambda: plain.last("skin/stop").data, "the clock stands still: stop", graph)
+    plain.until(
+        lambda: any(
+            "clock: stands still" in m.status[0].message
+            for m in plain.heard["skin/stop_status"][last:]
+        ),
+        "it says why",
+        graph,
+    )
+    runs_until(False, "free again")
+    simulation.t += 50.0
+    runs_until(True, "it jumps ahead: stop")
+    runs_until(False, "free again")
+    simulation.t -= 50.0
+    runs_until(True, "it jumps back: stop")
+    runs_until(False, "free again")
+
+
+def test_words_for_ros_reach_it(graph, plain):
+    with board() as player:
+        port = ["-p", f"port:={player.port}"]
+        graph.start("loud", skin("-r", "__ns:=/loud", *port, "--log-level", "debug"))
+        with player.playing(endless("idle", seed=5)):
+            plain.until(lambda: "frames arrive" in graph.said("loud"), "it says so", graph)
+        graph.stop("loud")
+        words = ["--log-level", "fatal", "--disable-rosout-logs", "-p", "monitor:=true"]
+        graph.start("quiet", skin("-r", "__ns:=/quiet", *port, *words))
+        with player.playing(endless("idle", seed=5)):
+            plain.until(lambda: "/s  drops" in graph.said("quiet"), "frames arrive", graph)
+            names = {info.node_name for info in plain.node.get_publishers_info_by_topic("/rosout")}
+        assert "frames arrive" not in graph.said("quiet")
+        assert names == {"plain"}
+    done = subprocess.run(
+        skin("--log-level", "shout"), env=graph.env, capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert "skin: error: --ros-args --log-level shout: " in done.stderr.splitlines()[-1]
+
+
+def test_qos_of_a_publisher_is_overridden(graph, plain):
+    from rclpy.qos import ReliabilityPolicy
+
+    with board() as player:
+        words = ["-p", f"port:={player.port}"]
+        words += ["-p", "qos_overrides./skin/pressure.publisher.reliability:=best_effort"]
+        graph.start("skin", skin(*words))
+
+        def reliability(topic):
+            return [
+                i.qos_profile.reliability for i in plain.node.get_publishers_info_by_topic(topic)
+            ]
+
+        plain.until(
+            lambda: reliability("/skin/pressure") == [ReliabilityPolicy.BEST_EFFORT], "it is", graph
+        )
+        plain.until(lambda: reliability("/skin/stop") == [ReliabilityPolicy.RELIABLE], "not", graph)
+
+
+def test_a_duration_ends_the_process(graph):
+    """And with it `ros2 launch`, which waits for all processes; the board ends by --once."""
+    with board() as player:
+        words = ["-p", f"port:={player.port}", "-p", "monitor:=true", "-p", "duration:=1.0"]
+        graph.start("skin", skin(*words))
+        with player.playing(endless("idle", seed=6)):
+            assert graph.processes["skin"].wait(60.0) == 0
+        assert "summary" in graph.said("skin")
+
+
+def test_ctrl_c_on_a_busy_computer():
+    """Twice; fifty times: the yardstick."""
+    words = [sys.executable, str(YARDSTICKS / "interrupt.py"), "--times", "2", "--seed", "3"]
+    env = os.environ | {"PYTHONPATH": os.pathsep.join([str(YARDSTICKS.parent), *sys.path])}
+    done = subprocess.run(words, env=env, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stdout + done.stderr
