@@ -53,7 +53,7 @@ def diagnose(
         The faults, an empty list for a sound board. Another readout than the circuit's, a wrong
         bit, and rows and columns that are exchanged hide all else. Damage of wires that only their
         network shows (all but "open", "contact" and "noisy") is looked for on floating matrices
-        only.
+        only, "contact" not on grounded ones.
 
     Raises:
         ValueError: another shape, values outside [0, 1], or fewer than 20 frames.
