@@ -876,7 +876,7 @@ def ask(future):
 print(ask(client.get_parameters(["threshold"])).values[0].double_value)
 (described,) = ask(client.describe_parameters(["threshold"])).descriptors
 print(described.read_only, described.floating_point_range[0].to_value)
-wishes = [("threshold", 1.0), ("threshold", 40.0), ("threshold", 30.0), ("curve.creep", 0.1)]
+wishes = [("threshold", 1.0), ("threshold", 40.0), ("threshold", 30.0), ("latch", True)]
 for name, value in wishes:
     (result,) = ask(client.set_parameters([Parameter(name, value=value)])).results
     print(result.successful, result.reason)
