@@ -105,23 +105,21 @@ def hessian_product(k: np.ndarray, p: np.ndarray) -> np.ndarray:
 
 
 def roughness(
-    x: np.ndarray, weight: np.ndarray, square: np.ndarray
+    x: np.ndarray, weight: np.ndarray, square: float
 ) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
     """How much a picture differs from cell to cell: sum of weight/2 log(square + d^2).
 
     Args:
         x: (rows, cols).
-        weight, square: (differences,) of each d: between neighbours in a row, then in a column,
-            then the mixed second differences of squares of four.
+        weight: (differences,) of each d between neighbours in a row, then in a column.
 
     Returns:
         the cost, and its quadratic majorant: gradient and diagonal of the precision (rows, cols),
-        entries off it, to the right, downwards, and along both diagonals of each square.
+        entries off it, of each difference.
     """
     if _compiled(x.shape):
-        squares = (x.shape[0] - 1) * (x.shape[1] - 1)
         gradient, diagonal = np.empty(x.shape), np.empty(x.shape)
-        entries = np.empty(weight.size + squares)
+        entries = np.empty(weight.size)
         x = np.ascontiguousarray(x)
         cost = _kernel.roughness(*x.shape, x, weight, square, gradient, diagonal, entries)
         return cost, gradient, diagonal, entries

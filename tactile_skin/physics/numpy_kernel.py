@@ -116,52 +116,26 @@ def hessian_product(k: np.ndarray, p: np.ndarray) -> np.ndarray:
 
 
 def roughness(
-    x: np.ndarray, weight: np.ndarray, square: np.ndarray
+    x: np.ndarray, weight: np.ndarray, square: float
 ) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
     """As kernel.roughness."""
-    d = np.empty(weight.size)
-    right, down, twist = _by_kind(d, x.shape)
-    np.subtract(x[:, 1:], x[:, :-1], out=right)
-    np.subtract(x[1:], x[:-1], out=down)
-    np.subtract(right[1:], right[:-1], out=twist)
-    squares = d * d
-    squares += square
+    d = np.concatenate([np.diff(x, axis=1).ravel(), np.diff(x, axis=0).ravel()])
+    squares = square + d * d
     w = weight / squares
     cost = 0.5 * float(weight @ np.log(squares))
-    # a square of four is the difference of the two to the right in it
-    d *= w
-    right[1:] += twist
-    right[:-1] -= twist
-    gradient = np.zeros(x.shape)
-    gradient[:, 1:] += right
-    gradient[:, :-1] -= right
-    gradient[1:] += down
-    gradient[:-1] -= down
-    right, down, twist = _by_kind(w, x.shape)
-    right[1:] += twist
-    right[:-1] += twist
-    diagonal = np.zeros(x.shape)
-    diagonal[:, 1:] += right
-    diagonal[:, :-1] += right
-    diagonal[1:] += down
-    diagonal[:-1] += down
-    down[:, 1:] += twist
-    down[:, :-1] += twist
-    right *= -1.0
-    down *= -1.0
-    return cost, gradient, diagonal, np.concatenate([w, twist.ravel()])
-
-
-def _by_kind(of: np.ndarray, shape) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Views of (differences,): (rows, cols-1), (rows-1, cols), (rows-1, cols-1)."""
-    rows, cols = shape
-    one = rows * (cols - 1)
-    two = one + (rows - 1) * cols
-    return (
-        of[:one].reshape(rows, cols - 1),
-        of[one:two].reshape(rows - 1, cols),
-        of[two:].reshape(rows - 1, cols - 1),
-    )
+    across = x.shape[0] * (x.shape[1] - 1)
+    gradient, diagonal = np.zeros(x.shape), np.zeros(x.shape)
+    for part, here, there in (
+        (slice(across), np.s_[:, :-1], np.s_[:, 1:]),
+        (slice(across, None), np.s_[:-1], np.s_[1:]),
+    ):
+        curvature = w[part].reshape(x[here].shape)
+        pull = curvature * d[part].reshape(x[here].shape)
+        gradient[here] -= pull
+        gradient[there] += pull
+        diagonal[here] += curvature
+        diagonal[there] += curvature
+    return cost, gradient, diagonal, -w
 
 
 def fixed_point(

@@ -93,3 +93,11 @@ def batch_of(estimates: list[Estimate], shape: tuple[int, int]) -> Estimate:
             [np.zeros(shape, bool) if e.aside is None else e.aside for e in estimates], bool
         ).reshape(-1, *shape),
     )
+
+
+def spread(curve, force: np.ndarray, std_x: np.ndarray) -> np.ndarray:
+    """(rows, cols) standard deviation of forces [N] whose x = log conductance has std_x."""
+    resistance = curve.resistance(force)
+    return 0.5 * (
+        curve.force(resistance * np.exp(-std_x)) - curve.force(resistance * np.exp(std_x))
+    )

@@ -11,6 +11,7 @@ from .suspect import estimate_from_force
 
 MAX_STEPS = 60
 _TARGET = 0.25  # ADC steps RMS at which to stop: below rounding to whole steps
+_BROAD = 0.1  # share of the cells at rest below which the whole skin is loaded
 _LEVEL = 5.0  # times the mean force, which no cell of an even load on the whole skin reaches
 
 
@@ -78,6 +79,12 @@ def fill(reading: Reading, g: np.ndarray) -> np.ndarray:
     count, total = (np.lib.stride_tricks.sliding_window_view(a, (3, 3)) for a in (count, total))
     mean = total.sum((2, 3)) / np.maximum(count.sum((2, 3)), 1.0)
     return np.where(unread & (count.sum((2, 3)) > 0), np.exp(mean), g)
+
+
+def is_broad(circuit, at_rest: np.ndarray) -> bool:
+    """Whether nearly all cells are loaded, by (rows, cols) which are at rest."""
+    cells = circuit.populated
+    return np.count_nonzero(at_rest & cells) < _BROAD * np.count_nonzero(cells)
 
 
 def is_level(reading: Reading, g: np.ndarray) -> bool:

@@ -12,15 +12,15 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import blas, lapack
+from scipy.linalg import lapack
 
 from ..physics.conjugate_gradients import conjugate_gradients
 from ..physics.quadratic import inverse_diagonal, solve_in_box
 from . import prior as prior_terms
 from . import series, suspect
 from .aside import without_bad_contacts
-from .estimate import Estimate
-from .fixed_point import fill, first_guess, is_level, iterate, last_guess
+from .estimate import Estimate, spread
+from .fixed_point import fill, first_guess, is_broad, is_level, iterate, last_guess
 from .reading import ROUNDING_NOISE, Linearised, Reading, noise_at_rest
 from .suspect import NormalEquations
 
@@ -37,12 +37,12 @@ _DENSE = 600  # unknowns up to which a Cholesky factor is faster than conjugate 
 _CG_STEPS = 100
 _UNCHANGED = 2.2  # standard deviations of chi^2 up to which a frame is that of the same load
 _NEAR_REST = 1.5  # times the conductance at rest: a starting cell below it starts at rest
-_WIDEN = 1.12  # of the prior's majorant, wider in curvature than the prior: measured coverage
-# A load on the whole skin: the share of cells at rest is below the first. It is hard and uneven, as
-# the level prior says, if the median rho is below a share of `series_scale` (an r_par 10 % off then
-# moves every cell), the spread of log g above that of a flat load on a fabric's scatter, and the
-# squared difference of neighbours over that of any two cells nearer to 1 (random) than 0 (a palm).
-_BROAD, _HARD, _UNEVEN, _INDEPENDENT = 0.1, 0.5, 0.25, 0.5
+_WIDEN = 1.2  # what the measured coverage requires
+# A load on the whole skin is hard and uneven, as the level prior says, if the median rho is below a
+# share of `series_scale` (an r_par 10 % off then moves every cell), the spread of log g above that
+# of a flat load on a fabric's scatter, and the squared difference of neighbours over that of any
+# two cells nearer to 1 (random) than 0 (a palm).
+_HARD, _UNEVEN, _INDEPENDENT = 0.5, 0.25, 0.5
 # Noise that is measured in the frame (docs/derivation.md): fits that may be made, factor within
 # which two agree, standard deviations beyond which a reading is an outlier; the noise that boards
 # usually have [ADC steps], and for how many readings that counts.
@@ -104,21 +104,21 @@ def _unchanged(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | N
 
 
 def _fit(
-    reading: Reading, g: np.ndarray, prior, warm: bool = False, fits: int = _MAX_FITS
+    reading: Reading, g: np.ndarray, prior, warm: bool = False, fits: int = _MAX_FITS, level=True
 ) -> Estimate:
     """Args:
     warm: g is close to the answer; a step that went as predicted is then the last one.
     fits: that may be made to measure the noise, where it was not given.
+    level: whether the load may be one of the level prior.
     """
-    circuit, begin, start_steps = reading.circuit, g, WARM_STEPS if warm else START_STEPS
+    circuit, start_steps = reading.circuit, WARM_STEPS if warm else START_STEPS
     g, steps = iterate(reading, g, start_steps, _NEAR * reading.fitted_noise)
     g = fill(reading, g)
     if not reading.noise_given and fits == _MAX_FITS:
         reading = _with_noise_at_rest(reading, g)
     low = reading.bounds[0]
     at_rest = circuit.populated & (g < _NEAR_REST * low)
-    broad = np.count_nonzero(at_rest) < _BROAD * np.count_nonzero(circuit.populated)
-    broad = broad and is_level(reading, g)
+    broad = level and is_broad(circuit, at_rest) and is_level(reading, g)
     g = np.where(at_rest, low, g)
     point = _Point.at(reading, g, broad, prior)
     costs = [point.cost]
@@ -137,17 +137,27 @@ def _fit(
         if settled or reading.late():
             break
     converged = step.solved and (settled or iterations == MAX_STEPS)
-    if not reading.noise_given and fits and converged and not reading.late():
-        noise = _noise_left(reading, point, step)
-        if not 1.0 / _AGREE < noise / reading.noise < _AGREE:
-            again = reading.with_noise(noise)
-            if again.noise != reading.noise:
-                found = _fit(again, begin, prior, warm, fits - 1)
-                return replace(found, iterations=found.iterations + steps + iterations)
+    if converged and not reading.late():
+        again = reading
+        if not reading.noise_given and fits:
+            noise = _noise_left(reading, point, step)
+            if not 1.0 / _AGREE < noise / reading.noise < _AGREE:
+                again = reading.with_noise(noise)
+        # The first guess lifts cells beside a hard touch, which the level prior lets go.
+        level = broad and is_broad(circuit, point.model.g < _NEAR_REST * low)
+        if again.noise != reading.noise or broad != level:
+            found = _fit(again, point.model.g, prior, warm, max(fits - 1, 0), level)
+            return replace(found, iterations=found.iterations + steps + iterations)
+    g, std_x, adc = point.model.g, _std_x(point, step.equations), point.model.adc
+    if converged and not broad and step.equations is not None:
+        found = prior_terms.with_neighbours(
+            reading, point.model, point.gx, step.equations, std_x, prior
+        )
+        g, std_x, adc = found or (g, std_x, adc)
     with np.errstate(divide="ignore"):
-        force = reading.curve.force(1.0 / point.model.g) * circuit.populated
-    std = _spread(reading, point, step, force)
-    residual = reading.residual(point.model.adc)
+        force = reading.curve.force(1.0 / g) * circuit.populated
+    std = spread(reading.curve, force, np.minimum(_WIDEN * std_x, 10.0)) * circuit.populated
+    residual = reading.residual(adc)
     message = suspect.by_reading(reading)
     message = message or suspect.by_residual(reading, point.model.adc, ROUNDING_NOISE)
     if not message and step.equations is not None:
@@ -176,10 +186,7 @@ def _noise_left(reading: Reading, point: _Point, step: _Step) -> float:
     The distance of outliers does not count; where the unknowns absorb nearly all readings, the
     noise is what boards usually have.
     """
-    absorbed, equations = 0.0, step.equations
-    if equations is not None and equations.unknowns.size:
-        taken = lapack.strtrs(equations.factor, equations.jacobian.T, trans=1)[0]
-        absorbed = np.square(taken).sum()
+    absorbed = 0.0 if step.equations is None else step.equations.absorbed()
     left = reading.n_informative - absorbed
     square = np.minimum(np.square(point.model.misfit), _OUTLIER**2).sum() * reading.fitted_noise**2
     usual = _USUAL_COUNT * _USUAL_NOISE**2
@@ -237,16 +244,15 @@ class _Point(NamedTuple):
         gx = g if curve.offset is None else g - curve.offset * cells
         at_rest = 1.0 / curve.points[0][1]
         x = np.log(gx if circuit.mask is None else np.where(cells, gx, at_rest))
-        if broad or extra is not None:
-            force = np.where(cells, curve.force(1.0 / np.where(cells, g, 1.0)), 0.0)
-            slope = -curve.slope(force)
         if broad:
-            terms = prior_terms.level(force, slope, cells)
+            terms = prior_terms.level(*prior_terms.force_of(reading, g), cells)
         else:
             between = prior_terms.differences(circuit)
             terms = prior_terms.touches(x, np.log(at_rest), between)
         if extra is not None:
-            terms = prior_terms.add(terms, prior_terms.known(force, slope, *extra, cells))
+            terms = prior_terms.add(
+                terms, prior_terms.known(*prior_terms.force_of(reading, g), *extra, cells)
+            )
         flat = model.misfit.ravel()
         cost = 0.5 * (flat @ flat) + terms.value
         return cls(model, gx, terms, float(cost))
@@ -302,7 +308,8 @@ def _gauss_newton(reading: Reading, point: _Point) -> _Step:
     readings = readings.astype(np.int32)
     jacobian = point.model.jacobian(readings, free)
     jacobian *= gx.ravel()[free].astype(np.float32)
-    precision = _precision(jacobian, point.prior, prior_terms.differences(circuit), free)
+    between = prior_terms.differences(circuit)
+    precision = prior_terms.precision(jacobian, point.prior, between, free)
     here = g.ravel()[free]
     ends = ((bound.ravel()[free] - here) / gx.ravel()[free] for bound in (low, high))
     dx, factor, inside = solve_in_box(precision, b, *ends)
@@ -311,20 +318,6 @@ def _gauss_newton(reading: Reading, point: _Point) -> _Step:
         return _Step(free, dx, 0.0, solved=False)
     equations = NormalEquations(free[inside], readings, jacobian[:, inside], factor)
     return _Step(free, dx, 0.5 * b @ dx, equations)
-
-
-def _precision(jacobian, prior: prior_terms.Quadratic, between, free: np.ndarray) -> np.ndarray:
-    """(n, n) of the cost over the n free cells, upper triangle: J^T J and the prior's."""
-    precision = blas.ssyrk(1.0, jacobian.T, lower=1).T
-    precision.reshape(-1)[:: free.size + 1] += prior.diagonal.ravel()[free]
-    if prior.entries is None:
-        return precision
-    place = np.full(prior.diagonal.size, -1, np.int32)
-    place[free] = np.arange(free.size)
-    here, there = place[between.here], place[between.there]
-    both = np.flatnonzero((here >= 0) & (there >= 0))
-    precision[here[both], there[both]] += prior.entries[both]
-    return precision
 
 
 def _conjugate_gradients(point: _Point, between, free: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -360,17 +353,12 @@ def _descend(reading: Reading, point: _Point, step: _Step, broad: bool, extra, c
     return point
 
 
-def _spread(reading: Reading, point: _Point, step: _Step, force) -> np.ndarray:
-    """One posterior standard deviation of the force (rows, cols) [N].
+def _std_x(point: _Point, equations: NormalEquations | None) -> np.ndarray:
+    """(rows, cols) standard deviation of x: of the posterior for cells that met no bound.
 
-    Of the Gauss-Newton posterior for the free cells; from each one's own reading and prior alone
-    for cells held at a bound.
+    From each one's own reading and prior alone for cells held at a bound.
     """
     std_x = 1.0 / np.sqrt(point.curvature + 1e-12)
-    if step.equations is not None:
-        std_x.flat[step.equations.unknowns] = np.sqrt(inverse_diagonal(step.equations.factor))
-    std_x = np.minimum(_WIDEN * std_x, 10.0)
-    curve = reading.curve
-    resistance = curve.resistance(force)
-    std = 0.5 * (curve.force(resistance * np.exp(-std_x)) - curve.force(resistance * np.exp(std_x)))
-    return np.where(reading.circuit.populated, std, 0.0)
+    if equations is not None:
+        std_x.flat[equations.unknowns] = np.sqrt(inverse_diagonal(equations.factor))
+    return std_x

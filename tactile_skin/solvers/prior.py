@@ -9,39 +9,40 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import blas
 
+from ..learning import denoiser
 from ..physics import kernel
+from ..physics.quadratic import inverse_diagonal, solve_in_box
+from .reading import Linearised, Reading
+from .suspect import NormalEquations
 
-# Spread and weight of the two kinds of differences, chosen on 40 scenes of blobs and rects each.
-_STEP = 0.5, 0.1  # weight, spread of x_i - x_j between direct neighbours
-_TWIST = 1.5, 0.15  # of x_ij - x_i+1,j - x_i,j+1 + x_i+1,j+1, the mixed second difference
+# Of the differences x_i - x_j between direct neighbours: their weight, and the spread below which
+# they are drawn together. Chosen on bodies of many sizes and textures (tests/yardsticks/prior.py).
+_STEP, _SPREAD = 1.0, 0.3
 _REST = 1.0, 0.3  # of x - x_rest, one-sided: at rest unless the reading says otherwise
+# The last step, `with_neighbours`.
+_STEPS = 3  # at most; one nearly always
+_RISE = 3.0  # standard deviations by which chi^2 may rise: more is the step's curvature
+_SHARE = -0.9, 3.0  # of a cell's conductance, by which a step may change it
 
 
 class Differences:
-    """Which cells the prior compares: those beside and below one another, and squares of four.
+    """Which cells the prior compares: those beside and below one another.
 
     Attributes:
-        weight, square: (differences,) of each one's cost weight/2 log(square + d^2), the weight 0
-            where a cell is missing; first those to the right, then downwards, then of squares.
-        here, there: (entries,) int32, flat cells, here < there, that a difference joins: to the
-            right, downwards, and along both diagonals.
+        weight: (differences,) of each one's cost weight/2 log(spread^2 + d^2), 0 where a cell is
+            missing; first those to the right, then downwards.
+        here, there: (differences,) int32, flat cells, here < there, that a difference joins.
     """
 
     def __init__(self, shape: tuple[int, int], cells: np.ndarray | None = None):
         cells = np.ones(shape, bool) if cells is None else cells
-        right, down = cells[:, 1:] & cells[:, :-1], cells[1:] & cells[:-1]
-        kinds = (right, _STEP), (down, _STEP), (right[1:] & right[:-1], _TWIST)
-        self.weight = np.concatenate([w * there.ravel() for there, (w, _) in kinds])
-        self.square = np.concatenate([np.full(there.size, s**2) for there, (_, s) in kinds])
         n = np.arange(cells.size, dtype=np.int32).reshape(shape)
-        pairs = (
-            (n[:, :-1], n[:, 1:]),
-            (n[:-1], n[1:]),
-            (n[:-1, :-1], n[1:, 1:]),
-            (n[:-1, 1:], n[1:, :-1]),
-        )
+        pairs = ((n[:, :-1], n[:, 1:]), (n[:-1], n[1:]))
         self.here, self.there = (np.concatenate([p[k].ravel() for p in pairs]) for k in (0, 1))
+        both = cells.ravel()[self.here] & cells.ravel()[self.there]
+        self.weight = np.where(both, _STEP, 0.0)
 
 
 def differences(circuit) -> Differences:
@@ -68,18 +69,16 @@ class Quadratic(NamedTuple):
 
 
 def touches(x: np.ndarray, x_rest: float, between: Differences) -> Quadratic:
-    """Most cells are at rest; touched patches are flat or separable, with sharp edges.
+    """Most cells are at rest; neighbours are alike, with sharp edges.
 
     Each difference d has the cost w/2 log(s^2 + d^2): small ones are drawn together, a large one,
-    an edge, costs next to nothing more. Direct differences favour constant patches. The mixed
-    second difference vanishes for every footprint that is a product of a function of the row and
-    one of the column. Distance from rest costs w log(1 + d/s): its slope at rest holds a cell
-    there that noise alone would lift.
+    an edge, costs next to nothing more. Distance from rest costs w log(1 + d/s): its slope at rest
+    holds a cell there that noise alone would lift.
 
     Args:
         x: (rows, cols), of cells that do not exist x_rest.
     """
-    value, gradient, diagonal, entries = kernel.roughness(x, between.weight, between.square)
+    value, gradient, diagonal, entries = kernel.roughness(x, between.weight, _SPREAD**2)
     weight, spread = _REST
     above = (x - (x_rest - spread)) / spread
     value += weight * float(np.log(above).sum())
@@ -106,10 +105,38 @@ def known(force, slope, mean, std, cells) -> Quadratic:
     return Quadratic(0.5 * np.square(off).sum(), off * rate, np.square(rate), None)
 
 
+def near(x, mean, std, cells) -> Quadratic:
+    """Independent knowledge of each x = log conductance."""
+    off = np.where(cells, (x - mean) / std, 0.0)
+    rate = np.where(cells, 1.0 / std, 0.0)
+    return Quadratic(0.5 * np.square(off).sum(), off * rate, np.square(rate), None)
+
+
+def force_of(reading, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(rows, cols) force of cells that conduct g [N], and d force / d x."""
+    cells = reading.circuit.populated
+    force = np.where(cells, reading.curve.force(1.0 / np.where(cells, g, 1.0)), 0.0)
+    return force, -reading.curve.slope(force)
+
+
 def add(one: Quadratic, other: Quadratic) -> Quadratic:
     """Both at once, of which at most the first joins cells."""
     value, gradient = one.value + other.value, one.gradient + other.gradient
     return Quadratic(value, gradient, one.diagonal + other.diagonal, one.entries)
+
+
+def precision(jacobian, prior: Quadratic, between: Differences | None, free: np.ndarray):
+    """(n, n) of the cost over the n free cells, upper triangle: J^T J and the prior's."""
+    total = blas.ssyrk(1.0, jacobian.T, lower=1).T
+    total.reshape(-1)[:: free.size + 1] += prior.diagonal.ravel()[free]
+    if prior.entries is None:
+        return total
+    place = np.full(prior.diagonal.size, -1, np.int32)
+    place[free] = np.arange(free.size)
+    here, there = place[between.here], place[between.there]
+    both = np.flatnonzero((here >= 0) & (there >= 0))
+    total[here[both], there[both]] += prior.entries[both]
+    return total
 
 
 def product(terms: Quadratic, x: np.ndarray, between: Differences) -> np.ndarray:
@@ -120,3 +147,69 @@ def product(terms: Quadratic, x: np.ndarray, between: Differences) -> np.ndarray
             joined = np.bincount(one, terms.entries * x.ravel()[other], x.size)
             total += joined.reshape(x.shape)
     return total
+
+
+def with_neighbours(
+    reading: Reading,
+    model: Linearised,
+    gx: np.ndarray,
+    equations: NormalEquations,
+    std_x: np.ndarray,
+    extra=None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """What the neighbours of each unknown say of it, after a fit, in place of `touches`.
+
+    A fit knows some cells well, and some of a hard patch hardly at all. A small network
+    (learning/denoiser.py) says from it what is likely of each cell, and how surely; one more step
+    meets the readings with that as the only prior.
+
+    Args:
+        gx: (rows, cols) d g / d x [S] of the fit.
+        std_x: (rows, cols) its standard deviation of x = log gx.
+        extra: (mean, std) of each force [N] that the fit was given.
+
+    Returns:
+        g [S], standard deviation of x, ADC ratio, (rows, cols) each; None: the fit stays, as
+        there is no step that meets the readings as well.
+    """
+    cells, free = reading.circuit.populated, equations.unknowns
+    if not free.size:
+        return None
+    unknown = np.zeros(cells.shape, bool)
+    unknown.flat[free] = True
+    x, jacobian = _x(reading, gx), equations.jacobian
+    own = model.network.own * model.weight * gx
+    mean, std = denoiser.shipped()(x, std_x, own, unknown, cells)
+    limit = np.square(model.misfit).sum() + _RISE * (2.0 * reading.n_informative) ** 0.5
+    low, high = (bound.ravel()[free] for bound in reading.bounds)
+    for _ in range(_STEPS):
+        terms = near(x, mean, std, unknown)
+        if extra is not None:
+            terms = add(terms, known(*force_of(reading, model.g), *extra, unknown))
+        misfit = model.misfit.ravel()[equations.readings].astype(np.float32)
+        b = misfit @ jacobian - terms.gradient.ravel()[free]
+        here, change = model.g.ravel()[free], gx.ravel()[free]
+        ends = ((bound - here) / change for bound in (low, high))
+        matrix = precision(jacobian, terms, None, free)
+        dx, factor, inside = solve_in_box(matrix, b, *ends)
+        if factor is None or not np.isfinite(dx).all():
+            return None
+        # in g: the readings are closer to linear in g than in log g
+        g = model.g.copy()
+        g.flat[free] = np.clip(here + np.clip(dx, *_SHARE) * change, low, high)
+        adc = reading.model(g)
+        if np.square(reading.misfit(adc) / reading.spread).sum() <= limit:
+            std_x = std_x.copy()
+            std_x.flat[free[inside]] = np.sqrt(inverse_diagonal(factor))
+            return g, std_x, adc
+        model = reading.linearised(g, reading.spread)
+        gx = g if reading.curve.offset is None else g - reading.curve.offset * cells
+        x = _x(reading, gx)
+        jacobian = model.jacobian(equations.readings, free) * gx.ravel()[free].astype(np.float32)
+    return None
+
+
+def _x(reading: Reading, gx: np.ndarray) -> np.ndarray:
+    """(rows, cols) log of what each cell conducts over that at rest; 0 where there is none."""
+    at_rest = reading.curve.points[0][1]  # ohm
+    return np.log(np.where(reading.circuit.populated, gx * at_rest, 1.0))

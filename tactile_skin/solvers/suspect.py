@@ -180,6 +180,12 @@ class NormalEquations(NamedTuple):
     jacobian: np.ndarray  # (m, n) d model / d x, in standard deviations of a reading
     factor: np.ndarray  # (n, n) U of U^T U = J^T J + curvature of the prior
 
+    def absorbed(self) -> float:
+        """Number of readings that the unknowns take: trace(H^-1 J^T J)."""
+        if not self.unknowns.size:
+            return 0.0
+        return float(np.square(lapack.strtrs(self.factor, self.jacobian.T, trans=1)[0]).sum())
+
 
 def by_score(
     reading: Reading, model: Linearised, equations: NormalEquations, ahead: np.ndarray

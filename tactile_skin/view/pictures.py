@@ -39,9 +39,7 @@ class Pictures:
         self.skin, self.method = skin, method
         self._snapshot: Snapshot | None = None
         self._estimates: dict[str, Estimate] = {}
-        self._parts: dict[
-            tuple[str, str], tuple[str, bytes]
-        ] = {}  # of its messages
+        self._parts: dict[tuple[str, str], tuple[str, bytes]] = {}  # of its messages
         self._inverse = lru_cache(_CELLS)(self._inverse_at)
         self._last: dict[str, Estimate] = {}  # of the snapshot before, where the next one starts
 

@@ -52,6 +52,13 @@ def test_lines_that_are_exchanged_are_named_and_stop(shape):
     assert not skin.run(skin.rest).message, "they are put right"
 
 
+def test_crossings_that_are_not_read_hide_no_other_line():
+    skin = Skin((8, 16))
+    adc = skin.rest[:, [2, 1, 0, *range(3, 16)]]
+    adc[5, 9] = np.nan
+    assert skin.run(adc).fault
+
+
 def test_it_is_told_under_a_drift_too():
     skin = Skin((8, 8))
     warm = forward(skin.circuit, 0.98 * skin.resistance)

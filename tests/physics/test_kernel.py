@@ -86,9 +86,9 @@ def test_the_products_with_the_hessian_are_numpys(rng, shape):
 def test_the_cost_of_differences_is_numpys(rng, shape, scale):
     """Whatever their weights; with huge ones, too, whose product is no number."""
     rows, cols = shape
-    n = rows * (cols - 1) + (rows - 1) * cols + (rows - 1) * (cols - 1)
+    n = rows * (cols - 1) + (rows - 1) * cols
     x = scale * rng.standard_normal(shape)
-    weight, square = rng.integers(0, 3, n) * 0.7, rng.random(n) + 0.01
+    weight, square = rng.integers(0, 3, n) * 0.7, 0.09
     found = kernel.roughness(x, weight, square)
     for one, other in zip(found, numpy_kernel.roughness(x, weight, square), strict=True):
         np.testing.assert_allclose(

@@ -41,7 +41,7 @@ void whole(int rows, int cols, const Network *n, double *root, double *k);
 void sensitivity(int rows, int cols, const double *k, const double *weight, const int *told,
                  ptrdiff_t n_told, const int *one, const int *other, ptrdiff_t n, float *out);
 void hessian_product(int rows, int cols, const double *k, const double *p, double *out);
-double roughness(int rows, int cols, const double *x, const double *weight, const double *square,
+double roughness(int rows, int cols, const double *x, const double *weight, double square,
              double *gradient, double *diagonal, double *entries);
 
 ptrdiff_t solve_in_box(ptrdiff_t n, const float *precision, const double *b, const double *low,

@@ -196,14 +196,13 @@ static PyObject *py_roughness(PyObject *self, PyObject *const *args, Py_ssize_t 
 {
     Call call;
 
-    if (begin(&call, args, count, "nndddDDD") && skin(&call)) {
-        Py_ssize_t right = ROWS * (COLS - 1), down = (ROWS - 1) * COLS;
-        Py_ssize_t twist = (ROWS - 1) * (COLS - 1);
-        if (sized(&call, 2, ROWS * COLS) && sized(&call, 3, right + down + twist)
-            && sized(&call, 4, right + down + twist) && sized(&call, 5, ROWS * COLS)
-            && sized(&call, 6, ROWS * COLS) && sized(&call, 7, right + down + 2 * twist))
+    if (begin(&call, args, count, "nnddxDDD") && skin(&call)) {
+        Py_ssize_t differences = ROWS * (COLS - 1) + (ROWS - 1) * COLS;
+        if (sized(&call, 2, ROWS * COLS) && sized(&call, 3, differences)
+            && sized(&call, 5, ROWS * COLS) && sized(&call, 6, ROWS * COLS)
+            && sized(&call, 7, differences))
             call.result = PyFloat_FromDouble(roughness(ROWS, COLS, call.data[2], call.data[3],
-                                                   call.data[4], call.data[5], call.data[6],
+                                                   call.x[4], call.data[5], call.data[6],
                                                    call.data[7]));
     }
     return end(&call);

@@ -1,0 +1,89 @@
+"""What its neighbours say of a cell, given how well each is known: a small network.
+
+It works on x = log conductance, whatever the skin's size, circuit or curve: convolutions only, and
+all that it sees is relative to rest or to a standard deviation. `map` takes its answer as a prior
+(solvers/prior.py). PyTorch trains it (tests/yardsticks/train_prior.py); here the pass is a few
+products of matrices.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.lib.stride_tricks import as_strided
+
+SHIPPED = Path(__file__).parent / "weights" / "touches.npz"
+INPUTS, OUTPUTS = 5, 2
+# Ends between which a standard deviation of x, and that of a cell's own reading, are told apart.
+STD, OWN = (0.003, 3.0), (1e-3, 1e3)
+SHARE = -3.0, 4.0  # ends of log(the answer's standard deviation over the fit's)
+
+
+def inputs(x, std, own, unknown, cells) -> np.ndarray:
+    """(5, rows, cols) float32 of one fit, as `Denoiser` takes it."""
+    out = np.empty((INPUTS, *x.shape), np.float32)
+    out[0] = x / 4.0
+    out[1] = unknown
+    out[2] = np.where(unknown, np.log(np.clip(std, *STD)) / 2.0 + 1.0, 0.0)
+    out[3] = np.log(np.clip(own, *OWN)) / 3.0
+    out[4] = cells
+    out *= cells
+    return out
+
+
+class Denoiser:
+    """A trained network: 3x3 convolutions, the inner ones adding to what they see.
+
+    Args:
+        state: "in.weight" (n, 5, 3, 3), "inner.K.weight" (n, n, 3, 3), "out.weight" (2, n, 3, 3),
+            and a ".bias" of each.
+    """
+
+    def __init__(self, state: dict[str, np.ndarray]):
+        names = [name[: -len(".weight")] for name in state if name.endswith(".weight")]
+        self._layers = [_flat(state[f"{n}.weight"], state[f"{n}.bias"]) for n in names]
+
+    def __call__(self, x, std, own, unknown, cells) -> tuple[np.ndarray, np.ndarray]:
+        """The likely x of each cell, and its standard deviation, (rows, cols) each.
+
+        Args:
+            x: (rows, cols) log conductance over that at rest, as a fit found it.
+            std: (rows, cols) standard deviation of x, of the unknowns.
+            own: (rows, cols) d reading / d x, in standard deviations of a reading, of each cell's
+                own.
+            unknown: (rows, cols) bool, cells that the fit was free to move.
+            cells: (rows, cols) bool, cells that exist.
+        """
+        h = np.maximum(_convolve(self._layers[0], inputs(x, std, own, unknown, cells)), 0.0)
+        for layer in self._layers[1:-1]:
+            h += np.maximum(_convolve(layer, h), 0.0)
+        shift, log_share = _convolve(self._layers[-1], h)
+        std = np.clip(std, *STD)
+        return x + shift * std, std * np.exp(np.clip(log_share, *SHARE))
+
+
+def _flat(weight: np.ndarray, bias: np.ndarray) -> np.ndarray:
+    """(out, 9 * in + 1), the bias last."""
+    return np.hstack([weight.reshape(len(weight), -1), bias[:, None]]).astype(np.float32)
+
+
+def _convolve(layer: np.ndarray, picture: np.ndarray) -> np.ndarray:
+    """(out, rows, cols) of a zero-padded picture (in, rows, cols)."""
+    channels, rows, cols = picture.shape
+    padded = np.zeros((channels, rows + 2, cols + 2), np.float32)
+    padded[:, 1:-1, 1:-1] = picture
+    columns = np.ones((9 * channels + 1, rows * cols), np.float32)
+    plane, line, item = padded.strides
+    shape = channels, 3, 3, rows, cols
+    windows = as_strided(padded, shape, (plane, line, item, line, item), writeable=False)
+    columns[:-1].reshape(shape)[...] = windows
+    return (layer @ columns).reshape(-1, rows, cols)
+
+
+@cache
+def shipped() -> Denoiser:
+    """The network that comes with the package."""
+    with np.load(SHIPPED) as arrays:
+        return Denoiser(dict(arrays))
