@@ -31,8 +31,8 @@ _HIDDEN = 1e-3  # share of a cell's squared pattern below which the others can t
 # chi^2 a reading beyond which a frame is of no use: a wrong circuit leaves 2 to 5.
 _EXPLAINED = 30.0
 # Share of a reading by which the circuit's model misses a sound skin's beyond the noise (creep, scans
-# taken in turn), and standard deviations from which on a misfit counts less than its square: that
-# of a bad contact, say.
+# in turn), and standard deviations from which on a misfit counts less than its square: that of a
+# bad contact, say.
 _MODEL, _ODD = 0.0005, 3.0
 _STEPS = 6  # of Levenberg and Marquardt, a frame and search of touched cells; the next goes on
 _SETTLED = 0.5  # gain in chi^2 of a step that is the last

@@ -50,7 +50,7 @@ def test_what_it_learns_from_is_what_the_fit_leaves():
 
 
 def test_a_cell_between_alike_neighbours_is_expected_to_be_alike():
-    """In the midst of a flat patch, where the fit hardly knows a cell, it is drawn to the others."""
+    """Amid a flat patch, where the fit hardly knows a cell, it is drawn to the others."""
     x, std, own = np.zeros((16, 16)), np.full((16, 16), 0.05), np.full((16, 16), 2.0)
     unknown = np.zeros((16, 16), bool)
     unknown[3:12, 3:12] = True

@@ -117,7 +117,7 @@ def test_the_step_goes_down_the_true_cost():
 
 @pytest.mark.parametrize("family", ["bodies", "pictures"])
 def test_neighbours_say_more_of_a_cell_than_the_built_in_prior(family):
-    """On touches that nothing was tuned on, of the same readings, with a spread that is as honest."""
+    """On touches that nothing was tuned on, of the same readings, with as honest a spread."""
     table = yardstick.family(family, 30, seed=71, noise=SCAN_NOISE)
     error = {name: row["error"].mean() for name, row in table.items()}
     assert error["map"] < 0.97 * error["built-in prior"] < 0.97 * error["newton"]
