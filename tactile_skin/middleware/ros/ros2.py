@@ -48,7 +48,7 @@ class Ros2:
 
     def node(self, name: str, namespace: str, parameters: list[bus.Parameter]) -> Ros2Node:
         made = Ros2Node(name, namespace, parameters, self._simulated)
-        if made.simulated:
+        if self._simulated is None and made.simulated:
             self._simulated = made
         self._executor.add_node(made.node)
         self._nodes.append(made)
