@@ -49,12 +49,14 @@ def test_what_it_learns_from_is_what_the_fit_leaves():
     assert (np.asarray(spread)[np.asarray(batch[-1])] > 0.0).all()
 
 
-def test_a_cell_between_alike_neighbours_is_expected_to_be_alike():
-    """Amid a flat patch, where the fit hardly knows a cell, it is drawn to the others."""
-    x, std, own = np.zeros((16, 16)), np.full((16, 16), 0.05), np.full((16, 16), 2.0)
+@pytest.mark.parametrize("off", [-0.5, 0.5])
+def test_a_cell_is_expected_to_be_like_its_neighbours(off):
+    """In the midst of a flat patch, where the fit knows it less than the others."""
+    every = np.ones((16, 16), bool)
     unknown = np.zeros((16, 16), bool)
     unknown[3:12, 3:12] = True
-    x[unknown] = 5.0
-    x[7, 7], std[7, 7] = 4.5, 0.5
-    mean, _ = denoiser.shipped()(x, std, own, unknown, np.ones((16, 16), bool))
+    x, std = np.where(unknown, 5.0, 0.0), np.where(unknown, 0.1, 0.05)
+    x[7, 7], std[7, 7] = 5.0 + off, 0.3
+    mean, wide = denoiser.shipped()(x, std, np.full((16, 16), 2.0), unknown, every)
     assert abs(mean[7, 7] - 5.0) < 0.4
+    assert wide[7, 7] < 0.3
