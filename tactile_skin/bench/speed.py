@@ -136,62 +136,56 @@ def table(data: dict) -> str:
 # --- picture -------------------------------------------------------------------------------------
 
 _FLOOR = 0.02  # g; what errs less is drawn there
-_BEST = "#e8f1e4"  # behind the row of a robot's method
-_SMALL = 8.5
+_BEST = "auto"  # what a robot takes
+_APART = 15.0  # points between two names
+_PANELS = {"scan": "on a noisy board", "ideal": "on exact readings, of a simulation say"}
 
 
 def draw(data: dict):
-    """A row a method: what for, its error on a noisy board and on exact readings, its time."""
+    """Each method's error on bodies against its time, p50 to p99: a panel for each readout."""
     from matplotlib import pyplot as plt
 
-    figure, (errors, times) = plt.subplots(
-        1, 2, figsize=(9.0, 4.8), sharey=True, width_ratios=(3, 2), layout="constrained"
-    )
-    noisy, exact = ({p["method"]: p for p in data["readouts"][r]} for r in ("scan", "ideal"))
-    for row, method in enumerate(USES):
-        look = chart.style(method) | {"linestyle": "none", "markersize": 8.0}
-        look["markeredgecolor"] = colour = look["color"]
-        p = noisy[method]
-        for mean_g, face, above in ((exact[method]["mean_g"], "white", False),
-                                    (p["mean_g"], colour, True)):  # fmt: skip
-            errors.plot(max(mean_g, _FLOOR), row, **look | {"markerfacecolor": face})
-            _beside(errors, max(mean_g, _FLOOR), row, _grams(mean_g), above)
-        times.plot([p["p50_ms"], p["p99_ms"]], [row, row], color=colour, linewidth=2.5)
-        times.plot(p["p50_ms"], row, **look | {"markerfacecolor": colour})
-        times.plot(p["p99_ms"], row, "|", color=colour, markersize=11, markeredgewidth=2)
-        _beside(times, p["p50_ms"], row, f"{p['p50_ms']:.1f} to {p['p99_ms']:.1f}", True, "left")
-        errors.text(-0.02, row - 0.33, method, ha="right", va="center", fontsize=10,
-                    fontweight="bold", transform=errors.get_yaxis_transform())  # fmt: skip
-    errors.set_yticks(range(len(USES)), USES.values(), fontsize=_SMALL)
-    errors.set(xscale="log", xlim=(0.2 * _FLOOR, 400.0), ylim=(len(USES) - 0.45, -0.65))
-    errors.xaxis.set_major_formatter("{x:g}")
-    errors.set_xlabel("mean error on free bodies [g a cell]:\nfilled: a noisy board; hollow: exact")
-    times.set_xlim(left=0.0)
-    times.set_xlabel("time, noisy board [ms]:\nmark: p50; end of the bar: p99")
-    for axis in (errors, times):
-        axis.tick_params(axis="y", length=0)
-        axis.grid(axis="x", alpha=0.25, linewidth=0.6)
-        axis.axhspan(-0.65, 0.48, color=_BEST, zorder=0)
+    figure, axes = plt.subplots(1, len(_PANELS), figsize=(9.0, 4.4), layout="constrained")
+    for axis, (readout, title) in zip(axes, _PANELS.items(), strict=True):
+        points = sorted(data["readouts"][readout], key=lambda p: (p["mean_g"], p["p99_ms"]))
+        error = {p["method"]: max(p["mean_g"], _FLOOR) for p in points}
+        axis.set(xscale="log", yscale="log", xlim=(0.1, data["frame_ms"]))
+        axis.set_ylim(0.75 * min(error.values()), 1.4 * max(error.values()))
+        figure.draw_without_rendering()  # where a value lies is known from here on
+        below = -np.inf  # the last name's height [points]
+        for p in points:
+            look, y = chart.style(p["method"]), error[p["method"]]
+            look |= {"linestyle": "none", "markersize": 13.0 if p["method"] == _BEST else 8.0}
+            axis.plot([p["p50_ms"], p["p99_ms"]], [y] * 2, color=look["color"], linewidth=2.0)
+            axis.plot(p["p99_ms"], y, "|", color=look["color"], markersize=9)
+            axis.plot(p["p50_ms"], y, zorder=4 if p["method"] == _BEST else 3, **look)
+            place = axis.transAxes.inverted().transform(axis.transData.transform((1.0, y)))[1]
+            height = axis.bbox.height * 72.0 / figure.dpi  # points
+            below = max(place * height, below + _APART)
+            axis.annotate(
+                f"{p['method']}  {_grams(p['mean_g'])}",
+                (p["p99_ms"], y),
+                (1.03, below / height),
+                textcoords="axes fraction",
+                va="center",
+                fontsize=10.5 if p["method"] == _BEST else 9,
+                fontweight="bold" if p["method"] == _BEST else None,
+                arrowprops={"arrowstyle": "-", "color": look["color"], "lw": 0.6, "alpha": 0.6},
+            )
+        axis.set_title(title, fontsize=10)
+        axis.set_xlabel("time of a frame [ms]: mark p50, bar to p99")
+        axis.xaxis.set_major_formatter("{x:g}")
+        axis.yaxis.set_major_formatter("{x:g}")
+        axis.yaxis.set_minor_formatter("")
+        axis.grid(alpha=0.25, linewidth=0.6)
+    axes[0].set_ylabel("mean error on free bodies [g a cell]")
     return figure
-
-
-def _beside(axis, x: float, row: int, text: str, above: bool, ha: str = "center") -> None:
-    """A mark's number, above or below it."""
-    axis.annotate(
-        text,
-        (x, row),
-        (0, 6 if above else -7),
-        textcoords="offset points",
-        ha=ha,
-        va="bottom" if above else "top",
-        fontsize=_SMALL,
-    )
 
 
 def _grams(mean_g: float) -> str:
     if mean_g < _FLOOR:
-        return f"below {_FLOOR:g}"
-    return f"{mean_g:.{0 if mean_g >= 20.0 else 1}f}"
+        return f"below {_FLOOR:g} g"
+    return f"{mean_g:.{0 if mean_g >= 20.0 else 1}f} g"
 
 
 DRAW = {"speed": draw}
