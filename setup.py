@@ -2,6 +2,7 @@
 
 import ast
 import sys
+import zlib
 from glob import glob
 from pathlib import Path
 
@@ -27,6 +28,9 @@ if {"install", "develop"} & set(sys.argv):
         f"{name} = tactile_skin.ros:{name}"
         for name in ("skin", *literal("middleware/package.py", "NODES"))
     ]
+# by which physics/kernel.py tells that what was compiled is not of the sources beside it
+kernel = sorted(Path(package_name, "physics", "kernel").glob("*.[ch]"))
+checksum = zlib.crc32(b"".join(path.read_bytes() for path in kernel)) & 0x7FFFFFFF
 
 setup(
     name=package_name,
@@ -55,6 +59,7 @@ setup(
             f"{package_name}.physics._kernel",
             sorted(glob(f"{package_name}/physics/kernel/*.c")),
             depends=[f"{package_name}/physics/kernel/kernel.h"],
+            define_macros=[("SOURCES", str(checksum))],
             extra_compile_args=["-O3"],
             optional=True,
         )

@@ -61,6 +61,30 @@ class Point:
 
 
 @dataclass
+class Quaternion:
+    TYPE: ClassVar[str] = "geometry_msgs/msg/Quaternion"
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+    w: float = 1.0
+
+
+@dataclass
+class Transform:
+    TYPE: ClassVar[str] = "geometry_msgs/msg/Transform"
+    translation: Vector3 = field(default_factory=Vector3)
+    rotation: Quaternion = field(default_factory=Quaternion)
+
+
+@dataclass
+class TransformStamped:
+    TYPE: ClassVar[str] = "geometry_msgs/msg/TransformStamped"
+    header: Header = field(default_factory=Header)
+    child_frame_id: str = ""
+    transform: Transform = field(default_factory=Transform)
+
+
+@dataclass
 class Vector3Stamped:
     TYPE: ClassVar[str] = "geometry_msgs/msg/Vector3Stamped"
     header: Header = field(default_factory=Header)

@@ -28,7 +28,7 @@ import yaml
 from . import launch
 from .errors import LaunchError, ParameterError, RosError
 from .files import one_line
-from .middleware.bus import Context
+from .middleware.bus import Context, Node
 from .middleware.config import ParameterFile
 from .middleware.launch_file import NodeAction, Plan
 from .middleware.launched import check_commands, check_names, given
@@ -59,13 +59,16 @@ class Program(launch.Skin):
 
     def __init__(self, executable: str, plan: Plan, context: Context | None = None):
         super().__init__(plan, context)
-        self._own = set(PARTS) if executable == COMPOSED else set()  # the program's parameters
+        self._whole = executable == COMPOSED
 
     def _check_names(self) -> None:
         """What a file says to every node may be meant for others, and what a launch file gives a
         program, for any node in it."""
         own = [set(handle.parameter_names()) for handle in self._handles]
-        process = self._own.union(*own)
+        process = set().union(*own)
+        if self._whole:  # a launch file also gives what is for parts that do not run
+            idle = set(PARTS) - {action.kind for action in self._plan.nodes}
+            process = process.union(PARTS, *map(_names_of, idle))
         for action, handle, names in zip(self._plan.nodes, self._handles, own, strict=True):
             for item in action.parameters:
                 file = isinstance(item, ParameterFile)
@@ -76,6 +79,14 @@ class Program(launch.Skin):
                     names if file else process,
                     process if given_alone else None,
                 )
+
+
+def _names_of(kind: str) -> list[str]:
+    """The parameters of a node that does not run."""
+    node = Node(kind, context=Context())
+    with contextlib.suppress(ValueError, OSError):  # of what it would run on: no port, say
+        launch.node_class(kind)(node)
+    return node.parameter_names()
 
 
 class RosSkin(Program):

@@ -11,11 +11,13 @@ from pathlib import Path
 
 import pytest
 
-from tactile_skin.launch import NODES, share_dir
+from tactile_skin.launch import share_dir
+from tactile_skin.middleware.package import COMPOSED, NODES
 
 pytestmark = pytest.mark.ros
 
 SOURCE = share_dir()
+PROGRAMS = {*NODES, COMPOSED, "tactile-skin"}
 XMLLINT = "/usr/bin/ament_xmllint"  # Debian's brings the schema along; others fetch it
 
 
@@ -61,7 +63,7 @@ def prefix(workspace):
 def test_what_ros_2_looks_for_is_where_it_looks(prefix):
     """`ros2 run`, `ros2 launch` and `find-pkg-share`."""
     programs = {p.name for p in (prefix / "lib" / "tactile_skin").iterdir()}
-    assert programs == {*NODES, "tactile-skin"}
+    assert programs == PROGRAMS
     assert all(os.access(prefix / "lib" / "tactile_skin" / p, os.X_OK) for p in programs)
     share = prefix / "share" / "tactile_skin"
     for folder in ("launch", "config"):
@@ -78,7 +80,7 @@ def test_links_instead_of_copies(workspace):
     folder, build = workspace
     build("--symlink-install", "--install-base", "linked", "--build-base", "links")
     prefix = folder / "linked" / "tactile_skin"
-    assert {p.name for p in (prefix / "lib" / "tactile_skin").iterdir()} == {*NODES, "tactile-skin"}
+    assert {p.name for p in (prefix / "lib" / "tactile_skin").iterdir()} == PROGRAMS
     assert (prefix / "share" / "tactile_skin" / "launch" / "skin.launch.yaml").is_symlink()
 
 

@@ -198,6 +198,33 @@ def test_the_parts_of_a_skin_are_chosen_by_parameters(tmp_path):
         ros.plan_of("skin", arguments("-p", "monitor:='yes'"))
 
 
+def test_what_the_shipped_launch_file_gives_is_taken():
+    """Also for parts that do not run: `stamped`, and the duration of a monitor."""
+    given = {"monitor": "false", "port": "/dev/null"}
+    plan = launch.read_plan(launch.find("skin.launch.yaml"), given, in_process=False)
+    ros._check(plan.nodes)
+
+
+def test_on_ros_a_skin_is_one_program_unless_asked_otherwise(tmp_path):
+    """In one process without ROS each node is the plan's, whatever is asked for. And a launch file
+    may say when a program lives again."""
+
+    def kinds(file="skin.launch.yaml", in_process=False, **given) -> list[str]:
+        plan = launch.read_plan(launch.find(file), given, in_process)
+        return [action.kind for action in plan.nodes]
+
+    separate = ["serial_driver", "compensation", "gesture_feature", "stop_on_push", "monitor"]
+    assert kinds() == kinds("demo.launch.yaml") == ["skin"]
+    assert kinds(separate="true") == kinds("demo.launch.yaml", separate="true") == separate
+    assert kinds(in_process=True) == kinds(in_process=True, separate="false") == separate
+    path = tmp_path / "a.launch.yaml"
+    own = "{pkg: tactile_skin, exec: %s, respawn: 'true', respawn_delay: '2.0', on_exit: shutdown}"
+    path.write_text(f"launch: [node: {own % 'skin'}]\n")
+    assert kinds(path) == ["skin"]
+    with pytest.raises(LaunchError, match="exec: must be one of serial_driver"):
+        kinds(path, in_process=True)
+
+
 # --- misspelt names ---
 
 

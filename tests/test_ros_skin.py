@@ -54,6 +54,7 @@ def board():
 FILE = """
 /**: {ros__parameters: {circuit: {rows: 16, cols: 16}}}
 /**/serial_driver: {ros__parameters: {watchdog: 60.0}}
+/**/stop_on_push: {ros__parameters: {stale_after: 0.5}}  # a busy machine
 /left/stop_on_push: {ros__parameters: {threshold: 25.0}}
 right:
   stop_on_push: {ros__parameters: {threshold: 35.0, peak: 8.5}}
@@ -92,7 +93,7 @@ def test_two_skins_of_one_file_do_not_stop_one_another(graph, plain, tmp_path):
                     future = client.get_parameters(["threshold"])
                     plain.until(future.done, "parameters are told")
                     assert future.result().values[0].double_value == threshold
-            begin = len(plain.heard[stops[1]])
+            begin = len(plain.heard["/right/skin/stop_status"])
             with left.playing(endless("push_left", seed=3)):
                 said(plain, graph, "/left/skin/stop_status", "push")
             said(plain, graph, "/left/skin/stop_status", "stale")  # the board says nothing
@@ -117,11 +118,11 @@ def test_two_skins_of_one_file_do_not_stop_one_another(graph, plain, tmp_path):
             )
             graph.stop("left", 9)
             time.sleep(1.0)
-        during = [m.data for m in plain.heard[stops[1]][begin:]]
-        reasons = {m.status[0].message for m in plain.heard["/right/skin/stop_status"][-400:]}
+        during = [m.status[0].message for m in plain.heard["/right/skin/stop_status"][begin:]]
     assert len(during) > 100
-    assert not any("left" in reason for reason in reasons)
-    assert not any(during)
+    # a machine so busy that its own readings come too late may stop it, nothing else
+    assert {reason.split(":")[0] for reason in during} <= {"", "stale"}
+    assert "" in during
 
 
 def said(plain, graph, topic: str, reason: str) -> None:

@@ -167,7 +167,7 @@ def draw(data: dict):
     errors.xaxis.set_major_formatter("{x:g}")
     errors.set_xlabel("mean error on free bodies [g a cell]:\nfilled: a noisy board; hollow: exact")
     times.set_xlim(left=0.0)
-    times.set_xlabel("time of a frame, noisy board [ms]:\nmark: p50; end of the bar: p99")
+    times.set_xlabel("time, noisy board [ms]:\nmark: p50; end of the bar: p99")
     for axis in (errors, times):
         axis.tick_params(axis="y", length=0)
         axis.grid(axis="x", alpha=0.25, linewidth=0.6)

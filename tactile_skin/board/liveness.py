@@ -81,11 +81,11 @@ class Delay:
         since USB delivers frames in groups.
         """
         usual = math.fsum(self._intervals) / max(len(self._intervals), 1)
+        if len(self._intervals) >= _FEW and elapsed > _GAP * usual:
+            self._lag, self._stretch = self._lag + elapsed - usual, (0.0, 0)
+            return
         if self._lag == 0.0:
-            if len(self._intervals) >= _FEW and elapsed > _GAP * usual:
-                self._lag, self._stretch = elapsed - usual, (0.0, 0)
-            else:
-                self._intervals.append(elapsed)
+            self._intervals.append(elapsed)
             return
         self._lag = max(0.0, self._lag + elapsed - usual)
         time, frames = self._stretch[0] + elapsed, self._stretch[1] + 1

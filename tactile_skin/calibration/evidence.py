@@ -14,24 +14,27 @@ from ..physics.circuit import Circuit
 from ..physics.conjugate_gradients import conjugate_gradients
 from .rest import Rest, supposing
 
-# Times its conductance at rest from which on a cell is touched. A wrong circuit makes cells at rest
-# seem touched, so the first rounds, which are far from the answer, take only the evident ones.
-TOUCHED = 5.0, 2.0, 1.2
+# Times its conductance at rest from which on a cell is evidently touched: noise is far below, even
+# in the shadow of a hard touch. What else is touched is found by `_Z`.
+_EVIDENT = 20.0
 # The same, of a cell whose neighbours are unknown, too: fabric and cover carry 0.5 % of a touch to
-# them (paper section IV), which is 5 % of their rest. Chosen with TOUCHED's last on 16 boards of
-# 16 x 16 and 20 of 8 x 8 (tests/yardsticks/identify.py, seeds 140 to 159), scored on others. And
-# where touches have soft rims: for those of fingers r_par would be found 5 % too high.
+# them (paper section IV), which is 5 % of their rest. And where touches have soft rims: with those
+# of fingers held at rest, r_par would be found 1 % too high.
 HARD, SOFT = 10.0, 2.0
 _BESIDE = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]])
 _FULL = 0.75  # share of touched cells from which on too few readings are left to ask
-# chi^2 a reading up to which a frame is explained, and beyond which it is of no use: a wrong
-# circuit leaves 2 to 5, a soft rim that is held at rest hundreds.
-_EXPLAINED = 6.0, 30.0
-# Share of a reading by which the circuit's model misses a sound skin's beyond that (creep, scans
-# taken in turn), and standard deviations from which on a misfit counts less than its square: that
-# of a bad contact, say.
-_MODEL, _ODD = 0.001, 3.0
-_STEPS = 6  # of Levenberg and Marquardt, a frame and round; the next round goes on
+# Standard deviations by which a cell that is held at rest must want to conduct more to be touched,
+# and how often such cells are sought. Noise must not choose them: a limit on a noisy estimate frees
+# cells that read too high; those left, which read too low, make r_par seem 1 % too small.
+_Z, _SEARCHES = 3.5, 3
+_HIDDEN = 1e-3  # share of a cell's squared pattern below which the others can take it
+# chi^2 a reading beyond which a frame is of no use: a wrong circuit leaves 2 to 5.
+_EXPLAINED = 30.0
+# Share of a reading by which the circuit's model misses a sound skin's beyond the noise (creep,
+# scans in turn), and standard deviations from which a misfit counts less than its square: that of a
+# bad contact, say.
+_MODEL, _ODD = 0.0005, 3.0
+_STEPS = 6  # of Levenberg and Marquardt, a frame and search of touched cells; the next goes on
 _SETTLED = 0.5  # gain in chi^2 of a step that is the last
 _HARDEST = 20.0  # ohm that a cell has at least
 _ANY = 3.0  # standard deviation of a touched cell's log conductance: nothing is known of it
@@ -63,16 +66,14 @@ class Evidence(NamedTuple):
     """What one frame says of the circuit that is supposed.
 
     Attributes:
-        conductance: (rows, cols) of the cells that explain it best [S].
         score: (2,) d(-chi^2 / 2) / d(r_par, r_line) past what the touched cells can take [1/ohm].
         information: (2, 2) of the same [1/ohm^2].
-        by_rest: (2, readings) by how much the score changes with each reading of the rest
-            [1/ohm/ADC step].
+        by_rest: (2, rows, cols) by how much the score changes with what each cell conducts at rest
+            [1/ohm/S].
         chi2: of the fit.
         count: readings past the unknowns.
     """
 
-    conductance: np.ndarray
     score: np.ndarray
     information: np.ndarray
     by_rest: np.ndarray
@@ -81,10 +82,16 @@ class Evidence(NamedTuple):
 
 
 class Supposed:
-    """A circuit, and the rest as it was measured if the circuit is that."""
+    """A circuit, and the rest as it was measured if the circuit is that.
 
-    def __init__(self, circuit: Circuit, rest: Rest, hard: float):
-        self.circuit, self._hard = circuit, hard
+    Args:
+        hard: HARD or SOFT.
+        exact: whether stripes are taken beyond first order; the time is that of the literal network
+            for each frame.
+    """
+
+    def __init__(self, circuit: Circuit, rest: Rest, hard: float, *, exact: bool = False):
+        self.circuit, self._hard, self._exact = circuit, hard, exact
         self.rest = supposing(rest, circuit).conductance
         self._unit = np.ones(circuit.rows), np.ones(circuit.cols)
         self._stripes = circuit.stripes or (np.zeros(circuit.rows), np.zeros(circuit.cols))
@@ -93,7 +100,28 @@ class Supposed:
     def _shifts(self) -> list[np.ndarray]:
         """(rows, cols) [S/ohm] by which a cell at rest conducts more for each ohm more of r_par,
         and of r_line: so that the untouched skin reads what it read."""
-        circuit, network = self.circuit, laplacian.solve(self.rest)
+        network = self._resting
+        return [self._at_rest(p, 1e-6) for p in self._patterns(network, self.rest)]
+
+    def by_reading(self, by_rest: np.ndarray) -> np.ndarray:
+        """(2, readings) by how much a score changes with each reading of the rest [1/ohm/ADC step].
+
+        Args:
+            by_rest: of `Evidence`, or a sum of them.
+        """
+        circuit = self.circuit
+        steps_per_ohm = np.square(circuit.ratio(self._resting.rho)) * (
+            circuit.full_scale / circuit.r_ref
+        )
+        return np.array([(self._at_rest(b, 1e-3) / steps_per_ohm).ravel() for b in by_rest])
+
+    @cached_property
+    def _resting(self) -> laplacian.Network:
+        return laplacian.solve(self.rest)
+
+    def _at_rest(self, b: np.ndarray, target: float) -> np.ndarray:
+        """(rows, cols) H^-1 b, H = - d (two-terminal resistance) / d (conductance) at rest."""
+        circuit, network = self.circuit, self._resting
         cells = np.flatnonzero(circuit.populated)
         picture = np.zeros(circuit.shape)
 
@@ -101,77 +129,100 @@ class Supposed:
             picture.flat[cells] = p
             return laplacian.hessian_product(network.k, picture).flat[cells]
 
-        shifts = []
-        for pattern in self._patterns(network, self.rest):
-            found = np.zeros(circuit.shape)
-            diagonal = np.square(network.rho.flat[cells])
-            found.flat[cells] = conjugate_gradients(
-                product, diagonal, pattern.flat[cells], steps=300, target=1e-6
-            )
-            shifts.append(found)
-        return shifts
+        found, diagonal = np.zeros(circuit.shape), np.square(network.rho.flat[cells])
+        found.flat[cells] = conjugate_gradients(
+            product, diagonal, b.flat[cells], steps=300, target=target
+        )
+        return found
 
     def _patterns(self, network, g: np.ndarray) -> list[np.ndarray]:
         """(rows, cols) d (two-terminal resistance) / d r_par, and / d r_line, of cells g."""
         by_line = lines.added_resistance(network.k, g, *self._unit)
         return [np.ones(g.shape), by_line]
 
-    def evidence(
-        self, adc: np.ndarray, noise: float, turn: int, g: np.ndarray | None = None
-    ) -> Evidence | None:
+    def evidence(self, adc: np.ndarray, noise: float) -> Evidence | None:
         """Fit the touched cells of a frame, and see what is left.
 
         Args:
             adc: (rows, cols) ADC ratio; NaN where a crossing was not read.
             noise: RMS of a reading [ADC steps].
-            turn: how often the circuit was found anew before: which of TOUCHED to begin with. A
-                touch with a soft rim needs the last, however far the circuit is.
-            g: (rows, cols) conductance to begin with [S].
 
         Returns:
             None: nothing touches, or so much that the rest cannot be checked, or nothing explains
             the frame.
         """
-        known = np.isfinite(adc)
+        circuit, known = self.circuit, np.isfinite(adc)
         adc = np.where(known, adc, 0.0)
-        if g is None:
-            g = self._first_guess(adc, known)
-        for threshold in TOUCHED[min(turn, len(TOUCHED) - 1) :]:
-            found = self._past_touched(adc, known, noise, threshold, g)
-            if found is None or found.chi2 < _EXPLAINED[0] * found.count:
-                return found
-        return found if found.chi2 < _EXPLAINED[1] * found.count else None
-
-    def _past_touched(self, adc, known, noise: float, threshold: float, g) -> Evidence | None:
-        """With the cells above a threshold of TOUCHED, and those beside hard ones, unknown."""
-        circuit = self.circuit
-        touched = circuit.populated & (g > threshold * self.rest)
-        hard = circuit.populated & (g > self._hard * self.rest)
-        free = (touched | binary_dilation(hard, _BESIDE)) & circuit.populated
-        count = np.count_nonzero(free)
-        if not count or count > _FULL * np.count_nonzero(known & circuit.populated):
+        g = self._first_guess(adc, known)
+        touched = circuit.populated & (g > _EVIDENT * self.rest)
+        if not touched.any():
             return None
+        touched = circuit.populated & (
+            touched | binary_dilation(g > self._hard * self.rest, _BESIDE)
+        )
         steps = adc * circuit.full_scale
         weight = known / np.sqrt(noise**2 + np.square(_MODEL * steps))  # 1/ADC steps
-        fit = _Fit(self, adc, weight, np.flatnonzero(free).astype(np.int32))
-        g, point = fit.run(np.where(free, g, self.rest))
-        patterns = [
-            pattern - laplacian.hessian_product(point.network.k, shift)
-            for pattern, shift in zip(self._patterns(point.network, g), self._shifts, strict=True)
+        further = self._beyond_first_order(g)
+        most = _FULL * np.count_nonzero(known & circuit.populated)
+        for search in range(_SEARCHES + 1):
+            if np.count_nonzero(touched) > most:
+                return None
+            fit = _Fit(self, adc, weight, np.flatnonzero(touched).astype(np.int32), further)
+            g, point = fit.run(np.where(touched, g, self.rest))
+            past = self._past_touched(g, point, touched, further)
+            more = past.more if search < _SEARCHES else np.zeros(0, int)
+            if not more.size:
+                break
+            touched.flat[more] = True
+        count = max(np.count_nonzero(known) - np.count_nonzero(touched), 1)
+        chi2 = float(np.square(past.misfit).sum())
+        if chi2 > _EXPLAINED * count:
+            return None
+        trust = np.minimum(1.0, _ODD / np.maximum(np.abs(past.misfit), 1e-9))
+        trust /= max(chi2 / count, 1.0)  # a frame that is explained badly says little
+        weighed = (past.patterns * trust[:, None]).T
+        by_rho = (weighed * point.slope.ravel()).reshape(2, *g.shape)
+        by_rest = [~touched * laplacian.hessian_product(point.network.k, b) for b in by_rho]
+        score, information = -weighed @ past.misfit, weighed @ past.patterns
+        return Evidence(score, information, np.array(by_rest), chi2, count)
+
+    def _past_touched(self, g, point: _Point, touched: np.ndarray, further) -> _Past:
+        """What is left past what the touched cells can take, and held cells that are touched."""
+        patterns = self._patterns(point.network, g)
+        if further.any():  # it grows with the square of r_line
+            patterns[1] = patterns[1] + 2.0 * further / np.max(np.concatenate(self._stripes))
+        cells = np.flatnonzero(self.circuit.populated).astype(np.int32)
+        jacobian = _jacobian(point, g, cells)
+        free = touched.flat[cells]
+        columns = [
+            point.slope * (pattern - laplacian.hessian_product(point.network.k, shift))
+            for pattern, shift in zip(patterns, self._shifts, strict=True)
         ]
-        by_rho = point.slope.ravel()  # of the misfit, in standard deviations an ohm
-        jacobian = fit.jacobian(g, point)
-        columns = np.stack([*(by_rho * p.ravel() for p in patterns), point.misfit.ravel()], 1)
-        precision = jacobian.T @ jacobian
-        precision[np.diag_indices(count)] *= 1.0 + _RIDGE
-        left = columns - jacobian @ _solve(precision, jacobian.T @ columns)
+        columns = np.stack([c.ravel() for c in (*columns, point.misfit)], 1)
+        columns = np.concatenate([columns, jacobian[:, ~free]], 1)
+        size = np.square(columns[:, 3:]).sum(0)
+        absorbing = jacobian[:, free]
+        precision = absorbing.T @ absorbing
+        precision[np.diag_indices(len(precision))] *= 1.0 + _RIDGE
+        left = columns - absorbing @ _solve(precision, absorbing.T @ columns)
         p, misfit = left[:, :2], left[:, 2]
-        chi2, left = float(np.square(misfit).sum()), max(np.count_nonzero(known) - count, 1)
-        trust = np.minimum(1.0, _ODD / np.maximum(np.abs(misfit), 1e-9))
-        trust /= max(chi2 / left, 1.0)  # a frame that is explained badly says little
-        weighed = (p * trust[:, None]).T
-        by_rest = weighed * weight.ravel()
-        return Evidence(g, -weighed @ misfit, weighed @ p, by_rest, chi2, left)
+        held = left[:, 2:] - p @ _solve(p.T @ p, p.T @ left[:, 2:])  # whatever the circuit is
+        misfit_past, held = held[:, 0], held[:, 1:]
+        spread = np.sqrt(np.maximum(np.square(held).sum(0), _HIDDEN * size))
+        more = cells[~free][held.T @ misfit_past > _Z * spread]
+        return _Past(p, misfit, more)
+
+    def _beyond_first_order(self, g: np.ndarray) -> np.ndarray:
+        """(rows, cols) [ohm] that stripes add to cells g beyond first order."""
+        if not self._exact or not max(map(np.max, self._stripes)):
+            return np.zeros(g.shape)
+        network = laplacian.solve(g)
+        added = lines.solve(g, *self._stripes).rho - network.rho
+        return np.where(
+            self.circuit.populated & np.isfinite(added),
+            added - lines.added_resistance(network.k, g, *self._stripes),
+            0.0,
+        )
 
     def _first_guess(self, adc: np.ndarray, known: np.ndarray) -> np.ndarray:
         """(rows, cols) [S]: the fixed point, from rest."""
@@ -186,10 +237,14 @@ class Supposed:
         )  # fmt: skip
         return found
 
-    def read(self, g: np.ndarray):
-        """Network of ideal stripes, and ADC ratio (rows, cols), of cells g [S]."""
+    def read(self, g: np.ndarray, further: np.ndarray):
+        """Network of ideal stripes, and ADC ratio (rows, cols), of cells g [S].
+
+        Args:
+            further: (rows, cols) [ohm] that the stripes add beyond first order.
+        """
         network = laplacian.solve(g)
-        added = lines.added_resistance(network.k, g, *self._stripes)
+        added = lines.added_resistance(network.k, g, *self._stripes) + further
         return network, self.circuit.ratio(network.rho + added)
 
 
@@ -200,35 +255,41 @@ class _Point(NamedTuple):
     chi: float
 
 
+class _Past(NamedTuple):
+    patterns: np.ndarray  # (readings, 2) d misfit / d (r_par, r_line) [1/ohm]
+    misfit: np.ndarray  # (readings,) in standard deviations
+    more: np.ndarray  # flat cells that are touched, too
+
+
+def _jacobian(point: _Point, g: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """(readings, cells) d model / d log g, in standard deviations."""
+    rows, cols = g.shape
+    row, col = np.divmod(cells, np.int32(cols))
+    readings = np.arange(g.size, dtype=np.int32)
+    jacobian = laplacian.sensitivity(
+        point.network.k, point.slope, readings, row, col + np.int32(rows)
+    )
+    return jacobian * g.flat[cells]
+
+
 class _Fit:
     """The touched cells of one frame, all others at rest: Levenberg and Marquardt in log g."""
 
-    def __init__(self, supposed: Supposed, adc, weight, unknown: np.ndarray):
+    def __init__(self, supposed: Supposed, adc, weight, unknown: np.ndarray, further):
         self._supposed, self._adc, self._weight = supposed, adc, weight
-        self._unknown = unknown
-        row, col = np.divmod(unknown, np.int32(supposed.circuit.cols))
-        self._ends = row, col + np.int32(supposed.circuit.rows)
-        self._readings = np.arange(adc.size, dtype=np.int32)
+        self._unknown, self._further = unknown, further
 
     def at(self, g: np.ndarray) -> _Point:
         circuit = self._supposed.circuit
-        network, adc = self._supposed.read(g)
+        network, adc = self._supposed.read(g, self._further)
         misfit = (self._adc - adc) * circuit.full_scale * self._weight
         slope = adc * adc * (circuit.full_scale / circuit.r_ref) * self._weight
         return _Point(network, misfit, slope, float(np.square(misfit).sum()))
 
-    def jacobian(self, g: np.ndarray, point: _Point) -> np.ndarray:
-        """(readings, unknowns) d model / d log g, in standard deviations."""
-        jacobian = laplacian.sensitivity(
-            point.network.k, point.slope, self._readings, *self._ends
-        ).astype(float)
-        jacobian *= g.flat[self._unknown]
-        return jacobian
-
     def run(self, g: np.ndarray) -> tuple[np.ndarray, _Point]:
         point, damping = self.at(g), 1e-3
         for _ in range(_STEPS):
-            jacobian = self.jacobian(g, point)
+            jacobian = _jacobian(point, g, self._unknown)
             precision = jacobian.T @ jacobian
             diagonal = precision.diagonal().copy()
             pull = jacobian.T @ point.misfit.ravel()

@@ -15,11 +15,11 @@ import numpy as np
 
 from ..physics.circuit import Circuit
 from ..solvers.series import series_scale
-from .evidence import HARD, SOFT, TOUCHED, Evidence, Supposed
+from .evidence import HARD, SOFT, Evidence, Supposed
 from .rest import Rest, check_frames
 
 NAMES = "r_par", "r_line"
-_CONTRADICTION = 1.0  # standard deviations between what is found with HARD, and with SOFT
+_CONTRADICTION = 1.5  # standard deviations between what is found with HARD and with SOFT
 _ROUNDS = 8  # over all frames, at most
 _DONE = 0.2  # standard deviations by which the last round moved
 _PRIOR = 0.2, 8.0  # standard deviations: of r_par, as share of `series_scale`; of r_line [ohm]
@@ -102,16 +102,11 @@ def _solve_frames(frames, circuit: Circuit, rest: Rest, off, hard: float) -> _So
         hard: HARD or SOFT.
     """
     noise = max(rest.noise, _NOISE)
-    touches: list[np.ndarray | None] = [None] * len(frames)
-    prior, last = prior_of(circuit), len(TOUCHED) - 1
-    for turn in range(last if off.any() else 0, _ROUNDS):
-        supposed = Supposed(shifted(circuit, off), rest, hard)
-        found = []
-        for k, adc in enumerate(frames):
-            evidence = supposed.evidence(adc, noise, turn, touches[k])
-            if evidence is not None:
-                touches[k] = evidence.conductance
-                found.append(evidence)
+    prior = prior_of(circuit)
+    for _ in range(_ROUNDS):
+        supposed = Supposed(shifted(circuit, off), rest, hard, exact=True)
+        each = (supposed.evidence(adc, noise) for adc in frames)
+        found = [evidence for evidence in each if evidence is not None]
         if len(found) < _FEWEST:
             return None
         information = sum(e.information for e in found) + prior
@@ -119,9 +114,9 @@ def _solve_frames(frames, circuit: Circuit, rest: Rest, off, hard: float) -> _So
         step = np.linalg.solve(information, score)
         moved = np.abs(step * np.sqrt(information.diagonal())).max()
         off = bounded(off + step, information, circuit)
-        if turn >= last and moved < _DONE:
+        if moved < _DONE:
             break
-    return _Solution(off, information, std_of(found, information, rest), len(found))
+    return _Solution(off, information, std_of(found, information, rest, supposed), len(found))
 
 
 def prior_of(circuit: Circuit) -> np.ndarray:
@@ -147,7 +142,9 @@ def shifted(circuit: Circuit, off: np.ndarray) -> Circuit:
     return replace(circuit, r_par=max(r_par, 0.0), r_line=np.maximum(r_line, 0.0))
 
 
-def std_of(found: list[Evidence], information: np.ndarray, rest: Rest) -> np.ndarray:
+def std_of(
+    found: list[Evidence], information: np.ndarray, rest: Rest, supposed: Supposed
+) -> np.ndarray:
     """(2,) [ohm]: by how much the frames' scores differ, or what the noise leaves, if that is more.
 
     Whatever troubles single frames is in the former. All share one measurement of the rest, whose
@@ -157,9 +154,9 @@ def std_of(found: list[Evidence], information: np.ndarray, rest: Rest) -> np.nda
     n = len(scores)
     spread = (scores - scores.mean(0)).T @ (scores - scores.mean(0)) * n / (n - 1)
     noise = rest.noise / rest.frames**0.5
-    shared = sum(e.by_rest for e in found) * noise  # (2, readings)
+    shared = supposed.by_reading(sum(e.by_rest for e in found)) * noise  # (2, readings)
     inverse = np.linalg.inv(information)
-    chi = max(sum(e.chi2 for e in found) / sum(e.count for e in found), 1.0)
+    chi = sum(e.chi2 for e in found) / sum(e.count for e in found)
     by_scatter = (inverse @ (spread + shared @ shared.T) @ inverse).diagonal()
     return np.sqrt(np.maximum(by_scatter, chi * inverse.diagonal()))
 

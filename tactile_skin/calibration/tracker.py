@@ -17,7 +17,6 @@ from .rest import Rest
 
 _KEPT = 24  # frames: the latest, since boards warm up and connectors age
 _ENOUGH = 6  # frames that may change what is known, and the latest that may overrule it
-_A_TURN = 4  # frames asked with each threshold of TOUCHED
 _APART = 0.15  # s between two frames that are asked
 _PATIENCE = 2.0  # s that a frame waits for a pause between touches
 _KNOWN = 0.06  # of `series_scale`: standard deviation from which on r_par is known
@@ -51,7 +50,6 @@ class CircuitTracker:
         self._off = np.zeros(2)  # of r_par and r_line, beside the configured [ohm]: the best guess
         self._adopted = np.zeros(2)  # the same, of `circuit`
         self._asked: deque[_Asked] = deque(maxlen=_KEPT)
-        self._count = 0  # of frames asked
         self._supposed: Supposed | None = None
         self._rest: Rest | None = None
         self._waiting: np.ndarray | None = None
@@ -104,7 +102,6 @@ class CircuitTracker:
             return False
         self._last = adc
         self._suppose(curve, noise)
-        self._count += 1
         self._take(adc, noise)
         if self._asked and (self._asked[0].at != self._off).any():
             self._take(self._asked.popleft().adc, noise)  # an old one anew, by what is known now
@@ -119,7 +116,7 @@ class CircuitTracker:
             self._supposed = Supposed(shifted(self._configured, self._off), self._rest, SOFT)
 
     def _take(self, adc: np.ndarray, noise: float) -> None:
-        evidence = self._supposed.evidence(adc, noise, self._count // _A_TURN)
+        evidence = self._supposed.evidence(adc, noise)
         if evidence is not None:
             self._asked.append(_Asked(adc, self._off, evidence))
 
@@ -167,7 +164,7 @@ class CircuitTracker:
             e._replace(score=e.score + e.information @ (a.at - off))
             for e, a in zip(evidence, asked, strict=True)
         ]
-        std = std_of(here, information, self._rest)
+        std = std_of(here, information, self._rest, self._supposed)
         # by as much less as the frames differ by more than noise
         return off, std, information * np.min(1.0 / (information.diagonal() ** 0.5 * std)) ** 2
 

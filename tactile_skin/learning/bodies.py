@@ -16,7 +16,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 _FINE = 8  # points a cell and side, of which the pressure is the mean
 _LOAD = 30.0, 1000.0  # g a cell, lightest and heaviest body
 _MOST_BODIES = 4
-_HALF = 0.7, 3.0  # cells, half of a side; the longer on skins of 12 and more lines
+_HALF = 1.0, 4.5  # cells, half of a side, as the paper's rectangles (scenes.py)
 _HOLLOW = 0.6  # inner radius of a ring over its outer one
 _TEXTURE, _GRAIN = 0.25, 6.0  # relative RMS of the pressure's texture, its blur in fine points
 _NOISE = 0.05  # relative, of each cell

@@ -153,7 +153,8 @@ def curve_of(node: Node) -> PressureCurve:
     """The curve from the node's parameters ``curve.force`` [N] and ``curve.resistance`` [ohm]."""
     default = PressureCurve().describe()
     force = node.declare_parameter("curve.force", default["force"], describe("[N] per cell"))
-    resistance = node.declare_parameter("curve.resistance", default["resistance"])
+    ohms = describe("[ohm] of one cell")
+    resistance = node.declare_parameter("curve.resistance", default["resistance"], ohms)
     return PressureCurve(force.value, resistance.value)
 
 

@@ -18,8 +18,10 @@ NODES = {  # exec -> class, imported when it is started
     "monitor": "observers.monitor.Monitor",
     "push_arrow": "push_arrow.PushArrow",
     "view": "observers.view.View",
+    "tactile_state": "observers.tactile_state.TactileState",
 }
-RECORDER, FOXGLOVE = "recorder", "foxglove"  # of any launch file, but not on ROS
+RECORDER = "recorder"  # of any launch file, but not on ROS; so is
+FOXGLOVE = "foxglove"
 COMPOSED = "skin"  # the program that runs a whole skin on ROS
 _OBSERVERS = {RECORDER: "observers.recorder.RecorderNode", FOXGLOVE: "observers.foxglove.Foxglove"}
 CLASSES = NODES | _OBSERVERS

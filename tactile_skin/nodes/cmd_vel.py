@@ -26,6 +26,7 @@ class CmdVel:
     be another stop.
 
     Attributes:
+        frame: of stamped velocities.
         kind: of its velocities: Twist, or with the parameter `stamped` TwistStamped.
 
     Args:
@@ -39,7 +40,7 @@ class CmdVel:
         self._reason: str | None = None
         self._closed = threading.Lock()  # never released once the final zero is published
         self.kind = kind_of(node)
-        self._frame = node.declare_parameter(
+        self.frame = node.declare_parameter(
             "frame_id", "base_link", describe("base frame, of stamped velocities")
         ).value
         self._cmd_vel = node.create_publisher(self.kind, "cmd_vel", 1)
@@ -84,7 +85,7 @@ class CmdVel:
 
     def _send(self, twist: Twist) -> None:
         if self.kind is TwistStamped:
-            header = Header(self._node.get_clock().now().to_msg(), self._frame)
+            header = Header(self._node.get_clock().now().to_msg(), self.frame)
             self._cmd_vel.publish(TwistStamped(header, twist))
         else:
             self._cmd_vel.publish(twist)

@@ -7,6 +7,7 @@ import numpy as np
 from ..behaviours.gate import Gate, GateConfig
 from ..middleware.config import describe
 from ..msg import Twist, TwistStamped
+from . import frames
 from .cmd_vel import CmdVel, twist_of
 from .touch import Touch, on_touch, xyz
 
@@ -14,7 +15,8 @@ from .touch import Touch, on_touch, xyz
 class CmdVelGate:
     """Publishes cmd_vel with every command, and at least 50 times a second: gate.py, cmd_vel.py.
 
-    Positions, forces and velocities must be in one base frame.
+    Positions, forces and velocities are in one frame, or tf knows where the skin's frame is in that
+    of the velocities, `base_frame`.
     """
 
     def __init__(self, node):
@@ -34,11 +36,21 @@ class CmdVelGate:
                 alignment=value("alignment", "|sum of forces| / sum of |forces|", 0.5, 1.0),
             )
         )
+        self._base = node.declare_parameter(
+            "base_frame", "", describe("frame of the velocities, by tf; empty: that of the skin")
+        ).value
+        self._frames = frames.hear(node) if self._base else None
         self._cmd_vel = CmdVel(node, self.gate.decide, self.gate.stop)
+        self._cmd_vel.frame = self._base or self._cmd_vel.frame
         on_touch(node, self.on_touch)
         node.create_subscription(self._cmd_vel.kind, "cmd_vel_in", self.on_command, 1)
 
     def on_touch(self, touch: Touch) -> None:
+        if self._frames is not None and touch.frame != self._base:
+            try:
+                touch = touch.seen_from(self._frames.lookup(self._base, touch.frame, touch.stamp))
+            except LookupError:
+                return  # a push without a direction: the gate closes
         places = np.vstack([touch.centre, touch.places])
         self.gate.touch(touch.stamp, touch.total, touch.force, places)
 

@@ -21,9 +21,11 @@ from ..msg import (
     image_array,
 )
 from ..touch import features
+from ..touch.frames import Pose
+from ..touch.geometry import rotation_of
 from ..touch.gestures import Gesture, Gestures
 from ..touch.tracking import RELEASED, STATES, Touch, Tracker, stroke
-from . import QUEUE
+from . import QUEUE, frames
 
 _CONTACT = ("x", "y", "z", "force", "area", "peak", "id", "vx", "vy", "vz", "state")
 _CODE = {state: float(code) for code, state in enumerate(STATES)}
@@ -41,6 +43,19 @@ class GestureFeature:
         described = describe("a contact has a cell with more [N]", 1e-3, 10.0, read_only=False)
         self.cell_threshold = node.declare_parameter("cell_threshold", 0.2, described).value
         node.on_set_parameters(self.on_parameters)
+        skin, base = (
+            node.declare_parameter(name, default, describe(text)).value
+            for name, default, text in (
+                ("skin_frame", "", "its name in tf; empty: it is not published"),
+                ("frame_id", "base_link", "frame that geometry.translation and rpy are in"),
+            )
+        )
+        if skin:
+            at, rpy = (
+                node.get_parameter(f"geometry.{name}").value for name in ("translation", "rpy")
+            )
+            pose = Pose(rotation_of(*rpy), np.array(at))
+            frames.publish_static(node, base, skin, pose)
         self.tracker = Tracker(self.geometry.pitch)
         self.gestures = Gestures(self.geometry)
         self._contacts = node.create_publisher(PointCloud2, "skin/contacts", 10)

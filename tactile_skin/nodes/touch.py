@@ -9,11 +9,12 @@ import numpy as np
 
 from ..middleware.bus import Time
 from ..msg import PointCloud2, PointStamped, WrenchStamped, cloud_columns
+from ..touch.frames import Pose
 from . import QUEUE
 
 
 class Touch(NamedTuple):
-    """In the base frame; all zero without a contact."""
+    """In the frame of the skin's messages; all zero without a contact."""
 
     stamp: float  # of the reading [s]
     total: float  # sum of the contacts' forces [N]
@@ -21,6 +22,17 @@ class Touch(NamedTuple):
     torque: tuple[float, float, float]  # about the base frame's origin [N m]
     centre: tuple[float, float, float]  # centre of force [m]
     places: np.ndarray  # (n, 3) centres of force of its contacts [m]
+    frame: str = ""  # in which all this is
+
+    def seen_from(self, pose: Pose) -> Touch:
+        """The same in another frame, in which its own has this pose."""
+        force = pose.rotation @ self.force
+        centre = pose.rotation @ self.centre + pose.translation
+        torque = pose.rotation @ self.torque + np.cross(pose.translation, force)
+        places = self.places @ pose.rotation.T + pose.translation
+        return Touch(
+            self.stamp, self.total, tuple(force), tuple(torque), tuple(centre), places, self.frame
+        )
 
 
 def on_touch(node, callback: Callable[[Touch], None]) -> None:
@@ -36,7 +48,9 @@ def on_touch(node, callback: Callable[[Touch], None]) -> None:
         if len(parts) == 3 and all(other == stamp for other, _ in parts.values()):
             force, torque = parts["wrench"][1]
             total, places = parts["contacts"][1]
-            callback(Touch(stamp / 1e9, total, force, torque, parts["centre"][1], places))
+            centre = parts["centre"][1]
+            frame = msg.header.frame_id
+            callback(Touch(stamp / 1e9, total, force, torque, centre, places, frame))
 
     def on_contacts(msg: PointCloud2) -> None:
         columns = cloud_columns(msg, "x", "y", "z", "force")

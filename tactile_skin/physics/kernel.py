@@ -11,6 +11,9 @@ Arrays of floats may have any strides: what C needs in another order is copied.
 from __future__ import annotations
 
 import time
+import warnings
+import zlib
+from pathlib import Path
 
 import numpy as np
 
@@ -20,6 +23,22 @@ from .numpy_kernel import Network
 try:
     from . import _kernel
 except ImportError:
+    _kernel = None
+
+
+def _is_of(kernel, sources: Path) -> bool:
+    """Whether the compiled module is of the C files beside it; an installed package has none."""
+    files = sorted(sources.glob("*.[ch]"))
+    checksum = zlib.crc32(b"".join(file.read_bytes() for file in files)) & 0x7FFFFFFF
+    return not files or getattr(kernel, "SOURCES", None) == checksum
+
+
+if _kernel and not _is_of(_kernel, Path(__file__).with_name("kernel")):
+    warnings.warn(
+        "tactile_skin: the inner loops were compiled from other sources and are not used, which "
+        "takes twice the time: run `pip install -e .` again",
+        stacklevel=1,
+    )
     _kernel = None
 
 __all__ = [

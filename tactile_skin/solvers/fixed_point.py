@@ -11,6 +11,7 @@ from .suspect import estimate_from_force
 
 MAX_STEPS = 60
 _TARGET = 0.25  # ADC steps RMS at which to stop: below rounding to whole steps
+_ROUNDING = 1e-9  # share of a conductance by which it may leave its bounds
 _BROAD = 0.1  # share of the cells at rest below which the whole skin is loaded
 _LEVEL = 5.0  # times the mean force, which no cell of an even load on the whole skin reaches
 
@@ -48,16 +49,16 @@ def _closed_form(reading: Reading) -> np.ndarray:
     circuit, (low, high) = reading.circuit, reading.bounds
     divider, axis = circuit.r_ref + circuit.r_par, 0 if circuit.driven == "rows" else 1
     v = reading.adc * (divider / circuit.r_ref)
-    held = np.where(circuit.populated, np.nan, 0.0)
+    free, held = circuit.populated, np.zeros(v.shape)
     while True:  # each round holds more cells
-        free = np.isnan(held)
-        ground = 1.0 / divider + np.where(free, 0.0, held).sum(axis, keepdims=True)
-        left = 1.0 - np.where(free, v, 0.0).sum(axis, keepdims=True)
-        g = np.where(free, v * ground / np.maximum(left, readouts.LEAST_SCALE), held)
-        for out, bound in ((g < low, low), (g > high, high)):
-            held = np.where(free & out, bound, held)
-        if (np.isnan(held) == free).all():
+        ground = 1.0 / divider + held.sum(axis, keepdims=True)
+        left = np.maximum(1.0 - (v * free).sum(axis, keepdims=True), readouts.LEAST_SCALE)
+        g = np.where(free, v * ground / left, held)
+        inside = np.minimum(np.maximum(g, low), high)
+        out = free & (np.abs(inside - g) > _ROUNDING * g)
+        if not out.any():
             return g
+        free, held = free & ~out, np.where(out, inside, held)
 
 
 def last_guess(reading: Reading, start: Estimate) -> np.ndarray:

@@ -102,13 +102,13 @@ def make_geometry(
         position, normal = _SURFACES[shape](along[None, :], up[:, None], radius, pitch)
     else:
         raise ValueError(f"geometry: shape {shape!r}: must be one of {', '.join(SHAPES)}")
-    rotation = _rotation(*rpy)
+    rotation = rotation_of(*rpy)
     return Geometry(
         position @ rotation.T + np.asarray(translation, float), normal @ rotation.T, area, pitch
     )
 
 
-def _rotation(roll: float, pitch: float, yaw: float) -> np.ndarray:
+def rotation_of(roll: float, pitch: float, yaw: float) -> np.ndarray:
     """(3, 3) rotation about the fixed axes x, y, z in turn [rad]."""
     (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
     about_x = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])

@@ -201,6 +201,15 @@ def test_a_queue_of_text_is_as_old_as_it_is(pace, late, held):
     assert [send(source.t) for _ in range(50)][-1] < 0.02
 
 
+def test_a_link_that_stalls_again_before_its_text_is_on_time_is_late():
+    source = Source(text=True)
+    source.run(2.0)
+    source.t += 0.04
+    source.run(0.1)  # nothing was queued, which is not known yet
+    source.t += 1.0
+    assert source.send().lag > 0.9
+
+
 def test_text_frames_that_were_lost_and_not_queued_are_no_lag():
     source = Source(text=True)
     source.run(2.0)

@@ -1,6 +1,8 @@
 """The simulated board: what the ATmega328P does, and the real bytes on a real serial device."""
 
 import os
+import threading
+import time
 
 import numpy as np
 import pytest
@@ -8,7 +10,7 @@ import serial
 from simulated import CIRCUIT, make_board, serving
 
 from tactile_skin import Circuit, PressureCurve, forward
-from tactile_skin.board import simulator
+from tactile_skin.board import simulator, terminal
 from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.learning import scenes
 
@@ -241,3 +243,22 @@ def test_a_link_to_a_terminal_that_is_open_stays(tmp_path):
     assert os.readlink(link) == os.ttyname(slave)
     for end in (master, slave):
         os.close(end)
+
+
+def test_a_board_that_serves_once_ends_when_its_reader_has_left(tmp_path, monkeypatch):
+    monkeypatch.setattr(terminal, "_LEFT_FOR", 0.05)
+    link = tmp_path / "skin"
+    serving = threading.Thread(
+        target=simulator.serve, args=(make_board(), link, lambda: True), kwargs={"once": True}
+    )
+    serving.start()
+    while not link.exists():
+        time.sleep(0.01)
+    time.sleep(0.2)
+    assert serving.is_alive()  # nobody has come yet
+    with open(link, "rb", buffering=0) as port:
+        assert port.read(1)
+        assert serving.is_alive()
+    serving.join(20.0)
+    assert not serving.is_alive()
+    assert not link.is_symlink()

@@ -7,6 +7,7 @@ import pytest
 from yardsticks.identify import Unknown, bodies
 
 from tactile_skin import Circuit, PressureCurve, identify, measure_rest
+from tactile_skin.calibration.evidence import HARD, Supposed
 from tactile_skin.calibration.rest import resting_conductance
 from tactile_skin.calibration.tare import Tare
 from tactile_skin.calibration.tracker import CircuitTracker
@@ -31,6 +32,25 @@ def test_both_are_found(board):
     assert abs(found.circuit.r_par - board.r_par) < 3.0 * found.std["r_par"]
     assert abs(found.circuit.r_line - board.r_line) < 3.0 * found.std["r_line"]
     assert "r_par = " in found.message
+
+
+def test_noise_alone_makes_no_resistance():
+    """Cells that noise raises are not taken for touched, which would leave those that it lowers.
+
+    On the true circuit, with noise of 2 steps; a limit of twice the rest finds r_par 6 ohm too
+    small.
+    """
+    off = []
+    for seed in range(300, 308):
+        board = Unknown(SHAPE, seed, noise=2.0, lateral=0.0)
+        rest = measure_rest(board.at_rest(), board.supposed)
+        true = replace(board.supposed, r_par=board.r_par, r_line=board.r_line)
+        supposed = Supposed(true, rest, HARD)
+        touched = board.frames(bodies(16, SHAPE, np.random.default_rng(seed)))
+        found = [e for e in (supposed.evidence(adc, rest.noise) for adc in touched) if e]
+        information = sum(e.information for e in found)
+        off.append(np.linalg.solve(information, sum(e.score for e in found)))
+    assert abs(np.mean(off, axis=0)[0]) < 3.0
 
 
 def test_the_right_circuit_is_left_as_it_is(board):

@@ -41,6 +41,20 @@ def test_a_sound_skin_is_silent(shape, scatter):
     assert Skin(shape, scatter).run(Skin(shape, scatter).rest, 60.0).message == ""
 
 
+@pytest.mark.parametrize("noise", [0.05, 0.15, 0.3])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_board_of_whole_steps_and_little_noise_is_silent(shape, noise):
+    """Its rest is known to a fifth of a step: the tare follows no less."""
+    for seed in range(10):
+        skin = Skin(shape, 0.01, seed)
+        skin.known = skin.rest + 0.2 / 1023 * skin.rng.standard_normal(shape)
+        for _ in range(100):
+            steps = skin.rest * 1023 + noise * skin.rng.standard_normal(shape)
+            skin.untouched.frame(skin.t, np.rint(steps) / 1023, False, skin.known, 0.3 / 1023)
+            skin.t += FRAME
+            assert not skin.untouched.fault
+
+
 @pytest.mark.parametrize("shape", SHAPES)
 def test_lines_that_are_exchanged_are_named_and_stop(shape):
     skin = Skin(shape)
@@ -50,6 +64,13 @@ def test_lines_that_are_exchanged_are_named_and_stop(shape):
     named = [f"column {a} reads at rest as column {b} did" for a, b in ((0, 2), (2, 0))]
     assert found.message.split(",")[0] in named
     assert not skin.run(skin.rest).message, "they are put right"
+
+
+def test_crossings_that_are_not_read_hide_no_other_line():
+    skin = Skin((8, 16))
+    adc = skin.rest[:, [2, 1, 0, *range(3, 16)]]
+    adc[5, 9] = np.nan
+    assert skin.run(adc).fault
 
 
 def test_it_is_told_under_a_drift_too():

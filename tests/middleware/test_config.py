@@ -36,6 +36,15 @@ def test_a_node_may_have_a_section_of_its_own(tmp_path):
     assert read_skin(write(tmp_path), "left/compensation").circuit.r_par == 200.0
 
 
+def test_a_file_says_how_the_matrix_is_read(tmp_path):
+    text = SKIN.replace("r_par: 100.0", "readout: loaded, driven: columns", 1)
+    circuit = read_skin(write(tmp_path, text)).circuit
+    assert (circuit.readout, circuit.driven) == ("loaded", "columns")
+    text = SKIN.replace("r_par: 100.0", "readout: half open", 1)
+    with pytest.raises(ValueError, match=r"mine.yaml.*readout = 'half open'.*floating, loaded"):
+        read_skin(write(tmp_path, text))
+
+
 def test_without_a_file_the_defaults_hold():
     """They are the shipped file's, but for the shape, which is an example there."""
     shipped, default = read_skin(share_dir() / "config" / "skin.yaml"), read_skin()

@@ -5,7 +5,7 @@ import itertools
 import json
 import struct
 import sys
-import time
+import threading
 
 import pytest
 
@@ -17,13 +17,28 @@ from tactile_skin.errors import LaunchError
 from tactile_skin.middleware.bus import Context, Node, Parameter, SingleThreadedExecutor
 from tactile_skin.middleware.launch_file import read_plan
 from tactile_skin.middleware.package import FOXGLOVE, find
-from tactile_skin.msg import Bool, Header, Image, PointCloud2, Time, Vector3Stamped, cloud, image
-from tactile_skin.nodes.observers import foxglove as module
+from tactile_skin.msg import (
+    Bool,
+    DiagnosticArray,
+    DiagnosticStatus,
+    Header,
+    Image,
+    PointCloud2,
+    Time,
+    Vector3Stamped,
+    cloud,
+    image,
+)
 from tactile_skin.nodes.observers.foxglove import Foxglove
 from tactile_skin.recording import cdr
 
 PATIENCE = 10.0  # s
-TOPICS = {"/skin/adc": Image, "/skin/contacts": PointCloud2, "/skin/stop": Bool}
+TOPICS = {
+    "/skin/adc": Image,
+    "/skin/contacts": PointCloud2,
+    "/skin/stop": Bool,
+    "/diagnostics": DiagnosticArray,
+}
 MESSAGE = struct.Struct("<BIQ")  # opcode 1, number of the subscription, log time [ns]
 
 
@@ -73,12 +88,20 @@ class App:
         wanted = [{"id": n, "channelId": self.channels[t]["id"]} for n, t in self._topics.items()]
         self._socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
 
-    def message(self) -> tuple[str, int, bytes]:
+    def message(self, patience: float = PATIENCE) -> tuple[str, int, bytes]:
         """Topic, log time [ns] and CDR."""
-        data = self._socket.recv(PATIENCE)
+        data = self._socket.recv(patience)
         opcode, number, t = MESSAGE.unpack_from(data)
         assert opcode == 1
         return self._topics[number], t, data[MESSAGE.size :]
+
+    def rest(self, patience: float) -> set[str]:
+        """Topics of all messages until there is none for so long [s]."""
+        topics = set()
+        with contextlib.suppress(TimeoutError):
+            while True:
+                topics.add(self.message(patience)[0])
+        return topics
 
     def close(self):
         self._open.close()
@@ -97,30 +120,19 @@ def app(skin):
     app.close()
 
 
-def until(happens):
-    end = time.monotonic() + PATIENCE
-    while not happens():
-        assert time.monotonic() < end
-        time.sleep(0.005)
-
-
 def subscribed(skin, app, *topics):
     """Subscribe, and wait until the server knows: it then passes messages on."""
-    app.subscribe(*topics)
-    taps = {t.topic_name: t for t in skin.node._subscriptions}
-
-    def heard():
-        waiting = len(skin.foxglove._waiting)
-        for topic in topics:
-            taps[topic].callback(TOPICS[topic]())
-        there = len(skin.foxglove._waiting) - waiting == len(topics)
-        skin.foxglove._waiting.clear()
-        return there
-
-    skin.foxglove._closing.set()  # the thread rests; what waits is sent by hand
+    skin.foxglove._closing.set()  # the thread ends; what waits is sent by hand
     skin.foxglove._thread.join()
-    until(heard)
-    skin.foxglove._closing.clear()
+    app.subscribe(*topics)
+
+    left = set(topics)
+    while left:  # what comes before the server has noted all of it reaches nobody
+        for topic in topics:
+            skin.publish[topic](TOPICS[topic]())
+        skin.foxglove._send()
+        left -= app.rest(0.2)
+    assert not app.rest(0.2)
 
 
 def test_every_topic_is_a_channel_with_the_schema_of_a_recording(app):
@@ -136,22 +148,22 @@ def test_every_topic_is_a_channel_with_the_schema_of_a_recording(app):
 
 def test_frames_arrive_as_they_were_published(skin, app):
     subscribed(skin, app, "/skin/adc", "/skin/contacts")
-    sent = []
+    before = 0
     for k in range(20):
         header = Header(Time(k, 7), "base_link")
-        reading = image([[k, 2], [3, 65535]], "16UC1", header)
-        contacts = cloud({"x": [0.1 * k], "force": [2.0]}, header)
-        skin.publish["/skin/adc"](reading)
-        skin.publish["/skin/contacts"](contacts)
-        skin.publish["/skin/stop"](Bool(True))  # not subscribed to
-        sent += [("/skin/adc", reading), ("/skin/contacts", contacts)]
-    skin.foxglove._send()
-    before = 0
-    for topic, message in sent:
-        got, t, data = app.message()
-        assert (got, cdr.decode(TOPICS[topic], data)) == (topic, message)
-        assert t >= before
-        before = t
+        sent = {
+            "/skin/adc": image([[k, 2], [3, 65535]], "16UC1", header),
+            "/skin/contacts": cloud({"x": [0.1 * k], "force": [2.0]}, header),
+            "/skin/stop": Bool(True),  # not subscribed to
+        }
+        for topic, message in sent.items():
+            skin.publish[topic](message)
+        skin.foxglove._send()
+        for _ in range(2):
+            topic, t, data = app.message()
+            assert cdr.decode(TOPICS[topic], data) == sent.pop(topic)
+            assert t >= before
+            before = t
 
 
 def test_a_topic_that_appears_later_is_advertised(skin, app):
@@ -161,19 +173,40 @@ def test_a_topic_that_appears_later_is_advertised(skin, app):
 
 
 def test_nothing_is_kept_for_nobody(skin):
-    for _ in range(10):
-        skin.publish["/skin/stop"](Bool(True))
-    assert not skin.foxglove._waiting
+    skin.publish["/skin/stop"](Bool(True))
+    assert not skin.foxglove._newest["/skin/stop"]
 
 
-def test_a_server_that_is_behind_loses_the_oldest_and_counts_them(skin, app, monkeypatch):
-    monkeypatch.setattr(module, "_WAITING", 5)
-    subscribed(skin, app, "/skin/stop")
+def test_the_newest_is_sent_and_all_of_diagnostics(skin, app):
+    subscribed(skin, app, "/skin/stop", "/diagnostics")
     for k in range(12):
-        skin.publish["/skin/stop"](Bool(k >= 7))
-    assert skin.node.dropped == 7
+        skin.publish["/skin/stop"](Bool(k == 11))
+        status = DiagnosticStatus(name=f"node_{k}")
+        skin.publish["/diagnostics"](DiagnosticArray(status=[status]))
     skin.foxglove._send()
-    assert all(cdr.decode(Bool, app.message()[2]).data for _ in range(5))
+    got = [app.message() for _ in range(13)]
+    assert [cdr.decode(Bool, data) for topic, _, data in got if topic == "/skin/stop"] == [
+        Bool(True)
+    ]
+    said = [cdr.decode(DiagnosticArray, data) for t, _, data in got if t == "/diagnostics"]
+    assert [array.status[0].name for array in said] == [f"node_{k}" for k in range(12)]
+
+
+def test_the_thread_sends_by_itself(skin, app):
+    app.subscribe("/skin/stop")
+    ended = threading.Event()
+
+    def publish():
+        while not ended.wait(0.01):
+            skin.publish["/skin/stop"](Bool(True))
+
+    thread = threading.Thread(target=publish)
+    thread.start()
+    try:
+        assert cdr.decode(Bool, app.message()[2]) == Bool(True)
+    finally:
+        ended.set()
+        thread.join()
 
 
 def test_a_port_that_is_taken_is_said_in_a_line(skin):

@@ -65,8 +65,8 @@ def run(tmp_path, config, record, until, board=None):
 def test_all_that_was_published_is_read_back_and_replay_gives_the_same_pressure(tmp_path, config):
     path = tmp_path / "a.mcap"
     heard = run(tmp_path, config(), path, lambda h, _: len(h["skin/pressure"]) >= 250)
+    wait_for(lambda: not Recording(path).damage)  # a busy disk ends the file in the background
     found = Recording(path)
-    assert found.damage == ""
     for topic, messages in heard.items():
         first = heard[topic][0].header.stamp
         recorded = [m for _, _, m in found.messages(f"/{topic}")]
@@ -82,7 +82,7 @@ def test_all_that_was_published_is_read_back_and_replay_gives_the_same_pressure(
     stamps, pressure = found.images("/skin/pressure")
     replay = Replay(found)
     again = {step.stamp: step.force for step in replay}
-    assert len(again) == len(found.adc)
+    assert list(again) == stamps.tolist()
     for stamp, picture in zip(stamps.tolist(), pressure, strict=True):
         np.testing.assert_array_equal(again[stamp], picture * replay.cell_area)
 

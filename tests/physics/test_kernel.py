@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -42,6 +43,17 @@ def test_the_implementation_is_named(monkeypatch):
     assert kernel.implementation() == "compiled"
     monkeypatch.setattr(kernel, "_kernel", None)
     assert kernel.implementation() == "in NumPy"
+
+
+def test_what_was_compiled_from_other_sources_is_not_used(tmp_path):
+    sources = Path(kernel.__file__).with_name("kernel")
+    assert kernel._is_of(kernel._kernel, sources)
+    assert kernel._is_of(kernel._kernel, tmp_path)  # an installed package has no sources
+    for file in sources.glob("*.[ch]"):
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    assert kernel._is_of(kernel._kernel, tmp_path)
+    (tmp_path / "box.c").write_text("int other;")
+    assert not kernel._is_of(kernel._kernel, tmp_path)
 
 
 @pytest.mark.parametrize("shape", SIZES)

@@ -21,7 +21,7 @@ from tactile_skin import launch
 from tactile_skin.nodes.observers.view import View
 
 GHOST = 11, 5  # row and column where two fingers, but no third, seem to press
-SIZE = 1280, 840, 1.5  # of the picture: width, height, pixels in one of the page
+SIZE = 1280, 880, 1.5  # of the picture: width, height, pixels in one of the page
 
 
 def processor_time(pid: int) -> float:

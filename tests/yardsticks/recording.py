@@ -63,7 +63,8 @@ def equal(folder: Path, _) -> None:
         np.array_equal(steps.get(stamp), picture * replay.cell_area)
         for stamp, picture in live.items()
     ]
-    late = sum(found.taken()[stamp] - stamp > 10_000_000 for stamp in steps)
+    taken = found.taken()
+    late = sum(taken[stamp] - stamp > 10_000_000 for stamp in steps)
     timed_out = len(steps.keys() - live.keys())
     print(f"equal: replayed to the bit: {sum(same)} of {len(same)}; {late} of them were late")
     print(f"equal: timed out on the skin, not here: {timed_out}; {replay.notes}")

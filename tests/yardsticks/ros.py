@@ -1,6 +1,6 @@
-"""The whole skin on real ROS: roscore, every node a process, a plain subscriber another.
+"""The whole skin on real ROS: roscore, a process or one for each node, a plain subscriber.
 
-    python tests/yardsticks/ros.py [--ros 1] [--seconds 20]
+    python tests/yardsticks/ros.py [--ros 1] [--seconds 20] [--separate] [--seed 0] [TOPIC ...]
 
 prints how long a frame takes from the board's last byte to that subscriber's callback.
 """
@@ -277,13 +277,34 @@ def latencies(written: list[float], frames: list[bytes], heard: list[tuple]) -> 
     return {topic: np.array(list(values.values())) for topic, values in found.items()}
 
 
-def measure(version: int, seconds: float, topics: list[str], seed: int = 0) -> dict:
-    """Latencies of a run of `seconds`, as `latencies` gives them, and the number of frames."""
+def programs(port: str, separate: bool) -> list[launch.NodeAction]:
+    """What skin.launch.yaml starts on ROS, without the monitor."""
+    given = {"port": port, "monitor": "false", "separate": str(separate).lower()}
+    return launch.read_plan(launch.find("skin.launch.yaml"), given, in_process=False).nodes
+
+
+def memory(pids: list[int]) -> float:
+    """What the processes hold together, shared pages counted once [MB]."""
+    lines = [
+        line
+        for pid in pids
+        for line in Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
+        if line.startswith("Pss:")
+    ]
+    return sum(int(line.split()[1]) for line in lines) * 1024 / 1e6
+
+
+def measure(
+    version: int, seconds: float, topics: list[str], seed: int = 0, separate: bool = False
+) -> dict:
+    """Latencies of a run of `seconds`, as `latencies` gives them, the number of frames, and the
+    memory of the skin's processes [MB]."""
     frames = record(round((seconds + WARM_UP) * simulator.FRAMES_PER_SECOND), seed=seed)
     player = Player()
     with Graph(version) as graph:
-        for action in plan_of(player.port).values():
+        for action in programs(player.port, separate):
             graph.start_node(action)
+        pids = [process.pid for name, process in graph.processes.items() if name != "master"]
         # another that tells which frame has which stamp
         stamps, name = graph.listen("skin/adc"), graph.listen(*topics)
         with player.playing(endless("idle", seed + 1)):
@@ -293,24 +314,29 @@ def measure(version: int, seconds: float, topics: list[str], seed: int = 0) -> d
         player.written.clear()
         player.play(frames)
         time.sleep(0.5)
+        held = memory(pids)
         heard = [note for note in graph.heard(name) if note[0] != "skin/adc"]
         found = latencies(player.written, frames, graph.heard(stamps) + heard)
     player.close()
     skip = round(WARM_UP * simulator.FRAMES_PER_SECOND)
-    return {"frames": len(frames) - skip, "latency": {t: v[skip:] for t, v in found.items()}}
+    late = {t: v[skip:] for t, v in found.items()}
+    return {"frames": len(frames) - skip, "latency": late, "memory": held, "programs": len(pids)}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="tests/yardsticks/ros.py", description=__doc__)
     parser.add_argument("--ros", type=int, choices=(1, 2))
     parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--separate", action="store_true", help="a process for each node")
     parser.add_argument(
         "topics", nargs="*", metavar="TOPIC", help="that the subscriber hears (default: all)"
     )
     args = parser.parse_args()
     version = ros.choose(args.ros)
-    found = measure(version, args.seconds, args.topics)
+    found = measure(version, args.seconds, args.topics, args.seed, args.separate)
     print(f"ROS {version}: {found['frames']} frames, board's last byte to a plain subscriber")
+    print(f"{found['programs']} processes of the skin hold {found['memory']:.0f} MB")
     for topic, values in found["latency"].items():
         p50, p99, worst = np.percentile(values, (50, 99, 100)) * 1e3
         print(f"{topic:20} {len(values)}: p50 {p50:.2f} ms, p99 {p99:.2f} ms, max {worst:.2f} ms")

@@ -1,18 +1,21 @@
 """What open pages cost the stop: last byte to stop hook, with and without them, in turns.
 
-    python tests/yardsticks/view.py [--turns 20] [--seconds 3] [--bare]
+    python tests/yardsticks/view.py [--turns 20] [--seconds 3] [--bare | --foxglove]
 
-One run of skin.launch.yaml on a simulated board. In every second turn five pages are open, in a
-process of their own at the lowest priority (the computers of those who look are others): three draw
-60 times a second, one is asleep, one reads 20 kB a second. Prints p50 and p99 [ms] of both kinds of
-turn, and the median of the turns' p99: on a busy computer the bursts of others fall into a few
-turns. --bare: a third kind, with no node `view` at all, which is started and destroyed in turns.
+One run of skin.launch.yaml on a simulated board. In every second turn ("shown") five pages are
+open, in a process of their own at the lowest priority (the computers of those who look are others):
+three draw 60 times a second, one is asleep, one reads 20 kB a second. Prints p50 and p99 [ms] of
+both kinds of turn, and the median of the turns' p99: on a busy computer the bursts of others fall
+into a few turns. --bare: a third kind, with no node `view` at all, started and destroyed in
+turns.
+--foxglove: in place of the pages an app that has subscribed to every topic of the node `foxglove`.
 """
 
 from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import json
 import multiprocessing
 import os
@@ -22,13 +25,14 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_skin.launch import Skin, find, read_plan
+from tactile_skin.launch import Skin, class_of, find, read_plan
 from tactile_skin.middleware.bus import Time
 from tactile_skin.middleware.launched import make_node
+from tactile_skin.middleware.package import FOXGLOVE
 from tactile_skin.msg import DiagnosticArray, Image
-from tactile_skin.nodes.observers.view import View
 from tactile_skin.view.wire import unpack
 
+SHOWN = "shown"  # turns in which somebody looks
 WARM_UP = 0.7  # s of a turn that do not count: pages open, the processor's clock changes
 FRAME = 1.0 / 60.0  # s, of a page that is drawn
 SPAWN = multiprocessing.get_context("spawn")
@@ -85,16 +89,42 @@ def pages(url: str, pipe) -> None:
         pipe.send(found)
 
 
+def app(url: str, pipe) -> None:
+    """An app of Foxglove that takes all topics, in turns; answers with its messages a second."""
+    from websockets.sync.client import connect
+
+    os.nice(19)
+    while pipe.recv() == "open":
+        with connect(url, subprotocols=["foxglove.sdk.v1"]) as socket:
+            while (said := json.loads(socket.recv()))["op"] != "advertise":
+                pass
+            ids = [channel["id"] for channel in said["channels"]]
+            wanted = [{"id": n, "channelId": n} for n in ids]
+            socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
+            pipe.send("it is open")
+            count, begun = 0, time.monotonic()
+            while not pipe.poll():
+                with contextlib.suppress(TimeoutError):
+                    socket.recv(0.1)
+                    count += 1
+            pipe.recv()  # "close"
+        pipe.send({"app": count / (time.monotonic() - begun)})
+
+
 class Page:
-    """The node `view` of a skin, and five pages of it."""
+    """The node `view`, or `foxglove`, of a skin, and who looks."""
 
     def __init__(self, skin: Skin, action):
         self._handle = make_node(action, skin._context)
-        self._view = View(self._handle)
+        self._view = class_of(action)(self._handle)
         skin._executor.add_node(self._handle)
         self._pipe, theirs = SPAWN.Pipe()
-        arguments = (self._view._page.address, theirs)
-        self._process = SPAWN.Process(target=pages, args=arguments, daemon=True)
+        live = action.kind == FOXGLOVE
+        self._pid = os.getpid() if live else self._view._page._process.pid
+        url = self._view.address if live else self._view._page.address
+        self._process = SPAWN.Process(
+            target=app if live else pages, args=(url, theirs), daemon=True
+        )
         self._process.start()
         self.open()
         self.shut()
@@ -108,8 +138,8 @@ class Page:
         return self._pipe.recv()
 
     def cpu(self) -> float:
-        """Processor time of the page's process so far [s]."""
-        fields = Path(f"/proc/{self._view._page._process.pid}/stat").read_text().split(") ")[1]
+        """Processor time of who serves so far [s]."""
+        fields = Path(f"/proc/{self._pid}/stat").read_text().split(") ")[1]
         return sum(map(int, fields.split()[11:13])) / os.sysconf("SC_CLK_TCK")
 
     def end(self) -> None:
@@ -124,8 +154,9 @@ def main() -> None:
     parser.add_argument("--turns", type=int, default=20, help="of each kind (default 20)")
     parser.add_argument("--seconds", type=float, default=3.0, help="of a turn (default 3)")
     parser.add_argument("--bare", action="store_true", help="turns without the node `view`, too")
+    parser.add_argument("--foxglove", action="store_true", help="Foxglove's server, no pages")
     args = parser.parse_args()
-    kinds = ["no page", "five pages"] + ["no view"] * args.bare
+    kinds = ["no page", SHOWN] + ["no view"] * args.bare
     with tempfile.TemporaryDirectory() as folder:
         arguments = {
             "port": str(Path(folder) / "skin"),
@@ -133,10 +164,14 @@ def main() -> None:
             "monitor": "false",
             "view": "true",
             "view_port": "0",
+            "foxglove": "true",
         }
         plan = read_plan(find("demo.launch.yaml"), arguments)
-        action = next(action for action in plan.nodes if action.kind == "view")
-        plan.nodes.remove(action)
+        actions = {a.kind: a for a in plan.nodes if a.kind in ("view", FOXGLOVE)}
+        for action in actions.values():
+            plan.nodes.remove(action)
+        action = actions[FOXGLOVE if args.foxglove else "view"]
+        action.parameters.append(("port", 0))
         with Skin(plan) as skin:
             measure(skin, action, kinds, args)
 
@@ -168,7 +203,7 @@ def measure(skin: Skin, action, kinds: list[str], args) -> None:
                 shown = None
             elif kind != "no view" and shown is None:
                 shown = Page(skin, action)
-            if kind == "five pages":
+            if kind == SHOWN:
                 shown.open()
             time.sleep(WARM_UP)
             here.clear()
@@ -176,7 +211,7 @@ def measure(skin: Skin, action, kinds: list[str], args) -> None:
             skin.spin(args.seconds)
             used[kind].append((time.process_time() - own) / max(len(here), 1))
             latencies[kind].append(list(here))
-            if kind == "five pages":
+            if kind == SHOWN:
                 cpu.append((shown.cpu() - begun) / args.seconds)
                 rates.append(shown.shut())
     if shown is not None:
@@ -191,6 +226,9 @@ def measure(skin: Skin, action, kinds: list[str], args) -> None:
             f"{1e3 * np.median(used[kind]):.2f} ms a reading"
         )
     print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
+    if args.foxglove:
+        print(f"the app: {np.mean([r['app'] for r in rates]):.0f} messages a second")
+        return
     for kind in ("drawn", "slow"):
         each = np.mean([r.get(kind, 0.0) for r in rates]) / (3 if kind == "drawn" else 1)
         print(f"a page that is {kind}: {each:.1f} snapshots a second")

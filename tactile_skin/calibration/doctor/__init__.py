@@ -28,8 +28,9 @@ from .recorded import Recorded, record
 # Cells, in all touches together, that identify is asked about: it takes 0.1 s for 256. At least
 # and at most so many touches, each looked for within so many frames of its peak.
 _ASKED, _TOUCHES, _HELD = 20_000, (20, 60), 15
-# share of r_par, and standard deviations, by which it must be off; touches that must say so
-_SERIES, _SAYING = (0.05, 3.0), 20
+# share of r_par, and standard deviations (what all touches share, soft rims or movement, is not in
+# their scatter), by which it must be off; touches that must say so
+_SERIES, _SAYING = (0.05, 5.0), 20
 _SHORTED = 0.5  # share of what a short of two lines takes from their readings at rest
 _READ = 12, 4  # hardest touches that the readout is judged by, without `series`
 _ONE_VOLTAGE = 4.0  # times the noise within which all readings are one voltage
@@ -52,7 +53,7 @@ def diagnose(
         The faults, an empty list for a sound board. Another readout than the circuit's, a wrong
         bit, and rows and columns that are exchanged hide all else. Damage of wires that only their
         network shows (all but "open", "contact" and "noisy") is looked for on floating matrices
-        only.
+        only, "contact" not on grounded ones.
 
     Raises:
         ValueError: another shape, values outside [0, 1], or fewer than 20 frames.

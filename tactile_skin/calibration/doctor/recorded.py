@@ -71,6 +71,10 @@ def record(frames, circuit: Circuit, rest: Rest | None) -> Recorded:
     usual = np.where(read, np.nanmedian(np.where(read, steps, 0.0), axis=0), 0.0)
     steps = np.where(absent, usual, steps)
     closed = tuple(_closed(axis, steps, usual) for axis in (0, 1))
+    if (
+        circuit.readout == "grounded"
+    ):  # where a touch lowers a line's other readings, as a lead does
+        closed = tuple(np.ones_like(share) for share in closed)
     level = _activity(steps - usual, closed)
     quiet = level <= np.quantile(level, _QUIET)
     calm, n = np.where(absent, 0.0, steps)[quiet], np.maximum((~absent)[quiet].sum(0), 1)

@@ -30,6 +30,9 @@ _CELLS = 4  # of a line, at least, by which lines are compared
 # which it is the other line.
 _OWN, _LEFT_BEHIND = 40.0, 0.25
 _OTHER = 4.0
+# ADC steps that a mean may be off at least: the rest is measured anew only from such a difference
+# on (tare.py); and where a reading has less noise than averages its rounding away.
+_LEAST, _ROUNDED, _DITHER = 0.1, 0.3, 0.4
 
 
 class Untouched:
@@ -43,6 +46,7 @@ class Untouched:
     def __init__(self, circuit: Circuit):
         self._circuit = circuit
         self._looked = -np.inf  # s
+        self._asked = self._conductance = None  # (rows, cols) rest, and what its cells conduct [S]
         self.forget()
 
     def forget(self) -> None:
@@ -78,10 +82,12 @@ class Untouched:
         if self._rest is not None:
             rest = self._rest
         if np.count_nonzero(known) >= _CELLS:
-            self._look(t, now, rest, noise / _FRAMES**0.5, known)
+            full = self._circuit.full_scale
+            least = (_ROUNDED if noise * full < _DITHER else _LEAST) / full
+            self._look(t, now, rest, noise / _FRAMES**0.5, least, known)
 
-    def _look(self, t: float, now, rest, noise: float, known) -> None:
-        line = _another_line(now, rest, noise, known)
+    def _look(self, t: float, now, rest, noise: float, least: float, known) -> None:
+        line = _another_line(now, rest, max(noise, least), known)
         elapsed = min(max(t - self._looked, 0.0), _UNSEEN)
         limit = _AT_ONCE + _A_SECOND * (elapsed if self._rest is None else 0.0)
         limit += 4.0 * noise / (np.median(rest[known]) * np.count_nonzero(known) ** 0.5)
@@ -97,14 +103,12 @@ class Untouched:
             if not self.message or fell > self.fault:
                 self._rest, self._told_at, self.fault = rest, t, fell
                 much = f"{100.0 * abs(np.expm1(change)):.1f} %"
-                which, else_ = (
-                    ("less", "was something taken off")
-                    if change < 0.0
-                    else ("more", "does something lie on")
-                )
+                fewer = change < 0.0
                 self.message = (
-                    f"all cells conduct {much} {which} at once: did the supply, the reference or "
-                    f"r_par change, or {else_} all of the skin?"
+                    f"all cells conduct {much} {'less' if fewer else 'more'} at once: did the "
+                    "supply, the reference or r_par change, or "
+                    f"{'was something taken off' if fewer else 'does something lie on'} all of the "
+                    "skin?"
                 )
             elif not self.fault and t - self._told_at > _KEPT:
                 self.forget()
@@ -120,10 +124,14 @@ class Untouched:
         # r_ref / rho, but for r_par, is what conducts
         change = np.log(now / (1.0 - now) * (1.0 - rest) / rest)[known]
         spread = noise / np.median((rest * (1.0 - rest))[known])  # of one reading's change
-        if abs(np.median(change)) > limit and known[self._circuit.populated].all():
+        middle = float(np.median(change))
+        # what is told already need not be found again, unless it grows into a fault
+        news = not self.message or (middle < -_FALL and not self.fault)
+        if news and abs(middle) > limit and known[self._circuit.populated].all():
             try:
-                one, other = (resting_conductance(adc, self._circuit) for adc in (rest, now))
-                change = np.log(other[known] / one[known])
+                before = self._conducted(rest)
+                after = resting_conductance(now, self._circuit)
+                change = np.log(after[known] / before[known])
             except ValueError:  # no cells read so
                 pass
             else:  # by Foster's theorem a cell's own share of its reading's change
@@ -132,6 +140,12 @@ class Untouched:
         least = (low if middle > 0.0 else -high) + _QUARTILE * spread
         even = high - low < 2.0 * _QUARTILE * (_EVEN * abs(middle) + 1.5 * spread)
         return float(middle) if least > 0.5 * abs(middle) else 0.0, bool(even)
+
+    def _conducted(self, rest: np.ndarray) -> np.ndarray:
+        """(rows, cols) conductance [S] of the cells at rest; asked for the same rest again."""
+        if rest is not self._asked:
+            self._asked, self._conductance = rest, resting_conductance(rest, self._circuit)
+        return self._conductance
 
 
 def _another_line(now: np.ndarray, rest: np.ndarray, noise: float, known: np.ndarray) -> str:
@@ -142,6 +156,7 @@ def _another_line(now: np.ndarray, rest: np.ndarray, noise: float, known: np.nda
     Args:
         noise: RMS of each of `now`, as ADC ratio.
     """
+    now, rest = (np.where(known, adc, 0.0) for adc in (now, rest))
     for name, a, b, there in (("row", now, rest, known), ("column", now.T, rest.T, known.T)):
         both = (there[:, None] & there[None]).astype(float)  # (lines, lines, cells of a line)
         n = np.maximum(both.sum(2), 1.0)

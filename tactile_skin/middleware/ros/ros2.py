@@ -43,10 +43,13 @@ class Ros2:
         self._nodes: list[Ros2Node] = []
         self.failed = False
         self._ended: Callable = lambda: None
+        self._simulated: Ros2Node | None = None  # whose clock is that of all
         self._thread = threading.Thread(target=self._spin, name="rclpy", daemon=True)
 
     def node(self, name: str, namespace: str, parameters: list[bus.Parameter]) -> Ros2Node:
-        made = Ros2Node(name, namespace, parameters)
+        made = Ros2Node(name, namespace, parameters, self._simulated)
+        if self._simulated is None and made.simulated:
+            self._simulated = made
         self._executor.add_node(made.node)
         self._nodes.append(made)
         return made
@@ -84,15 +87,27 @@ class Ros2:
 
 
 class Ros2Node:
-    """Topics, services and parameters of one node by rclpy."""
+    """Topics, services and parameters of one node by rclpy.
 
-    def __init__(self, name: str, namespace: str, parameters: list[bus.Parameter]):
+    Args:
+        simulated: another node of the process that hears /clock: once is enough.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        namespace: str,
+        parameters: list[bus.Parameter],
+        simulated: Ros2Node | None = None,
+    ):
         import rclpy
         from rclpy.parameter import Parameter
 
+        if simulated:
+            parameters = [p for p in parameters if p.name != "use_sim_time"]
         given = [Parameter(p.name, value=p.value) for p in parameters]
         self.node = rclpy.create_node(name, namespace=namespace, parameter_overrides=given)
-        self._clock = self.node.get_clock()
+        self._clock = (simulated or self).node.get_clock()
         self._publishers = []
         self._kinds: dict[str, type] = {}  # topic -> what this node takes it to be
         self._told: set[tuple[str, str]] = set()

@@ -288,7 +288,8 @@ PyMODINIT_FUNC PyInit__kernel(void)
 {
     PyObject *module = PyModule_Create(&definition);
 
-    if (module && PyModule_AddIntConstant(module, "LINES", LINES) < 0)
+    if (module && (PyModule_AddIntConstant(module, "LINES", LINES) < 0 ||
+                   PyModule_AddIntConstant(module, "SOURCES", SOURCES) < 0))
         Py_CLEAR(module);
     return module;
 }

@@ -1,0 +1,103 @@
+"""Where one frame is in another: the tree of transforms that a robot publishes."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+_OLDEST = 0.5  # s that a transform may be older than what it is used for: an arm moves on
+
+
+class Pose(NamedTuple):
+    """Of a frame in another: p -> rotation @ p + translation."""
+
+    rotation: np.ndarray  # (3, 3)
+    translation: np.ndarray  # (3,) [m]
+
+    def after(self, other: Pose) -> Pose:
+        """`other` first, then this one."""
+        return Pose(
+            self.rotation @ other.rotation, self.rotation @ other.translation + self.translation
+        )
+
+    def inverse(self) -> Pose:
+        return Pose(self.rotation.T, -self.rotation.T @ self.translation)
+
+
+IDENTITY = Pose(np.eye(3), np.zeros(3))
+
+
+def pose_of(translation, quaternion) -> Pose:
+    """Of a translation [m] and a unit quaternion (x, y, z, w), as tf has them.
+
+    Raises:
+        ValueError: no unit quaternion, or not finite.
+    """
+    x, y, z, w = quaternion
+    if not abs(math.hypot(x, y, z, w) - 1.0) < 1e-3 or not np.isfinite(translation).all():
+        raise ValueError(f"transform: {translation}, {quaternion}: must be a unit quaternion")
+    rotation = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    return Pose(rotation, np.asarray(translation, float))
+
+
+def quaternion_of(rotation: np.ndarray) -> tuple[float, float, float, float]:
+    """(3, 3) rotation -> (x, y, z, w)."""
+    # the largest of the four is computed first: Shepperd, J. Guidance and Control 1, 1978
+    m, trace = rotation, np.trace(rotation)
+    k = int(np.argmax([m[0, 0], m[1, 1], m[2, 2], trace]))
+    if k == 3:
+        found = np.array([m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], 1 + trace])
+    else:
+        i, j = (k + 1) % 3, (k + 2) % 3
+        found = np.zeros(4)
+        found[k] = 1 + 2 * m[k, k] - trace
+        found[i], found[j] = m[k, i] + m[i, k], m[k, j] + m[j, k]
+        found[3] = m[j, i] - m[i, j]
+    return tuple((found / np.linalg.norm(found)).tolist())
+
+
+class Frames:
+    """Takes transforms in any order; the newest of a frame counts."""
+
+    def __init__(self):
+        self._parents: dict[str, tuple[str, Pose, float]] = {}  # child -> parent, pose, stamp [s]
+
+    def take(self, parent: str, child: str, pose: Pose, stamp: float = math.inf) -> None:
+        """The pose of `child` in `parent`; `stamp`: when it was so [s], always by default."""
+        self._parents[child.lstrip("/")] = parent.lstrip("/"), pose, stamp
+
+    def lookup(self, target: str, source: str, t: float) -> Pose:
+        """The pose of `source` in `target` at t [s].
+
+        Raises:
+            LookupError: they are not connected, or by a transform that is too old.
+        """
+        to_root = {}
+        for name in (target.lstrip("/"), source.lstrip("/")):
+            to_root[name] = dict(self._above(name, t))
+        ups, downs = to_root[source.lstrip("/")], to_root[target.lstrip("/")]
+        for common, pose in ups.items():
+            if common in downs:
+                return downs[common].inverse().after(pose)
+        raise LookupError(f"no transform from {source} to {target}")
+
+    def _above(self, name: str, t: float):
+        """Each frame above, itself first, with the frame's pose in it."""
+        pose, seen = IDENTITY, set()
+        while name not in seen:
+            yield name, pose
+            seen.add(name)
+            if name not in self._parents:
+                return
+            parent, step, stamp = self._parents[name]
+            if t - stamp > _OLDEST:
+                return
+            name, pose = parent, step.after(pose)

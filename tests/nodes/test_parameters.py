@@ -1,0 +1,132 @@
+"""Parameters that change while a node runs, and a clock that stands still."""
+
+import pytest
+
+from tactile_skin.middleware.bus import (
+    SET_PARAMETERS,
+    Context,
+    ManualClock,
+    Node,
+    Parameter,
+    SetParameters,
+    SingleThreadedExecutor,
+)
+from tactile_skin.msg import DiagnosticArray, Header, Twist, TwistStamped, Vector3
+from tactile_skin.nodes.cmd_vel_gate import CmdVelGate
+from tactile_skin.nodes.compensation import Compensation
+from tactile_skin.nodes.gesture_feature import GestureFeature
+from tactile_skin.nodes.stop_on_push import StopOnPush
+
+
+class Bench:
+    """One node, and what asks it to change."""
+
+    def __init__(self, kind, **values):
+        self.clock, self.executor = ManualClock(), SingleThreadedExecutor()
+        self.context = Context(self.clock)
+        given = [Parameter(*item) for item in values.items()]
+        self.handle = Node("n", context=self.context, parameter_overrides=given)
+        self.node = kind(self.handle)
+        self.executor.add_node(self.handle)
+        self.other = Node("other", context=self.context)
+        self._client = self.other.create_client(SetParameters, f"/n/{SET_PARAMETERS[2:]}")
+
+    def set(self, **values) -> str:
+        """Why not, or nothing."""
+        wanted = [Parameter(*item) for item in values.items()]
+        future = self._client.call_async(SetParameters.Request(wanted))
+        self.executor.spin_some()
+        answer = future.result(0)
+        assert answer.successful is not bool(answer.reason)
+        return answer.reason
+
+    def heard(self, kind, topic) -> list:
+        found = []
+        self.other.create_subscription(kind, topic, found.append, 100)
+        self.executor.add_node(self.other)
+        return found
+
+
+def test_limits_of_the_stop_change():
+    bench = Bench(StopOnPush)
+    assert bench.set(threshold=40.0, release=35.0, stale_after=0.3) == ""
+    config = bench.node.policy.config
+    assert (config.threshold, config.release, config.hold) == (40.0, 35.0, 0.3)
+    assert bench.node.policy.stale_after == 0.3
+    assert bench.handle.get_parameter("threshold").value == 40.0
+
+
+@pytest.mark.parametrize(
+    ("values", "reason"),
+    [
+        ({"threshold": 10.0}, "release = 20.0 N: must be at most threshold = 10.0 N"),
+        ({"threshold": 1e4}, "must be from 0.1 to 500.0"),
+        ({"threshold": "high"}, "must be of type float"),
+        ({"hold": 0.5, "peak": 100.0}, "no cell would ever reach it"),
+        ({"curve.resistance": [1.0]}, "curve.resistance of node n is read at the start only"),
+        ({"treshold": 20.0}, "treshold of node n is not declared"),
+    ],
+)
+def test_a_wrong_limit_is_refused_and_nothing_changes(values, reason):
+    bench = Bench(StopOnPush)
+    before = bench.node.policy.config
+    assert reason in bench.set(**values)
+    assert bench.node.policy.config == before
+    assert bench.handle.get_parameter("hold").value == before.hold
+
+
+def test_a_push_that_is_on_outlives_a_change():
+    bench = Bench(StopOnPush)
+    t = bench.clock.now().nanoseconds / 1e9
+    for k in range(5):
+        bench.node.policy.reading(t + 0.01 * k, 100.0, 1.0)
+    assert bench.node.policy.pushed
+    assert bench.set(threshold=400.0, release=300.0) == ""
+    assert bench.node.policy.pushed
+
+
+def test_the_method_changes():
+    bench = Bench(Compensation, method="map")
+    assert bench.set(method="auto") == ""
+    assert bench.node._method == "auto" and bench.node._hurries
+    assert "must be one of" in bench.set(method="magic")
+    assert bench.node._method == "auto" and bench.node._hurries
+
+
+def test_the_threshold_of_a_contact_changes():
+    bench = Bench(GestureFeature)
+    assert bench.set(cell_threshold=0.5) == ""
+    assert bench.node.cell_threshold == 0.5
+
+
+def test_a_clock_that_stands_still_stops():
+    """A free robot's readings would never become old."""
+    bench = Bench(StopOnPush)
+    said = bench.heard(DiagnosticArray, "skin/stop_status")
+    bench.clock.stands_still = True
+    bench.clock.advance(0.02)
+    bench.executor.spin_some()
+    assert "fault: clock: stands still" in said[-1].status[0].message
+    bench.clock.stands_still = False
+    bench.clock.advance(0.02)
+    bench.executor.spin_some()
+    assert "clock" not in said[-1].status[0].message
+
+
+@pytest.mark.parametrize("stamped", [False, True])
+def test_the_gate_closes_when_the_clock_stands_still(stamped):
+    """It does not rely on the stop for that; and its velocities have the type that is asked for."""
+    kind = TwistStamped if stamped else Twist
+    bench = Bench(CmdVelGate, stamped=stamped, frame_id="base")
+    heard = bench.heard(kind, "cmd_vel")
+    commands = bench.other.create_publisher(kind, "cmd_vel_in", 1)
+    twist = Twist(Vector3(x=0.2))
+    bench.clock.stands_still = True
+    commands.publish(TwistStamped(Header(), twist) if stamped else twist)
+    bench.executor.spin_some()
+    last = heard[-1]
+    assert (last.twist if stamped else last) == Twist()
+    if stamped:
+        assert last.header.frame_id == "base"
+        assert last.header.stamp == bench.clock.now().to_msg()
+    assert bench.handle.callback_errors == 0
