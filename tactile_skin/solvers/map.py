@@ -47,6 +47,7 @@ _HARD, _UNEVEN, _INDEPENDENT = 0.5, 0.25, 0.5
 # which two agree, standard deviations beyond which a reading is an outlier; the noise that boards
 # usually have [ADC steps], and for how many readings that counts.
 _MAX_FITS, _AGREE, _OUTLIER = 6, 1.15, 3.0
+_LOUD = 2.0  # times the usual noise: a fit that did not know of it is no start for another
 _USUAL_NOISE, _USUAL_COUNT = 0.6, 3.0
 
 
@@ -111,7 +112,7 @@ def _fit(
     fits: that may be made to measure the noise, where it was not given.
     level: whether the load may be one of the level prior.
     """
-    circuit, start_steps = reading.circuit, WARM_STEPS if warm else START_STEPS
+    circuit, begin, start_steps = reading.circuit, g, WARM_STEPS if warm else START_STEPS
     g, steps = iterate(reading, g, start_steps, _NEAR * reading.fitted_noise)
     g = fill(reading, g)
     if not reading.noise_given and fits == _MAX_FITS:
@@ -138,15 +139,18 @@ def _fit(
             break
     converged = step.solved and (settled or iterations == MAX_STEPS)
     if converged and not reading.late():
-        again = reading
+        again, g = reading, point.model.g
         if not reading.noise_given and fits:
             noise = _noise_left(reading, point, step)
             if not 1.0 / _AGREE < noise / reading.noise < _AGREE:
                 again = reading.with_noise(noise)
-        # The first guess lifts cells beside a hard touch, which the level prior lets go.
-        level = broad and is_broad(circuit, point.model.g < _NEAR_REST * low)
-        if again.noise != reading.noise or broad != level:
-            found = _fit(again, point.model.g, prior, warm, max(fits - 1, 0), level)
+            if broad or again.noise > _LOUD * _USUAL_NOISE:
+                g = begin
+        # The first guess lifts cells beside a hard touch, which the level prior lets go. Noise does
+        # the same to an even load, so it must be known.
+        left = reading.noise_given and broad and not is_broad(circuit, g < _NEAR_REST * low)
+        if left or again.noise != reading.noise:
+            found = _fit(again, g, prior, warm, max(fits - 1, 0), level and not left)
             return replace(found, iterations=found.iterations + steps + iterations)
     g, std_x, adc = point.model.g, _std_x(point, step.equations), point.model.adc
     if converged and not broad and step.equations is not None:

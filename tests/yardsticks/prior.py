@@ -26,10 +26,11 @@ from tactile_skin.physics.curve import GRAM
 from tactile_skin.solvers import prior
 
 CIRCUIT, CURVE = Circuit(), PressureCurve()
-LARGE = 0.7, 6.0  # cells, half of a side
+SIZES = {"small bodies": (0.7, 3.0), "large bodies": (0.7, 6.0)}  # cells, half of a side
 # What the prior's numbers were chosen on and its network has learnt from.
 TUNED = {
     "bodies": "other sizes, textures, counts",
+    "small bodies": "other sizes, textures, counts",
     "large bodies": "other sizes, textures, counts",
     "pictures": "nothing",
     "blobs": "yes, other seeds",
@@ -42,8 +43,9 @@ LAG = 0.004  # s by which the board's low-pass is behind
 
 def load(family: str, n: int, rng) -> np.ndarray:
     """(n, rows, cols) force [N]."""
-    if family == "large bodies":
-        force = np.clip(bodies(n, *CIRCUIT.shape, rng, half=LARGE), 0.0, scenes.MAX_LOAD) * GRAM
+    if family in SIZES:
+        drawn = bodies(n, *CIRCUIT.shape, rng, half=SIZES[family])
+        force = np.clip(drawn, 0.0, scenes.MAX_LOAD) * GRAM
     else:
         force = scenes.sample(family, n, *CIRCUIT.shape, rng)
     return np.minimum(force, CURVE.max_force)
