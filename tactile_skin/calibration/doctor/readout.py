@@ -61,7 +61,7 @@ def _misses(circuit: Circuit, at_rest: np.ndarray, noise: float, touches: np.nda
     """Median over the touches of the RMS misfit, in noise and model error; infinity: no rest."""
     full, noise = circuit.full_scale, max(noise, _LEAST_NOISE)
     try:
-        unread = np.argwhere(np.isnan(at_rest) & circuit.populated).tolist()
+        unread = list(zip(*np.nonzero(np.isnan(at_rest) & circuit.populated), strict=True))
         rest = resting_conductance(at_rest, circuit, noise, unread)
     except ValueError:
         return np.inf
