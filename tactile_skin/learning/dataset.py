@@ -89,8 +89,8 @@ def make_pairs(circuit, curve, n: int, network_kind: str, readout: str, seed, tr
     """
     if circuit.readout != "floating":
         raise ValueError(
-            f"the networks know the floating readout only, not {circuit.readout!r}: use the methods "
-            "map or auto, which need no training"
+            f"the networks know the floating readout only, not {circuit.readout!r}: use the "
+            "method auto or map, which need no training"
         )
     channels = 1 if network_kind == "paper" else network.PHYSICS_INPUTS
     inputs = np.empty((n, channels, *circuit.shape), np.float32)
