@@ -104,9 +104,12 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
     hardest = float(knots.force(fit.slope, added[used].max()))
     message = [_summary(weights, used, error, hardest), *_words(weights, used, off, objects, odd)]
     if doubts:
+        remedy = "find r_par and r_line by touches first"
+        if circuit.readout != "floating":
+            remedy = f"check r_ref = {circuit.r_ref:g} ohm and r_par = {circuit.r_par:g} ohm"
         message.append(
-            f"the circuit does not explain {doubts} of {len(frames)} frames: find r_par and r_line "
-            "by touches first, and check the wiring"
+            f"the circuit does not explain {doubts} of {len(frames)} frames: {remedy}, and check "
+            "the wiring"
         )
     indices = tuple(np.flatnonzero(~used).tolist())
     return FittedCurve(curve, error, off, indices, "; ".join(message))

@@ -18,6 +18,7 @@ from ..physics.curve import GRAM, PressureCurve
 from ..solvers import compensate
 from .creep import measure_creep
 from .curve_fit import fit_curve
+from .doctor import other_readout
 from .evidence import stands_anew
 from .identify import Identified, identify
 from .rest import Rest, measure_rest, supposing
@@ -30,6 +31,7 @@ _TRIES = 5  # to measure the rest
 _FEW = 20  # frames that a rest takes at least, at any rate
 TOUCHES = 30  # that are asked for at most
 _EVERY = 5  # touches after which the circuit is looked for
+_HARDEST = 12  # of them that the readout is judged by
 OBJECTS, LEAST_OBJECTS = 10, 3  # that are asked for; with fewer there is no curve
 ENOUGH = 0.05  # error of a total, left out in turn, at which the objects suffice
 _USELESS = 0.5  # the same, from which on the shipped curve is as good
@@ -63,6 +65,18 @@ class Guide:
     @property
     def circuit(self):
         return self.found.circuit if self.found else self._supposed
+
+    @property
+    def not_looked_for(self) -> str:
+        """What `identify` cannot find on this board; empty: nothing."""
+        circuit = self._supposed
+        if circuit.readout == "floating":
+            return ""
+        return (
+            f"Touches tell r_par and r_line on floating matrices only, not on {circuit.readout} "
+            f"ones: r_par = {circuit.r_par:g} ohm is taken as configured (docs/boards.md says "
+            "what it is on your board), r_line as 0."
+        )
 
     def run(self) -> None:
         self.measure_rest()
@@ -122,10 +136,7 @@ class Guide:
 
     def identify(self) -> None:
         if self._supposed.readout != "floating":
-            self._say(
-                "2 of 3 is left out: r_par and r_line, which are found on floating matrices only, "
-                "stay as they are configured."
-            )
+            self._say(f"2 of 3 is left out. {self.not_looked_for}")
             return
         self._say(
             "2 of 3. Press here and there, near the edges too: hard, with a knuckle, a palm, both "
@@ -145,16 +156,32 @@ class Guide:
                 self._say(f"  touch {len(touches)}")
                 continue
             self.found = identify(touches, self._supposed, self.rest)
+            if not any(self.found.told.values()):
+                self._check_readout(touches)
             self._say(f"  touch {len(touches)}: {self.found.message}")
             if len(touches) >= 2 * _EVERY and all(self.found.told.values()):
                 break
         if len(touches) % _EVERY:
             self.found = identify(touches, self._supposed, self.rest)
             self._say(f"  {self.found.message}")
+        self._check_readout(touches)
         if not touches:
             self._say("  no touch was felt: r_par and r_line stay as they are configured.")
         elif not all(self.found.told.values()):
             self._say("  What the touches do not tell stays as it is configured.")
+
+    def _check_readout(self, touches: list[np.ndarray]) -> None:
+        """ValueError: they are those of another readout than the configured one.
+
+        A driven matrix whose r_par is wrong may look like another readout: there it is only said.
+        """
+        hardest = sorted(touches, key=lambda touch: -np.nanmax(touch))[:_HARDEST]
+        at_rest = self.rest.quiet(self.rest.adc[None])[0]
+        found = other_readout(self._supposed, at_rest, self.rest.noise, np.array(hardest))
+        if found and self._supposed.readout == "floating":
+            raise ValueError(str(found))
+        if found:
+            self._say(f"  {found} Or r_ref or r_par is wrong.")
 
     def _new_touch(self, touches: list[np.ndarray]) -> np.ndarray | None:
         """The mean frame of a touch that stands and was not there before; None: there is none."""
@@ -203,6 +230,8 @@ class Guide:
             weights.append(weight)
             if len(weights) < LEAST_OBJECTS:
                 continue
+            if len(weights) == LEAST_OBJECTS:
+                self._check_readout(frames)
             self._fit(frames, weights)
             if self.fitted and len(weights) >= 6 and self.fitted.error < ENOUGH:
                 self._say("  That is enough. Enter alone ends; more objects make it better.")

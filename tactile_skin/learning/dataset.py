@@ -88,7 +88,10 @@ def make_pairs(circuit, curve, n: int, network_kind: str, readout: str, seed, tr
         ValueError: the circuit's readout is not the floating one.
     """
     if circuit.readout != "floating":
-        raise ValueError(f"the networks know the floating readout only, not {circuit.readout!r}")
+        raise ValueError(
+            f"the networks know the floating readout only, not {circuit.readout!r}: use the "
+            "method auto or map, which need no training"
+        )
     channels = 1 if network_kind == "paper" else network.PHYSICS_INPUTS
     inputs = np.empty((n, channels, *circuit.shape), np.float32)
     force = np.empty((n, *circuit.shape), np.float32)

@@ -151,8 +151,8 @@ class Weights:
         made, here = self.meta["circuit"], circuit.describe()
         if circuit.readout != "floating":
             raise ValueError(
-                f"the networks know the floating readout only, not {circuit.readout!r}: use map or "
-                "auto"
+                f"the networks know the floating readout only, not {circuit.readout!r}: use "
+                "the method auto or map"
             )
         differs = [
             f"{key} = {made[key]} (yours: {here[key]})"

@@ -5,6 +5,7 @@
     speed      floating, in times y, to compare two versions: run them in turn
     wrong      how often a frame of one readout is suspect to another, after a tare by that
     named      streams of a minute, with the readout that `diagnose` names
+    calibrate  what `calibrate` has: a rest, then five touches; r_par is up to 20 % off
 
 Paper's circuit, default curve. Streams through all nodes: `tactile-skin bench faults --shapes
 8x8-loaded-rows`.
@@ -21,6 +22,7 @@ from tactile_skin import Circuit, PressureCurve, compensate, diagnose, forward
 from tactile_skin.bench.damage import streams as touches
 from tactile_skin.bench.damage.board import KNOTS, FaultBoard
 from tactile_skin.bench.measure import Clock, frames
+from tactile_skin.calibration.doctor import other_readout
 from tactile_skin.calibration.rest import resting_conductance
 from tactile_skin.learning import scenes
 from tactile_skin.physics import readouts
@@ -167,6 +169,33 @@ def named(n: int, seed: int, shape=(8, 8)) -> None:
         print(f"{' '.join(true):16}  " + "  ".join(f"{word:8}" for word in line), flush=True)
 
 
+def calibrate(n: int, seed: int, shape=(8, 8)) -> None:
+    """Boards whose readout is named rightly by five touches, and those named wrongly."""
+    print("is \\ taken for: named rightly, named wrongly")
+    for true in KINDS:
+        line = []
+        for supposed in KINDS:
+            right = wrongly = 0
+            for k in range(n):
+                rng = np.random.default_rng([seed, k])
+                base = Circuit(*shape, r_par=CIRCUIT.r_par * rng.uniform(0.8, 1.2))
+                board = FaultBoard(circuit_of(true, base), CURVE, rng)
+                force = scenes.sample("bodies", 5, *shape, rng)
+                at_rest = np.zeros((20, *shape))
+                steps = board.ratio(np.concatenate([at_rest, force])) * CIRCUIT.full_scale
+                steps += SCAN_NOISE * rng.standard_normal(steps.shape)
+                ratio = np.clip(np.rint(4.0 * steps) / 4.0, 0.0, 1023.0) / CIRCUIT.full_scale
+                taken, rest = circuit_of(supposed, Circuit(*shape)), ratio[:20].mean(0)
+                found = other_readout(taken, rest, SCAN_NOISE, ratio[20:])
+                words = f"readout: {true[0]}", f"driven: {true[1]}"
+                words = words[: 1 if true[0] == "floating" else 2]
+                good = bool(found) and all(word in found.remedy for word in words)
+                right += good
+                wrongly += bool(found) and not good
+            line.append(f"{right}, {wrongly}")
+        print(f"{' '.join(true):16}  " + "  ".join(f"{word:8}" for word in line), flush=True)
+
+
 def main():
 
     raw = argparse.RawTextHelpFormatter
@@ -184,6 +213,7 @@ _WHAT = {
     "speed": lambda args: speed(args.n, args.seed),
     "wrong": lambda args: wrong(args.n, args.seed),
     "named": lambda args: named(args.n, args.seed),
+    "calibrate": lambda args: calibrate(args.n, args.seed),
 }
 
 if __name__ == "__main__":

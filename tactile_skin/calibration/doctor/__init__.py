@@ -61,8 +61,10 @@ def diagnose(
     seen = record(frames, circuit, rest)
     if finding := _silent(seen):
         return [finding]
-    if fitting := readout.other(seen, _touches(seen, _READ[0 if series else 1])):
-        return [texts.readout(circuit, fitting)]
+    at_rest = np.where(seen.read, seen.base / circuit.full_scale, np.nan)
+    touches = np.where(seen.read, _touches(seen, _READ[0 if series else 1]), np.nan)
+    if finding := other_readout(circuit, at_rest, seen.usual_noise, touches):
+        return [finding]
     if bits := readings.stuck_bits(seen):
         return [texts.bit(*bit) for bit in bits]
     if votes := order.transposed(seen):
@@ -102,6 +104,18 @@ def diagnose(
     if series and not (pairs or wires.cut or top or wires.cells.max() > REST_SPAN):
         found += _series(seen, unusable, wires, cell)
     return found
+
+
+def other_readout(circuit: Circuit, at_rest, noise: float, touches) -> Finding | None:
+    """The finding that touches are those of another readout than the circuit's; None: they are not.
+
+    Args:
+        at_rest: (rows, cols) ADC ratio of the untouched skin, NaN: not read.
+        noise: of a reading [ADC steps].
+        touches: (n, rows, cols) ADC ratio, some of them hard; NaN: not read.
+    """
+    fitting = readout.other(circuit, at_rest, noise, touches)
+    return texts.readout(circuit, fitting) if fitting else None
 
 
 def _cells(damages: list[wiring.Damage]) -> set[tuple[int, int]]:

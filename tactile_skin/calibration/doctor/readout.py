@@ -12,12 +12,12 @@ from ...physics.curve import PressureCurve
 from ...physics.readouts import DRIVEN, READOUTS
 from ...solvers import compensate
 from ..rest import REST_SPAN, resting_conductance
-from .recorded import Recorded
 
 _EXPLAINED = 2.0  # times noise and model error up to which the configured readout may miss touches
 _BETTER, _FITS = 0.5, 4.0  # times what the configured one misses, and times the noise, of another
 _MODEL = 0.003  # of a reading, that real skins are off the circuit's model (solvers/suspect.py)
 _TIME = 0.1  # s for a touch that no cells explain
+_LEAST_NOISE = 0.3  # ADC steps: of rounding
 
 
 class Fitting(NamedTuple):
@@ -33,30 +33,36 @@ class Fitting(NamedTuple):
     supposed: float
 
 
-def other(seen: Recorded, touches: np.ndarray) -> Fitting | None:
-    """None: the configured readout explains (n, rows, cols) touches, or no other does."""
+def other(supposed: Circuit, rest: np.ndarray, noise: float, touches: np.ndarray) -> Fitting | None:
+    """None: the supposed readout explains the touches, or no other does.
+
+    Args:
+        rest: (rows, cols) ADC ratio of the untouched skin, NaN: not read.
+        noise: of a reading [ADC steps].
+        touches: (n, rows, cols) ADC ratio of hard ones, NaN: not read.
+    """
     if not len(touches):
         return None
-    own = _misses(seen, touches, seen.circuit)
+    own = _misses(supposed, rest, noise, touches)
     if own <= _EXPLAINED:
         return None
     found = []
     for readout in READOUTS:
         for driven in DRIVEN[:1] if readout == "floating" else DRIVEN:
-            circuit = replace(seen.circuit, readout=readout, driven=driven, r_line=0.0)
-            same = readout == "floating" == seen.circuit.readout
-            if not (same or circuit == seen.circuit):
-                found.append((_misses(seen, touches, circuit), circuit))
+            circuit = replace(supposed, readout=readout, driven=driven, r_line=0.0)
+            same = readout == "floating" == supposed.readout
+            if not (same or circuit == supposed):
+                found.append((_misses(circuit, rest, noise, touches), circuit))
     left, circuit = min(found, key=lambda pair: pair[0])
     return Fitting(circuit, left, own) if left < min(_BETTER * own, _FITS) else None
 
 
-def _misses(seen: Recorded, touches: np.ndarray, circuit: Circuit) -> float:
+def _misses(circuit: Circuit, at_rest: np.ndarray, noise: float, touches: np.ndarray) -> float:
     """Median over the touches of the RMS misfit, in noise and model error; infinity: no rest."""
-    full, noise = circuit.full_scale, max(seen.usual_noise, 0.3)
-    base = np.where(seen.read, seen.base / full, np.nan)
+    full, noise = circuit.full_scale, max(noise, _LEAST_NOISE)
     try:
-        rest = resting_conductance(base, circuit, noise)
+        unread = list(zip(*np.nonzero(np.isnan(at_rest) & circuit.populated), strict=True))
+        rest = resting_conductance(at_rest, circuit, noise, unread)
     except ValueError:
         return np.inf
     usual = 1.0 / np.median(rest[circuit.populated])
@@ -68,8 +74,9 @@ def _misses(seen: Recorded, touches: np.ndarray, circuit: Circuit) -> float:
         return np.inf
     left = []
     for touch in touches:
-        adc = np.where(seen.read, touch, np.nan)
-        found = compensate(adc, circuit, curve, "map", noise=noise, missing=True, time_limit=_TIME)
-        scale = np.hypot(noise, _MODEL * full * np.sqrt(np.square(touch[seen.read]).mean()))
+        found = compensate(
+            touch, circuit, curve, "map", noise=noise, missing=True, time_limit=_TIME
+        )
+        scale = np.hypot(noise, _MODEL * full * np.sqrt(np.nanmean(np.square(touch))))
         left.append(np.inf if found.status == "failed" else found.residual / scale)
     return float(np.median(left))

@@ -1,0 +1,86 @@
+"""`calibrate` of boards that are not read as floating matrices, from recorded text lines."""
+
+import numpy as np
+import pytest
+from yardsticks.curve_fit import objects
+from yardsticks.identify import bodies
+
+from tactile_skin import Circuit, PressureCurve, cli, compensate
+from tactile_skin.bench.damage.board import FaultBoard
+from tactile_skin.calibration.rest import measure_rest
+from tactile_skin.launch import read_skin
+from tactile_skin.physics.curve import GRAM
+
+SHAPE, FULL = (8, 8), 1023.0
+
+
+class Drawer:
+    """A board, and a folder with what was recorded of it: rest, touches, objects.
+
+    Attributes:
+        words: of the command line.
+    """
+
+    def __init__(self, folder, readout: str, seed: int):
+        self.folder, self.rng = folder, np.random.default_rng(seed)
+        circuit = Circuit(*SHAPE, r_ref=10e3, r_par=25.0, readout=readout, driven="columns")
+        force, resistance = np.array(PressureCurve().points).T
+        self.board = FaultBoard(circuit, PressureCurve(force, 1.3 * resistance), self.rng)
+        self.words = ["rate:=12", self.save("rest", [np.zeros(SHAPE)] * 60)]
+        pressed = [[f * 0.0] * 12 + [f] * 12 for f in bodies(10, SHAPE, self.rng)]
+        self.words.append(self.save("touches", np.concatenate(pressed)))
+        for force, weight in zip(*objects(6, SHAPE, self.rng), strict=True):
+            self.words.append(self.save(f"{weight / GRAM:.0f}g", [force] * 20))
+
+    def read(self, force) -> np.ndarray:
+        """(n, rows, cols) ADC steps under forces (n, rows, cols) [N]."""
+        steps = self.board.ratio(np.array(force)) * FULL
+        steps += 0.5 * self.rng.standard_normal(steps.shape)
+        return np.clip(np.rint(steps), 0.0, FULL)
+
+    def save(self, name: str, force) -> str:
+        path = self.folder / f"{name}.csv"
+        np.savetxt(path, self.read(force).reshape(len(force), -1), "%d", ",")
+        return f"{name}:={path}"
+
+    def calibrate(self, readout: str, words) -> int:
+        config = self.folder / "mine.yaml"
+        config.write_text(
+            "/**: {ros__parameters: {circuit: {rows: 8, cols: 8, r_ref: 10000.0, r_par: 25.0, "
+            f"readout: {readout}, driven: columns}}}}}}\n"
+        )
+        out = str(self.folder / "out.yaml")
+        return cli.main(["calibrate", "--config", str(config), "--out", out, *words])
+
+
+@pytest.fixture(scope="module", params=["loaded", "grounded"])
+def drawer(request, tmp_path_factory):
+    return Drawer(tmp_path_factory.mktemp(request.param), request.param, seed=41)
+
+
+def test_the_file_gives_newtons(drawer, capsys):
+    """New objects within 10 % in the median, and the file says what was not looked for."""
+    readout = drawer.board.circuit.readout
+    assert drawer.calibrate(readout, drawer.words) == 0
+    assert "2 of 3 is left out. Touches tell r_par" in capsys.readouterr().out
+    out = drawer.folder / "out.yaml"
+    assert "# Touches tell r_par and r_line on floating matrices only" in out.read_text()
+    skin = read_skin(out)
+    assert (skin.circuit.readout, skin.circuit.r_par) == (readout, 25.0)
+    rest = measure_rest(drawer.read([np.zeros(SHAPE)] * 60) / FULL, skin.circuit)
+    curve = skin.curve.resting_at(1.0 / rest.conductance)
+    off = []
+    for force, weight in zip(*objects(12, SHAPE, drawer.rng), strict=True):
+        frame = drawer.read([force] * 4).mean(0) / FULL
+        off.append(compensate(frame, skin.circuit, curve, "map").force.sum() / weight - 1.0)
+    assert np.median(np.abs(off)) < 0.1
+
+
+@pytest.mark.parametrize("touched", [True, False], ids=["touches", "objects"])
+def test_a_wrong_readout_is_named_before_the_weights_are_used(drawer, capsys, touched):
+    """By five touches; without any, by the first three objects."""
+    words = [w for w in drawer.words if touched or not w.startswith("touches")]
+    assert drawer.calibrate("floating", words) == 2
+    said = capsys.readouterr()
+    assert f"Set circuit.readout: {drawer.board.circuit.readout}" in said.err
+    assert "felt:" not in said.out and len(said.err.splitlines()) == 1
