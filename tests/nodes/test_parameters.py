@@ -11,7 +11,16 @@ from tactile_skin.middleware.bus import (
     SetParameters,
     SingleThreadedExecutor,
 )
-from tactile_skin.msg import DiagnosticArray, Header, Twist, TwistStamped, Vector3
+from tactile_skin.msg import (
+    Bool,
+    DiagnosticArray,
+    Header,
+    PointCloud2,
+    Twist,
+    TwistStamped,
+    Vector3,
+    cloud,
+)
 from tactile_skin.nodes.cmd_vel_gate import CmdVelGate
 from tactile_skin.nodes.compensation import Compensation
 from tactile_skin.nodes.gesture_feature import GestureFeature
@@ -111,6 +120,30 @@ def test_a_clock_that_stands_still_stops():
     bench.clock.advance(0.02)
     bench.executor.spin_some()
     assert "clock" not in said[-1].status[0].message
+
+
+def test_it_stops_though_readings_come():
+    """As often as a board sends them; their stamps stand still, and so a push would be none."""
+    bench = Bench(StopOnPush)
+    clock = ManualClock(500.0)  # of ROS; timers run on the bus's own
+    bench.handle.get_clock = lambda: clock
+    stop = bench.heard(Bool, "skin/stop")
+    contacts = bench.other.create_publisher(PointCloud2, "skin/contacts", 10)
+
+    def read(force: float, count: int = 30) -> bool:
+        for _ in range(count):
+            bench.clock.advance(0.01)
+            clock.advance(0.0 if clock.stands_still else 0.01)
+            header = Header(clock.now().to_msg())
+            contacts.publish(cloud({"force": [force], "peak": [1.0]}, header))
+            bench.executor.spin_some()
+        return stop[-1].data
+
+    assert not read(0.0)
+    clock.stands_still = True
+    assert read(0.0, 1) and read(200.0)
+    clock.stands_still = False
+    assert not read(0.0)
 
 
 @pytest.mark.parametrize("stamped", [False, True])
