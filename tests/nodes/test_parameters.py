@@ -94,6 +94,18 @@ def test_a_push_that_is_on_outlives_a_change():
     assert bench.node.policy.pushed
 
 
+def test_a_slow_board_is_no_news_when_its_limit_is_to_be_measured():
+    bench = Bench(StopOnPush, stale_after=1.0)
+    t, policy = bench.clock.now().nanoseconds / 1e9, bench.node.policy
+    said = []
+    for k in range(20):
+        if k == 10:
+            assert bench.set(stale_after=0.0) == ""
+        said.append(policy.reading(t + 0.15 * k, 0.0).stop)
+    assert said == [True] * 3 + [False] * 17
+    assert policy.stale_after == pytest.approx(0.375)
+
+
 def test_the_method_changes():
     bench = Bench(Compensation, method="map")
     assert bench.set(method="auto") == ""

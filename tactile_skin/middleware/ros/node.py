@@ -140,9 +140,7 @@ class RosNode(bus.Node):
     def _hear(self, subscription):
         """The subscription, of what arrives on ROS."""
         msg_type, topic = subscription.msg_type, subscription.topic_name
-        if not self._connected or (
-            topic not in self._shared and self.context.publishes(topic)
-        ):
+        if not self._connected or (topic not in self._shared and self.context.publishes(topic)):
             return subscription
 
         def arrived(message) -> None:  # in ROS's thread: queue it, nothing else
