@@ -1,4 +1,4 @@
-"""Frames as tf has them, against rotations worked out by SciPy; and messages as on a robot's /tf."""
+"""Frames as tf has them, against rotations worked out by SciPy; and messages as on a robot."""
 
 import math
 
