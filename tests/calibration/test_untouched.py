@@ -162,6 +162,24 @@ def test_a_light_cloth_is_a_warning_too(readout):
         assert "less at once" in found.message and not found.fault
 
 
+@pytest.mark.parametrize("rate", [20, 100, 390])
+def test_looks_take_no_more_time_on_a_fast_board(rate, monkeypatch):
+    """Each may ask for the exact inverse."""
+    skin, looks = Skin((8, 8)), []
+    monkeypatch.setattr(Untouched, "_look", lambda self, t, *_: looks.append(t))
+    for k in range(10 * rate):
+        skin.untouched.frame(k / rate, skin.rest, False, skin.known, NOISE)
+    assert len(looks) == {20: 10, 100: 50, 390: 54}[rate]
+
+
+def test_a_clock_that_is_set_back_does_not_end_the_looks():
+    skin = Skin((8, 8))
+    skin.t = 5000.0
+    skin.run(skin.rest, 0.1)
+    skin.t = 1000.0
+    assert skin.run(0.9 * skin.rest).fault
+
+
 def test_crossings_without_a_current_are_left_out():
     """A board whose other rows are grounded reads 0 where a cell conducts next to nothing."""
     skin = Skin((8, 8), readout="grounded")

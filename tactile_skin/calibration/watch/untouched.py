@@ -14,7 +14,9 @@ from ...physics import readouts
 from ...physics.circuit import Circuit
 from ..rest import resting_conductance
 
-_FRAMES = 20  # whose mean is looked at: 0.2 s at 100 a second
+# Frames whose mean is looked at, at least, and time that they take [s]: a board's low-pass leaves
+# alike what follows within less, and a look may take as long as some frames.
+_FRAMES, _TAKE = 20, 0.18
 # Log conductance by which all cells change at once, and besides for each second since rest was seen
 # last: what the tare follows of a drift. Time for which that adds up [s].
 _AT_ONCE, _A_SECOND, _UNSEEN = 0.004, 0.003, 5.0
@@ -61,6 +63,7 @@ class Untouched:
 
     def _begin(self) -> None:
         self._sum, self._count = np.zeros(self._circuit.shape), 0
+        self._since = np.inf  # s, the first of them
 
     def frame(self, t: float, adc: np.ndarray, touched: bool, rest: np.ndarray, noise: float):
         """Take a frame.
@@ -72,13 +75,15 @@ class Untouched:
             rest: (rows, cols) ADC ratio at rest, as it was measured.
             noise: RMS of a reading, as ADC ratio.
         """
-        if touched:
+        if touched or t < self._since < np.inf:  # or the clock was set back
             self._begin()
+        if touched:
             return
+        self._since = min(self._since, t)
         self._sum, self._count = self._sum + adc, self._count + 1
-        if self._count < _FRAMES:
+        if self._count < _FRAMES or t - self._since < _TAKE:
             return
-        now = self._sum / _FRAMES
+        now = self._sum / self._count
         self._begin()
         known = self._circuit.populated & (now > 0.0) & (now < 1.0) & (rest > 0.0) & (rest < 1.0)
         if self._rest is not None:
