@@ -22,7 +22,7 @@ ROSDEP = {
     *("rclpy", "rcl_interfaces", "builtin_interfaces", "std_msgs", "std_srvs", "geometry_msgs"),
     *("sensor_msgs", "diagnostic_msgs", "ros2launch", "launch_yaml"),
     *("python3-dev", "python3-numpy", "python3-scipy", "python3-serial", "python3-yaml"),
-    *("python3-pytest", "python3-hypothesis"),
+    *("python3-pytest", "python3-hypothesis", "rviz2"),
 }
 
 

@@ -79,6 +79,7 @@ class Tare:
         self._restless = 0  # measurements in a row whose parts differed
         self._begin(-np.inf)
         self._quiet = self._followed = -np.inf  # s, when a touch was last, and a drift followed
+        self._drifted: tuple[float, np.ndarray] | None = None  # s, and what was read then
 
     def suppose(self, circuit: Circuit) -> None:
         """The same readings at rest, of another circuit.
@@ -115,11 +116,12 @@ class Tare:
         """
         if t < self._last:
             self._learned = -np.inf  # how long ago cannot be told, nor whether a pause is over
-            self._quiet = self._followed = t
+            self._quiet, self._followed, self._drifted = t, t, None
             self._begin(t + _RECOVERY)
         elif self.measured and force.max() > _TOUCH:
             self._begin(t + _RECOVERY)
-            self._quiet = t
+        if force.max() > MAX_TARED_FORCE:
+            self._quiet, self._drifted = t, None
         self._last = t
         followed = self.measured and self._follow(t, adc)
         if t < self._after:
@@ -172,10 +174,18 @@ class Tare:
 
         A measurement needs a longer pause between two touches than a hand at work leaves, and the
         fabric goes on warming up. It does so slowly; a supply or a reference that fails does not.
+        A frame counts once no touch follows it: the onset of one raises all readings of a floating
+        matrix a little, always upwards.
         """
-        if not t - max(self._quiet, self._followed) >= _DRIFT_FOLLOWED[0]:
+        if self._drifted is None:
+            if t - max(self._quiet, self._followed) >= _DRIFT_FOLLOWED[0]:
+                self._drifted = t, adc
             return False
-        elapsed, self._followed = min(t - self._followed, _DRIFT_UNSEEN), t
+        read, adc = self._drifted
+        if t - read < _QUIET_AFTER:
+            return False
+        self._drifted = None
+        elapsed, self._followed = min(read - self._followed, _DRIFT_UNSEEN), read
         known = self._circuit.populated & (adc > 0.0) & (adc < 1.0)
         before = rest_reading(self._circuit, self.curve)
         change = [_conducts(self._circuit, np.where(known, a, before)) for a in (adc, before)]

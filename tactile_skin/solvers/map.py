@@ -153,7 +153,10 @@ def _fit(
             found = _fit(again, g, prior, warm, max(fits - 1, 0), level and not left)
             return replace(found, iterations=found.iterations + steps + iterations)
     g, std_x, adc = point.model.g, _std_x(point, step.equations), point.model.adc
-    if converged and not broad and step.equations is not None:
+    # A grounded sense line's readings share the error of its sum, of which each cell's standard
+    # deviation tells the network nothing: it then trusts neighbours too much.
+    independent = circuit.readout != "grounded"
+    if converged and not broad and independent and step.equations is not None:
         found = prior_terms.with_neighbours(
             reading, point.model, point.gx, step.equations, std_x, prior
         )

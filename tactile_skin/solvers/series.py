@@ -208,8 +208,9 @@ def _with_r_par(reading: Reading, r_par: float) -> Reading:
     if curve.offset is not None:
         shift = (r_par - circuit.r_par) * rest_shift(circuit, curve)
         rest = np.where(circuit.populated, 1.0 / curve.rest_resistance + shift, 1.0)
-        lower = 0.1 / curve.rest_resistance  # the shift is a first order one
-        curve = curve.resting_at(1.0 / np.maximum(rest, lower))
+        # the shift is a first order one
+        ends = 0.1 / curve.rest_resistance, 0.9 / curve.points[-1][1]
+        curve = curve.resting_at(1.0 / np.clip(rest, *ends))
     return replace(reading, circuit=replace(circuit, r_par=r_par), curve=curve)
 
 

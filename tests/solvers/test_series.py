@@ -143,3 +143,14 @@ def test_the_network_evaluates_the_frame_again_with_the_r_par_that_it_shows():
         sound += compensate(read_by(CIRCUIT, truth, rng), CIRCUIT, CURVE, "physics").r_par is None
     assert np.mean(errors) < 0.6 * np.mean(alone)
     assert sound >= 78
+
+
+def test_a_cell_that_rests_near_the_curves_end_is_no_error():
+    """A short, say: with another r_par it would conduct more than any pressed cell."""
+    rest = np.full(CIRCUIT.shape, CURVE.rest_resistance)
+    rest[3, 4] = 1.02 * CURVE.points[-1][1]
+    curve = CURVE.resting_at(rest)
+    reading = check_reading(forward(CIRCUIT, curve.resistance(block())), CIRCUIT, curve)
+    for r_par in (0.5 * CIRCUIT.r_par, 1.5 * CIRCUIT.r_par):
+        supposed = series._with_r_par(reading, r_par).curve
+        assert (supposed.resistance(np.zeros(CIRCUIT.shape)) > CURVE.points[-1][1]).all()

@@ -203,7 +203,8 @@ def _touches(seen: Recorded, n: int | None = None) -> np.ndarray:
     for peak in picked:
         near = seen.steps[max(peak - _HELD, 0) : peak + _HELD + 1].astype(float)
         moved = np.abs(near[2:] - near[:-2]).sum((1, 2))
-        k = int((moved / np.abs(near[1:-1] - seen.base).sum((1, 2))).argmin())
+        load = np.abs(near[1:-1] - seen.base).sum((1, 2))
+        k = int((moved / np.maximum(load, 1.0)).argmin())  # a whole step at least
         found.append(near[k : k + 3].mean(0))
     return np.clip(
         np.array(found).reshape(-1, *seen.circuit.shape) / seen.circuit.full_scale, 0.0, 1.0
