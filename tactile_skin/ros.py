@@ -38,7 +38,7 @@ from .middleware.ros.arguments import RosArguments, split_arguments
 from .middleware.ros.node import MODULES, RosNode, ToRos, choose
 from .middleware.ros.ros1 import Ros1
 from .middleware.ros.ros2 import Ros2
-from .nodes import diagnostics
+from .nodes import diagnostics, frames
 
 _logger = logging.getLogger("tactile_skin")
 # The nodes of `skin`, in the way of the data, and whether they run unless a parameter says so.
@@ -105,7 +105,7 @@ class RosSkin(Program):
         super().build()
         for handle in self._handles:
             diagnostics.ensure_reported(handle)
-            handle.connect(diagnostics.TOPIC)
+            handle.connect(diagnostics.TOPIC, *frames.TOPICS)
         self._ros.start(self.shutdown)
         return self._handles
 

@@ -52,7 +52,9 @@ from tactile_skin.msg import (
     WrenchStamped,
     image,
 )
+from tactile_skin.nodes import frames
 from tactile_skin.nodes.stop_on_push import STATUS_TOPIC
+from tactile_skin.touch.frames import IDENTITY
 
 MESSAGES = [c for c in vars(msg).values() if dataclasses.is_dataclass(c) and hasattr(c, "TYPE")]
 IDLE, DEMO, PUSH = "idle", "demo", "push_left"
@@ -285,7 +287,7 @@ class StandIn:
                 "QoSOverridingOptions": types.SimpleNamespace(with_default_policies=lambda: None)
             },
             "rclpy.qos": {
-                "DurabilityPolicy": {"VOLATILE": 0},
+                "DurabilityPolicy": {"VOLATILE": 0, "TRANSIENT_LOCAL": 1},
                 "QoSProfile": lambda **_: None,
             },
         }
@@ -405,6 +407,23 @@ def test_a_service_that_hangs_answers_that_it_does(on_stand_in, stand_in, monkey
     stand_in.ask("/slow")
     assert len(asked) == 2
     assert theirs._thread.is_alive()
+
+
+def test_what_a_part_says_on_tf_does_not_hide_what_the_robot_says(stand_in):
+    """Else the gate knows no fixed joint of the robot, and stands while anybody pushes."""
+    theirs, context = ros2.Ros2("skin", "/", []), Context()
+    features, gate = (ros_node.RosNode(theirs, n, context=context) for n in ("features", "gate"))
+    frames.publish_static(features, "forearm", "skin", IDENTITY)
+    found = frames.hear(gate)
+    for node in (features, gate):
+        node.connect("skin/diagnostics", *frames.TOPICS)
+    header, at = msg.Header(frame_id="base"), msg.Vector3(1.0, 2.0, 3.0)
+    fixed = msg.TransformStamped(header, "forearm", msg.Transform(at, msg.Quaternion(w=1.0)))
+    stand_in.subscriptions["/tf_static"](frames.TFMessage([fixed]))
+    executor = bus.SingleThreadedExecutor()
+    executor.add_node(gate)
+    executor.spin_some()
+    assert found.lookup("base", "skin", 0.0).translation.tolist() == [1.0, 2.0, 3.0]
 
 
 def test_a_message_that_cannot_be_taken_is_logged_and_counted(on_stand_in, stand_in, caplog):

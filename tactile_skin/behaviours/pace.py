@@ -29,9 +29,14 @@ class Pace:
         """Args:
         stale_after: [s]; 0: measured.
         """
+        self.forget()
+        self.configure(stale_after)
+
+    def configure(self, stale_after: float) -> None:
+        """Go on with another limit, as of the start; what is known of the readings stays."""
         self.measured = stale_after == 0.0
         self.stale_after = stale_after or MIN_STALE_AFTER
-        self.forget()
+        self._follow()
 
     def forget(self) -> None:
         """The clock was set: nothing is known of the readings' distance; what is in force stays."""
@@ -46,6 +51,9 @@ class Pace:
     def gap(self, seconds: float) -> None:
         """A reading came, so long after the last one."""
         self._gaps.append(seconds)
+        self._follow()
+
+    def _follow(self) -> None:
         if not self.measured or (usual := self.interval) is None:
             return
         wanted = min(max(_INTERVALS * usual, MIN_STALE_AFTER), MAX_STALE_AFTER)

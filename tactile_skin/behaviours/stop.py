@@ -108,7 +108,7 @@ class StopPolicy:
     def configure(self, config: StopConfig) -> None:
         """Go on with other limits; a push that is on, a fault and what is latched stay."""
         if config.stale_after != self.config.stale_after:
-            self._pace = Pace(config.stale_after)
+            self._pace.configure(config.stale_after)
         self.config = config
 
     def reading(

@@ -9,6 +9,7 @@ from ..middleware.bus import DurabilityPolicy, QoSProfile, Time
 from ..msg import Header, Quaternion, Transform, TransformStamped, Vector3
 from ..touch.frames import Frames, Pose, pose_of, quaternion_of
 
+TOPICS = TF, TF_STATIC = "/tf", "/tf_static"  # of the whole robot
 _STATIC = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -22,18 +23,24 @@ class TFMessage:
 
 def hear(node) -> Frames:
     """The frames of /tf and /tf_static, as they arrive."""
-    frames = Frames()
+    frames, refused = Frames(), set()
 
     def take(message: TFMessage, static: bool) -> None:
         for stamped in message.transforms:
             t, q = stamped.transform.translation, stamped.transform.rotation
-            pose = pose_of((t.x, t.y, t.z), (q.x, q.y, q.z, q.w))
+            try:
+                pose = pose_of((t.x, t.y, t.z), (q.x, q.y, q.z, q.w))
+            except ValueError as error:  # of a joint that sends NaN, say: the others are right
+                if stamped.child_frame_id not in refused:
+                    refused.add(stamped.child_frame_id)
+                    node.get_logger().warning("%s: %s", stamped.child_frame_id, error)
+                continue
             stamp = Time.from_msg(stamped.header.stamp).nanoseconds / 1e9
             always = {} if static else {"stamp": stamp}
             frames.take(stamped.header.frame_id, stamped.child_frame_id, pose, **always)
 
-    node.create_subscription(TFMessage, "/tf", lambda m: take(m, False), 100)
-    node.create_subscription(TFMessage, "/tf_static", lambda m: take(m, True), _STATIC)
+    node.create_subscription(TFMessage, TF, lambda m: take(m, False), 100)
+    node.create_subscription(TFMessage, TF_STATIC, lambda m: take(m, True), _STATIC)
     return frames
 
 
@@ -42,5 +49,5 @@ def publish_static(node, parent: str, child: str, pose: Pose) -> None:
     x, y, z, w = quaternion_of(pose.rotation)
     transform = Transform(Vector3(*pose.translation.tolist()), Quaternion(x, y, z, w))
     header = Header(node.get_clock().now().to_msg(), parent)
-    publisher = node.create_publisher(TFMessage, "/tf_static", _STATIC)
+    publisher = node.create_publisher(TFMessage, TF_STATIC, _STATIC)
     publisher.publish(TFMessage([TransformStamped(header, child, transform)]))

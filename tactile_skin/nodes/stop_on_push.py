@@ -135,6 +135,7 @@ class StopOnPush:
         # a negative force must not hide behind the others' sum
         self._force = lowest if lowest < 0.0 else float(force.sum())
         stamp = Time.from_msg(msg.header.stamp).nanoseconds / 1e9
+        self._watch_clock()  # with readings that come often the timer is never due
         self._publish(self.policy.reading(self._now(), self._force, largest, stamp))
         self._heartbeat.reset()
 
@@ -158,9 +159,12 @@ class StopOnPush:
         return response
 
     def on_timer(self) -> None:
+        self._watch_clock()
+        self._publish(self.policy.decide(self._now()))
+
+    def _watch_clock(self) -> None:
         still = self.node.get_clock().stands_still
         self.policy.fault("clock", "stands still: no age of a reading is known" if still else "")
-        self._publish(self.policy.decide(self._now()))
 
     def on_second(self) -> None:
         """Report once a second and when the reason changes; a stop is no fault of this node."""

@@ -10,15 +10,16 @@ from tactile_skin.calibration.watch.untouched import Untouched
 
 FRAME = 0.01  # s
 NOISE = 0.5 / 1023  # RMS of a reading, as ADC ratio
+READOUTS = ["floating", "loaded", "grounded"]
 SHAPES = [(4, 4), (8, 8), (8, 16), (16, 16)]
 
 
 class Skin:
     """A skin at rest: what it reads, and what it read when its rest was measured."""
 
-    def __init__(self, shape, scatter=0.03, seed=3):
+    def __init__(self, shape, scatter=0.03, seed=3, **circuit):
         self.rng = np.random.default_rng(seed)
-        self.circuit = Circuit(*shape)
+        self.circuit = Circuit(*shape, **circuit)
         self.resistance = 40000.0 * np.exp(scatter * self.rng.standard_normal(shape))
         self.rest = forward(self.circuit, self.resistance)
         self.known = self.rest + 0.1 * NOISE * self.rng.standard_normal(shape)
@@ -88,6 +89,18 @@ def test_what_a_touch_leaves_behind_is_no_other_line():
             assert not skin.run(forward(skin.circuit, skin.resistance), 0.2).fault
 
 
+@pytest.mark.parametrize("scatter", [0.0, 0.003])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_line_that_something_lay_on_at_the_tare_is_no_other_line(shape, scatter):
+    """On even fabric it reads as all others, once that is gone."""
+    for seed in range(300, 320):
+        skin = Skin(shape, scatter, seed)
+        pressed = skin.resistance.copy()
+        pressed[:, 2] *= np.exp(-0.06 * np.abs(skin.rng.standard_normal(shape[0])))
+        skin.known = forward(skin.circuit, pressed)
+        assert not skin.run(skin.rest, 0.2).fault
+
+
 @pytest.mark.parametrize("share", [0.8, 1.2])
 def test_an_r_par_that_changes_at_once_is_a_warning(share):
     skin = Skin((16, 16))
@@ -100,9 +113,10 @@ def test_an_r_par_that_changes_at_once_is_a_warning(share):
     assert not skin.run(adc, 60.0).message, "by then it is followed"
 
 
+@pytest.mark.parametrize("readout", READOUTS)
 @pytest.mark.parametrize("shape", SHAPES)
-def test_a_supply_that_falls_stops(shape):
-    skin = Skin(shape)
+def test_a_supply_that_falls_stops(shape, readout):
+    skin = Skin(shape, readout=readout)
     for share in np.linspace(1.0, 0.9, 15):
         skin.run(share * skin.rest, 0.2)
     assert skin.untouched.fault
@@ -129,13 +143,52 @@ def test_a_palm_that_leaves_half_of_the_skin_warm_is_silent():
     assert not skin.run(forward(skin.circuit, skin.resistance), 2.0).message
 
 
+@pytest.mark.parametrize("readout", READOUTS)
 @pytest.mark.parametrize("shape", SHAPES)
-def test_a_cloth_that_is_taken_off_is_a_warning(shape):
+def test_a_cloth_that_is_taken_off_is_a_warning(shape, readout):
     """Its weight is never as even as what a supply does."""
-    skin = Skin(shape)
+    skin = Skin(shape, readout=readout)
     skin.resistance *= np.exp(0.4 * np.exp(0.3 * skin.rng.standard_normal(shape)))
     found = skin.run(forward(skin.circuit, skin.resistance))
     assert "less at once" in found.message and not found.fault
+
+
+@pytest.mark.parametrize("readout", READOUTS)
+def test_a_light_cloth_is_a_warning_too(readout):
+    for seed in range(300, 310):
+        skin = Skin((16, 16), seed=seed, readout=readout)
+        skin.resistance *= np.exp(0.1 * np.exp(0.3 * skin.rng.standard_normal((16, 16))))
+        found = skin.run(forward(skin.circuit, skin.resistance))
+        assert "less at once" in found.message and not found.fault
+
+
+@pytest.mark.parametrize("rate", [20, 100, 390])
+def test_looks_take_no_more_time_on_a_fast_board(rate, monkeypatch):
+    """Each may ask for the exact inverse."""
+    skin, looks = Skin((8, 8)), []
+    monkeypatch.setattr(Untouched, "_look", lambda self, t, *_: looks.append(t))
+    for k in range(10 * rate):
+        skin.untouched.frame(k / rate, skin.rest, False, skin.known, NOISE)
+    assert len(looks) == {20: 10, 100: 50, 390: 54}[rate]
+
+
+def test_a_clock_that_is_set_back_does_not_end_the_looks():
+    skin = Skin((8, 8))
+    skin.t = 5000.0
+    skin.run(skin.rest, 0.1)
+    skin.t = 1000.0
+    assert skin.run(0.9 * skin.rest).fault
+
+
+def test_crossings_without_a_current_are_left_out():
+    """A board whose other rows are grounded reads 0 where a cell conducts next to nothing."""
+    skin = Skin((8, 8), readout="grounded")
+    skin.rest[2, 3] = skin.known[2, 3] = 0.0
+    with np.errstate(all="raise"):
+        for _ in range(40):
+            skin.untouched.frame(skin.t, 0.98 * skin.rest, False, skin.known, NOISE)
+            skin.t += FRAME
+    assert "less at once" in skin.untouched.message
 
 
 def test_a_person_who_checked_the_skin_ends_it():

@@ -192,6 +192,16 @@ def test_the_newest_is_sent_and_all_of_diagnostics(skin, app):
     assert [array.status[0].name for array in said] == [f"node_{k}" for k in range(12)]
 
 
+def test_a_message_that_cannot_be_sent_hides_no_others(skin, app, caplog):
+    subscribed(skin, app, "/skin/stop", "/skin/contacts")
+    for _ in range(3):
+        skin.publish["/skin/contacts"](PointCloud2(width="wide"))
+        skin.publish["/skin/stop"](Bool(True))
+        skin.foxglove._send()
+        assert app.message()[0] == "/skin/stop"
+    assert caplog.text.count("/skin/contacts is not shown") == 1
+
+
 def test_the_thread_sends_by_itself(skin, app):
     app.subscribe("/skin/stop")
     ended = threading.Event()

@@ -11,7 +11,16 @@ from tactile_skin.middleware.bus import (
     SetParameters,
     SingleThreadedExecutor,
 )
-from tactile_skin.msg import DiagnosticArray, Header, Twist, TwistStamped, Vector3
+from tactile_skin.msg import (
+    Bool,
+    DiagnosticArray,
+    Header,
+    PointCloud2,
+    Twist,
+    TwistStamped,
+    Vector3,
+    cloud,
+)
 from tactile_skin.nodes.cmd_vel_gate import CmdVelGate
 from tactile_skin.nodes.compensation import Compensation
 from tactile_skin.nodes.gesture_feature import GestureFeature
@@ -85,6 +94,18 @@ def test_a_push_that_is_on_outlives_a_change():
     assert bench.node.policy.pushed
 
 
+def test_a_slow_board_is_no_news_when_its_limit_is_to_be_measured():
+    bench = Bench(StopOnPush, stale_after=1.0)
+    t, policy = bench.clock.now().nanoseconds / 1e9, bench.node.policy
+    said = []
+    for k in range(20):
+        if k == 10:
+            assert bench.set(stale_after=0.0) == ""
+        said.append(policy.reading(t + 0.15 * k, 0.0).stop)
+    assert said == [True] * 3 + [False] * 17
+    assert policy.stale_after == pytest.approx(0.375)
+
+
 def test_the_method_changes():
     bench = Bench(Compensation, method="map")
     assert bench.set(method="auto") == ""
@@ -111,6 +132,30 @@ def test_a_clock_that_stands_still_stops():
     bench.clock.advance(0.02)
     bench.executor.spin_some()
     assert "clock" not in said[-1].status[0].message
+
+
+def test_it_stops_though_readings_come():
+    """As often as a board sends them; their stamps stand still, and so a push would be none."""
+    bench = Bench(StopOnPush)
+    clock = ManualClock(500.0)  # of ROS; timers run on the bus's own
+    bench.handle.get_clock = lambda: clock
+    stop = bench.heard(Bool, "skin/stop")
+    contacts = bench.other.create_publisher(PointCloud2, "skin/contacts", 10)
+
+    def read(force: float, count: int = 30) -> bool:
+        for _ in range(count):
+            bench.clock.advance(0.01)
+            clock.advance(0.0 if clock.stands_still else 0.01)
+            header = Header(clock.now().to_msg())
+            contacts.publish(cloud({"force": [force], "peak": [1.0]}, header))
+            bench.executor.spin_some()
+        return stop[-1].data
+
+    assert not read(0.0)
+    clock.stands_still = True
+    assert read(0.0, 1) and read(200.0)
+    clock.stands_still = False
+    assert not read(0.0)
 
 
 @pytest.mark.parametrize("stamped", [False, True])

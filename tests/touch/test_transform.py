@@ -1,4 +1,4 @@
-"""Frames as tf has them, against rotations worked out by SciPy; and messages of a robot's /tf."""
+"""Frames as tf has them, against rotations worked out by SciPy; and messages as on a robot."""
 
 import math
 
@@ -14,8 +14,8 @@ from tactile_skin.nodes.touch import Touch
 from tactile_skin.touch.frames import Frames, Pose, pose_of, quaternion_of
 from tactile_skin.touch.geometry import rotation_of
 
-# As `ros2 topic echo /tf /tf_static` printed them on a small arm on wheels: frame, child,
-# translation [m], quaternion x y z w, stamp [s]; None: static.
+# Made by hand, of a small arm on wheels: frame, child, translation [m], quaternion x y z w,
+# stamp [s]; None: static.
 ROBOT = [
     ("base_link", "shoulder", (0.1, 0.0, 0.5), (0.0, 0.0, 0.70710678, 0.70710678), 100.0),
     ("shoulder", "forearm", (0.3, 0.0, 0.0), (0.0, 0.38268343, 0.0, 0.92387953), 100.0),
@@ -75,11 +75,14 @@ def test_a_circle_is_no_way():
 
 
 def messages():
+    """One robot_state_publisher's: the joint of its gripper sends what is no rotation."""
+    bad = TransformStamped(Header(Time(100), "forearm"), "gripper")
+    bad.transform.rotation = Quaternion(math.nan, 0.0, 0.0, math.nan)
     for parent, child, at, q, stamp in ROBOT:
         header = Header(Time(int(stamp or 0.0)), parent)
         transform = Transform(Vector3(*at), Quaternion(*q))
         static = stamp is None
-        yield static, tf.TFMessage([TransformStamped(header, child, transform)])
+        yield static, tf.TFMessage([bad, TransformStamped(header, child, transform)])
 
 
 @pytest.fixture

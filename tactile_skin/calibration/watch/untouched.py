@@ -10,10 +10,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...physics import readouts
 from ...physics.circuit import Circuit
 from ..rest import resting_conductance
 
-_FRAMES = 20  # whose mean is looked at: 0.2 s at 100 a second
+# Frames whose mean is looked at, at least, and time that they take [s]: a board's low-pass leaves
+# alike what follows within less, and a look may take as long as some frames.
+_FRAMES, _TAKE = 20, 0.18
 # Log conductance by which all cells change at once, and besides for each second since rest was seen
 # last: what the tare follows of a drift. Time for which that adds up [s].
 _AT_ONCE, _A_SECOND, _UNSEEN = 0.004, 0.003, 5.0
@@ -27,9 +30,10 @@ _KEPT = 60.0  # s: by then touches have told another r_par, and a drift has been
 _CELLS = 4  # of a line, at least, by which lines are compared
 # Sum of squares, in standard deviations of noise, by which it differs from its own line, without
 # this share of its cells: those that a touch has left behind. Standard deviations of chi^2 up to
-# which it is the other line.
+# which it is the other line, and up to which no third one may be: on even fabric lines are alike,
+# and one that something lay on at the tare reads as all others once that is gone.
 _OWN, _LEFT_BEHIND = 40.0, 0.25
-_OTHER = 4.0
+_OTHER, _ALIKE = 4.0, 10.0
 # ADC steps that a mean may be off at least: the rest is measured anew only from such a difference
 # on (tare.py); and where a reading has less noise than averages its rounding away.
 _LEAST, _ROUNDED, _DITHER = 0.1, 0.3, 0.4
@@ -59,6 +63,7 @@ class Untouched:
 
     def _begin(self) -> None:
         self._sum, self._count = np.zeros(self._circuit.shape), 0
+        self._since = np.inf  # s, the first of them
 
     def frame(self, t: float, adc: np.ndarray, touched: bool, rest: np.ndarray, noise: float):
         """Take a frame.
@@ -70,13 +75,15 @@ class Untouched:
             rest: (rows, cols) ADC ratio at rest, as it was measured.
             noise: RMS of a reading, as ADC ratio.
         """
-        if touched:
+        if touched or t < self._since < np.inf:  # or the clock was set back
             self._begin()
+        if touched:
             return
+        self._since = min(self._since, t)
         self._sum, self._count = self._sum + adc, self._count + 1
-        if self._count < _FRAMES:
+        if self._count < _FRAMES or t - self._since < _TAKE:
             return
-        now = self._sum / _FRAMES
+        now = self._sum / self._count
         self._begin()
         known = self._circuit.populated & (now > 0.0) & (now < 1.0) & (rest > 0.0) & (rest < 1.0)
         if self._rest is not None:
@@ -122,8 +129,9 @@ class Untouched:
         A cell that changes moves the readings of others, too: if those say so, the cells are found.
         """
         # r_ref / rho, but for r_par, is what conducts
-        change = np.log(now / (1.0 - now) * (1.0 - rest) / rest)[known]
-        spread = noise / np.median((rest * (1.0 - rest))[known])  # of one reading's change
+        a, b = now[known], rest[known]
+        change = np.log(a / (1.0 - a) * (1.0 - b) / b)
+        spread = noise / np.median(b * (1.0 - b))  # of one reading's change
         middle = float(np.median(change))
         # what is told already need not be found again, unless it grows into a fault
         news = not self.message or (middle < -_FALL and not self.fault)
@@ -134,8 +142,9 @@ class Untouched:
                 change = np.log(after[known] / before[known])
             except ValueError:  # no cells read so
                 pass
-            else:  # by Foster's theorem a cell's own share of its reading's change
-                spread *= change.size / (sum(self._circuit.shape) - 1)
+            else:  # by what a reading gains with its own cell
+                own = readouts.solve(self._circuit, before, derivatives=False).own
+                spread = noise / np.median((own * before)[known])
         low, middle, high = np.quantile(change, (_SHARE, 0.5, 1.0 - _SHARE))
         least = (low if middle > 0.0 else -high) + _QUARTILE * spread
         even = high - low < 2.0 * _QUARTILE * (_EVEN * abs(middle) + 1.5 * spread)
@@ -169,7 +178,8 @@ def _another_line(now: np.ndarray, rest: np.ndarray, noise: float, known: np.nda
         own = np.sort(square.diagonal(), axis=0)  # (cells, lines)
         own = own[: round((1.0 - _LEFT_BEHIND) * len(own))].sum(0)
         np.fill_diagonal(beyond, np.inf)
-        found = (beyond.min(1) < _OTHER) & (own > _OWN)
+        alike = (beyond < _ALIKE).sum(1)
+        found = (beyond.min(1) < _OTHER) & (alike == 1) & (own > _OWN)
         if found.any():
             k = int(found.argmax())
             return f"{name} {k} reads at rest as {name} {beyond[k].argmin()} did, cell for cell"

@@ -126,13 +126,13 @@ class RosNode(bus.Node):
     def create_tap(self, msg_type, topic: str, callback):
         return self._hear(super().create_tap(msg_type, topic, callback))
 
-    def connect(self, reports: str) -> None:
+    def connect(self, *shared: str) -> None:
         """Take from ROS what no node of this process publishes.
 
         Args:
-            reports: topic on which nodes of this process and others have a word.
+            shared: topics on which nodes of this process and others have a word.
         """
-        self._connected, self._reports = True, self.resolve_topic_name(reports)
+        self._connected, self._shared = True, set(map(self.resolve_topic_name, shared))
         for subscription in tuple(self._subscriptions):
             self._hear(subscription)
         self.ros.on_set(self._set_from_ros)  # not before: rclpy asks it for what is declared, too
@@ -140,13 +140,13 @@ class RosNode(bus.Node):
     def _hear(self, subscription):
         """The subscription, of what arrives on ROS."""
         msg_type, topic = subscription.msg_type, subscription.topic_name
-        if not self._connected or (topic != self._reports and self.context.publishes(topic)):
+        if not self._connected or (topic not in self._shared and self.context.publishes(topic)):
             return subscription
 
         def arrived(message) -> None:  # in ROS's thread: queue it, nothing else
             try:
                 taken = from_ros(msg_type, message)
-                if topic != self._reports or not self._is_of_this_process(taken):
+                if topic not in self._shared or not self._is_of_this_process(taken):
                     subscription.put(taken)
             except Exception:  # logged by whoever called
                 self._not_taken += 1
@@ -155,9 +155,12 @@ class RosNode(bus.Node):
         self.ros.subscribe(ros_class(msg_type), topic, arrived, subscription.qos_profile)
         return subscription
 
-    def _is_of_this_process(self, report: msg.DiagnosticArray) -> bool:
-        """Whether it has arrived already, within the process."""
-        return all(f"/{status.name}" in self.context.node_names for status in report.status)
+    def _is_of_this_process(self, message) -> bool:
+        """Whether it is a report that has arrived already, within the process. Transforms do not
+        say whose they are, and may arrive twice."""
+        return isinstance(message, msg.DiagnosticArray) and all(
+            f"/{status.name}" in self.context.node_names for status in message.status
+        )
 
     def create_service(self, srv_type, srv_name: str, callback):
         service = super().create_service(srv_type, srv_name, callback)

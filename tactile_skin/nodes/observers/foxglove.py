@@ -50,6 +50,7 @@ class Foxglove:
             ) from error
         self.address = f"ws://{host}:{self._server.port}"
         self._heard: set[str] = set()
+        self._refused: set[str] = set()
         self._newest: dict[str, deque] = {}  # topic -> (channel, when [ns], message)
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="foxglove", daemon=True)
@@ -88,10 +89,15 @@ class Foxglove:
             self._send()
 
     def _send(self) -> None:
-        for waiting in tuple(self._newest.values()):
+        for topic, waiting in tuple(self._newest.items()):
             while waiting:
                 channel, t, message = waiting.popleft()
-                channel.log(cdr.encode(message), log_time=t)
+                try:
+                    channel.log(cdr.encode(message), log_time=t)
+                except Exception as error:  # of a field of a wrong type: the other topics go on
+                    if topic not in self._refused:
+                        self._refused.add(topic)
+                        self.node.get_logger().warning("%s is not shown: %r", topic, error)
                 time.sleep(0)  # hands the interpreter to who waits for it: the stop, say
 
     def close(self) -> None:
