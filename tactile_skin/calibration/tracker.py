@@ -1,4 +1,4 @@
-"""r_par and r_line of a running skin: `identify`, a frame of each new touch at a time."""
+"""r_par and r_line of a running skin: `identify`, one touch that stands at a time."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ from .evidence import SOFT, Evidence, Supposed, stands_anew
 from .identify import NAMES, bounded, prior_of, shifted, std_of
 from .rest import Rest
 
-_KEPT = 24  # frames: the latest, since boards warm up and connectors age
+_KEPT = 24  # touches: the latest, since boards warm up and connectors age
 _ENOUGH = 3  # touches that may change what is known
 _LATEST = 6  # of them that may overrule it
 # s that a stretch waits for a pause between touches; and for more of it, while a stop gives time
 _PATIENCE, _STOPPED = 2.0, 0.15
 _KNOWN = 0.06  # of `series_scale`: standard deviation from which on r_par is known
-_SURE = 5.0  # standard deviations by which a change is one
+# Standard deviations by which the configuration must be wrong; and what was learnt since.
+_SURE, _REFINED = 5.0, 2.0
 _RELEVANT = 0.02, 1.5  # of `series_scale`, and ohm of r_line: less changes no picture
 _EXPLAINED = 3.0  # chi^2 a reading, in the median frame, beyond which there is another fault
 _POSSIBLE = 0.5, 60.0  # of `series_scale` beside the configured r_par; ohm of r_line
@@ -71,7 +72,7 @@ class CircuitTracker:
         self._t = -np.inf  # s, since when one waits
 
     def offer(self, t: float, adc: np.ndarray, noise: float) -> None:
-        """A frame with a touch, to be asked when there is time.
+        """A frame with a touch. While one stands, their mean is to be asked when there is time.
 
         Args:
             t: when it was read [s].
@@ -110,7 +111,7 @@ class CircuitTracker:
         }
 
     def ask(self, curve: PressureCurve, noise: float) -> bool:
-        """Take the frame that waits; some milliseconds.
+        """Take the stretch that waits; some milliseconds.
 
         Args:
             curve: with the cells' rest, as it was measured if the circuit is `circuit`.
@@ -160,7 +161,8 @@ class CircuitTracker:
         if std[0] > _KNOWN * scale:
             return False
         # the two vary together: what one touch takes for stripes another takes for r_par
-        if not (np.abs(change) > relevant).any() or change @ information @ change < _SURE**2:
+        sure = _REFINED if self._adopted.any() else _SURE
+        if not (np.abs(change) > relevant).any() or change @ information @ change < sure**2:
             return False
         if np.median([self._chi2(a, off) for a in self._asked]) > _EXPLAINED:
             return False
