@@ -1,4 +1,4 @@
-"""r_par and r_line of a running skin: `identify`, a frame of each new touch at a time."""
+"""r_par and r_line of a running skin: `identify`, one touch that stands at a time."""
 
 from __future__ import annotations
 
@@ -9,18 +9,20 @@ import numpy as np
 
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
-from ..solvers.reading import rest_reading
+from ..solvers.reading import ROUNDING_NOISE, rest_reading
 from ..solvers.series import series_scale
 from .evidence import SOFT, Evidence, Supposed, stands_anew
 from .identify import NAMES, bounded, prior_of, shifted, std_of
 from .rest import Rest
 
-_KEPT = 24  # frames: the latest, since boards warm up and connectors age
-_ENOUGH = 6  # frames that may change what is known, and the latest that may overrule it
-_APART = 0.15  # s between two frames that are asked
-_PATIENCE = 2.0  # s that a frame waits for a pause between touches
+_KEPT = 24  # touches: the latest, since boards warm up and connectors age
+_ENOUGH = 3  # touches that may change what is known
+_LATEST = 6  # of them that may overrule it
+# s that a stretch waits for a pause between touches; and for more of it, while a stop gives time
+_PATIENCE, _STOPPED = 2.0, 0.15
 _KNOWN = 0.06  # of `series_scale`: standard deviation from which on r_par is known
-_SURE = 5.0  # standard deviations by which a change is one
+# Standard deviations by which the configuration must be wrong; and what was learnt since.
+_SURE, _REFINED = 5.0, 2.0
 _RELEVANT = 0.02, 1.5  # of `series_scale`, and ohm of r_line: less changes no picture
 _EXPLAINED = 3.0  # chi^2 a reading, in the median frame, beyond which there is another fault
 _POSSIBLE = 0.5, 60.0  # of `series_scale` beside the configured r_par; ohm of r_line
@@ -28,9 +30,21 @@ _REST_FRAMES = 40  # that a measurement of the rest takes, see tare.py
 
 
 class _Asked(NamedTuple):
-    adc: np.ndarray
+    adc: np.ndarray  # (rows, cols) mean of a stretch
+    noise: float  # RMS of it [ADC steps]
     at: np.ndarray  # (2,) ohm beside the configured, that were supposed
     evidence: Evidence
+
+
+class _Stretch(NamedTuple):
+    """Frames of a touch that stands."""
+
+    total: np.ndarray  # (rows, cols) of their ADC ratios
+    frames: int
+
+    @property
+    def mean(self) -> np.ndarray:
+        return self.total / self.frames
 
 
 class CircuitTracker:
@@ -52,13 +66,13 @@ class CircuitTracker:
         self._asked: deque[_Asked] = deque(maxlen=_KEPT)
         self._supposed: Supposed | None = None
         self._rest: Rest | None = None
-        self._waiting: np.ndarray | None = None
+        self._waiting: _Stretch | None = None  # the longest since the last that was asked
+        self._standing: _Stretch | None = None
         self._last: np.ndarray | None = None  # of those asked
-        self._before: np.ndarray | None = None  # of those offered
-        self._t = -np.inf
+        self._t = -np.inf  # s, since when one waits
 
     def offer(self, t: float, adc: np.ndarray, noise: float) -> None:
-        """A frame with a touch, to be asked when there is time.
+        """A frame with a touch. While one stands, their mean is to be asked when there is time.
 
         Args:
             t: when it was read [s].
@@ -67,15 +81,24 @@ class CircuitTracker:
         """
         if self._configured.readout != "floating":  # the only one that `Supposed` knows
             return
-        before, self._before = self._before, adc
-        if 0.0 <= t - self._t < _APART:
+        noise /= self._configured.full_scale
+        standing = self._standing
+        if standing is None or not stands_anew(adc, standing.mean, self._last, noise):
+            self._standing = _Stretch(adc, 1)
             return
-        if stands_anew(adc, before, self._last, noise / self._configured.full_scale):
-            self._waiting, self._t = adc, t
+        standing = self._standing = _Stretch(standing.total + adc, standing.frames + 1)
+        if self._waiting is None:
+            self._t = t
+        if self._waiting is None or standing.frames > self._waiting.frames:
+            self._waiting = standing
 
-    def overdue(self, t: float) -> bool:
-        """Whether a frame has waited for a pause for so long that it is asked in a touch."""
-        return self._waiting is not None and t - self._t > _PATIENCE
+    def overdue(self, t: float, stopped: bool) -> bool:
+        """Whether a stretch has waited for a pause for so long that it is asked in a touch.
+
+        Args:
+            stopped: whether nothing is lost if that takes some milliseconds.
+        """
+        return self._waiting is not None and t - self._t > (_STOPPED if stopped else _PATIENCE)
 
     def values(self) -> dict[str, str]:
         """For diagnostics; empty as long as nothing is known."""
@@ -88,7 +111,7 @@ class CircuitTracker:
         }
 
     def ask(self, curve: PressureCurve, noise: float) -> bool:
-        """Take the frame that waits; some milliseconds.
+        """Take the stretch that waits; some milliseconds.
 
         Args:
             curve: with the cells' rest, as it was measured if the circuit is `circuit`.
@@ -97,14 +120,15 @@ class CircuitTracker:
         Returns:
             whether `circuit` changed.
         """
-        adc, self._waiting = self._waiting, None
-        if adc is None:
+        stretch, self._waiting = self._waiting, None
+        if stretch is None:
             return False
-        self._last = adc
+        self._last = stretch.mean
         self._suppose(curve, noise)
-        self._take(adc, noise)
+        self._take(stretch.mean, max(noise / stretch.frames**0.5, ROUNDING_NOISE))
         if self._asked and (self._asked[0].at != self._off).any():
-            self._take(self._asked.popleft().adc, noise)  # an old one anew, by what is known now
+            old = self._asked.popleft()
+            self._take(old.adc, old.noise)  # anew, by what is known now
         return len(self._asked) >= _ENOUGH and self._conclude()
 
     def _suppose(self, curve: PressureCurve, noise: float) -> None:
@@ -118,12 +142,12 @@ class CircuitTracker:
     def _take(self, adc: np.ndarray, noise: float) -> None:
         evidence = self._supposed.evidence(adc, noise)
         if evidence is not None:
-            self._asked.append(_Asked(adc, self._off, evidence))
+            self._asked.append(_Asked(adc, noise, self._off, evidence))
 
     def _conclude(self) -> bool:
         """Whether what the touches say together is another circuit than `circuit`."""
         off, std, information = self._solve(list(self._asked))
-        latest = list(self._asked)[-_ENOUGH:]
+        latest = list(self._asked)[-_LATEST:]
         now, now_std, now_information = self._solve(latest)
         if (np.abs(now - off) > _SURE * np.hypot(now_std, std)).any():  # it has changed
             self._asked = deque(latest, _KEPT)
@@ -137,7 +161,8 @@ class CircuitTracker:
         if std[0] > _KNOWN * scale:
             return False
         # the two vary together: what one touch takes for stripes another takes for r_par
-        if not (np.abs(change) > relevant).any() or change @ information @ change < _SURE**2:
+        sure = _REFINED if self._adopted.any() else _SURE
+        if not (np.abs(change) > relevant).any() or change @ information @ change < sure**2:
             return False
         if np.median([self._chi2(a, off) for a in self._asked]) > _EXPLAINED:
             return False

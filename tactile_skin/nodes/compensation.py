@@ -254,7 +254,7 @@ class Compensation:
         noise = max(self._noise.rms or SCAN_NOISE, ROUNDING_NOISE)
         if touched:
             self._tracker.offer(t, adc, noise)
-        if touched and self._level != diagnostics.ERROR and not self._tracker.overdue(t):
+        if touched and not self._tracker.overdue(t, self._level == diagnostics.ERROR):
             return
         try:
             if self._tracker.ask(self._tare.curve, noise):

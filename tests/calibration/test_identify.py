@@ -118,24 +118,30 @@ def test_a_touched_skin_is_not_at_rest(board):
 
 
 def follow(board, circuit, touches):
-    """A tracker beside the tare of a skin that rests, then is touched."""
+    """A tracker beside the tare of a skin that rests, then is touched: frames of each touch."""
     tare, tracker, t = Tare(circuit, PressureCurve()), CircuitTracker(circuit), 0.0
     for k in range(130):
         tare.update(t, board.idle[k % len(board.idle)], np.zeros(SHAPE))
         t += 0.01
     assert tare.measured
-    for adc in touches:
-        for _ in range(2):  # it stands
-            t += 0.5
-            tracker.offer(t, adc, 0.5)
-        if tracker.ask(tare.curve, 0.5):
+    for frames in touches:
+        for adc in frames:
+            t += 0.01
+            tracker.offer(t, adc, 0.6)
+        if tracker.ask(tare.curve, 0.6):
             tare.suppose(tracker.circuit)
     return tracker
 
 
+def standing(board, n: int, seed: int = 7) -> list[np.ndarray]:
+    """Sixteen touches, n frames of each, alike but for their noise."""
+    force = bodies(16, SHAPE, np.random.default_rng(seed))
+    return [[board.sample(ratio) for _ in range(n)] for ratio in map(board.expose, force)]
+
+
 def test_a_running_skin_learns_its_circuit(board):
-    """A frame of each touch; what it knows, and what to write, is said."""
-    tracker = follow(board, board.supposed, board.touched)
+    """What it knows, and what to write, is said."""
+    tracker = follow(board, board.supposed, standing(board, 12))
     assert tracker.circuit.r_par == pytest.approx(board.r_par, abs=12.0)
     assert tracker.circuit.r_line == pytest.approx(board.r_line, abs=6.0)
     assert "r_par is" in tracker.message
@@ -146,9 +152,32 @@ def test_a_running_skin_learns_its_circuit(board):
 def test_a_right_circuit_is_not_touched(board):
     """No word, no change."""
     circuit = replace(board.supposed, r_par=board.r_par, r_line=board.r_line)
-    tracker = follow(board, circuit, board.touched)
+    tracker = follow(board, circuit, standing(board, 12))
     assert tracker.circuit is circuit
     assert tracker.message == ""
+
+
+def test_few_touches_that_stand_tell_r_par():
+    """The mean of the frames of each has little noise. Of these six, four say anything."""
+    board = Unknown(SHAPE, seed=11, r_par=0.85, line=0.0)
+    board.idle = board.at_rest()
+    tracker = follow(board, board.supposed, standing(board, 16)[:6])
+    assert tracker.circuit.r_par == pytest.approx(board.r_par, abs=10.0)
+
+
+def test_a_touch_tells_more_the_longer_it_stands(board):
+    brief, long = (follow(board, board.supposed, standing(board, n)[:8]) for n in (2, 16))
+    assert (long.std < 0.8 * brief.std).all()
+
+
+def test_a_stretch_waits_for_a_pause_or_a_stop(board):
+    """Two seconds at most, for what is asked while a hand presses delays a frame."""
+    tracker = CircuitTracker(board.supposed)
+    for k in range(2):
+        tracker.offer(0.01 * k, board.touched[0], 0.5)
+    assert not tracker.overdue(1.5, stopped=False)
+    assert tracker.overdue(0.2, stopped=True)
+    assert tracker.overdue(2.1, stopped=False)
 
 
 def test_a_touch_that_moves_is_not_asked(board):

@@ -1,0 +1,122 @@
+"""After how many touches a running skin knows its r_par:
+`python tests/yardsticks/tracker.py [--boards N] [--seed S] [--seconds T] [--off FACTOR ...]`.
+
+Boards of `tests/yardsticks/doctor.py` without other faults, r_par off by each factor from the first
+frame on, through the compensation node on a driven clock at 25 or 100 frames a second. `known`: the
+circuit that the node computes with has an r_par within 3 % of `series_scale` of the true one, and
+keeps it. The time is that of the tracker alone, on average over all frames.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+import numpy as np
+from yardsticks.doctor import EVERY, frames_of
+
+from tactile_skin import Circuit, PressureCurve
+from tactile_skin.bench.damage import streams
+from tactile_skin.bench.damage.board import READOUTS, FaultBoard
+from tactile_skin.middleware.bus import Context, ManualClock, Node, Parameter
+from tactile_skin.middleware.threads import one_thread
+from tactile_skin.msg import Header, image
+from tactile_skin.nodes.compensation import Compensation
+from tactile_skin.solvers.series import series_scale
+
+KNOWN = 0.03
+
+
+def y() -> float:
+    """One `numpy.linalg.solve` of 257 equations [s]."""
+    rng = np.random.default_rng(0)
+    a, b, times = rng.random((257, 257)), rng.random(257), []
+    for _ in range(30):
+        begun = time.perf_counter()
+        np.linalg.solve(a, b)
+        times.append(time.perf_counter() - begun)
+    return float(np.median(times))
+
+
+def run(seed: int, factor: float, seconds: float, shapes):
+    """Touches until r_par was known (inf: never), its last error [ohm] and std, words, cost."""
+    rng = np.random.default_rng(seed)
+    circuit = Circuit(*shapes[rng.integers(len(shapes))])
+    level = np.exp(rng.uniform(-0.3, 0.3))
+    curve = PressureCurve(*np.array(PressureCurve().points).T * [[1.0], [level]])
+    board = FaultBoard(circuit, curve, rng, 1.0, readout=READOUTS[rng.integers(3)])
+    board.r_par *= factor
+    every = EVERY if seed % 2 else 1
+    scene = streams.everyday(circuit.populated, seconds, rng, curve.max_force, hard=False)
+    frames = frames_of(board, scene.force)[::every]
+    rows, cols = circuit.shape
+    given = {"circuit.rows": rows, "circuit.cols": cols, "time_limit": 10.0}
+    clock = ManualClock(1000.0)
+    overrides = [Parameter(name, value) for name, value in given.items()]
+    node = Node("compensation", context=Context(clock), parameter_overrides=overrides)
+    skin, spent = Compensation(node), [0.0, 0.0]
+    learn = skin._learn_circuit
+
+    def timed(*args):
+        begun = time.perf_counter()
+        learn(*args)
+        took = time.perf_counter() - begun
+        spent[:] = spent[0] + took, max(spent[1], took)
+
+    skin._learn_circuit = timed
+    scale, limit = 2 ** (16 - circuit.adc_bits) * circuit.full_scale, KNOWN * series_scale(circuit)
+    begun = np.array([touch.start for touch in scene.touches])
+    known = np.inf
+    for k, adc in enumerate(frames, 1):
+        clock.advance(every / board.rate)
+        samples = np.rint(adc * scale).astype(np.uint16)
+        skin.on_adc(image(samples, "16UC1", Header(clock.now().to_msg())))
+        near = abs(skin.circuit.r_par - board.r_par) < limit
+        now = float(np.count_nonzero(begun < k * every / board.rate))
+        known = min(known, now) if near else np.inf
+    node.destroy_node()
+    tracker = skin._tracker
+    off = np.array([circuit.r_par, 0.0]) + tracker._off - [board.r_par, 0.0]
+    return (
+        known,
+        off,
+        tracker.std,
+        tracker.message,
+        (spent[0] / len(frames), spent[1]),
+        circuit.shape,
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--boards", type=int, default=12)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seconds", type=float, default=25.0)
+    parser.add_argument("--off", type=float, nargs="+", default=[1.0, 0.8, 0.9, 1.1, 1.2])
+    parser.add_argument("--shapes", nargs="+", default=["8x8", "16x16"], metavar="ROWSxCOLS")
+    args = parser.parse_args()
+    shapes = [tuple(map(int, name.split("x"))) for name in args.shapes]
+    with one_thread():
+        unit = y()
+        for factor in args.off:
+            seeds = range(args.seed, args.seed + args.boards)
+            runs = [run(seed, factor, args.seconds, shapes) for seed in seeds]
+            known = np.array([r[0] for r in runs])
+            off = np.array([r[1] for r in runs])
+            std = np.array([r[2] for r in runs])
+            with np.errstate(invalid="ignore"):
+                z = off / std
+            rms, most = np.sqrt(np.square(off).mean(0)), np.abs(off).max(0)
+            words, n = sum(bool(r[3]) for r in runs), len(runs)
+            cost = np.array([r[4] for r in runs])
+            print(
+                f"r_par x {factor:g}: known after touches {np.sort(known).tolist()}; "
+                f"a message on {words} of {n}; error, RMS {rms} ohm, {np.nanstd(z, axis=0)} std; "
+                f"at most {most}; a frame {cost[:, 0].mean() / unit:.2f} y, "
+                f"at most {1e3 * cost[:, 1].max():.0f} ms",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()
