@@ -1179,13 +1179,15 @@ def test_the_shipped_launch_file_starts_them_when_asked(name):
 @pytest.mark.parametrize("name", NODES)
 def test_a_node_without_a_file_has_the_shipped_values(name):
     """Who writes only what differs gets what config/skin.yaml says, not other limits of force."""
-    port = [Parameter("port", "loop://")] if name == "serial_driver" else []
-    node = Node(name, context=Context(), parameter_overrides=port)
+    ports = {"serial_driver": "loop://", "view": 0, "foxglove": 0}  # 0: any, one may be taken
+    given = [Parameter("port", ports[name])] if name in ports else []
+    node = Node(name, context=Context(), parameter_overrides=given)
     node_class(name)(node)
     shipped = ParameterFile(share_dir() / "config" / "skin.yaml").overrides(f"/{name}")
     known = node.parameter_names()
     declared = {p.name: node.get_parameter(p.name).value for p in shipped if p.name in known}
     expected = {p.name: p.value for p in shipped if p.name in declared}
+    expected |= {p.name: p.value for p in given if p.name in declared}
     expected |= {"geometry.shape": "plane"} if "geometry.shape" in declared else {}  # an example
     assert declared == expected
 

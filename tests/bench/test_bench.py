@@ -396,17 +396,19 @@ def test_the_speed_picture_shows_every_method(drawn):
 
     data = speed.measure(2, 300, 1)["speed"]
     figure = speed.draw(data)
-    errors_axis, times_axis = figure.axes
-
-    def points(axis):
-        return {tuple(np.round(line.get_xdata(), 9)) for line in axis.get_lines()}
-
-    for readout in ("scan", "ideal"):
+    for axis, readout in zip(figure.axes, ("scan", "ideal"), strict=True):
+        drawn = {
+            (*np.round(line.get_xdata(), 9), *np.round(line.get_ydata(), 9))
+            for line in axis.get_lines()
+        }
+        names = [text.get_text().split()[0] for text in axis.texts]
+        assert sorted(names) == sorted(METHODS)
         for p in data["readouts"][readout]:
-            assert (round(max(p["mean_g"], speed._FLOOR), 9),) in points(errors_axis)
-    for p in data["readouts"]["scan"]:
-        assert tuple(np.round([p["p50_ms"], p["p99_ms"]], 9)) in points(times_axis)
-        assert p["mean_g"] == p["families"]["bodies"]["mean_g"]
+            error = round(max(p["mean_g"], speed._FLOOR), 9)
+            times = np.round([p["p50_ms"], p["p99_ms"]], 9)
+            assert (times[0], error) in drawn  # its mark
+            assert (*times, error, error) in drawn  # its bar
+            assert p["mean_g"] == p["families"]["bodies"]["mean_g"]
     assert set(speed.USES) == set(METHODS)
     assert set(p["families"]) == set(speed.FAMILIES)
     plt.close(figure)
