@@ -524,6 +524,8 @@ def test_a_message_comes_back_from_ros_as_it_was(kind, version):
     theirs = messages.to_ros(message)
     assert type(theirs).__module__.split(".")[0] == kind.TYPE.split("/")[0]
     assert messages.from_ros(kind, through_the_wire(theirs, version)) == message
+    if version == 1 and kind in (msg.Quaternion, msg.Transform, msg.TransformStamped):
+        return  # ROS 1's quaternion begins with w = 0, which is no rotation
     assert messages.from_ros(kind, messages.ros_class(kind)()) == kind()  # the same defaults
 
 
