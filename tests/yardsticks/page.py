@@ -47,7 +47,7 @@ def main() -> None:
     args = parser.parse_args()
     arguments = {"method": "auto", "view": "true", "view_port": "0", "monitor": "false"}
     with (
-        tempfile.TemporaryDirectory() as folder,
+        tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder,
         Chromium(Path(folder), *SIZE[:2]) as browser,
         launch.launch(**arguments) as skin,
     ):
