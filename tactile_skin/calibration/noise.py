@@ -84,3 +84,13 @@ class Noise:
         if self.rms is None or not self.noisy.any():
             return self.rms
         return np.where(self.noisy, np.sqrt(self._square), self.rms)
+
+    @property
+    def message(self) -> str:
+        """Which cells are noisy; empty if none."""
+        if not self.noisy.any():  # the usual case
+            return ""
+        cells = np.argwhere(self.noisy)
+        names = " and ".join(f"row {row}, column {col}" for row, col in cells[:3])
+        more = f" and {len(cells) - 3} more" if len(cells) > 3 else ""
+        return f"{names}{more}: much noisier than the other cells: is a contact loose?"

@@ -145,7 +145,7 @@ class Replay:
                     self._diagnostics.publish(message)
                     self.driven.run()
                     continue
-                if (message.height, message.width) != (shape := compensation.circuit.shape):
+                if (message.height, message.width) != (shape := compensation.skin.circuit.shape):
                     raise ValueError(
                         f"{self._source.path}: readings of {message.height} x {message.width}, but "
                         f"the circuit is {shape[0]} x {shape[1]}"
@@ -161,7 +161,7 @@ class Replay:
                 force = self._force
                 total, peak = float(force.sum()), float(force.max())
                 stamp = Time.from_msg(message.header.stamp).nanoseconds
-                yield Step(stamp, force, total, peak, compensation.status, self._stop, seconds)
+                yield Step(stamp, force, total, peak, compensation.skin.status, self._stop, seconds)
             if self._left_out:
                 self.notes.append(f"{self._left_out} readings that the robot skipped, being late")
             if self._source.damage:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tactile_skin import Circuit, PressureCurve, forward
+from tactile_skin.calibration.tracker import CircuitTracker
 from tactile_skin.middleware.bus import (
     Context,
     ManualClock,
@@ -25,7 +26,6 @@ from tactile_skin.msg import (
     image,
     image_array,
 )
-from tactile_skin.nodes import compensation
 from tactile_skin.nodes.compensation import Compensation
 from tactile_skin.nodes.observers.monitor import Monitor
 from tactile_skin.nodes.stop_on_push import STATUS, STATUS_TOPIC, StopOnPush, stop_message_of
@@ -122,7 +122,7 @@ def test_a_crossing_that_is_not_read_adds_no_force(how):
     fed = Fed(Adc(CIRCUIT), **given)
     fed.absent, fed.printed = absent, 0 if how == "named" else NOT_READ
     fed.feel(np.zeros(CIRCUIT.shape), 60)
-    assert fed.node._tare.message == ""
+    assert fed.node.skin._tare.message == ""
     fed.feel(touch(), 5)
     assert fed.node._level == DiagnosticStatus.OK, fed.node._message
     assert fed.force.sum() == pytest.approx(touch().sum(), rel=0.05)
@@ -153,7 +153,8 @@ def test_a_bad_contact_is_named_and_does_not_stop_the_robot(bad):
         said += fed.node._message
     assert f"row {bad[0]}, column {bad[1]}: reads less than the others allow" in said
     assert all(r.level != DiagnosticStatus.ERROR for r in fed.reports)
-    assert fed.node._contact == "" or f"row {bad[0]}, column {bad[1]}" in fed.node._contact
+    named = fed.node.skin._watch.contacts.message
+    assert named == "" or f"row {bad[0]}, column {bad[1]}" in named
 
 
 def test_a_circuit_that_no_skin_rests_with_is_not_taken_over(monkeypatch, caplog):
@@ -164,14 +165,14 @@ def test_a_circuit_that_no_skin_rests_with_is_not_taken_over(monkeypatch, caplog
         asked.append(noise)
         raise ValueError("no skin rests so")
 
-    monkeypatch.setattr(compensation.CircuitTracker, "ask", fail)
+    monkeypatch.setattr(CircuitTracker, "ask", fail)
     fed = Fed(Adc(CIRCUIT))
     fed.feel(np.zeros(CIRCUIT.shape), 80)
     fed.feel(touch(), 10)
     fed.feel(np.zeros(CIRCUIT.shape), 10)
     assert asked
     assert "r_par and r_line were not found: no skin rests so" in caplog.text
-    assert fed.node.circuit == CIRCUIT
+    assert fed.node.skin.circuit == CIRCUIT
     assert fed.node._level == DiagnosticStatus.OK, fed.node._message
     fed.feel(touch(), 5)
     assert fed.force.sum() == pytest.approx(touch().sum(), rel=0.1)

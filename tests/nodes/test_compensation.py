@@ -118,8 +118,8 @@ def test_a_reading_a_little_old_is_taken_by_the_fast_method(skin):
     for _ in range(40):
         skin.frame(age=0.04)
     assert len(skin.published) == 41
-    assert skin.compensation._taken["fixed_point"] >= 35
-    assert skin.compensation._taken.total() == 41
+    assert skin.compensation.skin.taken["fixed_point"] >= 35
+    assert skin.compensation.skin.taken.total() == 41
     assert skin.force == pytest.approx(right, rel=0.1)
 
 
@@ -130,7 +130,7 @@ def test_a_board_that_leaves_cells_unread_has_no_fast_method():
         skin.press()
         for _ in range(5):
             skin.frame(age=0.04)
-        assert len(skin.published) == 5 and "fixed_point" not in skin.compensation._taken
+        assert len(skin.published) == 5 and "fixed_point" not in skin.compensation.skin.taken
 
 
 def test_the_fast_method_does_not_speak_for_the_circuit(skin):
@@ -241,7 +241,7 @@ def test_creep_is_taken_out_of_what_is_published():
         skin.steps = forward(CIRCUIT, touched) * CIRCUIT.full_scale
         skin.play(3.0)
         totals.append(skin.force)
-        assert (skin.compensation._standing is None) == (not given)
+        assert (skin.compensation.skin._standing is None) == (not given)
     assert totals[1] / totals[0] == pytest.approx(1.0 / (1.0 + 0.05 * np.log10(4.0)), abs=0.01)
 
 
@@ -277,13 +277,13 @@ def test_what_cells_have_at_rest_is_published_once_it_was_measured(skin):
 
 def test_a_tare_measures_the_rest_anew_and_is_refused_under_a_touch(skin):
     skin.play(2.0)
-    assert skin.compensation._tare.measured
+    assert skin.compensation.skin._tare.measured
     skin.steps = forward(CIRCUIT, 1.03 * skin.rest) * CIRCUIT.full_scale
     answer = skin.ask("tare")
     assert answer.success and "hands off" in answer.message
-    assert not skin.compensation._tare.measured
+    assert not skin.compensation.skin._tare.measured
     skin.play(2.0)
-    measured = skin.compensation._tare.curve.rest_resistance
+    measured = skin.compensation.skin._tare.curve.rest_resistance
     np.testing.assert_allclose(measured, 1.03 * skin.rest, rtol=0.02)
     pressed = skin.rest.copy()
     pressed[3, 4] = 500.0
@@ -291,4 +291,4 @@ def test_a_tare_measures_the_rest_anew_and_is_refused_under_a_touch(skin):
     skin.play(0.1)
     answer = skin.ask("tare")
     assert not answer.success and "something presses" in answer.message
-    assert skin.compensation._tare.measured
+    assert skin.compensation.skin._tare.measured

@@ -451,13 +451,14 @@ def test_a_frame_in_which_nothing_was_read_is_no_idle_skin(method):
 def test_a_fault_seen_at_rest_is_not_healed_by_a_touch_that_hides_it(monkeypatch):
     """Two shorted lines read off at rest, and alike under a touch that lies on both."""
     chain = Chain("naive")
-    chain.compensation._follows = chain.compensation._waits = False  # the frames are all alike
+    skin = chain.compensation.skin
+    skin._follows = skin.waits = False  # the frames are all alike
     touch = np.zeros((16, 16))
     touch[5, 5] = 1.0  # N
 
     def feel(frames, force, status):
         found = Estimate(force, 0.1 + 0.0 * force, 0.0, status, status.strip("ok"), "naive", 0)
-        monkeypatch.setattr("tactile_skin.nodes.compensation.compensate", lambda *a, **k: found)
+        monkeypatch.setattr("tactile_skin.calibration.skin.compensate", lambda *a, **k: found)
         for _ in range(frames):
             chain.clock.advance(FRAME)
             chain.publish(np.full((16, 16), 16_000, np.uint16))
@@ -476,13 +477,14 @@ def test_a_fault_seen_at_rest_is_not_healed_by_a_touch_that_hides_it(monkeypatch
 def feels(monkeypatch, force, status) -> None:
     """From here on each frame is found so."""
     found = Estimate(force, 0.1 + 0.0 * force, 0.0, status, status.strip("ok"), "naive", 0)
-    monkeypatch.setattr("tactile_skin.nodes.compensation.compensate", lambda *a, **k: found)
+    monkeypatch.setattr("tactile_skin.calibration.skin.compensate", lambda *a, **k: found)
 
 
 def test_a_reset_forgets_what_was_under_a_touch_and_says_so_at_once(monkeypatch):
     """On diagnostics, before it answers: who then resets the stop finds the fault gone."""
     chain, rest, touch = Chain("naive"), np.zeros((16, 16)), np.zeros((16, 16))
-    chain.compensation._follows = chain.compensation._waits = False  # the frames are all alike
+    skin = chain.compensation.skin
+    skin._follows = skin.waits = False  # the frames are all alike
     touch[5, 5] = 1.0  # N
     client = chain.observer.create_client(Trigger, "compensation/reset")
 
@@ -520,7 +522,7 @@ def test_a_doubt_before_the_rest_was_measured_is_no_fault(monkeypatch):
 @pytest.mark.parametrize("status", ["suspect", "failed"])
 def test_a_reset_is_no_cure_for_what_is_still_wrong(monkeypatch, status):
     chain = Chain("naive")
-    chain.compensation._waits = False  # rest was measured
+    chain.compensation.skin.waits = False  # rest was measured
     client = chain.observer.create_client(Trigger, "compensation/reset")
     feels(monkeypatch, np.zeros((16, 16)), status)
     for _ in range(30):

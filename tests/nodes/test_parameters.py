@@ -109,9 +109,9 @@ def test_a_slow_board_is_no_news_when_its_limit_is_to_be_measured():
 def test_the_method_changes():
     bench = Bench(Compensation, method="map")
     assert bench.set(method="auto") == ""
-    assert bench.node._method == "auto" and bench.node._hurries
+    assert bench.node._method == "auto" and bench.node.skin._method == "auto"
     assert "must be one of" in bench.set(method="magic")
-    assert bench.node._method == "auto" and bench.node._hurries
+    assert bench.node._method == "auto" and bench.node.skin._method == "auto"
 
 
 def test_the_threshold_of_a_contact_changes():

@@ -83,7 +83,9 @@ def write(path, without=()):
 
 def test_late_readings_are_replayed_to_the_bit(tmp_path):
     live = write(tmp_path / "a.mcap")
-    assert live.skipped > 20 and live._taken["fixed_point"] > 50  # that there is something to show
+    assert (
+        live.skipped > 20 and live.skin.taken["fixed_point"] > 50
+    )  # that there is something to show
     found = Recording(tmp_path / "a.mcap")
     stamps, pressure = found.images("/skin/pressure")
     replay = Replay(found)
@@ -100,7 +102,7 @@ def test_another_method_takes_every_reading_in_time(tmp_path):
     found = Recording(tmp_path / "a.mcap")
     replay = Replay(found, method="auto")
     assert [step.stamp for step in replay] == found.stamps.tolist()
-    assert not replay.driven.nodes["compensation"]._taken["fixed_point"]
+    assert not replay.driven.nodes["compensation"].skin.taken["fixed_point"]
 
 
 def test_a_recording_that_does_not_say_when_takes_every_reading_in_time(tmp_path):

@@ -212,8 +212,8 @@ def heard(case: Case) -> Heard:
         if k * step > (0.0 if len(before) else STARTED):
             if stopped is None and skin._level == diagnostics.ERROR:
                 stopped = k * step
-            found = list(skin._doctor.findings)
-            if skin._tracker.message:  # numbers change
+            found = list(skin.skin._doctor.findings)
+            if skin.skin._tracker.message:  # numbers change
                 found.append(Finding("circuit", "r_par, r_line", "by the tracker", ""))
             for finding in found:
                 findings.setdefault(finding, k * step)

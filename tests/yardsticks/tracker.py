@@ -55,7 +55,7 @@ def run(seed: int, factor: float, seconds: float, shapes):
     overrides = [Parameter(name, value) for name, value in given.items()]
     node = Node("compensation", context=Context(clock), parameter_overrides=overrides)
     skin, spent = Compensation(node), [0.0, 0.0]
-    learn = skin._learn_circuit
+    learn = skin.skin._learn_circuit
 
     def timed(*args):
         begun = time.perf_counter()
@@ -63,7 +63,7 @@ def run(seed: int, factor: float, seconds: float, shapes):
         took = time.perf_counter() - begun
         spent[:] = spent[0] + took, max(spent[1], took)
 
-    skin._learn_circuit = timed
+    skin.skin._learn_circuit = timed
     scale, limit = 2 ** (16 - circuit.adc_bits) * circuit.full_scale, KNOWN * series_scale(circuit)
     begun = np.array([touch.start for touch in scene.touches])
     known = np.inf
@@ -71,11 +71,11 @@ def run(seed: int, factor: float, seconds: float, shapes):
         clock.advance(every / board.rate)
         samples = np.rint(adc * scale).astype(np.uint16)
         skin.on_adc(image(samples, "16UC1", Header(clock.now().to_msg())))
-        near = abs(skin.circuit.r_par - board.r_par) < limit
+        near = abs(skin.skin.circuit.r_par - board.r_par) < limit
         now = float(np.count_nonzero(begun < k * every / board.rate))
         known = min(known, now) if near else np.inf
     node.destroy_node()
-    tracker = skin._tracker
+    tracker = skin.skin._tracker
     off = np.array([circuit.r_par, 0.0]) + tracker._off - [board.r_par, 0.0]
     return (
         known,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_skin import Circuit
-from tactile_skin.board.converter import Ceiling, RestPicture, Windows
+from tactile_skin.calibration.watch.converter import Ceiling, RestPicture, Windows
 from tactile_skin.physics.adc import Adc
 
 BITS, FRACTION = 10, 64

@@ -1,0 +1,269 @@
+"""One running skin: what is known of it by now, the picture of each frame, and what is wrong.
+
+A frame is fitted with the rest and the circuit that the frames before it told; what it tells itself
+counts from the next one on.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+
+import numpy as np
+
+from ..physics.adc import Adc
+from ..physics.circuit import forward
+from ..physics.creep import Creep
+from ..physics.curve import GRAM, PressureCurve
+from ..solvers import METHODS, Estimate, compensate
+from ..solvers.reading import ROUNDING_NOISE, SCAN_NOISE, rest_reading
+from .creep import Standing
+from .doctor.running import RunningDoctor
+from .noise import Noise
+from .tare import Tare
+from .tracker import CircuitTracker
+from .watch.load import IDLE
+from .watch.watch import Watch
+
+_LIGHT, _STIRRED = 1.0 * GRAM, 3  # N on so many cells: a touch that begins, not noise
+_LEARNED = "cnn", "physics"  # methods that use weights: they know the circuit of their training
+_RESTART_AFTER = 4  # suspect or failed frames in a row after which the last one is no start
+# What takes a tenth of the time of a fit under a palm, errs by twice as much, and says nothing of
+# the circuit.
+_FAST = "fixed_point"
+
+
+class Skin:
+    """Follows one skin; all times are of one clock [s].
+
+    Attributes:
+        circuit: as the touches so far tell it.
+        status, message: of the last frame, as `Estimate` has them.
+        residual: of the last frame [ADC steps].
+        force: on its most loaded cell [N].
+        waits: whether the rest has still to be measured for the first time.
+        taken: method -> number of frames.
+        fitted: whether the method in use took the last frame, not the fast one.
+    """
+
+    def __init__(
+        self,
+        adc: Adc,
+        curve: PressureCurve,
+        creep: Creep,
+        *,
+        follows: bool,
+        noise: float | None,
+        threshold: float,
+        time_limit: float,
+        weights,
+        warn: Callable[[str], None],
+    ):
+        """Args:
+        adc: the board's converter, with its circuit.
+        curve: of the fabric.
+        creep: what a standing load gains, which is taken out of what is published.
+        follows: whether to measure what the cells read at rest.
+        noise: RMS of a reading [ADC steps]; None: measured.
+        threshold: ADC ratio up to which the board sends 0 or no reading.
+        time_limit: after which a frame fails [s].
+        weights: of a network; None: those of the package.
+        warn: takes what somebody should know, and no stop is for.
+        """
+        self.circuit = adc.circuit
+        self._adc, self._curve, self._follows = adc, curve, follows
+        self._weights, self._warn = weights, warn
+        self._given = {"threshold": threshold, "time_limit": time_limit, "noise": noise}
+        self._standing = Standing(creep, curve) if creep.share else None
+        self._tare, self._tracker = Tare(self.circuit, curve), CircuitTracker(self.circuit)
+        self._noise = Noise(self.circuit.populated)
+        self._watch, self._doctor = Watch(adc, rest_known=not follows), RunningDoctor()
+        self._last: Estimate | None = None  # the last frame: where the next starts from
+        self._doubts = 0  # frames in a row
+        self.waits = follows
+        self.status, self.message, self.residual, self.force = "ok", "", 0.0, 0.0
+        self.taken: Counter[str] = Counter()
+        self.fitted = True
+
+    def use(self, method: str) -> None:
+        """Another method from the next frame on.
+
+        Raises:
+            ValueError: there is none of this name, or its weights do not fit the circuit.
+        """
+        if method not in METHODS:
+            raise ValueError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
+        weights, missing = self._weights if method in _LEARNED else None, method in ("map", "auto")
+        given = self._given | {"weights": weights, "missing": missing}
+        # Loads the weights, and says here, not at a frame, that they do not fit.
+        flat = np.full(self.circuit.shape, 0.05)
+        compensate(flat, self.circuit, self._tare.curve, method, **given)
+        self._method, self._given, self._last = method, given, None
+
+    def frame(
+        self, t: float, samples: np.ndarray, *, late: bool = False, stopped: bool = False
+    ) -> np.ndarray | None:
+        """Take a frame.
+
+        Args:
+            t: when it was read.
+            samples: (rows, cols) of skin/adc.
+            late: whether it has waited: `auto` takes the fast method then.
+            stopped: whether a fault of this skin stops the robot.
+
+        Returns:
+            (rows, cols) force [N]; None: no picture was found.
+        """
+        self.fitted = True
+        try:
+            adc = self._adc.ratio_of(samples)
+            self.fitted = not (late and self._hurries(adc))
+            estimate = self._compensate(adc)
+        except ValueError as error:
+            return self.refuse(str(error))
+        # A touch that comes or goes leaves a few suspect frames, as the board's low-pass mixes
+        # scans: they are close to the truth. More in a row may be a bad local fit: start anew,
+        # unless the fault is known.
+        in_doubt = estimate.status != "ok" and estimate.r_par is None and self.fitted
+        self._doubts = self._doubts + 1 if in_doubt else 0
+        self._last = estimate if self._doubts < _RESTART_AFTER else None
+        self.taken[estimate.method] += 1
+        self.status, self.message = estimate.status, estimate.message
+        self.residual, self.force = estimate.residual, float(estimate.force.max())
+        force = None
+        if estimate.status != "failed":
+            self._rest(t, adc, estimate)
+            force = self._standing.update(t, estimate.force) if self._standing else estimate.force
+        touched = self.force >= IDLE
+        stirs = touched or np.count_nonzero(estimate.force > _LIGHT) >= _STIRRED
+        self._noise.frame(t, adc * self.circuit.full_scale, stirs)
+        rest = rest_reading(self.circuit, self._tare.curve) if self._tare.measured else None
+        self._watch.frame(t, samples, estimate, self.fitted, rest)
+        if rest is not None:
+            noise = (self._noise.rms or SCAN_NOISE) / self.circuit.full_scale
+            self._watch.untouched.frame(t, adc, stirs, rest, noise)
+        self._learn_circuit(t, adc, touched, stopped)
+        self._doctor.frame(t, adc, stopped)
+        return force
+
+    def refuse(self, why: str) -> None:
+        """A frame of which nothing can be made."""
+        self.status, self.message = "failed", why
+
+    def _hurries(self, adc: np.ndarray) -> bool:
+        """Whether the fast method may stand for the one in use: it knows no missing readings."""
+        known = not np.isnan(adc[self.circuit.populated]).any()
+        return self._method == "auto" and not self._given["threshold"] and known
+
+    def _compensate(self, adc: np.ndarray) -> Estimate:
+        given = dict(self._given)
+        if given["noise"] is None and self._noise.each is not None:
+            given["noise"] = np.maximum(self._noise.each, ROUNDING_NOISE)
+        method = self._method if self.fitted else _FAST
+        return compensate(adc, self.circuit, self._tare.curve, method, start=self._last, **given)
+
+    def _rest(self, t: float, adc: np.ndarray, estimate: Estimate) -> None:
+        unread = np.isnan(adc)
+        if unread.any():  # what the model reads there
+            model = forward(self.circuit, self._tare.curve.resistance(estimate.force))
+            adc = np.where(unread, model, adc)
+        if self._follows and self._tare.update(t, adc, estimate.force):
+            self._last = None
+        if self.waits and self._tare.measured:  # earlier doubts no longer count
+            self.waits, self._doctor = False, RunningDoctor()
+            self._watch.forget_doubts()
+
+    def _learn_circuit(self, t: float, adc: np.ndarray, touched: bool, stopped: bool) -> None:
+        """What touches tell of r_par and r_line; worked out while none is there, or a stop is."""
+        if not (self._follows and self._tare.measured) or self._method in _LEARNED:
+            return
+        noise = max(self._noise.rms or SCAN_NOISE, ROUNDING_NOISE)
+        if touched:
+            self._tracker.offer(t, adc, noise)
+        if touched and not self._tracker.overdue(t, stopped):
+            return
+        try:
+            if self._tracker.ask(self._tare.curve, noise):
+                self._tare.suppose(self._tracker.circuit)
+                self.circuit, self._last = self._tracker.circuit, None
+                self._watch.untouched.forget()  # it is explained
+        except ValueError as error:  # no skin rests so with what was found: begin anew
+            self._warn(f"r_par and r_line were not found: {error}")
+            self._tracker = CircuitTracker(self.circuit)
+
+    def end_second(self) -> None:
+        """What is judged once a second."""
+        self._watch.contacts.end_second()
+        if not self._given["threshold"]:  # else the rest is not known
+            self._doctor.look(self.circuit)
+
+    def reset(self) -> None:
+        """Somebody has checked the skin: faults that the last frames no longer show are over."""
+        self._last = None
+        self._watch.reset()
+
+    def tare(self) -> str:
+        """Measure the rest anew, as at the start; why not, empty if it is done."""
+        if not self._follows:
+            return "the tare is off: see `tare` and `threshold`"
+        if self.force >= IDLE:
+            return f"something presses with {self.force:.2g} N on a cell"
+        if self._watch.held:
+            return f"a fault is kept ({self._watch.held}): reset first"
+        self._tare = Tare(self.circuit, self._curve)
+        self.waits, self._last = True, None
+        self._watch.begin_anew()
+        return ""
+
+    @property
+    def fault(self) -> bool:
+        """Whether the readings, or the circuit, are not a sound skin's."""
+        return self._watch.fault or self._tracker.impossible or self._tare.half_read
+
+    @property
+    def rest_reasons(self) -> str:
+        """Why the rest is not measured yet, if that is known."""
+        reasons = (
+            self._doctor.message,
+            self._watch.load.since_start,
+            self._tare.message,
+            *self._watch.odd[:1],
+        )
+        return next(filter(None, reasons), "")
+
+    def reasons(self, *, past: bool = True) -> str:
+        """All that is wrong, the worst first.
+
+        Args:
+            past: with faults that the last frame no longer shows.
+        """
+        cell, contact = self._watch.odd
+        reasons = (
+            self._doctor.message,
+            *self._watch.certain,
+            self.message or (self._watch.kept if past else ""),
+            self._tracker.message,
+            self._tare.message,
+            self._tare.wiring,
+            self._noise.message or cell,
+            contact,
+        )
+        return "; ".join(filter(None, reasons))
+
+    @property
+    def rest_resistance(self) -> np.ndarray | None:
+        """(rows, cols) of each untouched cell [ohm]; None: not measured yet."""
+        rest = self._tare.curve.rest_resistance
+        return rest if np.ndim(rest) else None
+
+    def values(self) -> dict[str, str]:
+        """For diagnostics."""
+        values = {"residual": f"{self.residual:.3f}"}
+        values["tare"] = self._tare.message or ("ok" if self._follows else "off")
+        if self._noise.rms is not None:
+            values["noise"] = f"{self._noise.rms:.2f}"
+        values |= self._tracker.values()
+        values |= {f"finding_{k}": str(f) for k, f in enumerate(self._doctor.findings, 1)}
+        if self._watch.contacts.summary:
+            values["set_aside"] = self._watch.contacts.summary
+        return values | {f"frames_{name}": str(n) for name, n in self.taken.items()}
