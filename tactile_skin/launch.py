@@ -114,6 +114,11 @@ class Skin:
         # The default, 5 ms, is longer than a frame's whole way to the stop.
         self._settings.callback(sys.setswitchinterval, sys.getswitchinterval())
         sys.setswitchinterval(0.0005)
+        # What is there now stays. The collector, which stops all threads, would look at all of it
+        # again and again: that takes up to six frames' time.
+        gc.collect()
+        gc.freeze()
+        self._settings.callback(gc.unfreeze)
         for handle in (*self._handles, self.node):
             diagnostics.ensure_reported(handle)
         for handles in (*by_thread(self._plan.nodes, self._handles), [self.node]):

@@ -1,6 +1,7 @@
 """Launch files: the part of ROS 2's grammar that is understood, and what is refused by name."""
 
 import contextlib
+import gc
 import itertools
 import logging
 import os
@@ -548,6 +549,15 @@ def test_remapping_and_namespace_reach_the_node(write):
         skin._executor.add_node(node)
         assert seen.wait(PATIENCE)
         assert skin._handles[0].get_fully_qualified_name() == "/left/stop_on_push"
+
+
+def test_the_garbage_collector_does_not_look_at_what_stays(write):
+    """A look at all of NumPy stops every thread for several frames' time."""
+    before = len(gc.get_objects())
+    with launch(write(NODE % "")):
+        assert gc.get_freeze_count() > 0.9 * before
+        assert len(gc.get_objects()) < 0.1 * before
+    assert gc.get_freeze_count() == 0
 
 
 def test_spin_ends_by_shutdown_and_by_timeout(write):

@@ -5,6 +5,7 @@ import json
 import os
 import signal
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -105,6 +106,21 @@ async def until(page, happens, before=lambda: None):
         number = head["number"]
         if happens(head):
             return arrays
+
+
+def test_the_page_has_a_low_priority_within_its_session_and_among_sessions(viewed):
+    pid = viewed.view._page._process.pid
+    low = min(19, os.getpriority(os.PRIO_PROCESS, 0) + 10)
+
+    def says_low() -> bool:
+        group = Path(f"/proc/{pid}/autogroup")
+        among = group.read_text() if group.exists() else "nice 10"
+        return os.getpriority(os.PRIO_PROCESS, pid) == low and "nice 10" in among
+
+    end = time.monotonic() + PATIENCE
+    while not says_low():
+        assert time.monotonic() < end
+        time.sleep(0.01)
 
 
 def test_a_page_sees_what_is_published_and_the_stop(viewed):
