@@ -66,14 +66,16 @@ class Untouched:
         self._sum, self._count = np.zeros(self._circuit.shape), 0
         self._since = np.inf  # s, the first of them
 
-    def frame(self, t: float, adc: np.ndarray, touched: bool, rest: np.ndarray | None, noise: float):
+    def frame(
+        self, t: float, adc: np.ndarray, touched: bool, rest: np.ndarray | None, noise: float
+    ):
         """Take a frame.
 
         Args:
             t: when it was read.
             adc: (rows, cols) ADC ratio; NaN where a crossing was not read.
             touched: whether anything touches the skin.
-            rest: (rows, cols) ADC ratio at rest, as it was measured; None: it was not yet. Then each
+            rest: (rows, cols) ADC ratio at rest, as it was measured; None: it was not yet, and each
                 look is compared with the one before: what falls by then would be tared away.
             noise: RMS of a reading, as ADC ratio.
         """
