@@ -139,9 +139,8 @@ class Skin:
         self._noise.frame(t, adc * self.circuit.full_scale, stirs)
         rest = rest_reading(self.circuit, self._tare.curve) if self._tare.measured else None
         self._watch.frame(t, samples, estimate, self.fitted, rest)
-        if rest is not None:
-            noise = (self._noise.rms or SCAN_NOISE) / self.circuit.full_scale
-            self._watch.untouched.frame(t, adc, stirs, rest, noise)
+        noise = (self._noise.rms or SCAN_NOISE) / self.circuit.full_scale
+        self._watch.untouched.frame(t, adc, stirs, rest, noise)
         self._learn_circuit(t, adc, touched, stopped)
         self._doctor.frame(t, adc, stopped)
         return force

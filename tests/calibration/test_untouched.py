@@ -124,6 +124,29 @@ def test_a_supply_that_falls_stops(shape, readout):
     assert not skin.run(skin.rest).message
 
 
+@pytest.mark.parametrize("readout", READOUTS)
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_supply_that_falls_before_the_rest_was_measured_stops_too(shape, readout):
+    skin = Skin(shape, readout=readout)
+    known, skin.known = skin.known, None
+    for share in np.linspace(1.0, 0.9, 15):
+        skin.run(share * skin.rest, 0.2)
+    skin.known = 0.9 * known  # it is tared away
+    assert skin.run(0.9 * skin.rest, 100.0).fault, "until it is back"
+    assert not skin.run(skin.rest).fault
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_skin_that_waits_for_its_rest_and_warms_up_is_silent(shape):
+    """At 2 % a minute, as long as somebody leans on it now and then."""
+    skin = Skin(shape)
+    skin.known = None
+    for k in range(60):
+        warm = forward(skin.circuit, skin.resistance * 0.98 ** (k / 60.0))
+        skin.run(2.0 * warm, 0.5, touched=True)
+        assert not skin.run(warm, 0.5).message
+
+
 def test_a_fabric_that_warms_up_is_silent():
     """At 0.2 % a second, as the tare follows it; and after a touch of five seconds."""
     skin = Skin((16, 16))

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 
 import numpy as np
 
-_OFTEN = 3  # times in a second that a reading is set aside: a sound board's is once a minute
+# Times that a reading is set aside in one second and in another. Of a sound board's each is once a
+# minute; a touch that comes or goes sets one aside up to 6 times in a row (8 x 8, seed 33201).
+_OFTEN = 3
+_WINDOW, _MOSTLY = 20, 10  # frames, and of them those that tell without a second look: as doubt.py
 
 
 class Contacts:
-    """Counts of one skin, by the second.
+    """Counts of one skin, by the second and over the last frames.
 
     Attributes:
         message: which contact may be bad; empty if none.
@@ -21,11 +24,17 @@ class Contacts:
         self.message = self.summary = ""
         self._times: Counter[tuple[int, int]] = Counter()  # in this second
         self._bad: tuple[int, int] | None = None  # most often in an earlier one
+        self._recent: deque[list[tuple[int, int]]] = deque(maxlen=_WINDOW)
 
     def frame(self, aside: np.ndarray | None) -> None:
         """Take what an estimate set aside: (rows, cols) bool, or None."""
-        if aside is not None:
-            self._times.update(map(tuple, np.argwhere(aside)))
+        cells = [] if aside is None else list(map(tuple, np.argwhere(aside).tolist()))
+        self._recent.append(cells)
+        self._times.update(cells)
+        if cells:
+            cell, times = Counter(c for frame in self._recent for c in frame).most_common(1)[0]
+            if times >= _MOSTLY:
+                self._tell(cell)
 
     def end_second(self) -> None:
         """Judge the second; call it once a second."""
@@ -40,6 +49,10 @@ class Contacts:
         if times >= _OFTEN:
             again, self._bad = cell == self._bad, cell
             if again:  # twice is no chance
-                self.message = (
-                    f"row {row}, column {col}: reads less than the others allow: a bad contact?"
-                )
+                self._tell(cell)
+
+    def _tell(self, cell: tuple[int, int]) -> None:
+        self._bad = cell
+        self.message = (
+            f"row {cell[0]}, column {cell[1]}: reads less than the others allow: a bad contact?"
+        )

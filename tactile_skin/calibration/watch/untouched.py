@@ -51,6 +51,7 @@ class Untouched:
         self._circuit = circuit
         self._looked = -np.inf  # s
         self._asked = self._conductance = None  # (rows, cols) rest, and what its cells conduct [S]
+        self._before: np.ndarray | None = None  # what the last look saw
         self.forget()
 
     def forget(self) -> None:
@@ -65,14 +66,17 @@ class Untouched:
         self._sum, self._count = np.zeros(self._circuit.shape), 0
         self._since = np.inf  # s, the first of them
 
-    def frame(self, t: float, adc: np.ndarray, touched: bool, rest: np.ndarray, noise: float):
+    def frame(
+        self, t: float, adc: np.ndarray, touched: bool, rest: np.ndarray | None, noise: float
+    ):
         """Take a frame.
 
         Args:
             t: when it was read.
             adc: (rows, cols) ADC ratio; NaN where a crossing was not read.
             touched: whether anything touches the skin.
-            rest: (rows, cols) ADC ratio at rest, as it was measured.
+            rest: (rows, cols) ADC ratio at rest, as it was measured; None: it was not yet, and each
+                look is compared with the one before: what falls by then would be tared away.
             noise: RMS of a reading, as ADC ratio.
         """
         if touched or t < self._since < np.inf:  # or the clock was set back
@@ -83,11 +87,14 @@ class Untouched:
         self._sum, self._count = self._sum + adc, self._count + 1
         if self._count < _FRAMES or t - self._since < _TAKE:
             return
-        now = self._sum / self._count
+        now, before = self._sum / self._count, self._before
         self._begin()
-        known = self._circuit.populated & (now > 0.0) & (now < 1.0) & (rest > 0.0) & (rest < 1.0)
+        self._before = now
         if self._rest is not None:
             rest = self._rest
+        elif rest is None:
+            rest = now if before is None else before
+        known = self._circuit.populated & (now > 0.0) & (now < 1.0) & (rest > 0.0) & (rest < 1.0)
         if np.count_nonzero(known) >= _CELLS:
             full = self._circuit.full_scale
             least = (_ROUNDED if noise * full < _DITHER else _LEAST) / full
@@ -105,7 +112,7 @@ class Untouched:
             self.message = (
                 f"{line}: does the multiplexer select another line, or were leads exchanged?"
             )
-        elif abs(change) > limit and not self._line:
+        elif abs(change) > limit and not self._line and not (self.fault and change > 0.0):
             fell = even and change < -_FALL
             if not self.message or fell > self.fault:
                 self._rest, self._told_at, self.fault = rest, t, fell
