@@ -1,0 +1,99 @@
+"""One running skin without topics: readings in, force and reasons out."""
+
+import numpy as np
+import pytest
+
+from tactile_skin import Circuit, PressureCurve, forward
+from tactile_skin.calibration.skin import Skin
+from tactile_skin.learning import scenes
+from tactile_skin.physics.adc import Adc
+from tactile_skin.physics.creep import Creep
+
+CIRCUIT, CURVE = Circuit(8, 8), PressureCurve()
+FRAME = 0.01  # s
+PUSH = scenes.finger(8, 8, 3.3, 4.1, 20.0, 1.2)  # N
+
+
+class Board:
+    """One whose cells rest 3 % apart, and a skin that reads it."""
+
+    def __init__(self, method="auto", **given):
+        self.rng, self.t, self.warnings = np.random.default_rng(40), 0.0, []
+        self.rest = np.exp(0.03 * self.rng.standard_normal(CIRCUIT.shape))
+        given = {"follows": True, "noise": None, "threshold": 0.0, "time_limit": 60.0} | given
+        self.skin = Skin(
+            Adc(CIRCUIT), CURVE, Creep(), weights=None, warn=self.warnings.append, **given
+        )
+        self.skin.use(method)
+
+    def feel(self, force, frames=1, *, late=False, broken=False):
+        """The force [N] that is found in the last frame."""
+        for _ in range(frames):
+            ratio = forward(CIRCUIT, CURVE.resistance(force) * self.rest)
+            steps = ratio * CIRCUIT.full_scale + 0.5 * self.rng.standard_normal(CIRCUIT.shape)
+            if broken:
+                steps[3] = 0.0  # a row that is open
+            samples = np.rint(64.0 * np.clip(steps, 0.0, None)).astype(np.uint16)
+            found = self.skin.frame(self.t, samples, late=late)
+            self.t += FRAME
+        return found
+
+
+NOTHING = np.zeros(CIRCUIT.shape)
+
+
+def test_it_measures_its_rest_and_finds_the_force():
+    board = Board()
+    assert board.skin.waits and board.skin.rest_resistance is None
+    board.feel(NOTHING, 150)
+    assert not board.skin.waits
+    assert board.skin.rest_resistance == pytest.approx(board.rest * 40000.0, rel=0.02)
+    assert board.feel(PUSH, 5).sum() == pytest.approx(PUSH.sum(), rel=0.05)
+    assert not board.skin.fault and board.skin.reasons() == "" and not board.warnings
+
+
+def test_a_late_frame_is_taken_by_the_fast_method_if_the_user_asked_for_none():
+    for method, fast in (("auto", True), ("map", False)):
+        board = Board(method)
+        board.feel(PUSH, late=True)
+        assert board.skin.fitted != fast
+        assert board.skin.taken["fixed_point"] == fast
+
+
+def test_a_frame_of_which_nothing_can_be_made_fails_and_the_next_does_not():
+    board = Board()
+    assert board.skin.frame(0.0, np.full((4, 4), 640, np.uint16)) is None
+    assert board.skin.status == "failed" and "(4, 4)" in board.skin.reasons()
+    assert board.feel(PUSH) is not None
+    assert board.skin.status == "ok"
+
+
+def test_an_open_row_is_a_fault_until_a_reset_finds_it_gone():
+    board = Board()
+    board.feel(NOTHING, 150)
+    board.feel(PUSH, 20, broken=True)
+    assert board.skin.fault and "row 3 is open" in board.skin.reasons()
+    board.skin.reset()
+    assert board.skin.fault, "it is there still"
+    board.feel(PUSH, 20)
+    assert board.skin.fault and "kept until" in board.skin.reasons()
+    board.skin.reset()
+    assert not board.skin.fault and board.skin.reasons(past=False) == ""
+
+
+def test_the_rest_is_measured_anew_on_request_unless_something_presses():
+    board = Board()
+    board.feel(NOTHING, 150)
+    board.feel(PUSH)
+    assert "something presses" in board.skin.tare() and not board.skin.waits
+    board.feel(NOTHING)
+    assert board.skin.tare() == "" and board.skin.waits
+    assert "the tare is off" in Board(follows=False).skin.tare()
+
+
+def test_an_unknown_method_is_refused():
+    board = Board()
+    with pytest.raises(ValueError, match="method = 'magic': must be one of naive"):
+        board.skin.use("magic")
+    board.feel(PUSH)
+    assert "magic" not in board.skin.taken
