@@ -3,6 +3,13 @@
 
 #include <math.h>
 
+/* to += factor * from, n of each, which do not overlap. */
+static inline void add(double *restrict to, double factor, const double *restrict from, int n)
+{
+    for (int k = 0; k < n; k++)
+        to[k] += factor * from[k];
+}
+
 /* R of numpy_kernel.reduced_root; -1 if S is singular to rounding, or holds NaN. */
 VECTORISED static int reduced_root(const double *restrict g, int rows, int cols,
                                    Network *restrict n)
@@ -28,9 +35,7 @@ VECTORISED static int reduced_root(const double *restrict g, int rows, int cols,
         row[i] += row_sum[i];
         for (int j = 0; j < cols; j++) {
             double share = n->scaled[i * cols + j] = g[i * cols + j] / n->col_sum[j];
-            const double *restrict other = turned_g + j * rows;
-            for (int k = 0; k < rows; k++)
-                row[k] -= share * other[k];
+            add(row, -share, turned_g + j * rows, rows);
         }
     }
     /* S = U^T U, U in the upper triangle of s */
@@ -41,11 +46,8 @@ VECTORISED static int reduced_root(const double *restrict g, int rows, int cols,
         double scale = 1.0 / sqrt(pivot);
         for (int k = i; k < rows; k++)
             s[i * rows + k] *= scale;
-        for (int j = i + 1; j < rows; j++) {
-            double factor = s[i * rows + j];
-            for (int k = j; k < rows; k++)
-                s[j * rows + k] -= factor * s[i * rows + k];
-        }
+        for (int j = i + 1; j < rows; j++)
+            add(s + j * rows + j, -s[i * rows + j], s + i * rows + j, rows - j);
     }
     /* R = U^-1, row by row of its transpose: (U^T) R^T = 1 */
     for (int i = 0; i < rows; i++) {
@@ -53,11 +55,8 @@ VECTORISED static int reduced_root(const double *restrict g, int rows, int cols,
         for (int k = 0; k < rows; k++)
             row[k] = 0.0;
         row[i] = 1.0;
-        for (int j = 0; j < i; j++) {
-            double factor = s[j * rows + i];
-            for (int k = 0; k <= j; k++)
-                row[k] -= factor * n->turned[j * rows + k];
-        }
+        for (int j = 0; j < i; j++)
+            add(row, -s[j * rows + i], n->turned + j * rows, j + 1);
         double scale = 1.0 / s[i * rows + i];
         for (int k = 0; k <= i; k++)
             row[k] *= scale;
@@ -76,13 +75,11 @@ VECTORISED static void blocks(int rows, int cols, Network *restrict n)
         for (int k = 0; k < rows; k++)
             a[k] = 0.0;
         for (int j = i; j < rows; j++)
-            for (int k = 0; k <= j; k++)
-                a[k] += n->root[i * rows + j] * n->turned[j * rows + k];
+            add(a, n->root[i * rows + j], n->turned + j * rows, j + 1);
         for (int k = 0; k < cols; k++)
             c[k] = 0.0;
         for (int j = 0; j < rows; j++)
-            for (int k = 0; k < cols; k++)
-                c[k] += a[j] * n->scaled[j * cols + k];
+            add(c, a[j], n->scaled + j * cols, cols);
     }
 }
 
