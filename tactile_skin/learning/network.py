@@ -33,7 +33,7 @@ _HEAD = (27, 9, 9, 9)  # channels between the plain convolutions
 _OUTPUTS = {"paper": 1, "physics": 2}  # the force; what to make of the fixed point's
 _MOST_BYTES = 1024 * 1024  # of a weights file, packed or not: ours take 30 kB
 _MOST_ARRAYS = 50  # in a weights file: ours hold 21
-_STEPS = 14  # of the fixed point; each costs 0.02 y
+_STEPS = 14  # of the fixed point; each costs 0.01 y
 _RHO = 1.0, 1e12  # ohm: a short and an open line stay finite
 _LEAST_SEEN = 1e-6  # of log10: a cell that hardly shows in its own reading
 

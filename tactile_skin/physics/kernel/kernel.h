@@ -52,7 +52,7 @@ ptrdiff_t solve_in_box(ptrdiff_t n, const float *precision, const double *b, con
                        const double *high, double *dx, float *factor, int *inside, float *space,
                        int *kept);
 
-enum { HISTORY = 6, ITERATE_SPACE = 2 * HISTORY + 4 }; /* vectors of n that iterate needs */
+enum { HISTORY = 6, ITERATE_SPACE = 2 * HISTORY + 6 }; /* vectors of n that iterate needs */
 
 int iterate(int rows, int cols, double *g, const int *at, ptrdiff_t n, const double *measured,
             const double *low, const double *high, double r_ref, double r_par, double goal,
