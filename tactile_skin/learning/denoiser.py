@@ -12,7 +12,8 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from numpy.lib.stride_tricks import as_strided
+
+from ..physics import kernel
 
 SHIPPED = Path(__file__).parent / "weights" / "touches.npz"
 INPUTS, OUTPUTS = 5, 2
@@ -43,7 +44,9 @@ class Denoiser:
 
     def __init__(self, state: dict[str, np.ndarray]):
         names = [name[: -len(".weight")] for name in state if name.endswith(".weight")]
-        self._layers = [_flat(state[f"{n}.weight"], state[f"{n}.bias"]) for n in names]
+        self._layers = [
+            kernel.convolution(state[f"{name}.weight"], state[f"{name}.bias"]) for name in names
+        ]
 
     def __call__(self, x, std, own, unknown, cells) -> tuple[np.ndarray, np.ndarray]:
         """The likely x of each cell, and its standard deviation, (rows, cols) each.
@@ -56,30 +59,12 @@ class Denoiser:
             unknown: (rows, cols) bool, cells that the fit was free to move.
             cells: (rows, cols) bool, cells that exist.
         """
-        h = np.maximum(_convolve(self._layers[0], inputs(x, std, own, unknown, cells)), 0.0)
+        h = np.maximum(kernel.convolve(inputs(x, std, own, unknown, cells), self._layers[0]), 0.0)
         for layer in self._layers[1:-1]:
-            h += np.maximum(_convolve(layer, h), 0.0)
-        shift, log_share = _convolve(self._layers[-1], h)
+            h += np.maximum(kernel.convolve(h, layer), 0.0)
+        shift, log_share = kernel.convolve(h, self._layers[-1])
         std = np.clip(std, *STD)
         return x + shift * std, std * np.exp(np.clip(log_share, *SHARE))
-
-
-def _flat(weight: np.ndarray, bias: np.ndarray) -> np.ndarray:
-    """(out, 9 * in + 1), the bias last."""
-    return np.hstack([weight.reshape(len(weight), -1), bias[:, None]]).astype(np.float32)
-
-
-def _convolve(layer: np.ndarray, picture: np.ndarray) -> np.ndarray:
-    """(out, rows, cols) of a zero-padded picture (in, rows, cols)."""
-    channels, rows, cols = picture.shape
-    padded = np.zeros((channels, rows + 2, cols + 2), np.float32)
-    padded[:, 1:-1, 1:-1] = picture
-    columns = np.ones((9 * channels + 1, rows * cols), np.float32)
-    plane, line, item = padded.strides
-    shape = channels, 3, 3, rows, cols
-    windows = as_strided(padded, shape, (plane, line, item, line, item), writeable=False)
-    columns[:-1].reshape(shape)[...] = windows
-    return (layer @ columns).reshape(-1, rows, cols)
 
 
 @cache

@@ -11,14 +11,12 @@ from __future__ import annotations
 
 import io
 import json
-import threading
 import warnings
 import zipfile
 from functools import cache
 from pathlib import Path
 
 import numpy as np
-from numpy.lib.stride_tricks import as_strided, sliding_window_view
 
 from ..files import FileError, one_line, read_bytes
 from ..physics import kernel
@@ -28,7 +26,6 @@ from ..physics.curve import PressureCurve
 SHIPPED = Path(__file__).parent / "weights"
 DILATIONS = (1, 2, 3)  # of the parallel context convolutions (paper Fig. 7)
 _FORMAT = 1
-_FRAMES_AT_ONCE = 16  # of a recording: what a pass holds stays in the cache
 NETWORKS = ("paper", "physics")
 PHYSICS_INPUTS = 5
 FIXED_POINT = 3  # of the inputs: the force by the fixed point
@@ -36,7 +33,7 @@ _HEAD = (27, 9, 9, 9)  # channels between the plain convolutions
 _OUTPUTS = {"paper": 1, "physics": 2}  # the force; what to make of the fixed point's
 _MOST_BYTES = 1024 * 1024  # of a weights file, packed or not: ours take 30 kB
 _MOST_ARRAYS = 50  # in a weights file: ours hold 21
-_STEPS = 14  # of the fixed point; each costs 0.02 y
+_STEPS = 14  # of the fixed point; each costs 0.01 y
 _RHO = 1.0, 1e12  # ohm: a short and an open line stay finite
 _LEAST_SEEN = 1e-6  # of log10: a cell that hardly shows in its own reading
 
@@ -126,20 +123,14 @@ class Weights:
         self._lines = None
         if self.kind == "paper":
             self._lines = (
-                (state["row.weight"].reshape(self.cols), float(state["row.bias"][0])),
-                (state["col.weight"].reshape(self.rows), float(state["col.bias"][0])),
+                (state["row.weight"].reshape(self.cols), state["row.bias"]),
+                (state["col.weight"].reshape(self.rows), state["col.bias"]),
             )
-        # Taps outermost, as the gathered columns are; the last column holds the biases, which
-        # meet a channel of ones.
-        self._context = np.stack(
-            [
-                np.hstack([w.transpose(0, 2, 3, 1).reshape(len(w), -1), bias[:, None]])
-                for w, bias in _layers(state, "context")
-            ]
-        )  # (dilations, 9, 9 * channels + 1)
-        self._heads = [_by_tap(w, bias) for w, bias in _layers(state, "head")]
+        self._context, self._head = (
+            [kernel.convolution(*layer) for layer in _layers(state, name)]
+            for name in ("context", "head")
+        )
         self._fits = None, None  # circuit and curve that were found to fit
-        self._scratch = threading.local()  # several skins may share the weights
 
     def check(self, circuit: Circuit, curve: PressureCurve) -> None:
         """Raise ValueError, naming each difference, unless the weights fit circuit and curve.
@@ -181,89 +172,32 @@ class Weights:
                 f"readings of shape {adc.shape}: the network wants (..., {self.rows}, {self.cols})"
             )
         frames = adc.reshape(-1, self.rows, self.cols)
-        out = np.empty(frames.shape)
-        for start in range(0, len(frames), _FRAMES_AT_ONCE):
-            here = slice(start, start + _FRAMES_AT_ONCE)
-            with np.errstate(over="ignore", invalid="ignore"):  # seen below
-                out[here] = self._pass(frames[here])
+        with np.errstate(over="ignore", invalid="ignore"):  # seen below
+            out = np.array([self._pass(frame) for frame in frames]).reshape(adc.shape)
         if not np.isfinite(out.sum()):
             raise ValueError(f"weights {self.path}: the network's force is not finite")
-        return out.reshape(adc.shape)
+        return out
 
-    def _pass(self, frames: np.ndarray) -> np.ndarray:
-        n = len(frames)
-        if getattr(self._scratch, "n", None) != n:
-            self._allocate(n)
-        scratch, inside = self._scratch, self._scratch.inside  # (channels, n, rows, cols)
+    def _pass(self, adc: np.ndarray) -> np.ndarray:
+        """(rows, cols) ADC ratio -> force [N]."""
         if self._lines is None:
-            inputs = physics_inputs(frames, self._circuit, self._curve)
-            np.divide(inputs - self._mean[:, None], self._std[:, None], out=inside)
+            inputs = physics_inputs(adc[None], self._circuit, self._curve)[:, 0]
+            h = (inputs - self._mean) / self._std
         else:
             (row, row_bias), (col, col_bias) = self._lines
-            x = inside[0]  # (n, rows, cols)
-            np.divide(frames - self._mean, self._std, out=x, casting="same_kind")
-            inside[1] = np.maximum(x @ row + row_bias, 0.0)[:, :, None]
-            inside[2] = np.maximum(col @ x + col_bias, 0.0)[:, None, :]
-        for gathered, window in scratch.context:  # (3, 3, channels, n, rows, cols) each
-            gathered[...] = window
-        h = np.matmul(self._context, scratch.columns, out=scratch.looked)
-        h = h.reshape(-1, *frames.shape)  # (27, n, rows, cols)
-        for weight, (inner, padded, taps, shifted, flat, summed) in zip(
-            self._heads, scratch.layers, strict=True
-        ):
-            np.maximum(h, 0.0, out=inner)
-            np.matmul(weight, padded, out=taps)
-            np.add.reduce(shifted, (0, 1), out=flat)
-            h = summed
+            h = np.empty((3, *adc.shape), np.float32)
+            h[0] = (adc - self._mean[0]) / self._std[0]
+            h[1] = np.maximum(h[0] @ row + row_bias, 0.0)[:, None]
+            h[2] = np.maximum(col @ h[0] + col_bias, 0.0)
+        looked = [
+            kernel.convolve(h, layer, dilation)
+            for layer, dilation in zip(self._context, DILATIONS, strict=True)
+        ]
+        h = np.concatenate(looked)  # (27, rows, cols)
+        for layer in self._head:
+            h = kernel.convolve(np.maximum(h, 0.0, out=h), layer)
         force = h[0] if self._lines else h[0] + (1.0 + h[1]) * inputs[FIXED_POINT]
         return np.maximum(force, 0.0) * self._curve.max_force
-
-    def _allocate(self, n: int) -> None:
-        """Buffers for n frames, and views of them; padding stays 0, and channels of ones 1."""
-        rows, cols, pad = self.rows, self.cols, max(DILATIONS)
-        scratch = self._scratch
-        channels = self._context.shape[2] // 9
-        picture = np.zeros((channels, n, rows + 2 * pad, cols + 2 * pad), np.float32)
-        scratch.inside = picture[:, :, pad : pad + rows, pad : pad + cols]
-        windows = sliding_window_view(picture, (rows, cols), (2, 3))
-        windows = windows.transpose(2, 3, 0, 1, 4, 5)  # (7, 7, channels, n, rows, cols)
-        columns = np.ones((len(DILATIONS), 9 * channels + 1, n * rows * cols), np.float32)
-        scratch.columns = columns
-        scratch.context = [
-            (
-                columns[k, :-1].reshape(3, 3, channels, n, rows, cols),
-                windows[pad - d : pad + d + 1 : d, pad - d : pad + d + 1 : d],
-            )
-            for k, d in enumerate(DILATIONS)
-        ]
-        scratch.looked = np.empty((*self._context.shape[:2], n * rows * cols), np.float32)
-        # A 3x3 convolution of a zero-padded picture kept flat: one product gives what each of the
-        # nine taps adds, and each lies at an offset of its own.
-        wide, size = cols + 2, n * (rows + 2) * (cols + 2)
-        used = size - 2 * wide - 2
-        scratch.layers = []
-        # One layer after the other uses the same memory, which so stays in the cache.
-        most = max(len(weight) for weight in self._heads)
-        all_taps = np.empty((most, size), np.float32)
-        all_flat = np.zeros((most // 9, size), np.float32)
-        for weight in self._heads:
-            channels, out = weight.shape[1] - 1, len(weight) // 9
-            padded = np.zeros((channels + 1, n, rows + 2, wide), np.float32)
-            padded[-1] = 1.0
-            taps, flat = all_taps[: 9 * out], all_flat[:out]
-            line, item = taps.strides
-            shifted = as_strided(
-                taps,
-                (3, 3, out, used),
-                (3 * out * line + wide * item, out * line + item, line, item),
-                writeable=False,
-            )
-            summed = flat.reshape(out, n, rows + 2, wide)[:, :, :rows, :cols]
-            inner = padded[:-1, :, 1:-1, 1:-1]
-            scratch.layers.append(
-                (inner, padded.reshape(-1, size), taps, shifted, flat[:, :used], summed)
-            )
-        scratch.n = n
 
 
 def _checked(state: dict, wanted: dict[str, tuple[int, ...]]) -> dict[str, np.ndarray]:
@@ -291,19 +225,7 @@ def _layers(state: dict, name: str) -> list[tuple[np.ndarray, np.ndarray]]:
     """Weights (out, in, 3, 3) and biases (out,) of the numbered layers of one name, in order."""
     count = sum(key.startswith(name) and key.endswith("weight") for key in state)
     names = [f"{name}.{k}" for k in range(count)]
-    return [
-        (state[f"{key}.weight"].astype(np.float32), state[f"{key}.bias"].astype(np.float32))
-        for key in names
-    ]
-
-
-def _by_tap(weight: np.ndarray, bias: np.ndarray) -> np.ndarray:
-    """(9 * out, in + 1) of a 3x3 convolution: taps outermost, the biases at its middle one."""
-    out, channels = weight.shape[:2]
-    stacked = np.zeros((3, 3, out, channels + 1), np.float32)
-    stacked[..., :-1] = weight.transpose(2, 3, 0, 1)
-    stacked[1, 1, :, -1] = bias
-    return stacked.reshape(9 * out, channels + 1)
+    return [(state[f"{key}.weight"], state[f"{key}.bias"]) for key in names]
 
 
 def save(path, state: dict[str, np.ndarray], meta: dict) -> None:

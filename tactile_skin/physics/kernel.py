@@ -44,6 +44,7 @@ if _kernel and not _is_of(_kernel, Path(__file__).with_name("kernel")):
 __all__ = [
     "Network",
     "connected_rho",
+    "convolve",
     "fixed_point",
     "hessian_product",
     "implementation",
@@ -143,6 +144,36 @@ def roughness(
         cost = _kernel.roughness(*x.shape, x, weight, square, gradient, diagonal, entries)
         return cost, gradient, diagonal, entries
     return numpy_kernel.roughness(x, weight, square)
+
+
+def convolve(picture: np.ndarray, layer: np.ndarray, dilation: int = 1) -> np.ndarray:
+    """A 3x3 convolution of a picture that ends in zeros.
+
+    Args:
+        picture: (channels, rows, cols) float32.
+        layer: (outputs, 9 * channels + 1) float32, see `convolution`.
+        dilation: cells from one tap to the next.
+
+    Returns:
+        (outputs, rows, cols) float32.
+    """
+    if _kernel is not None:
+        channels, rows, cols = picture.shape
+        out = np.empty((len(layer), rows, cols), np.float32)
+        picture = np.ascontiguousarray(picture)
+        _kernel.convolve(rows, cols, channels, dilation, picture, layer, out)
+        return out
+    return numpy_kernel.convolve(picture, layer, dilation)
+
+
+def convolution(weight: np.ndarray, bias: np.ndarray) -> np.ndarray:
+    """A layer for `convolve`, (outputs, 9 * channels + 1) float32, of PyTorch's arrays.
+
+    Args:
+        weight: (outputs, channels, 3, 3).
+        bias: (outputs,), which comes last.
+    """
+    return np.hstack([weight.reshape(len(weight), -1), bias[:, None]]).astype(np.float32)
 
 
 def solve_in_box(precision, b, low, high) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:

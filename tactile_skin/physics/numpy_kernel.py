@@ -12,6 +12,7 @@ import time
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import lapack
 
 _HISTORY = 6  # earlier steps that the acceleration of the fixed point combines
@@ -136,6 +137,17 @@ def roughness(
         diagonal[here] += curvature
         diagonal[there] += curvature
     return cost, gradient, diagonal, -w
+
+
+def convolve(picture: np.ndarray, layer: np.ndarray, dilation: int) -> np.ndarray:
+    """As kernel.convolve."""
+    channels, rows, cols = picture.shape
+    padded = np.pad(picture, ((0, 0), (dilation, dilation), (dilation, dilation)))
+    reach = 2 * dilation + 1
+    windows = sliding_window_view(padded, (reach, reach), (1, 2))[..., ::dilation, ::dilation]
+    columns = np.ones((9 * channels + 1, rows * cols), np.float32)
+    columns[:-1] = windows.transpose(0, 3, 4, 1, 2).reshape(9 * channels, rows * cols)
+    return (layer @ columns).reshape(-1, rows, cols)
 
 
 def fixed_point(

@@ -11,7 +11,7 @@ from .suspect import estimate_from_force
 
 MAX_STEPS = 60
 _TARGET = 0.25  # ADC steps RMS at which to stop: below rounding to whole steps
-_ROUNDING = 1e-9  # share of a conductance by which it may leave its bounds
+BOUND = 1.0 + 1e-9  # factor within which a conductance is on a bound, but for rounding
 _BROAD = 0.1  # share of the cells at rest below which the whole skin is loaded
 _LEVEL = 5.0  # times the mean force, which no cell of an even load on the whole skin reaches
 
@@ -55,7 +55,7 @@ def _closed_form(reading: Reading) -> np.ndarray:
         left = np.maximum(1.0 - (v * free).sum(axis, keepdims=True), readouts.LEAST_SCALE)
         g = np.where(free, v * ground / left, held)
         inside = np.minimum(np.maximum(g, low), high)
-        out = free & (np.abs(inside - g) > _ROUNDING * g)
+        out = free & (np.abs(inside - g) > (BOUND - 1.0) * g)
         if not out.any():
             return g
         free, held = free & ~out, np.where(out, inside, held)

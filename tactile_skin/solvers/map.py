@@ -20,7 +20,7 @@ from . import prior as prior_terms
 from . import series, suspect
 from .aside import without_bad_contacts
 from .estimate import Estimate, spread
-from .fixed_point import fill, first_guess, is_broad, is_level, iterate, last_guess
+from .fixed_point import BOUND, fill, first_guess, is_broad, is_level, iterate, last_guess
 from .reading import ROUNDING_NOISE, Linearised, Reading, noise_at_rest
 from .suspect import NormalEquations
 
@@ -302,7 +302,7 @@ def _gauss_newton(reading: Reading, point: _Point) -> _Step:
     if circuit.mask is not None:
         alone *= circuit.mask
     gain = max(_JOIN_CHI2, _JOIN_SHARE * max(alone.max(), -alone.min()))
-    moves = np.where(g <= low, alone >= gain, (g < high) | (slope < 0))
+    moves = np.where(g <= low * BOUND, alone >= gain, (g < high / BOUND) | (slope < 0))
     free = np.flatnonzero(moves if circuit.mask is None else moves & circuit.mask)
     if not free.size:
         return _Step(free, np.zeros(0), 0.0)

@@ -18,7 +18,7 @@ from scipy.linalg import lapack
 from ..physics import laplacian, readouts
 from ..physics.conjugate_gradients import conjugate_gradients
 from .estimate import Estimate
-from .fixed_point import first_guess, iterate, last_guess
+from .fixed_point import BOUND, first_guess, iterate, last_guess
 from .reading import Reading
 from .suspect import estimate_from_force
 
@@ -26,7 +26,6 @@ MAX_STEPS = 40  # 5 is usual; bounds the time of readings that no circuit explai
 START_STEPS = 8  # of the fixed point: a step costs a sixth of a Newton step
 WARM_STEPS = 4  # the same from the last frame: the rim of a touch that moved misfits by far
 _DONE = 1e-7  # relative step of g; a thousandth of a gram is 6e-7 at full load
-_BOUND = 1.0 + 1e-9  # factor within which a cell is on a bound, but for rounding
 # Relative rise of a cell's conductance from rest that its own reading asks for and that makes it an
 # unknown: at first, and once the others are settled.
 _JOIN, _JOIN_LAST = 0.2, 1e-8
@@ -84,7 +83,7 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
         # A cell on its bound is held there if the gradient pushes outwards. One at rest joins the
         # unknowns if its own reading asks for a touch; once the others are settled, for anything.
         rise = gradient / (rho * rho_measured * low)
-        held = ((g <= low * _BOUND) & (rise < join)) | ((g >= high / _BOUND) & (gradient >= 0.0))
+        held = ((g <= low * BOUND) & (rise < join)) | ((g >= high / BOUND) & (gradient >= 0.0))
         now = np.flatnonzero(cells & ~held)
         if not now.size:
             if join == _JOIN_LAST:

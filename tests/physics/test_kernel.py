@@ -120,6 +120,37 @@ def test_how_readings_follow_a_conductance(rng, shape):
     np.testing.assert_allclose(found, plain, rtol=1e-5, atol=1e-7 * plain.max(initial=1e-9))
 
 
+@pytest.mark.parametrize("shape", [(1, 1), (5, 9), (16, 16), (3, 40)])
+@pytest.mark.parametrize(
+    "channels, outputs, dilation", [(1, 1, 1), (5, 9, 3), (9, 2, 1), (16, 16, 2)]
+)
+def test_the_convolution_is_numpys(rng, shape, channels, outputs, dilation):
+    picture = rng.standard_normal((channels, *shape)).astype(np.float32)
+    weight, bias = rng.standard_normal((outputs, channels, 3, 3)), rng.standard_normal(outputs)
+    layer = kernel.convolution(weight, bias)
+    plain = numpy_kernel.convolve(picture, layer, dilation)
+    assert plain.shape == (outputs, *shape)
+    found = kernel.convolve(picture, layer, dilation)
+    np.testing.assert_allclose(found, plain, rtol=1e-4, atol=1e-5)
+    turned = kernel.convolve(picture[:, :, ::-1], layer, dilation)  # not in C's order
+    np.testing.assert_allclose(
+        turned, numpy_kernel.convolve(picture[:, :, ::-1], layer, dilation), rtol=1e-4, atol=1e-5
+    )
+
+
+@pytest.mark.parametrize("convolve", [kernel.convolve, numpy_kernel.convolve])
+def test_a_convolution_by_hand(convolve):
+    """A picture of ones: each cell counts its neighbours, and itself ten times; the bias is 0.5."""
+    weight = np.ones((1, 1, 3, 3))
+    weight[0, 0, 1, 1] = 10.0
+    layer = kernel.convolution(weight, np.array([0.5]))
+    ones = np.ones((1, 3, 4), np.float32)
+    near = [[13.5, 15.5, 15.5, 13.5], [15.5, 18.5, 18.5, 15.5], [13.5, 15.5, 15.5, 13.5]]
+    np.testing.assert_array_equal(convolve(ones, layer, 1), [near])
+    far = [[13.5] * 4, [11.5] * 4, [13.5] * 4]
+    np.testing.assert_array_equal(convolve(ones, layer, 2), [far])
+
+
 def a_reading(rng, shape):
     board, curve = Circuit(*shape), PressureCurve()
     (force,) = scenes.sample("rects", 1, *shape, rng) if min(shape) > 8 else rng.random((1, *shape))
@@ -196,7 +227,7 @@ def test_long_work_lets_other_threads_run(rng):
     assert taken[0] > 0 and seen > 5
 
 
-G, I4 = np.ones((2, 2)), np.zeros(1, np.int32)
+G, I4, F4 = np.ones((2, 2)), np.zeros(1, np.int32), np.ones(4, np.float32)
 
 
 @pytest.mark.parametrize(
@@ -234,6 +265,18 @@ G, I4 = np.ones((2, 2)), np.zeros(1, np.int32)
             "argument 3: 4 at 0: must be from 0 to 3",
         ),
         ("iterate", (1, 2), "12 arguments are due, got 2"),
+        ("convolve", (2, 2, 0, 1, F4, F4, F4), "argument 2: 0: must be 1 to 4096"),
+        (
+            "convolve",
+            (2, 3, 1, 1, F4, np.ones(10, np.float32), F4),
+            "argument 4: must have 6 items",
+        ),
+        ("convolve", (2, 2, 1, 1, F4, F4, F4), "argument 5: must have 0 items, has 4"),
+        (
+            "convolve",
+            (2, 2, 1, 1, F4, np.ones(20, np.float32), F4),
+            "argument 6: must have 8 items, has 4",
+        ),
     ],
 )
 def test_what_is_no_such_array_is_refused(function, arguments, named):

@@ -52,6 +52,16 @@ def test_the_priors_majorant_lies_above_it():
         assert prior.touches(x + d, -1.0, between).value <= bound + 1e-9
 
 
+def test_rounding_decides_nothing():
+    """A cell that a step leaves at its bound stays there, whatever the last digit of the bound."""
+    for force in scenes.sample("rects", 5, 16, 16, np.random.default_rng(7)):
+        adc = np.rint(forward(CIRCUIT, CURVE.resistance(force)) * 1023) / 1023
+        found, moved = (
+            compensate(a, CIRCUIT, CURVE, "map").force for a in (adc, adc * (1 + 2e-15))
+        )
+        np.testing.assert_allclose(moved, found, rtol=1e-3, atol=1e-3)
+
+
 @pytest.mark.parametrize("shape", [(1, 1), (1, 5), (5, 1), (3, 4)])
 @pytest.mark.parametrize("masked", [False, True])
 def test_the_precision_is_that_of_the_differences_one_by_one(shape, masked):

@@ -2,6 +2,7 @@
 #include "kernel.h"
 
 #include <math.h>
+#include <string.h>
 #include <time.h>
 
 /* Solve the (n, n) system s x = b, both overwritten; rows of s are HISTORY apart. */
@@ -54,8 +55,8 @@ static inline double dot(const double *restrict a, const double *restrict b, ptr
 }
 
 /* kernel.fixed_point over the n cells `at`: g becomes the last point. Returns the steps taken, -1
- * if the network is singular to rounding. Vectors of n: x, then what is kept of the steps. Gives up
- * after `seconds`, which may be infinite. */
+ * if the network is singular to rounding. `space` holds ITERATE_SPACE vectors of n. Gives up after
+ * `seconds`, which may be infinite. */
 VECTORISED int iterate(int rows, int cols, double *restrict g, const int *restrict at, ptrdiff_t n,
                        const double *restrict measured, const double *restrict low,
                        const double *restrict high, double r_ref, double r_par, double goal,
@@ -63,28 +64,32 @@ VECTORISED int iterate(int rows, int cols, double *restrict g, const int *restri
                        Network *restrict network)
 {
     double *restrict x = space, *restrict misfit = space + n, *restrict last = space + 2 * n;
-    double *restrict image = space + 3 * n, *restrict d_misfit = space + 4 * n;
+    double *restrict image = space + 3 * n, *restrict adc = space + 4 * n;
+    double *restrict off = space + 5 * n, *restrict d_misfit = space + 6 * n;
     double *restrict d_image = d_misfit + HISTORY * n;
-    double rho[CELLS], deadline = now() + seconds;
+    double rho[CELLS], gram[HISTORY * HISTORY], deadline = now() + seconds;
 
     for (ptrdiff_t i = 0; i < n; i++)
         x[i] = log(g[at[i]]);
+    for (ptrdiff_t i = 0; i < n; i++)
+        adc[i] = r_ref / (r_ref + r_par + measured[i]);
     for (int step = 0; step < steps; step++) {
         if (network_of(g, rows, cols, network) < 0)
             return -1;
         two_terminal(rows, cols, network, rho);
-        double error = 0.0;
+        for (ptrdiff_t i = 0; i < n; i++)
+            misfit[i] = rho[at[i]];
         for (ptrdiff_t i = 0; i < n; i++) {
-            double off = r_ref / (r_ref + r_par + rho[at[i]]) - r_ref / (r_ref + r_par + measured[i]);
-            error += off * off;
+            off[i] = r_ref / (r_ref + r_par + misfit[i]) - adc[i];
+            misfit[i] /= measured[i];
         }
-        if (error <= goal || now() > deadline)
+        if (dot(off, off, n) <= goal || now() > deadline)
             return step;
         int slot = (step + HISTORY - 1) % HISTORY, used = step < HISTORY ? step : HISTORY;
         double *restrict last_d_misfit = d_misfit + slot * n;
         double *restrict last_d_image = d_image + slot * n;
         for (ptrdiff_t i = 0; i < n; i++)
-            misfit[i] = log(rho[at[i]] / measured[i]);
+            misfit[i] = log(misfit[i]);
         for (ptrdiff_t i = 0; i < n; i++) {
             double plain = x[i] + misfit[i];
             last_d_misfit[i] = misfit[i] - last[i];
@@ -92,17 +97,18 @@ VECTORISED int iterate(int rows, int cols, double *restrict g, const int *restri
             last[i] = misfit[i];
             image[i] = x[i] = plain;
         }
-        double gram[HISTORY * HISTORY], share[HISTORY], trace = 0.0;
+        double matrix[HISTORY * HISTORY], share[HISTORY], trace = 0.0;
         for (int a = 0; a < used; a++) {
-            for (int b = 0; b <= a; b++)
-                gram[a * HISTORY + b] = gram[b * HISTORY + a]
-                    = dot(d_misfit + a * n, d_misfit + b * n, n);
-            trace += gram[a * HISTORY + a];
+            gram[a * HISTORY + slot] = gram[slot * HISTORY + a]
+                = dot(d_misfit + a * n, last_d_misfit, n);
             share[a] = dot(d_misfit + a * n, misfit, n);
         }
         for (int a = 0; a < used; a++)
-            gram[a * HISTORY + a] += 1e-10 * trace + 1e-30;
-        solve_small(gram, share, used);
+            trace += gram[a * HISTORY + a];
+        memcpy(matrix, gram, sizeof gram);
+        for (int a = 0; a < used; a++)
+            matrix[a * HISTORY + a] += 1e-10 * trace + 1e-30;
+        solve_small(matrix, share, used);
         for (int a = 0; a < used; a++)
             for (ptrdiff_t i = 0; i < n; i++)
                 x[i] -= share[a] * d_image[a * n + i];

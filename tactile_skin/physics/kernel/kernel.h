@@ -44,11 +44,15 @@ void hessian_product(int rows, int cols, const double *k, const double *p, doubl
 double roughness(int rows, int cols, const double *x, const double *weight, double square,
              double *gradient, double *diagonal, double *entries);
 
+ptrdiff_t convolve_space(int channels, int rows, int cols, int dilation); /* floats */
+void convolve(int channels, int rows, int cols, int n_out, int dilation, const float *picture,
+              const float *layer, float *out, float *space);
+
 ptrdiff_t solve_in_box(ptrdiff_t n, const float *precision, const double *b, const double *low,
                        const double *high, double *dx, float *factor, int *inside, float *space,
                        int *kept);
 
-enum { HISTORY = 6, ITERATE_SPACE = 2 * HISTORY + 4 }; /* vectors of n that iterate needs */
+enum { HISTORY = 6, ITERATE_SPACE = 2 * HISTORY + 6 }; /* vectors of n that iterate needs */
 
 int iterate(int rows, int cols, double *g, const int *at, ptrdiff_t n, const double *measured,
             const double *low, const double *high, double r_ref, double r_par, double goal,

@@ -6,7 +6,8 @@
 
 #include "kernel.h"
 
-enum { MOST = 12, MOST_STEPS = 1000000 }; /* arguments; steps of an iteration */
+/* Arguments; steps of an iteration; channels, rows, columns and dilation of a convolution */
+enum { MOST = 12, MOST_STEPS = 1000000, MOST_SIZE = 4096 };
 
 /* The arguments of one call, in order: n an integer, x a number; arrays of d double, f float, i int,
  * in capitals if they are filled. */
@@ -261,6 +262,38 @@ static PyObject *py_iterate(PyObject *self, PyObject *const *args, Py_ssize_t co
     return end(&call);
 }
 
+static PyObject *py_convolve(PyObject *self, PyObject *const *args, Py_ssize_t count)
+{
+    Call call;
+
+    if (begin(&call, args, count, "nnnnffF")) {
+        Py_ssize_t rows = call.size[0], cols = call.size[1];
+        Py_ssize_t channels = call.size[2], dilation = call.size[3];
+        for (int k = 0; k < 4; k++)
+            if (call.size[k] < 1 || call.size[k] > MOST_SIZE) {
+                PyErr_Format(PyExc_ValueError, "kernel: argument %d: %zd: must be 1 to %d", k,
+                             call.size[k], MOST_SIZE);
+                return end(&call);
+            }
+        Py_ssize_t width = 9 * channels + 1, n_out = call.size[5] / width;
+        if (sized(&call, 4, channels * rows * cols) && sized(&call, 5, n_out * width)
+            && sized(&call, 6, n_out * rows * cols)) {
+            Py_ssize_t size = convolve_space(channels, rows, cols, dilation);
+            float *space = PyMem_Calloc(size, sizeof *space);
+            if (space) {
+                PyThreadState *released = release((double)call.size[5] * rows * cols / 8.0);
+                convolve(channels, rows, cols, n_out, dilation, call.data[4], call.data[5],
+                         call.data[6], space);
+                acquire(released);
+                call.result = Py_NewRef(Py_None);
+            } else
+                PyErr_NoMemory();
+            PyMem_Free(space);
+        }
+    }
+    return end(&call);
+}
+
 #define METHOD(name, text) {#name, (PyCFunction)(void (*)(void))py_##name, METH_FASTCALL, text}
 
 static PyMethodDef methods[] = {
@@ -270,6 +303,7 @@ static PyMethodDef methods[] = {
     METHOD(hessian_product, "(rows, cols, k, p, out); fills out"),
     METHOD(roughness, "(rows, cols, x, weight, square, gradient, diagonal, entries) -> cost; fills "
                       "the last three"),
+    METHOD(convolve, "(rows, cols, channels, dilation, picture, layer, out); fills out"),
     METHOD(solve_in_box, "(precision, b, low, high, dx, factor, inside) -> number inside, -1 if it "
                          "was singular; fills the last three"),
     METHOD(iterate, "(rows, cols, g, at, measured, low, high, r_ref, r_par, goal, steps, seconds) "

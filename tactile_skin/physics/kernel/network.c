@@ -3,11 +3,36 @@
 
 #include <math.h>
 
+typedef double Four __attribute__((vector_size(4 * sizeof(double)), aligned(sizeof(double))));
+
+/* out[k] += the sum over m rows of factors[j] rows[j][k], n of each. The sums stay in registers. */
+static inline void combine(double *restrict out, int n, const double *restrict factors,
+                           const double *restrict rows, int stride, int m)
+{
+    int k = 0;
+
+    for (; k + 16 <= n; k += 16) {
+        Four *to = (Four *)(out + k), a = to[0], b = to[1], c = to[2], d = to[3];
+        for (int j = 0; j < m; j++) {
+            const Four *from = (const Four *)(rows + j * stride + k);
+            a += factors[j] * from[0];
+            b += factors[j] * from[1];
+            c += factors[j] * from[2];
+            d += factors[j] * from[3];
+        }
+        to[0] = a, to[1] = b, to[2] = c, to[3] = d;
+    }
+    for (; k < n; k++)
+        for (int j = 0; j < m; j++)
+            out[k] += factors[j] * rows[j * stride + k];
+}
+
 /* R of numpy_kernel.reduced_root; -1 if S is singular to rounding, or holds NaN. */
 VECTORISED static int reduced_root(const double *restrict g, int rows, int cols,
                                    Network *restrict n)
 {
-    double turned_g[CELLS], row_sum[LINES], s[LINES * LINES], total = 0.0;
+    double turned_g[CELLS], row_sum[LINES], s[LINES * LINES], factors[LINES];
+    double total = 0.0;
 
     for (int j = 0; j < cols; j++)
         n->col_sum[j] = 0.0;
@@ -27,40 +52,27 @@ VECTORISED static int reduced_root(const double *restrict g, int rows, int cols,
             row[k] = fill;
         row[i] += row_sum[i];
         for (int j = 0; j < cols; j++) {
-            double share = n->scaled[i * cols + j] = g[i * cols + j] / n->col_sum[j];
-            const double *restrict other = turned_g + j * rows;
-            for (int k = 0; k < rows; k++)
-                row[k] -= share * other[k];
+            n->scaled[i * cols + j] = g[i * cols + j] / n->col_sum[j];
+            factors[j] = -n->scaled[i * cols + j];
         }
+        combine(row, rows, factors, turned_g, rows, cols);
     }
-    /* S = U^T U, U in the upper triangle of s */
+    /* S = U^T U and (U^T) R^T = 1, row by row: U in the upper triangle of s, R^T in turned */
     for (int i = 0; i < rows; i++) {
-        double pivot = s[i * rows + i];
-        if (!(pivot > 0.0))
-            return -1;
-        double scale = 1.0 / sqrt(pivot);
-        for (int k = i; k < rows; k++)
-            s[i * rows + k] *= scale;
-        for (int j = i + 1; j < rows; j++) {
-            double factor = s[i * rows + j];
-            for (int k = j; k < rows; k++)
-                s[j * rows + k] -= factor * s[i * rows + k];
-        }
-    }
-    /* R = U^-1, row by row of its transpose: (U^T) R^T = 1 */
-    for (int i = 0; i < rows; i++) {
-        double *restrict row = n->turned + i * rows;
+        double *restrict row = s + i * rows, *restrict turned = n->turned + i * rows;
         for (int k = 0; k < rows; k++)
-            row[k] = 0.0;
-        row[i] = 1.0;
-        for (int j = 0; j < i; j++) {
-            double factor = s[j * rows + i];
-            for (int k = 0; k <= j; k++)
-                row[k] -= factor * n->turned[j * rows + k];
-        }
-        double scale = 1.0 / s[i * rows + i];
-        for (int k = 0; k <= i; k++)
+            turned[k] = k == i;
+        for (int j = 0; j < i; j++)
+            factors[j] = -s[j * rows + i];
+        combine(row, rows, factors, s, rows, i);
+        combine(turned, rows, factors, n->turned, rows, i);
+        if (!(row[i] > 0.0))
+            return -1;
+        double scale = 1.0 / sqrt(row[i]);
+        for (int k = 0; k < rows; k++) {
             row[k] *= scale;
+            turned[k] *= scale;
+        }
     }
     for (int i = 0; i < rows; i++)
         for (int k = 0; k < rows; k++)
@@ -75,14 +87,10 @@ VECTORISED static void blocks(int rows, int cols, Network *restrict n)
         double *restrict a = n->a + i * rows, *restrict c = n->c + i * cols;
         for (int k = 0; k < rows; k++)
             a[k] = 0.0;
-        for (int j = i; j < rows; j++)
-            for (int k = 0; k <= j; k++)
-                a[k] += n->root[i * rows + j] * n->turned[j * rows + k];
+        combine(a, rows, n->root + i * rows + i, n->turned + i * rows, rows, rows - i);
         for (int k = 0; k < cols; k++)
             c[k] = 0.0;
-        for (int j = 0; j < rows; j++)
-            for (int k = 0; k < cols; k++)
-                c[k] += a[j] * n->scaled[j * cols + k];
+        combine(c, cols, a, n->scaled, cols, rows);
     }
 }
 
@@ -99,18 +107,10 @@ VECTORISED void whole(int rows, int cols, const Network *restrict n, double *res
                       double *restrict k)
 {
     int lines = rows + cols;
+    double shares[LINES]; /* a column of n->scaled */
 
-    for (int j = 0; j < cols; j++) {
-        double *restrict d = k + (rows + j) * lines + rows;
-        for (int l = 0; l < cols; l++)
-            d[l] = 0.0;
-        for (int i = 0; i < rows; i++)
-            for (int l = 0; l < cols; l++)
-                d[l] += n->scaled[i * cols + j] * n->c[i * cols + l];
-        d[j] += 1.0 / n->col_sum[j];
-    }
     for (int i = 0; i < lines * lines; i++)
-        root[i] = 0.0;
+        root[i] = k[i] = 0.0;
     for (int i = 0; i < rows; i++) {
         for (int l = 0; l < rows; l++) {
             root[i * lines + l] = n->root[i * rows + l];
@@ -120,11 +120,12 @@ VECTORISED void whole(int rows, int cols, const Network *restrict n, double *res
             k[i * lines + rows + j] = k[(rows + j) * lines + i] = n->c[i * cols + j];
     }
     for (int j = 0; j < cols; j++) {
-        double *restrict row = root + (rows + j) * lines;
         for (int i = 0; i < rows; i++)
-            for (int l = i; l < rows; l++)
-                row[l] += n->scaled[i * cols + j] * n->root[i * rows + l];
-        row[rows + j] = 1.0 / sqrt(n->col_sum[j]);
+            shares[i] = n->scaled[i * cols + j];
+        combine(root + (rows + j) * lines, rows, shares, n->root, rows, rows);
+        root[(rows + j) * (lines + 1)] = 1.0 / sqrt(n->col_sum[j]);
+        combine(k + (rows + j) * lines + rows, cols, shares, n->c, cols, rows);
+        k[(rows + j) * (lines + 1)] += 1.0 / n->col_sum[j];
     }
 }
 
