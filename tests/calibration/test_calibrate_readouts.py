@@ -46,8 +46,8 @@ class Drawer:
     def calibrate(self, readout: str, words, r_par=25.0) -> int:
         config = self.folder / "mine.yaml"
         config.write_text(
-            f"/**: {{ros__parameters: {{circuit: {{rows: 8, cols: 8, r_ref: 10000.0, r_par: {r_par}, "
-            f"readout: {readout}, driven: columns}}}}}}\n"
+            "/**: {ros__parameters: {circuit: {rows: 8, cols: 8, r_ref: 10000.0, "
+            f"r_par: {r_par}, readout: {readout}, driven: columns}}}}}}\n"
         )
         out = str(self.folder / "out.yaml")
         return cli.main(["calibrate", "--config", str(config), "--out", out, *words])
