@@ -66,18 +66,6 @@ class Guide:
     def circuit(self):
         return self.found.circuit if self.found else self._supposed
 
-    @property
-    def not_looked_for(self) -> str:
-        """What `identify` cannot find on this board; empty: nothing."""
-        circuit = self._supposed
-        if circuit.readout == "floating":
-            return ""
-        return (
-            f"Touches tell r_par and r_line on floating matrices only, not on {circuit.readout} "
-            f"ones: r_par = {circuit.r_par:g} ohm is taken as configured (docs/boards.md says "
-            "what it is on your board), r_line as 0."
-        )
-
     def run(self) -> None:
         self.measure_rest()
         self.identify()
@@ -135,9 +123,6 @@ class Guide:
             )
 
     def identify(self) -> None:
-        if self._supposed.readout != "floating":
-            self._say(f"2 of 3 is left out. {self.not_looked_for}")
-            return
         self._say(
             "2 of 3. Press here and there, near the edges too: hard, with a knuckle, a palm, both "
             f"hands.\n  Hold each touch for a moment. {2 * _EVERY} to {TOUCHES} touches are taken; "
@@ -159,7 +144,7 @@ class Guide:
             if not any(self.found.told.values()):
                 self._check_readout(touches)
             self._say(f"  touch {len(touches)}: {self.found.message}")
-            if len(touches) >= 2 * _EVERY and all(self.found.told.values()):
+            if len(touches) >= 2 * _EVERY and not self.found.missing:
                 break
         if len(touches) % _EVERY:
             self.found = identify(touches, self._supposed, self.rest)
@@ -167,18 +152,20 @@ class Guide:
         self._check_readout(touches)
         if not touches:
             self._say("  no touch was felt: r_par and r_line stay as they are configured.")
-        elif not all(self.found.told.values()):
+        elif self.found.missing:
             self._say("  What the touches do not tell stays as it is configured.")
 
     def _check_readout(self, touches: list[np.ndarray]) -> None:
         """ValueError: they are those of another readout than the configured one.
 
-        A driven matrix whose r_par is wrong may look like another readout: there it is only said.
+        A driven matrix whose r_par is wrong may look like another readout: there it is only said,
+        unless they tell r_par.
         """
         hardest = sorted(touches, key=lambda touch: -np.nanmax(touch))[:_HARDEST]
         at_rest = self.rest.quiet(self.rest.adc[None])[0]
-        found = other_readout(self._supposed, at_rest, self.rest.noise, np.array(hardest))
-        if found and self._supposed.readout == "floating":
+        found = other_readout(self.circuit, at_rest, self.rest.noise, np.array(hardest))
+        told = self.found is not None and self.found.told["r_par"]
+        if found and (self._supposed.readout == "floating" or told):
             raise ValueError(str(found))
         if found:
             self._say(f"  {found} Or r_ref or r_par is wrong.")

@@ -4,6 +4,11 @@ Where nothing touches, the cells conduct what they did at rest, and the readings
 lies in series with them. The touched cells of a frame, and those beside them, are unknown. What
 they can take of a change of the circuit is projected out of the misfit; what is left of it gathers
 over the frames as a score and its information. Neither the curve nor a force is used.
+
+All readouts tell r_par. That of a loaded matrix, its driver's, lowers the driven line's voltage the
+more the harder what is touched on that line. That of a grounded one lies with r_ref, whose voltage
+the touched cells of a sense line take from those beside them; only that sum is told, to a share,
+and r_par is what is left of it. Of both the stripes are taken as ideal: r_line is not told.
 """
 
 from __future__ import annotations
@@ -36,7 +41,8 @@ class Identified:
         circuit: with r_par and r_line as found; as given where the frames do not tell.
         std: name -> one standard deviation [ohm].
         told: name -> whether the frames tell it: its standard deviation is below 3 % of r_par (of
-            0.15 r_ref, if that is more), or 4 ohm of r_line.
+            0.15 r_ref, if that is more), or 4 ohm of r_line; r_line never where lines are driven.
+        missing: what they do not tell, and more of them would: r_line only of a floating matrix.
         frames: how many of them say anything.
         message: for a person.
     """
@@ -44,6 +50,7 @@ class Identified:
     circuit: Circuit
     std: dict[str, float]
     told: dict[str, bool]
+    missing: tuple[str, ...]
     frames: int
     message: str
 
@@ -60,15 +67,14 @@ def identify(frames, circuit: Circuit, rest: Rest, *, soft: bool | None = None) 
             finds r_par 5 % too high if they have.
 
     Raises:
-        ValueError: another shape, values outside [0, 1], readings that fit no skin, or another
-            readout than the floating one.
+        ValueError: another shape, values outside [0, 1], or readings that fit no skin.
     """
-    if circuit.readout != "floating":
-        raise ValueError(
-            f"readout = {circuit.readout!r}: r_par and r_line are found on floating matrices only"
-        )
     frames = rest.quiet(check_frames(frames, circuit))
-    first = _solve_frames(frames, circuit, rest, np.zeros(2), SOFT if soft else HARD)
+    # with an r_par far off no frame of a loaded matrix is explained: then from either side
+    step = np.array([_PRIOR[0] * series_scale(circuit), 0.0])
+    starts, hard = (0.0 * step, -step, step), SOFT if soft else HARD
+    tries = (_solve_frames(frames, circuit, rest, start, hard) for start in starts)
+    first = next((found for found in tries if found is not None), None)
     if first is None:
         prior = prior_of(circuit)
         return _identified(circuit, np.zeros(2), prior, np.sqrt(1.0 / prior.diagonal()), 0)
@@ -166,22 +172,28 @@ def _identified(
 ) -> Identified:
     limits = np.array([_TOLD[0] * series_scale(circuit), _TOLD[1]])
     told = std < limits
+    if ideal := circuit.readout != "floating":
+        told[1] = False
     # What is not told stays as it was supposed, and the other is what then explains the frames.
     off = np.where(told, off + information[:, ::-1].diagonal() / information.diagonal()
                    * np.where(told, 0.0, off)[::-1], 0.0)  # fmt: skip
     found = shifted(circuit, off)
     values = found.r_par, float(np.mean(found.r_line))
+    missing = tuple(n for n, yes in zip(NAMES, told, strict=True) if not yes)
     words = [
         f"{name} = {value:.1f} +- {s:.1f} ohm" if yes else f"{name}: the frames do not tell"
         for name, value, s, yes in zip(NAMES, values, std, told, strict=True)
     ]
+    if ideal:
+        words[1], missing = f"r_line is taken as 0 if {circuit.readout}", missing[:-1]
     message = f"{', '.join(words)} ({frames} frames of touches)"
-    if not told.all():
+    if missing:
         message += ": press hard in more places, with more than a fingertip"
     return Identified(
         found,
         dict(zip(NAMES, std.tolist(), strict=True)),
         dict(zip(NAMES, told.tolist(), strict=True)),
+        missing,
         frames,
         message,
     )

@@ -79,8 +79,6 @@ class CircuitTracker:
             adc: (rows, cols) ADC ratio; NaN where a crossing was not read.
             noise: RMS of a reading [ADC steps].
         """
-        if self._configured.readout != "floating":  # the only one that `Supposed` knows
-            return
         noise /= self._configured.full_scale
         standing = self._standing
         if standing is None or not stands_anew(adc, standing.mean, self._last, noise):

@@ -221,9 +221,6 @@ def write(path: Path, source: Path | None, guide: Guide, skin: SkinConfig) -> No
     notes += [f"row {row}, column {col} is noisy" for row, col in guide.rest.noisy]
     if guide.found:
         notes.append(guide.found.message)
-    elif guide.not_looked_for:
-        notes.append(guide.not_looked_for)
-        circuit.setdefault("r_par", said["r_par"])
     creep = guide.creep or skin.creep
     share, seconds = round(creep.share, 4), round(creep.time, 2)
     if guide.fitted or guide.creep:

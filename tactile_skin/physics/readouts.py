@@ -15,16 +15,22 @@ conductance of cell b:
     pull(w)        (rows, cols) sum_a w_a * d adc_a / d g_b
     sensitivity(weight, readings, one, other)
                    (m, n) float32, weight_a times d adc_a / d (a conductance between two lines)
+    cells_for(cells, b)
+                   (rows, cols) p, 0 but at the flat `cells`, where change(p) is b
+    readings_for(cells, b)
+                   (rows, cols) w, 0 but at the flat `cells`, where pull(w) is b
 """
 
 from __future__ import annotations
 
+from copy import copy
 from functools import cached_property
 
 import numpy as np
 from scipy.linalg import lapack
 
 from . import kernel
+from .conjugate_gradients import conjugate_gradients
 
 READOUTS = "floating", "loaded", "grounded"
 DRIVEN = "rows", "columns"
@@ -38,13 +44,20 @@ class Floating:
         self.inverse = kernel.solve(g) if derivatives else None
         self.rho = self.inverse.rho if derivatives else kernel.connected_rho(g)
         self.adc = circuit.ratio(self.rho)
-        self._r_ref = circuit.r_ref
+        self._circuit = circuit
+
+    def behind(self, added: np.ndarray) -> Floating:
+        """The same with (rows, cols) [ohm] more before each reading."""
+        other = copy(self)
+        other.__dict__.pop("_slope", None)
+        other.adc = self._circuit.ratio(self.rho + added)
+        return other
 
     @cached_property
     def _slope(self) -> np.ndarray:
         """- d adc / d rho [1/ohm]."""
         slope = self.adc * self.adc
-        slope /= self._r_ref
+        slope /= self._circuit.r_ref
         return slope
 
     @property
@@ -63,6 +76,25 @@ class Floating:
 
     def sensitivity(self, weight, readings, one, other) -> np.ndarray:
         return kernel.sensitivity(self.inverse.k, weight * self._slope, readings, one, other)
+
+    def cells_for(self, cells: np.ndarray, b: np.ndarray) -> np.ndarray:
+        return self._solve(cells, b / self._slope)
+
+    def readings_for(self, cells: np.ndarray, b: np.ndarray) -> np.ndarray:
+        return self._solve(cells, b) / self._slope
+
+    def _solve(self, cells: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """t_ab^2 x_b = b_a, without the matrix."""
+        picture = np.zeros(self.adc.shape)
+
+        def product(p):
+            picture.flat[cells] = p
+            return kernel.hessian_product(self.inverse.k, picture).flat[cells]
+
+        diagonal = np.square(self.rho.flat[cells])
+        x = conjugate_gradients(product, diagonal, b.flat[cells], steps=300, target=1e-6)
+        picture.flat[cells] = x
+        return picture
 
 
 class Driven:
@@ -169,6 +201,23 @@ class Driven:
         out *= held
         out *= (self._s * weight.ravel()[readings]).astype(np.float32)[:, None]
         return out
+
+    def cells_for(self, cells: np.ndarray, b: np.ndarray) -> np.ndarray:
+        return self._solve(self._slopes(cells), cells, b)
+
+    def readings_for(self, cells: np.ndarray, b: np.ndarray) -> np.ndarray:
+        return self._solve(self._slopes(cells).T, cells, b)
+
+    def _slopes(self, cells: np.ndarray) -> np.ndarray:
+        """(n, n) d adc / d g, of cells and their own readings."""
+        row, col = np.divmod(cells.astype(np.int32), np.int32(self.adc.shape[1]))
+        col += np.int32(len(self.adc))
+        return self.sensitivity(np.ones(self.adc.shape), cells, row, col)
+
+    def _solve(self, slopes: np.ndarray, cells: np.ndarray, b: np.ndarray) -> np.ndarray:
+        picture = np.zeros(self.adc.shape)
+        picture.flat[cells] = np.linalg.solve(slopes, b.flat[cells])
+        return picture
 
 
 def solve(circuit, g: np.ndarray, derivatives: bool = True) -> Floating | Driven:

@@ -10,9 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..files import shorten
-from ..physics import laplacian, readouts
+from ..physics import readouts
 from ..physics.circuit import Circuit, forward
-from ..physics.conjugate_gradients import conjugate_gradients
 from ..physics.curve import PressureCurve
 from .estimate import Estimate
 
@@ -162,13 +161,14 @@ class Reading:
         misfit = misfit.ravel()
         return float((misfit @ misfit / max(self.n_informative, 1)) ** 0.5)
 
-    def linearised(self, g: np.ndarray, std) -> Linearised:
+    def linearised(self, g: np.ndarray, std, network=None) -> Linearised:
         """The model of the frame at conductances g (rows, cols) [S].
 
         Args:
             std: standard deviation of a reading [ADC steps], a number or (rows, cols).
+            network: of g, if known.
         """
-        network = readouts.solve(self.circuit, g)
+        network = network or readouts.solve(self.circuit, g)
         misfit = self.misfit(network.adc)
         misfit /= std
         weight = np.full(g.shape, self.circuit.full_scale / std)
@@ -375,25 +375,10 @@ def r_par_pattern(reading: Reading, model: Linearised) -> np.ndarray:
 def rest_shift(circuit: Circuit, curve: PressureCurve) -> np.ndarray:
     """(rows, cols) [S/ohm] by which the cells at rest conduct more for each ohm of r_par.
 
-    So that what an untouched skin reads stays: the sum of t_ab^2 d g_b is 1 for each crossing.
+    So that what an untouched skin reads stays: if floating, the sum of t_ab^2 d g_b is 1 for each
+    crossing.
     """
-    cells = np.flatnonzero(circuit.populated)
     network = readouts.solve(circuit, circuit.populated / curve.rest_resistance)
-    picture = np.zeros(circuit.shape)
-    if circuit.readout != "floating":
-        ends = cells // circuit.cols, circuit.rows + cells % circuit.cols
-        slopes = network.sensitivity(np.ones(circuit.shape), cells, *ends)
-        picture.flat[cells] = np.linalg.solve(slopes, -network.by_r_par.ravel()[cells])
-        picture.setflags(write=False)
-        return picture
-
-    def product(p: np.ndarray) -> np.ndarray:
-        picture.flat[cells] = p
-        return laplacian.hessian_product(network.inverse.k, picture).flat[cells]
-
-    diagonal = np.square(network.rho.flat[cells])
-    picture.flat[cells] = conjugate_gradients(
-        product, diagonal, np.ones(cells.size), steps=300, target=1e-6
-    )
-    picture.setflags(write=False)
-    return picture
+    shift = network.cells_for(np.flatnonzero(circuit.populated), -network.by_r_par)
+    shift.setflags(write=False)
+    return shift

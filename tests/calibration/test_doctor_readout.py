@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_skin import Circuit, PressureCurve, compensate, diagnose, identify, measure_rest
+from tactile_skin import Circuit, PressureCurve, compensate, diagnose, measure_rest
 from tactile_skin.bench.damage import streams
 from tactile_skin.bench.damage.board import KNOTS, FaultBoard
 from tactile_skin.learning import scenes
@@ -73,5 +73,3 @@ def test_the_rest_of_other_readouts(kind):
     frames[20:30] += pressed - ratio  # somebody presses for a moment
     with pytest.raises(ValueError, match="does something touch the skin"):
         measure_rest(np.clip(frames, 0.0, 1.0), circuit)
-    with pytest.raises(ValueError, match="found on floating matrices only"):
-        identify(frames, circuit, rest)

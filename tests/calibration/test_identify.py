@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from yardsticks.identify import Unknown, bodies
+from yardsticks.identify import Unknown, UnknownDriven, bodies
 
 from tactile_skin import Circuit, PressureCurve, identify, measure_rest
 from tactile_skin.calibration.evidence import HARD, Supposed
@@ -117,6 +117,33 @@ def test_a_touched_skin_is_not_at_rest(board):
         measure_rest(np.concatenate([board.idle[:20], board.touched[:1]]), board.supposed)
 
 
+DRIVEN = "loaded-rows", "loaded-columns", "grounded-rows", "grounded-columns"
+
+
+@pytest.mark.parametrize("readout", DRIVEN)
+@pytest.mark.parametrize("off", [0.8, 1.0, 1.2])
+def test_r_par_of_driven_lines_is_found(readout, off):
+    """Grounded, it is what is left of the sum with r_ref, and ten times as uncertain."""
+    board = UnknownDriven(SHAPE, 44000, readout, r_par=off)
+    rest = measure_rest(board.at_rest(), board.supposed)
+    touched = board.frames(bodies(16, SHAPE, np.random.default_rng(44000)))
+    found = identify(touched, board.supposed, rest)
+    assert found.told == {"r_par": True, "r_line": False}
+    assert not found.missing
+    assert found.std["r_par"] < (1.0 if readout.startswith("loaded") else 8.0)
+    assert found.circuit.r_par == pytest.approx(board.r_par, abs=3.0 * found.std["r_par"])
+    assert "r_line is taken as 0" in found.message
+
+
+@pytest.mark.parametrize("readout", DRIVEN)
+def test_idle_frames_of_driven_lines_do_not_tell(readout):
+    board = UnknownDriven(SHAPE, 44001, readout, r_par=1.2)
+    rest = measure_rest(board.at_rest(), board.supposed)
+    found = identify(board.frames(np.zeros((8, *SHAPE))), board.supposed, rest)
+    assert found.circuit == board.supposed
+    assert found.missing == ("r_par",)
+
+
 def follow(board, circuit, touches):
     """A tracker beside the tare of a skin that rests, then is touched: frames of each touch."""
     tare, tracker, t = Tare(circuit, PressureCurve()), CircuitTracker(circuit), 0.0
@@ -147,6 +174,17 @@ def test_a_running_skin_learns_its_circuit(board):
     assert "r_par is" in tracker.message
     assert not tracker.impossible
     assert set(tracker.values()) == {"r_par", "r_line"}
+
+
+@pytest.mark.parametrize("readout", DRIVEN)
+def test_a_running_skin_of_driven_lines_learns_its_r_par(readout):
+    """Loaded, an r_par that is 20 % too low makes hard touches feel like three times as much."""
+    board = UnknownDriven(SHAPE, 44002, readout, r_par=1.2)
+    board.idle = board.at_rest()
+    tracker = follow(board, board.supposed, standing(board, 8))
+    assert tracker.circuit.r_par == pytest.approx(board.r_par, abs=12.0)
+    assert "r_par is" in tracker.message
+    assert "r_line" not in tracker.message
 
 
 def test_a_right_circuit_is_not_touched(board):

@@ -42,6 +42,20 @@ def test_forward_with_missing_cells(kind):
     assert np.abs(forward(circuit, resistance) - literal).max() < 1e-9
 
 
+@pytest.mark.parametrize("kind", ALL, ids="-".join)
+def test_what_changes_the_readings_by_so_much(kind):
+    """`cells_for` inverts `change`, `readings_for` inverts `pull`."""
+    rng, mask = np.random.default_rng(2), np.ones((6, 9), bool)
+    mask[2, 3] = False
+    g = mask * 10.0 ** rng.uniform(-4.6, -4.0, mask.shape)
+    network, cells = readouts.solve(skin(6, 9, kind, mask=mask), g), np.flatnonzero(mask)
+    b = rng.standard_normal(mask.shape)
+    conductance, reading = network.cells_for(cells, b), network.readings_for(cells, b)
+    assert conductance[2, 3] == reading[2, 3] == 0.0
+    assert network.change(conductance)[mask] == pytest.approx(b[mask], rel=1e-4, abs=1e-4)
+    assert network.pull(reading)[mask] == pytest.approx(b[mask], rel=1e-4, abs=1e-4)
+
+
 @pytest.mark.parametrize("kind", KINDS, ids="-".join)
 def test_a_line_without_a_cell_reads_nothing(kind):
     circuit, resistance = skin(3, 4, kind), fabric((3, 4))

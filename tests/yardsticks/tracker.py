@@ -1,5 +1,6 @@
 """After how many touches a running skin knows its r_par:
-`python tests/yardsticks/tracker.py [--boards N] [--seed S] [--seconds T] [--off FACTOR ...]`.
+`python tests/yardsticks/tracker.py [--boards N] [--seed S] [--seconds T] [--off FACTOR ...]
+[--readout floating|loaded-rows|...]`.
 
 Boards of `tests/yardsticks/doctor.py` without other faults, r_par off by each factor from the first
 frame on, through the compensation node on a driven clock at 25 or 100 frames a second. `known`: the
@@ -38,10 +39,11 @@ def y() -> float:
     return float(np.median(times))
 
 
-def run(seed: int, factor: float, seconds: float, shapes):
+def run(seed: int, factor: float, seconds: float, shapes, readout="floating"):
     """Touches until r_par was known (inf: never), its last error [ohm] and std, words, cost."""
     rng = np.random.default_rng(seed)
-    circuit = Circuit(*shapes[rng.integers(len(shapes))])
+    readout, driven = readout.split("-") if "-" in readout else (readout, "rows")
+    circuit = Circuit(*shapes[rng.integers(len(shapes))], readout=readout, driven=driven)
     level = np.exp(rng.uniform(-0.3, 0.3))
     curve = PressureCurve(*np.array(PressureCurve().points).T * [[1.0], [level]])
     board = FaultBoard(circuit, curve, rng, 1.0, readout=READOUTS[rng.integers(3)])
@@ -51,6 +53,7 @@ def run(seed: int, factor: float, seconds: float, shapes):
     frames = frames_of(board, scene.force)[::every]
     rows, cols = circuit.shape
     given = {"circuit.rows": rows, "circuit.cols": cols, "time_limit": 10.0}
+    given |= {"circuit.readout": readout, "circuit.driven": driven}
     clock = ManualClock(1000.0)
     overrides = [Parameter(name, value) for name, value in given.items()]
     node = Node("compensation", context=Context(clock), parameter_overrides=overrides)
@@ -93,6 +96,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=25.0)
     parser.add_argument("--off", type=float, nargs="+", default=[1.0, 0.8, 0.9, 1.1, 1.2])
+    parser.add_argument("--readout", default="floating")
     parser.add_argument("--shapes", nargs="+", default=["8x8", "16x16"], metavar="ROWSxCOLS")
     args = parser.parse_args()
     shapes = [tuple(map(int, name.split("x"))) for name in args.shapes]
@@ -100,7 +104,7 @@ def main() -> None:
         unit = y()
         for factor in args.off:
             seeds = range(args.seed, args.seed + args.boards)
-            runs = [run(seed, factor, args.seconds, shapes) for seed in seeds]
+            runs = [run(seed, factor, args.seconds, shapes, args.readout) for seed in seeds]
             known = np.array([r[0] for r in runs])
             off = np.array([r[1] for r in runs])
             std = np.array([r[2] for r in runs])
