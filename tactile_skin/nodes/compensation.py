@@ -68,7 +68,8 @@ class Compensation:
 
     def __init__(self, node):
         self.node = node
-        self.circuit, curve = circuit_of(node), curve_of(node)
+        self.circuit = circuit_of(node)
+        curve = curve_of(node, self.circuit)
         self._adc = adc_of(node, self.circuit)
         self._curve = curve
         self._tare, self._tracker = Tare(self.circuit, curve), CircuitTracker(self.circuit)
