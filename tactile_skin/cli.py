@@ -157,7 +157,9 @@ def _train(args) -> int:
         return tqdm(items, desc=desc, leave=False, disable=None)
 
     try:
-        path = training.train(circuit, curve, config, args.out, not args.restart, track, tqdm.write)
+        path = training.train(
+            circuit, curve.usual, config, args.out, not args.restart, track, tqdm.write
+        )
     except training.TrainingDied as error:
         print(f"tactile-skin train: {error}", file=sys.stderr)
         return 1

@@ -42,7 +42,8 @@ def as_it_comes(curve: PressureCurve, creep: Creep, known: Creep | None = None) 
     factor = float(creep.gain(LAID) / (known or Creep()).gain(LAID))
     force, resistance = np.array(curve.points).T
     conducts = 1.0 / resistance
-    return PressureCurve(force, 1.0 / (conducts[0] + (conducts - conducts[0]) / factor))
+    came = PressureCurve(force, 1.0 / (conducts[0] + (conducts - conducts[0]) / factor))
+    return came.with_gain(curve.gain)
 
 
 def measure_creep(

@@ -2,7 +2,7 @@
 
 The circuit's inverse gives what each cell conducts, whatever the curve. By the shipped curve that
 is a force, right but for its level and shape. What corrects it is a sum of ramps in that force, so
-that each total is linear in the ramps' slopes: nonnegative least squares.
+that each total is linear in the ramps' slopes; and a gain of each cell, where the totals tell it.
 """
 
 from __future__ import annotations
@@ -18,20 +18,18 @@ from ..physics.curve import PressureCurve
 from ..solvers import compensate
 from .evidence import stands_anew
 from .rest import Rest, check_frames, supposing
+from .totals import Totals
 
 _FEWEST = 3  # weights
-# The slope of each ramp over that of the one before is 1 to within a step: what is tried, and the
-# most probable taken. So is the noise of a total: about 0.025 on a skin whose cells scatter by 8 %.
-_STEPS = 0.03, 0.06, 0.12, 0.25, 0.5
-_NOISES, _USUAL_NOISE, _NOISE_SPREAD = (0.015, 0.025, 0.04, 0.07, 0.12), 0.025, 0.5  # last: of log
-_LEVEL = 0.5  # standard deviation of the first slope over the median level
-_LEAST = 0.02  # times the median level that a slope has at least: the curve must rise
 _HARDEST = 0.01  # times r_ref that a cell has at least: 18 ohm on the paper's board
 _BEYOND = 2.0  # times the hardest cell's conductance to which the curve goes on
 # An object is odd if the others say another weight by this factor, and by so many of the standard
 # deviations that they have; the worst candidates are tried. At most a third can be odd.
 _ODD, _ODD_STD, _CANDIDATES, _ODD_SHARE = 1.3, 4.0, 3, 1.0 / 3.0
-_PRIOR_COUNT = 5  # left-out totals that `_USUAL_NOISE` counts for in the error
+# RMS error of a total on a skin whose cells scatter by 8 %, and left-out totals that it counts for
+_USUAL_ERROR, _PRIOR_COUNT = 0.02, 3
+_FOLDS = 10  # in which objects are left out; of so many or fewer, each alone
+_LEAST_TOTAL = 1e-3  # of the weight that is given, that others may say: odd enough
 _NARROW = 2.0  # largest over smallest weight up to which the shape is hardly told
 MAX_LAG, _LAG_STEP = 2.0, 0.01  # s that a reference may be early or late; in which it is looked for
 _FOLLOWS = 0.5  # correlation of its root, which a sum of readings is like, with the skin, at least
@@ -46,7 +44,8 @@ class FittedCurve:
     """A curve by known weights.
 
     Attributes:
-        curve: of the usual cell; `curve.resting_at(1 / rest.conductance)` is that of each.
+        curve: with each cell's gain, 1 as far as the weights do not tell it;
+            `curve.resting_at(1 / rest.conductance)` is that of each cell's rest, too.
         error: RMS relative error to expect of the total force of a new object.
         off: (n,) relative error of each frame's total, its object left out of the fit.
         odd: frames that were not used, since their weight contradicts the others'.
@@ -63,8 +62,9 @@ class FittedCurve:
 def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
     """Find the curve by frames of objects of known weight.
 
-    Objects that load many cells, and light as well as heavy ones, tell most. A frame may be the
-    mean of several. Frames of the same weight are taken for the same object, laid again.
+    Objects that load many cells, and light as well as heavy ones, tell most of the curve; thirty or
+    more all over the skin tell the cells' gains, too. A frame may be the mean of several. Frames of
+    the same weight are taken for the same object, laid again.
 
     Args:
         frames: (n, rows, cols) ADC ratio; NaN where a crossing was not read.
@@ -83,26 +83,36 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
     added, doubts = _added_conductance(frames, circuit, at_rest, usual)
     knots = _Knots.up_to(added.max())
     ramps = knots.ramps(added)
-    untouched = np.flatnonzero(ramps.sum(1) <= 0.0)
+    untouched = np.flatnonzero(ramps.sum((1, 2, 3)) <= 0.0)
     if untouched.size:
         k = untouched[0]
         raise ValueError(f"frame {k} shows no touch, its weight is {weights[k]:.3g} N")
     objects = _objects(weights)
-    data = ramps / weights[:, None]
-    odd = _odd(data, objects)
+    totals = Totals.of(ramps, weights)
+    odd = _odd(totals, objects)
     used = ~np.isin(objects, odd)
-    fit = _most_probable(data[used])
-    off = np.empty(len(weights))
-    for k in np.unique(objects):
-        mine = objects == k
-        if np.any(used & ~mine):
-            off[mine] = data[mine] @ _solve(data[used & ~mine], fit.noise, fit.step).slope - 1.0
+    fit = totals.only(used).explained()
+    totals = Totals.of(ramps, weights, fit.slope)
+    fit = totals.only(used).solve(fit.noise, fit.scatter, fit.step)
+    off, alike = np.empty((2, len(weights)))  # with the cells' gains, and without
+    for fold in range(_FOLDS):
+        mine = objects % _FOLDS == fold
+        if mine.any() and np.any(used & ~mine):
+            others = totals.only(used & ~mine).explained()
+            off[mine] = others.of(totals.only(mine)) - 1.0
+            alike[mine] = totals.data[mine] @ others.slope - 1.0
     squares = [np.square(off[objects == k]).mean() for k in np.unique(objects[used])]
-    squares += [_USUAL_NOISE**2] * _PRIOR_COUNT
+    squares += [_USUAL_ERROR**2] * _PRIOR_COUNT
     error = float(np.mean(squares) ** 0.5)
-    curve = knots.curve(fit.slope, usual)
+    gain = fit.gain.reshape(circuit.shape)
+    curve = knots.curve(fit.slope, usual).with_gain(gain)
     hardest = float(knots.force(fit.slope, added[used].max()))
-    message = [_summary(weights, used, error, hardest), *_words(weights, used, off, objects, odd)]
+    message = [
+        _summary(weights, used, error, hardest),
+        f"the cells' gains are {gain.min():.2f} to {gain.max():.2f}, as far as the weights tell "
+        f"them: with all of them 1 it would be {np.square(alike[used]).mean() ** 0.5:.1%}",
+    ]
+    message += _words(weights, used, off, objects, odd)
     if doubts:
         remedy = "find r_par and r_line by touches first"
         if circuit.readout != "floating":
@@ -247,12 +257,12 @@ class _Knots(NamedTuple):
         inside = shipped.force_at(np.log(added + at_rest))
         return np.where(added + at_rest < end, inside, shipped.max_force * added / (end - at_rest))
 
-    def ramps(self, added: np.ndarray) -> np.ndarray:
-        """(..., rows, cols) [S] -> (..., k) [N] how far the cells rise along each ramp, summed."""
+    def ramps(self, added) -> np.ndarray:
+        """(...) [S] -> (..., k) [N] how far cells rise along each ramp."""
         force = self.shipped_force(added)
         return np.stack(
             [
-                np.clip(force - low, 0.0, high - low).sum((-2, -1))
+                np.clip(force - low, 0.0, high - low)
                 for low, high in zip(self.at[:-1], self.at[1:], strict=True)
             ],
             axis=-1,
@@ -260,61 +270,12 @@ class _Knots(NamedTuple):
 
     def force(self, slope: np.ndarray, added) -> np.ndarray:
         """Force [N] of a cell that conducts `added` [S] beyond its rest."""
-        return self.ramps(np.asarray(added)[..., None, None]) @ slope
+        return self.ramps(added) @ slope
 
     def curve(self, slope: np.ndarray | None, usual: float) -> PressureCurve:
         """Of a cell that rests at `usual` [S]; None: all slopes are 1."""
         rise = np.diff(self.at) * (1.0 if slope is None else slope)
         return PressureCurve(np.append(0.0, np.cumsum(rise)), 1.0 / (usual + self.added))
-
-
-class _Fit(NamedTuple):
-    """Slopes that explain the totals.
-
-    Attributes:
-        slope: (k,) of the ramps.
-        root: (n + k, k) whose square is the slopes' precision.
-        evidence: log probability of the totals, but for a constant.
-        noise, step: with which they were found.
-    """
-
-    slope: np.ndarray
-    root: np.ndarray
-    evidence: float
-    noise: float
-    step: float
-
-    def std(self, data: np.ndarray) -> float:
-        """Relative standard deviation of the total of an object that lay so, by mean (k,)."""
-        by_slope = np.linalg.norm(np.linalg.lstsq(self.root.T, data, rcond=None)[0])
-        return float(np.hypot(self.noise, by_slope / (data @ self.slope)))
-
-
-def _solve(data: np.ndarray, noise: float, step: float) -> _Fit:
-    """Args:
-    data: (n, k) of the ramps over the weight: times the slopes it is to be 1.
-    noise: relative standard deviation of a total.
-    step: of a slope over that of the ramp before.
-    """
-    from scipy.optimize import nnls  # here: it takes 0.2 s, and a running skin does without
-
-    n, k = data.shape
-    level = float(np.median(1.0 / data.sum(1)))
-    smooth = np.diff(np.eye(k), axis=0) / step
-    first = np.eye(1, k) / _LEVEL
-    root = np.vstack([data * (level / noise), smooth, first])  # of slopes over the level
-    goal = np.concatenate([np.full(n, 1.0 / noise), np.zeros(k - 1), [1.0 / _LEVEL]])
-    least = np.full(k, _LEAST)
-    slope, left = nnls(root, goal - root @ least)
-    log_det = np.linalg.slogdet(root.T @ root)[1]
-    evidence = -0.5 * (left**2 + log_det) - (k - 1) * np.log(step) - n * np.log(noise)
-    evidence -= 0.5 * (np.log(noise / _USUAL_NOISE) / _NOISE_SPREAD) ** 2
-    return _Fit(level * (least + slope), root / level, float(evidence), noise, step)
-
-
-def _most_probable(data: np.ndarray) -> _Fit:
-    fits = (_solve(data, noise, step) for noise in _NOISES for step in _STEPS)
-    return max(fits, key=lambda fit: fit.evidence)
 
 
 def _objects(weights: np.ndarray) -> np.ndarray:
@@ -323,17 +284,17 @@ def _objects(weights: np.ndarray) -> np.ndarray:
     return objects if objects.any() else np.arange(len(weights))
 
 
-def _odd(data: np.ndarray, objects: np.ndarray) -> list[int]:
+def _odd(totals: Totals, objects: np.ndarray) -> list[int]:
     """Objects whose weight contradicts the others', the worst first."""
     odd: list[int] = []
     names = np.unique(objects)
     while len(odd) + 1 <= _ODD_SHARE * len(names):
         used = ~np.isin(objects, odd)
-        stiff = _solve(data[used], _NOISES[-1], _STEPS[0])  # bends to no single object
-        misfit = np.abs(np.log(data @ stiff.slope))
+        stiff = totals.only(used).stiff()
+        misfit = np.abs(np.log(totals.data @ stiff.slope))
         left = [k for k in names if k not in odd]
         worst = sorted(left, key=lambda k: -misfit[objects == k].mean())[:_CANDIDATES]
-        found = [(_contradiction(data, objects == k, used), k) for k in worst]
+        found = [(_contradiction(totals, objects == k, used), k) for k in worst]
         most, k = max(found)
         if most < 1.0:
             break
@@ -341,11 +302,11 @@ def _odd(data: np.ndarray, objects: np.ndarray) -> list[int]:
     return odd
 
 
-def _contradiction(data: np.ndarray, mine: np.ndarray, used: np.ndarray) -> float:
+def _contradiction(totals: Totals, mine: np.ndarray, used: np.ndarray) -> float:
     """By how much the used objects but one contradict its weight; 1: it is odd."""
-    fit = _most_probable(data[used & ~mine])
-    off = abs(np.log(data[mine] @ fit.slope).mean())
-    return off / max(np.log(_ODD), _ODD_STD * fit.std(data[mine].mean(0)))
+    fit, own = totals.only(used & ~mine).explained(), totals.only(mine)
+    total = max(float(fit.of(own).mean()), _LEAST_TOTAL)
+    return abs(np.log(total)) / max(np.log(_ODD), _ODD_STD * fit.std(own) / total)
 
 
 def _summary(weights, used, error: float, hardest: float) -> str:

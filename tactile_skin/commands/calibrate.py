@@ -236,7 +236,17 @@ def write(path: Path, source: Path | None, guide: Guide, skin: SkinConfig) -> No
             f"a standing load gains {share:.1%} +- {guide.creep.std:.1%} in a decade of time"
         )
     comment = "".join(f"# {line}\n" for note in notes for line in note.splitlines())
-    replace_file(path, comment + yaml.safe_dump(data, sort_keys=False))
+    replace_file(path, comment + yaml.dump(data, Dumper=_InLines, sort_keys=False))
+
+
+class _InLines(yaml.SafeDumper):
+    """A list is a line, not a column: some are as long as the skin has cells."""
+
+    def represent_list(self, values):
+        return self.represent_sequence("tag:yaml.org,2002:seq", values, flow_style=True)
+
+
+_InLines.add_representer(list, _InLines.represent_list)
 
 
 def _points(curve: PressureCurve) -> dict:
@@ -244,7 +254,7 @@ def _points(curve: PressureCurve) -> dict:
     return {
         "force": [round(float(v), 5) for v in described["force"]],
         "resistance": [round(float(v), 2) for v in described["resistance"]],
-    }
+    } | ({} if curve.gain is None else {"gain": curve.gain.round(3).ravel().tolist()})
 
 
 def replace_file(path: Path, text: str) -> None:

@@ -74,7 +74,8 @@ def skin_of(values: dict, where: str) -> SkinConfig:
     overrides = [Parameter(name, value) for name, value in values.items()]
     reader = Node("compensation", context=Context(), parameter_overrides=overrides)
     try:
-        circuit, curve = circuit_of(reader), curve_of(reader)
+        circuit = circuit_of(reader)
+        curve = curve_of(reader, circuit)
         skin = SkinConfig(circuit, curve, geometry_of(reader, circuit))
         skin.adc, skin.creep = adc_of(reader, circuit), creep_of(reader)
     except ValueError as error:
@@ -149,13 +150,21 @@ def mask_of(text: str, name: str = "mask") -> np.ndarray | None:
     return np.array([[c == "1" for c in word] for word in words]) if words else None
 
 
-def curve_of(node: Node) -> PressureCurve:
-    """The curve from the node's parameters ``curve.force`` [N] and ``curve.resistance`` [ohm]."""
+def curve_of(node: Node, circuit: Circuit) -> PressureCurve:
+    """The curve from the node's parameters ``curve.force`` [N] and ``curve.resistance`` [ohm], with
+    the cells' ``curve.gain``."""
     default = PressureCurve().describe()
     force = node.declare_parameter("curve.force", default["force"], describe("[N] per cell"))
     ohms = describe("[ohm] of one cell")
     resistance = node.declare_parameter("curve.resistance", default["resistance"], ohms)
-    return PressureCurve(force.value, resistance.value)
+    each = describe("of each cell's force over the curve's, row by row; one number: of all")
+    gain = np.array(node.declare_parameter("curve.gain", [1.0], each).value)
+    cells = circuit.rows * circuit.cols
+    if gain.size not in (1, cells):
+        raise ValueError(f"curve.gain has {gain.size} numbers: must be 1 or rows * cols = {cells}")
+    gain = gain.reshape(circuit.shape) if gain.size == cells else np.full(circuit.shape, gain[0])
+    curve = PressureCurve(force.value, resistance.value)
+    return curve.with_gain(gain if (gain != 1.0).any() else None)
 
 
 def creep_of(node: Node) -> Creep:

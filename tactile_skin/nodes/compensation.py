@@ -46,7 +46,8 @@ class Compensation:
 
     def __init__(self, node):
         self.node = node
-        circuit, curve = circuit_of(node), curve_of(node)
+        circuit = circuit_of(node)
+        curve = curve_of(node, circuit)
         adc = adc_of(node, circuit)
         self.cell_area = geometry_of(node, circuit).cell_area
 

@@ -16,7 +16,7 @@ from ..behaviours.stop import (
     StopPolicy,
 )
 from ..middleware.bus import DurabilityPolicy, QoSProfile, Time
-from ..middleware.config import curve_of, describe
+from ..middleware.config import circuit_of, curve_of, describe
 from ..msg import (
     Bool,
     DiagnosticArray,
@@ -93,7 +93,7 @@ class StopOnPush:
                 ).value,
             )
         )
-        self._largest = _END * curve_of(node).max_force
+        self._largest = _END * curve_of(node, circuit_of(node)).max_force
         self._check(self.policy.config)
         self._stop = node.create_publisher(Bool, "skin/stop", LATCHED)
         self._status = node.create_publisher(DiagnosticArray, STATUS_TOPIC, LATCHED)

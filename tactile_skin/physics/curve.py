@@ -32,6 +32,7 @@ class PressureCurve:
         points: the given (force, resistance).
         offset: (rows, cols) conductance [S] that each cell has on top of the curve's, see
             `resting_at`; None: none.
+        gain: (rows, cols) force on each cell over what the curve says, see `with_gain`; None: 1.
 
     Raises:
         ValueError: fewer than two points, or points out of order or range.
@@ -55,7 +56,7 @@ class PressureCurve:
                 f"curve: resistance = {resistance.tolist()} ohm: must fall, be finite and above 0"
             )
         self.points = tuple(map(tuple, np.stack([force, resistance], 1).tolist()))
-        self.offset = None
+        self.offset = self.gain = None
         # Here: a bad file is refused before the 0.2 s that this import takes.
         from scipy.interpolate import PchipInterpolator
 
@@ -111,10 +112,37 @@ class PressureCurve:
         tared.offset.setflags(write=False)
         return tared
 
+    def with_gain(self, gain) -> PressureCurve:
+        """The curve of cells with (rows, cols) times the force that it says; None: 1.
+
+        Of arrays that do not end in (rows, cols) it is that of the usual cell.
+        """
+        if gain is not None:
+            gain = np.array(gain, dtype=float)
+            if not ((gain > 0.0) & (gain < np.inf)).all():
+                bad = gain[~((gain > 0.0) & (gain < np.inf))].flat[0]
+                raise ValueError(f"curve: a cell of gain {bad:g}: must be above 0 and finite")
+            gain.setflags(write=False)
+        own = copy.copy(self)
+        own.gain = gain
+        return own
+
+    @property
+    def usual(self) -> PressureCurve:
+        """That of the usual cell: without offset and gain."""
+        own = self.with_gain(None)
+        own.offset = None
+        return own
+
     @property
     def max_force(self) -> float:
-        """Largest force that the curve tells from a larger one [N per cell]."""
-        return self.points[-1][0]
+        """Largest force that every cell tells from a larger one [N]."""
+        return self.points[-1][0] * (1.0 if self.gain is None else float(self.gain.min()))
+
+    def _gain_of(self, values):
+        """That of the cells, if the values are theirs."""
+        cells = self.gain is not None and np.shape(values)[-2:] == self.gain.shape
+        return self.gain if cells else 1.0
 
     @property
     def rest_resistance(self):
@@ -131,7 +159,7 @@ class PressureCurve:
 
     def resistance(self, force) -> np.ndarray:
         """Force on a cell [N] -> its resistance [ohm]; arrays; clipped to the curve."""
-        root = np.sqrt(np.maximum(force, 0.0))
+        root = np.sqrt(np.maximum(force, 0.0) / self._gain_of(force))
         return self._with_offset(np.exp(-np.interp(root, self._root, self._log_g)))
 
     def force(self, resistance) -> np.ndarray:
@@ -147,19 +175,20 @@ class PressureCurve:
         if self.offset is not None:
             with np.errstate(divide="ignore"):
                 log_g = np.log(np.maximum(np.exp(log_g) - self.offset, 0.0))
-        return np.square(np.interp(log_g, self._log_g, self._root))
+        return np.square(np.interp(log_g, self._log_g, self._root)) * self._gain_of(log_g)
 
     def slope(self, force) -> np.ndarray:
         """d force / d log(resistance) [N], of the curve without its offset."""
-        root = np.sqrt(np.clip(force, 0.0, self.max_force))
+        gain = self._gain_of(force)
+        root = np.sqrt(np.clip(force / gain, 0.0, self.points[-1][0]))
         k = np.clip(np.searchsorted(self._root, root, side="right"), 1, self._root.size - 1)
         d_root = (self._root[k] - self._root[k - 1]) / (self._log_g[k - 1] - self._log_g[k])
-        return 2.0 * root * d_root
+        return 2.0 * root * d_root * gain
 
     def describe(self) -> dict:
         """The curve's points as plain lists, as kept beside trained weights and read by `load`.
 
-        The offset, which belongs to one skin and day, is left out.
+        Offset and gain, which belong to one skin, are left out.
         """
         force, resistance = zip(*self.points, strict=True)
         return {"force": list(force), "resistance": list(resistance)}
@@ -167,9 +196,11 @@ class PressureCurve:
     def __eq__(self, other):
         if not isinstance(other, PressureCurve) or self.points != other.points:
             return False
-        if self.offset is None or other.offset is None:
-            return self.offset is other.offset
-        return np.array_equal(self.offset, other.offset)
+        own, others = (self.offset, self.gain), (other.offset, other.gain)
+        return all(
+            a is b or (a is not None and b is not None and np.array_equal(a, b))
+            for a, b in zip(own, others, strict=True)
+        )
 
     def __hash__(self):
         return hash(self.points)

@@ -55,7 +55,9 @@ def _learned(reading: Reading, weights, method: str, kind: str) -> Estimate:
 
 def _analyse_frame(reading: Reading, weights) -> tuple[np.ndarray, tuple]:
     """(rows, cols) force [N] by the network, and `network_of` it."""
-    force = weights.predict(reading.adc)
+    force = weights.predict(reading.adc)  # of cells that are all alike
+    if reading.curve.gain is not None:
+        force *= reading.curve.gain
     if reading.circuit.mask is not None:
         force *= reading.circuit.populated
     return force, network_of(force, reading)

@@ -50,6 +50,8 @@ def test_files_give_circuit_and_curve(files, capsys):
     found = read_skin(out)
     assert found.circuit.r_par == pytest.approx(board.r_par, rel=0.05)
     assert "made by tactile-skin calibrate" in out.read_text()
+    assert found.curve.gain.shape == SHAPE and "the cells' gains are" in said
+    assert len(out.read_text().splitlines()) < 60
 
 
 @pytest.mark.parametrize(

@@ -181,3 +181,9 @@ def test_from_the_board_to_ten_minutes():
     first = true[0].mean()
     assert raw[-5:].mean() > 1.09 * first
     assert np.abs(found[-20:].mean() / first - 1.0) < 0.03
+
+
+def test_the_cells_gains_stay_when_creep_is_taken_out():
+    gain = np.array([[0.9, 1.1]])
+    came = as_it_comes(PressureCurve().with_gain(gain), Creep(0.05, 1.0))
+    np.testing.assert_array_equal(came.gain, gain)

@@ -11,6 +11,7 @@ from yardsticks.identify import Unknown
 
 from tactile_skin import PressureCurve, fit_curve, fit_reference, forward, measure_rest
 from tactile_skin.calibration import curve_fit
+from tactile_skin.calibration.totals import Totals
 
 SHAPE = 12, 12
 
@@ -66,7 +67,7 @@ def test_it_is_a_curve_of_the_usual_cell(bench, fitted):
     """It rests where the usual cell does, reaches the shipped curve's end, and can be kept."""
     assert fitted.curve.rest_resistance == pytest.approx(1.0 / np.median(bench.rest.conductance))
     assert fitted.curve.least_resistance < PressureCurve().least_resistance * 1.01
-    assert PressureCurve(**fitted.curve.describe()) == fitted.curve
+    assert PressureCurve(**fitted.curve.describe()) == fitted.curve.usual
 
 
 def test_the_order_does_not_matter(bench, fitted):
@@ -185,7 +186,8 @@ def test_whatever_the_totals_the_curve_rises(ramps, weights):
     """Contradictory ones too: the solver's bound keeps each slope above 0."""
     ramps, weights = np.array(ramps), np.array(weights)[: len(ramps)]
     knots = curve_fit._Knots.up_to(0.0)
-    fit = curve_fit._most_probable(ramps / weights[:, None])
+    fit = Totals.of(ramps[:, None, None], weights).explained()
+    assert (fit.gain > 0.0).all()
     force, resistance = np.array(knots.curve(fit.slope, 1.0 / 40000.0).points).T
     assert (np.diff(force) > 0.0).all()
     assert (np.diff(resistance) < 0.0).all()
@@ -196,9 +198,36 @@ def test_whatever_the_totals_the_curve_rises(ramps, weights):
 def test_heavier_labels_give_a_heavier_curve(factor):
     """All weights times a number: so is each force of the curve."""
     rng = np.random.default_rng(0)
-    data = rng.uniform(0.1, 1.0, (6, 8))
-    one, other = (curve_fit._most_probable(data / f).slope for f in (1.0, factor))
-    np.testing.assert_allclose(other, factor * one, rtol=1e-6)
+    ramps, weights = rng.uniform(0.1, 1.0, (6, 3, 3, 8)), rng.uniform(30.0, 50.0, 6)
+    one, other = (Totals.of(ramps, f * weights).explained() for f in (1.0, factor))
+    np.testing.assert_allclose(other.slope, factor * one.slope, rtol=1e-6)
+    np.testing.assert_allclose(other.gain, one.gain, rtol=1e-6)
+
+
+def test_slopes_and_gains_that_made_the_totals_come_back():
+    """Where there are more totals than cells, and none of them errs."""
+    rng = np.random.default_rng(3)
+    force = rng.uniform(0.0, 4.0, (60, 4, 4)) * (rng.random((60, 4, 4)) < 0.4)
+    ramps = np.stack([np.minimum(force, 2.0), np.maximum(force - 2.0, 0.0)], 3)
+    gain = rng.uniform(0.7, 1.3, (4, 4))
+    gain /= gain.mean()
+    slope = np.array([1.2, 1.1])
+    fit = Totals.of(ramps, ((ramps @ slope) * gain).sum((1, 2)), slope).explained()
+    np.testing.assert_allclose(fit.gain, gain.ravel(), atol=0.02)
+    np.testing.assert_allclose(fit.slope, slope, rtol=0.03)
+    assert fit.scatter == 0.16
+
+
+def test_a_cell_of_which_no_total_tells_has_a_gain_of_1():
+    """Beside one on which five of twelve objects lay, and which feels a third more."""
+    rng, force = np.random.default_rng(0), np.zeros((12, 3, 3))
+    force[:5, 1, 1] = np.linspace(2.0, 6.0, 5)
+    force[5:, 0, :] = rng.uniform(2.0, 6.0, (7, 3))
+    weights = (force * np.where(np.arange(9).reshape(3, 3) == 4, 1.3, 1.0)).sum((1, 2))
+    fit = Totals.of(force[..., None], weights).explained()
+    gain = fit.gain.reshape(3, 3)
+    assert gain[1, 1] > 1.1
+    np.testing.assert_array_equal(gain[[1, 1, 2, 2, 2], [0, 2, 0, 1, 2]], 1.0)
 
 
 @pytest.fixture(scope="module")

@@ -97,3 +97,26 @@ def test_a_file_says_how_the_boards_adc_reads(tmp_path):
 def test_an_adc_that_cannot_be_is_refused(tmp_path, given, named):
     with pytest.raises(ValueError, match=named):
         read_skin(write(tmp_path, SKIN.replace("rows: 4", f"rows: 4, {given}")))
+
+
+def test_a_gain_of_each_cell(tmp_path):
+    path = tmp_path / "skin.yaml"
+    numbers = [1.0, 0.9, 1.1, 1.0, 1.0, 1.2]
+    text = "{{/**: {{ros__parameters: {{circuit: {{rows: 2, cols: 3}}, curve: {{gain: {}}}}}}}}}"
+    path.write_text(text.format(numbers))
+    curve = read_skin(path).curve
+    np.testing.assert_array_equal(curve.gain, np.reshape(numbers, (2, 3)))
+    path.write_text(text.format([1.0]))
+    assert read_skin(path).curve.gain is None
+    path.write_text(text.format([1.5]))
+    np.testing.assert_array_equal(read_skin(path).curve.gain, np.full((2, 3), 1.5))
+
+
+@pytest.mark.parametrize(
+    ("gain", "why"), [([1.0, 1.0], "2 numbers: must be 1 or"), ([0.0], "a cell of gain 0")]
+)
+def test_a_gain_that_is_none_is_refused(tmp_path, gain, why):
+    path = tmp_path / "skin.yaml"
+    path.write_text(f"{{/**: {{ros__parameters: {{curve: {{gain: {gain}}}}}}}}}")
+    with pytest.raises(ValueError, match=why):
+        read_skin(path)

@@ -56,6 +56,13 @@ class Bench:
         return found
 
 
+def test_a_stop_that_the_weakest_cell_cannot_reach_is_refused():
+    cells = {"circuit.rows": 2, "circuit.cols": 2, "curve.gain": [1.0, 1.0, 0.5, 1.0]}
+    with pytest.raises(ValueError, match="the curve ends at 4"):
+        Bench(StopOnPush, **cells)
+    Bench(StopOnPush, **cells, peak=4.0)
+
+
 def test_limits_of_the_stop_change():
     bench = Bench(StopOnPush)
     assert bench.set(threshold=40.0, release=35.0, stale_after=0.3) == ""

@@ -71,3 +71,28 @@ def test_a_bad_file_is_named(tmp_path, text, message):
     with pytest.raises(ValueError, match=message) as error:
         PressureCurve.load(file)
     assert str(file) in str(error.value)
+
+
+def test_a_gain_scales_the_force():
+    """Both ways, its slope, and its end; the points and the resistance at rest stay."""
+    gain = np.array([[0.5, 1.0], [2.0, 1.3]])
+    usual, own = PressureCurve(), PressureCurve().with_gain(gain)
+    force = np.full((2, 2), 1.5)
+    np.testing.assert_allclose(own.resistance(force * gain), usual.resistance(force))
+    np.testing.assert_allclose(own.force(own.resistance(force)), force)
+    step = 1e-4
+    higher = own.force(own.resistance(force) * np.exp(step))
+    np.testing.assert_allclose(own.slope(force), (higher - force) / step, rtol=1e-2)
+    np.testing.assert_array_equal(own.resistance(force[0, :1]), usual.resistance(force[0, :1]))
+    assert own.max_force == 0.5 * usual.max_force
+    assert own.rest_resistance == usual.rest_resistance
+    assert own != usual and own == PressureCurve().with_gain(gain) and own.usual == usual
+    rested = own.resting_at(np.full((2, 2), 30e3))
+    np.testing.assert_allclose(rested.force(rested.resistance(force)), force)
+    assert rested.usual == usual
+
+
+@pytest.mark.parametrize("gain", [[0.0, 1.0], [1.0, np.nan], [np.inf, 1.0], [-1.0, 1.0]])
+def test_a_gain_that_is_none_is_refused(gain):
+    with pytest.raises(ValueError, match="a cell of gain"):
+        PressureCurve().with_gain(gain)

@@ -42,6 +42,20 @@ def test_one_touch_is_found(method):
 
 
 @pytest.mark.parametrize("method", METHODS)
+def test_each_cell_feels_its_gain_times_the_force(method):
+    """And is as sure of it, and of the frame; the next frame goes on from it."""
+    gain = np.random.default_rng(0).uniform(0.7, 1.4, (16, 16))
+    own, adc = CURVE.with_gain(gain), reading(one_touch())
+    usual = compensate(adc, CIRCUIT, CURVE, method)
+    found = compensate(adc, CIRCUIT, own, method)
+    np.testing.assert_allclose(found.force, gain * usual.force, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(found.std, gain * usual.std, rtol=1e-3, atol=1e-6)
+    assert found.status == usual.status
+    after = compensate(adc, CIRCUIT, own, method, start=found)
+    np.testing.assert_allclose(after.force, found.force, rtol=0.02, atol=GRAM)
+
+
+@pytest.mark.parametrize("method", METHODS)
 def test_an_estimate_is_whole(method):
     adc = reading(scenes.sample("blobs", 1, 16, 16, np.random.default_rng(1))[0])
     estimate = compensate(adc, CIRCUIT, CURVE, method)

@@ -1,6 +1,6 @@
 """How well `fit_curve` finds newtons by a few known weights, on unknown boards:
 `python tests/yardsticks/curve_fit.py [--boards N] [--objects N] [--new N] [--touches N] [--seed S]
-[--size 16x16] [--scatter 0.08] [--wave SHARE] [--mislabelled] [--reference]`.
+[--size 16x16] [--scatter 0.08] [--wave SHARE] [--mislabelled] [--reference] [--hand]`.
 
 The boards are those of `identify.py`: 8 % scatter, 3 % at rest, 1 step of noise, 0.5 % carried to
 the neighbours, r_par, stripes and curve unknown. Objects of 0.3 to 5 kg, soft (at most 1 kg on a
@@ -8,7 +8,8 @@ cell), each laid once; the total force of new ones of 3 to 50 N is then compared
 circuit is known exactly (--touches 0), or found by `identify` from so many touches. --wave bends
 the fabric's curve up and down by a share, a shape that the shipped curve has at no level. With
 --reference the weights are those of a scale under the skin, up to 0.5 s early or late, while the
-objects are laid on and taken off.
+objects are laid on and taken off. --hand: in place of objects, and as new ones, a hand presses a
+scale on the skin, 3 to 40 N on some 4 to 20 cells. "alike" is the same curve without cells' gains.
 The method was chosen on seeds 0 to 99; others score it.
 """
 
@@ -32,6 +33,7 @@ from tactile_skin.physics.curve import GRAM
 
 LIGHTEST, HEAVIEST = 300.0 * GRAM, 5000.0 * GRAM  # N
 HARDEST = 1000.0 * GRAM  # N on a cell
+PRESSED, ROUND = (3.0, 40.0), (1.0, 2.5)  # N of a hand, and radius of what it presses with [cells]
 PAUSE, RISE, HOLD = 0.5, 0.3, 1.0  # s between presses, of coming and going, of standing
 WITHIN = 1.5  # factor between the error that is reported and the true one
 
@@ -49,6 +51,21 @@ def objects(n: int, shape, rng) -> tuple[np.ndarray, np.ndarray]:
     return np.array(laid), weights
 
 
+def presses(n: int, shape, rng) -> tuple[np.ndarray, np.ndarray]:
+    """The same of a round scale that a hand presses on the skin."""
+    row, col = np.indices(shape)
+    pressed = []
+    while len(pressed) < n:
+        at, radius = rng.uniform(0.0, np.subtract(shape, 1)), rng.uniform(*ROUND)
+        apart = ((row - at[0]) ** 2 + (col - at[1]) ** 2) / radius**2
+        force = np.sqrt(np.clip(1.0 - apart, 0.0, None))
+        force *= np.exp(rng.uniform(*np.log(PRESSED))) / force.sum()
+        if force.max() <= HARDEST:
+            pressed.append(force)
+    pressed = np.array(pressed)
+    return pressed, pressed.sum((1, 2))
+
+
 def known(board: Unknown):
     """Its circuit, as it is."""
     return replace(board.supposed, r_par=board.r_par, r_line=board.r_line)
@@ -61,19 +78,20 @@ def bend(board: Unknown, share: float, phase: float) -> None:
     board.curve = PressureCurve(force, resistance / np.append(1.0, wave))
 
 
-def stream(board: Unknown, presses: int, late: float, rng):
+def stream(board: Unknown, times_laid: int, late: float, rng, drawn=objects):
     """frames, times, reference, reference_times: objects laid on and taken off, 30 frames a second,
     and a scale of 20 readings a second with 0.05 N of noise, a zero of its own, and late [s]."""
-    laid, _ = objects(presses, board.supposed.shape, rng)
+    laid, _ = drawn(times_laid, board.supposed.shape, rng)
     period = PAUSE + 2.0 * RISE + HOLD
 
     def course(t):
         number, phase = np.divmod(t, period)
         on = np.clip(np.minimum(phase - PAUSE, period - phase) / RISE, 0.0, 1.0)
-        return np.where(number < presses, on, 0.0), np.clip(number.astype(int), 0, presses - 1)
+        last = times_laid - 1
+        return np.where(number <= last, on, 0.0), np.clip(number.astype(int), 0, last)
 
-    times = np.arange(0.0, presses * period + 1.0, 1.0 / 30.0)
-    at = np.arange(0.0, presses * period + 1.0, 1.0 / 20.0)
+    times = np.arange(0.0, times_laid * period + 1.0, 1.0 / 30.0)
+    at = np.arange(0.0, times_laid * period + 1.0, 1.0 / 20.0)
     on, which = course(times)
     frames = board.frames(laid[which] * on[:, None, None])
     on, which = course(at - late)
@@ -101,9 +119,12 @@ def main() -> None:
         "--mislabelled", action="store_true", help="one weight is given twice or half as large"
     )
     parser.add_argument("--reference", action="store_true", help="a scale that goes on")
+    parser.add_argument("--hand", action="store_true", help="that presses, in place of objects")
     args = parser.parse_args()
+    drawn = presses if args.hand else objects
     shape = tuple(map(int, args.size.split("x")))
-    off, by_true, by_default, said, lags, found_odd, wrong_odd = [], [], [], [], [], 0, 0
+    off, alike, by_true, by_default, said, lags = [], [], [], [], [], []
+    found_odd = wrong_odd = 0
     for seed in range(args.seed, args.seed + args.boards):
         board = Unknown(shape, seed, scatter=args.scatter)
         rng = np.random.default_rng([seed, 2])
@@ -115,14 +136,16 @@ def main() -> None:
             supposed = board.supposed
             circuit = identify(touches, supposed, measure_rest(idle, supposed)).circuit
         rest = measure_rest(idle, circuit)
-        laid, weights = objects(args.objects, shape, rng)
-        new, truth = objects(args.new, shape, rng)
+        laid, weights = drawn(args.objects, shape, rng)
+        new, truth = drawn(args.new, shape, rng)
         given, bad = weights.copy(), int(rng.integers(args.objects))
         if args.mislabelled:
             given[bad] *= rng.choice([0.5, 2.0])
         if args.reference:
             late = rng.uniform(-0.5, 0.5)
-            fitted, found = fit_reference(*stream(board, args.objects, late, rng), circuit, rest)
+            fitted, found = fit_reference(
+                *stream(board, args.objects, late, rng, drawn), circuit, rest
+            )
             lags.append(found - late)
         else:
             fitted = fit_curve(board.frames(laid), given, circuit, rest)
@@ -130,6 +153,7 @@ def main() -> None:
         wrong_odd += len(set(fitted.odd) - {bad}) + (bad in fitted.odd and not args.mislabelled)
         frames = board.frames(new)
         off.append(totals(frames, circuit, fitted.curve, rest) / truth - 1.0)
+        alike.append(totals(frames, circuit, fitted.curve.usual, rest) / truth - 1.0)
         by_true.append(totals(frames, circuit, board.curve, rest) / truth - 1.0)
         by_default.append(totals(frames, circuit, PressureCurve(), rest) / truth - 1.0)
         said.append(fitted.error)
@@ -139,7 +163,12 @@ def main() -> None:
             f"said {fitted.error:.2%}; odd {fitted.odd}",
             flush=True,
         )
-    for name, errors in (("fitted", off), ("true", by_true), ("default", by_default)):
+    for name, errors in (
+        ("fitted", off),
+        ("alike", alike),
+        ("true", by_true),
+        ("default", by_default),
+    ):
         errors = np.abs(errors)
         per_board = np.median(errors, 1)
         print(

@@ -33,7 +33,7 @@ class View:
     def __init__(self, node):
         self.node = node
         circuit = circuit_of(node)
-        adc_of(node, circuit), curve_of(node), geometry_of(node, circuit)
+        adc_of(node, circuit), curve_of(node, circuit), geometry_of(node, circuit)
 
         def value(name, default, *bounds):
             return node.declare_parameter(name, default, describe(*bounds)).value
