@@ -51,7 +51,6 @@ PARTS = {
     "push_to_move": False,
     "monitor": False,
 }
-_LAUNCH_ROS = "launch_params_"  # how launch_ros names the files that it writes for one program
 
 
 class Program(launch.Skin):
@@ -72,7 +71,7 @@ class Program(launch.Skin):
         for action, handle, names in zip(self._plan.nodes, self._handles, own, strict=True):
             for item in action.parameters:
                 file = isinstance(item, ParameterFile)
-                given_alone = not file or item.path.name.startswith(_LAUNCH_ROS)
+                given_alone = not file or item.by_launch
                 check_names(
                     dataclasses.replace(action, parameters=[item]),
                     handle.get_fully_qualified_name(),
@@ -214,7 +213,7 @@ def _words(action: NodeAction) -> list[str]:
     for item in action.parameters:
         if isinstance(item, ParameterFile):
             words += ["--params-file", str(Path(item.path).resolve())]
-        else:
+        elif item[1] is not None:
             words += ["-p", f"{item[0]}:={_as_yaml(item[1])}"]
     for source, target in action.remappings:
         words += ["-r", f"{source}:={target}"]

@@ -225,6 +225,31 @@ def test_on_ros_a_skin_is_one_program_unless_asked_otherwise(tmp_path):
         kinds(path, in_process=True)
 
 
+@pytest.mark.parametrize("name", ["launch_params_abc", "robot.yaml"])
+def test_an_argument_that_was_not_given_leaves_the_parameter_file(tmp_path, name):
+    """`ros2 launch` hands an empty one over as an empty text; elsewhere that is a value."""
+    config, written = tmp_path / "mine.yaml", tmp_path / name
+    config.write_text("/**/stop_on_push: {ros__parameters: {threshold: 12.0}}\n")
+    written.write_text("/**: {ros__parameters: {threshold: '', release: 3.0}}\n")
+    words = ["--params-file", str(config), "--params-file", str(written)]
+    program = ros.Program("stop_on_push", ros.plan_of("stop_on_push", arguments(*words)))
+    if name == "robot.yaml":
+        with pytest.raises(LaunchError, match="threshold of node stop_on_push = ''"):
+            program.build()
+        return
+    program.build()
+    config = program._nodes[0].policy.config
+    assert (config.threshold, config.release) == (12.0, 3.0)
+
+
+def test_a_launch_file_hands_over_only_what_is_given(tmp_path):
+    given = {"port": "/dev/null", "use_sim_time": "true"}
+    plan = launch.read_plan(launch.find("skin.launch.yaml"), given, in_process=False)
+    (skin,) = plan.nodes
+    words = ros.command(skin, 2)
+    assert "use_sim_time:=true" in words and not any(w.startswith("method:=") for w in words)
+
+
 # --- misspelt names ---
 
 
