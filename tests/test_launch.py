@@ -1221,7 +1221,7 @@ def test_a_node_without_a_file_has_the_shipped_values(name):
     ports = {"serial_driver": "loop://", "view": 0, "foxglove": 0}  # 0: any, one may be taken
     given = [Parameter("port", ports[name])] if name in ports else []
     node = Node(name, context=Context(), parameter_overrides=given)
-    node_class(name)(node)
+    launched.close(node_class(name)(node))
     shipped = ParameterFile(share_dir() / "config" / "skin.yaml").overrides(f"/{name}")
     known = node.parameter_names()
     declared = {p.name: node.get_parameter(p.name).value for p in shipped if p.name in known}

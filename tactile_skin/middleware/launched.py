@@ -160,7 +160,7 @@ def naming_its_file(action: NodeAction, handle: Node, kind: Callable):
         if action.user is None:  # a misspelt name is the mistake, what it leads to is not
             known = Node(action.name, context=Context())
             with contextlib.suppress(ValueError, OSError):
-                kind(known)
+                close(kind(known))
             check_names(action, full_name, {*known.parameter_names(), *handle.parameter_names()})
         words = set(re.findall(r"\w+", str(error)))
         for item in reversed(action.parameters):
@@ -173,6 +173,12 @@ def naming_its_file(action: NodeAction, handle: Node, kind: Callable):
                     break
                 raise LaunchError(f"{file}: {error}") from error
         raise
+
+
+def close(node) -> None:
+    """End what a node has begun: the server of a page, a serial port."""
+    if hasattr(node, "close"):
+        node.close()
 
 
 def remaps(pairs: list[tuple[str, str]]) -> list[str]:
