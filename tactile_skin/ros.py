@@ -31,7 +31,7 @@ from .files import one_line
 from .middleware.bus import Context, Node
 from .middleware.config import ParameterFile
 from .middleware.launch_file import NodeAction, Plan
-from .middleware.launched import check_commands, check_names, given
+from .middleware.launched import check_commands, check_names, close, given
 from .middleware.package import COMPOSED, FOXGLOVE, NODES, PACKAGE, RECORDER
 from .middleware.processes import end_commands, start_command
 from .middleware.ros.arguments import RosArguments, split_arguments
@@ -51,7 +51,6 @@ PARTS = {
     "push_to_move": False,
     "monitor": False,
 }
-_LAUNCH_ROS = "launch_params_"  # how launch_ros names the files that it writes for one program
 
 
 class Program(launch.Skin):
@@ -60,6 +59,11 @@ class Program(launch.Skin):
     def __init__(self, executable: str, plan: Plan, context: Context | None = None):
         super().__init__(plan, context)
         self._whole = executable == COMPOSED
+
+    def close_nodes(self) -> None:
+        """Of a program that was only built."""
+        for node in self._nodes:
+            close(node)
 
     def _check_names(self) -> None:
         """What a file says to every node may be meant for others, and what a launch file gives a
@@ -72,7 +76,7 @@ class Program(launch.Skin):
         for action, handle, names in zip(self._plan.nodes, self._handles, own, strict=True):
             for item in action.parameters:
                 file = isinstance(item, ParameterFile)
-                given_alone = not file or item.path.name.startswith(_LAUNCH_ROS)
+                given_alone = not file or item.by_launch
                 check_names(
                     dataclasses.replace(action, parameters=[item]),
                     handle.get_fully_qualified_name(),
@@ -214,7 +218,7 @@ def _words(action: NodeAction) -> list[str]:
     for item in action.parameters:
         if isinstance(item, ParameterFile):
             words += ["--params-file", str(Path(item.path).resolve())]
-        else:
+        elif item[1] is not None:
             words += ["-p", f"{item[0]}:={_as_yaml(item[1])}"]
     for source, target in action.remappings:
         words += ["-r", f"{source}:={target}"]
@@ -224,17 +228,20 @@ def _words(action: NodeAction) -> list[str]:
 def _check(actions: list[NodeAction]) -> None:
     """Build the programs' nodes in this process, to find mistakes before one is started."""
     context, handles = Context(), []
-    for action in actions:
-        _, args = split_arguments(_words(action))
-        nodes = [
-            dataclasses.replace(node, file=action.file)
-            for node in plan_of(action.executable, args).nodes
-        ]
-        handles += Program(action.executable, Plan(nodes=nodes), context).build()
-    names = [handle.get_fully_qualified_name() for handle in handles]
-    if twice := [name for name in names if names.count(name) > 1]:
-        raise LaunchError(f"node {twice[0]}: there are two of this name")
-    check_commands(handles)
+    with contextlib.ExitStack() as made:
+        for action in actions:
+            _, args = split_arguments(_words(action))
+            nodes = [
+                dataclasses.replace(node, file=action.file)
+                for node in plan_of(action.executable, args).nodes
+            ]
+            program = Program(action.executable, Plan(nodes=nodes), context)
+            made.callback(program.close_nodes)
+            handles += program.build()
+        names = [handle.get_fully_qualified_name() for handle in handles]
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise LaunchError(f"node {twice[0]}: there are two of this name")
+        check_commands(handles)
 
 
 def _as_yaml(value) -> str:

@@ -31,6 +31,7 @@ from tactile_skin.launch import (
     read_plan,
     share_dir,
 )
+from tactile_skin.middleware import launched
 from tactile_skin.middleware.bus import Context, Node, Parameter, ParameterError
 from tactile_skin.middleware.config import ParameterFile
 from tactile_skin.middleware.package import NODES
@@ -404,6 +405,34 @@ def test_later_parameters_win(write, tmp_path):
 
 
 # --- the shipped files ---
+
+
+@pytest.mark.parametrize("file", ["skin.launch.yaml", "demo.launch.yaml"])
+def test_a_parameter_file_counts_where_no_argument_is_given(tmp_path, file):
+    config = tmp_path / "mine.yaml"
+    sections = {
+        "compensation": {"method": "newton"},
+        "cmd_vel_gate": {"stamped": True},
+        "stop_on_push": {"use_sim_time": True},
+        "view": {"port": 8400, "controls": True},
+    }
+    named = {f"/**/{name}": {"ros__parameters": values} for name, values in sections.items()}
+    config.write_text(yaml.safe_dump(named))
+
+    def values(**arguments) -> dict[str, dict]:
+        arguments |= {"config": str(config), "cmd_vel_gate": "true", "view": "true"}
+        nodes = read_plan(find(file), arguments).nodes
+        return {
+            n.name: {p.name: p.value for p in launched.given(n)["parameter_overrides"]}
+            for n in nodes
+        }
+
+    found = values()
+    assert {name: found[name] for name in sections} == sections
+    found = values(method="map", stamped="false", view_port="0")
+    assert found["compensation"]["method"] == "map"
+    assert found["cmd_vel_gate"]["stamped"] is False
+    assert found["view"] == {"port": 0, "controls": True}
 
 
 @pytest.mark.parametrize("name", ["skin.launch.yaml", "demo.launch.yaml"])
@@ -1191,7 +1220,7 @@ def test_a_node_without_a_file_has_the_shipped_values(name):
     ports = {"serial_driver": "loop://", "view": 0, "foxglove": 0}  # 0: any, one may be taken
     given = [Parameter("port", ports[name])] if name in ports else []
     node = Node(name, context=Context(), parameter_overrides=given)
-    node_class(name)(node)
+    launched.close(node_class(name)(node))
     shipped = ParameterFile(share_dir() / "config" / "skin.yaml").overrides(f"/{name}")
     known = node.parameter_names()
     declared = {p.name: node.get_parameter(p.name).value for p in shipped if p.name in known}

@@ -1,9 +1,12 @@
 """What ROS 2's users write on a command line, in a parameter file and in package.xml."""
 
 import importlib.util
+import os
 import subprocess
 import sys
+import time
 import xml.etree.ElementTree as ET
+from pathlib import Path
 
 import pytest
 
@@ -223,6 +226,57 @@ def test_on_ros_a_skin_is_one_program_unless_asked_otherwise(tmp_path):
     assert kinds(path) == ["skin"]
     with pytest.raises(LaunchError, match="exec: must be one of serial_driver"):
         kinds(path, in_process=True)
+
+
+@pytest.mark.parametrize("name", ["launch_params_abc", "robot.yaml"])
+def test_an_argument_that_was_not_given_leaves_the_parameter_file(tmp_path, name):
+    """`ros2 launch` hands an empty one over as an empty text; elsewhere that is a value."""
+    config, written = tmp_path / "mine.yaml", tmp_path / name
+    config.write_text("/**/stop_on_push: {ros__parameters: {threshold: 12.0}}\n")
+    written.write_text("/**: {ros__parameters: {threshold: '', release: 3.0}}\n")
+    words = ["--params-file", str(config), "--params-file", str(written)]
+    program = ros.Program("stop_on_push", ros.plan_of("stop_on_push", arguments(*words)))
+    if name == "robot.yaml":
+        with pytest.raises(LaunchError, match="threshold of node stop_on_push = ''"):
+            program.build()
+        return
+    program.build()
+    config = program._nodes[0].policy.config
+    assert (config.threshold, config.release) == (12.0, 3.0)
+
+
+def test_a_launch_file_hands_over_only_what_is_given(tmp_path):
+    given = {"port": "/dev/null", "use_sim_time": "true"}
+    plan = launch.read_plan(launch.find("skin.launch.yaml"), given, in_process=False)
+    (skin,) = plan.nodes
+    words = ros.command(skin, 2)
+    assert "use_sim_time:=true" in words and not any(w.startswith("method:=") for w in words)
+
+
+def children() -> set[str]:
+    """Process ids of what this process has started."""
+    return set(Path(f"/proc/self/task/{os.getpid()}/children").read_text().split())
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="Linux shows the children")
+@pytest.mark.parametrize("wrong", ["", "hots"])
+def test_a_check_before_the_start_leaves_no_page_open(tmp_path, wrong):
+    """Its port would be taken when the node itself starts."""
+    before = children()
+    config = tmp_path / "mine.yaml"
+    config.write_text("/**/view: {ros__parameters: {port: 0}}\n")
+    given = {"port": "/dev/null", "config": str(config), "view": "true", "view_host": "127.0.0.1"}
+    plan = launch.read_plan(launch.find("skin.launch.yaml"), given, in_process=False)
+    if wrong:
+        plan.nodes[-1].parameters += [(wrong, "x"), ("port", 99999)]
+        with pytest.raises(LaunchError, match="parameter 'hots' is unknown"):
+            ros._check(plan.nodes)
+    else:
+        ros._check(plan.nodes)
+    wait = time.monotonic() + 30.0
+    while children() > before and time.monotonic() < wait:
+        time.sleep(0.05)
+    assert children() <= before
 
 
 # --- misspelt names ---

@@ -46,7 +46,6 @@ def run(words: list[str], tqdm: Callable) -> int:
     path, given = _options(words)
     recording = Recording(path, given["namespace"])
     skin = read_skin(given["config"]) if given["config"] else recording.skin
-    method = recording.node_parameters("compensation").get("method", "auto")
 
     def track(messages, total: int):
         return tqdm(messages, desc=f"reading {path}", total=total, leave=False, disable=None)
@@ -55,7 +54,7 @@ def run(words: list[str], tqdm: Callable) -> int:
     if not (port.isdecimal() and int(port) <= 65535):
         raise ValueError(f"view_port:={port}: must be a whole number from 0 to 65535")
     with listen(given["view_host"], int(port)) as listening:
-        shown, pictures = Recorded(recording, track), Pictures(skin, method)
+        shown, pictures = Recorded(recording, track), Pictures(skin)
         shape = shown.shape
         if shape != skin.circuit.shape:
             raise ValueError(

@@ -200,6 +200,9 @@ def geometry_of(node: Node, circuit: Circuit) -> Geometry:
     )
 
 
+_LAUNCH_ROS = "launch_params_"  # how launch_ros names the files that it writes for one program
+
+
 class ParameterFile:
     """A ROS 2 parameter file: ``node_name: {ros__parameters: {...}}``, ``/**`` for every node.
 
@@ -208,6 +211,8 @@ class ParameterFile:
 
     Attributes:
         sections: full name, such as "/left/stop_on_push" -> {parameter: value}.
+        by_launch: whether `ros2 launch` wrote it, of what a launch file gives one program. An empty
+            value in it is that of an argument that was not given, and says nothing.
 
     Raises:
         FileError: not such a file, or none; the message names the file and the key.
@@ -215,6 +220,7 @@ class ParameterFile:
 
     def __init__(self, path):
         self.path = Path(path)
+        self.by_launch = self.path.name.startswith(_LAUNCH_ROS)
         try:
             data = read_yaml(path)
         except OSError as error:
@@ -253,7 +259,11 @@ class ParameterFile:
         for section, values in self.sections.items():
             if concerns(section, node):
                 found |= values
-        return [Parameter(key, value) for key, value in found.items()]
+        return [
+            Parameter(key, value)
+            for key, value in found.items()
+            if not (self.by_launch and value == "")
+        ]
 
     def check_meant(self, node: str) -> None:
         """Refuse a file with sections for nodes of this name, none of them in its namespace.

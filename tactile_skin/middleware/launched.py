@@ -30,13 +30,16 @@ def make_node(action: NodeAction, context: Context) -> Node:
 
 
 def given(action: NodeAction) -> dict:
-    """The arguments of a node that a launch file names: namespace, remappings, parameters."""
+    """The arguments of a node that a launch file names: namespace, remappings, parameters.
+
+    A value that is empty, of an argument that was not given say, leaves what stood before it.
+    """
     full_name = f"{action.namespace}/{action.name}"
     values: dict[str, Parameter] = {}
     for item in action.parameters:
         from_file = isinstance(item, ParameterFile)
         found = item.overrides(full_name) if from_file else [Parameter(*item)]
-        values |= {p.name: p for p in found}
+        values |= {p.name: p for p in found if p.value is not None}
     return {
         "namespace": action.namespace,
         "cli_args": remaps(action.remappings),
@@ -157,7 +160,7 @@ def naming_its_file(action: NodeAction, handle: Node, kind: Callable):
         if action.user is None:  # a misspelt name is the mistake, what it leads to is not
             known = Node(action.name, context=Context())
             with contextlib.suppress(ValueError, OSError):
-                kind(known)
+                close(kind(known))
             check_names(action, full_name, {*known.parameter_names(), *handle.parameter_names()})
         words = set(re.findall(r"\w+", str(error)))
         for item in reversed(action.parameters):
@@ -170,6 +173,12 @@ def naming_its_file(action: NodeAction, handle: Node, kind: Callable):
                     break
                 raise LaunchError(f"{file}: {error}") from error
         raise
+
+
+def close(node) -> None:
+    """End what a node has begun: the server of a page, a serial port."""
+    if hasattr(node, "close"):
+        node.close()
 
 
 def remaps(pairs: list[tuple[str, str]]) -> list[str]:

@@ -100,7 +100,7 @@ async def run(listening: socket.socket, skin: socket.socket) -> None:
     """Serve until the skin ends."""
     parameters = json.loads(skin.recv(LARGEST))["parameters"]
     live = Live(skin)
-    own = ("host", "port", "controls", "method")
+    own = ("host", "port", "controls")
     configured = skin_of({k: v for k, v in parameters.items() if k not in own}, "view")
-    pictures = Pictures(configured, parameters["method"])
+    pictures = Pictures(configured)
     await serve(listening, live, pictures, live.ended, parameters["controls"])

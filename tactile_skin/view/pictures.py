@@ -18,6 +18,7 @@ from .snapshot import NodeStatus, Snapshot
 from .wire import packed_with, parts_of
 
 PUBLISHED = "published"  # not a method: what the skin itself made of the reading
+_DEFAULT = "auto"  # method of compensation, until it says which it takes
 _CELL = 0.2  # N: a contact has a cell with more, as of gesture_feature's cell_threshold
 _CELLS = 4096  # of which is kept how the mat lies there
 _TIME_LIMIT = 0.05  # s for a frame, as of compensation's time_limit
@@ -32,11 +33,10 @@ class Pictures:
 
     Args:
         skin: its configuration.
-        method: with which it compensates: that of the standard deviation of what it published.
     """
 
-    def __init__(self, skin: SkinConfig, method: str):
-        self.skin, self.method = skin, method
+    def __init__(self, skin: SkinConfig):
+        self.skin = skin
         self._snapshot: Snapshot | None = None
         self._estimates: dict[str, Estimate] = {}
         self._parts: dict[tuple[str, str], tuple[str, bytes]] = {}  # of its messages
@@ -54,7 +54,6 @@ class Pictures:
             "max_force": self.skin.curve.max_force,
             "flat": bool(np.ptp(geometry.normal[circuit.populated], axis=0).max() < 1e-6),
             "methods": list(METHODS),
-            "method": self.method,
         }
 
     def message(self, snapshot: Snapshot, a: str, b: str, more: dict) -> bytes:
@@ -94,7 +93,7 @@ class Pictures:
     def _side(self, side: str, method: str, snapshot: Snapshot, ratio: np.ndarray) -> dict:
         """Force [N], its standard deviation [N] and the misfit [ADC steps] of a method."""
         circuit, curve = self._known(snapshot)
-        solver = self.method if method == PUBLISHED else method
+        solver = _method(snapshot) if method == PUBLISHED else method
         if method == PUBLISHED:
             if snapshot.pressure is None:
                 raise ValueError("the skin published no picture of this reading")
@@ -199,6 +198,7 @@ class Pictures:
             if name.rpartition("/")[2] != "view"
         )
         return {
+            "method": _method(snapshot),
             "rate": _number(values.get("rate")),
             "residual": _number(values.get("residual")),
             "noise": _number(values.get("noise")),
@@ -257,6 +257,12 @@ def _value(snapshot: Snapshot, name: str) -> float | None:
     """A number that a node gives among its values."""
     texts = (s.values[name] for s in snapshot.nodes.values() if name in s.values)
     return next((_number(text) for text in texts), None)
+
+
+def _method(snapshot: Snapshot) -> str:
+    """The method of what the skin published, as compensation says once a second."""
+    said = (s.values.get("method") for s in snapshot.nodes.values())
+    return next((method for method in said if method in METHODS), _DEFAULT)
 
 
 def _number(text: str | None) -> float | None:

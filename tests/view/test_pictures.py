@@ -42,7 +42,7 @@ def snapshot_of(force, **more) -> Snapshot:
 
 
 def drawn(snapshot, a=PUBLISHED, b="naive"):
-    return unpack(Pictures(SKIN, "newton").message(snapshot, a, b, {}))
+    return unpack(Pictures(SKIN).message(snapshot, a, b, {}))
 
 
 def test_numbers_and_arrays_come_back_as_they_were_packed():

@@ -52,7 +52,7 @@ def served(scenario, controls=False):
         source, ended = Source(), asyncio.Event()
         with socket.create_server(("127.0.0.1", 0)) as listening:
             port = listening.getsockname()[1]
-            pictures = Pictures(read_skin(), "auto")
+            pictures = Pictures(read_skin())
             serving = asyncio.create_task(serve(listening, source, pictures, ended, controls))
             try:
                 await asyncio.wait_for(scenario(source, f"127.0.0.1:{port}"), PATIENCE)

@@ -11,7 +11,6 @@ from dataclasses import replace
 from ...errors import LaunchError
 from ...middleware.config import adc_of, circuit_of, curve_of, describe, geometry_of
 from ...msg import Trigger
-from ...solvers import METHODS
 from ...view.process import PageProcess
 from ...view.snapshot import OTHERS, READINGS, STOP, Collector
 
@@ -41,9 +40,6 @@ class View:
         value("host", "127.0.0.1", "address to serve the page on; 0.0.0.0: all of them")
         value("port", 8321, "TCP port of the page; 0: any that is free", 0, 65535)
         controls = value("controls", False, "whether a page may tare, and reset the stop")
-        method = value("method", "auto", f"one of {', '.join(METHODS)}: as of compensation")
-        if method not in METHODS:
-            raise ValueError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
         calls = _CALLS if controls else {}
         try:
             self._clients = {

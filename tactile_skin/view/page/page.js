@@ -53,11 +53,10 @@ function setUp(said) {
     canvas.onpointermove = canvas.onpointerdown = (event) => choose(mats[name].under(event));
     canvas.onpointerleave = () => choose(null);
   }
-  const published = `as ${hello.recording ? "recorded" : "published"}: ${hello.method}`;
   const methods = hello.methods.map((name) => [name, name]);
   for (const side of ["a", "b"]) {
     const select = document.querySelector(`#${side} select`);
-    fill(select, [["published", published], ...methods], wanted[side]);
+    fill(select, [["published", ""], ...methods], wanted[side]);
     for (const option of select.options) option.text = `${side.toUpperCase()}: ${option.text}`;
     select.onchange = () => {
       wanted[side] = select.value;
@@ -249,6 +248,16 @@ function drawChart(now) {
   }
 }
 
+/** The skin's method may change while it runs. */
+function showMethod(method) {
+  const text = `as ${hello.recording ? "recorded" : "published"}: ${method}`;
+  for (const side of ["a", "b"]) {
+    const option = document.querySelector(`#${side} option`);
+    const label = `${side.toUpperCase()}: ${text}`;
+    if (option.text !== label) option.text = label;
+  }
+}
+
 function cellText({ arrays, head }) {
   if (!chosen) return "point at a cell, or choose one with the arrow keys";
   const k = chosen.row * hello.cols + chosen.col;
@@ -268,6 +277,7 @@ function showTexts(now) {
   const why = silent || (hello.recording ? "no stop was recorded" : "no stop_on_push is heard");
   facts.showStop(silent ? null : head.stop, head.reason, Boolean(hello.recording), why);
   const picture = frozen ? shown : latest;
+  showMethod(picture.head.method);
   facts.showContacts(picture.head.contacts);
   facts.showPush(picture.head.push, colours);
   facts.showReports([
