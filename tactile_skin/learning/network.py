@@ -13,7 +13,7 @@ import io
 import json
 import warnings
 import zipfile
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -50,14 +50,12 @@ def physics_inputs(adc: np.ndarray, circuit: Circuit, curve: PressureCurve) -> n
         its end; log of what is left of rho(g) / rho_measured; the force by that conductance, as a
         share of the curve's maximum; log10 of how strongly the cell shows in its own reading.
     """
-    low, high = 1.0 / curve.rest_resistance, 1.0 / curve.least_resistance
+    low, high, cells, bounds = _range_of(circuit, curve)
     scale = 1.0 / np.log(high / low)
-    cells = np.flatnonzero(circuit.populated).astype(np.int32)
-    bounds = np.full(cells.size, np.log(low)), np.full(cells.size, np.log(high))
-    rho_measured = np.clip(circuit.two_terminal(adc), *_RHO)
+    rho_measured = np.minimum(np.maximum(circuit.two_terminal(adc), _RHO[0]), _RHO[1])
     # Foster: the sum of g rho is lines - 1
     share = (sum(circuit.shape) - 1) / cells.size
-    g = np.clip(share / rho_measured, low, high) * circuit.populated
+    g = np.minimum(np.maximum(share / rho_measured, low), high) * circuit.populated
     rho = np.empty(g.shape)
     divider = {"r_ref": circuit.r_ref, "r_par": circuit.r_par}
     for k, measured in enumerate(rho_measured):
@@ -67,13 +65,21 @@ def physics_inputs(adc: np.ndarray, circuit: Circuit, curve: PressureCurve) -> n
         rho[k] = kernel.connected_rho(g[k])
     g = np.maximum(g, low)  # where there is no cell too
     out = np.empty((PHYSICS_INPUTS, *adc.shape), np.float32)
-    out[0] = np.log(np.clip(1.0 / rho_measured, low, high) / low) * scale
+    out[0] = np.log(np.minimum(np.maximum(1.0 / rho_measured, low), high) / low) * scale
     out[1] = np.log(g / low) * scale
     out[2] = np.log(rho / rho_measured)
     out[FIXED_POINT] = curve.force(1.0 / g) / curve.max_force
     seen = g * np.square(circuit.ratio(rho) * rho)  # - R_ref d u / d log R
     out[4] = np.log10(np.maximum(seen, _LEAST_SEEN))
     return out
+
+
+@lru_cache(maxsize=16)
+def _range_of(circuit: Circuit, curve: PressureCurve):
+    """Conductance [S] of a cell at rest and at the curve's end; flat cells, log bounds of each."""
+    low, high = 1.0 / curve.rest_resistance, 1.0 / curve.least_resistance
+    cells = np.flatnonzero(circuit.populated).astype(np.int32)
+    return low, high, cells, (np.full(cells.size, np.log(low)), np.full(cells.size, np.log(high)))
 
 
 def head(kind: str) -> list[tuple[int, int]]:

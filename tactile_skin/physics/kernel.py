@@ -43,6 +43,7 @@ if _kernel and not _is_of(_kernel, Path(__file__).with_name("kernel")):
 
 __all__ = [
     "Network",
+    "Table",
     "connected_rho",
     "convolve",
     "fixed_point",
@@ -91,6 +92,29 @@ def solve(g: np.ndarray) -> Network:
         if _kernel.network(*g.shape, np.ascontiguousarray(g), root, k, rho):
             return Network(root, k, rho)
     return numpy_kernel.solve(g)
+
+
+class Table:
+    """A function that is linear between points, as `np.interp`, which takes four times as long.
+
+    Args:
+        points: (n,) where it is known, rising, not all alike.
+        values: (n,) there; before the first point and after the last the function stays.
+    """
+
+    def __init__(self, points: np.ndarray, values: np.ndarray):
+        self.points, self.values = (np.ascontiguousarray(a, float) for a in (points, values))
+        begins = np.linspace(self.points[0], self.points[-1], self.points.size)[:-1]
+        self._start = (np.searchsorted(self.points, begins, "right") - 1).astype(np.int32)
+
+    def __call__(self, x) -> np.ndarray:
+        """At x, an array of any shape or a number."""
+        if _kernel is None:
+            return np.interp(x, self.points, self.values)
+        x = np.asarray(x, dtype=float, order="C")
+        out = np.empty(x.shape)
+        _kernel.interpolate(x, self.points, self.values, self._start, out)
+        return out[()]  # of a number a number
 
 
 def sensitivity(k: np.ndarray, weight: np.ndarray, told, one, other) -> np.ndarray:

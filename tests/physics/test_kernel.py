@@ -265,6 +265,8 @@ G, I4, F4 = np.ones((2, 2)), np.zeros(1, np.int32), np.ones(4, np.float32)
             "argument 3: 4 at 0: must be from 0 to 3",
         ),
         ("iterate", (1, 2), "12 arguments are due, got 2"),
+        ("interpolate", (G, G, G, I4[:0], G.copy()), "two points or more"),
+        ("interpolate", (G, G, G, I4, np.ones(3)), "argument 4: must have 4 items, has 3"),
         ("convolve", (2, 2, 0, 1, F4, F4, F4), "argument 2: 0: must be 1 to 4096"),
         (
             "convolve",
@@ -282,6 +284,13 @@ G, I4, F4 = np.ones((2, 2)), np.zeros(1, np.int32), np.ones(4, np.float32)
 def test_what_is_no_such_array_is_refused(function, arguments, named):
     with pytest.raises((TypeError, ValueError), match=named):
         getattr(COMPILED, function)(*arguments)
+
+
+def test_a_table_of_senseless_starts_stays_inside_its_arrays():
+    points, out = np.arange(3.0), np.empty(2)
+    starts = np.array([2**30, -5], np.int32)
+    COMPILED.interpolate(np.array([0.5, 1.5]), points, points, starts, out)
+    np.testing.assert_allclose(out, [0.5, 1.5])
 
 
 def test_what_cannot_be_written_is_refused():

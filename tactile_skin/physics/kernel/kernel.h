@@ -44,6 +44,9 @@ void hessian_product(int rows, int cols, const double *k, const double *p, doubl
 double roughness(int rows, int cols, const double *x, const double *weight, double square,
              double *gradient, double *diagonal, double *entries);
 
+void interpolate(const double *x, ptrdiff_t n, const double *points, const double *values,
+                 ptrdiff_t n_points, const int *start, ptrdiff_t n_start, double *out);
+
 ptrdiff_t convolve_space(int channels, int rows, int cols, int dilation); /* floats */
 void convolve(int channels, int rows, int cols, int n_out, int dilation, const float *picture,
               const float *layer, float *out, float *space);

@@ -262,6 +262,24 @@ static PyObject *py_iterate(PyObject *self, PyObject *const *args, Py_ssize_t co
     return end(&call);
 }
 
+static PyObject *py_interpolate(PyObject *self, PyObject *const *args, Py_ssize_t count)
+{
+    Call call;
+
+    if (begin(&call, args, count, "dddiD") && sized(&call, 2, call.size[1])
+        && sized(&call, 4, call.size[0])) {
+        if (call.size[1] > 1 && call.size[3] > 0) {
+            PyThreadState *released = release(10.0 * call.size[0]);
+            interpolate(call.data[0], call.size[0], call.data[1], call.data[2], call.size[1],
+                        call.data[3], call.size[3], call.data[4]);
+            acquire(released);
+            call.result = Py_NewRef(Py_None);
+        } else
+            PyErr_SetString(PyExc_ValueError, "kernel: a table must have two points or more");
+    }
+    return end(&call);
+}
+
 static PyObject *py_convolve(PyObject *self, PyObject *const *args, Py_ssize_t count)
 {
     Call call;
@@ -303,6 +321,7 @@ static PyMethodDef methods[] = {
     METHOD(hessian_product, "(rows, cols, k, p, out); fills out"),
     METHOD(roughness, "(rows, cols, x, weight, square, gradient, diagonal, entries) -> cost; fills "
                       "the last three"),
+    METHOD(interpolate, "(x, points, values, start, out); fills out"),
     METHOD(convolve, "(rows, cols, channels, dilation, picture, layer, out); fills out"),
     METHOD(solve_in_box, "(precision, b, low, high, dx, factor, inside) -> number inside, -1 if it "
                          "was singular; fills the last three"),
