@@ -112,6 +112,11 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
         metavar="NAME:=VALUE",
         help="port, baud or protocol, instead of the parameter file's; or recordings",
     )
+    sub.add_argument(
+        "--train",
+        choices=("paper", "physics"),
+        help="then train this network for the board, and enter its weights in the file",
+    )
     sub.add_argument("--config", type=Path, help="parameter file with what you know of the board")
     sub.add_argument(
         "--out",

@@ -44,7 +44,9 @@ def _view(args) -> int:
     from .commands import view
 
     if view.is_recording(args.words):
-        return view.run(args.words, _tqdm())
+        from .commands import extras
+
+        return view.run(args.words, extras.tqdm())
     args.words, args.show_args, args.ros = [*args.words, "view:=true"], False, None
     return _launch(args)
 
@@ -52,7 +54,7 @@ def _view(args) -> int:
 def _calibrate(args) -> int:
     from .commands import calibrate
 
-    return calibrate.run(args.out, args.config, args.words, args.creep)
+    return calibrate.run(args.out, args.config, args.words, args.creep, args.train)
 
 
 def _launch(args) -> int:
@@ -135,36 +137,10 @@ def _flash(args) -> int:
 
 
 def _train(args) -> int:
-    import dataclasses
-
-    from .learning import network
-    from .learning.dataset import TrainingConfig
-    from .middleware.config import read_skin
-
-    if args.threads < 1:
-        raise ValueError(f"--threads = {args.threads}: must be 1 or more")
     _check_folder(args.out)
-    circuit, curve, _ = read_skin(args.config)
-    names = [item.name for item in dataclasses.fields(TrainingConfig)]
-    config = TrainingConfig(**{name: getattr(args, name) for name in names})
-    if config.start and config.start not in network.NETWORKS:
-        network.load(config.start)
-    torch, tqdm = _torch("train"), _tqdm()
-    torch.set_num_threads(args.threads)
-    from .learning import training
+    from .commands import train
 
-    def track(items, desc):
-        return tqdm(items, desc=desc, leave=False, disable=None)
-
-    try:
-        path = training.train(
-            circuit, curve.usual, config, args.out, not args.restart, track, tqdm.write
-        )
-    except training.TrainingDied as error:
-        print(f"tactile-skin train: {error}", file=sys.stderr)
-        return 1
-    print(f"weights: {path}")
-    return 0
+    return train.run(args)
 
 
 def _export(args) -> int:
@@ -174,7 +150,9 @@ def _export(args) -> int:
     weights = network.shipped(args.weights) if shipped else network.load(args.weights)
     if args.out.is_dir() or not args.out.parent.is_dir():
         raise ValueError(f"{args.out}: must be a file in a folder that exists")
-    _torch("onnx")
+    from .commands import extras
+
+    extras.torch("onnx")
     from .learning import export
 
     export.to_onnx(weights, args.out)
@@ -186,6 +164,7 @@ def _bench(args) -> int:
     _check_folder(args.out)
     from .bench import choose, run, speed, touch_to_stop
     from .bench.damage import table
+    from .commands import extras
     from .replay import methods
 
     unknown = [part for part in args.parts if part not in run.PARTS]
@@ -195,7 +174,7 @@ def _bench(args) -> int:
         raise ValueError(f"--seed = {args.seed}: must be 0 or more")
     parts = args.parts or [part for part in run.PARTS if part not in run.ON_REQUEST]
     given = _given(args, parts)
-    written = run.run(parts, args.out, args.quick, args.seed, _tqdm(), given)
+    written = run.run(parts, args.out, args.quick, args.seed, extras.tqdm(), given)
     if "speed" in written:
         print(speed.table(written["speed"]))
         print("\n".join(["", *choose.lines(written["speed"]), ""]))
@@ -231,24 +210,6 @@ def _given(args, parts) -> dict[str, dict]:
     if (args.frames is not None) != ("recorded" in parts):
         raise ValueError("the part recorded needs --frames FILE, and no other part takes it")
     return {"faults": given, "recorded": {"frames": args.frames, "config": args.config}}
-
-
-def _torch(extra: str):
-    try:
-        import torch
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(f"needs PyTorch: pip install 'tactile_skin[{extra}]'") from error
-    return torch
-
-
-def _tqdm():
-    try:
-        from tqdm import tqdm
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            "long work shows its progress by tqdm: pip install 'tactile_skin[progress]'"
-        ) from error
-    return tqdm
 
 
 _COMMANDS = {

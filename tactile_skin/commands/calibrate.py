@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import datetime
-import os
-import shutil
 import sys
 import tempfile
 import termios
@@ -13,7 +11,6 @@ import time
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from .. import __version__
 from ..calibration.creep import as_it_comes, measure_creep
@@ -32,6 +29,8 @@ from ..physics.creep import Creep
 from ..physics.curve import PressureCurve
 from ..recording.frames import read_frames
 from ..yaml_files import read_yaml
+from . import train
+from .written import dumped, replace_file
 
 _OF_FILES = "rest", "touches", "reference", "creep", "rate"
 _LARGEST_REFERENCE = 1 << 26  # bytes
@@ -40,7 +39,13 @@ _OF_BOARD = {"port": str, "baud": int, "protocol": str}
 _PATIENCE = 10.0  # s without a frame after which the board is taken for absent
 
 
-def run(out: Path, config: Path | None, words: list[str], creep: bool = False) -> int:
+def run(
+    out: Path,
+    config: Path | None,
+    words: list[str],
+    creep: bool = False,
+    network: str | None = None,
+) -> int:
     """Guide through the steps, on a live board or through files, and write what was learnt.
 
     Args:
@@ -48,13 +53,20 @@ def run(out: Path, config: Path | None, words: list[str], creep: bool = False) -
         config: parameter file with what is known of the board; None: the defaults.
         words: NAME:=VALUE, of the board (port, baud, protocol) or of files (rest, a weight ...).
         creep: measure only how much a standing load gains, of a live board that is calibrated.
+        network: to train for the board that was found, "paper" or "physics"; None: none.
+
+    Returns:
+        the exit status: 1 if there were weights to find the curve by and there is none, or the
+        training died.
     """
     check_writable(out)
     skin = read_skin(config)
     files, loads = recorded_words(words)
     if creep and (files or loads):
         raise ValueError("--creep is of a live board: give creep:=FILE")
+    weighed = not creep
     if files or loads:
+        weighed = bool(loads or "reference" in files)
         guide = from_files(skin, files, loads)
     else:
         live = Live(config, board_parameters(words))
@@ -65,7 +77,17 @@ def run(out: Path, config: Path | None, words: list[str], creep: bool = False) -
             live.close()
     write(out, config, guide, skin)
     print(f"{out} is written. Use it: tactile-skin launch skin.launch.yaml config:={out}")
-    return 0
+    no_curve = weighed and not guide.fitted
+    if no_curve:
+        print(
+            "tactile-skin calibrate: no curve was found: forces are those of the configured one",
+            file=sys.stderr,
+        )
+    if network:
+        return 0 if train.enter(out, network) and not no_curve else 1
+    if why := train.misfit(out):
+        print(why)
+    return int(no_curve)
 
 
 def check_writable(out: Path) -> None:
@@ -236,17 +258,7 @@ def write(path: Path, source: Path | None, guide: Guide, skin: SkinConfig) -> No
             f"a standing load gains {share:.1%} +- {guide.creep.std:.1%} in a decade of time"
         )
     comment = "".join(f"# {line}\n" for note in notes for line in note.splitlines())
-    replace_file(path, comment + yaml.dump(data, Dumper=_InLines, sort_keys=False))
-
-
-class _InLines(yaml.SafeDumper):
-    """A list is a line, not a column: some are as long as the skin has cells."""
-
-    def represent_list(self, values):
-        return self.represent_sequence("tag:yaml.org,2002:seq", values, flow_style=True)
-
-
-_InLines.add_representer(list, _InLines.represent_list)
+    replace_file(path, comment + dumped(data))
 
 
 def _points(curve: PressureCurve) -> dict:
@@ -255,25 +267,6 @@ def _points(curve: PressureCurve) -> dict:
         "force": [round(float(v), 5) for v in described["force"]],
         "resistance": [round(float(v), 2) for v in described["resistance"]],
     } | ({} if curve.gain is None else {"gain": curve.gain.round(3).ravel().tolist()})
-
-
-def replace_file(path: Path, text: str) -> None:
-    """Write a file in one step; one that was there is kept beside it, as NAME.bak."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        if path.exists():
-            old = Path(f"{name}.bak")
-            shutil.copy2(path, old)
-            os.replace(old, f"{path}.bak")
-        os.replace(name, path)
-    except BaseException:
-        for left in (name, f"{name}.bak"):
-            Path(left).unlink(missing_ok=True)
-        raise
 
 
 # --- a live board, or files -----------------------------------------------------------------------

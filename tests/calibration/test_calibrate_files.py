@@ -6,7 +6,8 @@ from test_guide import SHAPE, Unknown, bodies
 from yardsticks.creep import Creeping
 from yardsticks.curve_fit import objects, stream
 
-from tactile_skin import cli
+from tactile_skin import PressureCurve, cli
+from tactile_skin.commands import train
 from tactile_skin.commands.calibrate import read_reference
 from tactile_skin.errors import FileError
 from tactile_skin.launch import read_skin
@@ -52,6 +53,37 @@ def test_files_give_circuit_and_curve(files, capsys):
     assert "made by tactile-skin calibrate" in out.read_text()
     assert found.curve.gain.shape == SHAPE and "the cells' gains are" in said
     assert len(out.read_text().splitlines()) < 60
+
+
+def test_weights_without_a_curve_are_a_failure(files, capsys):
+    """What else was found is written all the same."""
+    folder, _ = files
+    loads = [f"{g}g:={folder / f'{g}.csv'}" for g in (500, 1200)]
+    status, out = calibrate(folder, f"rest:={folder / 'rest.npy'}", *loads)
+    assert status == 1 and "no curve was found" in capsys.readouterr().err
+    assert read_skin(out).curve == PressureCurve()
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_a_network_is_trained_on_request(files, monkeypatch, fails):
+    asked = []
+    monkeypatch.setattr(train, "enter", lambda *given: asked.append(given) or not fails)
+    status, out = calibrate(files[0], f"rest:={files[0] / 'rest.npy'}", "--train", "physics")
+    assert asked == [(out, "physics")] and status == fails
+
+
+def test_a_network_of_another_skin_is_named(files, capsys):
+    folder, _ = files
+    config = folder / "mine.yaml"
+    own = config.read_text()
+    config.write_text(own + "/**/compensation: {ros__parameters: {method: physics}}\n")
+    try:
+        status, out = calibrate(folder, f"rest:={folder / 'rest.npy'}")
+    finally:
+        config.write_text(own)
+    said = capsys.readouterr().out
+    assert status == 0 and "made for another skin: rows = 16" in said
+    assert f"tactile-skin train --config {out} " in said
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from yardsticks.rest import noisy_cells
 from tactile_skin import compensate
 from tactile_skin.calibration.creep import LAID
 from tactile_skin.calibration.guide import Guide, newtons, picture
-from tactile_skin.commands import calibrate
+from tactile_skin.commands import calibrate, written
 from tactile_skin.middleware.config import read_skin
 from tactile_skin.physics.curve import GRAM
 
@@ -185,12 +185,12 @@ def test_a_crash_while_writing_leaves_a_file(tmp_path, monkeypatch, step):
     def crash(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(calibrate.shutil if step == "copy2" else calibrate.os, step, crash)
+    monkeypatch.setattr(written.shutil if step == "copy2" else written.os, step, crash)
     with pytest.raises(KeyboardInterrupt):
-        calibrate.replace_file(path, "new")
+        written.replace_file(path, "new")
     assert path.read_text() == "old"
     monkeypatch.undo()
-    calibrate.replace_file(path, "new")
+    written.replace_file(path, "new")
     assert path.read_text() == "new"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["mine.yaml", "mine.yaml.bak"]
 

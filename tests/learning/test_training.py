@@ -44,6 +44,14 @@ def test_the_same_seed_gives_the_same_weights_and_another_does_not(tmp_path):
     assert not same(first, run(tmp_path / "c", replace(TINY, seed=4))[0])
 
 
+def test_stripes_are_no_business_of_the_network(tmp_path):
+    """Their share is taken out of each reading before it sees it."""
+    first, _ = run(tmp_path / "ideal", replace(TINY, epochs=1))
+    line = replace(CIRCUIT, r_line=12.0)
+    path = train(line, CURVE, replace(TINY, epochs=1), tmp_path / "line", say=lambda text: None)
+    assert same(first, network.load(path))
+
+
 def test_the_physics_fed_network_trains_too(tmp_path):
     weights, _ = run(tmp_path, replace(TINY, network="physics", readout="board", epochs=6))
     assert weights.path.name == "physics.npz"

@@ -1,0 +1,124 @@
+"""`tactile-skin train`, and networks of a skin that was calibrated."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import sys
+from itertools import takewhile
+from pathlib import Path
+
+from ..errors import TrainingDied
+from ..learning import network
+from ..learning.dataset import TrainingConfig
+from ..middleware.config import ParameterFile, SkinConfig, read_skin
+from ..yaml_files import read_yaml
+from . import extras
+from .written import dumped, replace_file
+
+NETWORK_OF = {"cnn": "paper", "physics": "physics"}  # method -> its network
+_AGAIN = {"epochs": 20, "rate": 3e-3}  # from weights of a skin like it (docs/training.md)
+
+
+def run(args) -> int:
+    if args.threads < 1:
+        raise ValueError(f"--threads = {args.threads}: must be 1 or more")
+    names = [item.name for item in dataclasses.fields(TrainingConfig)]
+    config = TrainingConfig(**{name: getattr(args, name) for name in names})
+    path = train(read_skin(args.config), config, args.out, args.restart, args.threads)
+    if path is None:
+        return 1
+    print(f"weights: {path}")
+    return 0
+
+
+def train(
+    skin: SkinConfig, config: TrainingConfig, out: Path, restart: bool = False, threads: int = 0
+) -> Path | None:
+    """The weights, in the folder `out`; None: the run died, and it was said why.
+
+    Args:
+        threads: of the processor; 0: all.
+
+    Raises:
+        ValueError, OSError: weights to start from that are none.
+        ModuleNotFoundError: PyTorch or tqdm is not installed.
+    """
+    if config.start and config.start not in network.NETWORKS:
+        network.load(config.start)
+    torch, tqdm = extras.torch("train"), extras.tqdm()
+    torch.set_num_threads(threads or os.cpu_count() or 1)
+    from ..learning import training
+
+    def track(items, desc):
+        return tqdm(items, desc=desc, leave=False, disable=None)
+
+    circuit, curve = skin.circuit, skin.curve.usual
+    try:
+        return training.train(circuit, curve, config, out, not restart, track, tqdm.write)
+    except TrainingDied as error:
+        print(f"tactile-skin train: {error}", file=sys.stderr)
+        return None
+
+
+def again(skin: SkinConfig, kind: str) -> TrainingConfig:
+    """How the network of a kind, "paper" or "physics", is trained for another skin: from the
+    shipped weights, where they have its shape."""
+    shipped = network.shipped(kind)
+    readout = "board" if kind == "physics" else "ideal"
+    if kind == "paper" and (shipped.rows, shipped.cols) != skin.circuit.shape:
+        return TrainingConfig(network=kind, readout=readout)
+    return TrainingConfig(network=kind, readout=readout, start=kind, **_AGAIN)
+
+
+def misfit(path: Path) -> str:
+    """Why the network that a parameter file configures is not of its skin, and the command that
+    trains one; empty: it is, or the file configures none."""
+    given = {p.name: p.value for p in ParameterFile(path).overrides("/compensation")}
+    method, file = given.get("method", "auto"), given.get("weights", "")
+    if method not in NETWORK_OF and not file:
+        return ""
+    skin = read_skin(path)
+    weights = network.load(file) if file else network.shipped(NETWORK_OF[method])
+    try:
+        weights.check(skin.circuit, skin.curve)
+    except ValueError as error:
+        config, folder = again(skin, weights.kind), _beside(path)
+        options = [
+            f"--{item.name} {getattr(config, item.name)}"
+            for item in dataclasses.fields(config)
+            if getattr(config, item.name) != item.default
+        ]
+        trains = " ".join(
+            ["tactile-skin train --config", str(path), "--out", str(folder), *options]
+        )
+        return (
+            f"{error}.\nTo train it, half an hour: {trains}\n"
+            f"then set `weights: {folder / weights.kind}.npz` under compensation in {path}; "
+            "calibrate --train does both"
+        )
+    return ""
+
+
+def _beside(path: Path) -> Path:
+    """The folder of the weights of a parameter file's skin."""
+    return path.with_suffix("")
+
+
+def enter(path: Path, kind: str) -> bool:
+    """Train a network for the skin of a parameter file, and enter its weights there.
+
+    They are in a folder beside it. Whether the training succeeded.
+    """
+    skin = read_skin(path)
+    weights = train(skin, again(skin, kind), _beside(path.resolve()), restart=True)
+    if weights is None:
+        return False
+    text, data = path.read_text(encoding="utf-8"), read_yaml(path)
+    section = data.setdefault("/**/compensation", {}).setdefault("ros__parameters", {})
+    section["weights"] = str(weights)
+    comment = "".join(takewhile(lambda line: line.startswith("#"), text.splitlines(True)))
+    replace_file(path, comment + dumped(data))
+    method = next(m for m, network in NETWORK_OF.items() if network == kind)
+    print(f"weights: {weights}, entered in {path}. Use them: method:={method}")
+    return True
