@@ -70,13 +70,13 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
     sub.add_argument(
         "--scene", default="demo", help=f"what it feels: {', '.join(scenes.SCRIPTS)} (default demo)"
     )
-    sub.add_argument("--config", type=Path, help="parameter file with circuit and curve")
+    sub.add_argument("--config", type=Path, help="parameter file with circuit, curve and protocol")
     sub.add_argument(
         "--noise", type=float, default=1.0, help="RMS of a sample, in ADC steps (default 1)"
     )
     sub.add_argument("--rate", type=float, default=100.0, help="frames a second (default 100)")
     sub.add_argument(
-        "--baud", type=int, default=1_000_000, help="pace of the bytes (default 1000000)"
+        "--baud", type=int, help="pace of the bytes (default: the parameter file's, 1000000)"
     )
     sub.add_argument("--seed", type=int, default=0, help="of the noise (default 0)")
 

@@ -192,6 +192,11 @@ OTHERS = {
     "noise": (["sim", "--link", "x", "--noise", "-1"], "noise = -1.0"),
     "no number": (["sim", "--link", "x", "--rate", "fast"], "'fast'"),
     "sim's parameter file": (["sim", "--link", "x", "--config", "none.yaml"], "none.yaml"),
+    "sim's protocol": (["sim", "--link", "x", "--config", "morse.yaml"], "protocol 'morse'"),
+    "firmware's protocol": (
+        ["sim", "--link", "x", "--board", "firmware", "--config", "text.yaml"],
+        "protocol 'text' is of the board `model`",
+    ),
     "link in no folder": (["sim", "--link", "no/folder/skin"], "no/folder"),
     "threads": (["train", "--threads", "0"], "--threads = 0"),
     "train's parameter file": (["train", "--config", "none.yaml"], "none.yaml"),
@@ -203,11 +208,25 @@ OTHERS = {
 def test_a_mistake_in_another_command_is_one_clear_line(call, tmp_path, monkeypatch, wrong):
     monkeypatch.chdir(tmp_path)
     words, named = OTHERS[wrong]
+    files = [tmp_path / word for word in words if word in ("morse.yaml", "text.yaml")]
+    for file in files:
+        section = {"ros__parameters": {"protocol": file.stem}}
+        file.write_text(yaml.safe_dump({"/**/serial_driver": section}))
     status, out, err = call(*words)
     assert (status, out) == (2, "")
     (line,) = [text for text in err.splitlines() if "error" in text]
     assert named in line
-    assert list(tmp_path.iterdir()) == []
+    assert list(tmp_path.iterdir()) == files
+
+
+def test_the_simulated_board_sends_what_the_parameter_file_says(tmp_path):
+    config = tmp_path / "mine.yaml"
+    section = {"ros__parameters": {"protocol": "text", "baud": 115200}}
+    config.write_text(yaml.safe_dump({"serial_driver": section}))
+    done = run_command("launch", f"config:={config}", "duration:=3", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    rate = float(re.search(r"frames .* \((\d+\.\d+)/s\)", done.stdout)[1])
+    assert 5.0 < rate < 15.0  # as many lines of 256 numbers as 115,200 baud carry
 
 
 def test_a_file_is_not_overwritten_by_a_board(call, tmp_path):

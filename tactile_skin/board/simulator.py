@@ -14,7 +14,7 @@ import numpy as np
 
 from ..physics.circuit import Circuit, forward
 from ..physics.curve import PressureCurve
-from . import protocol
+from . import protocol, text
 from .terminal import Terminal, open_terminal
 
 SCANS_PER_SECOND = 390  # paper section III-B
@@ -30,6 +30,7 @@ class Board:
         scene: time since start [s] -> (rows, cols) force per cell [N].
         noise: RMS noise of one sample, in ADC steps.
         frames_per_second: frames sent, at most SCANS_PER_SECOND.
+        kind: the protocol that it speaks, of `protocol.PARSERS`.
     """
 
     def __init__(
@@ -40,7 +41,9 @@ class Board:
         noise: float = 1.0,
         frames_per_second: float = FRAMES_PER_SECOND,
         seed: int = 0,
+        kind: str = "binary",
     ):
+        protocol.make_parser(kind, *circuit.shape, circuit.adc_bits)  # refuses another name
         if not 0 < frames_per_second <= SCANS_PER_SECOND:
             raise ValueError(
                 f"frames_per_second = {frames_per_second!r}: "
@@ -49,7 +52,7 @@ class Board:
         if not noise >= 0:
             raise ValueError(f"noise = {noise!r} ADC steps: must be 0 or more")
         self.circuit, self.curve, self.scene = circuit, curve, scene
-        self.noise, self.frames_per_second = noise, frames_per_second
+        self.noise, self.frames_per_second, self.kind = noise, frames_per_second, kind
         self._fraction_bits = min(6, 16 - circuit.adc_bits)
         self._rng = np.random.default_rng(seed)
         self.restart()
@@ -83,6 +86,8 @@ class Board:
             return b""
         self._frames = due
         self._sent += 1
+        if self.kind == "text":
+            return text.line(self._filtered >> self._fraction_bits)
         return protocol.encode(
             self._sent - 1,
             round(self._scans / SCANS_PER_SECOND * 1e6),

@@ -30,6 +30,11 @@ _STRANGE = 0.05  # of a text's bytes are no text, at least, where the baud rate 
 _NEWS = 1.25  # by which a number exceeds what was named before it is named: each text is news
 
 
+def line(samples: np.ndarray) -> bytes:
+    """A frame as sketches print it; samples: (rows, cols) whole numbers, in ADC steps."""
+    return b",".join(b"%d" % s for s in samples.ravel().tolist()) + b"\r\n"
+
+
 class Unknown:
     """What bytes are in which no frame is found."""
 

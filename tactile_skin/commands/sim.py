@@ -9,8 +9,9 @@ import sys
 import threading
 from collections.abc import Callable
 
+from ..board.simulator import BAUD
 from ..learning import scenes
-from ..middleware.config import SkinConfig, read_skin
+from ..middleware.config import ParameterFile, SkinConfig, read_skin
 from ..middleware.processes import LAUNCHED
 from ..middleware.stdin import at_the_end_of_stdin
 
@@ -22,16 +23,18 @@ boards:
             apt-get install gcc gcc-avr avr-libc libc6-dev libsimavr-dev libelf-dev
 examples:
   tactile-skin sim --link /tmp/skin --scene two_fingers
-  tactile-skin sim --link /tmp/skin --board firmware"""
+  tactile-skin sim --link /tmp/skin --board firmware
+  tactile-skin sim --link /tmp/skin --config my_skin.yaml     # text, if that says so"""
 BOARDS = ("model", "firmware")
 
 
 def run(args) -> int:
     """Serve the board until a signal asks for the end."""
     for name, value, low in (("--baud", args.baud, 300), ("--seed", args.seed, 0)):
-        if value < low:
+        if value is not None and value < low:
             raise ValueError(f"{name} = {value}: must be {low} or more")
     skin = read_skin(args.config)  # before signals are taken: a bad file ends it
+    kind, baud = _line_of(args.config)
     done = threading.Event()
     numbers = [signal.SIGTERM, signal.SIGINT]
     if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:  # nohup
@@ -45,24 +48,38 @@ def run(args) -> int:
         what = "firmware on a simulated chip" if args.board == "firmware" else "simulated board"
         print(f"{what} on {args.link}, scene {args.scene}", file=sys.stderr)
 
-    serve = _serve_firmware if args.board == "firmware" else _serve_model
-    serve(args, skin, lambda: not done.is_set(), ready)
+    def running() -> bool:
+        return not done.is_set()
+
+    if args.board == "firmware":
+        _serve_firmware(args, skin, kind, running, ready)
+    else:
+        _serve_model(args, skin, kind, args.baud or baud, running, ready)
     return 0
 
 
-def _serve_model(args, skin: SkinConfig, running: Callable[[], bool], ready) -> None:
+def _line_of(config) -> tuple[str, int]:
+    """The protocol and the baud rate of a parameter file's serial_driver."""
+    overrides = [] if config is None else ParameterFile(config).overrides("/serial_driver")
+    given = {p.name: p.value for p in overrides}
+    return given.get("protocol", "binary"), given.get("baud", BAUD)
+
+
+def _serve_model(args, skin: SkinConfig, kind: str, baud: int, running, ready) -> None:
     from ..board import simulator
 
     scene = scenes.script(args.scene, *skin.circuit.shape)
-    board = simulator.Board(skin.circuit, skin.curve, scene, args.noise, args.rate, args.seed)
-    simulator.serve(board, args.link, running, args.baud, ready, args.once)
+    board = simulator.Board(skin.circuit, skin.curve, scene, args.noise, args.rate, args.seed, kind)
+    simulator.serve(board, args.link, running, baud, ready, args.once)
 
 
-def _serve_firmware(args, skin: SkinConfig, running: Callable[[], bool], ready) -> None:
+def _serve_firmware(args, skin: SkinConfig, kind: str, running: Callable[[], bool], ready) -> None:
     from ..board.firmware import chip
 
-    if args.rate != 100.0 or args.baud != 1_000_000:
+    if args.rate != 100.0 or args.baud not in (None, BAUD):
         raise ValueError("--rate and --baud are of the board `model`; the firmware has its own")
+    if kind != "binary":
+        raise ValueError(f"protocol {kind!r} is of the board `model`; the firmware sends binary")
     scene = scenes.script(args.scene, *skin.circuit.shape)
     with chip.Chip(skin.circuit, noise=args.noise, seed=args.seed + 1) as simulated:
         chip.serve(simulated, skin.curve, scene, args.link, running, ready, args.once)
