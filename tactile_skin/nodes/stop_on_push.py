@@ -96,10 +96,9 @@ class StopOnPush:
                 ).value,
             )
         )
-        curve = curve_of(node, circuit_of(node))
-        self._largest = _END * curve.max_force
-        self._gain = 1.0 if curve.gain is None else float(np.mean(curve.gain))  # the usual cell's
-        self._curve, self._unknown = curve.with_gain(None), 0.0  # ohm that may lie in series
+        self._curve = curve_of(node, circuit_of(node))
+        self._unknown = 0.0  # ohm that may lie in series besides
+        self._largest = _END * self._curve.max_force
         self._check(self.policy.config)
         self._stop = node.create_publisher(Bool, "skin/stop", LATCHED)
         self._status = node.create_publisher(DiagnosticArray, STATUS_TOPIC, LATCHED)
@@ -153,7 +152,7 @@ class StopOnPush:
         A series resistance that is not known hides as much of the cells' own; the hardest conducts
         most, and hides most.
         """
-        curve, peak = self._curve, peak / self._gain
+        curve = self._curve
         if not 0.0 < peak < math.inf or not self._unknown:
             return 1.0
         behind = np.maximum(curve.resistance(peak) - self._unknown, curve.least_resistance)
