@@ -19,7 +19,6 @@ from ..solvers import METHODS, Estimate, compensate
 from ..solvers.reading import ROUNDING_NOISE, SCAN_NOISE, rest_reading
 from .creep import Standing
 from .doctor.running import RunningDoctor
-from .identify import prior_of
 from .noise import Noise
 from .tare import Tare
 from .tracker import CircuitTracker
@@ -257,9 +256,9 @@ class Skin:
         return rest if np.ndim(rest) else None
 
     @property
-    def r_par_std(self) -> float:
-        """Standard deviation of r_par [ohm], as configured or as the touches so far tell it."""
-        return min(self._tracker.std[0], prior_of(self.circuit)[0, 0] ** -0.5)
+    def unknown_series(self) -> float:
+        """By how much r_par may exceed that of `circuit` [ohm]."""
+        return self._tracker.unknown
 
     def values(self) -> dict[str, str]:
         """For diagnostics."""

@@ -98,6 +98,13 @@ class CircuitTracker:
         """
         return self._waiting is not None and t - self._t > (_STOPPED if stopped else _PATIENCE)
 
+    @property
+    def unknown(self) -> float:
+        """By how much r_par may exceed that of `circuit` [ohm]: the best guess, which need not be
+        sure enough to be used, and one standard deviation, the prior's at most."""
+        std = min(self.std[0], prior_of(self._configured)[0, 0] ** -0.5)
+        return float(max(self._off[0] - self._adopted[0], 0.0) + std)
+
     def values(self) -> dict[str, str]:
         """For diagnostics; empty as long as nothing is known."""
         if not np.isfinite(self.std).all():

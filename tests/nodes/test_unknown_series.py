@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from tactile_skin import Circuit
+from tactile_skin.calibration.tracker import CircuitTracker
 from tactile_skin.middleware.bus import Context, ManualClock, Node, SingleThreadedExecutor
 from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Header, KeyValue, PointCloud2, cloud
 from tactile_skin.nodes import diagnostics
@@ -49,8 +51,16 @@ def test_a_value_that_is_none_changes_nothing(wrong):
     assert decided(25.0, 4.0, wrong) == ""
 
 
-def test_compensation_says_how_well_r_par_is_known():
+def test_compensation_says_how_much_of_r_par_may_be_missing():
     node = Compensation(Node("compensation", context=Context(ManualClock(10.0))))
-    assert node.skin.r_par_std == pytest.approx(0.2 * node.skin.circuit.r_par)
+    assert node.skin.unknown_series == pytest.approx(0.2 * node.skin.circuit.r_par)
     node.skin._tracker.std = np.array([7.0, 1.0])
-    assert node.skin.r_par_std == 7.0
+    assert node.skin.unknown_series == 7.0
+
+
+@pytest.mark.parametrize(("guess", "used", "unknown"), [(30, 0, 37), (-30, 0, 7), (30, 30, 7)])
+def test_what_touches_make_likely_and_is_not_used_yet_counts(guess, used, unknown):
+    tracker = CircuitTracker(Circuit(8, 8))
+    tracker.std = np.array([7.0, 1.0])
+    tracker._off, tracker._adopted = np.array([guess, 0.0]), np.array([used, 0.0])
+    assert tracker.unknown == unknown
