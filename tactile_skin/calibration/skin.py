@@ -242,6 +242,7 @@ class Skin:
             *self._watch.certain,
             self.message or (self._watch.kept if past else ""),
             self._tracker.message,
+            self._tracker.hint,
             self._tare.message,
             self._tare.wiring,
             self._noise.message or cell,
