@@ -242,6 +242,7 @@ class Skin:
             *self._watch.certain,
             self.message or (self._watch.kept if past else ""),
             self._tracker.message,
+            self._tracker.hint,
             self._tare.message,
             self._tare.wiring,
             self._noise.message or cell,
@@ -254,6 +255,11 @@ class Skin:
         """(rows, cols) of each untouched cell [ohm]; None: not measured yet."""
         rest = self._tare.curve.rest_resistance
         return rest if np.ndim(rest) else None
+
+    @property
+    def unknown_series(self) -> float:
+        """By how much r_par may exceed that of `circuit` [ohm]."""
+        return self._tracker.unknown
 
     def values(self) -> dict[str, str]:
         """For diagnostics."""

@@ -188,6 +188,7 @@ class Compensation:
         values = self.skin.values() | {
             "method": self._method,
             diagnostics.WAITING: str(self._waiting).lower(),
+            diagnostics.UNKNOWN_SERIES: f"{self.skin.unknown_series:.1f}",
             "skipped": self.skipped,
         }
         self._diagnostics.publish(diagnostics.report(self.node, self._level, self._message, values))

@@ -14,6 +14,8 @@ ALL = "/diagnostics"  # of the whole robot, for diagnostic_aggregator and for pe
 
 # key of a status whose ERROR is no fault: what it waits for is in its message
 WAITING = "waiting"
+# key of a value: ohm by which the series resistance of the readings may be more than is supposed
+UNKNOWN_SERIES = "r_par_unknown"
 
 
 def report(node, level: int, message: str, values: dict, header: Header | None = None):

@@ -6,6 +6,8 @@ import dataclasses
 import math
 import threading
 
+import numpy as np
+
 from ..behaviours.stop import (
     MAX_AHEAD,
     PUSH,
@@ -61,8 +63,9 @@ class StopOnPush:
     `interval`, usual between readings [s]).
 
     The sum of the contacts' forces decides, so that a squeeze from both sides, whose wrench is
-    zero, stops as well. The service `~/reset` frees a latched stop, and refuses while its cause
-    lasts.
+    zero, stops as well; a hard one counts with what it has if r_par is one standard deviation above
+    what compensation supposes. The service `~/reset` frees a latched stop, and refuses while its
+    cause lasts.
     """
 
     def __init__(self, node):
@@ -93,7 +96,9 @@ class StopOnPush:
                 ).value,
             )
         )
-        self._largest = _END * curve_of(node, circuit_of(node)).max_force
+        self._curve = curve_of(node, circuit_of(node))
+        self._unknown = 0.0  # ohm that may lie in series besides
+        self._largest = _END * self._curve.max_force
         self._check(self.policy.config)
         self._stop = node.create_publisher(Bool, "skin/stop", LATCHED)
         self._status = node.create_publisher(DiagnosticArray, STATUS_TOPIC, LATCHED)
@@ -134,22 +139,42 @@ class StopOnPush:
         lowest = float(force.min(initial=0.0))
         # a negative force must not hide behind the others' sum
         self._force = lowest if lowest < 0.0 else float(force.sum())
+        more = self._at_most(largest)
         stamp = Time.from_msg(msg.header.stamp).nanoseconds / 1e9
         self._watch_clock()  # with readings that come often the timer is never due
-        self._publish(self.policy.reading(self._now(), self._force, largest, stamp))
+        reading = self.policy.reading(self._now(), more * self._force, more * largest, stamp)
+        self._publish(reading)
         self._heartbeat.reset()
+
+    def _at_most(self, peak: float) -> float:
+        """Times its force that a touch with so much on its hardest cell [N] may have.
+
+        A series resistance that is not known hides as much of the cells' own; the hardest conducts
+        most, and hides most.
+        """
+        curve = self._curve
+        if not 0.0 < peak < math.inf or not self._unknown:
+            return 1.0
+        behind = np.maximum(curve.resistance(peak) - self._unknown, curve.least_resistance)
+        return max(float(curve.force(behind)) / peak, 1.0)
 
     def on_diagnostics(self, msg: DiagnosticArray) -> None:
         """A stage that reports ERROR stops the robot; WARN and OK do not."""
         for status in msg.status:
             if status.name != diagnostics.name_of(self.node):
                 bad = status.level >= DiagnosticStatus.ERROR
-                waiting = (diagnostics.WAITING, "true") in ((v.key, v.value) for v in status.values)
+                values = {v.key: v.value for v in status.values}
+                waiting = values.get(diagnostics.WAITING) == "true"
+                self._learn(values)
                 message = (status.message or "error") if bad else ""
                 self.policy.fault(status.name, message, waiting)
         decision = self.policy.decide(self._now())
         if decision != self._said:  # a fault need not wait for the timer
             self._publish(decision)
+
+    def _learn(self, values: dict[str, str]) -> None:
+        ohm = float(values.get(diagnostics.UNKNOWN_SERIES, self._unknown))
+        self._unknown = ohm if 0.0 <= ohm < math.inf else self._unknown
 
     def on_reset(self, _, response):
         causes = self.policy.reset(self._now())

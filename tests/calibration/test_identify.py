@@ -176,6 +176,21 @@ def test_a_running_skin_learns_its_circuit(board):
     assert set(tracker.values()) == {"r_par", "r_line"}
 
 
+def test_two_touches_that_tell_are_a_hint(board):
+    """It is said at once, and used once more tell the same."""
+    touches = standing(board, 12)
+    first = follow(board, board.supposed, touches[:3])
+    assert "suggest that r_par is" in first.hint and not first.message
+    assert first.circuit == board.supposed
+    assert not follow(board, board.supposed, touches).hint, "it is used by then"
+
+
+def test_a_sound_board_hints_at_nothing(board):
+    true = replace(board.supposed, r_par=board.r_par, r_line=board.r_line)
+    touches = standing(board, 12)
+    assert not any(follow(board, true, touches[: k + 1]).hint for k in range(0, 16, 3))
+
+
 @pytest.mark.parametrize("readout", DRIVEN)
 def test_a_running_skin_of_driven_lines_learns_its_r_par(readout):
     """Loaded, an r_par that is 20 % too low makes hard touches feel like three times as much."""

@@ -1,0 +1,66 @@
+"""Until touches have told r_par, the stop counts a hard touch with what it may have at most."""
+
+import numpy as np
+import pytest
+
+from tactile_skin import Circuit
+from tactile_skin.calibration.tracker import CircuitTracker
+from tactile_skin.middleware.bus import Context, ManualClock, Node, SingleThreadedExecutor
+from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Header, KeyValue, PointCloud2, cloud
+from tactile_skin.nodes import diagnostics
+from tactile_skin.nodes.compensation import Compensation
+from tactile_skin.nodes.stop_on_push import StopOnPush
+
+
+def decided(force, peak, unknown=None):
+    """What the stop says of one contact [N] when compensation does not know so much of r_par."""
+    clock = ManualClock(10.0)
+    context, executor = Context(clock), SingleThreadedExecutor()
+    node, other = Node("stop_on_push", context=context), Node("other", context=context)
+    stop = StopOnPush(node)
+    contacts = other.create_publisher(PointCloud2, "skin/contacts", 10)
+    reports = other.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
+    executor.add_node(node)
+    for _ in range(30):
+        clock.advance(0.01)
+        header = Header(clock.now().to_msg(), "base_link")
+        if unknown is not None:
+            values = [KeyValue(diagnostics.UNKNOWN_SERIES, f"{unknown:.1f}")]
+            status = DiagnosticStatus(DiagnosticStatus.OK, "compensation", "ok", "", values)
+            reports.publish(DiagnosticArray(header, [status]))
+        columns = {"x": [0.0], "y": [0.0], "z": [0.0], "force": [force], "peak": [peak]}
+        contacts.publish(cloud(columns, header))
+        executor.spin_some()
+    return stop.policy.decide(clock.now().nanoseconds / 1e9).reason
+
+
+@pytest.mark.parametrize(("force", "peak"), [(25.0, 4.0), (12.0, 6.5)])
+def test_a_hard_touch_counts_with_what_it_may_have(force, peak):
+    assert decided(force, peak, 65.0) == "push"
+    assert decided(force, peak, 5.0) == "", "r_par is known"
+    assert decided(force, peak) == "", "no r_par is told: the forces are somebody else's"
+
+
+@pytest.mark.parametrize(("force", "peak"), [(25.0, 0.5), (12.0, 3.0), (5.0, 5.0)])
+def test_a_soft_or_light_one_does_not_stop(force, peak):
+    assert decided(force, peak, 65.0) == ""
+
+
+@pytest.mark.parametrize("wrong", [float("nan"), float("inf"), -1.0])
+def test_a_value_that_is_none_changes_nothing(wrong):
+    assert decided(25.0, 4.0, wrong) == ""
+
+
+def test_compensation_says_how_much_of_r_par_may_be_missing():
+    node = Compensation(Node("compensation", context=Context(ManualClock(10.0))))
+    assert node.skin.unknown_series == pytest.approx(0.2 * node.skin.circuit.r_par)
+    node.skin._tracker.std = np.array([7.0, 1.0])
+    assert node.skin.unknown_series == 7.0
+
+
+@pytest.mark.parametrize(("guess", "used", "unknown"), [(30, 0, 37), (-30, 0, 7), (30, 30, 7)])
+def test_what_touches_make_likely_and_is_not_used_yet_counts(guess, used, unknown):
+    tracker = CircuitTracker(Circuit(8, 8))
+    tracker.std = np.array([7.0, 1.0])
+    tracker._off, tracker._adopted = np.array([guess, 0.0]), np.array([used, 0.0])
+    assert tracker.unknown == unknown
