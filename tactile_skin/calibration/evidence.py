@@ -7,7 +7,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import lapack
 from scipy.ndimage import binary_dilation
 
 from ..physics import lines, readouts
@@ -15,6 +14,7 @@ from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from ..solvers.fixed_point import first_guess, iterate
 from ..solvers.reading import Linearised, check_reading
+from ..solvers.score import BESIDE, past, solve
 from .rest import Rest, supposing
 
 # Times its conductance at rest from which on a cell is evidently touched: noise is far below, even
@@ -24,7 +24,6 @@ _EVIDENT = 20.0
 # them (paper section IV), which is 5 % of their rest. And where touches have soft rims: with those
 # of fingers held at rest, r_par would be found 1 % too high.
 HARD, SOFT = 10.0, 2.0
-_BESIDE = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]])
 _FULL = 0.75  # share of touched cells from which on too few readings are left to ask
 # Standard deviations by which a cell that is held at rest must want to conduct more to be touched,
 # and how often such cells are sought. Noise must not choose them: a limit on a noisy estimate frees
@@ -46,7 +45,6 @@ _ANY = 3.0  # standard deviation of a touched cell's log conductance: nothing is
 # Times the noise, RMS: by which a frame may differ from the one before, since a touch that moves is
 # read row by row; and by which it differs from the last that was asked.
 _STANDS, _NEW = 2.5, 4.0
-_RIDGE = 1e-6  # of the touched cells' precision: the readings may not determine all of them
 
 
 def stands_anew(adc, before, last, noise: float) -> bool:
@@ -165,7 +163,7 @@ class Supposed:
         if not touched.any():
             return None
         touched = circuit.populated & (
-            touched | binary_dilation(g > self._hard * self.rest, _BESIDE)
+            touched | binary_dilation(g > self._hard * self.rest, BESIDE)
         )
         expected = self._network(np.where(touched, g, self.rest), further).adc
         cut_off = expected < _CUT_OFF / circuit.full_scale  # by the model: noise must not choose
@@ -213,9 +211,9 @@ class Supposed:
         columns = np.stack([c.ravel() for c in (*columns, model.misfit)], 1)
         columns = np.concatenate([columns, jacobian[:, ~free]], 1)
         size = np.square(columns[:, 3:]).sum(0)
-        left = _past(columns, jacobian[:, free])
+        left = past(columns, jacobian[:, free])[0]
         p, misfit = left[:, :2], left[:, 2]
-        held = _past(left[:, 2:], p[:, p.any(0)])  # whatever the circuit is
+        held = past(left[:, 2:], p)[0]  # whatever the circuit is
         misfit_past, held = held[:, 0], held[:, 1:]
         spread = np.sqrt(np.maximum(np.square(held).sum(0), _HIDDEN * size))
         more = self._cells[~free][held.T @ misfit_past > _Z * spread]
@@ -242,13 +240,6 @@ class _Past(NamedTuple):
     more: np.ndarray  # flat cells that are touched, too
 
 
-def _past(columns: np.ndarray, absorbing: np.ndarray) -> np.ndarray:
-    """(readings, n) what `absorbing` (readings, m) leaves of `columns` (readings, n)."""
-    precision = absorbing.T @ absorbing
-    precision[np.diag_indices(len(precision))] *= 1.0 + _RIDGE
-    return columns - absorbing @ _solve(precision, absorbing.T @ columns)
-
-
 def _jacobian(model: Linearised, cells: np.ndarray) -> np.ndarray:
     """(readings, cells) d model / d log g, in standard deviations."""
     readings = np.arange(model.g.size, dtype=np.int32)
@@ -271,7 +262,7 @@ def _fit(at, g: np.ndarray, unknown: np.ndarray) -> Linearised:
         before = chi2
         while damping < 1e3:
             precision[np.diag_indices(diagonal.size)] = diagonal * (1.0 + damping) + _ANY**-2
-            step = np.clip(_solve(precision, pull), -1.5, 1.5)
+            step = np.clip(solve(precision, pull), -1.5, 1.5)
             new = model.g.copy()
             new.flat[unknown] = np.minimum(new.flat[unknown] * np.exp(step), 1.0 / _HARDEST)
             trial = at(new)
@@ -283,9 +274,3 @@ def _fit(at, g: np.ndarray, unknown: np.ndarray) -> Linearised:
         if before - chi2 < _SETTLED:
             break
     return model
-
-
-def _solve(precision: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """precision^-1 b, of a positive definite matrix."""
-    _, x, bad = lapack.dposv(precision, b)
-    return np.linalg.lstsq(precision, b, rcond=None)[0] if bad else x

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..physics.circuit import Circuit
-from ..solvers.series import series_scale
+from ..solvers.score import series_scale
 from .evidence import HARD, SOFT, Evidence, Supposed
 from .rest import Rest, check_frames
 

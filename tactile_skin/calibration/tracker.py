@@ -10,7 +10,7 @@ import numpy as np
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from ..solvers.reading import ROUNDING_NOISE, rest_reading
-from ..solvers.series import series_scale
+from ..solvers.score import series_scale
 from .evidence import SOFT, Evidence, Supposed, stands_anew
 from .identify import NAMES, bounded, prior_of, shifted, std_of
 from .rest import Rest

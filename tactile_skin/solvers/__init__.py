@@ -5,7 +5,7 @@ naive.py        the paper's naive method    learned.py    the networks
 fixed_point.py  the literature's iteration  newton.py     the exact inverse
 map.py          noise-aware, with prior.py  auto.py       the cheapest that the frame allows
 aside.py        readings of bad contacts    suspect.py    tests of the circuit model
-series.py       which r_par explains the reading, where the circuit's does not
+score.py        a short or another r_par, past what the cells can take; the fit with that r_par
 """
 
 from __future__ import annotations

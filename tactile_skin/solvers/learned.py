@@ -9,7 +9,7 @@ import numpy as np
 
 from ..learning import network
 from ..physics.kernel import connected_rho
-from . import series
+from . import score
 from .estimate import Estimate
 from .reading import Reading
 from .suspect import estimate_from_force, network_of
@@ -41,16 +41,16 @@ def _learned(reading: Reading, weights, method: str, kind: str) -> Estimate:
         raise ValueError(f"weights {weights.path}: of a {weights.kind} network, not for {method!r}")
     weights.check(reading.circuit, reading.curve)
     force, there = _analyse_frame(reading, weights)
-    r_par = series.guess_r_par(reading, there[1]) if kind == "physics" else None
+    r_par = score.guess_r_par(reading, there[1]) if kind == "physics" else None
     corrected = reading
     if r_par is not None:
-        corrected = series.with_nominal_r_par(reading, r_par)
+        corrected = reading.behind(r_par - reading.circuit.r_par)
         force, there = _analyse_frame(corrected, weights)
     force, there = _with_single_cells(force, there, corrected)
     estimate = estimate_from_force(force, reading, method, network=there)
     if r_par is None:
         return estimate
-    return series.report_r_par(replace(estimate, r_par=r_par), reading)
+    return score.report_r_par(replace(estimate, r_par=r_par), reading)
 
 
 def _analyse_frame(reading: Reading, weights) -> tuple[np.ndarray, tuple]:

@@ -17,7 +17,7 @@ from scipy.linalg import lapack
 from ..physics.conjugate_gradients import conjugate_gradients
 from ..physics.quadratic import inverse_diagonal, solve_in_box
 from . import prior as prior_terms
-from . import series, suspect
+from . import score, suspect
 from .aside import without_bad_contacts
 from .estimate import Estimate, spread
 from .fixed_point import BOUND, fill, first_guess, is_broad, is_level, iterate, last_guess
@@ -71,9 +71,9 @@ def map_estimate(reading: Reading, start: Estimate | None = None, prior=None) ->
         return _fit(reading, g, prior, warm)
 
     if warm and start.r_par is not None:
-        found = series.fit_r_par(reading, fit, g, start.r_par)
+        found = score.fit_r_par(reading, fit, g, start.r_par)
         if found is not None and found.status == "ok":
-            return series.report_r_par(found, reading)
+            return score.report_r_par(found, reading)
     estimate = fit(reading, g, warm)
     if warm and estimate.status != "ok" and not reading.late():
         again = fit(reading, first_guess(reading), False)
@@ -86,7 +86,7 @@ def map_estimate(reading: Reading, start: Estimate | None = None, prior=None) ->
             return found
     if warm and estimate.status != "ok":
         return estimate
-    return series.find_r_par(reading, fit, estimate)
+    return score.find_r_par(reading, fit, estimate)
 
 
 def _unchanged(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | None:
@@ -204,18 +204,13 @@ def _by_score(reading: Reading, point: _Point, equations, broad: bool, prior) ->
     """What the tests of the whole frame find; empty if nothing."""
     # The fit may stop short of its minimum, for which the tests are.
     pull = _downhill(point).flat[equations.unknowns]
-    ahead = lapack.spotrs(equations.factor.T, pull, lower=1)[0]
     rough = broad and _rough(reading, point)
     if rough and prior is None and reading.noise_given:  # the cost is one of known noise
+        ahead = lapack.spotrs(equations.factor.T, pull, lower=1)[0]
         message = suspect.by_cost(reading, point.cost - 0.5 * pull @ ahead)
         if message:
             return message
-    for text, way in suspect.by_score(reading, point.model, equations, ahead):
-        if broad and way:
-            continue  # the level prior pulls a fit along r_par's pattern on a valid board too
-        if rough or series.confirms(reading, point.model.g, way):
-            return text
-    return ""
+    return score.by_score(reading, point.model, equations, pull, broad, rough)
 
 
 def _rough(reading: Reading, point: _Point) -> bool:
@@ -225,7 +220,7 @@ def _rough(reading: Reading, point: _Point) -> bool:
     """
     cells = reading.circuit.populated
     rho = reading.rho_of(point.model.network)
-    if np.median(rho[cells]) >= _HARD * series.series_scale(reading.circuit):
+    if np.median(rho[cells]) >= _HARD * score.series_scale(reading.circuit):
         return False
     x = np.where(cells, np.log(np.where(cells, point.model.g, 1.0)), np.nan)
     apart = [np.square(np.diff(x, axis=axis)).ravel() for axis in (0, 1)]

@@ -10,16 +10,13 @@ from scipy.linalg import lapack
 
 from ..physics import readouts
 from .estimate import Estimate
-from .reading import ROUNDING_NOISE, Linearised, Reading, r_par_pattern, rest_reading
+from .reading import ROUNDING_NOISE, Reading, rest_reading
 
-# Standard deviations beyond which a frame is suspect: of chi^2, and of the scores of a short and of
-# r_par. Chosen on valid frames of blobs, rects and random loads so that all tests together call
-# less than 2 % of them suspect; scored on others (tests/yardsticks/solvers.py, detection). A
-# score's spread on valid frames is above 1, since the prior is not Gaussian.
-_CHI2_LIMIT, _SHORT_LIMIT, R_PAR_LIMIT = 2.8, 3.7, 5.5
-# Equal readings that are rounded to whole steps err equally, and do not average out: factors by
-# which a score, and a residual, may then be larger. Without them one valid frame in 5 is suspect.
-ROUNDED_SCORE, _ROUNDED_RESIDUAL = 2.8, 1.2
+# Standard deviations of chi^2 beyond which a frame is suspect. Chosen with those of score.py.
+_CHI2_LIMIT = 2.8
+# Equal readings that are rounded to whole steps err equally, and do not average out: factor by
+# which a residual may then be larger.
+_ROUNDED_RESIDUAL = 1.2
 _ROUNDED_NOISE = 1.3  # times the noise of rounding up to which measured noise is rounding alone
 # Share of a reading by which a valid skin may differ from the model: 0.5 % of a touch that fabric
 # and cover carry to the next cells (paper section IV), some ohm of the stripes, rows read in turn.
@@ -30,13 +27,6 @@ _MEAN_LIMIT = 6.0  # standard deviations of the mean misfit, where the noise was
 _IMPOSSIBLE = 5.0  # standard deviations of noise past what any skin can read: 1 in 3 million
 _OPEN = 0.5  # times the reading at rest: fabrics differ from the curve by less
 EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
-# Share of a fault's squared pattern, of a short and of r_par, below which the fit absorbs it.
-_ABSORBED = 1e-3, 1e-4
-LIFTED = 5.0  # times its conductance at rest that a touched cell has: 8 g on the shipped curve
-# ADC steps at full scale that a valid reading may be off, where so little is known of the ADC that
-# not even its noise is given: is it 2^bits or one less? Chosen as the least that keeps frames over
-# 1024 below 2 % suspect (seed 11), scored on others.
-_GAIN = 0.5
 # A saturated input (docs/derivation.md, "When to doubt", 4). The ceiling is this thick, and the gap
 # below it as wide [ADC steps]; readings at it, and others in the gap for each of them, that a flat
 # touch may have too, and that noise leaves of no flat touch; noise [ADC steps] that does that.
@@ -187,85 +177,10 @@ class NormalEquations(NamedTuple):
         return float(np.square(lapack.strtrs(self.factor, self.jacobian.T, trans=1)[0]).sum())
 
 
-def by_score(
-    reading: Reading, model: Linearised, equations: NormalEquations, ahead: np.ndarray
-) -> list[tuple[str, int]]:
-    """Score tests for a short between neighbouring lines and for a wrong r_par.
-
-    How far does the misfit lie along the change p that the fault would make in the readings, past
-    what the fit can hide: z = p.m / sqrt(p.p - q^T H^-1 q), q = J^T p. No second fit is needed.
-
-    Args:
-        model: of the fit.
-        ahead: (n,) step of the unknowns that is left to the fit's minimum.
-
-    Returns:
-        what may be wrong, the likelier first, each with which way r_par would have to move: 1
-        larger, -1 smaller, 0 if it is not about r_par.
-    """
-    rows, network, readings = len(model.weight), model.network, equations.readings
-    equal = _equal_lines(reading, reading.steps)
-    if reading.curve.offset is not None and equal.any():  # lines that differ at rest are two
-        rest = rest_reading(reading.circuit, reading.curve) * reading.circuit.full_scale
-        equal &= _equal_lines(reading, rest)
-    pairs = np.flatnonzero(equal)
-    pairs += pairs >= rows - 1  # the last row and the first column are no neighbours
-    # a short is a conductance between the two lines of a pair, r_par one before every reading
-    p = np.empty((readings.size, pairs.size + 1), np.float32)
-    lines = pairs.astype(np.int32)
-    p[:, :-1] = network.sensitivity(model.weight, readings, lines, lines + np.int32(1))
-    p[:, -1] = r_par_pattern(reading, model).ravel()[readings]
-    size = np.square(p).sum(0)
-    along = equations.jacobian.T @ p
-    hidden = (along * lapack.spotrs(equations.factor.T, along, lower=1)[0]).sum(0)
-    score = p.T @ model.misfit.ravel()[readings].astype(np.float32) - along.T @ ahead
-    if not reading.noise_given:
-        # what a gain that is off by _GAIN adds, past what the fit takes of it
-        gain = (reading.steps / reading.spread).ravel()[readings].astype(np.float32)
-        taken = lapack.spotrs(equations.factor.T, equations.jacobian.T @ gain, lower=1)[0]
-        gain = _GAIN / reading.circuit.full_scale * (p.T @ gain - along.T @ taken)
-        score = np.sign(score) * np.maximum(np.abs(score) - np.abs(gain), 0.0)
-    absorbed = np.append(np.full(pairs.size, _ABSORBED[0]), _ABSORBED[1])
-    score /= np.sqrt(np.maximum(size - hidden, absorbed * size) + 1e-30)
-    score /= ROUNDED_SCORE if rounded(reading) else 1.0
-    found = []
-    # of so many pairs that read alike one exceeds the limit by chance
-    limit = (_SHORT_LIMIT**2 + 2.0 * np.log(max(pairs.size, 1))) ** 0.5
-    if pairs.size and score[:-1].max() > limit:
-        line = pairs[score[:-1].argmax()]
-        name, i = ("rows", line) if line < rows - 1 else ("columns", line - rows)
-        text = f"{name} {i} and {i + 1} have equal readings: are they shorted?"
-        found.append((score[:-1].max() / limit, text, 0))
-    if abs(score[-1]) > R_PAR_LIMIT:
-        way, word = (1, "low") if score[-1] < 0 else (-1, "high")
-        text = f"r_par = {reading.circuit.r_par:g} ohm is too {word} for this reading: measure it"
-        found.append((abs(score[-1]) / R_PAR_LIMIT, text, way))
-    return [(text, way) for _, text, way in sorted(found, reverse=True)]
-
-
 def rounded(reading: Reading) -> bool:
     """Whether rounding to whole steps is the only known noise of the readings."""
     limit = ROUNDING_NOISE if reading.noise_given else _ROUNDED_NOISE * ROUNDING_NOISE
     return 0.0 < reading.noise <= limit
-
-
-def _equal_lines(reading: Reading, steps: np.ndarray) -> np.ndarray:
-    """Which neighbouring lines read alike, to the frame's noise.
-
-    Args:
-        steps: (rows, cols) [ADC steps].
-
-    Returns:
-        (rows - 1 + cols - 1,) bool, of rows, then of columns.
-    """
-    noise, found = reading.fitted_noise, []
-    for values, known in ((steps, reading.known), (steps.T, reading.known.T)):
-        pair = known[1:] & known[:-1]
-        n = np.maximum(pair.sum(1), 1)
-        step = (values[1:] - values[:-1]) * pair
-        apart = np.einsum("ij,ij->i", step, step) / n
-        found.append(apart < 2.0 * noise**2 * (1.0 + 3.0 * np.sqrt(2.0 / n)))
-    return np.concatenate(found)
 
 
 _SIGNS = np.array([1.0, -1.0])[:, None, None]

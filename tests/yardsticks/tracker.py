@@ -23,7 +23,7 @@ from tactile_skin.middleware.bus import Context, ManualClock, Node, Parameter
 from tactile_skin.middleware.threads import one_thread
 from tactile_skin.msg import Header, image
 from tactile_skin.nodes.compensation import Compensation
-from tactile_skin.solvers.series import series_scale
+from tactile_skin.solvers.score import series_scale
 
 KNOWN = 0.03
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...physics.circuit import Circuit
-from ...solvers.series import series_scale
+from ...solvers.score import series_scale
 from ..identify import identify
 from ..rest import REST_SPAN, Rest, resting_conductance
 from . import findings as texts
