@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
 import threading
@@ -165,16 +166,17 @@ class StopOnPush:
                 bad = status.level >= DiagnosticStatus.ERROR
                 values = {v.key: v.value for v in status.values}
                 waiting = values.get(diagnostics.WAITING) == "true"
-                self._learn(values)
                 message = (status.message or "error") if bad else ""
                 self.policy.fault(status.name, message, waiting)
+                self._learn(values)
         decision = self.policy.decide(self._now())
         if decision != self._said:  # a fault need not wait for the timer
             self._publish(decision)
 
     def _learn(self, values: dict[str, str]) -> None:
-        ohm = float(values.get(diagnostics.UNKNOWN_SERIES, self._unknown))
-        self._unknown = ohm if 0.0 <= ohm < math.inf else self._unknown
+        with contextlib.suppress(KeyError, ValueError):  # of a stage that says nothing of it
+            ohm = float(values[diagnostics.UNKNOWN_SERIES])
+            self._unknown = ohm if 0.0 <= ohm < math.inf else self._unknown
 
     def on_reset(self, _, response):
         causes = self.policy.reset(self._now())
