@@ -131,6 +131,12 @@ def _fit(
             break
         point = _descend(reading, point, step, broad, prior, max(costs[-_MEMORY:]))
         costs.append(point.cost)
+        # The first guess lifts cells beside a hard touch, which the level prior lets go. Noise does
+        # the same to an even load, so it must be known.
+        at_rest = point.model.g < _NEAR_REST * low
+        if broad and reading.noise_given and not is_broad(circuit, at_rest):
+            found = _fit(reading, point.model.g, prior, warm, fits, level=False)
+            return replace(found, iterations=found.iterations + steps + iterations)
         # What is left to gain is the error of the quadratic's prediction. A load on the whole skin
         # is tested by its cost, and is therefore fitted to the end.
         left = 2.0 * abs(costs[-2] - costs[-1] - step.gain)
@@ -146,11 +152,8 @@ def _fit(
                 again = reading.with_noise(noise)
             if broad or again.noise > _LOUD * _USUAL_NOISE:
                 g = begin
-        # The first guess lifts cells beside a hard touch, which the level prior lets go. Noise does
-        # the same to an even load, so it must be known.
-        left = reading.noise_given and broad and not is_broad(circuit, g < _NEAR_REST * low)
-        if left or again.noise != reading.noise:
-            found = _fit(again, g, prior, warm, max(fits - 1, 0), level and not left)
+        if again.noise != reading.noise:
+            found = _fit(again, g, prior, warm, max(fits - 1, 0), level)
             return replace(found, iterations=found.iterations + steps + iterations)
     g, std_x, adc = point.model.g, _std_x(point, step.equations), point.model.adc
     # A grounded sense line's readings share the error of its sum, of which each cell's standard
