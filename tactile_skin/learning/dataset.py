@@ -21,7 +21,7 @@ _FAMILIES = (*scenes.FAMILIES, "fingers", "bodies", "large bodies")
 _LARGE = 1.0, 6.0  # cells, half of a side
 CHOICES = {
     "loss": ("l1", "mse"),
-    "optimizer": ("adam", "sgd"),
+    "optimizer": ("soap", "sgd"),
     "readout": (*scenes.READOUTS, "board"),
     "network": network.NETWORKS,
 }
@@ -37,7 +37,7 @@ class TrainingConfig:
         epochs, batch: passes over the pairs, and pairs per step.
         rate: highest learning rate; a short linear rise, then a cosine to 0.
         loss: "mse" as the paper, or "l1", which fits the mean absolute error that is reported.
-        optimizer: "sgd" as the paper, or "adam".
+        optimizer: "sgd" as the paper, or "soap" (soap.py).
         readout: what the readings are like, see `scenes.read_out`; "board": a mix of all, some
             from boards whose R_par is off by up to 5 % and whose curve by up to 20 %.
         network: "paper", or "physics": fed with what the circuit says, for noisy boards.
@@ -48,11 +48,11 @@ class TrainingConfig:
 
     pairs: int = 100_000
     validation: int = 30_000
-    epochs: int = 60
+    epochs: int = 16
     batch: int = 64
     rate: float = 1e-2
     loss: str = "l1"
-    optimizer: str = "adam"
+    optimizer: str = "soap"
     readout: str = "ideal"
     network: str = "paper"
     seed: int = 0

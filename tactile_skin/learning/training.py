@@ -17,6 +17,7 @@ from ..physics.circuit import Circuit
 from ..physics.curve import GRAM, PressureCurve
 from . import network
 from .dataset import TrainingConfig, make_pairs
+from .soap import Soap
 
 _LEAK = 0.05
 
@@ -270,7 +271,7 @@ def _schedule(progress: float, rise: float = 0.03) -> float:
 def _optimizer(net, config: TrainingConfig):
     if config.optimizer == "sgd":
         return torch.optim.SGD(net.parameters(), lr=config.rate, momentum=0.0)
-    return torch.optim.Adam(net.parameters(), lr=config.rate)
+    return Soap(net.parameters(), lr=config.rate)
 
 
 def _loss(output, target, kind: str):

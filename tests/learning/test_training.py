@@ -12,7 +12,7 @@ from tactile_skin.learning.dataset import TrainingConfig, make_pairs
 
 torch = pytest.importorskip("torch", reason="the extra train")
 training = pytest.importorskip("tactile_skin.learning.training")
-TrainingDied, train = training.TrainingDied, training.train
+TrainingDied, train, Soap = training.TrainingDied, training.train, training.Soap
 
 CIRCUIT, CURVE = Circuit(6, 7), PressureCurve()
 TINY = TrainingConfig(pairs=600, validation=90, epochs=4, batch=50, rate=5e-3, seed=3)
@@ -95,6 +95,26 @@ def test_it_learns_and_keeps_the_best_epoch(tmp_path):
     assert weights.meta["validation_g"] == min(errors)
     assert weights.meta["epoch"] == errors.index(min(errors)) + 1
     weights.check(CIRCUIT, CURVE)
+
+
+def test_the_optimiser_needs_fewer_steps_than_adam_where_inputs_are_alike():
+    """A layer whose inputs are nearly the same: what tells them apart is learnt no slower."""
+    rng = np.random.default_rng(2)
+    alike = np.linalg.qr(rng.standard_normal((12, 12)))[0] * np.geomspace(1.0, 0.02, 12)[:, None]
+    seen = torch.from_numpy(rng.standard_normal((200, 12)) @ alike).float()
+    told = seen @ torch.from_numpy(rng.standard_normal((12, 3))).float()
+
+    def left(optimizer) -> float:
+        weights = torch.nn.Parameter(torch.zeros(3, 12))
+        steps = optimizer([weights], lr=0.03)
+        for _ in range(300):
+            steps.zero_grad()
+            loss = (seen @ weights.T - told).square().mean()
+            loss.backward()
+            steps.step()
+        return loss.item()
+
+    assert left(Soap) < 0.1 * left(torch.optim.Adam)
 
 
 def test_dead_outputs_stop_the_run(tmp_path, monkeypatch):
