@@ -13,6 +13,8 @@ from tactile_skin.physics.circuit import two_terminal_resistance
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "yardsticks"))
 from doctor import KINDS, Case, explains
+from yardsticks.curve_fit import known
+from yardsticks.identify import Unknown
 
 SHAPE, SECONDS = (10, 12), 40.0
 
@@ -60,6 +62,24 @@ def test_sound_wires_are_the_circuit():
     np.testing.assert_allclose(
         wires.resistance(), two_terminal_resistance(np.ones((5, 7))), rtol=1e-5
     )
+
+
+@pytest.mark.parametrize("cells", ["alike", "of a fabric"])
+@pytest.mark.parametrize("palms", [1, 4])
+def test_a_palm_that_stands_still_is_no_fault(palms, cells):
+    """All that it reads again and again is one reading."""
+    shape, rng, frames = (12, 12), np.random.default_rng(2), []
+    scatter = {"scatter": 0.0, "rest": 0.0, "line": 0.0} if cells == "alike" else {}
+    board = Unknown(shape, seed=61, **scatter)
+    row, col = np.indices(shape)
+    for _ in range(palms):
+        at, size = rng.uniform(2.0, 9.0, 2), rng.uniform(2.0, 3.5)
+        apart = ((row - at[0]) ** 2 + (col - at[1]) ** 2) / size**2
+        palm = rng.uniform(4.0, 10.0) * np.clip(1.0 - apart, 0.0, None) ** 0.3
+        for share, n in ((0.0, 250), (0.1, 1), (0.4, 1), (0.8, 1), (1.0, 250), (0.3, 1)):
+            ratio = board.expose(share * palm)
+            frames += [board.sample(ratio) for _ in range(n)]
+    assert diagnose(frames, known(board), series=False) == []
 
 
 def test_a_board_that_reads_one_voltage_has_no_signal():

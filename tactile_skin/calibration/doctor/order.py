@@ -36,7 +36,7 @@ def equal_lines(seen: Recorded, skip) -> list[tuple[int, int, int]]:
     found = []
     for axis in (0, 1):
         base = seen.turned(axis, seen.base)
-        raised = seen.turned(axis, seen.steps[seen.peaks]) - base
+        raised = seen.turned(axis, seen.steps[seen.touches]) - base
         touch = raised.max(2)  # (touches, lines)
         level = np.median(raised, axis=2)  # of a line that is only crossed, few are raised
         touched = level > _TOUCHED * seen.usual_noise
@@ -76,7 +76,7 @@ def misplaced(seen: Recorded, skip) -> list[Misplaced]:
     Args:
         skip: (axis, line) of lines that are faulty in another way.
     """
-    if len(seen.peaks) < _FEWEST:
+    if len(seen.touches) < _FEWEST:
         return []
     pictures = _pictures(seen)
     found = []
@@ -111,7 +111,7 @@ def _pictures(seen: Recorded) -> np.ndarray:
     """(touches, rows, cols) what each touch adds to the cells' conductance, without the inverse."""
     circuit, full = seen.circuit, seen.circuit.full_scale
     base = circuit.two_terminal(np.maximum(seen.base, 1.0) / full) + 1.0
-    steps = np.maximum(seen.steps[seen.peaks], 1.0)
+    steps = np.maximum(seen.steps[seen.touches], 1.0)
     picture = np.maximum(1.0 / (circuit.two_terminal(steps / full) + 20.0) - 1.0 / base, 0.0)
     picture = np.sqrt(picture)
     top = picture.max((1, 2), keepdims=True)
