@@ -1,5 +1,6 @@
 """`diagnose` names the line or cell that is bad, and nothing on a sound board."""
 
+import re
 import sys
 from pathlib import Path
 
@@ -54,6 +55,25 @@ def test_rows_and_columns_that_are_exchanged_are_named(shape, first):
 def test_two_faults_are_both_named():
     case = Case(3, ("open", "dead"), SECONDS, SHAPE)
     assert sorted(f.kind for f in diagnose(case.frames, case.circuit)) == ["dead", "open"]
+
+
+@pytest.mark.parametrize("seed", [49002, 49012])
+def test_a_dead_cell_on_a_swapped_line_hides_no_swap(seed):
+    case = Case(seed, ("swapped", "dead"), SECONDS, (12, 12))
+    found = diagnose(case.frames, case.circuit, series=False)
+    for fault in case.faults:
+        assert any(explains(f, *fault, case.cut) for f in found), (fault, found)
+    assert len(found) == 2
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_a_bad_lead_has_its_ohms(seed):
+    """1 kohm, with the standard deviation that the fabric leaves."""
+    case = Case(seed, ("lead",), SECONDS, SHAPE)
+    (finding,) = diagnose(case.frames, case.circuit, series=False)
+    size, std = map(float, re.search(r"(\d+) \+- (\d+) ohm", finding.evidence).groups())
+    assert std < 100.0
+    assert abs(size - 1000.0) < 3.0 * std
 
 
 def test_sound_wires_are_the_circuit():

@@ -70,11 +70,12 @@ class Misplaced(NamedTuple):
     share: float
 
 
-def misplaced(seen: Recorded, skip) -> list[Misplaced]:
+def misplaced(seen: Recorded, skip, cells=()) -> list[Misplaced]:
     """Lines in the wrong order, if the touches tell.
 
     Args:
         skip: (axis, line) of lines that are faulty in another way.
+        cells: (row, column) of cells that are, dead or noisy: their lines are compared without.
     """
     if len(seen.touches) < _FEWEST:
         return []
@@ -85,7 +86,8 @@ def misplaced(seen: Recorded, skip) -> list[Misplaced]:
         used = np.array([k for k in range(lines) if (axis, k) not in skip])
         if len(used) < 4:
             continue
-        across = [k for k in range(seen.circuit.shape[1 - axis]) if (1 - axis, k) not in skip]
+        beside = {line for a, line in skip if a != axis} | {cell[1 - axis] for cell in cells}
+        across = [k for k in range(seen.circuit.shape[1 - axis]) if k not in beside]
         turned = seen.turned(axis, pictures)[:, used][:, :, across]
         turned = np.pad(turned, ((0, 0), (1, 1), (0, 0)))  # nothing is touched beyond the edges
         apart = np.abs(turned[:, :, None] - turned[:, None]).sum(3)  # (touches, lines, lines)
@@ -99,7 +101,7 @@ def misplaced(seen: Recorded, skip) -> list[Misplaced]:
                 vote = _vote(now, apart[:, other[:-1], other[1:]].sum(1))
                 if vote and (best is None or vote[1] > best[0][1]):
                     best = vote, (int(used[a]), int(used[b]))
-        shifted = None if skip else _shifted(seen, pictures, axis)
+        shifted = None if skip or cells else _shifted(seen, pictures, axis)
         if shifted and (best is None or shifted.share > best[0][1]):
             found.append(shifted)
         elif best is not None:
