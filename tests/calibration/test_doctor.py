@@ -1,5 +1,6 @@
 """`diagnose` names the line or cell that is bad, and nothing on a sound board."""
 
+import re
 import sys
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from tactile_skin.physics.circuit import two_terminal_resistance
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "yardsticks"))
 from doctor import KINDS, Case, explains
+from yardsticks.curve_fit import known
+from yardsticks.identify import Unknown
 
 SHAPE, SECONDS = (10, 12), 40.0
 
@@ -54,12 +57,49 @@ def test_two_faults_are_both_named():
     assert sorted(f.kind for f in diagnose(case.frames, case.circuit)) == ["dead", "open"]
 
 
+@pytest.mark.parametrize("seed", [49002, 49012])
+def test_a_dead_cell_on_a_swapped_line_hides_no_swap(seed):
+    case = Case(seed, ("swapped", "dead"), SECONDS, (12, 12))
+    found = diagnose(case.frames, case.circuit, series=False)
+    for fault in case.faults:
+        assert any(explains(f, *fault, case.cut) for f in found), (fault, found)
+    assert len(found) == 2
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_a_bad_lead_has_its_ohms(seed):
+    """1 kohm, with the standard deviation that the fabric leaves."""
+    case = Case(seed, ("lead",), SECONDS, SHAPE)
+    (finding,) = diagnose(case.frames, case.circuit, series=False)
+    size, std = map(float, re.search(r"(\d+) \+- (\d+) ohm", finding.evidence).groups())
+    assert std < 100.0
+    assert abs(size - 1000.0) < 3.0 * std
+
+
 def test_sound_wires_are_the_circuit():
     """The wiring that is searched is the solvers' network while nothing is damaged."""
     wires = Wires.sound(Circuit(5, 7))
     np.testing.assert_allclose(
         wires.resistance(), two_terminal_resistance(np.ones((5, 7))), rtol=1e-5
     )
+
+
+@pytest.mark.parametrize("cells", ["alike", "of a fabric"])
+@pytest.mark.parametrize("palms", [1, 4])
+def test_a_palm_that_stands_still_is_no_fault(palms, cells):
+    """All that it reads again and again is one reading."""
+    shape, rng, frames = (12, 12), np.random.default_rng(2), []
+    scatter = {"scatter": 0.0, "rest": 0.0, "line": 0.0} if cells == "alike" else {}
+    board = Unknown(shape, seed=61, **scatter)
+    row, col = np.indices(shape)
+    for _ in range(palms):
+        at, size = rng.uniform(2.0, 9.0, 2), rng.uniform(2.0, 3.5)
+        apart = ((row - at[0]) ** 2 + (col - at[1]) ** 2) / size**2
+        palm = rng.uniform(4.0, 10.0) * np.clip(1.0 - apart, 0.0, None) ** 0.3
+        for share, n in ((0.0, 250), (0.1, 1), (0.4, 1), (0.8, 1), (1.0, 250), (0.3, 1)):
+            ratio = board.expose(share * palm)
+            frames += [board.sample(ratio) for _ in range(n)]
+    assert diagnose(frames, known(board), series=False) == []
 
 
 def test_a_board_that_reads_one_voltage_has_no_signal():

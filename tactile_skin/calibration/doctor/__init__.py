@@ -97,8 +97,9 @@ def diagnose(
         if damage.kind != "cell" or (damage.line, damage.at) not in quiet:
             found.append(texts.damage(circuit, damage, cell))
     odd = {(d.axis, d.line) for d in damages if d.kind != "cell"}
-    odd |= {line for row, col in _cells(damages) | quiet for line in ((0, row), (1, col))}
-    moved = order.misplaced(seen, unusable | odd)
+    pressed = {(d.line, d.at) for d in damages if d.kind == "cell" and d.size > 1.0}
+    odd |= {line for row, col in pressed for line in ((0, row), (1, col))}
+    moved = order.misplaced(seen, unusable | odd, (_cells(damages) | quiet) - pressed)
     found += [texts.misplaced(m) for m in moved]
     # With stripes that touch, are cut or are not read it is another network.
     if series and not (pairs or wires.cut or top or wires.cells.max() > REST_SPAN):

@@ -160,7 +160,8 @@ def damage(circuit: Circuit, damage: wiring.Damage, cell: float) -> Finding:
         return Finding(
             "lead",
             name,
-            f"all its readings lack what {damage.size:.0f} ohm in series take from them",
+            f"all its readings lack what {damage.size:.0f} +- {damage.std:.0f} ohm in series take "
+            "from them",
             "Measure its lead: from the multiplexer's pin to the stripe must be some ohm",
             **_line(axis, line),
         )

@@ -36,7 +36,7 @@ def equal_lines(seen: Recorded, skip) -> list[tuple[int, int, int]]:
     found = []
     for axis in (0, 1):
         base = seen.turned(axis, seen.base)
-        raised = seen.turned(axis, seen.steps[seen.peaks]) - base
+        raised = seen.turned(axis, seen.steps[seen.touches]) - base
         touch = raised.max(2)  # (touches, lines)
         level = np.median(raised, axis=2)  # of a line that is only crossed, few are raised
         touched = level > _TOUCHED * seen.usual_noise
@@ -70,13 +70,14 @@ class Misplaced(NamedTuple):
     share: float
 
 
-def misplaced(seen: Recorded, skip) -> list[Misplaced]:
+def misplaced(seen: Recorded, skip, cells=()) -> list[Misplaced]:
     """Lines in the wrong order, if the touches tell.
 
     Args:
         skip: (axis, line) of lines that are faulty in another way.
+        cells: (row, column) of cells that are, dead or noisy: their lines are compared without.
     """
-    if len(seen.peaks) < _FEWEST:
+    if len(seen.touches) < _FEWEST:
         return []
     pictures = _pictures(seen)
     found = []
@@ -85,7 +86,8 @@ def misplaced(seen: Recorded, skip) -> list[Misplaced]:
         used = np.array([k for k in range(lines) if (axis, k) not in skip])
         if len(used) < 4:
             continue
-        across = [k for k in range(seen.circuit.shape[1 - axis]) if (1 - axis, k) not in skip]
+        beside = {line for a, line in skip if a != axis} | {cell[1 - axis] for cell in cells}
+        across = [k for k in range(seen.circuit.shape[1 - axis]) if k not in beside]
         turned = seen.turned(axis, pictures)[:, used][:, :, across]
         turned = np.pad(turned, ((0, 0), (1, 1), (0, 0)))  # nothing is touched beyond the edges
         apart = np.abs(turned[:, :, None] - turned[:, None]).sum(3)  # (touches, lines, lines)
@@ -99,7 +101,7 @@ def misplaced(seen: Recorded, skip) -> list[Misplaced]:
                 vote = _vote(now, apart[:, other[:-1], other[1:]].sum(1))
                 if vote and (best is None or vote[1] > best[0][1]):
                     best = vote, (int(used[a]), int(used[b]))
-        shifted = None if skip else _shifted(seen, pictures, axis)
+        shifted = None if skip or cells else _shifted(seen, pictures, axis)
         if shifted and (best is None or shifted.share > best[0][1]):
             found.append(shifted)
         elif best is not None:
@@ -111,7 +113,7 @@ def _pictures(seen: Recorded) -> np.ndarray:
     """(touches, rows, cols) what each touch adds to the cells' conductance, without the inverse."""
     circuit, full = seen.circuit, seen.circuit.full_scale
     base = circuit.two_terminal(np.maximum(seen.base, 1.0) / full) + 1.0
-    steps = np.maximum(seen.steps[seen.peaks], 1.0)
+    steps = np.maximum(seen.steps[seen.touches], 1.0)
     picture = np.maximum(1.0 / (circuit.two_terminal(steps / full) + 20.0) - 1.0 / base, 0.0)
     picture = np.sqrt(picture)
     top = picture.max((1, 2), keepdims=True)

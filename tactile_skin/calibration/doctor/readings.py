@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from .recorded import Recorded, loose
@@ -11,7 +13,8 @@ from .recorded import Recorded, loose
 _LOWEST_BIT = 2  # below, noise and averaging fill every gap
 _GAP_SHARE = {2: 0.6, 3: 0.6, 4: 0.4}
 _HIGH_GAP_SHARE = 0.25  # of higher bits
-_GAP_READINGS = 200  # on either side of the gaps, at least
+_GAP_READINGS = 200  # on either side of the gaps, at least; of frames that say anything new
+_ONCE = 2.0  # times the share of those, in which touches that come and go have more weight
 _AT_REST = 48, 8  # ADC steps about its rest in which a reading does not count: at most, and besides
 _BELOW = 0.5  # of its reading at rest that no sound cell falls below, and
 _BELOW_READINGS, _BELOW_CELLS = 30, 3  # readings and cells that do with a wrong bit
@@ -29,32 +32,56 @@ _OPEN = 0.1  # the same, of the usual reading
 
 def stuck_bits(seen: Recorded) -> list[tuple[int, int, float]]:
     """(bit, the value it keeps, share of readings where the other value would put them)."""
-    steps, base = seen.steps[:, seen.read], seen.base[seen.read]
-    off = np.abs(steps - base)
-    fell = (steps < _BELOW * base - 3.0) & (base > 10.0)
+    every, base = seen.steps[:, seen.read], seen.base[seen.read]
+    new = every[seen.anew]
+    fell = (new < _BELOW * base - 3.0) & (base > 10.0)
     folded = fell.sum() >= _BELOW_READINGS and np.count_nonzero(fell.any(0)) >= _BELOW_CELLS
     folded &= seen.circuit.readout == "floating"  # a load only raises its readings
-    found, full = [], seen.circuit.full_scale
-    for bit in range(_LOWEST_BIT, seen.circuit.adc_bits):
-        # At rest all readings are in one place, which may be the edge of a gap.
-        moved = steps[off > min(1 << bit, _AT_REST[0]) + _AT_REST[1]]
-        counts = np.clip(np.rint(moved), 0, full).astype(np.int32)
-        histogram = np.bincount(counts, minlength=full + 1).astype(float)
-        blocks = histogram.reshape(-1, 1 << bit)
-        margin = min((1 << bit) // 4, 4)  # noise at a block's ends
-        blocks = blocks[:, margin : (1 << bit) - margin]
-        each = blocks.sum(1)
-        for kept in (0, 1):
-            gap, beside = each[1 - kept :: 2], each[kept::2]
-            inner = gap[1:] if kept else gap[:-1]  # those between two others
-            low, high = beside[:-1], beside[1:]
-            near = np.minimum(low, high).sum()
-            share = inner.sum() / max(near, 1.0)
-            empty = counts.size and gap.sum() <= _NO_REST * each.sum()
-            if (near >= _GAP_READINGS and share < _GAP_SHARE.get(bit, _HIGH_GAP_SHARE)) or (
-                bit == seen.circuit.adc_bits - 1 and empty and folded
-            ):
-                found.append((bit, kept, float(share)))
+    found, bits = [], seen.circuit.adc_bits
+    for bit in range(_LOWEST_BIT, bits):
+        limit = _GAP_SHARE.get(bit, _HIGH_GAP_SHARE)
+        low = new < (1 << bit) - _NOISE_WIDTH * seen.usual_noise - 1.0
+        for kept, (all_, once) in enumerate(
+            zip(_gaps(every, base, bit, bits), _gaps(new, base, bit, bits), strict=True)
+        ):
+            if kept and low.mean() > _NO_REST:
+                continue  # a bit that is always 1 leaves no reading below it
+            # A hand that stands still fills no gap: it is there in what it reads once, too.
+            gap = once.near >= _GAP_READINGS and once.share < _ONCE * limit and all_.share < limit
+            if gap or (bit == bits - 1 and all_.empty and folded):
+                found.append((bit, kept, all_.share))
+    return found
+
+
+class _Gap(NamedTuple):
+    """Where the other value of a bit would put readings.
+
+    Attributes:
+        near: readings beside it, on the emptier side.
+        share: of readings within, over that.
+        empty: whether there is next to none within.
+    """
+
+    near: float
+    share: float
+    empty: bool
+
+
+def _gaps(steps: np.ndarray, base: np.ndarray, bit: int, bits: int) -> list[_Gap]:
+    """For a bit that is always 0, and for one that is always 1."""
+    # At rest all readings are in one place, which may be the edge of a gap.
+    moved = steps[np.abs(steps - base) > min(1 << bit, _AT_REST[0]) + _AT_REST[1]]
+    counts = np.clip(np.rint(moved), 0, (1 << bits) - 1).astype(np.int32)
+    histogram = np.bincount(counts, minlength=1 << bits).astype(float)
+    margin = min((1 << bit) // 4, 4)  # noise at a block's ends
+    each = histogram.reshape(-1, 1 << bit)[:, margin : (1 << bit) - margin].sum(1)
+    found = []
+    for kept in (0, 1):
+        gap, beside = each[1 - kept :: 2], each[kept::2]
+        inner = gap[1:] if kept else gap[:-1]  # those between two others
+        near = float(np.minimum(beside[:-1], beside[1:]).sum())
+        empty = bool(counts.size and gap.sum() <= _NO_REST * each.sum())
+        found.append(_Gap(near, float(inner.sum() / max(near, 1.0)), empty))
     return found
 
 
@@ -63,15 +90,16 @@ def ceiling(seen: Recorded) -> tuple[float, int, int] | None:
     if not len(seen.peaks):
         return None  # what nothing presses ends at its rest
     limit = _NEAR_SHORT * seen.circuit.ratio(0.0) * seen.circuit.full_scale
-    steps = seen.steps[:, seen.read]
+    every = seen.steps[:, seen.read]
+    steps = every[seen.anew]
     top = float(steps.max())
     for _ in range(3):  # a cell that stays at the top is stuck there: the next one
         width = _NOISE_WIDTH * seen.usual_noise + 1.0
         at_top = steps > top - width
-        stays = at_top.mean(0) > _AT_TOP
+        stays = (every > top - width).mean(0) > _AT_TOP
         if not stays.any() or stays.all():
             break
-        steps = steps[:, ~stays]
+        every, steps = every[:, ~stays], steps[:, ~stays]
         top = float(steps.max())
     below = np.count_nonzero((steps > top - 3.0 * width) & ~(steps > top - width)) / 2.0
     n, cells = np.count_nonzero(at_top), np.count_nonzero(at_top.any(0))

@@ -15,7 +15,9 @@ _FEWEST = 20  # frames that a recording has at least
 _APART = 0.003  # share of the frames by which two touches are apart, and
 _LEAST_APART = 10  # frames at least
 _TOUCH = 8.0  # times the noise of a line's mean by which a touch raises it
+_ANEW = 8.0  # times its noise by which a reading differs where a frame says anything new
 _LINE_OPEN, _LINE_CLOSED = 0.1, 0.6  # of the usual reading: a line is not, or is, connected
+_LEAST_NOISE = 0.1  # ADC steps
 _NAMES = ("row", "column")
 
 
@@ -32,7 +34,9 @@ class Recorded:
     base: (rows, cols) reading of the untouched skin [ADC steps].
     quiet: (n,) bool, frames in which nothing touches it.
     noise: (rows, cols) RMS of a reading in the quiet frames [ADC steps].
-    peaks: frames in which touches are strongest, one for each touch.
+    anew: frames that differ from the one before of them: a hand that stands still says nothing new.
+    peaks: frames in which touches are strongest.
+    touches: those of them that differ from the one before: one for each touch.
     closed: for rows and columns, (n, lines) reading of each line, its usual one 1.
     """
 
@@ -42,12 +46,14 @@ class Recorded:
     base: np.ndarray
     quiet: np.ndarray
     noise: np.ndarray
+    anew: np.ndarray
     peaks: np.ndarray
+    touches: np.ndarray
     closed: tuple[np.ndarray, np.ndarray]
 
     @property
     def usual_noise(self) -> float:
-        return float(max(np.median(self.noise[self.read & self.circuit.populated]), 0.1))
+        return float(max(np.median(self.noise[self.read & self.circuit.populated]), _LEAST_NOISE))
 
     def turned(self, axis: int, picture: np.ndarray) -> np.ndarray:
         """The picture, (..., rows, cols), with the lines of an axis first of the last two."""
@@ -82,8 +88,21 @@ def record(frames, circuit: Circuit, rest: Rest | None) -> Recorded:
     base = mean if rest is None else rest.adc * circuit.full_scale
     base = np.where(np.isfinite(base), base, 0.0)
     noise = np.sqrt((np.square(calm - mean) * (~absent)[quiet]).sum(0) / n)
+    cells = read & circuit.populated
+    limit = _ANEW * np.maximum(noise, max(np.median(noise[cells]), _LEAST_NOISE))[cells]
+    anew = _anew(steps[:, cells], limit, range(len(steps)))
     peaks = _peaks(level, len(frames), float(np.median(level[quiet])))
-    return Recorded(circuit, steps, read, base, quiet, noise, peaks, closed)
+    touches = _anew(steps[:, cells], limit, peaks)
+    return Recorded(circuit, steps, read, base, quiet, noise, anew, peaks, touches, closed)
+
+
+def _anew(steps: np.ndarray, limit: np.ndarray, frames) -> np.ndarray:
+    """Those of the frames in which a reading differs from the last one of them by its limit."""
+    taken: list[int] = []
+    for k in frames:
+        if not taken or (np.abs(steps[k] - steps[taken[-1]]) > limit).any():
+            taken.append(k)
+    return np.array(taken, dtype=int)
 
 
 def _closed(axis: int, steps: np.ndarray, usual: np.ndarray) -> np.ndarray:

@@ -20,6 +20,7 @@ _LEAST_SCATTER = 0.002, 0.003  # log of a reading's resistance, at least: of cel
 _GAIN = 60.0  # chi^2 that a damage explains at least
 _LIKELY = 0.5  # share of a line's, or a cell's, misfit that it explains at least
 _LEAST_LEAD = 0.03  # share of the usual resistance that a bad lead adds at least
+_OF_MEDIAN = 1.25  # standard deviation of a median over that of a mean
 _DEAD, _PRESSED = 0.35, 4.0  # times the usual cell's conductance, below and above
 _SHORTED = 1000.0  # times the same, of a crossing that is shorted
 _MOST = 6  # damages that are looked for
@@ -30,6 +31,7 @@ class Damage(NamedTuple):
     """Attributes:
     kind: "lead" (size: ohm), "broken" (at: first crossing that is cut off), or "cell" (line, at:
         row, column; size: times the usual cell's conductance).
+    std: of a lead's size [ohm], as lines and their readings scatter.
     """
 
     kind: str
@@ -38,6 +40,7 @@ class Damage(NamedTuple):
     at: int
     size: float
     gain: float
+    std: float = 0.0
 
 
 @dataclass
@@ -172,7 +175,10 @@ class _Fit:
             with_lead = np.log1p(added / model[line])
             gain = before - self._cost(axis, off - with_lead)
             if gain > _LIKELY * before:
-                yield Damage("lead", axis, line, -1, float(added * self.cell), gain)
+                n = np.count_nonzero(np.isfinite(off))
+                log = np.hypot(self.of_lines[axis], _OF_MEDIAN * self.scatter / n**0.5)
+                std = float(log * np.median(model[line]) * self.cell)
+                yield Damage("lead", axis, line, -1, float(added * self.cell), gain, std)
         cells = self.wires.cells if axis == 0 else self.wires.cells.T
         if cells[line].max() > _SHORTED:  # the rest of the line says nothing beside a short
             return
