@@ -114,8 +114,8 @@ class Skin:
         # The default, 5 ms, is longer than a frame's whole way to the stop.
         self._settings.callback(sys.setswitchinterval, sys.getswitchinterval())
         sys.setswitchinterval(0.0005)
-        # What is there now stays. The collector, which stops all threads, would look at all of it
-        # again and again: that takes up to six frames' time.
+        # What is there now stays. Where a program keeps what it hears, the collector would look at
+        # all of it as well, and stop every thread for 25 to 66 ms: several frames' time.
         gc.collect()
         gc.freeze()
         self._settings.callback(gc.unfreeze)
