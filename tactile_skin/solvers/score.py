@@ -54,6 +54,7 @@ _UNCHECKED = 8.0  # standard deviations beside a network's force, which no furth
 _CHI2_FIRST, _CHI2_VALID, _CHI2_REST = 30.0, 4.0, 5.0
 _RIDGE = 1e-5  # of the touched cells' precision: the readings may not determine all of them
 _MAX_CELLS = 400  # touched cells up to which to ask: the time is that of a Cholesky factor
+_FEW = 0.3  # of the readings: fewer cells at rest confirm no short (pictures of seed 45100)
 _LIGHTLY = 1.02  # times its conductance at rest from which on a cell counts as lightly touched
 _MANY = 4  # lightly touched cells from which on r_par may be the cause
 BESIDE = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], bool)
@@ -95,11 +96,13 @@ class RParShift(NamedTuple):
     Attributes:
         shift, std: [ohm].
         chi2: a reading, that is left then.
+        at_rest: share of the readings, whose cells nothing touches.
     """
 
     shift: float
     std: float
     chi2: float
+    at_rest: float
 
     def exceeds(self, limit: float) -> bool:
         return abs(self.shift) > limit * self.std
@@ -138,7 +141,8 @@ def r_par_shift(
         return None
     slack = _ROUNDED if rounded(reading) else 1.0
     chi2 = (square - score**2 / information) / n
-    return RParShift(-score / information, slack * information**-0.5, chi2)
+    at_rest = 1.0 - cells.size / n
+    return RParShift(-score / information, slack * information**-0.5, chi2, at_rest)
 
 
 def by_score(
@@ -167,40 +171,34 @@ def by_score(
     if rough or not found:
         return found[0][0] if found else ""
     around = r_par_shift(reading, model.g)
-    at_rest = around is not None and around.chi2 <= _CHI2_REST
+    if around is None or around.chi2 > _CHI2_REST:
+        too_small = next((text for text, way in found if way > 0), "")
+        return too_small if too_small and _beside_rim(reading, model.g) else ""
     for text, way in found:
-        if at_rest:
-            # a fit hides another r_par along neighbouring lines, which looks like a short
-            off = _way(reading, around, sure=way != 0)
-            if way in (0, off):
-                return _r_par_text(reading, off) if off else text
-        elif way > 0 and _beside_rim(reading, model.g):
+        # a fit hides another r_par along neighbouring lines, which looks like a short
+        off = _way(reading, around, alone=way != 0)
+        if off and way in (0, off):
+            return _r_par_text(reading, off)
+        if not way and around.at_rest >= _FEW:
             return text
     return ""
 
 
-def _way(reading: Reading, around: RParShift, sure: bool) -> int:
-    """Which way r_par is off by a relevant amount: 1 too small, -1 too large, 0 neither.
-
-    Args:
-        sure: whether a frame is suspect for that alone.
-    """
-    # cells that are lightly touched make r_par seem smaller than it is, never larger
-    limit = _R_PAR_LIMIT if sure and around.shift < 0.0 else _SETTLED
+def _way(reading: Reading, around: RParShift, alone: bool) -> int:
+    """Which way r_par is off by a relevant amount: 1 too small, -1 too large, 0 neither."""
+    # Cells that are lightly touched make r_par seem smaller than it is, never larger. If that is
+    # alone what a frame is suspect for, more is asked of it.
+    limit = _R_PAR_LIMIT if alone and around.shift < 0.0 else _SETTLED
     possible = reading.circuit.r_par + around.shift + _SETTLED * around.std > 0.0
     relevant = abs(around.shift) > _RELEVANT * series_scale(reading.circuit)
     return int(np.sign(around.shift)) if possible and relevant and around.exceeds(limit) else 0
 
 
 def _beside_rim(reading: Reading, g: np.ndarray) -> bool:
-    """Whether r_par is too small beside touched cells among which are those of a palm's rim.
-
-    What is left of a rim can only make r_par seem smaller than it is.
-    """
+    """Whether r_par is too small, a palm's rim touched: it can only make r_par seem smaller."""
     rim = r_par_shift(reading, g, lifted=_RIM)
-    if rim is None:
-        return False
-    return rim.exceeds(_R_PAR_LIMIT) and rim.shift > _RIM_SHARE * series_scale(reading.circuit)
+    least = _RIM_SHARE * series_scale(reading.circuit)
+    return rim is not None and rim.exceeds(_R_PAR_LIMIT) and rim.shift > least
 
 
 def _candidates(
