@@ -18,7 +18,6 @@ from ..physics.conjugate_gradients import conjugate_gradients
 from ..physics.quadratic import inverse_diagonal, solve_in_box
 from . import prior as prior_terms
 from . import score, suspect
-from .aside import without_bad_contacts
 from .estimate import Estimate, spread
 from .fixed_point import (
     BOUND,
@@ -30,8 +29,9 @@ from .fixed_point import (
     iterate,
     last_guess,
 )
-from .other_readout import other_readout
 from .reading import ROUNDING_NOISE, Linearised, Reading, noise_at_rest
+from .rivals.aside import without_bad_contacts
+from .rivals.other_readout import other_readout
 from .suspect import NormalEquations
 
 MAX_STEPS = 12  # of Gauss-Newton; bounds the time of readings that no circuit explains

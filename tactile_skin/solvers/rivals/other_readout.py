@@ -13,13 +13,13 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import fdtrc
 
-from ..physics.circuit import Circuit
-from ..physics.curve import PressureCurve
-from ..physics.readouts import DRIVEN, READOUTS
-from .estimate import Estimate
-from .fixed_point import first_guess, is_rough, iterate, last_guess
-from .newton import fits_circuit, newton
-from .reading import Reading, check_reading, rest_reading
+from ...physics.circuit import Circuit
+from ...physics.curve import PressureCurve
+from ...physics.readouts import DRIVEN, READOUTS
+from ..estimate import Estimate
+from ..fixed_point import first_guess, is_rough, iterate, last_guess
+from ..newton import fits_circuit, newton
+from ..reading import Reading, check_reading, rest_reading
 
 _SPAN = 1e3  # times the curve's rest, up and down, within which another readout's cells may rest
 _REST_ERROR = 0.05  # ADC steps by which these may miss the untouched skin's readings
