@@ -31,7 +31,12 @@ _ASK, _HALF, _COVERED = 0.2, 0.5, 0.75
 # By how much the fit of another must cost less, in units of 1/2 chi^2. Chosen on 8 x 8 cells, where
 # hard loads on valid boards leave 41 at most (seeds 41 and 51), scored on others.
 _BETTER = 45.0
-_CHANCE = 1e-5  # of independent cells whose lines differ so
+_NEARER = (
+    2.0  # times, to the curve's rest, at which cells must rest by a rival of a floating matrix
+)
+# Chance of independent cells that their lines differ so; share of their variance that is in no line
+# (of a round touch there is none).
+_CHANCE, _OWN = 1e-5, 0.5
 _STEPS, _FAR = 8, 20.0  # of the fixed point, and 1/2 chi^2 a cell that rule a readout out
 
 Cost = Callable[[Reading, np.ndarray], float]
@@ -55,6 +60,8 @@ def other_readout(reading: Reading, estimate: Estimate, start: Estimate | None, 
         return f"loads differ by lines, not by cells. Is circuit.driven = {own.driven} right?"
     limit = None
     for circuit, curve in _others(own, reading.curve):
+        if floating and _off(reading.curve) < _NEARER * _off(curve):
+            continue  # light loads alone are those of either
         if not floating and circuit.readout != own.readout and share > _HALF:
             continue  # of two networks the one that loads change less has them smoother
         other = replace(reading, circuit=circuit, curve=curve).above_cut_off()
@@ -85,6 +92,12 @@ def _touched(reading: Reading, estimate: Estimate) -> tuple[np.ndarray, float]:
     return g, touched / np.count_nonzero(reading.circuit.populated)
 
 
+def _off(curve: PressureCurve) -> float:
+    """Factor by which the usual cell's rest differs from the curve's, 1 or more."""
+    times = float(np.median(curve.rest_resistance)) / curve.points[0][1]
+    return max(times, 1.0 / times)
+
+
 def _lines_differ(circuit: Circuit, g: np.ndarray) -> bool:
     """Whether rows, or columns, differ more than cells that are loaded independently can.
 
@@ -96,6 +109,8 @@ def _lines_differ(circuit: Circuit, g: np.ndarray) -> bool:
     x = np.log(g)
     means = [x.mean(axis, keepdims=True) - x.mean() for axis in (1, 0)]
     left = x - x.mean() - means[0] - means[1]
+    if np.square(left).mean() < _OWN * x.var():
+        return False
     rows, cols = g.shape
     free = (rows - 1) * (cols - 1)
     variance = np.square(left).sum() / free
