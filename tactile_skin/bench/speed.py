@@ -188,7 +188,7 @@ def draw(data: dict):
         points = sorted(data[key][name], key=lambda p: (p["mean_g"], p["p99_ms"]))
         error = {p["method"]: max(p["mean_g"], _FLOOR) for p in points}
         ends = error.values() if name == "ideal" else shown
-        axis.set(xscale="log", yscale="log", xlim=(0.1, data["frame_ms"]))
+        axis.set(xscale="log", yscale="log", xlim=(0.03, data["frame_ms"]))
         axis.set_ylim(0.75 * min(ends), 1.4 * max(ends))
         figure.draw_without_rendering()  # where a value lies is known from here on
         below = -np.inf  # the last name's height [points]
