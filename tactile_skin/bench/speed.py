@@ -1,18 +1,22 @@
-"""Speed against accuracy: every method as a point, on a noisy board and on exact readings."""
+"""Speed against accuracy: every method as a point, for each readout, and on exact readings."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
 from ..learning import scenes
 from ..physics.circuit import Circuit, forward
 from ..physics.curve import PressureCurve
+from ..physics.readouts import READOUTS
 from ..solvers import METHODS, compensate
 from . import chart
 from .measure import NOISE, Clock, day, errors, frames
 
 TOUCHES = "bodies"  # the family whose times and errors a point shows: no solver was made for it
 FAMILIES = (*scenes.FAMILIES, "bodies", "pictures")
+WIRED = tuple(m for m in METHODS if m not in ("cnn", "physics"))  # networks know floating ones only
 PAPER = {"cnn_g": 11.0, "naive_g": 150.0}  # its sections V and VI
 FRAME_MS = 10.0  # at 100 frames a second
 USES = {  # what to take when, in lines; the first is for a robot
@@ -31,28 +35,31 @@ def measure(n: int, day_frames: int, seed: int, track=lambda items: items) -> di
 
     Returns:
         the figure "speed" as plain data: for each readout a list of points {method, p50_ms,
-        p99_ms, p50_y, p99_y, mean_g, families}, times and mean_g of bodies; `day`; `forward`.
+        p99_ms, p50_y, p99_y, mean_g, families}, times and mean_g of bodies; `wirings`, the same
+        of noisy boards wired otherwise than the paper's, of the same bodies; `day`; `forward`.
     """
     circuit, curve = Circuit(), PressureCurve()
     clocks, families = {}, {(r, m): {} for r in scenes.READOUTS for m in METHODS}
     cases = [(r, f) for r in scenes.READOUTS for f in FAMILIES]
     for readout, family in track(cases):
-        rng = np.random.default_rng([seed, cases.index((readout, family))])
-        force, adc = frames(family, readout, n, rng, circuit, curve)
-        for method in METHODS:
-            noise = NOISE[readout]
-            compensate(adc[0], circuit, curve, method, noise=noise)  # loads what is loaded once
-            clock = Clock()
-            found = [
-                clock(compensate, frame, circuit, curve, method, noise=noise).force for frame in adc
-            ]
-            times = {"p50_y": clock.quantile(0.5), "p99_y": clock.quantile(0.99)}
-            families[readout, method][family] = errors(np.array(found), force) | times
+        scene = seed, cases.index((readout, family))
+        for method, clock, found in timed(METHODS, family, readout, n, scene, circuit, curve):
+            families[readout, method][family] = found
             if family == TOUCHES:
                 clocks[readout, method] = clock
     readouts = {
         readout: [point(m, clocks[readout, m], families[readout, m]) for m in METHODS]
         for readout in scenes.READOUTS
+    }
+    scene = seed, cases.index(("scan", TOUCHES))
+    wirings = {
+        wiring: [
+            point(method, clock, {TOUCHES: found})
+            for method, clock, found in timed(
+                WIRED, TOUCHES, "scan", n, scene, replace(circuit, readout=wiring), curve
+            )
+        ]
+        for wiring in READOUTS[1:]
     }
     rng = np.random.default_rng([seed, len(cases)])
     resistance = curve.resistance(scenes.sample("blobs", 1, *circuit.shape, rng)[0])
@@ -63,6 +70,7 @@ def measure(n: int, day_frames: int, seed: int, track=lambda items: items) -> di
         "speed": {
             "frames": n,
             "readouts": readouts,
+            "wirings": wirings,
             "day": stream(day_frames, rng, circuit, curve),
             "paper": PAPER,
             "frame_ms": FRAME_MS,
@@ -73,6 +81,24 @@ def measure(n: int, day_frames: int, seed: int, track=lambda items: items) -> di
             },
         }
     }
+
+
+def timed(methods, family: str, readout: str, n: int, scene, circuit: Circuit, curve):
+    """Each method on the same n frames: its name, its clock, its `errors` and times.
+
+    Args:
+        scene: seed of the frames.
+    """
+    rng, noise = np.random.default_rng(scene), NOISE[readout]
+    force, adc = frames(family, readout, n, rng, circuit, curve)
+    for method in methods:
+        compensate(adc[0], circuit, curve, method, noise=noise)  # loads what is loaded once
+        clock = Clock()
+        found = [
+            clock(compensate, frame, circuit, curve, method, noise=noise).force for frame in adc
+        ]
+        times = {"p50_y": clock.quantile(0.5), "p99_y": clock.quantile(0.99)}
+        yield method, clock, errors(np.array(found), force) | times
 
 
 def point(method: str, clock: Clock, families: dict) -> dict:
@@ -112,7 +138,7 @@ def stream(n: int, rng, circuit: Circuit, curve: PressureCurve) -> dict:
 
 
 def table(data: dict) -> str:
-    """The figures of all families as text."""
+    """The figures of all families as text, and those of bodies by wiring."""
     lines = [
         f"{data['frames']} frames a family and readout, times in y",
         f"forward model: {data['forward']['p50_y']:.3f} y for all readings, the literal equations "
@@ -130,6 +156,12 @@ def table(data: dict) -> str:
                     f"{100 * r['sum_error']:7.1f} % {r['ghosts']:6.2f} {r['p50_y']:7.2f} "
                     f"{r['p99_y']:7.2f}"
                 )
+    lines += ["", "method       wiring    bodies, scan: mean g   p50 y   p99 y"]
+    for wiring, points in data["wirings"].items():
+        lines += [
+            f"{p['method']:<12} {wiring:<9} {p['mean_g']:20.2f} {p['p50_y']:7.2f} {p['p99_y']:7.2f}"
+            for p in points
+        ]
     return "\n".join(lines)
 
 
@@ -138,19 +170,26 @@ def table(data: dict) -> str:
 _FLOOR = 0.02  # g; what errs less is drawn there
 _BEST = "auto"  # what a robot takes
 _APART = 15.0  # points between two names
-_PANELS = {"scan": "on a noisy board", "ideal": "on exact readings, of a simulation say"}
+_PANELS = {  # the first three have one scale of errors
+    ("readouts", "scan"): "floating, as the paper's: a noisy board",
+    ("wirings", "loaded"): "loaded lines: a noisy board",
+    ("wirings", "grounded"): "grounded lines: a noisy board",
+    ("readouts", "ideal"): "floating: exact readings, of a simulation say",
+}
 
 
 def draw(data: dict):
     """Each method's error on bodies against its time, p50 to p99: a panel for each readout."""
     from matplotlib import pyplot as plt
 
-    figure, axes = plt.subplots(1, len(_PANELS), figsize=(9.0, 4.4), layout="constrained")
-    for axis, (readout, title) in zip(axes, _PANELS.items(), strict=True):
-        points = sorted(data["readouts"][readout], key=lambda p: (p["mean_g"], p["p99_ms"]))
+    figure, axes = plt.subplots(2, 2, figsize=(9.0, 8.2), layout="constrained")
+    shown = [p["mean_g"] for key, name in list(_PANELS)[:3] for p in data[key][name]]
+    for axis, ((key, name), title) in zip(axes.flat, _PANELS.items(), strict=True):
+        points = sorted(data[key][name], key=lambda p: (p["mean_g"], p["p99_ms"]))
         error = {p["method"]: max(p["mean_g"], _FLOOR) for p in points}
-        axis.set(xscale="log", yscale="log", xlim=(0.1, data["frame_ms"]))
-        axis.set_ylim(0.75 * min(error.values()), 1.4 * max(error.values()))
+        ends = error.values() if name == "ideal" else shown
+        axis.set(xscale="log", yscale="log", xlim=(0.03, data["frame_ms"]))
+        axis.set_ylim(0.75 * min(ends), 1.4 * max(ends))
         figure.draw_without_rendering()  # where a value lies is known from here on
         below = -np.inf  # the last name's height [points]
         for p in points:
@@ -179,7 +218,8 @@ def draw(data: dict):
         axis.yaxis.set_major_formatter("{x:g}")
         axis.yaxis.set_minor_formatter("")
         axis.grid(alpha=0.25, linewidth=0.6)
-    axes[0].set_ylabel("mean error on free bodies [g a cell]")
+    for axis in axes[:, 0]:
+        axis.set_ylabel("mean error on free bodies [g a cell]")
     return figure
 
 

@@ -4,7 +4,7 @@ reading.py      one checked frame           estimate.py   what comes out
 naive.py        the paper's naive method    learned.py    the networks
 fixed_point.py  the literature's iteration  newton.py     the exact inverse
 map.py          noise-aware, with prior.py  auto.py       the cheapest that the frame allows
-aside.py        readings of bad contacts    suspect.py    tests of the circuit model
+rivals/         bad contacts; readouts      suspect.py    tests of the circuit model
 score.py        a short or another r_par, past what the cells can take; the fit with that r_par
 """
 

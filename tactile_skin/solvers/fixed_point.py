@@ -13,13 +13,19 @@ MAX_STEPS = 60
 _TARGET = 0.25  # ADC steps RMS at which to stop: below rounding to whole steps
 BOUND = 1.0 + 1e-9  # factor within which a conductance is on a bound, but for rounding
 _BROAD = 0.1  # share of the cells at rest below which the whole skin is loaded
+# Spread of log g above that of a flat load on a fabric's scatter; squared difference of neighbours
+# over that of any two cells, nearer to 1 (independent) than 0 (a palm).
+_UNEVEN, _INDEPENDENT = 0.25, 0.5
 _LEVEL = 5.0  # times the mean force, which no cell of an even load on the whole skin reaches
 
 
 def fixed_point(reading: Reading) -> Estimate:
     """The fixed point until the reading is met to the ADC's rounding."""
     reading.need_all_cells("fixed_point")
-    g, iterations = iterate(reading, first_guess(reading), MAX_STEPS, _TARGET)
+    if reading.circuit.readout == "grounded":
+        g, iterations = closed_form(reading), 0
+    else:
+        g, iterations = iterate(reading, first_guess(reading), MAX_STEPS, _TARGET)
     with np.errstate(divide="ignore"):
         force = reading.curve.force(1.0 / g) * reading.circuit.populated
     return estimate_from_force(force, reading, "fixed_point", iterations)
@@ -32,7 +38,7 @@ def first_guess(reading: Reading) -> np.ndarray:
     cells send no current from one sense line to another.
     """
     if reading.circuit.readout == "grounded":
-        return _closed_form(reading)
+        return _within_bounds(reading)
     populated, share = reading.circuit.populated, 1.0
     if reading.circuit.readout == "floating":
         share = (sum(reading.circuit.shape) - 1) / np.count_nonzero(populated)
@@ -40,7 +46,7 @@ def first_guess(reading: Reading) -> np.ndarray:
     return populated * np.clip(guess, *reading.bounds)
 
 
-def _closed_form(reading: Reading) -> np.ndarray:
+def _within_bounds(reading: Reading) -> np.ndarray:
     """Conductance [S] of the grounded readout; cells that would leave their bounds are held there.
 
     With v = adc (r_ref + r_par) / r_ref, a sense line's cells have g = v G / (1 - sum v), where G
@@ -59,6 +65,29 @@ def _closed_form(reading: Reading) -> np.ndarray:
         if not out.any():
             return g
         free, held = free & ~out, np.where(out, inside, held)
+
+
+def closed_form(reading: Reading) -> np.ndarray:
+    """Conductance [S] of the grounded readout, whose bounds all of a sense line share.
+
+    Hard loads leave nothing but noise of 1 - sum v, and cells beyond their end. With T for all that
+    leads to the line, from which n cells at g = v T are not at rest, the largest is then put on its
+    end, T = (n end + G) / (1 + sum (max v - v)), and all n readings miss alike.
+    """
+    (low, high), circuit, g = reading.bounds, reading.circuit, first_guess(reading)
+    axis = 0 if circuit.driven == "rows" else 1
+    beyond = (g >= high).any(axis, keepdims=True) & circuit.populated
+    if not beyond.any():
+        return g
+    divider = circuit.r_ref + circuit.r_par
+    free, v = g > low, reading.adc * (divider / circuit.r_ref)
+    ground = 1.0 / divider + (g * ~free).sum(axis, keepdims=True)
+    n, used = free.sum(axis, keepdims=True), v * free
+    left = 1.0 - used.sum(axis, keepdims=True)
+    end = n * high.min(axis, keepdims=True) + ground
+    leads = end / (left + n * used.max(axis, keepdims=True))
+    spread = v * leads + (left * leads - ground) / np.maximum(n, 1)
+    return np.where(beyond & free, np.minimum(np.maximum(spread, low), high), g)
 
 
 def last_guess(reading: Reading, start: Estimate) -> np.ndarray:
@@ -95,6 +124,17 @@ def is_level(reading: Reading, g: np.ndarray) -> bool:
     return bool(force.max() < _LEVEL * force.mean())
 
 
+def is_rough(circuit, g: np.ndarray) -> bool:
+    """Whether all cells are loaded, each independently of its neighbours, by conductance [S]."""
+    cells = circuit.populated
+    x = np.where(cells, np.log(np.where(cells, g, 1.0)), np.nan)
+    apart = [np.square(np.diff(x, axis=axis)).ravel() for axis in (0, 1)]
+    spread = np.nanvar(x)
+    return bool(
+        spread > _UNEVEN**2 and np.nanmean(np.concatenate(apart)) > _INDEPENDENT * 2.0 * spread
+    )
+
+
 def iterate(reading: Reading, g, steps: int, target: float) -> tuple[np.ndarray, int]:
     """`kernel.fixed_point` over the cells that were read, until the RMS misfit is `target` steps.
 
@@ -105,7 +145,7 @@ def iterate(reading: Reading, g, steps: int, target: float) -> tuple[np.ndarray,
         g (rows, cols) [S], within the curve's bounds, and the steps taken.
     """
     circuit = reading.circuit
-    if circuit.readout == "grounded":  # nothing to iterate: the first guess is the solution
+    if circuit.readout == "grounded":  # nothing to iterate: g is `closed_form`, or near it
         return g, 0
     cells = np.flatnonzero(circuit.populated & reading.known).astype(np.int32)  # others stay
     low, high = (np.log(bound.ravel()[cells]) for bound in reading.bounds)

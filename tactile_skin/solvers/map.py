@@ -18,10 +18,20 @@ from ..physics.conjugate_gradients import conjugate_gradients
 from ..physics.quadratic import inverse_diagonal, solve_in_box
 from . import prior as prior_terms
 from . import score, suspect
-from .aside import without_bad_contacts
 from .estimate import Estimate, spread
-from .fixed_point import BOUND, fill, first_guess, is_broad, is_level, iterate, last_guess
+from .fixed_point import (
+    BOUND,
+    fill,
+    first_guess,
+    is_broad,
+    is_level,
+    is_rough,
+    iterate,
+    last_guess,
+)
 from .reading import ROUNDING_NOISE, Linearised, Reading, noise_at_rest
+from .rivals.aside import without_bad_contacts
+from .rivals.other_readout import other_readout
 from .suspect import NormalEquations
 
 MAX_STEPS = 12  # of Gauss-Newton; bounds the time of readings that no circuit explains
@@ -38,11 +48,7 @@ _CG_STEPS = 100
 _UNCHANGED = 2.2  # standard deviations of chi^2 up to which a frame is that of the same load
 _NEAR_REST = 1.5  # times the conductance at rest: a starting cell below it starts at rest
 _WIDEN = 1.2  # what the measured coverage requires
-# A load on the whole skin is hard and uneven, as the level prior says, if the median rho is below a
-# share of `series_scale` (an r_par 10 % off then moves every cell), the spread of log g above that
-# of a flat load on a fabric's scatter, and the squared difference of neighbours over that of any
-# two cells nearer to 1 (random) than 0 (a palm).
-_HARD, _UNEVEN, _INDEPENDENT = 0.5, 0.25, 0.5
+_HARD = 0.5  # of `series_scale`, median rho of a hard load: an r_par 10 % off moves every cell
 # Noise that is measured in the frame (docs/derivation.md): fits that may be made, factor within
 # which two agree, standard deviations beyond which a reading is an outlier; the noise that boards
 # usually have [ADC steps], and for how many readings that counts.
@@ -81,10 +87,12 @@ def map_estimate(reading: Reading, start: Estimate | None = None, prior=None) ->
     if not reading.noise_given:
         reading = replace(reading, noise=estimate.noise)
     if estimate.status == "suspect" and not reading.late():
-        found = without_bad_contacts(reading, fit, estimate)
-        if found is not None:
-            return found
-    if warm and estimate.status != "ok":
+        estimate = without_bad_contacts(reading, fit, estimate) or estimate
+    if estimate.status == "ok" and prior is None:
+        message = other_readout(reading, estimate, start, _touch_cost)
+        if message:
+            return replace(estimate, status="suspect", message=message)
+    if estimate.aside is not None or (warm and estimate.status != "ok"):
         return estimate
     return score.find_r_par(reading, fit, estimate)
 
@@ -121,28 +129,12 @@ def _fit(
     at_rest = circuit.populated & (g < _NEAR_REST * low)
     broad = level and is_broad(circuit, at_rest) and is_level(reading, g)
     g = np.where(at_rest, low, g)
-    point = _Point.at(reading, g, broad, prior)
-    costs = [point.cost]
-    iterations, settled = 0, False
-    while iterations < MAX_STEPS:
-        iterations += 1
-        step = _gauss_newton(reading, point)
-        if not step.solved:
-            break
-        point = _descend(reading, point, step, broad, prior, max(costs[-_MEMORY:]))
-        costs.append(point.cost)
-        # The first guess lifts cells beside a hard touch, which the level prior lets go. Noise does
-        # the same to an even load, so it must be known.
-        at_rest = point.model.g < _NEAR_REST * low
-        if broad and reading.noise_given and not is_broad(circuit, at_rest):
-            found = _fit(reading, point.model.g, prior, warm, fits, level=False)
-            return replace(found, iterations=found.iterations + steps + iterations)
-        # What is left to gain is the error of the quadratic's prediction. A load on the whole skin
-        # is tested by its cost, and is therefore fitted to the end.
-        left = 2.0 * abs(costs[-2] - costs[-1] - step.gain)
-        settled = step.gain < _SETTLED or (warm and not broad and left < _SETTLED)
-        if settled or reading.late():
-            break
+    point, step, iterations, settled = _converge(
+        reading, _Point.at(reading, g, broad, prior), broad, prior, warm
+    )
+    if broad and _leaves_level(reading, point):
+        found = _fit(reading, point.model.g, prior, warm, fits, level=False)
+        return replace(found, iterations=found.iterations + steps + iterations)
     converged = step.solved and (settled or iterations == MAX_STEPS)
     if converged and not reading.late():
         again, g = reading, point.model.g
@@ -179,6 +171,45 @@ def _fit(
     return Estimate(
         force, std, residual, status, message, "map", steps + iterations, noise=reading.noise
     )
+
+
+def _converge(
+    reading: Reading, point: _Point, broad: bool, prior, warm: bool
+) -> tuple[_Point, _Step, int, bool]:
+    """Gauss-Newton from a point: the last point and step, their number, whether that is the end."""
+    costs = [point.cost]
+    iterations, settled = 0, False
+    while iterations < MAX_STEPS:
+        iterations += 1
+        step = _gauss_newton(reading, point)
+        if not step.solved:
+            break
+        point = _descend(reading, point, step, broad, prior, max(costs[-_MEMORY:]))
+        costs.append(point.cost)
+        # What is left to gain is the error of the quadratic's prediction. A load on the whole skin
+        # is tested by its cost, and is therefore fitted to the end.
+        left = 2.0 * abs(costs[-2] - costs[-1] - step.gain)
+        settled = step.gain < _SETTLED or (warm and not broad and left < _SETTLED)
+        if settled or reading.late() or (broad and _leaves_level(reading, point)):
+            break
+    return point, step, iterations, settled
+
+
+def _leaves_level(reading: Reading, point: _Point) -> bool:
+    """Whether a fit with the level prior finds a load that does not cover the skin.
+
+    The first guess lifts cells beside a hard touch, which that prior lets go. Noise does the same
+    to an even load, so it must be known.
+    """
+    at_rest = point.model.g < _NEAR_REST * reading.bounds[0]
+    return reading.noise_given and not is_broad(reading.circuit, at_rest)
+
+
+def _touch_cost(reading: Reading, g: np.ndarray) -> float:
+    """Least cost of touches from conductances g (rows, cols) [S] on, in units of 1/2 chi^2."""
+    low = reading.bounds[0]
+    g = np.where(g < _NEAR_REST * low, low, g) * reading.circuit.populated
+    return _converge(reading, _Point.at(reading, g, False, None), False, None, False)[0].cost
 
 
 def _with_noise_at_rest(reading: Reading, g: np.ndarray) -> Reading:
@@ -225,12 +256,7 @@ def _rough(reading: Reading, point: _Point) -> bool:
     rho = reading.rho_of(point.model.network)
     if np.median(rho[cells]) >= _HARD * score.series_scale(reading.circuit):
         return False
-    x = np.where(cells, np.log(np.where(cells, point.model.g, 1.0)), np.nan)
-    apart = [np.square(np.diff(x, axis=axis)).ravel() for axis in (0, 1)]
-    spread = np.nanvar(x)
-    return bool(
-        spread > _UNEVEN**2 and np.nanmean(np.concatenate(apart)) > _INDEPENDENT * 2.0 * spread
-    )
+    return is_rough(reading.circuit, point.model.g)
 
 
 class _Point(NamedTuple):

@@ -7,7 +7,7 @@ solution, no local optimum. The bounds make it solvable for noisy readings too, 
 maximum may lie at negative conductances.
 
 The other readouts have no such function: there the same steps solve rho(g) = rho_measured, and a
-step must bring the unknowns' own readings nearer. Grounded, the first guess is the solution.
+step must bring the unknowns' own readings nearer. A grounded matrix has a closed form.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from scipy.linalg import lapack
 from ..physics import laplacian, readouts
 from ..physics.conjugate_gradients import conjugate_gradients
 from .estimate import Estimate
-from .fixed_point import BOUND, first_guess, iterate, last_guess
+from .fixed_point import BOUND, closed_form, first_guess, iterate, last_guess
 from .reading import Reading
 from .suspect import estimate_from_force
 
@@ -41,18 +41,23 @@ def newton(reading: Reading, start: Estimate | None = None) -> Estimate:
     """Projected Newton from `start`, or from a few steps of the fixed point."""
     reading.need_all_cells("newton")
     if reading.circuit.readout == "grounded":  # in closed form
-        g, steps, iterations, done = first_guess(reading), 0, 0, True
+        g, steps, iterations, done = closed_form(reading), 0, 0, True
     elif start is None:
         g, steps = iterate(reading, first_guess(reading), START_STEPS, 1e-9)
     else:
         g, steps = iterate(reading, last_guess(reading, start), WARM_STEPS, 1e-9)
     if reading.circuit.readout != "grounded":
         g, iterations, done = maximise(reading, g)
-    with np.errstate(divide="ignore"):
-        force = reading.curve.force(1.0 / g) * reading.circuit.populated
-    slack = _SLACK if reading.noise else 1.0
+    cells = reading.circuit.populated
+    resistance = 1.0 / np.where(cells, g, reading.bounds[0])
     return estimate_from_force(
-        force, reading, "newton", steps + iterations, converged=done, slack=slack
+        reading.curve.force(resistance) * cells,
+        reading,
+        "newton",
+        steps + iterations,
+        converged=done,
+        slack=_SLACK if reading.noise else 1.0,
+        network=(resistance, g, readouts.solve(reading.circuit, g, derivatives=False)),
     )
 
 

@@ -396,14 +396,14 @@ def test_the_speed_picture_shows_every_method(drawn):
 
     data = speed.measure(2, 300, 1)["speed"]
     figure = speed.draw(data)
-    for axis, readout in zip(figure.axes, ("scan", "ideal"), strict=True):
+    for axis, (key, readout) in zip(figure.axes, speed._PANELS, strict=True):
         drawn = {
             (*np.round(line.get_xdata(), 9), *np.round(line.get_ydata(), 9))
             for line in axis.get_lines()
         }
         names = [text.get_text().split()[0] for text in axis.texts]
-        assert sorted(names) == sorted(METHODS)
-        for p in data["readouts"][readout]:
+        assert sorted(names) == sorted(METHODS if key == "readouts" else speed.WIRED)
+        for p in data[key][readout]:
             error = round(max(p["mean_g"], speed._FLOOR), 9)
             times = np.round([p["p50_ms"], p["p99_ms"]], 9)
             assert (times[0], error) in drawn  # its mark

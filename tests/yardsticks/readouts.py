@@ -112,30 +112,45 @@ def speed(n: int, seed: int) -> None:
         print(f"{family:7}", "  ".join(line), flush=True)
 
 
-def wrong(n: int, seed: int) -> None:
-    """Suspect frames, or failed ones, by what a board is and what it is taken for."""
-    print("is \\ taken for    " + "  ".join(f"{' '.join(k):16}" for k in KINDS))
+def light(n: int, shape, rng) -> np.ndarray:
+    """(n, rows, cols) force [N] of fingertips of 0.05 to 1 N."""
+    rows, cols = shape
+    return np.array(
+        [
+            scenes.finger(rows, cols, rng.uniform(1, rows - 2), rng.uniform(1, cols - 2), newtons)
+            for newtons in 10.0 ** rng.uniform(-1.3, 0.0, n)
+        ]
+    )
+
+
+def wrong(n: int, seed: int, shape=(16, 16)) -> None:
+    """Suspect frames, or failed ones, by what a board is and what it is taken for [%]."""
+    families = "bodies", "pictures", "blobs", "rects", "random", "light"
+    print(f"{'is':16} {'taken for':16} " + " ".join(f"{f:>8}" for f in families))
+    base = Circuit(*shape)
     for true in KINDS:
-        line = []
         for supposed in KINDS:
+            name = f"{' '.join(true):16} {' '.join(supposed):16}"
             rng = np.random.default_rng(seed)
-            rest = np.exp(REST_SCATTER * rng.standard_normal(CIRCUIT.shape))
+            rest = np.exp(REST_SCATTER * rng.standard_normal(shape))
             rest = CURVE.resting_at(CURVE.rest_resistance * rest)
-            board, taken = circuit_of(true), circuit_of(supposed)
-            at_rest = forward(board, rest.resistance(np.zeros(board.shape)))
+            board, taken = circuit_of(true, base), circuit_of(supposed, base)
+            at_rest = forward(board, rest.resistance(np.zeros(shape)))
             try:
                 curve = CURVE.resting_at(1.0 / resting_conductance(at_rest, taken, 0.1))
             except ValueError as error:
-                line.append(f"no rest: {error}"[:16])
+                print(f"{name} no rest: {error}"[:90])
                 continue
-            bad = total = 0
-            for family in FAMILIES:
-                _, adc = frames(family, "scan", n, rng, board, rest)
-                for frame in adc:
-                    bad += compensate(frame, taken, curve, "map", noise=SCAN_NOISE).status != "ok"
-                    total += 1
-            line.append(f"{100 * bad / total:5.1f} %")
-        print(f"{' '.join(true):16}  " + "  ".join(f"{word:16}" for word in line), flush=True)
+            line = []
+            for family in families:
+                if family == "light":
+                    ratio = forward(board, rest.resistance(light(n, shape, rng)))
+                    adc = scenes.read_out(board, ratio, "scan", rng)
+                else:
+                    _, adc = frames(family, "scan", n, rng, board, rest)
+                found = compensate(adc, taken, curve, "map", noise=SCAN_NOISE)
+                line.append(f"{100.0 * np.mean(found.status != 'ok'):8.1f}")
+            print(name, " ".join(line), flush=True)
 
 
 def recording(circuit: Circuit, seed: int, seconds=60.0) -> np.ndarray:
@@ -203,6 +218,7 @@ def main():
     parser.add_argument("what", choices=[*_WHAT])
     parser.add_argument("--n", type=int, default=20, help="frames of a family, or streams")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--side", type=int, default=16, help="cells a side, of wrong")
     args = parser.parse_args()
     _WHAT[args.what](args)
 
@@ -211,7 +227,7 @@ _WHAT = {
     "noise": lambda args: noise(),
     "accuracy": lambda args: accuracy(args.n, args.seed),
     "speed": lambda args: speed(args.n, args.seed),
-    "wrong": lambda args: wrong(args.n, args.seed),
+    "wrong": lambda args: wrong(args.n, args.seed, (args.side, args.side)),
     "named": lambda args: named(args.n, args.seed),
     "calibrate": lambda args: calibrate(args.n, args.seed),
 }

@@ -49,7 +49,8 @@ SHAPES = {
 }
 PUBLISHED = tuple(SHAPES)
 SHAPES |= {
-    f"8x8-{readout}-{driven}": Circuit(8, 8, readout=readout, driven=driven)
+    f"{n}x{n}-{readout}-{driven}": Circuit(n, n, readout=readout, driven=driven)
+    for n in (4, 8, 16)
     for readout in READOUTS[1:]
     for driven in DRIVEN
 }

@@ -1,0 +1,1 @@
+"""What explains a frame that skin and circuit do not, or explains it better."""

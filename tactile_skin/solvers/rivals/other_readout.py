@@ -1,0 +1,145 @@
+"""Does another readout than the circuit's explain a frame? (docs/derivation.md, "When to doubt")
+
+Where few cells are at rest, those of a wrong readout can meet the readings as those of the right
+one do, and the misfit tells nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+from scipy.special import fdtrc
+
+from ...physics.circuit import Circuit
+from ...physics.curve import PressureCurve
+from ...physics.readouts import DRIVEN, READOUTS
+from ..estimate import Estimate
+from ..fixed_point import first_guess, is_rough, iterate, last_guess
+from ..newton import fits_circuit, newton
+from ..reading import Reading, check_reading, rest_reading
+
+_SPAN = 1e3  # times the curve's rest, up and down, within which another readout's cells may rest
+_REST_ERROR = 0.05  # ADC steps by which these may miss the untouched skin's readings
+_LIFTED = 1.02  # times its conductance at rest from which on a cell counts as touched
+# Shares of the cells that are touched: from which on the misfit may tell nothing; up to which
+# another network may be compared by cost; from which on a floating matrix' light load may be the
+# hard one of a driven matrix.
+_ASK, _HALF, _COVERED = 0.2, 0.5, 0.75
+# By how much the fit of another must cost less, in units of 1/2 chi^2. Chosen on 8 x 8 cells, where
+# hard loads on valid boards leave 41 at most (seeds 41 and 51), scored on others.
+_BETTER = 45.0
+_NEARER = (
+    2.0  # times, to the curve's rest, at which cells must rest by a rival of a floating matrix
+)
+# Chance of independent cells that their lines differ so; share of their variance that is in no line
+# (of a round touch there is none).
+_CHANCE, _OWN = 1e-5, 0.5
+_STEPS, _FAR = 8, 20.0  # of the fixed point, and 1/2 chi^2 a cell that rule a readout out
+
+Cost = Callable[[Reading, np.ndarray], float]
+
+
+def other_readout(reading: Reading, estimate: Estimate, start: Estimate | None, cost: Cost) -> str:
+    """Why a frame that is explained is rather that of another readout; empty if it is not.
+
+    Args:
+        start: the last frame's estimate, None: there is none. A frame that is one of a touch for
+            which it was asked before is not asked again.
+        cost: least cost of touches near given conductances (rows, cols) [S], in units of 1/2 chi^2.
+    """
+    own, floating = reading.circuit, reading.circuit.readout == "floating"
+    g, share = _touched(reading, estimate)
+    least = _COVERED if floating else _ASK
+    known = start is not None and start.status == "ok" and _touched(reading, start)[1] >= least
+    if share < least or known or reading.late():
+        return ""
+    if not floating and _lines_differ(own, g):
+        return f"loads differ by lines, not by cells. Is circuit.driven = {own.driven} right?"
+    limit = None
+    for circuit, curve in _others(own, reading.curve):
+        if floating and _off(reading.curve) < _NEARER * _off(curve):
+            continue  # light loads alone are those of either
+        if not floating and circuit.readout != own.readout and share > _HALF:
+            continue  # of two networks the one that loads change less has them smoother
+        other = replace(reading, circuit=circuit, curve=curve).above_cut_off()
+        guess, _ = iterate(other, first_guess(other), _STEPS, other.fitted_noise)
+        chi2 = 0.5 * np.square(other.misfit(other.model(guess)) / other.spread).sum()
+        if chi2 > _FAR * guess.size:
+            continue
+        if floating:
+            # A hard load on a driven matrix reads like an even, light one on a floating matrix,
+            # and nothing but that reads like a load on a driven one.
+            found = fits_circuit(other)
+        else:
+            limit = cost(reading, g) - _BETTER if limit is None else limit
+            found = cost(other, guess) < limit
+        if found:
+            return (
+                f"the readings fit readout = {circuit.readout}, driven = {circuit.driven} better "
+                f"than {own.readout}{'' if floating else ', ' + own.driven}: docs/boards.md shows "
+                "how to tell"
+            )
+    return ""
+
+
+def _touched(reading: Reading, estimate: Estimate) -> tuple[np.ndarray, float]:
+    """(rows, cols) conductance [S] of an estimate, and the share of its cells that are touched."""
+    g = last_guess(reading, estimate)
+    touched = np.count_nonzero(g > _LIFTED * reading.bounds[0])
+    return g, touched / np.count_nonzero(reading.circuit.populated)
+
+
+def _off(curve: PressureCurve) -> float:
+    """Factor by which the usual cell's rest differs from the curve's, 1 or more."""
+    times = float(np.median(curve.rest_resistance)) / curve.points[0][1]
+    return max(times, 1.0 / times)
+
+
+def _lines_differ(circuit: Circuit, g: np.ndarray) -> bool:
+    """Whether rows, or columns, differ more than cells that are loaded independently can.
+
+    With rows and columns exchanged the loads of one seem to differ more than they do. An analysis
+    of variance of log g, of loads on the whole skin that vary from cell to cell.
+    """
+    if circuit.mask is not None or min(g.shape) < 3 or not is_rough(circuit, g):
+        return False
+    x = np.log(g)
+    means = [x.mean(axis, keepdims=True) - x.mean() for axis in (1, 0)]
+    left = x - x.mean() - means[0] - means[1]
+    if np.square(left).mean() < _OWN * x.var():
+        return False
+    rows, cols = g.shape
+    free = (rows - 1) * (cols - 1)
+    variance = np.square(left).sum() / free
+    ratios = [
+        np.square(m).sum() * n / (m.size - 1) / variance
+        for m, n in zip(means, (cols, rows), strict=True)
+    ]
+    return any(
+        fdtrc(m.size - 1, free, ratio) < _CHANCE for m, ratio in zip(means, ratios, strict=True)
+    )
+
+
+@lru_cache(maxsize=16)
+def _others(circuit: Circuit, curve: PressureCurve) -> list[tuple[Circuit, PressureCurve]]:
+    """Driven readouts with which a skin can read at rest what this one does, and its curve then.
+
+    No floating one: an even, light load on it explains whatever presses hard on a driven matrix.
+    """
+    found = []
+    rest, usual = rest_reading(circuit, curve), curve.points[0][1]
+    wide = PressureCurve((0.0, 1.0), (usual * _SPAN, usual / _SPAN))
+    for readout in READOUTS[1:]:
+        for driven in DRIVEN:
+            other = replace(circuit, readout=readout, driven=driven, r_line=0.0)
+            fit = newton(check_reading(rest, other, wide, noise=0.0))
+            if other == circuit or fit.residual > _REST_ERROR:
+                continue
+            try:
+                found.append((other, curve.resting_at(wide.resistance(fit.force))))
+            except ValueError:  # a cell would rest as one that is pressed
+                continue
+    return found
