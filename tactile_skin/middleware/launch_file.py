@@ -293,6 +293,8 @@ def _node(body: dict, fill, path: Path, read: _Read) -> NodeAction:
             value = item["value"]
             if isinstance(value, str):  # ROS 2 reads a value that comes from a substitution as YAML
                 text = fill(value, f"param {name}")
+                if not text:  # of an argument that was not given: what stands before it holds
+                    continue
                 try:
                     value = parse_yaml(text, f"{where}: param {name} = {shorten(text)}")
                 except FileError as error:

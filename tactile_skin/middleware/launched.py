@@ -30,16 +30,13 @@ def make_node(action: NodeAction, context: Context) -> Node:
 
 
 def given(action: NodeAction) -> dict:
-    """The arguments of a node that a launch file names: namespace, remappings, parameters.
-
-    A value that is empty, of an argument that was not given say, leaves what stood before it.
-    """
+    """The arguments of a node that a launch file names: namespace, remappings, parameters."""
     full_name = f"{action.namespace}/{action.name}"
     values: dict[str, Parameter] = {}
     for item in action.parameters:
         from_file = isinstance(item, ParameterFile)
         found = item.overrides(full_name) if from_file else [Parameter(*item)]
-        values |= {p.name: p for p in found if p.value is not None}
+        values |= {p.name: p for p in found}
     return {
         "namespace": action.namespace,
         "cli_args": remaps(action.remappings),
