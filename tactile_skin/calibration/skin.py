@@ -52,6 +52,7 @@ class Skin:
         curve: PressureCurve,
         creep: Creep,
         *,
+        r_par_std: float | None,
         follows: bool,
         noise: float | None,
         threshold: float,
@@ -63,6 +64,7 @@ class Skin:
         adc: the board's converter, with its circuit.
         curve: of the fabric.
         creep: what a standing load gains, which is taken out of what is published.
+        r_par_std: how well its r_par is known [ohm]; None: as well as a data sheet says it.
         follows: whether to measure what the cells read at rest.
         noise: RMS of a reading [ADC steps]; None: measured.
         threshold: ADC ratio up to which the board sends 0 or no reading.
@@ -75,7 +77,10 @@ class Skin:
         self._weights, self._warn = weights, warn
         self._given = {"threshold": threshold, "time_limit": time_limit, "noise": noise}
         self._standing = Standing(creep, curve) if creep.share else None
-        self._tare, self._tracker = Tare(self.circuit, curve), CircuitTracker(self.circuit)
+        self._tare, self._tracker = (
+            Tare(self.circuit, curve),
+            CircuitTracker(self.circuit, r_par_std),
+        )
         self._noise = Noise(self.circuit.populated)
         self._watch, self._doctor = Watch(adc, rest_known=not follows), RunningDoctor()
         self._last: Estimate | None = None  # the last frame: where the next starts from

@@ -23,8 +23,8 @@ _PATIENCE, _STOPPED = 2.0, 0.15
 _KNOWN = 0.06  # of `series_scale`: standard deviation from which on r_par is known
 # Standard deviations by which the configuration must be wrong; and what was learnt since.
 _SURE, _REFINED = 5.0, 2.0
-# The same, from which on it is said: of 330 touches of sound boards (8 x 8 to 16 x 16, seed 33301)
-# each by itself was off by 2.2 at most.
+# The same, from which on it is said: single touches of sound boards (8 x 8 to 16 x 16, seed 33301)
+# were off by 2.2 at most.
 _LIKELY = 3.0
 _RELEVANT = 0.02, 1.5  # of `series_scale`, and ohm of r_line: less changes no picture
 _EXPLAINED = 3.0  # chi^2 a reading, in the median frame, beyond which there is another fault
@@ -61,8 +61,14 @@ class CircuitTracker:
         impossible: whether no board is like that.
     """
 
-    def __init__(self, circuit: Circuit):
+    def __init__(self, circuit: Circuit, r_par_std: float | None = None):
+        """Args:
+        circuit: as it is configured.
+        r_par_std: how well its r_par is known [ohm]; None: as well as a data sheet says it.
+        """
         self.circuit, self._configured = circuit, circuit
+        by_data_sheet = float(prior_of(circuit)[0, 0] ** -0.5)
+        self._known_to = by_data_sheet if r_par_std is None else r_par_std
         self.std = np.full(2, np.inf)
         self.message, self.hint, self.impossible = "", "", False
         self._off = np.zeros(2)  # of r_par and r_line, beside the configured [ohm]: the best guess
@@ -105,8 +111,8 @@ class CircuitTracker:
     @property
     def unknown(self) -> float:
         """By how much r_par may exceed that of `circuit` [ohm]: the best guess, which need not be
-        sure enough to be used, and one standard deviation, the prior's at most."""
-        std = min(self.std[0], prior_of(self._configured)[0, 0] ** -0.5)
+        sure enough to be used, and one standard deviation."""
+        std = min(self.std[0], self._known_to)
         return float(max(self._off[0] - self._adopted[0], 0.0) + std)
 
     def values(self) -> dict[str, str]:

@@ -235,6 +235,8 @@ def write(path: Path, source: Path | None, guide: Guide, skin: SkinConfig) -> No
         circuit.setdefault(name, said[name])
     if guide.found:
         circuit["r_par"] = round(guide.circuit.r_par, 1)
+        if guide.found.told["r_par"]:
+            circuit["r_par_std"] = float(f"{guide.found.std['r_par']:.2g}")
         circuit["r_line"] = round(float(np.mean(guide.circuit.r_line)), 1)
     notes = [
         f"made by tactile-skin calibrate {__version__}, {datetime.datetime.now():%Y-%m-%d %H:%M}"

@@ -118,6 +118,12 @@ def circuit_of(node: Node) -> Circuit:
     return Circuit(rows, cols, r_ref, r_par, adc_bits, mask_of(mask), r_line, readout, driven)
 
 
+def r_par_std_of(node: Node) -> float | None:
+    """How well the circuit's r_par is known [ohm]; None: nobody has measured it."""
+    text = "standard deviation of r_par [ohm]; 0: nobody has measured it"
+    return node.declare_parameter("circuit.r_par_std", 0.0, describe(text, 0.0, 1e6)).value or None
+
+
 def adc_of(node: Node, circuit: Circuit) -> Adc:
     """How its board's ADC reads it, from the node's parameters ``circuit.*`` of the ADC."""
 

@@ -7,7 +7,15 @@ import re
 from ..calibration.skin import Skin
 from ..learning import network
 from ..middleware.bus import DurabilityPolicy, QoSProfile, Time
-from ..middleware.config import adc_of, circuit_of, creep_of, curve_of, describe, geometry_of
+from ..middleware.config import (
+    adc_of,
+    circuit_of,
+    creep_of,
+    curve_of,
+    describe,
+    geometry_of,
+    r_par_std_of,
+)
 from ..msg import Header, Image, TimeReference, Trigger, image, image_array
 from ..solvers import METHODS
 from . import QUEUE, diagnostics
@@ -82,6 +90,7 @@ class Compensation:
             adc,
             curve,
             creep,
+            r_par_std=r_par_std_of(node),
             follows=follows,
             noise=adc.share(noise) * circuit.full_scale or None,
             threshold=adc.threshold(threshold),

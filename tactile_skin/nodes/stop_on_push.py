@@ -106,7 +106,7 @@ class StopOnPush:
         self._to_skin = diagnostics.Reporter(node, (diagnostics.TOPIC,))
         self._to_all = diagnostics.Reporter(node, (diagnostics.ALL,))
         self._header = Header()
-        self._force = 0.0
+        self._force = self._most = 0.0
         self._said: Decision | None = None
         self._closed = threading.Lock()  # never released once the final stop is published
         node.on_set_parameters(self.on_parameters)
@@ -141,9 +141,10 @@ class StopOnPush:
         # a negative force must not hide behind the others' sum
         self._force = lowest if lowest < 0.0 else float(force.sum())
         more = self._at_most(largest)
+        self._most = more * self._force
         stamp = Time.from_msg(msg.header.stamp).nanoseconds / 1e9
         self._watch_clock()  # with readings that come often the timer is never due
-        reading = self.policy.reading(self._now(), more * self._force, more * largest, stamp)
+        reading = self.policy.reading(self._now(), self._most, more * largest, stamp)
         self._publish(reading)
         self._heartbeat.reset()
 
@@ -216,6 +217,7 @@ class StopOnPush:
         interval = self.policy.interval
         values = {
             "force": f"{self._force:.2f}",
+            "counts_as": f"{self._most:.2f}",
             "push": str(self.policy.pushed).lower(),
             "good_for": f"{self.policy.stale_after:g}",
             "interval": "unknown" if interval is None else f"{interval:.4f}",

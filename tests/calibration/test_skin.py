@@ -20,7 +20,13 @@ class Board:
     def __init__(self, method="auto", **given):
         self.rng, self.t, self.warnings = np.random.default_rng(40), 0.0, []
         self.rest = np.exp(0.03 * self.rng.standard_normal(CIRCUIT.shape))
-        given = {"follows": True, "noise": None, "threshold": 0.0, "time_limit": 60.0} | given
+        given = {
+            "r_par_std": None,
+            "follows": True,
+            "noise": None,
+            "threshold": 0.0,
+            "time_limit": 60.0,
+        } | given
         self.skin = Skin(
             Adc(CIRCUIT), CURVE, Creep(), weights=None, warn=self.warnings.append, **given
         )

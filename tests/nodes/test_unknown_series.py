@@ -5,7 +5,13 @@ import pytest
 
 from tactile_skin import Circuit
 from tactile_skin.calibration.tracker import CircuitTracker
-from tactile_skin.middleware.bus import Context, ManualClock, Node, SingleThreadedExecutor
+from tactile_skin.middleware.bus import (
+    Context,
+    ManualClock,
+    Node,
+    Parameter,
+    SingleThreadedExecutor,
+)
 from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Header, KeyValue, PointCloud2, cloud
 from tactile_skin.nodes import diagnostics
 from tactile_skin.nodes.compensation import Compensation
@@ -56,6 +62,12 @@ def test_compensation_says_how_much_of_r_par_may_be_missing():
     assert node.skin.unknown_series == pytest.approx(0.2 * node.skin.circuit.r_par)
     node.skin._tracker.std = np.array([7.0, 1.0])
     assert node.skin.unknown_series == 7.0
+
+
+def test_who_has_measured_r_par_says_how_well():
+    overrides = [Parameter("circuit.r_par_std", 2.5)]
+    node = Node("compensation", context=Context(ManualClock(10.0)), parameter_overrides=overrides)
+    assert Compensation(node).skin.unknown_series == 2.5
 
 
 @pytest.mark.parametrize(("guess", "used", "unknown"), [(30, 0, 37), (-30, 0, 7), (30, 30, 7)])
