@@ -42,10 +42,12 @@ class SkinConfig(_Skin):
     Attributes:
         adc: from the board's counts to the ratio that the solvers take: `adc.ratio(counts)`.
         creep: what a standing load gains.
+        r_par_std: how well the circuit's r_par is known [ohm]; None: nobody has measured it.
     """
 
     adc: Adc
     creep: Creep
+    r_par_std: float | None
 
 
 def read_skin(path=None, node: str = "compensation") -> SkinConfig:
@@ -78,6 +80,7 @@ def skin_of(values: dict, where: str) -> SkinConfig:
         curve = curve_of(reader, circuit)
         skin = SkinConfig(circuit, curve, geometry_of(reader, circuit))
         skin.adc, skin.creep = adc_of(reader, circuit), creep_of(reader)
+        skin.r_par_std = r_par_std_of(reader)
     except ValueError as error:
         raise type(error)(f"{where}: {error}") from error
     unknown = [name for name in reader.undeclared() if name.split(".")[0] in SHARED]
