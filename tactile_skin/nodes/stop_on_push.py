@@ -138,11 +138,9 @@ class StopOnPush:
     def on_contacts(self, msg: PointCloud2) -> None:
         self._header = msg.header
         columns = cloud_columns(msg, "force", "peak")
-        force, largest = columns["force"], float(columns["peak"].max(initial=0.0))
-        lowest = float(force.min(initial=0.0))
-        # a negative force must not hide behind the others' sum
-        self._force = lowest if lowest < 0.0 else float(force.sum())
-        more = self._at_most(largest)
+        self._force = _unless_negative(columns["force"], np.sum)
+        largest = _unless_negative(columns["peak"], np.max)
+        more = self._at_most(largest) if self._force > 0.0 else 1.0
         self._most = more * self._force
         stamp = Time.from_msg(msg.header.stamp).nanoseconds / 1e9
         self._watch_clock()  # with readings that come often the timer is never due
@@ -178,7 +176,7 @@ class StopOnPush:
             self._publish(decision)
 
     def _learn(self, source: str, values: dict[str, str]) -> None:
-        with contextlib.suppress(KeyError, ValueError):  # of a stage that says nothing of it
+        with contextlib.suppress(KeyError, ValueError, TypeError):  # of a stage that says nothing
             ohm = float(values[diagnostics.UNKNOWN_SERIES])
             if 0.0 <= ohm < math.inf:
                 self._unknown[source] = ohm
@@ -237,3 +235,9 @@ class StopOnPush:
         self._closed.acquire()
         self.policy.fault(diagnostics.name_of(self.node), "the skin shuts down")
         self._say(self.policy.decide(self._now()))
+
+
+def _unless_negative(newtons: np.ndarray, together) -> float:
+    """The contacts' forces together; the lowest if that is negative: others must not hide it."""
+    lowest = float(newtons.min(initial=0.0))
+    return lowest if lowest < 0.0 else float(together(newtons, initial=0.0))

@@ -69,6 +69,23 @@ def test_cells_that_feel_more_or_less_hide_as_much_of_what_they_feel(gain):
     assert decided(25.0, 0.5 * gain, 65.0, gain) == ""
 
 
+@pytest.mark.parametrize(("force", "peak"), [(-2.0, 4.0), (5.0, -3.0)])
+def test_a_negative_force_is_named_as_it_came(force, peak):
+    found = f"fault: reading: invalid force: {force} N in all, {peak} N on one cell"
+    assert found in decided(force, peak, 65.0)
+
+
+def test_a_value_that_is_no_text_hides_no_error_behind_it():
+    context = Context(ManualClock(10.0))
+    stop = StopOnPush(Node("stop_on_push", context=context))
+    odd = DiagnosticStatus(
+        DiagnosticStatus.OK, "one", "", "", [KeyValue(diagnostics.UNKNOWN_SERIES, None)]
+    )
+    error = DiagnosticStatus(DiagnosticStatus.ERROR, "other", "broken", "", [])
+    stop.on_diagnostics(DiagnosticArray(Header(), [odd, error]))
+    assert "fault: other: broken" in stop.policy.decide(10.0).reason
+
+
 @pytest.mark.parametrize("wrong", [float("nan"), float("inf"), -1.0])
 def test_a_value_that_is_none_changes_nothing(wrong):
     assert decided(25.0, 4.0, wrong) == ""
