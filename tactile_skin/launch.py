@@ -117,8 +117,9 @@ class Skin:
         # What is there now stays. Where a program keeps what it hears, the collector would look at
         # all of it as well, and stop every thread for 25 to 66 ms: several frames' time.
         gc.collect()
+        if not gc.get_freeze_count():  # else another skin's, or the program's own
+            self._settings.callback(gc.unfreeze)
         gc.freeze()
-        self._settings.callback(gc.unfreeze)
         for handle in (*self._handles, self.node):
             diagnostics.ensure_reported(handle)
         for handles in (*by_thread(self._plan.nodes, self._handles), [self.node]):

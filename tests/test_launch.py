@@ -586,6 +586,9 @@ def test_the_garbage_collector_does_not_look_at_what_stays(write):
     with launch(write(NODE % "")):
         assert gc.get_freeze_count() > 0.9 * before
         assert len(gc.get_objects()) < 0.1 * before
+        with launch(write(NODE % ", name: second")):
+            pass
+        assert gc.get_freeze_count() > 0.9 * before, "one that ends leaves the other's"
     assert gc.get_freeze_count() == 0
 
 

@@ -129,7 +129,7 @@ class StopPolicy:
             self._newest, self._above_since, self._held_until = -math.inf, None, None
             self._lates = self._olds = 0
             self._pace.forget()
-        if not (math.isfinite(force) and math.isfinite(peak) and force >= 0.0):
+        if not (0.0 <= force < math.inf and 0.0 <= peak < math.inf):
             self.fault("reading", f"invalid force: {force} N in all, {peak} N on one cell")
             return self.decide(t)
         self.fault("reading", "")

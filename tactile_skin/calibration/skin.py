@@ -120,6 +120,11 @@ class Skin:
             (rows, cols) force [N]; None: no picture was found.
         """
         self.fitted = True
+        shape = self.circuit.shape
+        if samples.shape != shape:
+            return self.refuse(f"reading has shape {samples.shape}: the circuit is {shape}")
+        if samples.dtype.kind != "u":
+            return self.refuse(f"reading is of {samples.dtype}: must be uint16")
         try:
             adc = self._adc.ratio_of(samples)
             self.fitted = not (late and self._hurries(adc))

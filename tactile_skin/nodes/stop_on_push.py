@@ -98,7 +98,9 @@ class StopOnPush:
             )
         )
         self._curve = curve_of(node, circuit_of(node))
-        self._unknown = 0.0  # ohm that may lie in series besides
+        gain = self._curve.gain
+        self._gain = 1.0 if gain is None else float(np.median(gain))  # a contact names no cell
+        self._unknown: dict[str, float] = {}  # ohm that may lie in series besides, by who says so
         self._largest = _END * self._curve.max_force
         self._check(self.policy.config)
         self._stop = node.create_publisher(Bool, "skin/stop", LATCHED)
@@ -136,11 +138,9 @@ class StopOnPush:
     def on_contacts(self, msg: PointCloud2) -> None:
         self._header = msg.header
         columns = cloud_columns(msg, "force", "peak")
-        force, largest = columns["force"], float(columns["peak"].max(initial=0.0))
-        lowest = float(force.min(initial=0.0))
-        # a negative force must not hide behind the others' sum
-        self._force = lowest if lowest < 0.0 else float(force.sum())
-        more = self._at_most(largest)
+        self._force = _unless_negative(columns["force"], np.sum)
+        largest = _unless_negative(columns["peak"], np.max)
+        more = self._at_most(largest) if self._force > 0.0 else 1.0
         self._most = more * self._force
         stamp = Time.from_msg(msg.header.stamp).nanoseconds / 1e9
         self._watch_clock()  # with readings that come often the timer is never due
@@ -154,10 +154,11 @@ class StopOnPush:
         A series resistance that is not known hides as much of the cells' own; the hardest conducts
         most, and hides most.
         """
-        curve = self._curve
-        if not 0.0 < peak < math.inf or not self._unknown:
+        curve, unknown = self._curve, max(self._unknown.values(), default=0.0)
+        peak /= self._gain
+        if not 0.0 < peak < math.inf or not unknown:
             return 1.0
-        behind = np.maximum(curve.resistance(peak) - self._unknown, curve.least_resistance)
+        behind = np.maximum(curve.resistance(peak) - unknown, curve.least_resistance)
         return max(float(curve.force(behind)) / peak, 1.0)
 
     def on_diagnostics(self, msg: DiagnosticArray) -> None:
@@ -169,15 +170,16 @@ class StopOnPush:
                 waiting = values.get(diagnostics.WAITING) == "true"
                 message = (status.message or "error") if bad else ""
                 self.policy.fault(status.name, message, waiting)
-                self._learn(values)
+                self._learn(status.name, values)
         decision = self.policy.decide(self._now())
         if decision != self._said:  # a fault need not wait for the timer
             self._publish(decision)
 
-    def _learn(self, values: dict[str, str]) -> None:
-        with contextlib.suppress(KeyError, ValueError):  # of a stage that says nothing of it
+    def _learn(self, source: str, values: dict[str, str]) -> None:
+        with contextlib.suppress(KeyError, ValueError, TypeError):  # of a stage that says nothing
             ohm = float(values[diagnostics.UNKNOWN_SERIES])
-            self._unknown = ohm if 0.0 <= ohm < math.inf else self._unknown
+            if 0.0 <= ohm < math.inf:
+                self._unknown[source] = ohm
 
     def on_reset(self, _, response):
         causes = self.policy.reset(self._now())
@@ -233,3 +235,9 @@ class StopOnPush:
         self._closed.acquire()
         self.policy.fault(diagnostics.name_of(self.node), "the skin shuts down")
         self._say(self.policy.decide(self._now()))
+
+
+def _unless_negative(newtons: np.ndarray, together) -> float:
+    """The contacts' forces together; the lowest if that is negative: others must not hide it."""
+    lowest = float(newtons.min(initial=0.0))
+    return lowest if lowest < 0.0 else float(together(newtons, initial=0.0))

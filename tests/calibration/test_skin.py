@@ -66,12 +66,21 @@ def test_a_late_frame_is_taken_by_the_fast_method_if_the_user_asked_for_none():
         assert board.skin.taken["fixed_point"] == fast
 
 
-def test_a_frame_of_which_nothing_can_be_made_fails_and_the_next_does_not():
+@pytest.mark.parametrize("late", [False, True])
+@pytest.mark.parametrize("shape", [(4, 4), (8, 9), (64,), (0, 8), (1, 8, 8)])
+def test_a_frame_of_which_nothing_can_be_made_fails_and_the_next_does_not(shape, late):
     board = Board()
-    assert board.skin.frame(0.0, np.full((4, 4), 640, np.uint16)) is None
-    assert board.skin.status == "failed" and "(4, 4)" in board.skin.reasons()
+    assert board.skin.frame(0.0, np.full(shape, 640, np.uint16), late=late) is None
+    assert board.skin.status == "failed" and f"shape {shape}" in board.skin.reasons()
     assert board.feel(PUSH) is not None
     assert board.skin.status == "ok"
+
+
+@pytest.mark.parametrize("reading", [np.nan, -1.0, 640.0])
+def test_a_frame_of_floats_is_refused(reading):
+    board = Board()
+    assert board.skin.frame(0.0, np.full(CIRCUIT.shape, reading, np.float32)) is None
+    assert board.skin.reasons() == "reading is of float32: must be uint16"
 
 
 def test_an_open_row_is_a_fault_until_a_reset_finds_it_gone():

@@ -113,6 +113,16 @@ def test_an_r_par_that_changes_at_once_is_a_warning(share):
     assert not skin.run(adc, 60.0).message, "by then it is followed"
 
 
+def test_a_clock_that_is_set_back_does_not_prolong_a_warning():
+    skin = Skin((8, 8))
+    skin.t = 1000.0
+    adc = skin.of(r_par=0.8 * skin.circuit.r_par)
+    skin.run(skin.rest, 1.0)
+    assert skin.run(adc).message
+    skin.known, skin.t = adc, 0.0
+    assert not skin.run(adc, 90.0).message
+
+
 @pytest.mark.parametrize("readout", READOUTS)
 @pytest.mark.parametrize("shape", SHAPES)
 def test_a_supply_that_falls_stops(shape, readout):

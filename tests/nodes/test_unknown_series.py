@@ -18,11 +18,17 @@ from tactile_skin.nodes.compensation import Compensation
 from tactile_skin.nodes.stop_on_push import StopOnPush
 
 
-def decided(force, peak, unknown=None):
-    """What the stop says of one contact [N] when compensation does not know so much of r_par."""
+def decided(force, peak, unknown=None, gain=1.0):
+    """What the stop says of one contact [N] when compensation does not know so much of r_par.
+
+    Args:
+        unknown: of one, or of several nodes.
+    """
     clock = ManualClock(10.0)
     context, executor = Context(clock), SingleThreadedExecutor()
-    node, other = Node("stop_on_push", context=context), Node("other", context=context)
+    overrides = [Parameter("curve.gain", [gain]), Parameter("peak", 9.0 * gain)]
+    node = Node("stop_on_push", context=context, parameter_overrides=overrides)
+    other = Node("other", context=context)
     stop = StopOnPush(node)
     contacts = other.create_publisher(PointCloud2, "skin/contacts", 10)
     reports = other.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
@@ -30,9 +36,9 @@ def decided(force, peak, unknown=None):
     for _ in range(30):
         clock.advance(0.01)
         header = Header(clock.now().to_msg(), "base_link")
-        if unknown is not None:
-            values = [KeyValue(diagnostics.UNKNOWN_SERIES, f"{unknown:.1f}")]
-            status = DiagnosticStatus(DiagnosticStatus.OK, "compensation", "ok", "", values)
+        for k, ohm in enumerate(() if unknown is None else np.atleast_1d(unknown)):
+            values = [KeyValue(diagnostics.UNKNOWN_SERIES, f"{ohm:.1f}")]
+            status = DiagnosticStatus(DiagnosticStatus.OK, f"compensation_{k}", "ok", "", values)
             reports.publish(DiagnosticArray(header, [status]))
         columns = {"x": [0.0], "y": [0.0], "z": [0.0], "force": [force], "peak": [peak]}
         contacts.publish(cloud(columns, header))
@@ -50,6 +56,34 @@ def test_a_hard_touch_counts_with_what_it_may_have(force, peak):
 @pytest.mark.parametrize(("force", "peak"), [(25.0, 0.5), (12.0, 3.0), (5.0, 5.0)])
 def test_a_soft_or_light_one_does_not_stop(force, peak):
     assert decided(force, peak, 65.0) == ""
+
+
+def test_of_several_compensations_the_one_that_knows_least_counts():
+    assert decided(25.0, 4.0, (65.0, 5.0)) == decided(25.0, 4.0, (5.0, 65.0)) == "push"
+
+
+@pytest.mark.parametrize("gain", [0.5, 2.0])
+def test_cells_that_feel_more_or_less_hide_as_much_of_what_they_feel(gain):
+    """Half the gain, half the force at the same resistance: as far off, in proportion."""
+    assert decided(25.0, 4.0 * gain, 65.0, gain) == "push"
+    assert decided(25.0, 0.5 * gain, 65.0, gain) == ""
+
+
+@pytest.mark.parametrize(("force", "peak"), [(-2.0, 4.0), (5.0, -3.0)])
+def test_a_negative_force_is_named_as_it_came(force, peak):
+    found = f"fault: reading: invalid force: {force} N in all, {peak} N on one cell"
+    assert found in decided(force, peak, 65.0)
+
+
+def test_a_value_that_is_no_text_hides_no_error_behind_it():
+    context = Context(ManualClock(10.0))
+    stop = StopOnPush(Node("stop_on_push", context=context))
+    odd = DiagnosticStatus(
+        DiagnosticStatus.OK, "one", "", "", [KeyValue(diagnostics.UNKNOWN_SERIES, None)]
+    )
+    error = DiagnosticStatus(DiagnosticStatus.ERROR, "other", "broken", "", [])
+    stop.on_diagnostics(DiagnosticArray(Header(), [odd, error]))
+    assert "fault: other: broken" in stop.policy.decide(10.0).reason
 
 
 @pytest.mark.parametrize("wrong", [float("nan"), float("inf"), -1.0])

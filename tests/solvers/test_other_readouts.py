@@ -189,6 +189,18 @@ def test_another_readout_is_suspect_where_hardly_a_cell_rests(true, supposed, fa
     assert following.status != "ok"  # in a stream, too
 
 
+@pytest.mark.parametrize("kind", [("floating", "rows"), *KINDS[:2]], ids="-".join)
+@pytest.mark.parametrize("shape", [(8, 12), (12, 8), (8, 16), (5, 7)])
+@pytest.mark.parametrize("spread", [0.05, 0.3, 0.6])
+def test_a_load_on_all_of_an_oblong_skin_is_no_other_readouts(kind, shape, spread):
+    """Of which the lines that are driven are more, or fewer, than those that are read."""
+    rng, circuit = np.random.default_rng(15), skin(kind, *shape)
+    for level in (0.3, 1.0, 3.0, 6.0):  # N a cell
+        force = level * np.exp(spread * rng.standard_normal(shape))
+        adc = scenes.read_out(circuit, forward(circuit, CURVE.resistance(force)), "scan", rng)
+        assert "driven" not in compensate(adc, circuit, CURVE, "map", noise=SCAN_NOISE).message
+
+
 @pytest.mark.parametrize("kind", [("floating", "rows"), *KINDS], ids="-".join)
 @pytest.mark.parametrize("shape", [(4, 4), (8, 8), (16, 16)])
 def test_the_right_readout_is_believed(kind, shape):

@@ -105,7 +105,7 @@ class Untouched:
         elapsed = min(max(t - self._looked, 0.0), _UNSEEN)
         limit = _AT_ONCE + _A_SECOND * (elapsed if self._rest is None else 0.0)
         limit += 4.0 * noise / (np.median(rest[known]) * np.count_nonzero(known) ** 0.5)
-        self._looked = t
+        self._looked, self._told_at = t, min(self._told_at, t)  # the clock may be set back
         change, even = self._common(now, rest, noise, known, limit)
         if line:
             self._rest, self._line, self._told_at, self.fault = rest, line, t, True

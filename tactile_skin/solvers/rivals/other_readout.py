@@ -28,8 +28,8 @@ _LIFTED = 1.02  # times its conductance at rest from which on a cell counts as t
 # another network may be compared by cost; from which on a floating matrix' light load may be the
 # hard one of a driven matrix.
 _ASK, _HALF, _COVERED = 0.2, 0.5, 0.75
-# By how much the fit of another must cost less, in units of 1/2 chi^2. Chosen on 8 x 8 cells, where
-# hard loads on valid boards leave 41 at most (seeds 41 and 51), scored on others.
+# By how much the fit of another must be likelier, in units of 1/2 chi^2. Scored on hard loads on
+# valid boards and on wrong readouts (tests/yardsticks/readouts.py, wrong).
 _BETTER = 45.0
 _NEARER = (
     2.0  # times, to the curve's rest, at which cells must rest by a rival of a floating matrix
@@ -74,8 +74,9 @@ def other_readout(reading: Reading, estimate: Estimate, start: Estimate | None, 
             # and nothing but that reads like a load on a driven one.
             found = fits_circuit(other)
         else:
-            limit = cost(reading, g) - _BETTER if limit is None else limit
-            found = cost(other, guess) < limit
+            if limit is None:
+                limit = cost(reading, g) + _width(reading, g) - _BETTER
+            found = cost(other, guess) + _width(other, guess) < limit
         if found:
             return (
                 f"the readings fit readout = {circuit.readout}, driven = {circuit.driven} better "
@@ -90,6 +91,20 @@ def _touched(reading: Reading, estimate: Estimate) -> tuple[np.ndarray, float]:
     g = last_guess(reading, estimate)
     touched = np.count_nonzero(g > _LIFTED * reading.bounds[0])
     return g, touched / np.count_nonzero(reading.circuit.populated)
+
+
+def _width(reading: Reading, g: np.ndarray) -> float:
+    """Log of how much the readings narrow the loads down, in units of 1/2 chi^2 (Laplace).
+
+    A readout whose readings change more with the loads explains a frame by loads that differ less,
+    whichever readout is right: the cost alone would always prefer it.
+    """
+    cells = np.flatnonzero(reading.circuit.populated).astype(np.int32)
+    jacobian = reading.linearised(g, reading.spread).jacobian(cells, cells).astype(float)
+    jacobian *= g.ravel()[cells]
+    precision = jacobian.T @ jacobian
+    precision.flat[:: cells.size + 1] += 1.0  # what is known of a cell that no reading tells
+    return 0.5 * float(np.linalg.slogdet(precision)[1])
 
 
 def _off(curve: PressureCurve) -> float:
