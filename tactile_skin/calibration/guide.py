@@ -225,8 +225,8 @@ class Guide:
                 continue
             if (moved := self._moved(stood)) > _MOVED:
                 self._say(
-                    f"  {word.strip()} is not used: the readings changed by {moved:.0%} while it was "
-                    f"measured, {_MOVED:.0%} at most is a load that stands for {OBJECT:g} s"
+                    f"  {word.strip()} is not used: the readings changed by {moved:.0%} while "
+                    f"it was measured, {_MOVED:.0%} at most is a load that stands for {OBJECT:g} s"
                 )
                 continue
             frames.append(frame)
