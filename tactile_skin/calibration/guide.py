@@ -36,6 +36,7 @@ OBJECTS, LEAST_OBJECTS = 10, 3  # that are asked for; with fewer there is no cur
 ENOUGH = 0.05  # error of a total, left out in turn, at which the objects suffice
 _USELESS = 0.5  # the same, from which on the shipped curve is as good
 _TOUCHED = 8.0  # times the noise by which a reading rises where something touches
+_MOVED = 0.25  # share of its readings by which a load that stands may change
 _GLANCE = 0.3  # s that a touch must stand
 _PATIENCE = 20.0  # s without a new touch after which what is there must do
 _WEIGHT = re.compile(r"\s*([0-9]*[.,]?[0-9]+)\s*(g|kg|N)\s*$")
@@ -182,6 +183,14 @@ class Guide:
     def _touched(self, frame: np.ndarray) -> bool:
         return bool(np.nanmax(frame - self.rest.adc) > _TOUCHED * self._noise)
 
+    def _moved(self, frames: np.ndarray) -> float:
+        """Share of a load's readings by which its first and its last frames differ, noise aside."""
+        third = max(1, len(frames) // 3)
+        change = np.abs(_mean(frames[-third:]) - _mean(frames[:third]))
+        load = np.abs(_mean(frames) - self.rest.adc)
+        seen = np.maximum(change - 4.0 * self._noise, 0.0)
+        return float(np.nansum(seen) / np.nansum(load))
+
     @property
     def _noise(self) -> float:
         """Of a reading, as ADC ratio."""
@@ -209,9 +218,16 @@ class Guide:
             if weight is None:
                 self._say(f"  {word.strip()!r} is no weight and unit: write 500 g, 1.2 kg or 5 N")
                 continue
-            frame = _mean(self.rest.quiet(self._frames(OBJECT)))
+            stood = self.rest.quiet(self._frames(OBJECT))
+            frame = _mean(stood)
             if not self._touched(frame):
                 self._say("  nothing lies on the skin: the readings are those of rest")
+                continue
+            if (moved := self._moved(stood)) > _MOVED:
+                self._say(
+                    f"  {word.strip()} is not used: the readings changed by {moved:.0%} while "
+                    f"it was measured, {_MOVED:.0%} at most is a load that stands for {OBJECT:g} s"
+                )
                 continue
             frames.append(frame)
             weights.append(weight)
