@@ -95,6 +95,9 @@ def level(force: np.ndarray, slope: np.ndarray, cells: np.ndarray) -> Quadratic:
         slope: d force / d x.
     """
     mean = force[cells].mean()
+    if not mean > 0.0:  # a step that is too long; no load has that level
+        nothing = np.zeros(force.shape)
+        return Quadratic(np.inf, nothing, nothing, None)
     return known(force, slope, mean, mean / 3**0.5, cells)
 
 

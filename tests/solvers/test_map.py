@@ -390,3 +390,10 @@ def test_a_noise_of_each_reading_is_checked():
     noise[3, 4] = -1.0
     with pytest.raises(ValueError, match="row 3, column 4: must be above 0"):
         compensate(np.full((16, 16), 0.05), CIRCUIT, CURVE, noise=noise)
+
+
+def test_a_load_of_nothing_has_no_level(recwarn):
+    """A step that is too long leads there: it costs more than any other, without a warning."""
+    nothing = np.zeros((4, 4))
+    assert prior.level(nothing, nothing - 1.0, np.ones((4, 4), bool))[0] == np.inf
+    assert not recwarn.list
