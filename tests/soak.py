@@ -176,8 +176,8 @@ class Watch:
     def _on_status(self, message: DiagnosticArray) -> None:
         reason = message.status[0].message
         if reason != self._reason and reason:
-            words = reason.split(":")
-            kind = ":".join(words[:2])  # without figures, which differ
+            whole = reason.startswith("fault")
+            kind = reason if whole else ":".join(reason.split(":")[:2])  # without figures
             self.stops[kind] = self.stops.get(kind, 0) + 1
         self._reason = reason
         stamp = Time.from_msg(message.header.stamp)
