@@ -225,3 +225,33 @@ def test_a_skin_that_rests_all_alike_cannot_be_told_from_one_voltage():
     for _ in range(10):
         found = window.frame(np.full((4, 4), 41 * FRACTION, np.uint16))
     assert RestPicture().window(found, np.full((4, 4), 41.0)) == ""
+
+
+def quiet_windows(scatter, seed, dead, noise=2.0, n=400):
+    """The same of 4 x 4 cells that rest about as far apart [ADC steps] as one reading's noise."""
+    rng, windows, watch = np.random.default_rng(seed), Windows(BITS), RestPicture()
+    rest = 92.0 + scatter * rng.standard_normal((4, 4))
+    measured = rest + noise / 40**0.5 * rng.standard_normal((4, 4))
+    said = []
+    for k in range(n):
+        touch = 200.0 * (np.arange(16).reshape(4, 4) == k // 60 % 16) * (k % 60 > 30)
+        steps = 85.0 if dead and k >= n // 2 else rest + touch
+        steps = steps + noise * rng.standard_normal((4, 4))
+        window = windows.frame(np.rint(np.rint(steps) * FRACTION).astype(np.uint16))
+        if window is not None:
+            said.append(watch.window(window, measured))
+    return said
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_on_a_small_skin_one_voltage_is_told_past_the_noise(seed):
+    """Within a second; of a noisy board a single window does not tell it for good."""
+    said = quiet_windows(1.8, seed, dead=True)
+    assert not any(said[:20])
+    assert all("one voltage" in text for text in said[30:])
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_sound_small_skin_is_believed_whatever_its_noise(seed):
+    for scatter in (0.9, 1.8, 4.0):
+        assert not any(quiet_windows(scatter, seed, dead=False))

@@ -20,6 +20,7 @@ _FORGET = 1e-3  # share of that count which each frame renews
 _SELDOM = 1e-8  # share of readings that stand still, at least: none stood still in the whole count
 _ABOVE = 16.0  # ADC steps over the middle reading: below, nothing presses
 _WINDOW = 10  # frames that are looked at together: 0.1 s at 100 a second
+_STOOD = 10  # windows in which nothing moves that are looked at together: noise falls to a third
 _CALM = 0.25  # of the readings are not moved by a touch
 _ROUND = 0.3  # ADC steps by which the mean of rounded readings may be off
 _SHELF = 4  # readings at one height
@@ -75,9 +76,12 @@ class RestPicture:
 
     def __init__(self):
         self._told = ""
+        self._mean, self._count = None, 0  # of windows in which nothing moved; how many
 
     def window(self, window: Window, rest: np.ndarray) -> str:
         """What is wrong; empty if nothing.
+
+        On a small skin noise hides for a window whether all readings are alike.
 
         Args:
             rest: (rows, cols) what the cells read at rest, as it was measured [ADC steps].
@@ -86,7 +90,7 @@ class RestPicture:
         if np.count_nonzero(read) < _MANY:
             self._told = ""
             return ""
-        now, rest = window.mean[read], rest[read]
+        now, rest = self._stands(window)[read], rest[read]
         apart, up = rest.std(), float(np.median(now - rest))
         least = _ALIKE[1] if self._told else _ALIKE[0]
         if least * now.std() < apart:
@@ -102,6 +106,16 @@ class RestPicture:
         else:
             self._told = ""
         return self._told
+
+    def _stands(self, window: Window) -> np.ndarray:
+        """(rows, cols) mean of the last windows, as long as nothing moves."""
+        limit = _BEYOND * (window.noise + _ROUND) * (2.0 / _WINDOW) ** 0.5
+        if self._mean is None or (np.abs(window.mean - self._mean) > limit).any():
+            self._mean, self._count = window.mean, 1
+        else:
+            self._count = min(self._count + 1, _STOOD)
+            self._mean = self._mean + (window.mean - self._mean) / self._count
+        return self._mean
 
 
 class Ceiling:
