@@ -80,7 +80,7 @@ class Missing:
             raise ModuleNotFoundError(name)
 sys.meta_path.insert(0, Missing)
 for name in {modules!r}:
-    if name.split(".")[-1] not in ("training", "export", "chart"):
+    if name.split(".")[-1] not in ("training", "soap", "export", "chart"):
         importlib.import_module(name)
 from tactile_skin.launch import launch
 with launch(duration=0.3, port={str(tmp_path / "skin")!r}) as skin:
