@@ -31,9 +31,8 @@ _ASK, _HALF, _COVERED = 0.2, 0.5, 0.75
 # By how much the fit of another must be likelier, in units of 1/2 chi^2. Scored on hard loads on
 # valid boards and on wrong readouts (tests/yardsticks/readouts.py, wrong).
 _BETTER = 45.0
-_NEARER = (
-    2.0  # times, to the curve's rest, at which cells must rest by a rival of a floating matrix
-)
+# Times nearer to the curve's rest that cells must be by a rival of a floating matrix.
+_NEARER = 2.0
 # Chance of independent cells that their lines differ so; share of their variance that is in no line
 # (of a round touch there is none).
 _CHANCE, _OWN = 1e-5, 0.5
