@@ -28,6 +28,7 @@ RISES = (0.0, 0.02, 0.05, 0.1)  # s, from the first touch to the whole force of 
 LIMIT_MS, CUT_LIMIT_MS = 25.0, 150.0
 _THRESHOLD, _CELL = 30.0, 0.2  # N, of config/skin.yaml
 _LENGTH, _PERIOD = 0.2, 0.5  # s, of a push, and between two
+_SILENCE, _BETWEEN = 0.5, 3.0  # s, of a silence, and between two: the robot is free again by then
 _START = 2.0  # s, for the skin to come free
 _KEPT = 60  # scans of each push that are looked at again
 _PATIENCE = 120.0  # s
@@ -182,11 +183,11 @@ def _board(pipe, link: str, rises, cuts: int, seed: int) -> None:
 
     def with_silences() -> bool:
         t = recorder._scans / simulator.SCANS_PER_SECOND - played
-        was, recorder.mute = recorder.mute, t >= 0.0 and t % 1.5 < 0.5 and t < 1.5 * cuts
+        was, recorder.mute = recorder.mute, 0.0 <= t < _BETWEEN * cuts and t % _BETWEEN < _SILENCE
         if was and not recorder.mute:
             silent.append(recorder.silent_since)
             recorder.silent_since = None
-        return t < 1.5 * cuts + 1.0
+        return t < _BETWEEN * cuts
 
     simulator.serve(recorder, path, with_silences)
     recorder.pushes = []

@@ -129,6 +129,20 @@ def test_hard_touches_of_a_sound_board_have_none():
         assert not any(board.frames(10))
 
 
+def test_a_flat_touch_that_comes_again_is_no_ceiling():
+    """Four cells alike, twice at one height, and another touch elsewhere the second time."""
+    board = Clipped(noise=0.5)
+    board.texture[2:4, 2:4] = 1.0
+    board.picture[2:4, 2:4] = REST
+    board.frames(200)
+    said = []
+    for elsewhere in (0.0, 300.0):
+        board.picture[6, 6] = REST + elsewhere
+        said += board.frames(50, 640.0, np.s_[2:4, 2:4])
+        said += board.frames(50)
+    assert not any(said)
+
+
 class Turned(Board):
     """Readings that fall with pressure, as the compensation node hands them on."""
 

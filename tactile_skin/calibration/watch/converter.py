@@ -3,7 +3,8 @@
 One frame with some equal readings proves nothing: a flat touch looks so. Over time a ceiling gives
 itself away by readings that stand at the largest value ever seen, without the noise that all
 others have; or, if the ceiling lies before the ADC, which adds its own noise, by readings that
-stand together at one height while all others change.
+stand together at one height while those beside them change: flat touches stand at heights of their
+own, and the same touch once more brings the same readings beside them.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 
 _STILL = 8  # frames in which a reading that has noise moves
 _CHANCE = 1e-6  # of a sound skin's readings standing at one height, in one frame
@@ -24,7 +26,8 @@ _STOOD = 10  # windows in which nothing moves that are looked at together: noise
 _CALM = 0.25  # of the readings are not moved by a touch
 _ROUND = 0.3  # ADC steps by which the mean of rounded readings may be off
 _SHELF = 4  # readings at one height
-_MOVES = 20.0  # times the noise by which others differ when they stand there again
+_MOVES = 20.0  # times the noise by which those beside them differ when they stand there again
+_BESIDE = np.ones((3, 3))  # a cell and its neighbours
 # Times that readings at rest are further apart, which makes, and ends, a fault; readings at least;
 # share of the rest by which no fabric changes between two measurements of it.
 _ALIKE, _MANY, _RAISED = (3.0, 2.0), 8, 0.3
@@ -178,7 +181,7 @@ class Ceiling:
         return self._said()
 
     def _stands(self, window: Window) -> tuple[float, bool]:
-        """Where the largest readings stand together; whether others changed since the last time."""
+        """Where the largest readings stand together; whether those beside changed since."""
         mean, spread, noise = window.mean, window.spread, window.noise + _ROUND
         top = float(mean.max())
         shelf = mean > top - noise
@@ -192,8 +195,8 @@ class Ceiling:
         if self._picture is None or abs(top - self._shelf) > noise:
             self._shelf, self._picture = top, mean
             return top, False
-        moved = np.abs(mean - self._picture)[~shelf]
-        return top, bool(moved.max(initial=0.0) > _MOVES * noise)
+        moved = np.abs(mean - self._picture)[binary_dilation(shelf, _BESIDE)]
+        return top, bool(moved.max() > _MOVES * noise)
 
     def forget(self) -> str:
         """Forget what no longer shows; what is wrong with the last frame, empty if nothing."""
