@@ -41,6 +41,7 @@ class Skin:
         status, message: of the last frame, as `Estimate` has them.
         residual: of the last frame [ADC steps].
         force: on its most loaded cell [N].
+        std: (rows, cols) of the last picture, one standard deviation of each force [N].
         waits: whether the rest has still to be measured for the first time.
         taken: method -> number of frames.
         fitted: whether the method in use took the last frame, not the fast one.
@@ -87,6 +88,7 @@ class Skin:
         self._doubts = 0  # frames in a row
         self.waits = follows
         self.status, self.message, self.residual, self.force = "ok", "", 0.0, 0.0
+        self.std = np.zeros(self.circuit.shape)
         self.taken: Counter[str] = Counter()
         self.fitted = True
 
@@ -140,6 +142,7 @@ class Skin:
         self.taken[estimate.method] += 1
         self.status, self.message = estimate.status, estimate.message
         self.residual, self.force = estimate.residual, float(estimate.force.max())
+        self.std = estimate.std
         force = None
         if estimate.status != "failed":
             self._rest(t, adc, estimate)

@@ -34,8 +34,8 @@ _OLD, _APART = 0.05, 0.02
 
 
 class Compensation:
-    """Publishes skin/pressure (32FC1, Pa, row-major) with the reading's stamp; skin/taken, when it
-    took each reading up, from which a replay knows which were late; skin/rest (32FC1, the
+    """Publishes skin/pressure (32FC1, Pa, row-major) with the reading's stamp; skin/pressure_std,
+    one standard deviation of it; skin/taken, when it took each reading up, from which a replay knows which were late; skin/rest (32FC1, the
     resistance of each cell at rest, ohm) once it was measured; and diagnostics once a second
     and whenever the level changes: WARN for a suspect frame, ERROR, which stops the robot, for a
     failed one and for a fault of the skin. A frame that fails is not published.
@@ -99,6 +99,7 @@ class Compensation:
             warn=node.get_logger().warning,
         )
         self._pressure = node.create_publisher(Image, "skin/pressure", 10)
+        self._std = node.create_publisher(Image, "skin/pressure_std", 10)
         self._taken_up = node.create_publisher(TimeReference, "skin/taken", 10)
         self._diagnostics = diagnostics.Reporter(node)
         self._rest = node.create_publisher(Image, "skin/rest", LATCHED)
@@ -141,6 +142,8 @@ class Compensation:
         if force is not None:
             self._pressure.publish(image(force / self.cell_area, "32FC1", msg.header))
         self._update_level()
+        if force is not None and heard(self._std):
+            self._std.publish(image(self.skin.std / self.cell_area, "32FC1", msg.header))
 
     def on_reset(self, _, response):
         self.skin.reset()

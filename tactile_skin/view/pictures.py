@@ -93,18 +93,22 @@ class Pictures:
     def _side(self, side: str, method: str, snapshot: Snapshot, ratio: np.ndarray) -> dict:
         """Force [N], its standard deviation [N] and the misfit [ADC steps] of a method."""
         circuit, curve = self._known(snapshot)
-        solver = _method(snapshot) if method == PUBLISHED else method
+        area = self.skin.geometry.cell_area
         if method == PUBLISHED:
             if snapshot.pressure is None:
                 raise ValueError("the skin published no picture of this reading")
-            force = snapshot.pressure * self.skin.geometry.cell_area
+            force = snapshot.pressure * area
         else:
             force = self._estimate(method, ratio, circuit, curve, snapshot).force
         found = {side: force}
         if side == "a":
             model = forward(circuit, curve.resistance(force))
             found["misfit"] = (ratio - model) * circuit.full_scale
-            found["std"] = self._estimate(solver, ratio, circuit, curve, snapshot).std
+            if method == PUBLISHED and snapshot.std is not None:
+                found["std"] = snapshot.std * area
+            else:
+                solver = _method(snapshot) if method == PUBLISHED else method
+                found["std"] = self._estimate(solver, ratio, circuit, curve, snapshot).std
         return found
 
     def _estimate(self, method, ratio, circuit, curve, snapshot) -> Estimate:
@@ -124,7 +128,7 @@ class Pictures:
 
     def _ratio(self, snapshot: Snapshot) -> np.ndarray:
         shape = self.skin.circuit.shape
-        for picture in (snapshot.adc, snapshot.pressure):
+        for picture in (snapshot.adc, snapshot.pressure, snapshot.std):
             if picture is not None and picture.shape != shape:
                 raise ValueError(f"a picture of {picture.shape}: the circuit is {shape}")
         return self.skin.adc.ratio_of(snapshot.adc)

@@ -18,6 +18,7 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 READINGS = {
     "skin/adc": (Image, LAG),
     "skin/pressure": (Image, 1),
+    "skin/pressure_std": (Image, 1),
     "skin/contacts": (PointCloud2, 1),
 }
 # the same, and how many may wait
@@ -47,7 +48,7 @@ class Snapshot:
         stamp: of the reading [s].
         read_at: when its last byte arrived, on the monotonic clock [s]; None: in a recording.
         adc: (rows, cols) uint16 of skin/adc; None as long as there is none.
-        pressure: (rows, cols) float32 [Pa], of the same reading if there is one.
+        pressure, std: (rows, cols) float32 [Pa], of the same reading if there are.
         contacts: (n, 8) float32, the columns CONTACT.
         rest: (rows, cols) float32, resistance of the untouched cells [ohm], once measured.
         stop: whether the robot is stopped, with its reason; None: nobody said.
@@ -58,6 +59,7 @@ class Snapshot:
     read_at: float | None = None
     adc: np.ndarray | None = None
     pressure: np.ndarray | None = None
+    std: np.ndarray | None = None
     contacts: np.ndarray = field(default_factory=lambda: np.zeros((0, len(CONTACT)), np.float32))
     rest: np.ndarray | None = None
     stop: bool | None = None
@@ -72,7 +74,7 @@ class Snapshot:
             "reason": self.reason,
             "nodes": {n: [s.level, s.message, s.values] for n, s in self.nodes.items()},
         }
-        arrays = {name: getattr(self, name) for name in ("adc", "pressure", "contacts", "rest")}
+        arrays = {name: getattr(self, name) for name in ("adc", "pressure", "std", "contacts", "rest")}
         return pack(head, {name: a for name, a in arrays.items() if a is not None})
 
     @classmethod
@@ -90,7 +92,7 @@ class Collector:
 
     def __init__(self):
         self._readings: dict[float, np.ndarray] = {}  # by their stamps, the oldest first
-        self._pressure: tuple[float, np.ndarray] | None = None
+        self._solved: dict[str, tuple[float, np.ndarray]] = {}  # topic -> its stamp, its picture
         self._others: dict = {}
         self._nodes: dict[str, NodeStatus] = {}
 
@@ -98,7 +100,7 @@ class Collector:
         """One that knows the same, and goes its own way."""
         other = Collector()
         other._readings, other._others = dict(self._readings), dict(self._others)
-        other._pressure, other._nodes = self._pressure, self._nodes
+        other._solved, other._nodes = dict(self._solved), self._nodes
         return other
 
     def take(self, topic: str, message) -> None:
@@ -125,18 +127,20 @@ class Collector:
                 while len(self._readings) > LAG:
                     del self._readings[next(iter(self._readings))]
             else:
-                self._pressure = stamp, image_array(message)
+                self._solved[topic] = stamp, image_array(message)
 
     def snapshot(self) -> Snapshot:
         """The newest reading that there is a pressure picture of; without one, the newest."""
         if not self._readings:
             return Snapshot(nodes=self._nodes, **self._others)
-        solved, pressure = self._pressure or (None, None)
+        solved, _ = self._solved.get("skin/pressure", (None, None))
         stamp = solved if solved in self._readings else next(reversed(self._readings))
+        pictures = {topic: picture for topic, (at, picture) in self._solved.items() if at == stamp}
         return Snapshot(
             stamp=stamp,
             adc=self._readings[stamp],
-            pressure=pressure if stamp == solved else None,
+            pressure=pictures.get("skin/pressure"),
+            std=pictures.get("skin/pressure_std"),
             nodes=self._nodes,
             **self._others,
         )

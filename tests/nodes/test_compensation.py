@@ -99,6 +99,20 @@ def test_one_that_keeps_up_takes_each_frame(skin):
     assert len(skin.published) == 50 and skin.compensation.skipped == 0
 
 
+def test_the_spread_of_each_picture_is_published_for_who_asks(skin):
+    """Of 20 N on 8 x 8 cells the true force is within it."""
+    spreads = []
+    skin.play(2.0)
+    skin.observer.create_subscription(Image, "skin/pressure_std", spreads.append, 100)
+    skin.press()
+    skin.play(0.5)
+    assert [m.header.stamp for m in spreads] == skin.published[-50:]
+    std = image_array(spreads[-1]) * skin.compensation.cell_area
+    assert std.shape == (8, 8) and (std > 0.0).all()
+    assert 0.005 < std.max() < 2.0
+    assert skin.force == pytest.approx(20.0, abs=3.0 * np.sqrt(np.square(std).sum()))
+
+
 def test_one_that_is_behind_skips_old_frames_and_counts_them(skin):
     """But not all: the stop must know that there are readings, though they be old."""
     for _ in range(40):

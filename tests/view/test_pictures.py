@@ -85,6 +85,21 @@ def test_a_picture_belongs_to_its_reading():
     assert snapshot.stamp == 1.3 and snapshot.pressure is None
 
 
+def test_the_spread_that_the_skin_published_is_drawn_as_it_is():
+    """Solved once: the page's process does not do the skin's work again."""
+    force, area = touched(), SKIN.geometry.cell_area
+    collector, spread = Collector(), np.full(force.shape, 3.0)
+    collector.take("skin/adc", image(samples(force), "16UC1", header(1.0)))
+    collector.take("skin/pressure", image(force / area, "32FC1", header(1.0)))
+    collector.take("skin/pressure_std", image(spread / area, "32FC1", header(0.99)))
+    assert collector.snapshot().std is None, "of another reading"
+    assert drawn(collector.snapshot())[1]["std"].max() < 0.5
+    collector.take("skin/pressure_std", image(spread / area, "32FC1", header(1.0)))
+    snapshot = Snapshot.unpack(collector.snapshot().pack())
+    np.testing.assert_allclose(drawn(snapshot)[1]["std"], spread, rtol=1e-6)
+    assert drawn(snapshot, a="map")[1]["std"].max() < 0.5
+
+
 def test_a_stop_and_its_reason_and_what_nodes_say_are_collected():
     collector = Collector()
     status = DiagnosticStatus(2, "stop_on_push", "push")
