@@ -35,10 +35,11 @@ _OLD, _APART = 0.05, 0.02
 
 class Compensation:
     """Publishes skin/pressure (32FC1, Pa, row-major) with the reading's stamp; skin/pressure_std,
-    one standard deviation of it; skin/taken, when it took each reading up, from which a replay knows which were late; skin/rest (32FC1, the
-    resistance of each cell at rest, ohm) once it was measured; and diagnostics once a second
-    and whenever the level changes: WARN for a suspect frame, ERROR, which stops the robot, for a
-    failed one and for a fault of the skin. A frame that fails is not published.
+    one standard deviation of it; skin/taken, when it took each reading up, from which a replay
+    knows which were late; skin/rest (32FC1, the resistance of each cell at rest, ohm) once it was
+    measured; and diagnostics once a second and whenever the level changes: WARN for a suspect
+    frame, ERROR, which stops the robot, for a failed one and for a fault of the skin. A frame that
+    fails is not published.
     What the cells conduct at rest is measured between touches. Until the
     first time, a second after the start, what would be a fault is "measuring rest: hands off", and
     so is a skin of which half was loaded from the first frame on, until it is let go. The service

@@ -74,8 +74,9 @@ class Snapshot:
             "reason": self.reason,
             "nodes": {n: [s.level, s.message, s.values] for n, s in self.nodes.items()},
         }
-        arrays = {name: getattr(self, name) for name in ("adc", "pressure", "std", "contacts", "rest")}
-        return pack(head, {name: a for name, a in arrays.items() if a is not None})
+        pictures = {"adc": self.adc, "pressure": self.pressure, "std": self.std, "rest": self.rest}
+        arrays = {name: picture for name, picture in pictures.items() if picture is not None}
+        return pack(head, arrays | {"contacts": self.contacts})
 
     @classmethod
     def unpack(cls, data: bytes) -> Snapshot:
