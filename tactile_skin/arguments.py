@@ -78,7 +78,7 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
     sub.add_argument(
         "--baud", type=int, help="pace of the bytes (default: the parameter file's, 1000000)"
     )
-    sub.add_argument("--seed", type=int, default=0, help="of the noise (default 0)")
+    sub.add_argument("--seed", type=int, default=0, help="of fabric and noise (default 0)")
 
     sub = command("flash", flash.ABOUT, epilog=flash.EXAMPLES)
     sub.add_argument("words", nargs="*", metavar="NAME:=VALUE", help="port, and options")

@@ -1,7 +1,8 @@
 """The simulated board: the real bytes, on a real serial device (a pseudo-terminal).
 
 It does what the ATmega328P does: scan the matrix, low-pass every sample in integers, send a frame
-now and then. `Board` is the electronics and knows no port; `serve` puts it behind a pty.
+now and then. Its fabric's cells differ at rest, as any fabric's do. `Board` is the electronics and
+knows no port; `serve` puts it behind a pty.
 """
 
 from __future__ import annotations
@@ -19,14 +20,25 @@ from .terminal import Terminal, open_terminal
 
 SCANS_PER_SECOND = 390  # paper section III-B
 FRAMES_PER_SECOND = 100
+REST_SCATTER = 0.03  # RMS of log resistance of the cells at rest, chosen: a good fabric's
 _CATCHES_UP = 0.02  # s that the simulation may lag; what it lags more, it leaves out
 BAUD = 1_000_000  # exact on a 16 MHz ATmega328P; a 16x16 frame of 529 bytes takes 5.3 ms
+
+
+def fabric(curve: PressureCurve, shape: tuple[int, int], seed: int) -> PressureCurve:
+    """The curve of (rows, cols) cells that scatter about it at rest by REST_SCATTER."""
+    scatter = np.random.default_rng([seed, *shape]).standard_normal(shape)
+    return curve.resting_at(curve.rest_resistance * np.exp(REST_SCATTER * scatter))
 
 
 class Board:
     """The electronics: forward model, ADC noise and rounding, recursive low-pass, framing.
 
+    Attributes:
+        curve: that of its `fabric`.
+
     Args:
+        seed: of the fabric and of the noise.
         scene: time since start [s] -> (rows, cols) force per cell [N].
         noise: RMS noise of one sample, in ADC steps.
         frames_per_second: frames sent, at most SCANS_PER_SECOND.
@@ -51,7 +63,8 @@ class Board:
             )
         if not noise >= 0:
             raise ValueError(f"noise = {noise!r} ADC steps: must be 0 or more")
-        self.circuit, self.curve, self.scene = circuit, curve, scene
+        self.circuit, self.scene = circuit, scene
+        self.curve = fabric(curve, circuit.shape, seed)
         self.noise, self.frames_per_second, self.kind = noise, frames_per_second, kind
         self._fraction_bits = min(6, 16 - circuit.adc_bits)
         self._rng = np.random.default_rng(seed)

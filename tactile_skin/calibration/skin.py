@@ -154,6 +154,9 @@ class Skin:
         self._watch.frame(t, samples, estimate, self.fitted, rest)
         noise = (self._noise.rms or SCAN_NOISE) / self.circuit.full_scale
         self._watch.untouched.frame(t, adc, stirs, rest, noise)
+        if self.waits and self._tare.measured:  # doubts no longer count, nor this frame's
+            self.waits, self._doctor = False, RunningDoctor()
+            self._watch.forget_doubts()
         self._learn_circuit(t, adc, touched, stopped)
         self._doctor.frame(t, adc, stopped)
         return force
@@ -181,9 +184,6 @@ class Skin:
             adc = np.where(unread, model, adc)
         if self._follows and self._tare.update(t, adc, estimate.force):
             self._last = None
-        if self.waits and self._tare.measured:  # earlier doubts no longer count
-            self.waits, self._doctor = False, RunningDoctor()
-            self._watch.forget_doubts()
 
     def _learn_circuit(self, t: float, adc: np.ndarray, touched: bool, stopped: bool) -> None:
         """What touches tell of r_par and r_line; worked out while none is there, or a stop is."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
+from scipy.special import gammainccinv
 
 from ..physics.circuit import Circuit
 from ..physics.curve import GRAM, PressureCurve
@@ -25,8 +26,10 @@ _MAX_RESISTANCE = 4.0  # times the usual cell's at rest; a cell that conducts le
 # Conductance of the usual cell over the curve's at rest, between which any fabric may lie: chosen,
 # 4.5 g on each cell of the shipped curve conduct three times as much.
 _LEVEL = 0.1, 3.0
-_ONE_VOLTAGE = 4.0  # times the noise of the mean, within which readings are one voltage
-_AS_THE_CURVE = 0.02  # log of the usual cell's conductance over the curve's
+# RMS by which readings of one voltage differ at most: as channels may [ADC steps]; by chance, and
+# times the noise of a mean, as a low-pass before it leaves more. Frames that are looked at together
+# while they are alike, as cells of a noisy skin seem for a second.
+_CHANNELS, _CHANCE, _LOW_PASS, _ALIKE_FRAMES = 0.2, 1e-4, 1.3, 1000
 # Standard deviations of its noise, and share, by which a reading may move between the halves of a
 # measurement and after it; share of the cells that may move more, with a bad contact.
 _STILL, _RESTLESS = (5.0, 0.01), 0.02
@@ -77,6 +80,7 @@ class Tare:
         )  # as a factor of conductance
         self._last = -np.inf  # s, when the last frame was read
         self._restless = 0  # measurements in a row whose parts differed
+        self._flat = np.zeros(circuit.shape), 0  # sum and frames of those whose cells were alike
         self._begin(-np.inf)
         self._quiet = self._followed = -np.inf  # s, when a touch was last, and a drift followed
         self._drifted: tuple[float, np.ndarray] | None = None  # s, and what was read then
@@ -139,6 +143,9 @@ class Tare:
                 self.message = _WANDERS if self._restless >= _TRIES else ""
             return followed
         usual = float(np.median(noise[self._circuit.populated])) * self._circuit.full_scale
+        if message := self._alike(mean, n + m, usual):
+            self.message = message
+            return followed
         return self._learn(mean, usual / (n + m) ** 0.5) or followed
 
     def _add(self, t: float, adc: np.ndarray) -> None:
@@ -216,8 +223,7 @@ class Tare:
         except ValueError as error:
             self.message = f"rest not measured: {error}"
             return False
-        self.message = self._alike(adc, now * at_rest, cells, noise)
-        self.message = self.message or self._fabric(now * at_rest, cells)
+        self.message = self._fabric(now * at_rest, cells)
         self.message = self.message or self._wires(np.log(now * at_rest), cells)
         if self.message:
             self.message = f"rest not measured: {self.message}"
@@ -237,16 +243,28 @@ class Tare:
         self.curve = self.curve.resting_at(rest)
         return True
 
-    def _alike(self, adc: np.ndarray, level: np.ndarray, cells: np.ndarray, noise: float) -> str:
+    def _alike(self, mean: np.ndarray, frames: int, noise: float) -> str:
         """Whether all readings are one voltage: no fabric's cells are as alike; empty if not.
 
-        A skin that rests just as the curve says is a simulated one, and may be.
+        Args:
+            mean: (rows, cols) of so many frames, ADC ratio.
+            noise: of a reading [ADC steps].
         """
-        spread = adc[cells].std() * self._circuit.full_scale
-        if spread > _ONE_VOLTAGE * noise or abs(np.log(np.median(level[cells]))) < _AS_THE_CURVE:
-            return ""
-        steps = adc[cells].mean() * self._circuit.full_scale
-        return f"all readings are {steps:.1f} ADC steps, within noise: is the matrix connected?"
+        cells, full = self._circuit.populated, self._circuit.full_scale
+        total, count = self._flat
+        total, count = total + frames * mean, count + frames
+        free = max(np.count_nonzero(cells) - 1, 1)
+        by_chance = _LOW_PASS * (gammainccinv(0.5 * free, _CHANCE) / (0.5 * free)) ** 0.5
+        for seen, n in ((mean, frames), (total / count, count)):
+            if seen[cells].std() * full > max(_CHANNELS, by_chance * noise / n**0.5):
+                self._flat = np.zeros(cells.shape), 0
+                return ""
+        kept = min(count, _ALIKE_FRAMES)
+        self._flat = total * (kept / count), kept
+        return (
+            f"rest not measured: all readings are {mean[cells].mean() * full:.1f} ADC steps, "
+            "within noise: is the matrix connected?"
+        )
 
     def _fabric(self, level: np.ndarray, cells: np.ndarray) -> str:
         """What no fabric rests at; empty if nothing.

@@ -75,6 +75,7 @@ def _serve_model(args, skin: SkinConfig, kind: str, baud: int, running, ready) -
 
 def _serve_firmware(args, skin: SkinConfig, kind: str, running: Callable[[], bool], ready) -> None:
     from ..board.firmware import chip
+    from ..board.simulator import fabric
 
     if args.rate != 100.0 or args.baud not in (None, BAUD):
         raise ValueError("--rate and --baud are of the board `model`; the firmware has its own")
@@ -82,4 +83,5 @@ def _serve_firmware(args, skin: SkinConfig, kind: str, running: Callable[[], boo
         raise ValueError(f"protocol {kind!r} is of the board `model`; the firmware sends binary")
     scene = scenes.script(args.scene, *skin.circuit.shape)
     with chip.Chip(skin.circuit, noise=args.noise, seed=args.seed + 1) as simulated:
-        chip.serve(simulated, skin.curve, scene, args.link, running, ready, args.once)
+        curve = fabric(skin.curve, skin.circuit.shape, args.seed)
+        chip.serve(simulated, curve, scene, args.link, running, ready, args.once)

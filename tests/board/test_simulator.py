@@ -57,13 +57,23 @@ def test_sequence_numbers_wrap():
 def test_without_noise_it_sends_the_forward_models_reading(scene, adc_bits):
     """To half an ADC step for its rounding, and less than a step for that of the low-pass."""
     circuit = Circuit(6, 7, adc_bits=adc_bits)
-    frame = frames_of(make_board(scene, circuit, noise=0.0), 40)[-1]
+    simulated = make_board(scene, circuit, noise=0.0)
+    frame = frames_of(simulated, 40)[-1]
     assert frame.adc_bits == adc_bits
     force = scenes.script(scene, *circuit.shape)(0.0)
-    steps = forward(circuit, PressureCurve().resistance(force)) * circuit.full_scale
+    steps = forward(circuit, simulated.curve.resistance(force)) * circuit.full_scale
     sent = frame.samples / 2 ** (16 - adc_bits)
     assert np.abs(sent - np.rint(steps)).max() < 0.5
     assert np.abs(sent - steps).max() <= 1.0
+
+
+def test_its_cells_differ_at_rest():
+    """As those of every fabric do; one voltage for all is what a board without a matrix reads."""
+    simulated = make_board(circuit=Circuit(16, 16), seed=3)
+    scatter = np.log(simulated.curve.rest_resistance / PressureCurve().rest_resistance)
+    assert scatter.std() == pytest.approx(simulator.REST_SCATTER, rel=0.2)
+    pressed = simulated.curve.resistance(5.0) / PressureCurve().resistance(5.0)
+    assert np.abs(pressed - 1.0).max() < 0.01
 
 
 def test_the_low_pass_follows_a_step():

@@ -58,6 +58,14 @@ def test_it_measures_its_rest_and_finds_the_force():
     assert not board.skin.fault and board.skin.reasons() == "" and not board.warnings
 
 
+def test_once_its_rest_is_measured_nothing_of_before_is_a_fault():
+    """Nor the frame that ends the measurement: it was fitted without what it tells."""
+    board = Board()
+    for _ in range(150):
+        board.feel(NOTHING)
+        assert board.skin.waits or not board.skin.fault, board.skin.reasons()
+
+
 def test_a_late_frame_is_taken_by_the_fast_method_if_the_user_asked_for_none():
     for method, fast in (("auto", True), ("map", False)):
         board = Board(method)

@@ -63,10 +63,12 @@ def test_a_fabric_whose_cells_differ_is_trusted_after_a_second(relative):
     assert pressed[-1].force.sum() == pytest.approx(12.0, rel=0.04)
 
 
-def test_a_sound_skin_learns_nothing_and_costs_nothing():
-    skin = Skin()
+def test_a_known_rest_changes_no_more_and_costs_nothing():
+    skin = Skin(scatter(0.03))
+    skin.frames(150)
+    known = skin.tare.curve.rest_resistance
     assert np.mean([e.method == "rest" for e in skin.frames(450)]) > 0.97
-    assert skin.tare.curve is CURVE
+    assert np.abs(skin.tare.curve.rest_resistance / known - 1.0).max() < 0.01
 
 
 def test_a_standing_contact_of_ten_minutes_keeps_its_force():
@@ -187,7 +189,7 @@ def test_a_cut_lead_is_no_rest():
 @pytest.mark.parametrize("r_par", [293.0, 359.0])
 def test_at_rest_a_wrong_circuit_looks_like_another_fabric(r_par):
     """So the tare takes it, and what a frame says of r_par is what it says beyond that."""
-    skin = Skin(seed=9, circuit=Circuit(r_par=r_par))
+    skin = Skin(scatter(0.03), seed=9, circuit=Circuit(r_par=r_par))
     skin.tare = Tare(CIRCUIT, CURVE)
     skin.frames(150)
     assert skin.tare.measured
@@ -309,14 +311,42 @@ def test_a_jump_of_all_cells_is_no_drift():
     assert skin.tare.curve is known
 
 
-@pytest.mark.parametrize("steps", [60.0, 300.0])
+AT_REST = float(forward(CIRCUIT, np.full((16, 16), CURVE.rest_resistance)).mean()) * 1023  # steps
+
+
+@pytest.mark.parametrize("steps", [60.0, AT_REST, 1.01 * AT_REST, 300.0])
 def test_one_voltage_on_all_crossings_is_no_fabric(steps):
+    """Nor where it is the very one that the curve says of an untouched skin."""
     tare, rng = Tare(CIRCUIT, CURVE), np.random.default_rng(3)
-    for k in range(200):
+    for k in range(400):
         adc = np.full((16, 16), steps / 1023) + 0.5 / 1023 * rng.standard_normal((16, 16))
         tare.update(0.01 * k, adc, IDLE)
     assert not tare.measured
-    assert "rest not measured: " in tare.message
+    assert "within noise: is the matrix connected?" in tare.message
+
+
+def fills(frames, shape, readings, seed):
+    """Whether a tare measures the rest within so many frames of such readings [ADC steps]."""
+    circuit, rng = Circuit(*shape), np.random.default_rng(seed)
+    tare = Tare(circuit, CURVE)
+    for k in range(frames):
+        tare.update(0.01 * k, readings(rng) / circuit.full_scale, np.zeros(shape))
+    return tare.measured
+
+
+@pytest.mark.parametrize("noise", [0.5, 1.0, 2.0])  # ADC steps, of a reading
+@pytest.mark.parametrize("shape", [(4, 4), (3, 20), (8, 8)])
+def test_a_noisy_small_skin_is_told_from_one_voltage(shape, noise):
+    """On 4 x 4 cells that scatter by 3 % read half a step apart, under noise of two."""
+    circuit, found = Circuit(*shape), {"sound": 0, "dead": 0}
+    for seed in range(12):
+        rng = np.random.default_rng([57020, seed])
+        rest = rng.uniform(0.7, 1.4) * REST * np.exp(0.03 * rng.standard_normal(shape))
+        steps = forward(circuit, 1.0 / rest) * circuit.full_scale
+        for name, level in (("sound", steps), ("dead", np.full(shape, steps.mean()))):
+            read = lambda rng, level=level: np.rint(level + noise * rng.standard_normal(shape))  # noqa: E731
+            found[name] += fills(400, shape, read, seed)
+    assert found == {"sound": 12, "dead": 0}
 
 
 @pytest.mark.parametrize("shape", [(8, 8), (16, 16)])

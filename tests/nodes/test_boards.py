@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tactile_skin import Circuit, PressureCurve, forward
+from tactile_skin.board.simulator import fabric
 from tactile_skin.calibration.tracker import CircuitTracker
 from tactile_skin.middleware.bus import (
     Context,
@@ -45,6 +46,7 @@ class Fed:
 
     def __init__(self, adc: Adc, **parameters):
         self.adc, self.rng = adc, np.random.default_rng(3)
+        self.curve = fabric(PressureCurve(), CIRCUIT.shape, seed=3)
         self.clock = ManualClock(10.0)
         context = Context(self.clock)
         self.executor = SingleThreadedExecutor()
@@ -70,7 +72,7 @@ class Fed:
 
     def feel(self, force: np.ndarray, frames: int = 1) -> None:
         """The board reads these forces, with a step of noise."""
-        ratio = forward(self.adc.circuit, PressureCurve().resistance(force))
+        ratio = forward(self.adc.circuit, self.curve.resistance(force))
         for _ in range(frames):
             steps = self.adc.count(ratio) + self.rng.standard_normal(ratio.shape)
             samples = np.rint(np.clip(np.rint(steps), 0, 4095) * 16).astype(np.uint16)

@@ -37,15 +37,16 @@ _IDLE = 160  # frames, in which the tare is found
 _RAMP = 15  # frames that a press takes to come, and to go
 _HELD = 50  # frames that it stays
 _PAUSE = 30
+_EVEN = replace(EVERYDAY, rest=0.03)  # a good fabric; no fabric's cells are all alike
 SKINS = {
-    "sound": EVERYDAY,
-    "one short": replace(EVERYDAY, short=1),
-    "two shorts": replace(EVERYDAY, short=2),
-    "R_par -10 %": replace(EVERYDAY, r_par=0.9),
-    "R_par -5 %": replace(EVERYDAY, r_par=0.95),
-    "R_par +10 %": replace(EVERYDAY, r_par=1.1),
-    "ADC saturated at 80 %": replace(EVERYDAY, ceiling=0.8),
-    # a fabric that scatters at rest, which the tare takes in, and with it what it can of a fault
+    "sound": _EVEN,
+    "one short": replace(_EVEN, short=1),
+    "two shorts": replace(_EVEN, short=2),
+    "R_par -10 %": replace(_EVEN, r_par=0.9),
+    "R_par -5 %": replace(_EVEN, r_par=0.95),
+    "R_par +10 %": replace(_EVEN, r_par=1.1),
+    "ADC saturated at 80 %": replace(_EVEN, ceiling=0.8),
+    # a fabric that scatters more, which the tare takes in, and with it what it can of a fault
     "uneven, sound": replace(EVERYDAY, rest=0.05),
     "uneven, one short": replace(EVERYDAY, rest=0.05, short=1),
     "uneven, R_par -10 %": replace(EVERYDAY, rest=0.05, r_par=0.9),
