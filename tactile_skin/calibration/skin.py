@@ -260,6 +260,7 @@ class Skin:
             self._tare.wiring,
             self._noise.message or cell,
             contact,
+            self._watch.order.message,
         )
         return "; ".join(filter(None, reasons))
 

@@ -68,7 +68,7 @@ def diagnose(
     if bits := readings.stuck_bits(seen):
         return [texts.bit(*bit) for bit in bits]
     if votes := order.transposed(seen):
-        return [texts.transposed(circuit, *votes)]
+        return [texts.transposed(circuit, votes.touches, votes.share)]
     found: list[Finding] = []
     if top := readings.ceiling(seen):
         found.append(texts.ceiling(seen, *top))

@@ -1,8 +1,6 @@
 """Lines that read alike, and lines in the wrong order: what the touches in a recording tell.
 
-A touch covers neighbouring cells. Read in the right order its picture rises once and falls once;
-with two lines swapped it varies more from line to line. Each touch has one vote, of the size by
-which another order would be smoother than this one.
+How touches tell the order: `watch.order`, which follows a running skin with the same votes.
 """
 
 from __future__ import annotations
@@ -11,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..watch.order import Vote, distances, exchanged, smooth_picture, vote
 from .recorded import Recorded
 
 # RMS by which two lines that read alike differ at rest: times the noise of a mean, and ADC steps.
@@ -24,11 +23,6 @@ _TOUCHES, _ONE = (3, 8), 0.3
 # Largest difference under a touch, as share of what it raises (lines are read in turn), and times
 # the noise; share of the touches in which it is below that.
 _ALIKE, _APART, _ALWAYS = 0.03, 5.0, 0.8
-_FEWEST = 5  # touches that speak for another order, or against it
-_SPEAKS = 0.02  # share of a touch's variation by which one does
-_MAJORITY = 0.5  # of the votes' sum over the sum of their sizes
-_GAIN = 0.06  # share of all variation that the other order saves at least
-_LIGHT = 0.03  # share of the picture's largest value below which a cell counts as untouched
 
 
 def equal_lines(seen: Recorded, skip) -> list[tuple[int, int, int]]:
@@ -77,35 +71,21 @@ def misplaced(seen: Recorded, skip, cells=()) -> list[Misplaced]:
         skip: (axis, line) of lines that are faulty in another way.
         cells: (row, column) of cells that are, dead or noisy: their lines are compared without.
     """
-    if len(seen.touches) < _FEWEST:
-        return []
     pictures = _pictures(seen)
     found = []
     for axis in (0, 1):
         lines = seen.circuit.shape[axis]
         used = np.array([k for k in range(lines) if (axis, k) not in skip])
-        if len(used) < 4:
-            continue
         beside = {line for a, line in skip if a != axis} | {cell[1 - axis] for cell in cells}
         across = [k for k in range(seen.circuit.shape[1 - axis]) if k not in beside]
         turned = seen.turned(axis, pictures)[:, used][:, :, across]
-        turned = np.pad(turned, ((0, 0), (1, 1), (0, 0)))  # nothing is touched beyond the edges
-        apart = np.abs(turned[:, :, None] - turned[:, None]).sum(3)  # (touches, lines, lines)
-        order = np.arange(len(used) + 2)
-        now = apart[:, order[:-1], order[1:]].sum(1)
-        best = None
-        for a in range(len(used)):
-            for b in range(a + 1, len(used)):
-                other = order.copy()
-                other[[a + 1, b + 1]] = b + 1, a + 1
-                vote = _vote(now, apart[:, other[:-1], other[1:]].sum(1))
-                if vote and (best is None or vote[1] > best[0][1]):
-                    best = vote, (int(used[a]), int(used[b]))
+        best = exchanged(distances(turned))
         shifted = None if skip or cells else _shifted(seen, pictures, axis)
-        if shifted and (best is None or shifted.share > best[0][1]):
+        if shifted and (best is None or shifted.share > best[1].share):
             found.append(shifted)
         elif best is not None:
-            found.append(Misplaced(axis, best[1], *best[0]))
+            (a, b), votes = best
+            found.append(Misplaced(axis, (int(used[a]), int(used[b])), votes.touches, votes.share))
     return sorted(found, key=lambda f: -f.share)[:1]
 
 
@@ -115,21 +95,7 @@ def _pictures(seen: Recorded) -> np.ndarray:
     base = circuit.two_terminal(np.maximum(seen.base, 1.0) / full) + 1.0
     steps = np.maximum(seen.steps[seen.touches], 1.0)
     picture = np.maximum(1.0 / (circuit.two_terminal(steps / full) + 20.0) - 1.0 / base, 0.0)
-    picture = np.sqrt(picture)
-    top = picture.max((1, 2), keepdims=True)
-    picture = np.maximum(picture - _LIGHT * top, 0.0)
-    return picture / np.maximum(picture.sum((1, 2), keepdims=True), 1e-12)
-
-
-def _vote(now: np.ndarray, other: np.ndarray) -> tuple[int, float] | None:
-    """Touches counted and variation saved, where most of them prefer the other order."""
-    saved = now - other
-    speaks = np.abs(saved) > _SPEAKS * now
-    size = np.abs(saved[speaks]).sum()
-    share = float(saved.sum() / max(now.sum(), 1e-12))
-    if np.count_nonzero(speaks) < _FEWEST or saved[speaks].sum() < _MAJORITY * size:
-        return None
-    return (int(np.count_nonzero(speaks)), share) if share > _GAIN / len(now) ** 0.5 else None
+    return smooth_picture(picture)
 
 
 def _shifted(seen: Recorded, pictures: np.ndarray, axis: int) -> Misplaced | None:
@@ -139,12 +105,12 @@ def _shifted(seen: Recorded, pictures: np.ndarray, axis: int) -> Misplaced | Non
     moved = np.roll(pictures.reshape(len(pictures), -1), -1, axis=1).reshape(pictures.shape)
     edges = (0, 0), (0, 0), (1, 1)
     now, other = (np.abs(np.diff(np.pad(p, edges))).sum((1, 2)) for p in (pictures, moved))
-    vote = _vote(now, other)
-    return Misplaced(axis, (-1, -1), *vote) if vote else None
+    votes = vote(now, other)
+    return Misplaced(axis, (-1, -1), votes.touches, votes.share) if votes else None
 
 
-def transposed(seen: Recorded) -> tuple[int, float] | None:
-    """Touches counted and variation saved if the samples come column by column, or the rows are the
+def transposed(seen: Recorded) -> Vote | None:
+    """The touches' vote if the samples come column by column, or the rows are the
     columns; None: they do not.
 
     On a square skin that is another touch's picture, and no reading tells.
@@ -154,7 +120,7 @@ def transposed(seen: Recorded) -> tuple[int, float] | None:
         return None
     pictures = _pictures(seen)
     other = pictures.reshape(-1, cols, rows).swapaxes(1, 2)
-    return _vote(_variation(pictures), _variation(other))
+    return vote(_variation(pictures), _variation(other))
 
 
 def _variation(pictures: np.ndarray) -> np.ndarray:
