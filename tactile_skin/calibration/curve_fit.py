@@ -101,16 +101,14 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
             others = totals.only(used & ~mine).explained()
             off[mine] = others.of(totals.only(mine)) - 1.0
             alike[mine] = totals.data[mine] @ others.slope - 1.0
-    squares = [np.square(off[objects == k]).mean() for k in np.unique(objects[used])]
-    squares += [_USUAL_ERROR**2] * _PRIOR_COUNT
-    error = float(np.mean(squares) ** 0.5)
+    error, without = (_error(of[used], objects[used]) for of in (off, alike))
     gain = fit.gain.reshape(circuit.shape)
     curve = knots.curve(fit.slope, usual).with_gain(gain)
     hardest = float(knots.force(fit.slope, added[used].max()))
     message = [
         _summary(weights, used, error, hardest),
         f"the cells' gains are {gain.min():.2f} to {gain.max():.2f}, as far as the weights tell "
-        f"them: with all of them 1 it would be {np.square(alike[used]).mean() ** 0.5:.1%}",
+        f"them: with all of them 1 it would be {without:.1%}",
     ]
     message += _words(weights, used, off, objects, odd)
     if doubts:
@@ -282,6 +280,12 @@ def _objects(weights: np.ndarray) -> np.ndarray:
     """(n,) the object of each frame; of a single one, each frame counts as one."""
     objects = np.unique(weights, return_inverse=True)[1]
     return objects if objects.any() else np.arange(len(weights))
+
+
+def _error(off: np.ndarray, objects: np.ndarray) -> float:
+    """RMS error of a new total, by those (n,) that were left out of (n,) objects, and the usual."""
+    squares = [np.square(off[objects == k]).mean() for k in np.unique(objects)]
+    return float(np.mean([*squares, *[_USUAL_ERROR**2] * _PRIOR_COUNT]) ** 0.5)
 
 
 def _odd(totals: Totals, objects: np.ndarray) -> list[int]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tactile_skin import Circuit, cli, diagnose
-from tactile_skin.calibration.doctor.wiring import Wires
+from tactile_skin.calibration.doctor.wiring import Wires, search
 from tactile_skin.commands import doctor as command
 from tactile_skin.physics.circuit import two_terminal_resistance
 
@@ -23,6 +23,12 @@ SHAPE, SECONDS = (10, 12), 40.0
 @pytest.mark.parametrize("seed", range(3))
 def test_a_sound_board_has_no_fault(seed):
     case = Case(seed, (), SECONDS, SHAPE)
+    assert diagnose(case.frames, case.circuit) == []
+
+
+def test_light_touches_are_no_other_r_par():
+    """They make it seem 5 % larger on this board, by five standard deviations."""
+    case = Case(142080, (), 60.0)
     assert diagnose(case.frames, case.circuit) == []
 
 
@@ -66,6 +72,16 @@ def test_a_dead_cell_on_a_swapped_line_hides_no_swap(seed):
     assert len(found) == 2
 
 
+@pytest.mark.parametrize("seed", [146000, 146002])
+def test_noise_on_top_of_a_ceiling_hides_none(seed):
+    """Nor is the pile at the ceiling the edge of a gap that a stuck bit leaves."""
+    case = Case(seed, ("noisy line", "saturation"), SECONDS, SHAPE)
+    found = diagnose(case.frames, case.circuit, series=False)
+    for fault in case.faults:
+        assert any(explains(f, *fault, case.cut) for f in found), (fault, found)
+    assert len(found) == 2
+
+
 @pytest.mark.parametrize("seed", [3, 4])
 def test_a_bad_lead_has_its_ohms(seed):
     """1 kohm, with the standard deviation that the fabric leaves."""
@@ -74,6 +90,20 @@ def test_a_bad_lead_has_its_ohms(seed):
     size, std = map(float, re.search(r"(\d+) \+- (\d+) ohm", finding.evidence).groups())
     assert std < 100.0
     assert abs(size - 1000.0) < 3.0 * std
+
+
+@pytest.mark.parametrize("off", [-200.0, 0.0, 200.0])
+def test_a_short_with_another_series_resistance_has_no_bad_lead(off):
+    """200 ohm, as of an r_ref that is 10 % off; the line of less resistance shows more of it."""
+    circuit, rng = Circuit(32, 32), np.random.default_rng(146200)
+    wires = Wires.sound(circuit)
+    wires.joined.append((0, 5, 6))
+    rho = 2e4 * wires.resistance() * np.exp(0.003 * rng.standard_normal(circuit.shape)) + off
+    known = np.ones(circuit.shape, bool)
+    known[6] = False
+    damages, cell = search(circuit, rho, known, wires)
+    assert damages == []
+    assert cell == pytest.approx(2e4, rel=0.2)
 
 
 def test_sound_wires_are_the_circuit():

@@ -33,6 +33,8 @@ _OPEN = 0.1  # the same, of the usual reading
 def stuck_bits(seen: Recorded) -> list[tuple[int, int, float]]:
     """(bit, the value it keeps, share of readings where the other value would put them)."""
     every, base = seen.steps[:, seen.read], seen.base[seen.read]
+    if top := ceiling(seen):  # what piles up there lies beside a gap by chance
+        every = np.where(every < top[0] - _ceiling_width(seen), every, base)
     new = every[seen.anew]
     fell = (new < _BELOW * base - 3.0) & (base > 10.0)
     folded = fell.sum() >= _BELOW_READINGS and np.count_nonzero(fell.any(0)) >= _BELOW_CELLS
@@ -90,11 +92,12 @@ def ceiling(seen: Recorded) -> tuple[float, int, int] | None:
     if not len(seen.peaks):
         return None  # what nothing presses ends at its rest
     limit = _NEAR_SHORT * seen.circuit.ratio(0.0) * seen.circuit.full_scale
-    every = seen.steps[:, seen.read]
+    width = _ceiling_width(seen)
+    calm = seen.read & (seen.noise < _noise_limit(seen))  # others have more noise on top
+    every = seen.steps[:, calm]
     steps = every[seen.anew]
     top = float(steps.max())
     for _ in range(3):  # a cell that stays at the top is stuck there: the next one
-        width = _NOISE_WIDTH * seen.usual_noise + 1.0
         at_top = steps > top - width
         stays = (every > top - width).mean(0) > _AT_TOP
         if not stays.any() or stays.all():
@@ -106,6 +109,16 @@ def ceiling(seen: Recorded) -> tuple[float, int, int] | None:
     if top > limit or n < _PILE_READINGS or cells < _PILE_CELLS or n < _PILE * below:
         return None
     return float(np.median(steps[steps > top - width])), n, cells
+
+
+def _ceiling_width(seen: Recorded) -> float:
+    """ADC steps below the highest reading that are at a ceiling."""
+    return _NOISE_WIDTH * seen.usual_noise + 1.0
+
+
+def _noise_limit(seen: Recorded) -> float:
+    """ADC steps RMS from which on a reading is noisy."""
+    return max(_NOISY * seen.usual_noise, _LEAST_NOISE)
 
 
 def open_lines(seen: Recorded) -> list[tuple[int, int, float, float]]:
@@ -137,10 +150,9 @@ def noisy(seen: Recorded, skip) -> tuple[list, list]:
     Args:
         skip: (axis, line) of lines that are not looked at.
     """
-    noise, usual = np.where(seen.read, seen.noise, 0.0), seen.usual_noise
+    noise, limit = np.where(seen.read, seen.noise, 0.0), _noise_limit(seen)
     for axis, line in skip:
         seen.turned(axis, noise)[line] = 0.0
-    limit = max(_NOISY * usual, _LEAST_NOISE)
     lines, cells = [], []
     for axis in (0, 1):
         turned = seen.turned(axis, noise)

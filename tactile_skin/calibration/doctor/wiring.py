@@ -171,7 +171,9 @@ class _Fit:
         model = self.model if axis == 0 else self.model.T
         # What a lead adds is the same in all readings of the line; what one more adds is log-like.
         added = np.nanmedian(model[line] * np.expm1(off))
-        if added > _LEAST_LEAD * np.median(model[line]):
+        # Two stripes that touch read half as much: there another r_par, r_ref or supply shows, too.
+        joined = any(a == axis and line in pair for a, *pair in self.wires.joined)
+        if added > _LEAST_LEAD * np.median(model[line]) and not joined:
             with_lead = np.log1p(added / model[line])
             gain = before - self._cost(axis, off - with_lead)
             if gain > _LIKELY * before:
