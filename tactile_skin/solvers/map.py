@@ -30,6 +30,7 @@ from .fixed_point import (
     last_guess,
 )
 from .reading import ROUNDING_NOISE, Linearised, Reading, noise_at_rest
+from .rivals import other_r_par
 from .rivals.aside import without_bad_contacts
 from .rivals.other_readout import other_readout
 from .suspect import NormalEquations
@@ -77,9 +78,9 @@ def map_estimate(reading: Reading, start: Estimate | None = None, prior=None) ->
         return _fit(reading, g, prior, warm)
 
     if warm and start.r_par is not None:
-        found = score.fit_r_par(reading, fit, g, start.r_par)
+        found = other_r_par.fit_r_par(reading, fit, g, start.r_par)
         if found is not None and found.status == "ok":
-            return score.report_r_par(found, reading)
+            return other_r_par.report_r_par(found, reading)
     estimate = fit(reading, g, warm)
     if warm and estimate.status != "ok" and not reading.late():
         again = fit(reading, first_guess(reading), False)
@@ -94,7 +95,7 @@ def map_estimate(reading: Reading, start: Estimate | None = None, prior=None) ->
             return replace(estimate, status="suspect", message=message)
     if estimate.aside is not None or (warm and estimate.status != "ok"):
         return estimate
-    return score.find_r_par(reading, fit, estimate)
+    return other_r_par.find_r_par(reading, fit, estimate)
 
 
 def _unchanged(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | None:
