@@ -9,9 +9,9 @@ import numpy as np
 
 from ..learning import network
 from ..physics.kernel import connected_rho
-from . import score
 from .estimate import Estimate
 from .reading import Reading
+from .rivals import other_r_par
 from .suspect import estimate_from_force, network_of
 
 _OWN_SHARE = 0.95  # of the current at a crossing, from which on its cell is found alone: chosen
@@ -41,7 +41,7 @@ def _learned(reading: Reading, weights, method: str, kind: str) -> Estimate:
         raise ValueError(f"weights {weights.path}: of a {weights.kind} network, not for {method!r}")
     weights.check(reading.circuit, reading.curve)
     force, there = _analyse_frame(reading, weights)
-    r_par = score.guess_r_par(reading, there[1]) if kind == "physics" else None
+    r_par = other_r_par.guess_r_par(reading, there[1]) if kind == "physics" else None
     corrected = reading
     if r_par is not None:
         corrected = reading.behind(r_par - reading.circuit.r_par)
@@ -50,7 +50,7 @@ def _learned(reading: Reading, weights, method: str, kind: str) -> Estimate:
     estimate = estimate_from_force(force, reading, method, network=there)
     if r_par is None:
         return estimate
-    return score.report_r_par(replace(estimate, r_par=r_par), reading)
+    return other_r_par.report_r_par(replace(estimate, r_par=r_par), reading)
 
 
 def _analyse_frame(reading: Reading, weights) -> tuple[np.ndarray, tuple]:

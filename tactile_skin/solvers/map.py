@@ -30,6 +30,7 @@ from .fixed_point import (
     last_guess,
 )
 from .reading import ROUNDING_NOISE, Linearised, Reading, noise_at_rest
+from .rivals import other_r_par
 from .rivals.aside import without_bad_contacts
 from .rivals.other_readout import other_readout
 from .suspect import NormalEquations
@@ -77,9 +78,9 @@ def map_estimate(reading: Reading, start: Estimate | None = None, prior=None) ->
         return _fit(reading, g, prior, warm)
 
     if warm and start.r_par is not None:
-        found = score.fit_r_par(reading, fit, g, start.r_par)
+        found = other_r_par.fit_r_par(reading, fit, g, start.r_par)
         if found is not None and found.status == "ok":
-            return score.report_r_par(found, reading)
+            return other_r_par.report_r_par(found, reading)
     estimate = fit(reading, g, warm)
     if warm and estimate.status != "ok" and not reading.late():
         again = fit(reading, first_guess(reading), False)
@@ -89,12 +90,12 @@ def map_estimate(reading: Reading, start: Estimate | None = None, prior=None) ->
     if estimate.status == "suspect" and not reading.late():
         estimate = without_bad_contacts(reading, fit, estimate) or estimate
     if estimate.status == "ok" and prior is None:
-        message = other_readout(reading, estimate, start, _touch_cost)
+        message = other_readout(reading, estimate, start, _touches)
         if message:
             return replace(estimate, status="suspect", message=message)
     if estimate.aside is not None or (warm and estimate.status != "ok"):
         return estimate
-    return score.find_r_par(reading, fit, estimate)
+    return other_r_par.find_r_par(reading, fit, estimate)
 
 
 def _unchanged(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | None:
@@ -205,11 +206,12 @@ def _leaves_level(reading: Reading, point: _Point) -> bool:
     return reading.noise_given and not is_broad(reading.circuit, at_rest)
 
 
-def _touch_cost(reading: Reading, g: np.ndarray) -> float:
-    """Least cost of touches from conductances g (rows, cols) [S] on, in units of 1/2 chi^2."""
+def _touches(reading: Reading, g: np.ndarray) -> np.ndarray:
+    """(rows, cols) conductance [S] of the likeliest touches near g: no load on the whole skin."""
     low = reading.bounds[0]
     g = np.where(g < _NEAR_REST * low, low, g) * reading.circuit.populated
-    return _converge(reading, _Point.at(reading, g, False, None), False, None, False)[0].cost
+    point = _Point.at(reading, g, False, None)
+    return _converge(reading, point, False, None, False)[0].model.g
 
 
 def _with_noise_at_rest(reading: Reading, g: np.ndarray) -> Reading:

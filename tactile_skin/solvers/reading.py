@@ -23,6 +23,10 @@ ROUNDING_NOISE = 12**-0.5  # ADC steps RMS of rounding to whole steps
 _KEPT, _STD_OVER_MEAN = 0.8, 1.790
 # ADC steps below which noise of single scans is cut off at 0, so that their mean is too high.
 _CUT_OFF = 2.0
+# Standard deviations below a threshold from which on a capped reading contradicts the model. Those
+# just above the threshold are the ones that noise raised: so what both say balances, over readings
+# of all sizes.
+_BELOW = 1.0
 _MIN_AT_REST = 8  # readings of cells at rest that noise is measured by: it is then right to 25 %
 # N, of a prior: no cell feels more, none is known better; the squares of both stay numbers.
 _MAX_PRIOR_MEAN, _MIN_PRIOR_STD = 1e6, 1e-6
@@ -149,7 +153,7 @@ class Reading:
         if not self.all_read:
             misfit *= self.known
         if self.threshold:
-            over = np.minimum((self.threshold - adc) * full_scale, 0.0)
+            over = np.minimum((self.threshold - adc) * full_scale - _BELOW * self.noise, 0.0)
             misfit = np.where(self.capped, over, misfit)
         return misfit
 

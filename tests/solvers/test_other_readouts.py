@@ -201,6 +201,24 @@ def test_a_load_on_all_of_an_oblong_skin_is_no_other_readouts(kind, shape, sprea
         assert "driven" not in compensate(adc, circuit, CURVE, "map", noise=SCAN_NOISE).message
 
 
+@pytest.mark.parametrize("kind", KINDS, ids="-".join)
+@pytest.mark.parametrize("shape", [(8, 8), (12, 8), (16, 16)])
+@pytest.mark.parametrize("lines", [2, 3, 16])
+def test_a_load_on_whole_lines_is_no_other_readouts(kind, shape, lines):
+    """How hard they are pressed is one number, and no evidence by each cell."""
+    rng, circuit, named = np.random.default_rng(16), skin(kind, *shape), 0
+    for k in range(10):
+        where = [slice(None), slice(None)]
+        where[k % 2] = slice(2, 2 + lines) if lines < min(shape) else slice(None)
+        force = np.zeros(shape)
+        even = np.exp(0.05 * rng.standard_normal(shape))
+        force[tuple(where)] = (rng.uniform(0.7, 6.0) * even)[tuple(where)]  # N a cell
+        adc = scenes.read_out(circuit, forward(circuit, CURVE.resistance(force)), "scan", rng)
+        found = compensate(adc, circuit, CURVE, "map", noise=SCAN_NOISE)
+        named += "driven" in found.message
+    assert named <= 1
+
+
 @pytest.mark.parametrize("kind", [("floating", "rows"), *KINDS], ids="-".join)
 @pytest.mark.parametrize("shape", [(4, 4), (8, 8), (16, 16)])
 def test_the_right_readout_is_believed(kind, shape):

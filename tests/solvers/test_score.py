@@ -9,8 +9,10 @@ from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.bench.textile import Textile, read
 from tactile_skin.learning import network, scenes
 from tactile_skin.physics.curve import GRAM
+from tactile_skin.physics.readouts import READOUTS
 from tactile_skin.solvers import score
 from tactile_skin.solvers.reading import SCAN_NOISE, check_reading
+from tactile_skin.solvers.rivals import other_r_par
 
 CIRCUIT, CURVE = Circuit(), PressureCurve()
 
@@ -52,6 +54,29 @@ def test_the_shifts_spread_covers_that_of_the_noise():
     assert abs(shifts.mean()) < 0.3
     assert 0.4 < shifts.std() < 1.0
     assert np.mean([f.chi2 for f in found]) < 1.0
+
+
+@pytest.mark.parametrize("readout", READOUTS)
+def test_light_touches_beside_a_hard_one_are_no_other_r_par(readout):
+    """Held at rest, cells that are touched lightly would tell of another r_par."""
+    circuit, rng, found = Circuit(readout=readout), np.random.default_rng(7), []
+    for _ in range(20):
+        force = block()
+        lightly = rng.integers(10, 16, 20), rng.integers(0, 16, 20)
+        force[lightly] = rng.uniform(1.0, 5.0, 20) * GRAM
+        reading = check_reading(read_by(circuit, force, rng), circuit, CURVE, noise=SCAN_NOISE)
+        found.append(score.r_par_shift(reading.above_cut_off(), 1.0 / CURVE.resistance(force)))
+    assert np.mean([f.exceeds(score.SETTLED) for f in found]) <= 0.05
+    assert np.median([f.chi2 for f in found]) < 1.0
+
+
+def test_readings_next_to_the_cut_off_err_to_neither_side():
+    """Those just above it are the ones that noise raised."""
+    rng, circuit = np.random.default_rng(8), Circuit(100, 200, readout="grounded")
+    true = rng.uniform(0.0, 4.0, circuit.shape) / circuit.full_scale
+    adc = scenes.read_out(circuit, true, "scan", rng)
+    reading = check_reading(adc, circuit, CURVE, noise=SCAN_NOISE).above_cut_off()
+    assert abs(reading.misfit(true).mean()) < 0.05 * SCAN_NOISE
 
 
 @pytest.mark.parametrize("share", [0.88, 1.12])
@@ -153,5 +178,5 @@ def test_a_cell_that_rests_near_the_curves_end_is_no_error():
     curve = CURVE.resting_at(rest)
     reading = check_reading(forward(CIRCUIT, curve.resistance(block())), CIRCUIT, curve)
     for r_par in (0.5 * CIRCUIT.r_par, 1.5 * CIRCUIT.r_par):
-        supposed = score._with_r_par(reading, r_par).curve
+        supposed = other_r_par._with_r_par(reading, r_par).curve
         assert (supposed.resistance(np.zeros(CIRCUIT.shape)) > CURVE.points[-1][1]).all()

@@ -19,6 +19,7 @@ from ...physics.readouts import DRIVEN, READOUTS
 from ..estimate import Estimate
 from ..fixed_point import first_guess, is_rough, iterate, last_guess
 from ..newton import fits_circuit, newton
+from ..prior import differences, roughness
 from ..reading import Reading, check_reading, rest_reading
 
 _SPAN = 1e3  # times the curve's rest, up and down, within which another readout's cells may rest
@@ -28,9 +29,12 @@ _LIFTED = 1.02  # times its conductance at rest from which on a cell counts as t
 # another network may be compared by cost; from which on a floating matrix' light load may be the
 # hard one of a driven matrix.
 _ASK, _HALF, _COVERED = 0.2, 0.5, 0.75
-# By how much the fit of another must be likelier, in units of 1/2 chi^2. Scored on hard loads on
-# valid boards and on wrong readouts (tests/yardsticks/readouts.py, wrong).
-_BETTER = 45.0
+# By how much the fit of another must be likelier, in units of 1/2 chi^2; and the least spread of
+# neighbours' log conductance that is looked for. Chosen on pictures, bodies, rects, random loads
+# and whole lines on right and exchanged readouts (seeds 57221 to 57251), scored on others
+# (tests/yardsticks/readouts.py, wrong).
+_BETTER, _EVEN = 15.0, 0.03
+_NO_LEVEL = 0.02  # level of a picture that nothing touches
 # Times nearer to the curve's rest that cells must be by a rival of a floating matrix.
 _NEARER = 2.0
 # Chance of independent cells that their lines differ so; share of their variance that is in no line
@@ -38,16 +42,16 @@ _NEARER = 2.0
 _CHANCE, _OWN = 1e-5, 0.5
 _STEPS, _FAR = 8, 20.0  # of the fixed point, and 1/2 chi^2 a cell that rule a readout out
 
-Cost = Callable[[Reading, np.ndarray], float]
+Fit = Callable[[Reading, np.ndarray], np.ndarray]
 
 
-def other_readout(reading: Reading, estimate: Estimate, start: Estimate | None, cost: Cost) -> str:
+def other_readout(reading: Reading, estimate: Estimate, start: Estimate | None, fit: Fit) -> str:
     """Why a frame that is explained is rather that of another readout; empty if it is not.
 
     Args:
         start: the last frame's estimate, None: there is none. A frame that is one of a touch for
             which it was asked before is not asked again.
-        cost: least cost of touches near given conductances (rows, cols) [S], in units of 1/2 chi^2.
+        fit: conductances (rows, cols) [S] of the likeliest touches near given ones.
     """
     own, floating = reading.circuit, reading.circuit.readout == "floating"
     g, share = _touched(reading, estimate)
@@ -57,7 +61,7 @@ def other_readout(reading: Reading, estimate: Estimate, start: Estimate | None, 
         return ""
     if not floating and _lines_differ(own, g):
         return f"loads differ by lines, not by cells. Is circuit.driven = {own.driven} right?"
-    limit = None
+    mine = None
     for circuit, curve in _others(own, reading.curve):
         if floating and _off(reading.curve) < _NEARER * _off(curve):
             continue  # light loads alone are those of either
@@ -73,9 +77,9 @@ def other_readout(reading: Reading, estimate: Estimate, start: Estimate | None, 
             # and nothing but that reads like a load on a driven one.
             found = fits_circuit(other)
         else:
-            if limit is None:
-                limit = cost(reading, g) + _width(reading, g) - _BETTER
-            found = cost(other, guess) + _width(other, guess) < limit
+            mine = _Touches(reading, fit(reading, g)) if mine is None else mine
+            theirs = _Touches(other, fit(other, guess))
+            found = theirs.unlikely(mine) < mine.unlikely(mine) - _BETTER
         if found:
             return (
                 f"the readings fit readout = {circuit.readout}, driven = {circuit.driven} better "
@@ -92,18 +96,44 @@ def _touched(reading: Reading, estimate: Estimate) -> tuple[np.ndarray, float]:
     return g, touched / np.count_nonzero(reading.circuit.populated)
 
 
-def _width(reading: Reading, g: np.ndarray) -> float:
-    """Log of how much the readings narrow the loads down, in units of 1/2 chi^2 (Laplace).
+class _Touches:
+    """A readout's explanation of a frame.
 
-    A readout whose readings change more with the loads explains a frame by loads that differ less,
-    whichever readout is right: the cost alone would always prefer it.
+    Attributes:
+        level: mean log of what touched cells conduct over that at rest.
+        spread: of the usual cell's log conductance by the noise of its reading, or `_EVEN`.
     """
-    cells = np.flatnonzero(reading.circuit.populated).astype(np.int32)
-    jacobian = reading.linearised(g, reading.spread).jacobian(cells, cells).astype(float)
-    jacobian *= g.ravel()[cells]
-    precision = jacobian.T @ jacobian
-    precision.flat[:: cells.size + 1] += 1.0  # what is known of a cell that no reading tells
-    return 0.5 * float(np.linalg.slogdet(precision)[1])
+
+    def __init__(self, reading: Reading, g: np.ndarray):
+        populated = reading.circuit.populated
+        gx = g if reading.curve.offset is None else g - reading.curve.offset
+        self._x = np.log(np.where(populated, gx * reading.curve.points[0][1], 1.0))
+        self._between = differences(reading.circuit)
+        touched = populated & (g > _LIFTED * reading.bounds[0])
+        self.level = float(self._x[touched].mean()) if touched.any() else _NO_LEVEL
+        misfit = reading.misfit(reading.model(g)) / reading.spread
+        cells = np.flatnonzero(populated).astype(np.int32)
+        jacobian = reading.linearised(g, reading.spread).jacobian(cells, cells).astype(float)
+        jacobian *= g.ravel()[cells]
+        precision = jacobian.T @ jacobian
+        precision.flat[:: cells.size + 1] += 1.0  # what is known of a cell that no reading tells
+        self.spread = max(_EVEN, float(np.median(precision.diagonal() ** -0.5)))
+        # A readout whose readings change more with the loads explains a frame by loads that differ
+        # less, whichever readout is right: how much the readings narrow the loads down (Laplace).
+        width = float(np.linalg.slogdet(precision)[1])
+        self._unlikely = 0.5 * (float(np.square(misfit).sum()) + width)
+
+    def unlikely(self, beside: _Touches) -> float:
+        """Minus the log of its likelihood, but for a constant.
+
+        How hard all of a touch is says as much as one cell, not as all of them; and noise is no
+        unevenness. So the pictures are compared at one level and with one spread.
+
+        Args:
+            beside: what has these.
+        """
+        picture = self._x * (beside.level / self.level)
+        return self._unlikely + roughness(picture, self._between, beside.spread)
 
 
 def _off(curve: PressureCurve) -> float:
