@@ -250,7 +250,9 @@ def write(path: Path, source: Path | None, guide: Guide, skin: SkinConfig) -> No
     if guide.fitted or guide.creep:
         by_file = skin.curve, skin.creep
         curve, known = (guide.fitted.curve, None) if guide.fitted else by_file
-        shared["curve"] = _points(as_it_comes(curve, Creep(share, seconds), known))
+        curve = as_it_comes(curve, Creep(share, seconds), known)
+        # Limits of the file, as stop_on_push.peak, lie on the curve that it had.
+        shared["curve"] = _points(curve.up_to(skin.curve.max_force))
         if share:
             shared["curve"] |= {"creep": share, "creep_time": seconds}
     if guide.fitted:

@@ -130,6 +130,22 @@ class PressureCurve:
         own.gain = gain
         return own
 
+    def up_to(self, force: float) -> PressureCurve:
+        """The curve with a `max_force` of `force` [N] at least.
+
+        Beyond its last point a cell conducts more with each newton as between its last two.
+        """
+        end = force / (1.0 if self.gain is None else float(self.gain.min()))
+        (before, _), (last, _) = self.points[-2:]
+        if end <= last:
+            return self
+        forces, resistances = np.array(self.points).T
+        conducts, most = 1.0 / resistances[-2:]
+        most += (most - conducts) * (end - last) / (last - before)
+        longer = PressureCurve(np.append(forces, end), np.append(resistances, 1.0 / most))
+        longer.offset, longer.gain = self.offset, self.gain
+        return longer
+
     @property
     def usual(self) -> PressureCurve:
         """That of the usual cell: without offset and gain."""

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactile_skin import Circuit, cli, diagnose
+from tactile_skin import Circuit, cli, diagnose, forward
 from tactile_skin.calibration.doctor.wiring import Wires, search
 from tactile_skin.commands import doctor as command
 from tactile_skin.physics.circuit import two_terminal_resistance
@@ -130,6 +130,29 @@ def test_a_palm_that_stands_still_is_no_fault(palms, cells):
             ratio = board.expose(share * palm)
             frames += [board.sample(ratio) for _ in range(n)]
     assert diagnose(frames, known(board), series=False) == []
+
+
+@pytest.mark.parametrize("stuck", [None, 10])
+def test_hard_fingers_on_a_small_skin_are_no_stuck_bit(stuck):
+    """Few readings lie between those of rest and of a pressed cell; none if the bit is stuck."""
+    circuit, rng = (
+        Circuit(6, 7, r_ref=4700.0, r_par=140.0, adc_bits=12),
+        np.random.default_rng(58426),
+    )
+    rest, frames = 1.0 / (45e3 * np.exp(rng.normal(0.0, 0.2, circuit.shape))), []
+    for _ in range(16):
+        at = rng.uniform(0.5, 4.5), rng.uniform(0.5, 5.5)
+        apart = np.hypot(*(np.indices(circuit.shape) - np.reshape(at, (2, 1, 1))))
+        size = rng.choice([0.9, 1.3, 2.5])
+        added = rng.uniform(2e-3, 8e-3) * np.clip(2.0 * (size - apart), 0.0, 1.0)
+        for share in np.repeat([0.0, 0.3, 0.8, 1.0, 0.2], [14, 1, 1, 18, 1]):
+            adc = 4095.0 * forward(circuit, 1.0 / (rest + share * added))
+            frames.append(np.rint(adc + 0.8 * rng.standard_normal(adc.shape)).astype(int))
+    frames = np.array(frames)
+    if stuck:
+        frames |= 1 << stuck
+    found = diagnose(np.clip(frames, 0, 4095) / 4095.0, circuit, series=False)
+    assert [f.kind for f in found] == ([] if stuck is None else ["bits"])
 
 
 def test_a_board_that_reads_one_voltage_has_no_signal():

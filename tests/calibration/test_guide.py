@@ -1,5 +1,7 @@
 """`calibrate` from end to end: an unknown board, and a person who does as he is told."""
 
+import copy
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +17,7 @@ from tactile_skin.calibration.creep import LAID
 from tactile_skin.calibration.guide import Guide, newtons, picture
 from tactile_skin.commands import calibrate, written
 from tactile_skin.middleware.config import read_skin
-from tactile_skin.physics.curve import GRAM
+from tactile_skin.physics.curve import GRAM, PressureCurve
 
 SHAPE = 12, 12
 WEIGHTS = 3.0, 5.0, 8.0, 12.0, 17.0, 23.0, 30.0, 38.0, 44.0, 49.0  # N
@@ -174,6 +176,18 @@ def test_the_file_is_one_that_the_launch_takes(done, tmp_path):
     data = yaml.safe_load(source.read_text())
     assert data["serial_driver"]["ros__parameters"]["baud"] == 115200
     assert source.read_text().startswith("# made by tactile-skin calibrate")
+
+
+def test_limits_of_the_file_stay_within_the_curve(done, tmp_path):
+    """Soft objects tell little of a hard cell: `peak` must still be a force that the curve has."""
+    guide, source = copy.copy(done[2]), tmp_path / "mine.yaml"
+    source.write_text("/**: {ros__parameters: {circuit: {rows: 12, cols: 12}}}\n")
+    gain = np.full(SHAPE, 0.92345)
+    soft = PressureCurve([0.0, 1.0, 5.1], [40000.0, 800.0, 150.0]).with_gain(gain)
+    guide.fitted = dataclasses.replace(guide.fitted, curve=soft)
+    skin = read_skin(source)
+    calibrate.write(source, source, guide, skin)
+    assert read_skin(source).curve.max_force == pytest.approx(skin.curve.max_force, rel=1e-3)
 
 
 @pytest.mark.parametrize("step", ["fsync", "replace", "copy2"])

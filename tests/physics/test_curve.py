@@ -96,3 +96,16 @@ def test_a_gain_scales_the_force():
 def test_a_gain_that_is_none_is_refused(gain):
     with pytest.raises(ValueError, match="a cell of gain"):
         PressureCurve().with_gain(gain)
+
+
+def test_a_curve_goes_on_as_it_ended():
+    """To the force that is asked for, on the cell of the least gain too; as it was before."""
+    short = PressureCurve([0.0, 1.0, 5.0], [40000.0, 800.0, 150.0])
+    gain = np.array([[0.8, 1.0], [1.1, 1.2]])
+    longer = short.with_gain(gain).up_to(9.8)
+    assert longer.max_force == pytest.approx(9.8)
+    np.testing.assert_array_equal(longer.gain, gain)
+    np.testing.assert_allclose(longer.resistance([1.0, 5.0]), [800.0, 150.0])
+    added = np.diff(1.0 / longer.usual.resistance([1.0, 5.0, longer.points[-1][0]]))
+    assert added[1] / (longer.points[-1][0] - 5.0) == pytest.approx(added[0] / 4.0)
+    assert longer.up_to(9.8) is longer

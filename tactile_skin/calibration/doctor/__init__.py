@@ -34,6 +34,9 @@ _ASKED, _TOUCHES, _HELD = 20_000, (20, 60), 15
 _LIGHT, _SERIES, _SAYING = 0.025, (0.05, 4.0), 20
 _SHORTED = 0.5  # share of what a short of two lines takes from their readings at rest
 _READ = 12, 4  # hardest touches that the readout is judged by, without `series`
+# Share of all change that is a fall, and of full scale where nothing touches, from which on
+# readings are upside down: on sound boards hardly any falls, and rest is in the lower half.
+_FELL, _HIGH = 0.8, 0.5
 _ONE_VOLTAGE = 4.0  # times the noise within which all readings are one voltage
 
 
@@ -51,16 +54,16 @@ def diagnose(
         series: whether to ask for r_par, r_ref and supply, which takes most of the time.
 
     Returns:
-        The faults, an empty list for a sound board. Another readout than the circuit's, a wrong
-        bit, and rows and columns that are exchanged hide all else. Damage of wires that only their
-        network shows (all but "open", "contact" and "noisy") is looked for on floating matrices
-        only, "contact" not on grounded ones.
+        The faults, an empty list for a sound board. Readings upside down, another readout than the
+        circuit's, a wrong bit, and rows and columns that are exchanged hide all else. Damage of
+        wires that only their network shows (all but "open", "contact" and "noisy") is looked for
+        on floating matrices only, "contact" not on grounded ones.
 
     Raises:
         ValueError: another shape, values outside [0, 1], or fewer than 20 frames.
     """
     seen = record(frames, circuit, rest)
-    if finding := _silent(seen):
+    if finding := _upside_down(seen) or _silent(seen):
         return [finding]
     at_rest = np.where(seen.read, seen.base / circuit.full_scale, np.nan)
     touches = np.where(seen.read, _touches(seen, _READ[0 if series else 1]), np.nan)
@@ -122,6 +125,13 @@ def other_readout(circuit: Circuit, at_rest, noise: float, touches) -> Finding |
 
 def _cells(damages: list[wiring.Damage]) -> set[tuple[int, int]]:
     return {(d.line, d.at) for d in damages if d.kind == "cell"}
+
+
+def _upside_down(seen: Recorded) -> Finding | None:
+    usual, full = float(np.median(seen.steps[:, seen.read])), seen.circuit.full_scale
+    if seen.fell < _FELL or usual < _HIGH * full:
+        return None
+    return texts.polarity(usual, full)
 
 
 def _silent(seen: Recorded) -> Finding | None:

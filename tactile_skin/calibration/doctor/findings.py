@@ -23,8 +23,8 @@ class Finding:
 
     Attributes:
         kind: "short", "open", "broken", "lead", "doubled", "swapped", "shifted", "transposed",
-            "dead", "stuck", "noisy", "contact", "circuit", "readout", "bits", "saturation" or
-            "no signal".
+            "dead", "stuck", "noisy", "contact", "circuit", "readout", "bits", "polarity",
+            "saturation" or "no signal".
         where: for a person: "column 5", "row 2, column 7", "ADC".
         evidence: the numbers that show it.
         remedy: what to check.
@@ -44,6 +44,15 @@ class Finding:
 
 def _line(axis: int, line: int) -> dict:
     return {("rows", "cols")[axis]: (line,)}
+
+
+def polarity(level: float, full: float) -> Finding:
+    return Finding(
+        "polarity",
+        "all readings",
+        f"{level:.0f} of {full:.0f} ADC steps while nothing touches, and touches lower them",
+        "Change circuit.inverted: true if readings of the board fall with pressure",
+    )
 
 
 def bit(bit: int, kept: int, share: float) -> Finding:

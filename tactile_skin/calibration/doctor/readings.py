@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from .recorded import Recorded, loose
 
@@ -13,6 +14,10 @@ from .recorded import Recorded, loose
 _LOWEST_BIT = 2  # below, noise and averaging fill every gap
 _GAP_SHARE = {2: 0.6, 3: 0.6, 4: 0.4}
 _HIGH_GAP_SHARE = 0.25  # of higher bits
+# Times the noise by which a reading that stands changes at most, steps from frame to frame while
+# it stands, and the share of such readings in a gap: a stuck bit leaps across it, so that less than
+# 0.01 stand there, also of means over some scans. Hard fingers on sound boards leave 0.05 or more.
+_STANDS, _STANDING, _STANDING_SHARE = 6.0, 3, 0.03
 _GAP_READINGS = 200  # on either side of the gaps, at least; of frames that say anything new
 _ONCE = 2.0  # times the share of those, in which touches that come and go have more weight
 _AT_REST = 48, 8  # ADC steps about its rest in which a reading does not count: at most, and besides
@@ -36,6 +41,9 @@ def stuck_bits(seen: Recorded) -> list[tuple[int, int, float]]:
     if top := ceiling(seen):  # what piles up there lies beside a gap by chance
         every = np.where(every < top[0] - _ceiling_width(seen), every, base)
     new = every[seen.anew]
+    moves = np.abs(np.diff(every, axis=0, prepend=every[:1]))
+    moves = maximum_filter1d(moves, _STANDING, axis=0)
+    standing = np.where(moves < _STANDS * seen.usual_noise + 1.0, every, base)
     fell = (new < _BELOW * base - 3.0) & (base > 10.0)
     folded = fell.sum() >= _BELOW_READINGS and np.count_nonzero(fell.any(0)) >= _BELOW_CELLS
     folded &= seen.circuit.readout == "floating"  # a load only raises its readings
@@ -43,13 +51,13 @@ def stuck_bits(seen: Recorded) -> list[tuple[int, int, float]]:
     for bit in range(_LOWEST_BIT, bits):
         limit = _GAP_SHARE.get(bit, _HIGH_GAP_SHARE)
         low = new < (1 << bit) - _NOISE_WIDTH * seen.usual_noise - 1.0
-        for kept, (all_, once) in enumerate(
-            zip(_gaps(every, base, bit, bits), _gaps(new, base, bit, bits), strict=True)
-        ):
+        of = [_gaps(steps, base, bit, bits) for steps in (every, new, standing)]
+        for kept, (all_, once, still) in enumerate(zip(*of, strict=True)):
             if kept and low.mean() > _NO_REST:
                 continue  # a bit that is always 1 leaves no reading below it
             # A hand that stands still fills no gap: it is there in what it reads once, too.
             gap = once.near >= _GAP_READINGS and once.share < _ONCE * limit and all_.share < limit
+            gap &= bit in _GAP_SHARE or still.share < _STANDING_SHARE
             if gap or (bit == bits - 1 and all_.empty and folded):
                 found.append((bit, kept, all_.share))
     return found

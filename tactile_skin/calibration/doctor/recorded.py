@@ -38,6 +38,8 @@ class Recorded:
     peaks: frames in which touches are strongest.
     touches: those of them that differ from the one before: one for each touch.
     closed: for rows and columns, (n, lines) reading of each line, its usual one 1.
+    fell: share of all change, squared, by which readings are below their usual ones, loose lines
+        left out.
     """
 
     circuit: Circuit
@@ -50,6 +52,7 @@ class Recorded:
     peaks: np.ndarray
     touches: np.ndarray
     closed: tuple[np.ndarray, np.ndarray]
+    fell: float
 
     @property
     def usual_noise(self) -> float:
@@ -81,7 +84,12 @@ def record(frames, circuit: Circuit, rest: Rest | None) -> Recorded:
         circuit.readout == "grounded"
     ):  # where a touch lowers a line's other readings, as a lead does
         closed = tuple(np.ones_like(share) for share in closed)
-    level = _activity(steps - usual, closed)
+    change = steps - usual
+    rows, cols = (~loose(share) for share in closed)
+    power = np.square(change) * rows[:, None] * cols
+    fell = float(power[change < 0.0].sum() / max(power.sum(), 1e-9))
+    # A finger on a grounded matrix lowers the other readings of its line: by their mean it is rest.
+    level = _activity(np.abs(change) if circuit.readout == "grounded" else change, closed)
     quiet = level <= np.quantile(level, _QUIET)
     calm, n = np.where(absent, 0.0, steps)[quiet], np.maximum((~absent)[quiet].sum(0), 1)
     mean = np.where((~absent)[quiet].any(0), calm.sum(0) / n, usual)
@@ -93,7 +101,7 @@ def record(frames, circuit: Circuit, rest: Rest | None) -> Recorded:
     anew = _anew(steps[:, cells], limit, range(len(steps)))
     peaks = _peaks(level, len(frames), float(np.median(level[quiet])))
     touches = _anew(steps[:, cells], limit, peaks)
-    return Recorded(circuit, steps, read, base, quiet, noise, anew, peaks, touches, closed)
+    return Recorded(circuit, steps, read, base, quiet, noise, anew, peaks, touches, closed, fell)
 
 
 def _anew(steps: np.ndarray, limit: np.ndarray, frames) -> np.ndarray:
