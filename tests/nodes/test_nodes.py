@@ -730,7 +730,7 @@ def test_a_skin_that_is_loaded_from_the_start_stops_until_it_is_let_go():
     """A palm on it, or an ADC that reads too high from the start; a finger leaves cells at rest."""
 
     def feel(force, frames=30):
-        adc = forward(Circuit(), fabric.resistance(np.full((16, 16), force)))
+        adc = forward(Circuit(), fabric.resistance(force * texture))
         rng = np.random.default_rng(1)
         for _ in range(frames):
             chain.clock.advance(FRAME)
@@ -738,6 +738,7 @@ def test_a_skin_that_is_loaded_from_the_start_stops_until_it_is_let_go():
             chain.publish(steps.astype(np.uint16))
 
     fabric = simulator.fabric(PressureCurve(), (16, 16), seed=1)
+    texture = np.random.default_rng(2).uniform(0.7, 1.3, (16, 16))
     chain = Chain("auto")
     feel(0.2)
     assert "loaded since the start, most at row" in chain.reason
