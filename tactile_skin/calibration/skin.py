@@ -230,7 +230,8 @@ class Skin:
     @property
     def fault(self) -> bool:
         """Whether the readings, or the circuit, are not a sound skin's."""
-        return self._watch.fault or self._tracker.impossible or self._tare.half_read
+        flat = self.waits and not self._tare.apart  # nothing shows yet that a matrix is read
+        return self._watch.fault or self._tracker.impossible or self._tare.half_read or flat
 
     @property
     def rest_reasons(self) -> str:

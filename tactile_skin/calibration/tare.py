@@ -30,6 +30,7 @@ _LEVEL = 0.1, 3.0
 # times the noise of a mean, as a low-pass before it leaves more. Frames that are looked at together
 # while they are alike, as cells of a noisy skin seem for a second.
 _CHANNELS, _CHANCE, _LOW_PASS, _ALIKE_FRAMES = 0.2, 1e-4, 1.3, 1000
+_EARLY = 1.5  # times that, for looks after each frame, some before the low-pass has settled
 # Standard deviations of its noise, and share, by which a reading may move between the halves of a
 # measurement and after it; share of the cells that may move more, with a bad contact.
 _STILL, _RESTLESS = (5.0, 0.01), 0.02
@@ -63,13 +64,14 @@ class Tare:
         curve: the given curve, with the cells' offsets once they are known.
         message: why the last measurement could not be used; empty if it could.
         measured: whether there was one that could.
+        apart: whether its cells have been seen to read apart, as those of every fabric do.
         wiring: what seems wrong with the wires, by the last measurement; empty if nothing. What the
             cells rest at is followed all the same.
         half_read: whether that means that half of the lines are not read.
     """
 
     def __init__(self, circuit: Circuit, curve: PressureCurve):
-        self.curve, self.message, self.measured = curve, "", False
+        self.curve, self.message, self.measured, self.apart = curve, "", False, False
         self.wiring, self.half_read = "", False
         self._learned = -np.inf  # s, when the rest was measured last
         self._first: np.ndarray | None = None  # (rows, cols) [S] that was measured first
@@ -132,6 +134,8 @@ class Tare:
             return followed
         self._since = min(self._since, t)
         self._add(t, adc)
+        if not self.apart:
+            self._look()
         if t - self._until < _QUIET_AFTER:
             return followed
         (one, n), (other, m), _ = self._parts
@@ -142,9 +146,10 @@ class Tare:
             if not self.measured:
                 self.message = _WANDERS if self._restless >= _TRIES else ""
             return followed
-        usual = float(np.median(noise[self._circuit.populated])) * self._circuit.full_scale
-        if message := self._alike(mean, n + m, usual):
-            self.message = message
+        usual = self._usual(noise)
+        self.message = self._alike(mean, n + m, usual)
+        self.apart = not self.message
+        if self.message:
             return followed
         return self._learn(mean, usual / (n + m) ** 0.5) or followed
 
@@ -165,6 +170,28 @@ class Tare:
         changes = sum(n for _, n in self._parts) - 1
         noise = np.sqrt(self._changes / (2.0 * changes))
         return np.maximum(noise, SCAN_NOISE / self._circuit.full_scale)
+
+    def _usual(self, noise: np.ndarray) -> float:
+        """That of the usual cell [ADC steps]."""
+        return float(np.median(noise[self._circuit.populated])) * self._circuit.full_scale
+
+    def _look(self) -> None:
+        """Whether the frames so far show that the cells are apart."""
+        frames = sum(n for _, n in self._parts)
+        if frames >= _MIN_FRAMES:
+            mean = sum(total for total, _ in self._parts) / frames
+            limit = self._one_voltage(self._usual(self._noise()), frames)
+            self.apart = self._spread(mean) > _EARLY * limit
+
+    def _spread(self, mean: np.ndarray) -> float:
+        """RMS by which the cells differ [ADC steps]."""
+        return float(mean[self._circuit.populated].std()) * self._circuit.full_scale
+
+    def _one_voltage(self, noise: float, frames: int) -> float:
+        """The same, at most, of readings of one voltage."""
+        half = 0.5 * max(np.count_nonzero(self._circuit.populated) - 1, 1)
+        by_chance = _LOW_PASS * (gammainccinv(half, _CHANCE) / half) ** 0.5
+        return max(_CHANNELS, by_chance * noise / frames**0.5)
 
     def _still(self) -> bool:
         """Whether the parts of the measurement read alike: else it holds a touch, or its end."""
@@ -250,20 +277,18 @@ class Tare:
             mean: (rows, cols) of so many frames, ADC ratio.
             noise: of a reading [ADC steps].
         """
-        cells, full = self._circuit.populated, self._circuit.full_scale
         total, count = self._flat
         total, count = total + frames * mean, count + frames
-        free = max(np.count_nonzero(cells) - 1, 1)
-        by_chance = _LOW_PASS * (gammainccinv(0.5 * free, _CHANCE) / (0.5 * free)) ** 0.5
         for seen, n in ((mean, frames), (total / count, count)):
-            if seen[cells].std() * full > max(_CHANNELS, by_chance * noise / n**0.5):
-                self._flat = np.zeros(cells.shape), 0
+            if self._spread(seen) > self._one_voltage(noise, n):
+                self._flat = np.zeros(mean.shape), 0
                 return ""
         kept = min(count, _ALIKE_FRAMES)
         self._flat = total * (kept / count), kept
+        steps = mean[self._circuit.populated].mean() * self._circuit.full_scale
         return (
-            f"rest not measured: all readings are {mean[cells].mean() * full:.1f} ADC steps, "
-            "within noise: is the matrix connected?"
+            f"rest not measured: all readings are {steps:.1f} ADC steps, within noise: is the "
+            "matrix connected?"
         )
 
     def _fabric(self, level: np.ndarray, cells: np.ndarray) -> str:

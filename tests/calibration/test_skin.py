@@ -66,6 +66,29 @@ def test_once_its_rest_is_measured_nothing_of_before_is_a_fault():
         assert board.skin.waits or not board.skin.fault, board.skin.reasons()
 
 
+@pytest.mark.parametrize("off", [0.0, 0.3])
+def test_one_voltage_from_the_start_is_a_fault_at_once_and_for_as_long_as_it_lasts(off):
+    """Though it is what an untouched skin reads: cells that are as alike are not read."""
+    board = Board()
+    sound = board.rest
+    board.rest = np.full(CIRCUIT.shape, np.exp(off))
+    for k in range(400):
+        board.feel(NOTHING)
+        assert board.skin.fault, k
+    assert "is the matrix connected?" in board.skin.rest_reasons
+    board.rest = sound  # it is plugged in
+    board.feel(NOTHING, 400)
+    assert not board.skin.fault
+
+
+def test_a_sound_skin_is_no_fault_for_longer_than_it_takes_to_see_its_cells():
+    board, faults = Board(), 0
+    for _ in range(30):
+        board.feel(NOTHING)
+        faults += board.skin.fault
+    assert faults <= 15
+
+
 def test_a_late_frame_is_taken_by_the_fast_method_if_the_user_asked_for_none():
     for method, fast in (("auto", True), ("map", False)):
         board = Board(method)

@@ -148,6 +148,7 @@ def test_a_bad_contact_is_named_and_does_not_stop_the_robot(bad):
     """Its reading is what is left of it after a bad contact, in one of three frames."""
     fed = Fed(Adc(CIRCUIT))
     fed.feel(np.zeros(CIRCUIT.shape), 80)
+    fed.reports.clear()  # of the first frames, in which nothing was known
     fed.absent[bad], said = True, ""
     for k in range(150):
         fed.absent[bad], fed.printed = k % 3 == 0, 12_000  # of 65535; at rest 24,000
