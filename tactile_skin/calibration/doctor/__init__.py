@@ -28,10 +28,10 @@ from .recorded import Recorded, record
 # Cells, in all touches together, that identify is asked about: it takes 0.1 s for 256. At least
 # and at most so many touches, each looked for within so many frames of its peak.
 _ASKED, _TOUCHES, _HELD = 20_000, (20, 60), 15
-# Share by which light touches make r_par seem larger, never smaller: 0 to 5 % on 50 sound boards,
-# where it is known to 1.5 % (seed 144000). Share besides, and standard deviations (what all touches
-# share is not in their scatter), by which it must be off; touches that must say so.
-_LIGHT, _SERIES, _SAYING = 0.025, (0.05, 4.0), 20
+# Share by which light touches make r_par seem larger: 0 to 5 % on 50 sound boards, where it is
+# known to 1.5 % (seed 144000). Share besides, and standard deviations (what all touches share is
+# not in their scatter), by which it must be off; touches that must say so.
+_LIGHT, _SERIES, _SAYING = 0.025, (0.05, 5.0), 20
 _SHORTED = 0.5  # share of what a short of two lines takes from their readings at rest
 _READ = 12, 4  # hardest touches that the readout is judged by, without `series`
 # Share of all change that is a fall, and of full scale where nothing touches, from which on
@@ -107,7 +107,8 @@ def diagnose(
     found += [texts.misplaced(m) for m in moved]
     # With stripes that touch, are cut or are not read it is another network.
     if series and not (pairs or wires.cut or top or wires.cells.max() > REST_SPAN):
-        found += _series(seen, unusable, wires, cell)
+        noisy = {line[:2] for line in noisy_lines}
+        found += _series(seen, unusable | noisy, quiet, wires, cell)
     return found
 
 
@@ -189,14 +190,21 @@ def _joined(seen: Recorded, wires: wiring.Wires, rho, known, pairs, found: list)
     return taken
 
 
-def _series(seen: Recorded, skip, wires: wiring.Wires, cell: float) -> list[Finding]:
-    """What lies in series with all cells, by the touches."""
+def _series(seen: Recorded, skip, noisy, wires: wiring.Wires, cell: float) -> list[Finding]:
+    """What lies in series with all cells, by the touches.
+
+    Args:
+        skip: (axis, line) of lines whose readings are not used, nor are those of
+        noisy: (row, column) of cells.
+    """
     circuit, full = seen.circuit, seen.circuit.full_scale
     if not len(seen.peaks):
         return []
     unknown = ~seen.read
     for axis, line in skip:
         seen.turned(axis, unknown)[line] = True
+    for at in noisy:
+        unknown[at] = True
     lead = cell * (wires.lead[0][:, None] + wires.lead[1])  # ohm, of bad ones
     usual = circuit.ratio(wires.resistance() * cell - lead)
     touches = _without(lead, _touches(seen), circuit)
@@ -209,8 +217,9 @@ def _series(seen: Recorded, skip, wires: wiring.Wires, cell: float) -> list[Find
     except ValueError:
         return []
     scale = series_scale(circuit)
-    off = found.circuit.r_par - circuit.r_par - _LIGHT * scale
+    off = found.circuit.r_par - circuit.r_par
     limit = max(_SERIES[0] * scale, _SERIES[1] * found.std["r_par"])
+    limit += _LIGHT * scale if off > 0.0 else 0.0
     if found.frames < _SAYING or abs(off) < limit:
         return []
     return [texts.circuit(circuit, found)]
