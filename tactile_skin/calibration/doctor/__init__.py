@@ -14,6 +14,8 @@ then names both.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...physics.circuit import Circuit
@@ -105,8 +107,9 @@ def diagnose(
     odd |= {line for row, col in pressed for line in ((0, row), (1, col))}
     moved = order.misplaced(seen, unusable | odd, (_cells(damages) | quiet) - pressed)
     found += [texts.misplaced(m) for m in moved]
-    # With stripes that touch, are cut or are not read it is another network.
-    if series and not (pairs or wires.cut or top or wires.cells.max() > REST_SPAN):
+    # With stripes that are cut or are not read it is another network.
+    unread = len(pairs) > len(wires.joined) or wires.cut
+    if series and not (unread or top or wires.cells.max() > REST_SPAN):
         noisy = {line[:2] for line in noisy_lines}
         found += _series(seen, unusable | noisy, quiet, wires, cell)
     return found
@@ -209,6 +212,8 @@ def _series(seen: Recorded, skip, noisy, wires: wiring.Wires, cell: float) -> li
     usual = circuit.ratio(wires.resistance() * cell - lead)
     touches = _without(lead, _touches(seen), circuit)
     adc = np.where(unknown, usual, _without(lead, seen.base / full, circuit))
+    unknown, touches, adc = (_as_one(wires.joined, p) for p in (unknown, touches, adc))
+    circuit = _circuit_as_one(wires.joined, circuit)
     noise = max(seen.usual_noise, 0.3)
     quiet = int(np.count_nonzero(seen.quiet))
     try:
@@ -223,6 +228,25 @@ def _series(seen: Recorded, skip, noisy, wires: wiring.Wires, cell: float) -> li
     if found.frames < _SAYING or abs(off) < limit:
         return []
     return [texts.circuit(circuit, found)]
+
+
+def _as_one(joined: list, picture: np.ndarray) -> np.ndarray:
+    """(..., rows, cols) without the second of two lines that touch: they read as one."""
+    for axis in (0, 1):
+        picture = np.delete(picture, [b for k, _, b in joined if k == axis], axis - 2)
+    return picture
+
+
+def _circuit_as_one(joined: list, circuit: Circuit) -> Circuit:
+    """In which two lines that touch are one, of the cells of both."""
+    mask, r_line = circuit.populated.copy(), circuit.r_line
+    for axis, a, b in joined:
+        lines = mask if axis == 0 else mask.T
+        lines[a] |= lines[b]
+    mask = _as_one(joined, mask)
+    if np.ndim(r_line):
+        r_line = np.delete(r_line, [b + axis * circuit.rows for axis, _, b in joined])
+    return replace(circuit, rows=len(mask), cols=mask.shape[1], mask=mask, r_line=r_line)
 
 
 def _without(lead: np.ndarray, adc: np.ndarray, circuit: Circuit) -> np.ndarray:
