@@ -92,6 +92,16 @@ def test_a_bad_lead_has_its_ohms(seed):
     assert abs(size - 1000.0) < 3.0 * std
 
 
+@pytest.mark.parametrize(("faults", "seed"), [(2, 155001), (2, 155007), (1, 155007)])
+def test_another_r_par_is_named_beside_a_short(faults, seed):
+    """Two lines that touch are one line of another network, which tells it as well."""
+    case = Case(seed, ("short of neighbours", "circuit")[:faults], 60.0, (8, 12))
+    found = diagnose(case.frames, case.circuit)
+    for fault in case.faults:
+        assert any(explains(f, *fault, case.cut) for f in found), (fault, found)
+    assert len(found) == faults
+
+
 @pytest.mark.parametrize("off", [-200.0, 0.0, 200.0])
 def test_a_short_with_another_series_resistance_has_no_bad_lead(off):
     """200 ohm, as of an r_ref that is 10 % off; the line of less resistance shows more of it."""

@@ -14,6 +14,8 @@ then names both.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...physics.circuit import Circuit
@@ -28,10 +30,10 @@ from .recorded import Recorded, record
 # Cells, in all touches together, that identify is asked about: it takes 0.1 s for 256. At least
 # and at most so many touches, each looked for within so many frames of its peak.
 _ASKED, _TOUCHES, _HELD = 20_000, (20, 60), 15
-# Share by which light touches make r_par seem larger, never smaller: 0 to 5 % on 50 sound boards,
-# where it is known to 1.5 % (seed 144000). Share besides, and standard deviations (what all touches
-# share is not in their scatter), by which it must be off; touches that must say so.
-_LIGHT, _SERIES, _SAYING = 0.025, (0.05, 4.0), 20
+# Share by which light touches make r_par seem larger: 0 to 5 % on 50 sound boards, where it is
+# known to 1.5 % (seed 144000). Share besides, and standard deviations (what all touches share is
+# not in their scatter), by which it must be off; touches that must say so.
+_LIGHT, _SERIES, _SAYING = 0.025, (0.05, 5.0), 20
 _SHORTED = 0.5  # share of what a short of two lines takes from their readings at rest
 _READ = 12, 4  # hardest touches that the readout is judged by, without `series`
 # Share of all change that is a fall, and of full scale where nothing touches, from which on
@@ -105,9 +107,11 @@ def diagnose(
     odd |= {line for row, col in pressed for line in ((0, row), (1, col))}
     moved = order.misplaced(seen, unusable | odd, (_cells(damages) | quiet) - pressed)
     found += [texts.misplaced(m) for m in moved]
-    # With stripes that touch, are cut or are not read it is another network.
-    if series and not (pairs or wires.cut or top or wires.cells.max() > REST_SPAN):
-        found += _series(seen, unusable, wires, cell)
+    # With stripes that are cut or are not read it is another network.
+    unread = len(pairs) > len(wires.joined) or wires.cut
+    if series and not (unread or top or wires.cells.max() > REST_SPAN):
+        noisy = {line[:2] for line in noisy_lines}
+        found += _series(seen, unusable | noisy, quiet, wires, cell)
     return found
 
 
@@ -189,18 +193,27 @@ def _joined(seen: Recorded, wires: wiring.Wires, rho, known, pairs, found: list)
     return taken
 
 
-def _series(seen: Recorded, skip, wires: wiring.Wires, cell: float) -> list[Finding]:
-    """What lies in series with all cells, by the touches."""
+def _series(seen: Recorded, skip, noisy, wires: wiring.Wires, cell: float) -> list[Finding]:
+    """What lies in series with all cells, by the touches.
+
+    Args:
+        skip: (axis, line) of lines whose readings are not used, nor are those of
+        noisy: (row, column) of cells.
+    """
     circuit, full = seen.circuit, seen.circuit.full_scale
     if not len(seen.peaks):
         return []
     unknown = ~seen.read
     for axis, line in skip:
         seen.turned(axis, unknown)[line] = True
+    for at in noisy:
+        unknown[at] = True
     lead = cell * (wires.lead[0][:, None] + wires.lead[1])  # ohm, of bad ones
     usual = circuit.ratio(wires.resistance() * cell - lead)
     touches = _without(lead, _touches(seen), circuit)
     adc = np.where(unknown, usual, _without(lead, seen.base / full, circuit))
+    unknown, touches, adc = (_as_one(wires.joined, p) for p in (unknown, touches, adc))
+    circuit = _circuit_as_one(wires.joined, circuit)
     noise = max(seen.usual_noise, 0.3)
     quiet = int(np.count_nonzero(seen.quiet))
     try:
@@ -209,11 +222,31 @@ def _series(seen: Recorded, skip, wires: wiring.Wires, cell: float) -> list[Find
     except ValueError:
         return []
     scale = series_scale(circuit)
-    off = found.circuit.r_par - circuit.r_par - _LIGHT * scale
+    off = found.circuit.r_par - circuit.r_par
     limit = max(_SERIES[0] * scale, _SERIES[1] * found.std["r_par"])
+    limit += _LIGHT * scale if off > 0.0 else 0.0
     if found.frames < _SAYING or abs(off) < limit:
         return []
     return [texts.circuit(circuit, found)]
+
+
+def _as_one(joined: list, picture: np.ndarray) -> np.ndarray:
+    """(..., rows, cols) without the second of two lines that touch: they read as one."""
+    for axis in (0, 1):
+        picture = np.delete(picture, [b for k, _, b in joined if k == axis], axis - 2)
+    return picture
+
+
+def _circuit_as_one(joined: list, circuit: Circuit) -> Circuit:
+    """In which two lines that touch are one, of the cells of both."""
+    mask, r_line = circuit.populated.copy(), circuit.r_line
+    for axis, a, b in joined:
+        lines = mask if axis == 0 else mask.T
+        lines[a] |= lines[b]
+    mask = _as_one(joined, mask)
+    if np.ndim(r_line):
+        r_line = np.delete(r_line, [b + axis * circuit.rows for axis, _, b in joined])
+    return replace(circuit, rows=len(mask), cols=mask.shape[1], mask=mask, r_line=r_line)
 
 
 def _without(lead: np.ndarray, adc: np.ndarray, circuit: Circuit) -> np.ndarray:
