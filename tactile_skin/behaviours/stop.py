@@ -18,6 +18,7 @@ MAX_AHEAD = 0.02  # s that a reading's stamp may lie ahead of the clock
 TRANSPORT = 0.02  # s that a message of the stop may take to its subscribers: threads, a network
 OUT_OF_DATE = "stale: the stop's last 'free' is based on an old reading"
 PUSH = "push"  # the complete reason of a stop for a push alone
+_WAITING = "waiting"  # begins the reason of a stage that is not ready yet
 
 
 class Decision(NamedTuple):
@@ -86,7 +87,8 @@ class StopPolicy:
 
     What latches: every stop of a robot that was free before, whatever its cause. A cable that comes
     loose and makes contact again must not send the robot off by itself, and a push least of all.
-    Before it was free for the first time only a push latches: stops at start-up do not.
+    Before it was free for the first time only a push latches, and what is only waited for never
+    does: stops at start-up do not.
     """
 
     def __init__(self, config: StopConfig):
@@ -170,7 +172,7 @@ class StopPolicy:
             waiting: it is not wrong, but not ready yet.
         """
         if message:
-            kind = "waiting" if waiting else "fault"
+            kind = _WAITING if waiting else "fault"
             self._faults[source] = f"{kind}: {source}: {message}"
             self._latch(self._faults[source])  # it may be gone before the next decision
         else:
@@ -199,8 +201,8 @@ class StopPolicy:
         """What holds at t, also when no reading comes: call it on a timer."""
         reasons = self._causes(t)
         self._was_free = self._was_free or not reasons
-        if reasons:
-            self._latch(reasons[0])
+        for reason in reasons:
+            self._latch(reason)
         if self._latched:
             reasons.append(f"latched: {self._latched}")
         return Decision(bool(reasons), " + ".join(reasons))
@@ -213,7 +215,8 @@ class StopPolicy:
         return " + ".join(causes)
 
     def _latch(self, reason: str) -> None:
-        if self.config.latch and not self._latched and (self._was_free or reason == PUSH):
+        counts = reason == PUSH or (self._was_free and not reason.startswith(_WAITING))
+        if self.config.latch and not self._latched and counts:
             self._latched = reason
 
     def _causes(self, t: float) -> list[str]:

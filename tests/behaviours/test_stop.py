@@ -282,6 +282,22 @@ def test_what_stops_a_robot_before_it_was_free_does_not_latch_but_a_push_does():
     assert feed(policy, 0.5, 1.0, 0.0) == (True, "latched: push")
 
 
+def test_what_is_waited_for_does_not_latch():
+    """Rest may still be measured after a moment in which all was well; another cause latches."""
+    policy = free()
+    policy.fault("compensation", "measuring rest", waiting=True)
+    assert policy.decide(0.5).reason == "waiting: compensation: measuring rest"
+    policy.fault("compensation", "")
+    assert not feed(policy, 0.5, 0.6, 0.0).stop
+    policy.fault("compensation", "measuring rest", waiting=True)
+    waiting = "waiting: compensation: measuring rest"
+    assert policy.decide(
+        0.8
+    ).reason == f"{waiting} + stale: readings no longer arrive + latched: " + (
+        "stale: readings no longer arrive"
+    )
+
+
 def test_a_reset_without_a_latch_frees_nothing_early():
     policy = free(CONFIG)
     feed(policy, 0.5, 0.1, 20.0)
