@@ -52,6 +52,9 @@ _CIRCUIT = ("rows", "cols", "r_ref", "r_par", "r_line", "adc_bits", "readout", "
 _LIVE = ("baud", "protocol", "seconds")
 _SECONDS = 5.0, 3600.0
 _CORRUPT, _LOST = 0.005, 0.05  # shares of the frames from which on the link is bad
+# Share of what a short circuit reads that hard presses exceed on every board that was seen: of one
+# with 10 bits that is configured as 12 they read 0.25 at most.
+_LOW = 0.3
 _CONNECT = 10.0  # s to wait for the first frame
 
 
@@ -85,7 +88,29 @@ def run(args) -> int:
     if not found:
         print("nothing found. Two lines that are exchanged with all their neighbours, and r_par on")
         print("a board that was only touched lightly, are not seen in frames.")
+    if note := scale_note(frames, circuit):
+        print(note)
     return 1 if found else 0
+
+
+def scale_note(frames: np.ndarray, circuit: Circuit) -> str:
+    """What to check if hard presses read little; empty if they do not.
+
+    Readings that are all too small by one factor are those of another fabric behind another r_par:
+    no frame tells, and the forces found are far too small.
+
+    Args:
+        frames: (n, rows, cols) ADC ratio, NaN where a crossing was not read.
+    """
+    most = float(np.nanmax(frames))
+    if not most < _LOW * float(circuit.ratio(0.0)):
+        return ""
+    full = circuit.full_scale
+    return (
+        f"no reading exceeds {most * full:.0f} of {full} ADC steps ({most:.0%}). If some presses "
+        f"were hard, check circuit.adc_bits = {circuit.adc_bits} and adc_full_scale: with a wrong "
+        "one all forces are too small, and frames do not show it."
+    )
 
 
 def picture(found: list[Finding], circuit: Circuit) -> str:

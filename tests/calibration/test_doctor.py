@@ -207,6 +207,16 @@ def test_readings_that_are_missing_now_and_then_are_not_noise():
     assert [f.kind for f in diagnose(frames, case.circuit)] == []
 
 
+def test_a_board_of_10_bits_that_is_configured_as_12_is_asked_about(recordings, capsys):
+    """Its readings are those of another fabric: nothing else shows it."""
+    size = "rows:=8", "cols:=9"
+    path = str(recordings / "sound.csv")
+    assert cli.main(["doctor", path, *size, "adc_bits:=12"]) == 0
+    assert "check circuit.adc_bits = 12" in capsys.readouterr().out
+    assert cli.main(["doctor", path, *size]) == 0
+    assert "adc_bits" not in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("kind", ["npy", "npz", "csv"])
 def test_the_command_tells_by_its_status(recordings, kind, capsys):
     size = "rows:=8", "cols:=9"
