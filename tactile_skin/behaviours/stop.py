@@ -14,6 +14,7 @@ from .pace import Pace
 
 _STEADY = 3  # readings in a row, none late, that end "stale",
 _STEADY_FOR = 0.02  # s that they take: what was kept in a buffer meanwhile comes in one burst
+_ROUNDING = 1e-6  # s, of the difference of two stamps
 MAX_AHEAD = 0.02  # s that a reading's stamp may lie ahead of the clock
 TRANSPORT = 0.02  # s that a message of the stop may take to its subscribers: threads, a network
 OUT_OF_DATE = "stale: the stop's last 'free' is based on an old reading"
@@ -154,7 +155,7 @@ class StopPolicy:
         if ahead >= config.threshold or peak >= config.peak:
             self._above_since = stamp if self._above_since is None else self._above_since
             # Nor how long it has lasted: then it counts at once.
-            if late or stamp - self._above_since >= config.debounce:
+            if late or stamp - self._above_since >= config.debounce - _ROUNDING:
                 self._held_until = stamp + config.hold
         else:
             self._above_since = None

@@ -230,8 +230,9 @@ class Skin:
     @property
     def fault(self) -> bool:
         """Whether the readings, or the circuit, are not a sound skin's."""
-        flat = self.waits and not self._tare.apart  # nothing shows yet that a matrix is read
-        return self._watch.fault or self._tracker.impossible or self._tare.half_read or flat
+        # Nothing shows yet that a matrix is read, nor what is a touch.
+        unseen = self.waits and not self._tare.apart
+        return self._watch.fault or self._tracker.impossible or self._tare.half_read or unseen
 
     @property
     def rest_reasons(self) -> str:

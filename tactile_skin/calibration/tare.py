@@ -30,7 +30,6 @@ _LEVEL = 0.1, 3.0
 # times the noise of a mean, as a low-pass before it leaves more. Frames that are looked at together
 # while they are alike, as cells of a noisy skin seem for a second.
 _CHANNELS, _CHANCE, _LOW_PASS, _ALIKE_FRAMES = 0.2, 1e-4, 1.3, 1000
-_EARLY = 1.5  # times that, for looks after each frame, some before the low-pass has settled
 # Standard deviations of its noise, and share, by which a reading may move between the halves of a
 # measurement and after it; share of the cells that may move more, with a bad contact.
 _STILL, _RESTLESS = (5.0, 0.01), 0.02
@@ -64,7 +63,8 @@ class Tare:
         curve: the given curve, with the cells' offsets once they are known.
         message: why the last measurement could not be used; empty if it could.
         measured: whether there was one that could.
-        apart: whether its cells have been seen to read apart, as those of every fabric do.
+        apart: whether its cells were seen to read apart in the last second of rest, as those of
+            every fabric do.
         wiring: what seems wrong with the wires, by the last measurement; empty if nothing. What the
             cells rest at is followed all the same.
         half_read: whether that means that half of the lines are not read.
@@ -134,8 +134,6 @@ class Tare:
             return followed
         self._since = min(self._since, t)
         self._add(t, adc)
-        if not self.apart:
-            self._look()
         if t - self._until < _QUIET_AFTER:
             return followed
         (one, n), (other, m), _ = self._parts
@@ -174,14 +172,6 @@ class Tare:
     def _usual(self, noise: np.ndarray) -> float:
         """That of the usual cell [ADC steps]."""
         return float(np.median(noise[self._circuit.populated])) * self._circuit.full_scale
-
-    def _look(self) -> None:
-        """Whether the frames so far show that the cells are apart."""
-        frames = sum(n for _, n in self._parts)
-        if frames >= _MIN_FRAMES:
-            mean = sum(total for total, _ in self._parts) / frames
-            limit = self._one_voltage(self._usual(self._noise()), frames)
-            self.apart = self._spread(mean) > _EARLY * limit
 
     def _spread(self, mean: np.ndarray) -> float:
         """RMS by which the cells differ [ADC steps]."""

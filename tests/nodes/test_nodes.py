@@ -155,7 +155,7 @@ def chain():
 @pytest.fixture
 def moving(chain):
     """The robot may move: idle frames arrive."""
-    chain.play(12)
+    chain.play(120)  # its rest is measured
     assert not chain.stopped
     return chain
 
@@ -170,7 +170,7 @@ def test_stopped_before_the_first_reading(chain):
 
 
 def test_idle_is_free(chain):
-    chain.play(12)  # by then it is seen that the cells differ: the matrix is read
+    chain.play(120)  # its rest is measured
     assert not chain.stopped
     chain.play(100)
     assert not any(m.data for m in chain.seen["skin/stop"][-100:])
@@ -589,7 +589,7 @@ def test_an_unknown_method_is_refused():
 def test_the_summary_counts_frames_stops_and_drops(chain, capsys):
     """And what the driver says it lost; a frame without a decision is a drop."""
     monitor = Monitor(chain.node("monitor", {"duration": 3.0}))
-    chain.play(20)
+    chain.play(120)  # its rest is measured
     chain.scene = "push_left"
     chain.frames_until(True)
     chain.scene = "idle"
