@@ -40,15 +40,15 @@ class Compensation:
     measured; and diagnostics once a second and whenever the level changes: WARN for a suspect
     frame, ERROR, which stops the robot, for a failed one and for a fault of the skin. A frame that
     fails is not published.
-    What the cells conduct at rest is measured between touches. Until the
-    first time, a second after the start, the robot waits, with "measuring rest: hands off", and so
-    it does for a skin of which half was loaded from the first frame on, until it is let go. The
-    service `~/reset` forgets faults that the last frames no longer show, says so on diagnostics
-    before it answers, and forgets the last frame, from which the next one starts; `~/tare` measures
-    the rest anew, as at the start, and is refused while something presses or a fault is kept. Behind
-    by 10 ms, `auto` takes the fixed point, which says nothing of the circuit; ten frames a second are
-    fitted in full all the same. Behind by half of what the stop bears, old frames are skipped to
-    come to the new ones, and diagnostics count them.
+    What the cells conduct at rest is measured between touches. Until the first time, a second after
+    the start, the robot waits, with "measuring rest: hands off", and so it does for a skin of which
+    half was loaded from the first frame on, until it is let go. The service `~/reset` forgets
+    faults that the last frames no longer show, says so on diagnostics before it answers, and
+    forgets the last frame, from which the next one starts; `~/tare` measures the rest anew, as at
+    the start, and is refused while something presses or a fault is kept. Behind by 10 ms, `auto`
+    takes the fixed point, which says nothing of the circuit; ten frames a second are fitted in full
+    all the same. Behind by half of what the stop bears, old frames are skipped to come to the new
+    ones, and diagnostics count them.
     What a standing load gains by creep is taken out of what is published, if the curve says how
     much, and of nothing else.
     """
