@@ -276,9 +276,10 @@ class Tare:
         kept = min(count, _ALIKE_FRAMES)
         self._flat = total * (kept / count), kept
         steps = mean[self._circuit.populated].mean() * self._circuit.full_scale
+        zero = " If its untouched cells read 0, set compensation's threshold: 1"
         return (
             f"rest not measured: all readings are {steps:.1f} ADC steps, within noise: is the "
-            "matrix connected?"
+            f"matrix connected?{zero if steps < 1.0 else ''}"
         )
 
     def _fabric(self, level: np.ndarray, cells: np.ndarray) -> str:

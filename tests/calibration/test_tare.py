@@ -323,6 +323,14 @@ def test_one_voltage_on_all_crossings_is_no_fabric(steps):
         tare.update(0.01 * k, adc, IDLE)
     assert not tare.measured
     assert "within noise: is the matrix connected?" in tare.message
+    assert "threshold" not in tare.message
+
+
+def test_a_board_whose_untouched_cells_read_0_is_told_of_the_threshold():
+    tare = Tare(CIRCUIT, CURVE)
+    for k in range(200):
+        tare.update(0.01 * k, np.zeros((16, 16)), IDLE)
+    assert "read 0, set compensation's threshold" in tare.message
 
 
 def fills(frames, shape, readings, seed):
