@@ -191,7 +191,7 @@ def _carried(off, middle, circuit: Circuit, row: int, col: int):
 
 def _carried_when_driven(off, middle, circuit: Circuit, row: int, col: int):
     """As `_carried`, to first order, of a skin of equal cells."""
-    usual = _usual_resistance(middle, circuit.populated, circuit)
+    usual = usual_resistance(middle, circuit.populated, circuit)
     changed = np.zeros(circuit.shape)
     changed[row, col] = 1.0
     share = readouts.solve(circuit, circuit.populated / usual).change(changed)
@@ -210,7 +210,7 @@ def _loose(own: np.ndarray, middle: np.ndarray, circuit: Circuit, row: int, col:
     least = 0.5 / circuit.full_scale
     rho = circuit.two_terminal(np.maximum(middle[row, col] + own / circuit.full_scale, least))
     conducts = 1.0 / np.maximum(rho, least * circuit.r_ref)
-    usual = 1.0 / _usual_resistance(middle, circuit.populated, circuit)
+    usual = 1.0 / usual_resistance(middle, circuit.populated, circuit)
     high = own > (own.max() + own.min()) / 2
     times = np.count_nonzero(high[1:] != high[:-1])
     return bool(np.ptp(conducts) < _LOOSE * usual and times >= _TIMES)
@@ -225,7 +225,7 @@ def _correlation(one: np.ndarray, other: np.ndarray) -> float:
     return float(one @ other / max(np.sqrt((one @ one) * (other @ other)), 1e-12))
 
 
-def _usual_resistance(adc: np.ndarray, known: np.ndarray, circuit: Circuit) -> float:
+def usual_resistance(adc: np.ndarray, known: np.ndarray, circuit: Circuit) -> float:
     """Of a cell [ohm], if (rows, cols) `adc` is read of equal ones, by those that are known.
 
     Foster's theorem: conductance times two-terminal resistance of equal cells is
@@ -277,7 +277,7 @@ def resting_conductance(
     """
     cells, unused = circuit.populated, _mask(noisy, circuit.shape)
     known = cells & np.isfinite(adc) & ~unused
-    usual = _usual_resistance(adc, known, circuit)
+    usual = usual_resistance(adc, known, circuit)
     if not 0.0 < usual < np.inf:
         raise ValueError("the readings fit no skin: r_par or r_ref is wrong, or no cell")
     curve = PressureCurve((0.0, 1.0), (usual * REST_SPAN, usual / REST_SPAN))

@@ -230,8 +230,7 @@ class Skin:
     @property
     def fault(self) -> bool:
         """Whether the readings, or the circuit, are not a sound skin's."""
-        # Nothing shows yet that a matrix is read, nor what is a touch.
-        unseen = self.waits and not self._tare.apart
+        unseen = self.waits and self._tare.unseen
         return self._watch.fault or self._tracker.impossible or self._tare.half_read or unseen
 
     @property

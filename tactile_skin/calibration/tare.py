@@ -12,7 +12,6 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from scipy.special import gammainccinv
 
 from ..physics.circuit import Circuit
 from ..physics.curve import GRAM, PressureCurve
@@ -20,16 +19,13 @@ from ..physics.readouts import apparent
 from ..solvers.reading import SCAN_NOISE, rest_reading
 from .rest import resting_conductance
 from .watch.twins import stuck_bit, twins
+from .watch.voltage import OneVoltage
 
 MAX_TARED_FORCE = 2.0 * GRAM  # N on a cell; what conducts more is a touch, and stays one
 _MAX_RESISTANCE = 4.0  # times the usual cell's at rest; a cell that conducts less is broken
 # Conductance of the usual cell over the curve's at rest, between which any fabric may lie: chosen,
 # 4.5 g on each cell of the shipped curve conduct three times as much.
 _LEVEL = 0.1, 3.0
-# RMS by which readings of one voltage differ at most: as channels may [ADC steps]; by chance, and
-# times the noise of a mean, as a low-pass before it leaves more. Frames that are looked at together
-# while they are alike, as cells of a noisy skin seem for a second.
-_CHANNELS, _CHANCE, _LOW_PASS, _ALIKE_FRAMES = 0.2, 1e-4, 1.3, 1000
 # Standard deviations of its noise, and share, by which a reading may move between the halves of a
 # measurement and after it; share of the cells that may move more, with a bad contact.
 _STILL, _RESTLESS = (5.0, 0.01), 0.02
@@ -63,15 +59,15 @@ class Tare:
         curve: the given curve, with the cells' offsets once they are known.
         message: why the last measurement could not be used; empty if it could.
         measured: whether there was one that could.
-        apart: whether its cells were seen to read apart in the last second of rest, as those of
-            every fabric do.
+        unseen: whether nothing shows yet that a matrix is read: no second of rest has gone by, or
+            all cells read alike in it, where those of a fabric would not.
         wiring: what seems wrong with the wires, by the last measurement; empty if nothing. What the
             cells rest at is followed all the same.
         half_read: whether that means that half of the lines are not read.
     """
 
     def __init__(self, circuit: Circuit, curve: PressureCurve):
-        self.curve, self.message, self.measured, self.apart = curve, "", False, False
+        self.curve, self.message, self.measured, self.unseen = curve, "", False, True
         self.wiring, self.half_read = "", False
         self._learned = -np.inf  # s, when the rest was measured last
         self._first: np.ndarray | None = None  # (rows, cols) [S] that was measured first
@@ -82,7 +78,7 @@ class Tare:
         )  # as a factor of conductance
         self._last = -np.inf  # s, when the last frame was read
         self._restless = 0  # measurements in a row whose parts differed
-        self._flat = np.zeros(circuit.shape), 0  # sum and frames of those whose cells were alike
+        self._one_voltage = OneVoltage(circuit)
         self._begin(-np.inf)
         self._quiet = self._followed = -np.inf  # s, when a touch was last, and a drift followed
         self._drifted: tuple[float, np.ndarray] | None = None  # s, and what was read then
@@ -145,8 +141,8 @@ class Tare:
                 self.message = _WANDERS if self._restless >= _TRIES else ""
             return followed
         usual = self._usual(noise)
-        self.message = self._alike(mean, n + m, usual)
-        self.apart = not self.message
+        self.message = self._one_voltage.window(mean, n + m, usual)
+        self.unseen = self._one_voltage.tells
         if self.message:
             return followed
         return self._learn(mean, usual / (n + m) ** 0.5) or followed
@@ -172,16 +168,6 @@ class Tare:
     def _usual(self, noise: np.ndarray) -> float:
         """That of the usual cell [ADC steps]."""
         return float(np.median(noise[self._circuit.populated])) * self._circuit.full_scale
-
-    def _spread(self, mean: np.ndarray) -> float:
-        """RMS by which the cells differ [ADC steps]."""
-        return float(mean[self._circuit.populated].std()) * self._circuit.full_scale
-
-    def _one_voltage(self, noise: float, frames: int) -> float:
-        """The same, at most, of readings of one voltage."""
-        half = 0.5 * max(np.count_nonzero(self._circuit.populated) - 1, 1)
-        by_chance = _LOW_PASS * (gammainccinv(half, _CHANCE) / half) ** 0.5
-        return max(_CHANNELS, by_chance * noise / frames**0.5)
 
     def _still(self) -> bool:
         """Whether the parts of the measurement read alike: else it holds a touch, or its end."""
@@ -259,28 +245,6 @@ class Tare:
         rest = np.where(cells, 1.0 / now, self.curve.points[0][1])
         self.curve = self.curve.resting_at(rest)
         return True
-
-    def _alike(self, mean: np.ndarray, frames: int, noise: float) -> str:
-        """Whether all readings are one voltage: no fabric's cells are as alike; empty if not.
-
-        Args:
-            mean: (rows, cols) of so many frames, ADC ratio.
-            noise: of a reading [ADC steps].
-        """
-        total, count = self._flat
-        total, count = total + frames * mean, count + frames
-        for seen, n in ((mean, frames), (total / count, count)):
-            if self._spread(seen) > self._one_voltage(noise, n):
-                self._flat = np.zeros(mean.shape), 0
-                return ""
-        kept = min(count, _ALIKE_FRAMES)
-        self._flat = total * (kept / count), kept
-        steps = mean[self._circuit.populated].mean() * self._circuit.full_scale
-        zero = " If its untouched cells read 0, set compensation's threshold: 1"
-        return (
-            f"rest not measured: all readings are {steps:.1f} ADC steps, within noise: is the "
-            f"matrix connected?{zero if steps < 1.0 else ''}"
-        )
 
     def _fabric(self, level: np.ndarray, cells: np.ndarray) -> str:
         """What no fabric rests at; empty if nothing.
