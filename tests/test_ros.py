@@ -54,10 +54,12 @@ from tactile_skin.msg import (
 )
 from tactile_skin.nodes import frames
 from tactile_skin.nodes.stop_on_push import STATUS_TOPIC
+from tactile_skin.physics.curve import PressureCurve
 from tactile_skin.touch.frames import IDENTITY
 
 MESSAGES = [c for c in vars(msg).values() if dataclasses.is_dataclass(c) and hasattr(c, "TYPE")]
 IDLE, DEMO, PUSH = "idle", "demo", "push_left"
+REST = PressureCurve()  # without a tare each cell has to rest as the curve says
 
 # --- without ROS ---
 
@@ -609,7 +611,7 @@ def skin(version):
         for action in plan.values():
             graph.start_node(action)
         name = graph.listen()
-        with player.playing(endless(IDLE, seed=99)):
+        with player.playing(endless(IDLE, 99, REST)):
             graph.wait_until_heard(name)
         graph.heard(name)
         yield graph, player, plan
@@ -699,9 +701,9 @@ def test_the_values_are_those_in_process_for_the_same_bytes(skin, monkeypatch):
     """Pictures, contacts, wrench, direction, stop and its reason: each to the last bit. At half
     the rate, which is another test's: a frame that a busy machine drops changes what follows."""
     graph, player, plan = skin
-    frames = record(150, DEMO) + record(60, PUSH, seed=1) + record(60, IDLE, seed=2)
+    frames = record(150, DEMO, 0, REST) + record(60, PUSH, 1, REST) + record(60, IDLE, 2, REST)
     name = graph.listen()
-    with player.playing(endless(IDLE, seed=99)):
+    with player.playing(endless(IDLE, 99, REST)):
         graph.wait_until_heard(name)
     time.sleep(0.5)
     assert reset(graph).startswith("True ")
@@ -801,7 +803,7 @@ def test_a_node_whose_executor_ends_fails(version):
 def test_a_killed_node_stops_the_robot_and_rejoins(skin):
     """The rest survives; meanwhile the stop says stale; the plain subscriber goes on."""
     graph, player, plan = skin
-    with player.playing(endless(IDLE, seed=99)):
+    with player.playing(endless(IDLE, 99, REST)):
         name = graph.listen()
         graph.wait_until_heard(name)
         graph.wait_for(lambda: graph.hears(name, "stop free\n"), "the robot may move")
@@ -840,7 +842,7 @@ def test_a_master_that_is_killed_and_restarted_is_rejoined(skin):
     graph, player, _plan = skin
     if graph.version == 2:
         pytest.skip("ROS 2 has no master")
-    with player.playing(endless(IDLE, seed=99)):
+    with player.playing(endless(IDLE, 99, REST)):
         old = graph.listen()
         graph.wait_until_heard(old)
         killed = time.time()
@@ -946,7 +948,7 @@ def test_a_node_whose_name_is_taken_ends(skin):
     if graph.version == 2:
         pytest.skip("ROS 2 lets both live")
     name = graph.listen()
-    with player.playing(endless(IDLE, seed=99)):
+    with player.playing(endless(IDLE, 99, REST)):
         graph.wait_for(lambda: graph.hears(name, "stop free\n"), "the robot may move")
         older = graph.processes.pop("stop_on_push")
         graph.start_node(plan["stop_on_push"])

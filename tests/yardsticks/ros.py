@@ -40,20 +40,27 @@ AHEAD = 1e-3  # s by which a stamp may lie before the last byte: the link's jitt
 DECIDED = ("skin/pressure", "skin/contacts", "skin/wrench", "skin/push_direction")
 
 
-def endless(scene: str = "demo", seed: int = 0) -> Iterator[bytes]:
+# One fabric for every scene, as one skin has.
+FABRIC = simulator.fabric(PressureCurve(), Circuit().shape, seed=0)
+
+
+def endless(scene: str = "demo", seed: int = 0, curve: PressureCurve = FABRIC) -> Iterator[bytes]:
     """The frames of a simulated board, a string of bytes per frame."""
     circuit = Circuit()
     played = simulator.Board(
         circuit, PressureCurve(), scenes.script(scene, *circuit.shape), seed=seed
     )
+    played.curve = curve
     while True:
         if frame := played.scan():
             yield frame
 
 
-def record(frames: int, scene: str = "demo", seed: int = 0) -> list[bytes]:
+def record(
+    frames: int, scene: str = "demo", seed: int = 0, curve: PressureCurve = FABRIC
+) -> list[bytes]:
     """So many of them."""
-    return list(itertools.islice(endless(scene, seed), frames))
+    return list(itertools.islice(endless(scene, seed, curve), frames))
 
 
 class Player:
