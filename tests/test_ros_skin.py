@@ -255,7 +255,7 @@ def test_words_for_ros_reach_it(graph, plain):
         graph.stop("loud")
         words = ["--log-level", "fatal", "--disable-rosout-logs", "-p", "monitor:=true"]
         graph.start("quiet", skin("-r", "__ns:=/quiet", *port, *words))
-        with player.playing(endless("idle", seed=5)):
+        with player.playing(endless("idle", seed=7)):
             plain.until(lambda: "/s  drops" in graph.said("quiet"), "frames arrive", graph)
             names = {info.node_name for info in plain.node.get_publishers_info_by_topic("/rosout")}
         assert "frames arrive" not in graph.said("quiet")
