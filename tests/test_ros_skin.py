@@ -12,6 +12,7 @@ from plain import Plain
 from yardsticks.ros import Graph, Player, endless
 
 from tactile_skin.middleware.ros import node as ros_node
+from tactile_skin.physics.curve import PressureCurve
 
 YARDSTICKS = Path(__file__).parent / "yardsticks"
 pytestmark = pytest.mark.ros
@@ -77,11 +78,11 @@ def test_two_skins_of_one_file_do_not_stop_one_another(graph, plain, tmp_path):
     with board() as left, board() as right:
         for side, player in (("left", left), ("right", right)):
             words = ["-r", f"__ns:=/{side}", "--params-file", str(path)]
-            # a tare would wait for a touch to end
+            # a tare would wait for a touch to end; without one each cell rests as the curve says
             words += ["-p", f"port:={player.port}", "-p", "tare:=false"]
             graph.start(side, skin(*words))
-        with right.playing(endless("idle", seed=2)):
-            with left.playing(endless("idle", seed=1)):
+        with right.playing(endless("idle", seed=2, curve=PressureCurve())):
+            with left.playing(endless("idle", seed=1, curve=PressureCurve())):
                 plain.until(
                     lambda: all(plain.last(t) and not plain.last(t).data for t in stops),
                     "both are free",
@@ -94,7 +95,7 @@ def test_two_skins_of_one_file_do_not_stop_one_another(graph, plain, tmp_path):
                     plain.until(future.done, "parameters are told")
                     assert future.result().values[0].double_value == threshold
             begin = len(plain.heard["/right/skin/stop_status"])
-            with left.playing(endless("push_left", seed=3)):
+            with left.playing(endless("push_left", seed=3, curve=PressureCurve())):
                 said(plain, graph, "/left/skin/stop_status", "push")
             said(plain, graph, "/left/skin/stop_status", "stale")  # the board says nothing
 

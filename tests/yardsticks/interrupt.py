@@ -108,6 +108,7 @@ def main() -> int:
                 with player.playing(endless("idle", args.seed + k)):
                     if not until(lambda: robot.speed == MOVES, PATIENCE):
                         print(f"run {k}: the robot never moved: {graph.said('skin')[-500:]}")
+                        graph.stop("skin")
                         continue
                     time.sleep(dice.uniform(0.0, 0.5))
                     begin = time.monotonic()
