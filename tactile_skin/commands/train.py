@@ -5,9 +5,13 @@ from __future__ import annotations
 import dataclasses
 import os
 import sys
+import time
 from itertools import takewhile
 from pathlib import Path
 
+import numpy as np
+
+from ..bench import measure
 from ..errors import TrainingDied
 from ..learning import network
 from ..learning.dataset import TrainingConfig
@@ -18,6 +22,10 @@ from .written import dumped, replace_file
 
 NETWORK_OF = {"cnn": "paper", "physics": "physics"}  # method -> its network
 _AGAIN = {"epochs": 20, "rate": 3e-3}  # from weights of a skin like it (docs/training.md)
+_SCORED, _SEED = (
+    300,
+    2,
+)  # frames that new weights are compared on; unlike training's and validation's
 
 
 def run(args) -> int:
@@ -108,9 +116,10 @@ def _beside(path: Path) -> Path:
 def enter(path: Path, kind: str) -> bool:
     """Train a network for the skin of a parameter file, and enter its weights there.
 
-    They are in a folder beside it. Whether the training succeeded.
+    They are in a folder beside it. What they are worth, and how long it took, is printed. Whether
+    the training succeeded.
     """
-    skin = read_skin(path)
+    skin, begun = read_skin(path), time.monotonic()
     weights = train(skin, again(skin, kind), _beside(path.resolve()), restart=True)
     if weights is None:
         return False
@@ -120,5 +129,26 @@ def enter(path: Path, kind: str) -> bool:
     comment = "".join(takewhile(lambda line: line.startswith("#"), text.splitlines(True)))
     replace_file(path, comment + dumped(data))
     method = next(m for m, network in NETWORK_OF.items() if network == kind)
+    print(f"trained in {(time.monotonic() - begun) / 60.0:.1f} min: {worth(skin, weights)}")
     print(f"weights: {weights}, entered in {path}. Use them: method:={method}")
     return True
+
+
+def worth(skin: SkinConfig, path: Path) -> str:
+    """The mean error of new weights and of the shipped ones, on the same new simulated frames of
+    the skin's circuit and curve: `bodies`, read as `scan`. Readings without the stripes' share,
+    as the networks are given."""
+    circuit, curve = dataclasses.replace(skin.circuit, r_line=0.0), skin.curve.usual
+    rng = np.random.default_rng([_SEED, _SCORED])
+    force, adc = measure.frames("bodies", "scan", _SCORED, rng, circuit, curve)
+
+    def error(weights) -> str:
+        if (weights.rows, weights.cols) != circuit.shape:
+            return f"are for {weights.rows} x {weights.cols} cells"
+        return f"err by {measure.errors(weights.predict(adc), force)['mean_g']:.1f} g a cell"
+
+    new = network.load(path)
+    return (
+        f"on {_SCORED} new simulated frames of your circuit and curve the new weights "
+        f"{error(new)}, the shipped ones {error(network.shipped(new.kind))}"
+    )

@@ -1,5 +1,6 @@
 """Weights that are not of the configured skin are named, and made anew on request."""
 
+import re
 import shlex
 
 import numpy as np
@@ -57,8 +58,27 @@ def test_what_is_shipped_is_gone_on_from_where_it_has_the_skins_shape(tmp_path):
     assert train.again(read_skin(), "paper").start == "paper"
 
 
+@pytest.mark.parametrize("kind", ["paper", "physics"])
+def test_what_weights_are_worth_is_said_of_the_circuit_that_was_found(tmp_path, kind):
+    """Against the shipped ones, which err more the further their circuit is off."""
+    file = network.SHIPPED / f"{kind}.npz"
+    said = {
+        r_par: train.worth(
+            read_skin(
+                written(tmp_path, f"/**: {{ros__parameters: {{circuit: {{r_par: {r_par}}}}}}}")
+            ),
+            file,
+        )
+        for r_par in (326.0, 400.0)
+    }
+    grams = {r_par: re.findall(r"([0-9.]+) g a cell", text) for r_par, text in said.items()}
+    for new, shipped in grams.values():  # the same weights on the same frames
+        assert new == shipped
+    assert float(grams[400.0][0]) > 1.2 * float(grams[326.0][0]) > 0.0
+
+
 @pytest.mark.parametrize(("kind", "method"), [("paper", "cnn"), ("physics", "physics")])
-def test_a_trained_network_is_entered_and_fits(tmp_path, monkeypatch, kind, method):
+def test_a_trained_network_is_entered_and_fits(tmp_path, monkeypatch, capsys, kind, method):
     """A circuit with stripes, and cells with gains: both are no business of the network's."""
     pytest.importorskip("torch", reason="the extra train")
     tiny = TrainingConfig(network=kind, **TINY)
@@ -70,6 +90,11 @@ def test_a_trained_network_is_entered_and_fits(tmp_path, monkeypatch, kind, meth
         assert train.enter(path, kind)
         assert train.misfit(path) == ""
         assert path.read_text().startswith("# made by tactile-skin calibrate\n")
+        said = capsys.readouterr().out
+        assert re.search(
+            r"trained in [0-9.]+ min: .* the new weights err by [0-9.]+ g a cell", said
+        )
+        assert "the shipped ones are for 16 x 16 cells" in said
     weights = network.load(tmp_path / "calibrated" / f"{kind}.npz")
     skin = read_skin(path)
     force = np.full((6, 7), 0.3)
