@@ -42,6 +42,17 @@ def test_a_fault_is_named_with_its_line_or_cell(kind):
     assert str(found[0]).startswith(found[0].where)
 
 
+@pytest.mark.parametrize("seed", [171012, 171025])
+def test_a_wrong_bit_at_whose_edge_the_cells_rest_is_named(seed):
+    """Samples leap across its gap, and their means fill it."""
+    case = Case(seed, ("bits",), 20.0)
+    assert case.board.readout == "low-pass"
+    (finding,) = diagnose(case.frames, case.circuit, series=False)
+    assert finding.kind == "bits" and "RMS of noise" in finding.evidence
+    bit, value = re.fullmatch(r"bit (.) stuck at (.)", case.faults[0][1]).groups()
+    assert finding.where == f"ADC bit {bit}" and finding.evidence.startswith(f"always {value}: ")
+
+
 @pytest.mark.parametrize("shape", [(10, 12), (8, 16), (12, 5)])
 @pytest.mark.parametrize("first", ["columns", "configured"])
 def test_rows_and_columns_that_are_exchanged_are_named(shape, first):

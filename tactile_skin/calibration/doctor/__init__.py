@@ -73,6 +73,8 @@ def diagnose(
         return [finding]
     if bits := readings.stuck_bits(seen):
         return [texts.bit(*bit) for bit in bits]
+    if leaping := readings.leaping_bit(seen):
+        return [texts.leaping_bit(*leaping)]
     if votes := order.transposed(seen):
         return [texts.transposed(circuit, votes.touches, votes.share)]
     found: list[Finding] = []

@@ -56,11 +56,27 @@ def polarity(level: float, full: float) -> Finding:
 
 
 def bit(bit: int, kept: int, share: float) -> Finding:
+    return _bit(
+        bit,
+        kept,
+        f"readings with the other value are {share:.2f} times as frequent as those beside them",
+    )
+
+
+def leaping_bit(bit: int, kept: int, noise: float) -> Finding:
+    return _bit(
+        bit,
+        kept,
+        f"untouched cells have up to {noise:.1f} ADC steps RMS of noise, the more the further they "
+        f"are from a multiple of {1 << bit}: their samples leap by as much",
+    )
+
+
+def _bit(bit: int, kept: int, evidence: str) -> Finding:
     return Finding(
         "bits",
         f"ADC bit {bit}",
-        f"always {kept}: readings with the other value are {share:.2f} times as frequent as those "
-        "beside them",
+        f"always {kept}: {evidence}",
         "Check how the two bytes of a sample are put together, the ADC's data line, and adc_bits",
     )
 

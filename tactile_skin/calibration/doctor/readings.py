@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
+from scipy.optimize import nnls
 
 from .recorded import Recorded, loose
 
@@ -27,6 +28,10 @@ _NO_REST = 0.02  # of the readings may lie in the gap of a top bit
 _NOISE_WIDTH = 6.0  # times the noise: a ceiling before the ADC has its noise on top
 _PILE = 3.0  # times as many readings at a ceiling as in the same width below
 _PILE_READINGS, _PILE_CELLS = 30, 3
+# A wrong bit about whose edge untouched cells rest, where a reading is the mean of some samples:
+# share of the variance of their noise that it explains, cells there, ADC steps RMS of noise that it
+# makes, at least; one over the number of samples, and its error.
+_EXPLAINED, _LEAPING, _LEAP, _SAMPLES = 0.9, 8, 2.0, (1 / 64, 1.2)
 _NEAR_SHORT = 0.97  # of what a short circuit reads: above, hard touches read alike
 _AT_TOP = 0.5  # share of the frames that a cell which only touches take to the ceiling is there
 _NOISY, _LEAST_NOISE = 4.0, 2.0  # times the usual noise, and ADC steps, of a noisy cell
@@ -61,6 +66,37 @@ def stuck_bits(seen: Recorded) -> list[tuple[int, int, float]]:
             if gap or (bit == bits - 1 and all_.empty and folded):
                 found.append((bit, kept, all_.share))
     return found
+
+
+def leaping_bit(seen: Recorded) -> tuple[int, int, float] | None:
+    """(bit, the value it keeps, the most noise that it makes [ADC steps RMS]); None: there is none.
+
+    By the noise at rest, which fills the gap of `stuck_bits` where cells rest at an end of it:
+    samples leap by the bit's width, to and fro. Means of n samples that leap from `low` to `high`
+    have the variance (m - low) (high - m) / n where they lie at m; cells elsewhere do not leap.
+    """
+    calm = seen.read & seen.circuit.populated
+    for axis, line, _ in loose_lines(seen):
+        seen.turned(axis, calm)[line] = False
+    level, variance = seen.base[calm].astype(float), np.square(seen.noise[calm].astype(float))
+    least = (1.0 - _EXPLAINED) * np.square(variance - variance.mean()).sum() if calm.any() else 0.0
+    bit, noise = -1, 0.0
+    for k in range(_LOWEST_BIT, seen.circuit.adc_bits):
+        width = float(1 << k)
+        for low in (0.0, width):
+            within = np.mod(level - low, 2.0 * width)
+            leaps = np.maximum(within * (width - within), 0.0)
+            if np.count_nonzero(leaps) < _LEAPING:
+                continue
+            (share, _), left = nnls(np.stack([leaps, np.ones_like(leaps)], 1), variance)
+            most = share * leaps.max()
+            if _SAMPLES[0] < share < _SAMPLES[1] and most > _LEAP**2 and left**2 < least:
+                bit, noise, least = k, most**0.5, left**2
+    if bit < 0:
+        return None
+    every, base = seen.steps[:, seen.read], seen.base[seen.read]
+    zero, one = _gaps(every, base, bit, seen.circuit.adc_bits)  # both ends' leaps look alike
+    return bit, int(one.share < zero.share), float(noise)
 
 
 class _Gap(NamedTuple):
