@@ -83,6 +83,16 @@ def test_a_dead_cell_on_a_swapped_line_hides_no_swap(seed):
     assert len(found) == 2
 
 
+@pytest.mark.parametrize(("seed", "shape"), [(175006, (8, 12)), (175014, (12, 16))])
+def test_a_stuck_cell_on_a_swapped_line_hides_no_swap(seed, shape):
+    """Nor makes another pair of lines seem exchanged."""
+    case = Case(seed, ("swapped", "stuck"), SECONDS, shape)
+    found = diagnose(case.frames, case.circuit, series=False)
+    for fault in case.faults:
+        assert any(explains(f, *fault, case.cut) for f in found), (fault, found)
+    assert len(found) == 2
+
+
 @pytest.mark.parametrize("seed", [146000, 146002])
 def test_noise_on_top_of_a_ceiling_hides_none(seed):
     """Nor is the pile at the ceiling the edge of a gap that a stuck bit leaves."""

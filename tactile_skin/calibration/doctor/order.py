@@ -69,7 +69,7 @@ def misplaced(seen: Recorded, skip, cells=()) -> list[Misplaced]:
 
     Args:
         skip: (axis, line) of lines that are faulty in another way.
-        cells: (row, column) of cells that are, dead or noisy: their lines are compared without.
+        cells: (row, column) of cells that are faulty: their lines are compared without.
     """
     pictures = _pictures(seen)
     found = []
