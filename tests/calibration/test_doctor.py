@@ -93,6 +93,14 @@ def test_a_stuck_cell_on_a_swapped_line_hides_no_swap(seed, shape):
     assert len(found) == 2
 
 
+@pytest.mark.parametrize(("kind", "seed"), [("stuck", 175115), ("short at a crossing", 175210)])
+def test_a_cell_that_conducts_at_rest_makes_no_lines_seem_exchanged(kind, seed):
+    """It carries to its column what touches its row."""
+    case = Case(seed, (kind,), SECONDS, (12, 16) if kind == "stuck" else (8, 8))
+    (finding,) = diagnose(case.frames, case.circuit, series=False)
+    assert explains(finding, *case.faults[0], case.cut)
+
+
 @pytest.mark.parametrize("seed", [146000, 146002])
 def test_noise_on_top_of_a_ceiling_hides_none(seed):
     """Nor is the pile at the ceiling the edge of a gap that a stuck bit leaves."""

@@ -105,7 +105,8 @@ def diagnose(
         if damage.kind != "cell" or (damage.line, damage.at) not in quiet:
             found.append(texts.damage(circuit, damage, cell))
     odd = {(d.axis, d.line) for d in damages if d.kind != "cell"}
-    moved = order.misplaced(seen, unusable | odd, _cells(damages) | quiet)
+    pressed = {(d.line, d.at) for d in damages if d.kind == "cell" and d.size > 1.0}
+    moved = order.misplaced(seen, unusable | odd, _cells(damages) | quiet, pressed)
     found += [texts.misplaced(m) for m in moved]
     # With stripes that are cut or are not read it is another network.
     unread = len(pairs) > len(wires.joined) or wires.cut

@@ -23,6 +23,10 @@ _TOUCHES, _ONE = (3, 8), 0.3
 # Largest difference under a touch, as share of what it raises (lines are read in turn), and times
 # the noise; share of the touches in which it is below that.
 _ALIKE, _APART, _ALWAYS = 0.03, 5.0, 0.8
+# Share saved by the exchange of a line one of whose cells conducts at rest: it carries to one line
+# what touches the other. Up to 0.03 with nothing exchanged, 0.14 or more with that line (seeds
+# 175000 to 175223).
+_PRESSED_GAIN = 0.08
 
 
 def equal_lines(seen: Recorded, skip) -> list[tuple[int, int, int]]:
@@ -64,12 +68,13 @@ class Misplaced(NamedTuple):
     share: float
 
 
-def misplaced(seen: Recorded, skip, cells=()) -> list[Misplaced]:
+def misplaced(seen: Recorded, skip, cells=(), pressed=()) -> list[Misplaced]:
     """Lines in the wrong order, if the touches tell.
 
     Args:
         skip: (axis, line) of lines that are faulty in another way.
         cells: (row, column) of cells that are faulty: their lines are compared without.
+        pressed: those of them that conduct at rest as if they were pressed.
     """
     pictures = _pictures(seen)
     found = []
@@ -84,8 +89,9 @@ def misplaced(seen: Recorded, skip, cells=()) -> list[Misplaced]:
         if shifted and (best is None or shifted.share > best[1].share):
             found.append(shifted)
         elif best is not None:
-            (a, b), votes = best
-            found.append(Misplaced(axis, (int(used[a]), int(used[b])), votes.touches, votes.share))
+            pair, votes = tuple(int(used[k]) for k in best[0]), best[1]
+            if votes.share > _PRESSED_GAIN or not {cell[axis] for cell in pressed} & {*pair}:
+                found.append(Misplaced(axis, pair, votes.touches, votes.share))
     return sorted(found, key=lambda f: -f.share)[:1]
 
 
