@@ -111,6 +111,18 @@ def test_noise_on_top_of_a_ceiling_hides_none(seed):
     assert len(found) == 2
 
 
+@pytest.mark.parametrize(("kind", "seed"), [("short at a crossing", 171024), ("stuck", 171024)])
+def test_a_cell_above_the_ceiling_is_said_to_be_shorted_or_pressed(kind, seed):
+    """Above the height at which readings end, both read alike."""
+    case = Case(seed, (kind, "saturation"), SECONDS, (8, 8))
+    found = diagnose(case.frames, case.circuit, series=False)
+    ((_, _, rows, cols), _) = case.faults
+    (cell,) = (f for f in found if f.kind == "stuck")
+    assert (set(cell.rows), set(cell.cols)) == (rows, cols)
+    assert "ohm or less" in cell.evidence and "shorted, or something presses" in cell.remedy
+    assert sorted(f.kind for f in found) == ["saturation", "stuck"]
+
+
 @pytest.mark.parametrize("seed", [3, 4])
 def test_a_bad_lead_has_its_ohms(seed):
     """1 kohm, with the standard deviation that the fabric leaves."""

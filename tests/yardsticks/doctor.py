@@ -162,6 +162,8 @@ def explains(finding, kind: str, name: str, rows: set, cols: set, cut) -> bool:
     if kind == "broken" and len(cut) == 1:  # reads like a dead cell, and is named as both
         cell = (set(finding.rows), set(finding.cols)) == ({cut[0][0]}, {cut[0][1]})
         return finding.kind == "dead" and cell
+    if kind == "short at a crossing" and "shorted, or" in finding.remedy:  # readings end: as both
+        return at
     kinds = {"short of neighbours": "short", "short at a crossing": "short"}
     kinds |= {"noisy cell": "noisy", "noisy line": "noisy"}
     return finding.kind == kinds.get(kind, kind) and at

@@ -103,9 +103,12 @@ def diagnose(
         quiet |= {(swap.get(r, r), c) if axis == 0 else (r, swap.get(c, c)) for r, c in quiet}
     for damage in damages:
         if damage.kind != "cell" or (damage.line, damage.at) not in quiet:
-            found.append(texts.damage(circuit, damage, cell))
+            ends = top is not None and readings.at_ceiling(seen, top[0])[damage.line, damage.at]
+            found.append(texts.damage(circuit, damage, cell, damage.kind == "cell" and ends))
     odd = {(d.axis, d.line) for d in damages if d.kind != "cell"}
     pressed = {(d.line, d.at) for d in damages if d.kind == "cell" and d.size > 1.0}
+    if top:  # beside such a cell, touches that end there are all alike
+        odd |= {line for row, col in pressed for line in ((0, row), (1, col))}
     moved = order.misplaced(seen, unusable | odd, _cells(damages) | quiet, pressed)
     found += [texts.misplaced(m) for m in moved]
     # With stripes that are cut or are not read it is another network.

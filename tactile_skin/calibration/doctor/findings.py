@@ -178,7 +178,10 @@ def doubled(seen: Recorded, axis: int, pairs: list) -> list[Finding]:
     ]
 
 
-def damage(circuit: Circuit, damage: wiring.Damage, cell: float) -> Finding:
+def damage(circuit: Circuit, damage: wiring.Damage, cell: float, ends: bool = False) -> Finding:
+    """Args:
+    ends: whether the cell's reading is at the ceiling, so that it may conduct more.
+    """
     axis, line, at = damage.axis, damage.line, damage.at
     name, other = line_name(axis, line), ("column", "row")[axis]
     if damage.kind == "lead":
@@ -220,6 +223,17 @@ def damage(circuit: Circuit, damage: wiring.Damage, cell: float) -> Finding:
             f"shorted: the crossing has {ohm:.0f} ohm while nothing touches (an untouched cell has "
             f"{cell:.0f})",
             "Look for a hole in the fabric, or a wire that touches both stripes",
+            (line,),
+            (at,),
+        )
+    if ends:
+        return Finding(
+            "stuck",
+            where,
+            f"the cell has {ohm:.0f} ohm or less while nothing touches (an untouched cell has "
+            f"{cell:.0f}): the readings end there",
+            "It is shorted, or something presses there: look for a hole in the fabric, or a wire "
+            "that touches both stripes, and at the seam and the cover",
             (line,),
             (at,),
         )

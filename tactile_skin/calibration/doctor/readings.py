@@ -155,6 +155,11 @@ def ceiling(seen: Recorded) -> tuple[float, int, int] | None:
     return float(np.median(steps[steps > top - width])), n, cells
 
 
+def at_ceiling(seen: Recorded, height: float) -> np.ndarray:
+    """(rows, cols) bool: cells that read as much as the ceiling lets them while nothing touches."""
+    return seen.base > height - _ceiling_width(seen)
+
+
 def _ceiling_width(seen: Recorded) -> float:
     """ADC steps below the highest reading that are at a ceiling."""
     return _NOISE_WIDTH * seen.usual_noise + 1.0
