@@ -154,20 +154,26 @@ def shifted(circuit: Circuit, off: np.ndarray) -> Circuit:
 def std_of(
     found: list[Evidence], information: np.ndarray, rest: Rest, supposed: Supposed
 ) -> np.ndarray:
-    """(2,) [ohm]: by how much the frames' scores differ, or what the noise leaves, if that is more.
+    """(2,) [ohm]: by how much the frames' scores differ.
 
-    Whatever troubles single frames is in the former. All share one measurement of the rest, whose
-    noise no scatter between them shows.
+    With n frames that is known to a share of (2 n)^-0.5 only, so what noise and the model's error
+    are supposed to leave counts as `_FEWEST` frames more. All share one measurement of the rest,
+    whose noise no scatter between them shows, and what was supposed before.
+
+    Args:
+        information: (2, 2) of the frames, and of what was supposed before.
     """
     scores = np.array([e.score for e in found])
     n = len(scores)
-    spread = (scores - scores.mean(0)).T @ (scores - scores.mean(0)) * n / (n - 1)
+    spread = n * (scores - scores.mean(0)).T @ (scores - scores.mean(0))
+    chi = sum(e.chi2 for e in found) / sum(e.count for e in found)
+    of_frames = sum(e.information for e in found)
+    spread = (spread + _FEWEST * max(chi, 1.0) * of_frames) / (n - 1 + _FEWEST)
     noise = rest.noise / rest.frames**0.5
     shared = supposed.by_reading(sum(e.by_rest for e in found)) * noise  # (2, readings)
+    spread += shared @ shared.T + information - of_frames
     inverse = np.linalg.inv(information)
-    chi = sum(e.chi2 for e in found) / sum(e.count for e in found)
-    by_scatter = (inverse @ (spread + shared @ shared.T) @ inverse).diagonal()
-    return np.sqrt(np.maximum(by_scatter, chi * inverse.diagonal()))
+    return np.sqrt((inverse @ spread @ inverse).diagonal())
 
 
 def _identified(

@@ -140,7 +140,9 @@ class CircuitTracker:
             return False
         self._last = stretch.mean
         self._suppose(curve, noise)
-        self._take(stretch.mean, max(noise / stretch.frames**0.5, ROUNDING_NOISE))
+        self._take(
+            stretch.mean, float(np.hypot(noise / stretch.frames**0.5, self._not_dithered(stretch)))
+        )
         if self._asked and (self._asked[0].at != self._off).any():
             old = self._asked.popleft()
             self._take(old.adc, old.noise)  # anew, by what is known now
@@ -152,9 +154,7 @@ class CircuitTracker:
         """One touch tells r_par to 5 to 50 ohm: not enough to use it, but to doubt the other."""
         if not self._asked:
             return ""
-        off, evidence, information = self._best(list(self._asked))
-        chi2 = sum(e.chi2 for e in evidence) / sum(e.count for e in evidence)
-        std = float((max(chi2, 1.0) * np.linalg.inv(information)[0, 0]) ** 0.5)
+        off, (std, _), _ = self._solve(list(self._asked))
         relevant = _RELEVANT[0] * series_scale(self._configured)
         if abs(off[0] - self._adopted[0]) < max(_LIKELY * std, relevant):
             return ""
@@ -169,8 +169,9 @@ class CircuitTracker:
         if self._rest is None or not np.array_equal(adc, self._rest.adc):
             conductance = self.circuit.populated / curve.rest_resistance
             self._rest, self._supposed = Rest(adc, noise, _REST_FRAMES, conductance), None
-        if self._supposed is None:
-            self._supposed = Supposed(shifted(self._configured, self._off), self._rest, SOFT)
+        circuit = shifted(self._configured, self._off)
+        if self._supposed is None or self._supposed.circuit != circuit:
+            self._supposed = Supposed(circuit, self._rest, SOFT)
 
     def _take(self, adc: np.ndarray, noise: float) -> None:
         evidence = self._supposed.evidence(adc, noise)
@@ -188,7 +189,7 @@ class CircuitTracker:
         scale = series_scale(self._configured)
         relevant = np.array([_RELEVANT[0] * scale, _RELEVANT[1]])
         if (np.abs(off - self._off) > np.maximum(relevant, std)).any():
-            self._off, self._supposed = off, None
+            self._off = off
         self.std = std
         change = off - self._adopted
         if std[0] > _KNOWN * scale:
@@ -205,23 +206,29 @@ class CircuitTracker:
         self.message = self._words(relevant)
         return True
 
+    def _not_dithered(self, stretch: _Stretch) -> float:
+        """RMS error of the mean that rounding leaves [ADC steps].
+
+        Readings that noise does not move keep what whole steps cut off: their means are whole. By
+        noise of half a step and more the means of readings of all sizes take all fractions alike,
+        and what is left of rounding is noise (dither; Widrow and Kollar, Quantization Noise, 2008).
+        """
+        steps = (stretch.mean * self._configured.full_scale)[self._configured.populated]
+        lost = 1.0 - np.nanmean(np.square(steps - np.rint(steps))) / ROUNDING_NOISE**2
+        return float(ROUNDING_NOISE * max(lost, 0.0))
+
     @staticmethod
     def _chi2(asked: _Asked, off: np.ndarray) -> float:
         """A reading, that the frame leaves with this circuit, to first order."""
         e, step = asked.evidence, off - asked.at
         return float((e.chi2 - 2.0 * e.score @ step + step @ e.information @ step) / e.count)
 
-    def _best(self, asked: list[_Asked]) -> tuple[np.ndarray, list[Evidence], np.ndarray]:
-        """(2,) beside the configured [ohm], by what, and its (2, 2) information."""
+    def _solve(self, asked: list[_Asked]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(2,) beside the configured, its standard deviation [ohm], and (2, 2) information."""
         evidence = [a.evidence for a in asked]
         information = sum(e.information for e in evidence) + prior_of(self._configured)
         pull = sum(e.score + e.information @ a.at for e, a in zip(evidence, asked, strict=True))
         off = bounded(np.linalg.solve(information, pull), information, self._configured)
-        return off, evidence, information
-
-    def _solve(self, asked: list[_Asked]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(2,) beside the configured, its standard deviation [ohm], and (2, 2) information."""
-        off, evidence, information = self._best(asked)
         here = [
             e._replace(score=e.score + e.information @ (a.at - off))
             for e, a in zip(evidence, asked, strict=True)

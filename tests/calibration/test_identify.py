@@ -7,8 +7,10 @@ import pytest
 from yardsticks.identify import Unknown, UnknownDriven, bodies
 
 from tactile_skin import Circuit, PressureCurve, identify, measure_rest
-from tactile_skin.calibration.evidence import HARD, Supposed
-from tactile_skin.calibration.rest import resting_conductance
+from tactile_skin.calibration import evidence
+from tactile_skin.calibration.evidence import HARD, Evidence, Supposed
+from tactile_skin.calibration.identify import std_of
+from tactile_skin.calibration.rest import Rest, resting_conductance
 from tactile_skin.calibration.tare import Tare
 from tactile_skin.calibration.tracker import CircuitTracker
 
@@ -144,7 +146,7 @@ def test_idle_frames_of_driven_lines_do_not_tell(readout):
     assert found.missing == ("r_par",)
 
 
-def follow(board, circuit, touches):
+def follow(board, circuit, touches, noise=0.6):
     """A tracker beside the tare of a skin that rests, then is touched: frames of each touch."""
     tare, tracker, t = Tare(circuit, PressureCurve()), CircuitTracker(circuit), 0.0
     for k in range(130):
@@ -154,8 +156,8 @@ def follow(board, circuit, touches):
     for frames in touches:
         for adc in frames:
             t += 0.01
-            tracker.offer(t, adc, 0.6)
-        if tracker.ask(tare.curve, 0.6):
+            tracker.offer(t, adc, noise)
+        if tracker.ask(tare.curve, noise):
             tare.suppose(tracker.circuit)
     return tracker
 
@@ -240,3 +242,38 @@ def test_a_touch_that_moves_is_not_asked(board):
         tracker.offer(0.5 * k, adc, 0.5)
         assert not tracker.ask(PressureCurve(), 0.5)
     assert tracker.values() == {}
+
+
+@pytest.mark.parametrize(
+    ("noise", "low", "high"), [(1.0, 0.6, 1.4), (0.3, 0.3, 1.4), (0.0, 0.1, 2.0)]
+)
+def test_the_mean_of_a_touch_that_stands_is_as_certain_as_its_frames_make_it(
+    monkeypatch, noise, low, high
+):
+    """chi^2 a reading of the right circuit is about 1. Rounding does not average out if no noise
+    moves the readings: such means are whole, and hardly more certain than one frame; the rest is as
+    uncertain then."""
+    monkeypatch.setattr(evidence, "_MODEL", 0.0)  # this board is as the model
+    board = Unknown(SHAPE, seed=170001, noise=noise, line=0.0, lateral=0.0)
+    board.idle = board.at_rest()
+    true = replace(board.supposed, r_par=board.r_par)
+    of_mean = (noise**2 + 1.0 / 12.0) ** 0.5 / 2.0  # of four samples
+    asked = follow(board, true, standing(board, 16)[:6], of_mean)._asked
+    assert len(asked) >= 3
+    assert low < np.median([a.evidence.chi2 / a.evidence.count for a in asked]) < high
+
+
+@pytest.mark.parametrize("factor", [0.6, 1.0, 1.6])
+def test_the_scatter_of_frames_is_what_many_are_judged_by(factor):
+    """Sixteen frames whose scores differ by `factor` of what noise is supposed to leave."""
+    scores = factor * np.random.default_rng(170002).standard_normal((400, 16, 2))
+    rest, supposed = Rest(np.zeros((1, 1)), 0.0, 1, np.ones((1, 1))), Supposed.__new__(Supposed)
+    supposed.by_reading = lambda by_rest: np.zeros((2, 1))
+    one = np.eye(2), np.zeros((2, 1, 1)), 10.0, 10
+    named = [
+        std_of([Evidence(score, *one) for score in each], 16.0 * np.eye(2), rest, supposed)
+        for each in scores
+    ]
+    off = scores.sum(1) / 16.0
+    within = np.mean(np.abs(off) < named, axis=0)
+    assert (within > 0.58).all() and (within < 0.83).all()
