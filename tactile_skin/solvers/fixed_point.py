@@ -55,16 +55,16 @@ def _within_bounds(reading: Reading) -> np.ndarray:
     circuit, (low, high) = reading.circuit, reading.bounds
     divider, axis = circuit.r_ref + circuit.r_par, 0 if circuit.driven == "rows" else 1
     v = reading.adc * (divider / circuit.r_ref)
-    free, held = circuit.populated, np.zeros(v.shape)
+    free, held, ground = circuit.populated, 0.0, 1.0 / divider
     while True:  # each round holds more cells
-        ground = 1.0 / divider + held.sum(axis, keepdims=True)
         left = np.maximum(1.0 - (v * free).sum(axis, keepdims=True), readouts.LEAST_SCALE)
         g = np.where(free, v * ground / left, held)
         inside = np.minimum(np.maximum(g, low), high)
         out = free & (np.abs(inside - g) > (BOUND - 1.0) * g)
-        if not out.any():
+        if not np.count_nonzero(out):
             return g
         free, held = free & ~out, np.where(out, inside, held)
+        ground = 1.0 / divider + held.sum(axis, keepdims=True)
 
 
 def closed_form(reading: Reading) -> np.ndarray:
@@ -76,9 +76,10 @@ def closed_form(reading: Reading) -> np.ndarray:
     """
     (low, high), circuit, g = reading.bounds, reading.circuit, first_guess(reading)
     axis = 0 if circuit.driven == "rows" else 1
-    beyond = (g >= high).any(axis, keepdims=True) & circuit.populated
-    if not beyond.any():
+    at_end = g >= high
+    if not np.count_nonzero(at_end):
         return g
+    beyond = at_end.any(axis, keepdims=True) & circuit.populated
     divider = circuit.r_ref + circuit.r_par
     free, v = g > low, reading.adc * (divider / circuit.r_ref)
     ground = 1.0 / divider + (g * ~free).sum(axis, keepdims=True)

@@ -49,15 +49,15 @@ def newton(reading: Reading, start: Estimate | None = None) -> Estimate:
     if reading.circuit.readout != "grounded":
         g, iterations, done = maximise(reading, g)
     cells = reading.circuit.populated
-    resistance = 1.0 / np.where(cells, g, reading.bounds[0])
+    log_g = np.log(np.where(cells, g, reading.bounds[0]))
     return estimate_from_force(
-        reading.curve.force(resistance) * cells,
+        reading.curve.force_at(log_g) * cells,
         reading,
         "newton",
         steps + iterations,
         converged=done,
         slack=_SLACK if reading.noise else 1.0,
-        network=(resistance, g, readouts.solve(reading.circuit, g, derivatives=False)),
+        network=(log_g, g, readouts.solve(reading.circuit, g, derivatives=False)),
     )
 
 

@@ -87,14 +87,14 @@ class Reading:
     @cached_property
     def all_read(self) -> bool:
         """Whether each crossing of the matrix was read."""
-        return bool(self.known.all())
+        return np.count_nonzero(self.known) == self.known.size
 
     @cached_property
     def all_cells_read(self) -> bool:
         """Whether each cell's own crossing was read."""
         return self.all_read or bool((self.known | ~self.circuit.populated).all())
 
-    @cached_property
+    @property
     def n_informative(self) -> int:
         """Number of readings that carry a value or an upper limit."""
         return self.known.size if self.all_read else np.count_nonzero(self.known | self.capped)
@@ -139,9 +139,8 @@ class Reading:
 
     @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """(rows, cols) conductance [S] of each cell at rest and at the curve's end."""
-        ends = self.curve.rest_resistance, self.curve.least_resistance
-        return np.full(self.adc.shape, 1.0 / ends[0]), np.full(self.adc.shape, 1.0 / ends[1])
+        """(rows, cols) conductance [S] of each cell at rest and at the curve's end; read-only."""
+        return _bounds(self.circuit.shape, self.curve)
 
     def late(self) -> bool:
         return time.monotonic() > self.deadline
@@ -308,6 +307,16 @@ def _picture(name: str, value, circuit: Circuit) -> np.ndarray:
 def _refuse(name: str, array: np.ndarray, good: np.ndarray, allowed: str):
     row, col = np.argwhere(~good)[0]
     raise ValueError(f"{name} = {array[row, col]} at row {row}, column {col}: must be {allowed}")
+
+
+@lru_cache(maxsize=16)
+def _bounds(shape: tuple[int, int], curve: PressureCurve) -> tuple[np.ndarray, np.ndarray]:
+    """`Reading.bounds`."""
+    ends = curve.rest_resistance, curve.least_resistance
+    bounds = np.full(shape, 1.0 / ends[0]), np.full(shape, 1.0 / ends[1])
+    for array in bounds:
+        array.setflags(write=False)
+    return bounds
 
 
 @lru_cache(maxsize=16)

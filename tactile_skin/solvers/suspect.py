@@ -44,32 +44,31 @@ def by_reading(reading: Reading) -> str:
     """
     circuit, steps, known = reading.circuit, reading.steps, reading.known
     margin = _IMPOSSIBLE * reading.noise + 1.0
-    rest = rest_reading(circuit, reading.curve) * circuit.full_scale
-    if circuit.readout != "floating":
-        rest *= reading.apparent[0] / _rest_scale(circuit, reading.curve)
+    rest = _rest_steps(circuit, reading.curve) * reading.apparent[0]
     short_circuit = circuit.ratio(0.0) * circuit.full_scale
     low = known & (steps < _OPEN * rest - margin)
-    high = known & (steps > short_circuit + margin)
-    if low.any():
+    if np.count_nonzero(low):
         line, where, bad = _place(low, known)
         return (
             f"{line + ' is open: ' if line else ''}{where} are at most {steps[bad].max():.0f} ADC "
             f"steps (an untouched cell reads {np.median(rest[bad]):.0f}). Check the lead"
         )
-    if high.any():
-        line, where, _ = _place(high, known)
+    most = steps.max()  # of a crossing that was not read 0
+    if most > short_circuit + margin:
+        line, where, _ = _place(steps > short_circuit + margin, known)
         return (
             f"{line + ': ' if line else ''}{where} exceed {short_circuit:.0f} ADC steps, the most "
             f"that r_ref = {circuit.r_ref:g} and r_par = {circuit.r_par:g} ohm allow. Check both"
         )
-    touched = steps.max() > rest.max() + margin
-    return saturation(reading, *_SATURATED) if touched and reading.noise > _SPREADS else ""
+    touched = reading.noise > _SPREADS and most > rest.max() + margin
+    return saturation(reading, *_SATURATED) if touched else ""
 
 
 @lru_cache(maxsize=16)
-def _rest_scale(circuit, curve):
-    """That of `readouts.apparent` of an untouched skin."""
-    return readouts.apparent(circuit, rest_reading(circuit, curve))[0]
+def _rest_steps(circuit, curve) -> np.ndarray:
+    """(rows, cols) reading of an untouched skin [ADC steps] over its scale of `apparent`."""
+    rest = rest_reading(circuit, curve)
+    return rest * circuit.full_scale / readouts.apparent(circuit, rest)[0]
 
 
 def _place(bad: np.ndarray, known: np.ndarray) -> tuple[str, str, np.ndarray]:
@@ -208,12 +207,12 @@ def estimate_from_force(
         network: `network_of(force, reading)` where it is known already.
     """
     circuit, curve = reading.circuit, reading.curve
-    resistance, g, model = network or network_of(force, reading)
-    slope = g * model.own * circuit.full_scale  # steps per log R
+    log_g, g, model = network or network_of(force, reading)
+    slope = g * model.own * circuit.full_scale  # steps per log g
     misfit = reading.misfit(model.adc)
     shift = np.sqrt(np.square(misfit) + max(reading.noise, 1e-9) ** 2) / np.maximum(slope, 1e-9)
     # both ends at once: half the time
-    ends = curve.force_at(_SIGNS * np.minimum(shift, 50.0) - np.log(resistance))
+    ends = curve.force_at(_SIGNS * np.minimum(shift, 50.0) + log_g)
     std = 0.5 * (ends[0] - ends[1])
     message = by_reading(reading)
     if slack and not message:
@@ -228,9 +227,9 @@ def estimate_from_force(
 
 
 def network_of(force, reading: Reading):
-    """(rows, cols) resistance [ohm] and conductance [S] of cells, and their network."""
-    resistance = reading.curve.resistance(force)
-    g = 1.0 / resistance
+    """(rows, cols) log of cells' conductance; conductance [S], 0 where there is none; network."""
+    g = 1.0 / reading.curve.resistance(force)
+    log_g = np.log(g)
     if reading.circuit.mask is not None:
         g *= reading.circuit.populated
-    return resistance, g, readouts.solve(reading.circuit, g, derivatives=False)
+    return log_g, g, readouts.solve(reading.circuit, g, derivatives=False)
