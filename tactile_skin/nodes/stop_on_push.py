@@ -29,6 +29,7 @@ from ..msg import (
     Trigger,
     cloud_columns,
 )
+from ..physics import readouts
 from . import QUEUE, diagnostics
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -97,7 +98,8 @@ class StopOnPush:
                 ).value,
             )
         )
-        self._curve = curve_of(node, circuit_of(node))
+        self._circuit = circuit_of(node)
+        self._curve = curve_of(node, self._circuit)
         gain = self._curve.gain
         self._gain = 1.0 if gain is None else float(np.median(gain))  # a contact names no cell
         self._unknown: dict[str, float] = {}  # ohm that may lie in series besides, by who says so
@@ -140,7 +142,7 @@ class StopOnPush:
         columns = cloud_columns(msg, "force", "peak")
         self._force = _unless_negative(columns["force"], np.sum)
         largest = _unless_negative(columns["peak"], np.max)
-        more = self._at_most(largest) if self._force > 0.0 else 1.0
+        more = self._at_most(largest, self._force) if self._force > 0.0 else 1.0
         self._most = more * self._force
         stamp = Time.from_msg(msg.header.stamp).nanoseconds / 1e9
         self._watch_clock()  # with readings that come often the timer is never due
@@ -148,17 +150,19 @@ class StopOnPush:
         self._publish(reading)
         self._heartbeat.reset()
 
-    def _at_most(self, peak: float) -> float:
-        """Times its force that a touch with so much on its hardest cell [N] may have.
+    def _at_most(self, peak: float, force: float) -> float:
+        """Times its force [N] that a touch with so much on its hardest cell [N] may have.
 
-        A series resistance that is not known hides as much of the cells' own; the hardest conducts
-        most, and hides most.
+        A series resistance that is not known hides as much of the cells' own, times the cells that
+        share it; the hardest conducts most, and hides most.
         """
         curve, unknown = self._curve, max(self._unknown.values(), default=0.0)
+        cells = max(force / peak, 1.0) if peak else 1.0  # of one height
         peak /= self._gain
         if not 0.0 < peak < math.inf or not unknown:
             return 1.0
-        behind = np.maximum(curve.resistance(peak) - unknown, curve.least_resistance)
+        hidden = unknown * readouts.sharing(self._circuit, cells)
+        behind = np.maximum(curve.resistance(peak) - hidden, curve.least_resistance)
         return max(float(curve.force(behind)) / peak, 1.0)
 
     def on_diagnostics(self, msg: DiagnosticArray) -> None:

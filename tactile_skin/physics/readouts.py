@@ -23,6 +23,7 @@ conductance of cell b:
 
 from __future__ import annotations
 
+import math
 from copy import copy
 from functools import cached_property
 
@@ -230,6 +231,18 @@ def solve(circuit, g: np.ndarray, derivatives: bool = True) -> Floating | Driven
     if circuit.readout == "floating":
         return Floating(circuit, g, derivatives)
     return Driven(circuit, g)
+
+
+def sharing(circuit, cells: float) -> float:
+    """Cells of a square touch of `cells` cells whose current flows through what lies in series.
+
+    An ohm there hides as much as so many ohm of each of them: of all of a line where lines are
+    driven; if floating, of g * rho = cells / (its rows + its columns - 1), by Foster's theorem.
+    """
+    side = min(math.sqrt(cells), *circuit.shape)
+    if circuit.readout == "floating":
+        return cells / (side + cells / side - 1.0)
+    return side
 
 
 def apparent(circuit, adc: np.ndarray) -> tuple[np.ndarray | float, float]:

@@ -1,9 +1,11 @@
 """Until touches have told r_par, the stop counts a hard touch with what it may have at most."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from tactile_skin import Circuit
+from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.calibration.tracker import CircuitTracker
 from tactile_skin.middleware.bus import (
     Context,
@@ -16,9 +18,10 @@ from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Header, KeyValue
 from tactile_skin.nodes import diagnostics
 from tactile_skin.nodes.compensation import Compensation
 from tactile_skin.nodes.stop_on_push import StopOnPush
+from tactile_skin.physics.readouts import READOUTS
 
 
-def decided(force, peak, unknown=None, gain=1.0):
+def decided(force, peak, unknown=None, gain=1.0, readout="floating"):
     """What the stop says of one contact [N] when compensation does not know so much of r_par.
 
     Args:
@@ -27,6 +30,7 @@ def decided(force, peak, unknown=None, gain=1.0):
     clock = ManualClock(10.0)
     context, executor = Context(clock), SingleThreadedExecutor()
     overrides = [Parameter("curve.gain", [gain]), Parameter("peak", 9.0 * gain)]
+    overrides.append(Parameter("circuit.readout", readout))
     node = Node("stop_on_push", context=context, parameter_overrides=overrides)
     other = Node("other", context=context)
     stop = StopOnPush(node)
@@ -53,9 +57,24 @@ def test_a_hard_touch_counts_with_what_it_may_have(force, peak):
     assert decided(force, peak) == "", "no r_par is told: the forces are somebody else's"
 
 
-@pytest.mark.parametrize(("force", "peak"), [(25.0, 0.5), (12.0, 3.0), (5.0, 5.0)])
+@pytest.mark.parametrize(("force", "peak"), [(20.0, 0.5), (12.0, 3.0), (5.0, 5.0)])
 def test_a_soft_or_light_one_does_not_stop(force, peak):
     assert decided(force, peak, 65.0) == ""
+
+
+@pytest.mark.parametrize("readout", READOUTS)
+@pytest.mark.parametrize(("newtons", "side"), [(4.0, 3), (2.25, 4), (1.44, 5)])
+def test_a_palm_counts_with_what_all_its_cells_hide(readout, newtons, side):
+    """Touches of 36 N on a board whose r_par is a fifth above what is configured."""
+    circuit, curve = Circuit(readout=readout), PressureCurve()
+    board = replace(circuit, r_par=1.2 * circuit.r_par)
+    truth = np.zeros(circuit.shape)
+    truth[3 : 3 + side, 4 : 4 + side] = newtons
+    found = compensate(forward(board, curve.resistance(truth)), circuit, curve, "newton", noise=0.5)
+    touched = found.force * (truth > 0.0)
+    unknown = board.r_par - circuit.r_par
+    assert decided(touched.sum(), touched.max(), unknown, readout=readout) == "push"
+    assert decided(touched.sum() / 3.0, touched.max() / 3.0, unknown, readout=readout) == ""
 
 
 def test_of_several_compensations_the_one_that_knows_least_counts():
@@ -66,7 +85,7 @@ def test_of_several_compensations_the_one_that_knows_least_counts():
 def test_cells_that_feel_more_or_less_hide_as_much_of_what_they_feel(gain):
     """Half the gain, half the force at the same resistance: as far off, in proportion."""
     assert decided(25.0, 4.0 * gain, 65.0, gain) == "push"
-    assert decided(25.0, 0.5 * gain, 65.0, gain) == ""
+    assert decided(12.0 * gain, 0.5 * gain, 65.0, gain) == ""
 
 
 @pytest.mark.parametrize(("force", "peak"), [(-2.0, 4.0), (5.0, -3.0)])
