@@ -715,8 +715,13 @@ def test_the_values_are_those_in_process_for_the_same_bytes(skin, monkeypatch):
     heard = by_topic(graph.heard(name))
     adc = [(stamp, values) for _, stamp, values in heard["skin/adc"] if stamp > before]
     assert len(adc) == len(frames)
+    # A busy machine may give a frame up, and the next one then starts from another picture.
+    taken = {stamp for _, stamp, _ in heard["skin/pressure"] if stamp > before}
+    assert len(taken) >= 0.98 * len(frames)
     here = InProcess(plan)
     for frame, (stamp, values) in zip(frames, adc, strict=True):
+        if stamp not in taken:
+            continue
         m = here.feed(frame, stamp)
         assert values == ("base_link", m.height, m.width, "16UC1", 0, m.step, m.data)
     counted = 0
@@ -742,7 +747,7 @@ def test_the_values_are_those_in_process_for_the_same_bytes(skin, monkeypatch):
             v = here.seen["skin/push_direction"][stamp].vector
             assert values == (v.x, v.y, v.z)
             counted += 1
-    assert counted == 4 * len(frames)
+    assert counted == 4 * len(taken)
 
     def what(reason):
         """Without the text of `stale`: it tells of frames before these, which only ROS has seen."""
@@ -750,7 +755,7 @@ def test_the_values_are_those_in_process_for_the_same_bytes(skin, monkeypatch):
 
     decided, reasons = set(), set()
     for _, stamp, ((_, level, reason, _, _),) in heard["skin/stop_status"]:
-        if stamp > before and stamp not in decided and stamp != adc[-1][0]:
+        if stamp in taken and stamp not in decided and stamp != adc[-1][0]:
             decided.add(stamp)
             status = here.seen[STATUS_TOPIC][stamp].status[0]
             assert (level, what(reason)) == (status.level, what(status.message))
