@@ -86,6 +86,7 @@ setup(
             "mcap>=1.6",
             "mcap-ros2-support>=0.5",  # reads recordings independently
             "pytest>=8.0",
+            "pytest-rerunfailures>=16.7",
             "rosbags>=0.10",
             "ruff>=0.15",
             "setuptools>=70.1",  # builds the wheel

@@ -5,6 +5,7 @@ Tests of the mark `ros` skip where there is none; `--require-ros` makes that a f
 
 import dataclasses
 import importlib.util
+import itertools
 import json
 import logging
 import os
@@ -59,7 +60,7 @@ from tactile_skin.touch.frames import IDENTITY
 
 MESSAGES = [c for c in vars(msg).values() if dataclasses.is_dataclass(c) and hasattr(c, "TYPE")]
 IDLE, DEMO, PUSH = "idle", "demo", "push_left"
-# The frames of `skin`: each playing has a seed of its own, as frames that repeat are a fault.
+SEEDS = itertools.count(90)  # one each time something is played: frames that repeat are a fault
 REST = PressureCurve()  # without a tare each cell has to rest as the curve says
 
 # --- without ROS ---
@@ -612,7 +613,7 @@ def skin(version):
         for action in plan.values():
             graph.start_node(action)
         name = graph.listen()
-        with player.playing(endless(IDLE, 99, REST)):
+        with player.playing(endless(IDLE, next(SEEDS), REST)):
             graph.wait_until_heard(name)
         graph.heard(name)
         yield graph, player, plan
@@ -702,9 +703,13 @@ def test_the_values_are_those_in_process_for_the_same_bytes(skin, monkeypatch):
     """Pictures, contacts, wrench, direction, stop and its reason: each to the last bit. At half
     the rate, which is another test's: a frame that a busy machine drops changes what follows."""
     graph, player, plan = skin
-    frames = record(150, DEMO, 0, REST) + record(60, PUSH, 1, REST) + record(60, IDLE, 2, REST)
+    frames = [
+        frame
+        for count, scene in ((150, DEMO), (60, PUSH), (60, IDLE))
+        for frame in record(count, scene, next(SEEDS), REST)
+    ]
     name = graph.listen()
-    with player.playing(endless(IDLE, 98, REST)):
+    with player.playing(endless(IDLE, next(SEEDS), REST)):
         graph.wait_until_heard(name)
     time.sleep(0.5)
     assert reset(graph).startswith("True ")
@@ -809,7 +814,7 @@ def test_a_node_whose_executor_ends_fails(version):
 def test_a_killed_node_stops_the_robot_and_rejoins(skin):
     """The rest survives; meanwhile the stop says stale; the plain subscriber goes on."""
     graph, player, plan = skin
-    with player.playing(endless(IDLE, 97, REST)):
+    with player.playing(endless(IDLE, next(SEEDS), REST)):
         name = graph.listen()
         graph.wait_until_heard(name)
         graph.wait_for(lambda: graph.hears(name, "stop free\n"), "the robot may move")
@@ -848,7 +853,7 @@ def test_a_master_that_is_killed_and_restarted_is_rejoined(skin):
     graph, player, _plan = skin
     if graph.version == 2:
         pytest.skip("ROS 2 has no master")
-    with player.playing(endless(IDLE, 96, REST)):
+    with player.playing(endless(IDLE, next(SEEDS), REST)):
         old = graph.listen()
         graph.wait_until_heard(old)
         killed = time.time()
@@ -954,7 +959,7 @@ def test_a_node_whose_name_is_taken_ends(skin):
     if graph.version == 2:
         pytest.skip("ROS 2 lets both live")
     name = graph.listen()
-    with player.playing(endless(IDLE, 95, REST)):
+    with player.playing(endless(IDLE, next(SEEDS), REST)):
         graph.wait_for(lambda: graph.hears(name, "stop free\n"), "the robot may move")
         older = graph.processes.pop("stop_on_push")
         graph.start_node(plan["stop_on_push"])
