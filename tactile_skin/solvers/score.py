@@ -39,6 +39,9 @@ _LIFTED = 5.0  # times its conductance at rest that a touched cell has: 8 g on t
 # Standard deviations by which a cell that is held at rest must want to conduct more to be touched,
 # and how often such cells are sought (calibration/evidence.py).
 _Z, _SEARCHES = 3.5, 3
+# RMS of log conductance of the cells of a sound fabric at rest, where it was not measured: 0.03 to
+# 0.05 (calibration/watch/voltage.py has the least).
+_REST_SCATTER = 0.05
 _RIM = 1.1  # times its conductance at rest: the rim of a palm is above
 _RIM_SHARE = 0.05  # of `series_scale` by which r_par is too small beside such a rim
 _MIN_SCALE = 0.15  # of r_ref: what a board's r_par may be where none is configured
@@ -149,8 +152,23 @@ def _shift(
     chi2 = (square - score**2 / information) / n
     by_no_r_par = (left[:, 1] + shift * left[:, 0]).reshape(g.shape)
     wants, own = model.network.pull(model.weight * by_no_r_par), model.network.own * model.weight
-    lightly = held & (own > 0.0) & (wants > _Z * slack * own)
+    by_scatter = _wanted_by_scatter(reading, model, held & (own > 0.0))
+    lightly = held & (own > 0.0) & (wants > _Z * np.hypot(slack, by_scatter) * own)
     return RParShift(shift, slack * information**-0.5, chi2, 1.0 - cells.size / n), lightly
+
+
+def _wanted_by_scatter(reading: Reading, model: Linearised, held: np.ndarray) -> float:
+    """RMS by which held cells (rows, cols) want another conductance since their rest scatters, in
+    what one standard deviation of their own reading makes them want; 0 where it was measured.
+
+    All cells of two lines add to it. Of one fabric, which stands for all.
+    """
+    if reading.curve.offset is not None or not reading.noise or not held.any():
+        return 0.0
+    scatter = _REST_SCATTER * np.random.default_rng(0).standard_normal(held.shape) * held
+    misfit = model.weight * model.network.change(scatter * model.g)
+    wants = model.network.pull(model.weight * misfit)[held]
+    return float(np.square(wants / (model.network.own * model.weight)[held]).mean() ** 0.5)
 
 
 def by_score(

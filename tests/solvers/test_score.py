@@ -63,11 +63,26 @@ def test_light_touches_beside_a_hard_one_are_no_other_r_par(readout):
     for _ in range(20):
         force = block()
         lightly = rng.integers(10, 16, 20), rng.integers(0, 16, 20)
-        force[lightly] = rng.uniform(1.0, 5.0, 20) * GRAM
+        force[lightly] = rng.uniform(3.0, 7.0, 20) * GRAM
         reading = check_reading(read_by(circuit, force, rng), circuit, CURVE, noise=SCAN_NOISE)
         found.append(score.r_par_shift(reading.above_cut_off(), 1.0 / CURVE.resistance(force)))
     assert np.mean([f.exceeds(score.SETTLED) for f in found]) <= 0.05
     assert np.median([f.chi2 for f in found]) < 1.0
+
+
+@pytest.mark.parametrize("readout", READOUTS)
+def test_cells_that_scatter_at_rest_are_not_touched_lightly(readout):
+    """Those that conduct more, taken out, would leave those that make r_par seem larger."""
+    circuit, rng, found = Circuit(readout=readout), np.random.default_rng(8), []
+    force = block()
+    for _ in range(20):
+        rest = np.exp(0.03 * rng.standard_normal(circuit.shape))
+        g = 1.0 / CURVE.resistance(force)
+        adc = forward(circuit, 1.0 / np.where(force > 0.0, g, g * rest))
+        adc = scenes.read_out(circuit, adc, "scan", rng)
+        reading = check_reading(adc, circuit, CURVE, noise=SCAN_NOISE)
+        found.append(score.r_par_shift(reading.above_cut_off(), g).shift)
+    assert abs(np.mean(found)) < 2.0 * np.std(found) / len(found) ** 0.5 + 2.0
 
 
 def test_readings_next_to_the_cut_off_err_to_neither_side():
