@@ -37,8 +37,8 @@ _ABSORBED, _MIN_LEFT = (1e-3, 1e-4), 1e-3
 # and palms; scored on others (tests/yardsticks/solvers.py, "another board", "R_par in a frame").
 _LIFTED = 5.0  # times its conductance at rest that a touched cell has: 8 g on the shipped curve
 # Standard deviations by which a cell that is held at rest must want to conduct more to be touched,
-# and how often such cells are sought (calibration/evidence.py).
-_Z, _SEARCHES = 3.5, 3
+# and how often such cells are sought: a palm's soft rim is some cells wide.
+_Z, _SEARCHES = 3.5, 6
 # RMS of log conductance of the cells of a sound fabric at rest, where it was not measured: 0.03 to
 # 0.05 (calibration/watch/voltage.py has the least).
 _REST_SCATTER = 0.05
@@ -153,7 +153,8 @@ def _shift(
     by_no_r_par = (left[:, 1] + shift * left[:, 0]).reshape(g.shape)
     wants, own = model.network.pull(model.weight * by_no_r_par), model.network.own * model.weight
     by_scatter = _wanted_by_scatter(reading, model, held & (own > 0.0))
-    lightly = held & (own > 0.0) & (wants > _Z * np.hypot(slack, by_scatter) * own)
+    limit = np.hypot(slack, np.where(binary_dilation(touched, BESIDE), 0.0, by_scatter))
+    lightly = held & (own > 0.0) & (wants > _Z * limit * own)
     return RParShift(shift, slack * information**-0.5, chi2, 1.0 - cells.size / n), lightly
 
 
@@ -161,7 +162,9 @@ def _wanted_by_scatter(reading: Reading, model: Linearised, held: np.ndarray) ->
     """RMS by which held cells (rows, cols) want another conductance since their rest scatters, in
     what one standard deviation of their own reading makes them want; 0 where it was measured.
 
-    All cells of two lines add to it. Of one fabric, which stands for all.
+    All cells of two lines add to it. Of one fabric, which stands for all. Away from touched cells
+    they must want more than that: with those taken out that scatter upwards, the others make r_par
+    seem 20 ohm larger.
     """
     if reading.curve.offset is not None or not reading.noise or not held.any():
         return 0.0
