@@ -4,10 +4,12 @@
 
 Each board is a `FaultBoard`: Kirchhoff's laws for its own wiring, a fabric whose curve is up to
 30 % off in level, 5 to 8 % scatter, 3 % at rest, 0.5 % of a touch carried to the neighbours, 1 step
-of noise, one of three ways to make a frame of scans; 8 x 8 to 32 x 32. A quarter of them is floating, half
-loaded, a quarter grounded, driven by rows or columns; or as --readouts says. Fingers, palms, edges, strokes and pushes for
-T seconds, and one or two faults from the first frame on. A fault counts as named if a finding has
-its kind and its line or cell. Any finding that no planted fault explains is a false alarm.
+of noise, one of three ways to make a frame of scans; 8 x 8 to 32 x 32. A quarter of them is
+floating, half loaded, a quarter grounded, driven by rows or columns; or as --readouts says.
+Fingers, palms, edges, strokes and pushes for T seconds, and one or two faults from the first frame
+on. A fault counts as named if a finding has its kind and its line or cell; one that changes no
+reading by a step, as a ceiling that no touch reaches, is not counted. Any finding that no planted
+fault explains is a false alarm.
 
 --running: the same boards through the compensation node, on a driven clock. Half of the faults
 begin after BEFORE seconds, and a fault counts as named if it is in `diagnostics` at any time.
@@ -16,6 +18,7 @@ begin after BEFORE seconds, and a fault counts as named if it is in `diagnostics
 from __future__ import annotations
 
 import argparse
+import copy
 import time
 from collections import defaultdict
 from typing import NamedTuple
@@ -63,6 +66,7 @@ KINDS = {  # of the report: names in `wires.ELECTRICAL`
 BEFORE = 10.0  # s of a sound board
 EVERY = 4  # frames for one that the node is given, to save time: 25 a second
 STARTED = 4.0  # s after which a skin has measured its rest, at the frame rate of 32 x 32, too
+MAY_HIDE = "saturation", "short of neighbours"
 WHOLE = "circuit", "saturation", "bits"  # of no line, at most one on a board
 
 
@@ -132,13 +136,32 @@ class Case:
                     for lines, of in ((w.rows, rows), (w.cols, cols))
                 ]
                 self.faults[k] = (kind, name, *read)
-        self.frames = self._used(seconds, rng)
+        force = self._touches(seconds, rng)
+        self.hidden = {kind for kind in faults if kind in MAY_HIDE and self._hides(kind, force)}
+        self.frames = frames_of(self.board, force)
+
+    def _touches(self, seconds: float, rng) -> np.ndarray:
+        cells, most = self.circuit.populated, self.board.curve.max_force
+        return streams.everyday(cells, seconds, rng, most, hard=False).force
 
     def _used(self, seconds: float, rng) -> np.ndarray:
         """(n, rows, cols) ADC ratio of so many seconds of touches."""
-        cells, most = self.circuit.populated, self.board.curve.max_force
-        scene = streams.everyday(cells, seconds, rng, most, hard=False)
-        return frames_of(self.board, scene.force)
+        return frames_of(self.board, self._touches(seconds, rng))
+
+    def _hides(self, kind: str, force: np.ndarray) -> bool:
+        """Whether a fault changes no reading by a step."""
+        with_it = copy.deepcopy(self.board)
+        with_it.restless = {}
+        without = copy.deepcopy(with_it)
+        if kind == "saturation":
+            without.ceiling, without.rail = 1.0, np.inf
+        else:
+            without.wiring.ties = [tie for tie in without.wiring.ties if tie[0] != tie[2]]
+        one, other = (
+            np.minimum(board.ratio(force[::10]), min(board.ceiling, board.rail))
+            for board in (with_it, without)
+        )
+        return bool(np.abs(one - other).max() * self.circuit.full_scale < 1.0)
 
     def _state(self):
         b, w = self.board, self.board.wiring
@@ -270,6 +293,8 @@ def running(args) -> None:
             mine = [f for f in said.findings if explains(f, kind, name, rows, cols, case.cut)]
             when = min((said.findings[f] for f in mine), default=None)
             left = {f: t for f, t in left.items() if f not in mine}
+            if kind in case.hidden:
+                continue
             results[kind].append((said.stopped, when))
             words.append(f"{name} {sorted(rows)}/{sorted(cols)}: named after {when}")
         group = "damaged" if faulty else "sound"
@@ -319,6 +344,9 @@ def main() -> None:
         for kind, name, rows, cols in case.faults:
             mine = [f for f in found if explains(f, kind, name, rows, cols, case.cut)]
             left = [f for f in left if f not in mine]
+            if kind in case.hidden:
+                words.append(f"{name}: changes nothing")
+                continue
             named[kind].append(bool(mine))
             words.append(f"{name} {sorted(rows)}/{sorted(cols)}: {'named' if mine else 'MISSED'}")
         if left:
