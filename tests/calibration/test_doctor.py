@@ -10,7 +10,7 @@ import pytest
 from tactile_skin import Circuit, cli, diagnose, forward
 from tactile_skin.calibration.doctor.wiring import Wires, search
 from tactile_skin.commands import doctor as command
-from tactile_skin.physics.circuit import two_terminal_resistance
+from tactile_skin.physics.readouts import DRIVEN, READOUTS
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "yardsticks"))
 from doctor import KINDS, Case, explains
@@ -157,12 +157,13 @@ def test_a_short_with_another_series_resistance_has_no_bad_lead(off):
     assert wires.cell == pytest.approx(2e4, rel=0.2)
 
 
-def test_sound_wires_are_the_circuit():
+@pytest.mark.parametrize("readout", READOUTS)
+@pytest.mark.parametrize("driven", DRIVEN)
+def test_sound_wires_are_the_circuit(readout, driven):
     """The wiring that is searched is the solvers' network while nothing is damaged."""
-    wires = Wires.sound(Circuit(5, 7), 2e4)
-    np.testing.assert_allclose(
-        wires.resistance(), two_terminal_resistance(np.full((5, 7), 1 / 2e4)), rtol=1e-5
-    )
+    circuit = Circuit(5, 7, readout=readout, driven=driven)
+    reads = circuit.two_terminal(forward(circuit, np.full((5, 7), 2e4)))
+    np.testing.assert_allclose(Wires.sound(circuit, 2e4).resistance(), reads, rtol=1e-4)
 
 
 @pytest.mark.parametrize("cells", ["alike", "of a fabric"])

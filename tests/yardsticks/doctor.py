@@ -121,7 +121,8 @@ class Case:
         self.board = FaultBoard(self.circuit, curve, rng, 1.0, readout=scanned)
         self.board.damaged_at = -10.0  # a drift has come to its end
         self.before = self._used(before, rng) if before else []
-        self.faults = []  # kind, rows, cols
+        self.faults = []  # kind, name, rows, cols
+        self.cut = np.empty((0, 2), int)  # crossings behind the cut of a broken stripe
         by_name = {fault.name: fault for fault in (*wires.ELECTRICAL, MISSING)}
         for kind in faults:
             name = KINDS[kind][rng.integers(len(KINDS[kind]))]
@@ -184,7 +185,8 @@ class Case:
                     lines.add(int(now[k]))
         rows |= set(np.flatnonzero((w.row_of != before["row_of"]).any(1)).tolist())
         cols |= set(np.flatnonzero((w.col_of != before["col_of"]).any(0)).tolist())
-        self.cut = np.argwhere((w.row_of != before["row_of"]) | (w.col_of != before["col_of"]))
+        cut = np.argwhere((w.row_of != before["row_of"]) | (w.col_of != before["col_of"]))
+        self.cut = cut if len(cut) else self.cut
         for kind_a, a, kind_b, c, _ in w.ties[before["ties"] :]:
             for kind, line in ((kind_a, a), (kind_b, c)):
                 (rows, cols)[kind].add(int(line))

@@ -114,6 +114,8 @@ def diagnose(
     unread = unread or (wires.joined and circuit.readout != "floating")
     if series and not (unread or top or wires.cells.max() > REST_SPAN):
         noisy = {line[:2] for line in noisy_lines}
+        if circuit.readout != "floating":  # where a lead is not in series with each reading
+            noisy |= {(d.axis, d.line) for d in damages if d.kind in ("lead", "resistor")}
         found += _series(seen, unusable | noisy, quiet, wires)
     return found
 
@@ -168,8 +170,7 @@ def _wires(seen: Recorded, unusable, found) -> tuple[wiring.Wires, np.ndarray, n
             for axis, lines in enumerate((finding.rows, finding.cols)):
                 for line in lines:
                     wires = wires.reading(axis, line, -1)
-    least = 0.5 / seen.circuit.full_scale
-    return wires, wiring.measured_resistance(seen.circuit, np.maximum(adc, least)), known
+    return wires, wiring.measured_resistance(seen.circuit, adc), known
 
 
 def _joined(seen: Recorded, wires: wiring.Wires, rho, known, pairs, found: list):
@@ -224,8 +225,8 @@ def _series(seen: Recorded, skip, noisy, wires: wiring.Wires) -> list[Finding]:
     for at in noisy:
         unknown[at] = True
     lead = wires.lead[0][:, None] + wires.lead[1]  # ohm, of bad ones
-    if circuit.readout != "floating":  # where it is not in series with each reading
-        unknown, lead = unknown | (lead > 0.0), np.zeros(circuit.shape)
+    if circuit.readout != "floating":  # these lines are skipped
+        lead = np.zeros(circuit.shape)
     usual = circuit.ratio(wires.resistance() - lead)
     touches = _without(lead, _touches(seen), circuit)
     adc = np.where(unknown, usual, _without(lead, seen.base / full, circuit))

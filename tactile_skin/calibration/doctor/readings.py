@@ -172,12 +172,16 @@ def _noise_limit(seen: Recorded) -> float:
 
 def open_lines(seen: Recorded) -> list[tuple[int, int, float, float]]:
     """(axis, line, its largest usual reading, what an untouched cell reads)."""
-    loud = seen.noise > _noise_limit(seen)  # of a noisy line that crosses an open one
-    loud &= ~(loud.all(0) | loud.all(1)[:, None])
+    loud = np.zeros(seen.base.shape, bool)  # a noisy line that crosses an open one reads noise
+    for axis, line, _ in noisy(seen, ())[0]:
+        seen.turned(axis, loud)[line] = True
     found = []
     for axis in (0, 1):
         lines = seen.turned(axis, seen.base)
-        high = seen.turned(axis, np.where(loud, 0.0, np.quantile(seen.steps, 0.9, axis=0))).max(1)
+        every = seen.turned(axis, np.quantile(seen.steps, 0.9, axis=0))
+        across = ~seen.turned(axis, loud)
+        across[~across.any(1)] = True
+        high = np.where(across, every, 0.0).max(1)
         usual = np.median(lines[lines > 0]) if (lines > 0).any() else 0.0
         limit = max(_OPEN_STEPS + 3.0 * seen.usual_noise, _OPEN * usual)
         limit = min(limit, 0.3 * usual)

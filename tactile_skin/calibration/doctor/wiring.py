@@ -27,7 +27,6 @@ _SHORTED = 1000.0  # times the same, of a crossing that is shorted
 _LARGEST = 1e4  # the same, of what may be told
 _OHM = 100.0  # ohm of a lead by which readings are tried
 _MISSING = 0.05  # share of its conductance up to which a resistor is missing
-_LEAST_RATIO = 1e-5  # ADC ratio of what reads nothing
 _LEVEL, _ROUNDS = 1e-4, 12  # log of the usual cell's resistance, to which it is found, and at most
 _MOST = 6  # damages that are looked for
 _TRIED = 4  # lines, and cells, that are looked at in each turn
@@ -153,8 +152,8 @@ class Wires:
 
 
 def measured_resistance(circuit: Circuit, adc: np.ndarray) -> np.ndarray:
-    """`Wires.resistance` of readings (rows, cols) [ADC ratio]."""
-    return np.maximum(circuit.two_terminal(np.maximum(adc, _LEAST_RATIO)), 1.0)
+    """`Wires.resistance` of readings (rows, cols) [ADC ratio], half a step at least."""
+    return np.maximum(circuit.two_terminal(np.maximum(adc, 0.5 / circuit.full_scale)), 1.0)
 
 
 def _sense(circuit: Circuit) -> int:
@@ -236,7 +235,10 @@ class _Fit:
                 continue
             whole = Damage(kind, axis, line, -1, _OHM if kind == "lead" else np.inf, 0.0)
             slope = self._line(axis, line, self.wires.with_one(whole)) - model[line]
-            share = float(np.nanmedian(model[line] * np.expm1(off) / slope))
+            told = np.isfinite(off) & (slope != 0.0)
+            if not told.any():
+                continue
+            share = float(np.median((model[line] * np.expm1(off))[told] / slope[told]))
             added = np.median(slope) * share
             if share <= 0.0 or abs(added) < _LEAST_LEAD * np.median(model[line]):
                 continue
@@ -314,6 +316,8 @@ class _Fit:
         )
         d = others - g
         one, two = (first - now) / d[0], (second - now) / d[1]
+        if one == two == 0.0:  # it changes nothing
+            return g
         t = (one - two) / (two * d[1] - one * d[0])
         s = one * (1.0 + t * d[0])
         rise = wanted - now
