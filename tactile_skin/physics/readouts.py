@@ -261,7 +261,7 @@ def of_network(circuit, laplacian: np.ndarray, lines, leads, r_ref: np.ndarray) 
     k = np.linalg.inv(laplacian + np.diag(siemens))
     # a line that is held at 0 V is driven by the same driver
     at_drive = before + _DRIVER if grounded else before + circuit.r_par + k.diagonal()[drive]
-    share = np.where(np.isfinite(r_ref), np.nan_to_num(r_ref) / load, 1.0)
+    share = np.divide(r_ref, load, out=np.ones(len(load)), where=np.isfinite(r_ref))
     adc = share * k[np.ix_(drive, sense)] / at_drive[:, None]
     adc[drive < 0], adc[:, sense < 0] = 0.0, 0.0
     return adc.T if turned else adc

@@ -18,6 +18,7 @@ _LEAST_APART = 10  # frames at least
 _TOUCH = 8.0  # times the noise of a line's mean by which a touch raises it
 _ANEW = 8.0  # times its noise by which a reading differs where a frame says anything new
 _LINE_OPEN, _LINE_CLOSED = 0.1, 0.6  # of the usual reading: a line is not, or is, connected
+_NEITHER = 0.3  # the same of one that does not tell
 _LEFT = 0.1  # share of a reading that a touch leaves, below which it tells nothing of its line
 _LEAST_NOISE = 0.1  # ADC steps
 _NAMES = ("row", "column")
@@ -119,7 +120,7 @@ def _closed(axis: int, steps: np.ndarray, usual: np.ndarray, circuit: Circuit) -
     scale, _ = apparent(circuit, steps / circuit.full_scale)
     usual = usual / apparent(circuit, usual / circuit.full_scale)[0]
     others = np.maximum(np.median(usual, axis=axis, keepdims=True), 1.0)
-    share = np.where(scale < _LEFT, 1.0, steps / (scale * others))
+    share = np.where(scale < _LEFT, _NEITHER, steps / (scale * others))
     return np.median(share, axis=2 - axis)
 
 
