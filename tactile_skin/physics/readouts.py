@@ -35,6 +35,7 @@ from .conjugate_gradients import conjugate_gradients
 
 READOUTS = "floating", "loaded", "grounded"
 DRIVEN = "rows", "columns"
+_DRIVER = 0.1  # ohm of a driver that holds its line, where it is taken as ideal
 LEAST_SCALE = 1e-6  # of `apparent`: noise of a saturated frame may leave less, or less than 0
 
 
@@ -233,6 +234,39 @@ def solve(circuit, g: np.ndarray, derivatives: bool = True) -> Floating | Driven
     return Driven(circuit, g)
 
 
+def of_network(circuit, laplacian: np.ndarray, lines, leads, r_ref: np.ndarray) -> np.ndarray:
+    """(rows, cols) ADC ratio of any network, of damaged wires, say: not fast.
+
+    Args:
+        laplacian: (nodes, nodes) [S].
+        lines: for rows and columns, the node that each address selects; -1: none, which reads 0.
+        leads: for rows and columns, what lies between each address and its node [ohm].
+        r_ref: of each sense line [ohm], infinite where it is missing; of Driven only.
+    """
+    every = np.arange(len(laplacian))
+    if circuit.readout == "floating":
+        k = np.linalg.inv(laplacian + laplacian[every, every].mean() / len(every))
+        (a, b), own = lines, k.diagonal()
+        rho = own[a][:, None] + own[b] - 2.0 * k[np.ix_(a, b)] + leads[0][:, None] + leads[1]
+        adc = circuit.ratio(rho)
+        adc[a < 0], adc[:, b < 0] = 0.0, 0.0
+        return adc
+    turned, grounded = circuit.driven == "columns", circuit.readout == "grounded"
+    (drive, sense), (before, behind) = (x[::-1] if turned else x for x in (lines, leads))
+    load = r_ref + behind + (circuit.r_par if grounded else 0.0)  # ohm
+    siemens = np.zeros(len(laplacian))
+    np.add.at(siemens, sense[sense >= 0], 1.0 / load[sense >= 0])
+    if grounded:
+        np.add.at(siemens, drive[drive >= 0], 1.0 / (before[drive >= 0] + _DRIVER))
+    k = np.linalg.inv(laplacian + np.diag(siemens))
+    # a line that is held at 0 V is driven by the same driver
+    at_drive = before + _DRIVER if grounded else before + circuit.r_par + k.diagonal()[drive]
+    share = np.divide(r_ref, load, out=np.ones(len(load)), where=np.isfinite(r_ref))
+    adc = share * k[np.ix_(drive, sense)] / at_drive[:, None]
+    adc[drive < 0], adc[:, sense < 0] = 0.0, 0.0
+    return adc.T if turned else adc
+
+
 def sharing(circuit, cells: float) -> float:
     """Cells of a square touch of `cells` cells whose current flows through what lies in series.
 
@@ -246,18 +280,18 @@ def sharing(circuit, cells: float) -> float:
 
 
 def apparent(circuit, adc: np.ndarray) -> tuple[np.ndarray | float, float]:
-    """How a frame's readings become resistances that vary with their own cell above all.
+    """How readings (..., rows, cols) become resistances that vary with their own cell above all.
 
     Returns:
-        scale, (rows, cols) or a number, and offset [ohm]: r_ref * scale / adc - offset is the
+        scale, to be broadcast, or a number, and offset [ohm]: r_ref * scale / adc - offset is the
         two-terminal resistance if floating, r_ref times voltage over current of the own cell if
         loaded as if no current came to its sense line from other cells, and the cell if grounded.
     """
     if circuit.readout == "floating":
         return 1.0, circuit.r_ref + circuit.r_par
-    along = 1 if circuit.driven == "rows" else 0
+    along, across = (-1, -2) if circuit.driven == "rows" else (-2, -1)
     if circuit.readout == "loaded":  # the driven line's own voltage, behind r_par
         scale = 1.0 - circuit.r_par / circuit.r_ref * adc.sum(along, keepdims=True)
         return np.maximum(scale, LEAST_SCALE), circuit.r_ref
     total = (circuit.r_ref + circuit.r_par) / circuit.r_ref
-    return np.maximum(1.0 - total * adc.sum(1 - along, keepdims=True), LEAST_SCALE), 0.0
+    return np.maximum(1.0 - total * adc.sum(across, keepdims=True), LEAST_SCALE), 0.0

@@ -1,13 +1,23 @@
 """A board that is configured as another readout: the doctor names the one that fits."""
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from tactile_skin import Circuit, PressureCurve, compensate, diagnose, measure_rest
 from tactile_skin.bench.damage import streams
 from tactile_skin.bench.damage.board import KNOTS, FaultBoard
+from tactile_skin.calibration.doctor.running import RunningDoctor
+from tactile_skin.calibration.doctor.wiring import Damage, Wires, search
 from tactile_skin.learning import scenes
 from tactile_skin.physics.circuit import forward
+from tactile_skin.physics.readouts import READOUTS
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "yardsticks"))
+from doctor import KINDS as FAULTS
+from doctor import Case, explains
 
 CURVE = PressureCurve()
 KINDS = [
@@ -64,15 +74,48 @@ def test_fingers_are_no_noise_and_readings_upside_down_are_named(kind, seed):
     assert finding.kind == "polarity" and "circuit.inverted" in finding.remedy
 
 
-def test_an_open_line_is_named_on_a_loaded_board():
-    circuit, rng = skin(("loaded", "rows")), np.random.default_rng(18)
-    board = FaultBoard(circuit, CURVE, rng)
-    board.wiring.cols[3] = -1
-    force = streams.everyday(circuit.populated, 40.0, rng, CURVE.max_force, hard=False).force
-    ratio = board.ratio(force[:: KNOTS // 20])
-    ratio += rng.standard_normal(ratio.shape) * 0.5 / 1023.0
-    found = diagnose(np.clip(ratio, 0.0, 1.0), circuit, series=False)
-    assert [(f.kind, f.cols) for f in found] == [("open", (3,))]
+@pytest.mark.parametrize("readout", READOUTS[1:])
+@pytest.mark.parametrize("kind", [kind for kind in FAULTS if kind not in ("bits", "saturation")])
+def test_a_fault_is_named_with_its_line_or_cell(kind, readout):
+    case = Case(192007, (kind,), 40.0, (10, 12), readouts=(readout,))
+    found = diagnose(case.frames, case.circuit)
+    if case.hidden:
+        assert found == []
+        return
+    ((_, name, rows, cols),) = case.faults
+    assert [explains(f, kind, name, rows, cols, case.cut) for f in found] == [True], found
+    assert str(found[0]).startswith(found[0].where)
+
+
+def test_an_open_line_that_a_noisy_one_crosses_is_named():
+    case = Case(190005, ("noisy line", "open"), 40.0, (16, 16), readouts=("loaded",))
+    found = diagnose(case.frames, case.circuit, series=False)
+    for fault in case.faults:
+        assert any(explains(f, *fault, case.cut) for f in found), (fault, found)
+    assert len(found) == 2
+
+
+@pytest.mark.parametrize("readout", READOUTS[1:])
+def test_a_resistor_of_another_value_is_named_with_its_ohms(readout):
+    circuit, rng = Circuit(8, 12, readout=readout), np.random.default_rng(192100)
+    sound = Wires.sound(circuit, 4e4)
+    damaged = sound.with_one(Damage("resistor", 1, 5, -1, 3300.0, 0.0)).resistance()
+    rho = damaged * np.exp(0.01 * rng.standard_normal(circuit.shape))
+    (damage,), _ = search(circuit, rho, np.ones(circuit.shape, bool), sound)
+    assert (damage.kind, damage.axis, damage.line) == ("resistor", 1, 5)
+    assert damage.size == pytest.approx(3300.0, rel=0.05)
+
+
+@pytest.mark.parametrize("fault", ["resistor", "short of neighbours"])
+def test_the_running_doctor_names_it(fault):
+    case = Case(192012, (fault,), 20.0, (8, 8), readouts=("loaded",))
+    doctor = RunningDoctor()
+    for k, adc in enumerate(case.frames):
+        doctor.frame(k / case.board.rate, adc, True)
+        if k % 100 == 99:
+            doctor.look(case.circuit)
+    ((_, name, rows, cols),) = case.faults
+    assert [explains(f, fault, name, rows, cols, case.cut) for f in doctor.findings] == [True]
 
 
 @pytest.mark.parametrize("kind", KINDS[1:], ids="-".join)

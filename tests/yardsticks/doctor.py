@@ -1,11 +1,15 @@
 """How many faults `diagnose` names, and how often it names one on a sound board:
-`python tests/yardsticks/doctor.py [--boards N] [--sound N] [--seed S] [--seconds T] [--running]`.
+`python tests/yardsticks/doctor.py [--boards N] [--sound N] [--seed S] [--seconds T] [--running]
+[--readouts floating loaded grounded]`.
 
 Each board is a `FaultBoard`: Kirchhoff's laws for its own wiring, a fabric whose curve is up to
 30 % off in level, 5 to 8 % scatter, 3 % at rest, 0.5 % of a touch carried to the neighbours, 1 step
-of noise, one of three read-outs; 8 x 8 to 32 x 32. Fingers, palms, edges, strokes and pushes for
-T seconds, and one or two faults from the first frame on. A fault counts as named if a finding has
-its kind and its line or cell. Any finding that no planted fault explains is a false alarm.
+of noise, one of three ways to make a frame of scans; 8 x 8 to 32 x 32. A quarter of them is
+floating, half loaded, a quarter grounded, driven by rows or columns; or as --readouts says.
+Fingers, palms, edges, strokes and pushes for T seconds, and one or two faults from the first frame
+on. A fault counts as named if a finding has its kind and its line or cell; one that changes no
+reading by a step, as a ceiling that no touch reaches, is not counted. Any finding that no planted
+fault explains is a false alarm.
 
 --running: the same boards through the compensation node, on a driven clock. Half of the faults
 begin after BEFORE seconds, and a fault counts as named if it is in `diagnostics` at any time.
@@ -14,6 +18,7 @@ begin after BEFORE seconds, and a fault counts as named if it is in `diagnostics
 from __future__ import annotations
 
 import argparse
+import copy
 import time
 from collections import defaultdict
 from typing import NamedTuple
@@ -22,7 +27,8 @@ import numpy as np
 
 from tactile_skin import Circuit, PressureCurve, diagnose
 from tactile_skin.bench.damage import streams, wires
-from tactile_skin.bench.damage.board import READOUTS, FaultBoard
+from tactile_skin.bench.damage.board import READOUTS as SCANNED
+from tactile_skin.bench.damage.board import Fault, FaultBoard
 from tactile_skin.calibration.doctor.findings import Finding
 from tactile_skin.middleware.bus import (
     Context,
@@ -35,7 +41,9 @@ from tactile_skin.middleware.threads import one_thread
 from tactile_skin.msg import Header, image
 from tactile_skin.nodes import diagnostics
 from tactile_skin.nodes.compensation import Compensation
+from tactile_skin.physics.readouts import DRIVEN, READOUTS
 
+MIXED = ("floating", "loaded", "loaded", "grounded")
 SHAPES = (8, 8), (8, 12), (12, 16), (16, 16), (24, 16), (32, 32)
 KINDS = {  # of the report: names in `wires.ELECTRICAL`
     "open": ("open row", "open column"),
@@ -43,6 +51,7 @@ KINDS = {  # of the report: names in `wires.ELECTRICAL`
     "broken": ("broken stripe",),
     "short of neighbours": ("short of neighbours",),
     "short at a crossing": ("short at a crossing",),
+    "resistor": ("missing resistor",),  # not of floating matrices
     "dead": ("dead cell",),
     "stuck": ("stuck cell",),
     "noisy cell": ("noisy cell",),
@@ -57,6 +66,7 @@ KINDS = {  # of the report: names in `wires.ELECTRICAL`
 BEFORE = 10.0  # s of a sound board
 EVERY = 4  # frames for one that the node is given, to save time: 25 a second
 STARTED = 4.0  # s after which a skin has measured its rest, at the frame rate of 32 x 32, too
+MAY_HIDE = "saturation", "short of neighbours"
 WHOLE = "circuit", "saturation", "bits"  # of no line, at most one on a board
 
 
@@ -74,23 +84,46 @@ def frames_of(board: FaultBoard, force: np.ndarray) -> np.ndarray:
     return np.clip(np.array(sent) / full, 0.0, 1.0)
 
 
+def _missing_resistor(board: FaultBoard) -> None:
+    sense = board.circuit.shape[1 if board.circuit.driven == "rows" else 0]
+    board.wiring.bare.add(int(board.rng.integers(sense)))
+
+
+MISSING = Fault("missing resistor", "a sense line has no reference resistor", _missing_resistor)
+
+
+def readout_of(seed: int, readouts: tuple[str, ...]) -> dict:
+    """Of a board: one of these, and what is driven."""
+    rng = np.random.default_rng([seed, 3])
+    readout = readouts[rng.integers(len(readouts))]
+    driven = "rows" if readout == "floating" else DRIVEN[rng.integers(len(DRIVEN))]
+    return {"readout": readout, "driven": driven}
+
+
 class Case:
     """A board with faults, and what `diagnose` may say of it."""
 
     def __init__(
-        self, seed: int, faults: tuple[str, ...], seconds: float, shape=None, before: float = 0.0
+        self,
+        seed: int,
+        faults: tuple[str, ...],
+        seconds: float,
+        shape=None,
+        before: float = 0.0,
+        readouts: tuple[str, ...] = ("floating",),
     ):
         rng = np.random.default_rng(seed)
         shape = shape or SHAPES[rng.integers(len(SHAPES))]
-        self.circuit = Circuit(*shape)
+        self.circuit = Circuit(*shape, **readout_of(seed, readouts))
         level = np.exp(rng.uniform(-0.3, 0.3))
         curve = PressureCurve(*np.array(PressureCurve().points).T * [[1.0], [level]])
-        readout = READOUTS[rng.integers(len(READOUTS))]
-        self.board = FaultBoard(self.circuit, curve, rng, 1.0, readout=readout)
+        scanned = SCANNED[rng.integers(len(SCANNED))]
+        self.board = FaultBoard(self.circuit, curve, rng, 1.0, readout=scanned)
         self.board.damaged_at = -10.0  # a drift has come to its end
         self.before = self._used(before, rng) if before else []
-        self.faults = []  # kind, rows, cols
-        by_name = {fault.name: fault for fault in wires.ELECTRICAL}
+        self.faults = []  # kind, name, rows, cols
+        self.cut = np.empty((0, 2), int)  # crossings behind the cut of a broken stripe
+        by_name = {fault.name: fault for fault in (*wires.ELECTRICAL, MISSING)}
         for kind in faults:
             name = KINDS[kind][rng.integers(len(KINDS[kind]))]
             before = self._state()
@@ -104,13 +137,32 @@ class Case:
                     for lines, of in ((w.rows, rows), (w.cols, cols))
                 ]
                 self.faults[k] = (kind, name, *read)
-        self.frames = self._used(seconds, rng)
+        force = self._touches(seconds, rng)
+        self.hidden = {kind for kind in faults if kind in MAY_HIDE and self._hides(kind, force)}
+        self.frames = frames_of(self.board, force)
+
+    def _touches(self, seconds: float, rng) -> np.ndarray:
+        cells, most = self.circuit.populated, self.board.curve.max_force
+        return streams.everyday(cells, seconds, rng, most, hard=False).force
 
     def _used(self, seconds: float, rng) -> np.ndarray:
         """(n, rows, cols) ADC ratio of so many seconds of touches."""
-        cells, most = self.circuit.populated, self.board.curve.max_force
-        scene = streams.everyday(cells, seconds, rng, most, hard=False)
-        return frames_of(self.board, scene.force)
+        return frames_of(self.board, self._touches(seconds, rng))
+
+    def _hides(self, kind: str, force: np.ndarray) -> bool:
+        """Whether a fault changes no reading by a step."""
+        with_it = copy.deepcopy(self.board)
+        with_it.restless = {}
+        without = copy.deepcopy(with_it)
+        if kind == "saturation":
+            without.ceiling, without.rail = 1.0, np.inf
+        else:
+            without.wiring.ties = [tie for tie in without.wiring.ties if tie[0] != tie[2]]
+        one, other = (
+            np.minimum(board.ratio(force[::10]), min(board.ceiling, board.rail))
+            for board in (with_it, without)
+        )
+        return bool(np.abs(one - other).max() * self.circuit.full_scale < 1.0)
 
     def _state(self):
         b, w = self.board, self.board.wiring
@@ -118,7 +170,7 @@ class Case:
             "rows": w.rows.copy(), "cols": w.cols.copy(), "row_lead": w.row_lead.copy(),
             "col_lead": w.col_lead.copy(), "row_of": w.row_of.copy(), "col_of": w.col_of.copy(),
             "ties": len(w.ties), "fixed": set(b.fixed), "restless": set(b.restless),
-            "noise": b.extra_noise.copy(),
+            "noise": b.extra_noise.copy(), "bare": set(w.bare),
         }  # fmt: skip
 
     def _changed(self, before) -> tuple[set, set]:
@@ -133,7 +185,8 @@ class Case:
                     lines.add(int(now[k]))
         rows |= set(np.flatnonzero((w.row_of != before["row_of"]).any(1)).tolist())
         cols |= set(np.flatnonzero((w.col_of != before["col_of"]).any(0)).tolist())
-        self.cut = np.argwhere((w.row_of != before["row_of"]) | (w.col_of != before["col_of"]))
+        cut = np.argwhere((w.row_of != before["row_of"]) | (w.col_of != before["col_of"]))
+        self.cut = cut if len(cut) else self.cut
         for kind_a, a, kind_b, c, _ in w.ties[before["ties"] :]:
             for kind, line in ((kind_a, a), (kind_b, c)):
                 (rows, cols)[kind].add(int(line))
@@ -146,6 +199,7 @@ class Case:
             (rows if more.all(1).any() else cols).add(
                 int(np.flatnonzero(more.all(1) if more.all(1).any() else more.all(0))[0])
             )
+        (rows if self.circuit.driven == "columns" else cols).update(w.bare - before["bare"])
         if b.flicker and not rows and not cols:
             (rows, cols)[b.flicker[0]].add(b.flicker[1])
         return rows, cols
@@ -169,9 +223,9 @@ def explains(finding, kind: str, name: str, rows: set, cols: set, cut) -> bool:
     return finding.kind == kinds.get(kind, kind) and at
 
 
-def draw(rng) -> tuple[str, ...]:
-    """One or two kinds of fault."""
-    kinds = [k for k in KINDS if k != "bits"]
+def draw(rng, readout: str) -> tuple[str, ...]:
+    """One or two kinds of fault that such a board may have."""
+    kinds = [k for k in KINDS if k != "bits" and (k != "resistor" or readout != "floating")]
     if rng.random() < 0.1:
         return ("bits",)
     n = rng.integers(1, 3)
@@ -195,6 +249,7 @@ def heard(case: Case) -> Heard:
     """What the compensation node makes of a board's frames."""
     rows, cols = case.circuit.shape
     given = {"circuit.rows": rows, "circuit.cols": cols, "time_limit": 10.0}
+    given |= {"circuit.readout": case.circuit.readout, "circuit.driven": case.circuit.driven}
     clock = ManualClock(1000.0)
     node = Node(
         "compensation",
@@ -228,17 +283,20 @@ def running(args) -> None:
     results, false = defaultdict(list), defaultdict(int)
     for seed in range(args.seed, args.seed + args.boards + args.sound):
         faulty = seed < args.seed + args.boards
-        faults = draw(np.random.default_rng([seed, 2])) if faulty else ()
+        readout = readout_of(seed, args.readouts)["readout"]
+        faults = draw(np.random.default_rng([seed, 2]), readout) if faulty else ()
         if faulty and args.kinds:
             faults = (args.kinds[seed % len(args.kinds)],)
         before = BEFORE if faulty and seed % 2 else 0.0
-        case = Case(seed, faults, args.seconds, before=before)
+        case = Case(seed, faults, args.seconds, before=before, readouts=args.readouts)
         said = heard(case)
         left, words = dict(said.findings), []
         for kind, name, rows, cols in case.faults:
             mine = [f for f in said.findings if explains(f, kind, name, rows, cols, case.cut)]
             when = min((said.findings[f] for f in mine), default=None)
             left = {f: t for f, t in left.items() if f not in mine}
+            if kind in case.hidden:
+                continue
             results[kind].append((said.stopped, when))
             words.append(f"{name} {sorted(rows)}/{sorted(cols)}: named after {when}")
         group = "damaged" if faulty else "sound"
@@ -266,6 +324,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=5000, help="of the first board")
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--kinds", nargs="*", choices=list(KINDS), help="these, one on a board")
+    parser.add_argument("--readouts", nargs="+", choices=READOUTS, default=MIXED)
     parser.add_argument("--running", action="store_true", help="through the compensation node")
     args = parser.parse_args()
     if args.running:
@@ -274,10 +333,11 @@ def main() -> None:
     named, false, spent = defaultdict(list), [], 0.0
     for seed in range(args.seed, args.seed + args.boards + args.sound):
         faulty = seed < args.seed + args.boards
-        faults = draw(np.random.default_rng([seed, 2])) if faulty else ()
+        readout = readout_of(seed, args.readouts)["readout"]
+        faults = draw(np.random.default_rng([seed, 2]), readout) if faulty else ()
         if faulty and args.kinds:
             faults = (args.kinds[seed % len(args.kinds)],)
-        case = Case(seed, faults, args.seconds)
+        case = Case(seed, faults, args.seconds, readouts=args.readouts)
         begun = time.process_time()
         found = diagnose(case.frames, case.circuit, None)
         spent += time.process_time() - begun
@@ -286,12 +346,16 @@ def main() -> None:
         for kind, name, rows, cols in case.faults:
             mine = [f for f in found if explains(f, kind, name, rows, cols, case.cut)]
             left = [f for f in left if f not in mine]
+            if kind in case.hidden:
+                words.append(f"{name}: changes nothing")
+                continue
             named[kind].append(bool(mine))
             words.append(f"{name} {sorted(rows)}/{sorted(cols)}: {'named' if mine else 'MISSED'}")
         if left:
             false.append(seed)
         size = "{}x{}".format(*case.circuit.shape)
-        print(f"{seed} {size} {case.board.readout}: {'; '.join(words) or 'sound'}", flush=True)
+        kind = f"{case.circuit.readout} by {case.circuit.driven}, {case.board.readout}"
+        print(f"{seed} {size} {kind}: {'; '.join(words) or 'sound'}", flush=True)
         for f in left:
             print(f"      also: {f}", flush=True)
     boards = args.boards + args.sound

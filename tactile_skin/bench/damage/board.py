@@ -28,6 +28,7 @@ BOTH = (BINARY, TEXT)
 READOUTS = ("low-pass", "single", "mean of 4")  # what a frame is made of: scans
 _INSULATION = 1e-10  # S between stripes where no cell is: keeps severed parts solvable
 _DRIVER = 1e-3  # ohm of a driver that holds its line
+_INFINITE = 1e9  # ohm of what is not there: of an ADC's input, say
 _LATERAL = 0.005  # of what a cell conducts above rest, gained by its neighbours (DESIGN: 0.5 %)
 _SCATTER = (0.05, 0.08)  # RMS of what a load adds to a cell's conductance, from board to board
 _REST = 0.03  # RMS scatter of the cells' resistance at rest
@@ -44,6 +45,7 @@ class Wiring:
         ties: (kind a, index a, kind b, index b, S): conductances between two stripes; kind 0 is a
             row, 1 a column.
         row_lead, col_lead: resistance of each address's way to its stripe [ohm].
+        bare: sense addresses whose reference resistor is missing; not of floating matrices.
     """
 
     row_of: np.ndarray
@@ -53,6 +55,7 @@ class Wiring:
     ties: list[tuple[int, int, int, int, float]] = field(default_factory=list)
     row_lead: np.ndarray = None
     col_lead: np.ndarray = None
+    bare: set[int] = field(default_factory=set)
 
     @classmethod
     def sound(cls, rows: int, cols: int) -> Wiring:
@@ -111,14 +114,16 @@ def driven_ratio(conductance: np.ndarray, wiring: Wiring, circuit: Circuit) -> n
     lines = (wiring.rows, wiring.row_lead), (cols, wiring.col_lead)
     (drive, before), (sense, behind) = lines if circuit.driven == "rows" else lines[::-1]
     grounded = circuit.readout == "grounded"
-    load = circuit.r_ref + behind + (circuit.r_par if grounded else 0.0)  # ohm
+    r_ref = np.full(len(sense), circuit.r_ref)
+    r_ref[list(wiring.bare)] = _INFINITE
+    load = r_ref + behind + (circuit.r_par if grounded else 0.0)  # ohm
     _lead_to_ground(nodal, sense, 1.0 / load)
     if grounded:
         _lead_to_ground(nodal, drive, 1.0 / (before + _DRIVER))
     k = np.linalg.inv(nodal)
     series = before + (_DRIVER if grounded else k[:, drive, drive] + circuit.r_par)  # ohm
     u = k[:, drive[:, None], sense] / np.broadcast_to(series, (len(k), len(drive)))[:, :, None]
-    u *= circuit.r_ref / load
+    u *= r_ref / load
     u[:, drive == NOWHERE], u[:, :, sense == NOWHERE] = 0.0, 0.0
     return u if circuit.driven == "rows" else u.swapaxes(1, 2)
 

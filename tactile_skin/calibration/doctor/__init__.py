@@ -21,7 +21,7 @@ import numpy as np
 from ...physics.circuit import Circuit
 from ...solvers.score import series_scale
 from ..identify import identify
-from ..rest import REST_SPAN, Rest, resting_conductance
+from ..rest import REST_SPAN, Rest, resting_conductance, usual_resistance
 from . import findings as texts
 from . import order, readings, readout, wiring
 from .findings import Finding
@@ -34,7 +34,7 @@ _ASKED, _TOUCHES, _HELD = 20_000, (20, 60), 15
 # known to 1.5 % (seed 144000). Share besides, and standard deviations (what all touches share is
 # not in their scatter), by which it must be off; touches that must say so.
 _LIGHT, _SERIES, _SAYING = 0.025, (0.05, 5.0), 20
-_SHORTED = 0.5  # share of what a short of two lines takes from their readings at rest
+_USUAL = 4e4  # ohm of a cell, where the readings tell none
 _READ = 12, 4  # hardest touches that the readout is judged by, without `series`
 # Share of all change that is a fall, and of full scale where nothing touches, from which on
 # readings are upside down: on sound boards hardly any falls, and rest is in the lower half.
@@ -57,9 +57,7 @@ def diagnose(
 
     Returns:
         The faults, an empty list for a sound board. Readings upside down, another readout than the
-        circuit's, a wrong bit, and rows and columns that are exchanged hide all else. Damage of
-        wires that only their network shows (all but "open", "contact" and "noisy") is looked for
-        on floating matrices only, "contact" not on grounded ones.
+        circuit's, a wrong bit, and rows and columns that are exchanged hide all else.
 
     Raises:
         ValueError: another shape, values outside [0, 1], or fewer than 20 frames.
@@ -91,12 +89,12 @@ def diagnose(
     noisy_lines, noisy_cells = readings.noisy(seen, unusable)
     found += [texts.noisy_line(seen, *line) for line in noisy_lines]
     found += [texts.noisy_cell(seen, *cell) for cell in noisy_cells]
-    if circuit.readout != "floating":
+    wires, rho, known = _wires(seen, unusable, found)
+    if not known.any():
         return found
-    wires, rho, known = _wires(seen, unusable)
-    pairs = _joined(seen, wires, rho, known, order.equal_lines(seen, unusable), found)
+    wires, pairs = _joined(seen, wires, rho, known, order.equal_lines(seen, unusable), found)
     unusable |= pairs
-    damages, cell = wiring.search(circuit, rho, known, wires)
+    damages, wires = wiring.search(circuit, rho, known, wires)
     quiet = {(row, col) for row, col, _ in noisy_cells}
     for axis, a, b in wires.joined:  # a cell of lines that touch may be on either
         swap = {a: b, b: a}
@@ -104,7 +102,7 @@ def diagnose(
     for damage in damages:
         if damage.kind != "cell" or (damage.line, damage.at) not in quiet:
             ends = top is not None and readings.at_ceiling(seen, top[0])[damage.line, damage.at]
-            found.append(texts.damage(circuit, damage, cell, damage.kind == "cell" and ends))
+            found.append(texts.damage(circuit, damage, wires.cell, damage.kind == "cell" and ends))
     odd = {(d.axis, d.line) for d in damages if d.kind != "cell"}
     pressed = {(d.line, d.at) for d in damages if d.kind == "cell" and d.size > 1.0}
     if top:  # beside such a cell, touches that end there are all alike
@@ -113,9 +111,12 @@ def diagnose(
     found += [texts.misplaced(m) for m in moved]
     # With stripes that are cut or are not read it is another network.
     unread = len(pairs) > len(wires.joined) or wires.cut
+    unread = unread or (wires.joined and circuit.readout != "floating")
     if series and not (unread or top or wires.cells.max() > REST_SPAN):
         noisy = {line[:2] for line in noisy_lines}
-        found += _series(seen, unusable | noisy, quiet, wires, cell)
+        if circuit.readout != "floating":  # where a lead is not in series with each reading
+            noisy |= {(d.axis, d.line) for d in damages if d.kind in ("lead", "resistor")}
+        found += _series(seen, unusable | noisy, quiet, wires)
     return found
 
 
@@ -156,48 +157,59 @@ def _silent(seen: Recorded) -> Finding | None:
     )
 
 
-def _wires(seen: Recorded, unusable) -> tuple[wiring.Wires, np.ndarray, np.ndarray]:
-    """Sound wires, the resistance that is read at rest [ohm], and where it is known."""
+def _wires(seen: Recorded, unusable, found) -> tuple[wiring.Wires, np.ndarray, np.ndarray]:
+    """Wires without the open ones, the resistance that is read at rest [ohm], and where."""
     known = seen.read & (seen.base > 0.0)
     for axis, line in unusable:
         seen.turned(axis, known)[line] = False
-    ratio = np.maximum(seen.base, 0.5) / seen.circuit.full_scale
-    rho = np.maximum(seen.circuit.two_terminal(ratio), 1.0)
-    return wiring.Wires.sound(seen.circuit), rho, known
+    adc, cells = seen.base / seen.circuit.full_scale, known & seen.circuit.populated
+    usual = usual_resistance(adc, cells, seen.circuit) if cells.any() else np.inf
+    wires = wiring.Wires.sound(seen.circuit, usual if 0.0 < usual < np.inf else _USUAL)
+    for finding in found:
+        if finding.kind == "open":
+            for axis, lines in enumerate((finding.rows, finding.cols)):
+                for line in lines:
+                    wires = wires.reading(axis, line, -1)
+    return wires, wiring.measured_resistance(seen.circuit, adc), known
 
 
-def _joined(seen: Recorded, wires: wiring.Wires, rho, known, pairs, found: list) -> set:
-    """Lines that read alike: a short, or one line read by two addresses. Both are noted in `wires`.
+def _joined(seen: Recorded, wires: wiring.Wires, rho, known, pairs, found: list):
+    """Lines that read alike: a short, or one line read by two addresses.
 
-    Two stripes that touch conduct like one of twice the width, one that is read twice does not.
+    Two stripes that touch, and one that is read twice, conduct otherwise at rest.
 
     Returns:
-        (axis, line) of one of each pair.
+        The wires with them, and (axis, line) of one of each pair.
     """
-    alone = wires.resistance()
+    wires, alone, log = wires.fitted(rho, known)
     taken = set()
-    level = np.median(np.log(rho / alone)[known]) if known.any() else 0.0
     doubled = {0: [], 1: []}
     for axis, a, b in pairs:
-        touching = wiring.Wires(
-            wires.cells, [(axis, a, b)], wires.reads, wires.cut, wires.lead
-        ).resistance()
+        touching = replace(wires, joined=[*wires.joined, (axis, a, b)])
+        twice = wires.reading(axis, b, a)
         lines = seen.turned(axis, known)[a]
-        off = seen.turned(axis, np.log(rho / alone))[a, lines] - level
-        short = seen.turned(axis, np.log(touching / alone))[a, lines]
-        if lines.any() and np.median(off) < _SHORTED * np.median(short):
-            wires.joined.append((axis, a, b))
+        off, short, double = (
+            seen.turned(axis, picture)[a, lines]
+            for picture in (
+                log,
+                np.log(touching.resistance() / alone),
+                np.log(twice.resistance() / alone),
+            )
+        )
+        if lines.any() and abs(np.median(off - short)) < abs(np.median(off - double)):
+            wires = touching
             found.append(texts.short(seen, axis, a, b))
         else:
+            wires = twice
             doubled[axis].append((a, b))
         taken.add((axis, b))
         seen.turned(axis, known)[b] = False
     for axis in (0, 1):
         found += texts.doubled(seen, axis, doubled[axis])
-    return taken
+    return wires, taken
 
 
-def _series(seen: Recorded, skip, noisy, wires: wiring.Wires, cell: float) -> list[Finding]:
+def _series(seen: Recorded, skip, noisy, wires: wiring.Wires) -> list[Finding]:
     """What lies in series with all cells, by the touches.
 
     Args:
@@ -212,8 +224,10 @@ def _series(seen: Recorded, skip, noisy, wires: wiring.Wires, cell: float) -> li
         seen.turned(axis, unknown)[line] = True
     for at in noisy:
         unknown[at] = True
-    lead = cell * (wires.lead[0][:, None] + wires.lead[1])  # ohm, of bad ones
-    usual = circuit.ratio(wires.resistance() * cell - lead)
+    lead = wires.lead[0][:, None] + wires.lead[1]  # ohm, of bad ones
+    if circuit.readout != "floating":  # these lines are skipped
+        lead = np.zeros(circuit.shape)
+    usual = circuit.ratio(wires.resistance() - lead)
     touches = _without(lead, _touches(seen), circuit)
     adc = np.where(unknown, usual, _without(lead, seen.base / full, circuit))
     unknown, touches, adc = (_as_one(wires.joined, p) for p in (unknown, touches, adc))

@@ -22,9 +22,9 @@ class Finding:
     """One fault.
 
     Attributes:
-        kind: "short", "open", "broken", "lead", "doubled", "swapped", "shifted", "transposed",
-            "dead", "stuck", "noisy", "contact", "circuit", "readout", "bits", "polarity",
-            "saturation" or "no signal".
+        kind: "short", "open", "broken", "lead", "resistor", "doubled", "swapped", "shifted",
+            "transposed", "dead", "stuck", "noisy", "contact", "circuit", "readout", "bits",
+            "polarity", "saturation" or "no signal".
         where: for a person: "column 5", "row 2, column 7", "ADC".
         evidence: the numbers that show it.
         remedy: what to check.
@@ -140,8 +140,7 @@ def short(seen: Recorded, axis: int, a: int, b: int) -> Finding:
     return Finding(
         "short",
         f"{name} {a} and {b}",
-        "shorted: they read alike in all frames, and conduct at rest like one stripe of twice the "
-        "width",
+        "shorted: they read alike in all frames, and conduct at rest like stripes that touch",
         "Measure between their leads with the board disconnected: look for a bridge of solder or "
         "conductive thread",
         **{("rows", "cols")[axis]: (a, b)},
@@ -168,8 +167,8 @@ def doubled(seen: Recorded, axis: int, pairs: list) -> list[Finding]:
         Finding(
             "doubled",
             f"{name} {a} and {b}",
-            "one stripe is read by both: they read alike in all frames, but conduct at rest like "
-            "a single one",
+            "one stripe is read by both: they read alike in all frames, but do not conduct at rest "
+            "like two that touch",
             "Check the addresses that the sketch selects, the multiplexer's clock or address pins, "
             "and the wiring behind line " + str(a),
             **{key: (a, b)},
@@ -191,6 +190,17 @@ def damage(circuit: Circuit, damage: wiring.Damage, cell: float, ends: bool = Fa
             f"all its readings lack what {damage.size:.0f} +- {damage.std:.0f} ohm in series take "
             "from them",
             "Measure its lead: from the multiplexer's pin to the stripe must be some ohm",
+            **_line(axis, line),
+        )
+    if damage.kind == "resistor":
+        missing = not np.isfinite(damage.size)
+        seems = "is missing" if missing else f"has {damage.size:.0f} ohm, not {circuit.r_ref:g}"
+        return Finding(
+            "resistor",
+            name,
+            f"reads as if its reference resistor {seems}",
+            "Measure between this line and ground, or the supply where it pulls up, with the "
+            "matrix unplugged; solder the resistor anew",
             **_line(axis, line),
         )
     if damage.kind == "broken":

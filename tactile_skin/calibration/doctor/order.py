@@ -36,7 +36,10 @@ def equal_lines(seen: Recorded, skip) -> list[tuple[int, int, int]]:
         base = seen.turned(axis, seen.base)
         raised = seen.turned(axis, seen.steps[seen.touches]) - base
         touch = raised.max(2)  # (touches, lines)
-        level = np.median(raised, axis=2)  # of a line that is only crossed, few are raised
+        # Of a line that is only crossed few readings are raised. Where lines are driven, a touch
+        # raises its own cells only.
+        floating = seen.circuit.readout == "floating"
+        level = np.median(raised, axis=2) if floating else touch
         touched = level > _TOUCHED * seen.usual_noise
         touched &= level > _DIRECTLY * level.max(1, initial=0.0)[:, None]
         limit = _EQUAL * seen.usual_noise / np.count_nonzero(seen.quiet) ** 0.5 + _ROUNDING

@@ -76,7 +76,7 @@ def leaping_bit(seen: Recorded) -> tuple[int, int, float] | None:
     have the variance (m - low) (high - m) / n where they lie at m; cells elsewhere do not leap.
     """
     calm = seen.read & seen.circuit.populated
-    for axis, line, _ in loose_lines(seen):
+    for axis, line, _ in (*loose_lines(seen), *noisy(seen, ())[0]):
         seen.turned(axis, calm)[line] = False
     level, variance = seen.base[calm].astype(float), np.square(seen.noise[calm].astype(float))
     least = (1.0 - _EXPLAINED) * np.square(variance - variance.mean()).sum() if calm.any() else 0.0
@@ -172,10 +172,16 @@ def _noise_limit(seen: Recorded) -> float:
 
 def open_lines(seen: Recorded) -> list[tuple[int, int, float, float]]:
     """(axis, line, its largest usual reading, what an untouched cell reads)."""
+    loud = np.zeros(seen.base.shape, bool)  # a noisy line that crosses an open one reads noise
+    for axis, line, _ in noisy(seen, ())[0]:
+        seen.turned(axis, loud)[line] = True
     found = []
     for axis in (0, 1):
         lines = seen.turned(axis, seen.base)
-        high = seen.turned(axis, np.quantile(seen.steps, 0.9, axis=0)).max(1)
+        every = seen.turned(axis, np.quantile(seen.steps, 0.9, axis=0))
+        across = ~seen.turned(axis, loud)
+        across[~across.any(1)] = True
+        high = np.where(across, every, 0.0).max(1)
         usual = np.median(lines[lines > 0]) if (lines > 0).any() else 0.0
         limit = max(_OPEN_STEPS + 3.0 * seen.usual_noise, _OPEN * usual)
         limit = min(limit, 0.3 * usual)

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from ...physics.circuit import Circuit
+from ...physics.readouts import apparent
 from ..rest import Rest, check_frames
 
 _QUIET = 0.15  # share of the frames, the calmest ones, that count as untouched
@@ -17,6 +18,8 @@ _LEAST_APART = 10  # frames at least
 _TOUCH = 8.0  # times the noise of a line's mean by which a touch raises it
 _ANEW = 8.0  # times its noise by which a reading differs where a frame says anything new
 _LINE_OPEN, _LINE_CLOSED = 0.1, 0.6  # of the usual reading: a line is not, or is, connected
+_NEITHER = 0.3  # the same of one that does not tell
+_LEFT = 0.1  # share of a reading that a touch leaves, below which it tells nothing of its line
 _LEAST_NOISE = 0.1  # ADC steps
 _NAMES = ("row", "column")
 
@@ -79,11 +82,7 @@ def record(frames, circuit: Circuit, rest: Rest | None) -> Recorded:
         raise ValueError("no crossing was ever read")
     usual = np.where(read, np.nanmedian(np.where(read, steps, 0.0), axis=0), 0.0)
     steps = np.where(absent, usual, steps)
-    closed = tuple(_closed(axis, steps, usual) for axis in (0, 1))
-    if (
-        circuit.readout == "grounded"
-    ):  # where a touch lowers a line's other readings, as a lead does
-        closed = tuple(np.ones_like(share) for share in closed)
+    closed = tuple(_closed(axis, steps, usual, circuit) for axis in (0, 1))
     change = steps - usual
     rows, cols = (~loose(share) for share in closed)
     power = np.square(change) * rows[:, None] * cols
@@ -113,12 +112,16 @@ def _anew(steps: np.ndarray, limit: np.ndarray, frames) -> np.ndarray:
     return np.array(taken, dtype=int)
 
 
-def _closed(axis: int, steps: np.ndarray, usual: np.ndarray) -> np.ndarray:
-    """(n, lines): each line's reading over what the other lines usually read there."""
-    steps = steps if axis == 0 else steps.swapaxes(1, 2)
-    usual = usual if axis == 0 else usual.T
-    others = np.maximum(np.median(usual, axis=0), 1.0)
-    return np.median(steps / others, axis=2)
+def _closed(axis: int, steps: np.ndarray, usual: np.ndarray, circuit: Circuit) -> np.ndarray:
+    """(n, lines): each line's reading over what the other lines usually read there.
+
+    Where a touch lowers its line's other readings, by what the touch leaves of them.
+    """
+    scale, _ = apparent(circuit, steps / circuit.full_scale)
+    usual = usual / apparent(circuit, usual / circuit.full_scale)[0]
+    others = np.maximum(np.median(usual, axis=axis, keepdims=True), 1.0)
+    share = np.where(scale < _LEFT, _NEITHER, steps / (scale * others))
+    return share.mean(2 - axis)  # a stripe that is cut reads before the cut
 
 
 def loose(share: np.ndarray) -> np.ndarray:

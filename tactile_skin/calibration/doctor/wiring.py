@@ -7,12 +7,13 @@ the search goes on with what is left, until nothing exceeds the scatter.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from ...physics.circuit import Circuit
+from ...physics.readouts import of_network
 
 _TIE = 1e3  # times a cell's conductance, between two stripes that touch: more than a line has
 _INSULATION = 1e-7  # of a cell's conductance, between parts that nothing connects
@@ -23,14 +24,19 @@ _LEAST_LEAD = 0.03  # share of the usual resistance that a bad lead adds at leas
 _OF_MEDIAN = 1.25  # standard deviation of a median over that of a mean
 _DEAD, _PRESSED = 0.35, 4.0  # times the usual cell's conductance, below and above
 _SHORTED = 1000.0  # times the same, of a crossing that is shorted
+_LARGEST = 1e4  # the same, of what may be told
+_OHM = 100.0  # ohm of a lead by which readings are tried
+_MISSING = 0.05  # share of its conductance up to which a resistor is missing
+_LEVEL, _ROUNDS = 1e-4, 12  # log of the usual cell's resistance, to which it is found, and at most
 _MOST = 6  # damages that are looked for
 _TRIED = 4  # lines, and cells, that are looked at in each turn
 
 
 class Damage(NamedTuple):
     """Attributes:
-    kind: "lead" (size: ohm), "broken" (at: first crossing that is cut off), or "cell" (line, at:
-        row, column; size: times the usual cell's conductance).
+    kind: "lead" (size: ohm more), "resistor" (size: its ohm, infinite if it is missing), "broken"
+        (at: first crossing that is cut off), or "cell" (line, at: row, column; size: times the
+        usual cell's conductance).
     std: of a lead's size [ohm], as lines and their readings scatter.
     """
 
@@ -48,30 +54,62 @@ class Wires:
     """A wiring of cells that are all alike.
 
     Attributes:
+        circuit: as it is supposed.
         cells: (rows, cols) conductance of each, the usual one 1.
+        cell: resistance of the usual one [ohm].
+        r_ref: of each sense line [ohm], infinite where it is missing.
+        reads: for rows and columns, which line each address selects; -1: none.
+        lead: for rows and columns, what each lead adds [ohm].
         joined: (axis, line, line) pairs that touch.
-        reads: for rows and columns, which line each address selects.
         cut: (axis, line, first crossing behind the cut).
-        lead: for rows and columns, what each lead adds, in units of the usual cell's resistance.
     """
 
+    circuit: Circuit
     cells: np.ndarray
+    cell: float
+    r_ref: np.ndarray
+    reads: list
+    lead: list
     joined: list = field(default_factory=list)
-    reads: list = field(default_factory=list)
     cut: list = field(default_factory=list)
-    lead: list = field(default_factory=list)
 
     @classmethod
-    def sound(cls, circuit: Circuit) -> Wires:
-        cells = circuit.populated.astype(float)
+    def sound(cls, circuit: Circuit, cell: float) -> Wires:
         return cls(
-            cells,
+            circuit,
+            circuit.populated.astype(float),
+            cell,
+            np.full(circuit.shape[_sense(circuit)], circuit.r_ref),
             reads=[np.arange(n) for n in circuit.shape],
             lead=[np.zeros(n) for n in circuit.shape],
         )
 
+    def with_one(self, damage: Damage) -> Wires:
+        """The same with a damage more."""
+        axis, line, size = damage.axis, damage.line, damage.size
+        if damage.kind == "cell":
+            cells = self.cells.copy()
+            cells[line, damage.at] = size
+            return replace(self, cells=cells)
+        if damage.kind == "broken":
+            return replace(self, cut=[*self.cut, (axis, line, damage.at)])
+        if damage.kind == "resistor":
+            r_ref = self.r_ref.copy()
+            r_ref[line] = size
+            return replace(self, r_ref=r_ref)
+        lead = [ohm.copy() for ohm in self.lead]
+        lead[axis][line] += size
+        return replace(self, lead=lead)
+
+    def reading(self, axis: int, line: int, other: int) -> Wires:
+        """The same where an address selects another line, or none, -1."""
+        reads = [lines.copy() for lines in self.reads]
+        reads[axis][line] = other
+        return replace(self, reads=reads)
+
     def resistance(self) -> np.ndarray:
-        """(rows, cols) between two leads, all others open; the usual cell's is 1."""
+        """(rows, cols) [ohm] that a divider of r_ref and r_par would read so: the two-terminal one
+        of a floating matrix."""
         rows, cols = self.cells.shape
         on_row, on_col = np.indices(self.cells.shape)
         nodes = rows + cols
@@ -88,37 +126,60 @@ class Wires:
             a, b = a + axis * rows, b + axis * rows
             laplacian[[a, b], [b, a]] -= _TIE
         laplacian[np.diag_indices(nodes)] = -laplacian.sum(1)
-        k = np.linalg.inv(laplacian + 1.0 / nodes)
-        own = k.diagonal()
-        a, b = self.reads[0], rows + self.reads[1]
-        rho = own[a][:, None] + own[b] - 2.0 * k[np.ix_(a, b)]
-        return rho + self.lead[0][:, None] + self.lead[1]
+        of_rows, of_cols = self.reads
+        lines = of_rows, np.where(of_cols < 0, of_cols, of_cols + rows)
+        adc = of_network(self.circuit, laplacian / self.cell, lines, self.lead, self.r_ref)
+        return measured_resistance(self.circuit, adc)
+
+    def fitted(self, rho: np.ndarray, known: np.ndarray) -> tuple[Wires, np.ndarray, np.ndarray]:
+        """The same with the usual cell's resistance that readings tell.
+
+        Args:
+            rho, known: as for `search`.
+
+        Returns:
+            It, its resistance() and (rows, cols) log of what is read over that, NaN: not known.
+        """
+        wires, model = self, self.resistance()
+        for _ in range(_ROUNDS):
+            off = np.where(known, np.log(rho / model), np.nan)
+            level = float(np.nanmedian(off)) if known.any() else 0.0
+            if abs(level) < _LEVEL:
+                break
+            wires = replace(wires, cell=wires.cell * float(np.exp(level)))
+            model = wires.resistance()
+        return wires, model, off
+
+
+def measured_resistance(circuit: Circuit, adc: np.ndarray) -> np.ndarray:
+    """`Wires.resistance` of readings (rows, cols) [ADC ratio], half a step at least."""
+    return np.maximum(circuit.two_terminal(np.maximum(adc, 0.5 / circuit.full_scale)), 1.0)
+
+
+def _sense(circuit: Circuit) -> int:
+    """Axis of the lines that are read where each has its resistor."""
+    return 1 if circuit.driven == "rows" else 0
 
 
 def search(circuit: Circuit, rho: np.ndarray, known: np.ndarray, wires: Wires):
     """The damages that explain a rest.
 
     Args:
-        rho: (rows, cols) two-terminal resistance that was measured [ohm].
+        rho: (rows, cols) resistance that was measured, as `measured_resistance` [ohm].
         known: (rows, cols) bool, where it was.
-        wires: what is known of the wiring; damages are added to it.
+        wires: what is known of the wiring.
 
     Returns:
-        The list of damages, and the usual cell's resistance [ohm].
+        The list of damages, and the wiring with them.
     """
     found: list[Damage] = []
     while True:
         fit = _Fit(wires, rho, known)
         best = fit.best() if len(found) < _MOST else None
         if best is None:
-            return found, fit.cell
+            return found, fit.wires
         found = [d for d in found if not _same(d, best)] + [best]
-        if best.kind == "lead":
-            wires.lead[best.axis][best.line] += best.size / fit.cell
-        elif best.kind == "broken":
-            wires.cut.append((best.axis, best.line, best.at))
-        else:
-            wires.cells[best.line, best.at] = best.size
+        wires = fit.wires.with_one(best)
 
 
 def _same(a: Damage, b: Damage) -> bool:
@@ -129,12 +190,8 @@ class _Fit:
     """The measured rest beside a wiring's."""
 
     def __init__(self, wires: Wires, rho: np.ndarray, known: np.ndarray):
-        self.wires, self.known, self.measured = wires, known, rho
-        self.model = wires.resistance()
-        log = np.where(known, np.log(np.maximum(rho, 1.0) / self.model), np.nan)
-        level = float(np.nanmedian(log))
-        self.cell = float(np.exp(level))  # ohm
-        self.off = log - level
+        self.known, self.measured = known, rho
+        self.wires, self.model, self.off = wires.fitted(rho, known)
         self.row, self.col, self.left = _polished(self.off)
         self.scatter = max(1.48 * np.nanmedian(np.abs(self.left)), _LEAST_SCATTER[0])
         self.of_lines = [
@@ -169,34 +226,56 @@ class _Fit:
         if any(c[:2] == (axis, line) for c in self.wires.cut):
             return  # the few cells before a cut scatter more
         model = self.model if axis == 0 else self.model.T
-        # What a lead adds is the same in all readings of the line; what one more adds is log-like.
-        added = np.nanmedian(model[line] * np.expm1(off))
         # Two stripes that touch read half as much: there another r_par, r_ref or supply shows, too.
         joined = any(a == axis and line in pair for a, *pair in self.wires.joined)
-        if added > _LEAST_LEAD * np.median(model[line]) and not joined:
-            with_lead = np.log1p(added / model[line])
-            gain = before - self._cost(axis, off - with_lead)
+        # Voltage over reading grows by what a lead adds, and with the conductance of its resistor,
+        # in proportion.
+        for kind in () if joined else ("lead", "resistor"):
+            if kind == "resistor" and not self._has_resistor(axis, line):
+                continue
+            whole = Damage(kind, axis, line, -1, _OHM if kind == "lead" else np.inf, 0.0)
+            slope = self._line(axis, line, self.wires.with_one(whole)) - model[line]
+            told = np.isfinite(off) & (slope != 0.0)
+            if not told.any():
+                continue
+            share = float(np.median((model[line] * np.expm1(off))[told] / slope[told]))
+            added = np.median(slope) * share
+            if share <= 0.0 or abs(added) < _LEAST_LEAD * np.median(model[line]):
+                continue
+            share = share if kind == "lead" else min(share, 1.0)
+            gain = before - self._cost(
+                axis, off - np.log(np.maximum(model[line] + share * slope, 1.0) / model[line])
+            )
             if gain > _LIKELY * before:
-                n = np.count_nonzero(np.isfinite(off))
-                log = np.hypot(self.of_lines[axis], _OF_MEDIAN * self.scatter / n**0.5)
-                std = float(log * np.median(model[line]) * self.cell)
-                yield Damage("lead", axis, line, -1, float(added * self.cell), gain, std)
+                size, std = _OHM * share, 0.0
+                if kind == "resistor":
+                    left = 1.0 - share
+                    size = self.wires.r_ref[line] / left if left > _MISSING else np.inf
+                else:
+                    n = np.count_nonzero(np.isfinite(off))
+                    log = np.hypot(self.of_lines[axis], _OF_MEDIAN * self.scatter / n**0.5)
+                    std = float(log * np.median(model[line]) * _OHM / np.median(slope))
+                yield Damage(kind, axis, line, -1, size, gain, std)
         cells = self.wires.cells if axis == 0 else self.wires.cells.T
         if cells[line].max() > _SHORTED:  # the rest of the line says nothing beside a short
             return
         crossings = np.flatnonzero(cells[line] > 0.0)
         for at in crossings[1:-1]:  # a cut before the last cell reads like a dead cell
-            cut = Wires(
-                self.wires.cells,
-                self.wires.joined,
-                self.wires.reads,
-                [*self.wires.cut, (axis, line, int(at))],
-                self.wires.lead,
-            ).resistance()
-            cut = cut if axis == 0 else cut.T
-            gain = before - self._cost(axis, off - np.log(cut[line] / model[line]))
+            damage = Damage("broken", axis, line, int(at), 0.0, 0.0)
+            cut = self._line(axis, line, self.wires.with_one(damage))
+            gain = before - self._cost(axis, off - np.log(cut / model[line]))
             if gain > _LIKELY * before:
-                yield Damage("broken", axis, line, int(at), 0.0, gain)
+                yield damage._replace(gain=gain)
+
+    def _has_resistor(self, axis: int, line: int) -> bool:
+        circuit = self.wires.circuit
+        there = circuit.readout != "floating" and axis == _sense(circuit)
+        return there and np.isfinite(self.wires.r_ref[line])
+
+    @staticmethod
+    def _line(axis: int, line: int, wires: Wires) -> np.ndarray:
+        resistance = wires.resistance()
+        return resistance[line] if axis == 0 else resistance[:, line]
 
     def _cells(self):
         """Cells that conduct much less or more than the others."""
@@ -209,23 +288,41 @@ class _Fit:
                     yield from self._of_cell(int(row), int(col))
 
     def _of_cell(self, row: int, col: int):
-        g, model = self.wires.cells[row, col], self.model[row, col]
-        measured = self.measured[row, col] / self.cell
-        size = max(g + 1.0 / max(measured, 1e-4) - 1.0 / model, 0.0)
+        damage = Damage("cell", 0, row, col, 0.0, 0.0)
+        size = self._size(damage)
         if _DEAD < size < _PRESSED:
             return
-        size = 0.0 if size < _DEAD else size
-        cells = self.wires.cells.copy()
-        cells[row, col] = size
-        now = Wires(
-            cells, self.wires.joined, self.wires.reads, self.wires.cut, self.wires.lead
-        ).resistance()
+        damage = damage._replace(size=0.0 if size < _DEAD else size)
+        now = self.wires.with_one(damage).resistance()
         after = self.off - np.log(now / self.model)
         after -= np.nanmedian(after)
         before = self._around(self.off, row, col)
         gain = before - self._around(after, row, col)
         if gain > _LIKELY * before or self._alone(row, col, after, gain):
-            yield Damage("cell", 0, row, col, size, gain)
+            yield damage._replace(gain=gain)
+
+    def _size(self, damage: Damage) -> float:
+        """What a cell conducts, times the usual one, if it reads as it does.
+
+        One conductance of a network changes a voltage by s d / (1 + t d), where d is its change:
+        two others tell s and t.
+        """
+        row, col = damage.line, damage.at
+        g = self.wires.cells[row, col]
+        others = np.array([0.5 * g, 2.0 * g])
+        ohm = [self.wires.with_one(damage._replace(size=x)).resistance()[row, col] for x in others]
+        now, first, second, wanted = self.wires.circuit.ratio(
+            np.array([self.model[row, col], *ohm, self.measured[row, col]])
+        )
+        d = others - g
+        one, two = (first - now) / d[0], (second - now) / d[1]
+        if one == two == 0.0:  # it changes nothing
+            return g
+        t = (one - two) / (two * d[1] - one * d[0])
+        s = one * (1.0 + t * d[0])
+        rise = wanted - now
+        left = s - t * rise
+        return min(max(g + rise / left, 0.0), _LARGEST) if left > 0.0 else _LARGEST
 
     def _around(self, off: np.ndarray, row: int, col: int) -> float:
         """chi^2 of a cell's row and column."""
