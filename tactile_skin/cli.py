@@ -17,8 +17,11 @@ def main(argv: list[str] | None = None) -> int:
     """Run one command; returns the exit status: 0, 1 for a run that failed, 2 for a mistake."""
     try:
         args = make_parser(_COMMANDS).parse_args(argv)
+        above = "\r\x1b[2K" if sys.stderr.isatty() else ""  # a live line, which is drawn anew
         logging.basicConfig(
-            level=logging.INFO, format="%(levelname)s %(name)s: %(message)s", stream=sys.stderr
+            level=logging.INFO,
+            format=f"{above}%(levelname)s %(name)s: %(message)s",
+            stream=sys.stderr,
         )
         if args.run in (_launch, _record, _view):  # the skin does it, where no signal gets lost
             return args.run(args)

@@ -252,4 +252,9 @@ class CircuitTracker:
         text = " and ".join(words)
         if self.impossible:
             return f"by the touches {text}: check r_ref, the supply and the wiring"
-        return f"by the touches {text}: it is allowed for; write it into circuit"
+        found = f"by the touches {text}: it is allowed for; write it into circuit"
+        # Readings tell resistances as multiples of r_ref: they fit its configured value as well.
+        off = given[0] / values[0] - 1.0 if values[0] else np.inf
+        if abs(values[0] - given[0]) <= relevant[0] or abs(off) > _POSSIBLE[0]:
+            return found
+        return f"{found}, unless r_ref is {100 * off:+.0f} % off, which reads the same: measure it"

@@ -72,6 +72,7 @@ def run(
         live = Live(config, board_parameters(words))
         guide = Guide(skin.circuit, live, _ask, print)
         try:
+            live(0.0)  # what the driver logs of the port stands above the first question
             guide.measure_creep(skin.curve) if creep else guide.run()
         finally:
             live.close()

@@ -1,5 +1,6 @@
 """Boards with r_par, stripes, fabric and noise of their own; the literal network reads them."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -176,6 +177,17 @@ def test_a_running_skin_learns_its_circuit(board):
     assert "r_par is" in tracker.message
     assert not tracker.impossible
     assert set(tracker.values()) == {"r_par", "r_line"}
+
+
+@pytest.mark.parametrize("off", [-10, 10])
+def test_an_r_ref_that_is_off_is_named_beside_r_par(board, off):
+    """Readings tell multiples of r_ref: a value that nobody soldered is a wrong r_ref."""
+    supposed = replace(
+        board.supposed, r_par=board.r_par, r_ref=board.supposed.r_ref / (1.0 + off / 100)
+    )
+    message = follow(board, supposed, standing(board, 12)).message
+    named = re.search(r"unless r_ref is ([+-]\d+) % off", message)
+    assert named and int(named[1]) == pytest.approx(off, abs=3)
 
 
 def test_two_touches_that_tell_are_a_hint(board):

@@ -1,0 +1,60 @@
+"""`tactile-skin calibrate` on a serial device, at a terminal."""
+
+import os
+import select
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+from yardsticks import calibrate
+from yardsticks.identify import Unknown
+
+from tactile_skin.board import simulator
+
+
+@pytest.fixture
+def port(tmp_path):
+    """Of an unknown board on which nothing lies."""
+    over, link = threading.Event(), tmp_path / "board"
+    device = calibrate.Device(Unknown((4, 4), seed=27))
+    serving = threading.Thread(
+        target=simulator.serve, args=(device, link, lambda: not over.is_set())
+    )
+    serving.start()
+    while not link.exists():
+        time.sleep(0.01)
+    yield link
+    over.set()
+    serving.join()
+
+
+def test_what_is_logged_stands_above_the_question(port, tmp_path):
+    """Not within it: the question comes when frames do. A log line clears what is drawn."""
+    config = tmp_path / "mine.yaml"
+    config.write_text("/**: {ros__parameters: {circuit: {rows: 4, cols: 4}}}\n")
+    terminal, theirs = os.openpty()
+    command = [sys.executable, "-m", "tactile_skin", "calibrate", "--config", str(config)]
+    command += ["--out", str(tmp_path / "out.yaml"), f"port:={port}"]
+    with subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs) as process:
+        os.close(theirs)
+        said, until = "", time.monotonic() + 60.0
+        while not said.endswith("Enter: ") and time.monotonic() < until:
+            if select.select([terminal], [], [], 0.1)[0]:
+                said += os.read(terminal, 4096).decode()
+        more = select.select([terminal], [], [], 1.0)[0]
+        process.kill()
+    os.close(terminal)
+    assert said.endswith("Enter: ") and not more
+    logged = [line for line in said.splitlines() if "INFO" in line]
+    assert logged and all(line.startswith("\x1b[2KINFO") for line in logged)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("readout", ["floating", "loaded-rows"])
+def test_from_what_the_user_knows_to_newtons(readout):
+    """Guide, file and launched skin, on new things: within 5 % in the median."""
+    off = calibrate.run((8, 8), 28, readout)
+    assert np.median(np.abs(off)) < 0.05
