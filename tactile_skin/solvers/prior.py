@@ -103,7 +103,10 @@ def level(force: np.ndarray, slope: np.ndarray, cells: np.ndarray) -> Quadratic:
     if not mean > 0.0:  # a step that is too long; no load has that level
         nothing = np.zeros(force.shape)
         return Quadratic(np.inf, nothing, nothing, None)
-    return known(force, slope, mean, mean / 3**0.5, cells)
+    found = known(force, slope, mean, mean / 3**0.5, cells)
+    # The level moves with the forces: without that, each step would lower all of them.
+    lift = 3.0 * (np.square(force[cells] / mean).mean() - 1.0) / mean
+    return found._replace(gradient=found.gradient - lift * np.where(cells, slope, 0.0))
 
 
 def known(force, slope, mean, std, cells) -> Quadratic:

@@ -39,6 +39,40 @@ def test_the_priors_gradient_is_that_of_its_value(holes):
         assert (up - down) / 2e-6 == pytest.approx(gradient[i], abs=1e-6)
 
 
+@pytest.mark.parametrize("holes", [0.0, 0.25])
+def test_the_level_priors_gradient_is_that_of_its_value(holes):
+    """Its level is that of the forces and moves with them."""
+    rng = np.random.default_rng(2)
+    x = rng.normal(-8.0, 0.5, (5, 6))
+    cells = rng.random((5, 6)) >= holes
+
+    def level(x):
+        force = CURVE.force(np.exp(-x))
+        return prior.level(force, -CURVE.slope(force), cells)
+
+    gradient = level(x).gradient
+    assert np.abs(gradient[cells]).min() > 0.0 and not gradient[~cells].any()
+    for i in np.argwhere(cells):
+        step = np.zeros(x.shape)
+        step[tuple(i)] = 1e-5
+        slope = (level(x + step).value - level(x - step).value) / 2e-5
+        assert slope == pytest.approx(gradient[tuple(i)], rel=2e-3, abs=2e-3)
+
+
+@pytest.mark.parametrize("side", [8, 16])
+def test_a_load_on_a_whole_grounded_skin_keeps_its_sum(side):
+    """Its readings tell how force is shared, its sum only just: no prior pulls it."""
+    circuit = Circuit(side, side, readout="grounded")
+    rng = np.random.default_rng(11)
+    off = []
+    for force in scenes.sample("random", 8, side, side, rng):
+        adc = scan(force, rng, circuit)
+        found = compensate(adc, circuit, CURVE, "map")
+        assert found.status == "ok", found.message
+        off.append(found.force.sum() / force.sum() - 1.0)
+    assert abs(np.mean(off)) < 0.1, off
+
+
 def test_the_priors_majorant_lies_above_it():
     """What makes every full step of the prior alone go down."""
     rng = np.random.default_rng(1)
