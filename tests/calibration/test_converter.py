@@ -51,6 +51,29 @@ def test_readings_that_stand_at_one_height_are_told_soon(cells, before):
     assert all(board.frames(500)), "the ceiling is there when nothing touches it, too"
 
 
+@pytest.mark.parametrize("noise", [0.6, 1.0])
+def test_one_reading_is_told_by_how_long_it_stands_where_noise_moves_all_others(noise):
+    board = Board(noise, whole=True, ceiling=614.0)
+    board.frames(300)
+    said = board.frames(80, 800.0, np.s_[5:6, 5:6])
+    assert 25 <= next(k for k, text in enumerate(said) if text) <= 75
+
+
+@pytest.mark.parametrize("side", [3, 8])
+@pytest.mark.parametrize("noise", [0.2, 0.3, 0.4, 0.5, 0.6])
+def test_one_hard_press_that_stands_for_long_is_no_ceiling(side, noise):
+    """Halfway between two steps of the ADC noise moves a reading, in the middle of one it hardly
+    does; a small matrix has few others that show how much."""
+    rng = np.random.default_rng(68)
+    for _ in range(6):
+        rest = REST + rng.uniform(0.0, 2.0, (side, side))
+        rest[1, 1] = 600.0 + rng.uniform(0.0, 1.0)
+        watch = Ceiling(BITS)
+        for _ in range(1500):
+            steps = np.rint(rest + noise * rng.standard_normal(rest.shape))
+            assert not watch.frame(steps.astype(np.uint16) * FRACTION)
+
+
 def test_it_is_over_once_something_reads_higher():
     board = Board(ceiling=614.0)
     board.frames(200)

@@ -20,6 +20,9 @@ _CHANCE = 1e-6  # of a sound skin's readings standing at one height, in one fram
 _PRIOR = 1.0, 1e3  # readings that stood still, of so many, before any was counted
 _FORGET = 1e-3  # share of that count which each frame renews
 _SELDOM = 1e-8  # share of readings that stand still, at least: none stood still in the whole count
+# Share of frames that repeat the reading that does so most, up to which noise moves all readings;
+# the least that is counted on; share of it that each frame renews.
+_NOISY, _LEAST, _RENEW = 0.6, 0.4, 1.0 / 256.0
 _ABOVE = 16.0  # ADC steps over the middle reading: below, nothing presses
 _WINDOW = 10  # frames that are looked at together: 0.1 s at 100 a second
 _STOOD = 10  # windows in which nothing moves that are looked at together: noise falls to a third
@@ -144,14 +147,19 @@ class Ceiling:
         self._last: np.ndarray | None = None
         self._still: np.ndarray | None = None  # (rows, cols) frames since each reading moved
         self._count = _PRIOR  # readings that stood still, and all
+        # (rows, cols) share of frames in which each repeated, and the frames that tell it
+        self._repeats: np.ndarray | None = None
+        self._seen: np.ndarray | None = None
         self._present = False  # the last frame shows it
 
     def frame(self, samples: np.ndarray) -> str:
         """What is wrong, with this frame or since an earlier one; empty if nothing."""
         if self._last is None:
             self._last, self._still = samples, np.zeros(samples.shape, np.int32)
+            self._repeats, self._seen = np.ones(samples.shape), np.full(samples.shape, 1)
             return ""
-        self._still = np.where(samples == self._last, self._still + 1, 0)
+        same = samples == self._last
+        self._still = np.where(same, self._still + 1, 0)
         self._last, self._present = samples, False
         top = int(samples.max())
         if self.height is not None and top > (self.height + self._noise) * self._scale:
@@ -167,6 +175,14 @@ class Ceiling:
         )
         n = np.count_nonzero(still & at_top)
         told = n and n * math.log(max(stood / max(seen, 1.0), _SELDOM)) < math.log(_CHANCE)
+        self._seen[others] += 1
+        share = np.maximum(1.0 / self._seen[others], _RENEW)
+        self._repeats[others] += share * (same[others] - self._repeats[others])
+        if n and not told and others.any():
+            # What repeats in a share q of frames has one value in at most sqrt(q) of them.
+            repeats = max(self._repeats[others].max(), _LEAST)
+            length = self._still[at_top].max()
+            told = repeats < _NOISY and length * 0.5 * math.log(repeats) < math.log(_CHANCE)
         if told and top - np.median(samples) > _ABOVE * self._scale:
             self.height, self._noise = top / self._scale, 0.0
             self._present = True
