@@ -7,15 +7,17 @@ from scipy.linalg import blas, lapack
 
 from . import kernel
 
-_BOX_ROUNDS = 4
+_BOX_ROUNDS = 8
 _RIDGES = 1e-3, 1e-2, 1e-1, 1.0
 
 
 def solve_in_box(precision: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray):
-    """Minimise 1/2 dx precision dx - b dx; what would leave [low, high] is put on its end.
+    """Minimise 1/2 dx precision dx - b dx within [low, high], by a primal-dual active set method.
 
-    Clipping alone would leave the others where they would be right without the bounds, and the
-    step would often go up.
+    What leaves its bounds is put on that end and the others are solved again, and what would leave
+    its end inwards is freed. Clipping alone would leave the others where they would be right
+    without the bounds, and the step would often go up. (Hintermueller, Ito and Kunisch, SIAM J.
+    Optim. 13, 2002; of hundreds of unknowns 5 to 8 rounds.)
 
     Args:
         precision: (n, n), upper triangle, float32.
@@ -44,15 +46,26 @@ def _with_lapack(precision: np.ndarray, b: np.ndarray, low: np.ndarray, high: np
         if info:  # not even so: numbers beyond single precision
             return np.zeros(b.size), None, inside
         dx[inside] = lapack.spotrs(factor, pull, lower=1)[0]
-        out = inside & ((dx < low) | (dx > high))
-        if rounds + 1 == _BOX_ROUNDS or not out.any() or (out == inside).all():
-            break
-        inside &= ~out
+        left = _inside_next(precision, b, low, high, dx, inside)
         dx = np.minimum(np.maximum(dx, low), high)
+        if not left.any():  # all would be on their ends
+            left = _inside_next(precision, b, low, high, dx, left)
+        if rounds + 1 == _BOX_ROUNDS or (left == inside).all() or not left.any():
+            break
+        inside = left
         pull = (b - blas.ssymv(1.0, precision.T, np.where(inside, 0.0, dx), lower=1))[inside]
         kept = np.flatnonzero(inside)
         matrix = precision.take(kept, 0).take(kept, 1)  # upper triangle, as precision's
-    return np.minimum(np.maximum(dx, low), high), factor.T, inside
+    return dx, factor.T, inside
+
+
+def _inside_next(precision, b, low, high, dx, inside) -> np.ndarray:
+    """(n,) bool, which are inside then: not those that leave, and those that would leave an end."""
+    left = inside & (dx >= low) & (dx <= high)
+    if not inside.all():
+        pull = b - blas.ssymv(1.0, precision.T, dx, lower=1)
+        left |= ~inside & (low < high) & np.where(dx == low, pull > 0.0, pull < 0.0)
+    return left
 
 
 def inverse_diagonal(factor: np.ndarray) -> np.ndarray:

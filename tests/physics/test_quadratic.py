@@ -27,6 +27,19 @@ def test_a_step_is_the_minimum_of_those_inside_and_lies_within_its_box(n):
     assert met or n == 1  # a single unknown that leaves the box is put on its end
 
 
+@pytest.mark.parametrize("n", [2, 5, 17, 60, 130])
+def test_a_step_is_the_minimum_within_its_box(n):
+    """The gradient vanishes inside and points outwards on the ends (Karush, Kuhn and Tucker)."""
+    rng = np.random.default_rng(6)
+    for _ in range(20):
+        s, b = definite(rng, n), 3.0 * rng.normal(size=n)
+        low, high = -rng.exponential(1.0, n), rng.exponential(1.0, n)
+        dx = quadratic.solve_in_box(np.triu(s), b, low, high)[0]
+        pull = b - s @ dx
+        assert (pull[dx > low] > -1e-3).all()
+        assert (pull[dx < high] < 1e-3).all()
+
+
 def test_a_step_without_a_factor():
     s, b = np.array([[1.0, 2.0], [2.0, 1.0]], np.float32), np.ones(2)
     ends = np.full(2, -9.0), np.full(2, 9.0)

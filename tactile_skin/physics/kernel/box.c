@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-enum { ROUNDS = 4 };
+enum { ROUNDS = 8 };
 
 /* M = U^T U, U in the upper triangle; -1 if M is not positive definite, or holds NaN. */
 VECTORISED static int cholesky(ptrdiff_t m, float *restrict matrix)
@@ -42,17 +42,41 @@ VECTORISED static void substitute(ptrdiff_t m, const float *restrict upper, floa
     }
 }
 
+/* Which unknowns the next round has inside: not those that leave their bounds, and again those on an
+ * end that would leave it inwards. Their number, or -1 if the round had the same inside. */
+static ptrdiff_t choose(ptrdiff_t n, const float *restrict precision, const double *restrict b,
+                        const double *restrict low, const double *restrict high,
+                        const double *restrict dx, const int *restrict inside, int *restrict next)
+{
+    ptrdiff_t changed = 0, left = 0;
+    for (ptrdiff_t k = 0; k < n; k++) {
+        next[k] = 0;
+        if (inside[k])
+            next[k] = dx[k] >= low[k] && dx[k] <= high[k];
+        else if (low[k] < high[k]) {
+            double pull = b[k];
+            for (ptrdiff_t j = 0; j < n; j++)
+                pull -= dx[j] * (j < k ? precision[j * n + k] : precision[k * n + j]);
+            next[k] = dx[k] == low[k] ? pull > 0.0 : pull < 0.0;
+        }
+        changed += next[k] != inside[k];
+        left += next[k];
+    }
+    return changed ? left : -1;
+}
+
 /* Fills dx, which unknowns stayed inside their bounds, and the factor over these, row by row;
- * their number, or -1 if there is no factor. `space` holds n floats, `kept` n integers. */
+ * their number, or -1 if there is no factor. `space` holds n floats, `kept` 2 n integers. */
 ptrdiff_t solve_in_box(ptrdiff_t n, const float *restrict precision, const double *restrict b,
                        const double *restrict low, const double *restrict high,
                        double *restrict dx, float *restrict factor, int *restrict inside,
                        float *restrict space, int *restrict kept)
 {
+    int *next = kept + n;
     for (ptrdiff_t i = 0; i < n; i++)
         inside[i] = 1;
     for (int round = 1;; round++) {
-        ptrdiff_t m = 0, out = 0;
+        ptrdiff_t m = 0;
         for (ptrdiff_t i = 0; i < n; i++)
             if (inside[i])
                 kept[m++] = (int)i;
@@ -73,16 +97,20 @@ ptrdiff_t solve_in_box(ptrdiff_t n, const float *restrict precision, const doubl
             if (!isfinite(space[i]))
                 return -1;
             dx[kept[i]] = space[i];
-            out += space[i] < low[kept[i]] || space[i] > high[kept[i]];
         }
-        int last = round == ROUNDS || out == 0 || out == m;
-        for (ptrdiff_t i = 0; i < m; i++) {
-            ptrdiff_t k = kept[i];
-            if (!last && (dx[k] < low[k] || dx[k] > high[k]))
-                inside[k] = 0;
+        ptrdiff_t left = choose(n, precision, b, low, high, dx, inside, next);
+        for (ptrdiff_t k = 0; k < n; k++)
             dx[k] = fmin(fmax(dx[k], low[k]), high[k]);
-        }
-        if (last)
+        if (left < 0 || round == ROUNDS)
             return m;
+        for (ptrdiff_t k = 0; k < n; k++)
+            inside[k] = next[k];
+        if (left == 0 && choose(n, precision, b, low, high, dx, inside, next) < 0) {
+            for (ptrdiff_t i = 0; i < m; i++) /* all are on their ends: the factor is the last one's */
+                inside[kept[i]] = 1;
+            return m;
+        }
+        for (ptrdiff_t k = 0; k < n && left == 0; k++)
+            inside[k] = next[k];
     }
 }

@@ -220,7 +220,7 @@ static PyObject *py_solve_in_box(PyObject *self, PyObject *const *args, Py_ssize
         if (sized(&call, 0, n * n) && sized(&call, 2, n) && sized(&call, 3, n)
             && sized(&call, 4, n) && sized(&call, 5, n * n) && sized(&call, 6, n)) {
             space = PyMem_Calloc(n + 1, sizeof *space);
-            kept = PyMem_Calloc(n + 1, sizeof *kept);
+            kept = PyMem_Calloc(2 * n + 1, sizeof *kept);
             if (space && kept) {
                 PyThreadState *released = release((double)n * n * n / 3.0);
                 Py_ssize_t m = solve_in_box(n, call.data[0], call.data[1], call.data[2],
