@@ -19,7 +19,7 @@ from ...physics.readouts import DRIVEN, READOUTS
 from ..estimate import Estimate
 from ..fixed_point import first_guess, is_rough, iterate, last_guess
 from ..newton import fits_circuit, newton
-from ..prior import differences, roughness
+from ..prior import differences, force_of, roughness
 from ..reading import Reading, check_reading, rest_reading
 
 _SPAN = 1e3  # times the curve's rest, up and down, within which another readout's cells may rest
@@ -35,8 +35,9 @@ _ASK, _HALF, _COVERED = 0.2, 0.5, 0.75
 # (tests/yardsticks/readouts.py, wrong).
 _BETTER, _EVEN = 15.0, 0.03
 _NO_LEVEL = 0.02  # level of a picture that nothing touches
-# Times nearer to the curve's rest that cells must be by a rival of a floating matrix.
-_NEARER = 2.0
+# Times nearer to the curve's rest that cells must be by a rival's explanation of a light load as a
+# hard one, and times harder that this must be.
+_NEARER, _HARDER = {"floating": 2.0, "loaded": 1.1}, {"floating": 1.0, "loaded": 10.0}
 # Chance of independent cells that their lines differ so; share of their variance that is in no line
 # (of a round touch there is none).
 _CHANCE, _OWN = 1e-5, 0.5
@@ -63,19 +64,22 @@ def other_readout(reading: Reading, estimate: Estimate, start: Estimate | None, 
         return f"loads differ by lines, not by cells. Is circuit.driven = {own.driven} right?"
     mine = None
     for circuit, curve in _others(own, reading.curve):
-        if floating and _off(reading.curve) < _NEARER * _off(curve):
+        less = READOUTS.index(own.readout) < READOUTS.index(circuit.readout)
+        light = less and share >= _COVERED  # here, and maybe a hard load there
+        if light and _off(reading.curve) < _NEARER[own.readout] * _off(curve):
             continue  # light loads alone are those of either
-        if not floating and circuit.readout != own.readout and share > _HALF:
+        if not light and circuit.readout != own.readout and share > _HALF:
             continue  # of two networks the one that loads change less has them smoother
         other = replace(reading, circuit=circuit, curve=curve).above_cut_off()
         guess, _ = iterate(other, first_guess(other), _STEPS, other.fitted_noise)
         chi2 = 0.5 * np.square(other.misfit(other.model(guess)) / other.spread).sum()
         if chi2 > _FAR * guess.size:
             continue
-        if floating:
-            # A hard load on a driven matrix reads like an even, light one on a floating matrix,
-            # and nothing but that reads like a load on a driven one.
-            found = fits_circuit(other)
+        if light:
+            # A hard load reads like an even, light one where readings change less with the loads,
+            # and nothing but that reads like a load there.
+            harder = _total(other, guess) > _HARDER[own.readout] * _total(reading, g)
+            found = harder and fits_circuit(other)
         else:
             mine = _Touches(reading, fit(reading, g)) if mine is None else mine
             theirs = _Touches(other, fit(other, guess))
@@ -94,6 +98,11 @@ def _touched(reading: Reading, estimate: Estimate) -> tuple[np.ndarray, float]:
     g = last_guess(reading, estimate)
     touched = np.count_nonzero(g > _LIFTED * reading.bounds[0])
     return g, touched / np.count_nonzero(reading.circuit.populated)
+
+
+def _total(reading: Reading, g: np.ndarray) -> float:
+    """Force [N] of all cells that conduct g [S]."""
+    return float(force_of(reading, g)[0].sum())
 
 
 class _Touches:
