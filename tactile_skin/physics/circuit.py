@@ -115,6 +115,11 @@ class Circuit:
         return r_line[: self.rows], r_line[self.rows :]
 
     @property
+    def sense_axis(self) -> int:
+        """Axis of (rows, cols) along which the cells of one sense line lie."""
+        return 0 if self.driven == "rows" else 1
+
+    @property
     def full_scale(self) -> int:
         """Reading of the ADC at its reference voltage, in ADC steps."""
         return 2**self.adc_bits - 1

@@ -53,7 +53,7 @@ def _within_bounds(reading: Reading) -> np.ndarray:
     is what leads from it to ground: its divider, and the cells that are held.
     """
     circuit, (low, high) = reading.circuit, reading.bounds
-    divider, axis = circuit.r_ref + circuit.r_par, 0 if circuit.driven == "rows" else 1
+    divider, axis = circuit.r_ref + circuit.r_par, circuit.sense_axis
     v = reading.adc * (divider / circuit.r_ref)
     free, held, ground = circuit.populated, 0.0, 1.0 / divider
     while True:  # each round holds more cells
@@ -75,7 +75,7 @@ def closed_form(reading: Reading) -> np.ndarray:
     end, T = (n end + G) / (1 + sum (max v - v)), and all n readings miss alike.
     """
     (low, high), circuit, g = reading.bounds, reading.circuit, first_guess(reading)
-    axis = 0 if circuit.driven == "rows" else 1
+    axis = circuit.sense_axis
     at_end = g >= high
     if not np.count_nonzero(at_end):
         return g

@@ -164,7 +164,7 @@ def _fit(
     message = suspect.by_reading(reading)
     message = message or suspect.by_residual(reading, point.model.adc, ROUNDING_NOISE)
     if not message and step.equations is not None:
-        message = _by_score(reading, point, step.equations, broad, prior)
+        message = _by_score(reading, point, step.equations, std_x, broad, prior)
     status = "suspect" if message else "ok"
     if not converged:
         why = "time limit reached" if step.solved else "the step exceeds single precision"
@@ -231,19 +231,20 @@ def _noise_left(reading: Reading, point: _Point, step: _Step) -> float:
     """
     absorbed = 0.0 if step.equations is None else step.equations.absorbed()
     left = reading.n_informative - absorbed
-    square = np.minimum(np.square(point.model.misfit), _OUTLIER**2).sum() * reading.fitted_noise**2
+    misfit = suspect.beside_sums(reading, point.model.misfit)
+    square = np.minimum(np.square(misfit), _OUTLIER**2).sum() * reading.fitted_noise**2
     usual = _USUAL_COUNT * _USUAL_NOISE**2
     return float(((square + usual) / (left + _USUAL_COUNT)) ** 0.5)
 
 
-def _by_score(reading: Reading, point: _Point, equations, broad: bool, prior) -> str:
+def _by_score(reading: Reading, point: _Point, equations, std_x, broad: bool, prior) -> str:
     """What the tests of the whole frame find; empty if nothing."""
     # The fit may stop short of its minimum, for which the tests are.
     pull = _downhill(point).flat[equations.unknowns]
     rough = broad and _rough(reading, point)
     if rough and prior is None and reading.noise_given:  # the cost is one of known noise
         ahead = lapack.spotrs(equations.factor.T, pull, lower=1)[0]
-        message = suspect.by_cost(reading, point.cost - 0.5 * pull @ ahead)
+        message = suspect.by_cost(reading, point.cost - 0.5 * pull @ ahead, point.model.g, std_x)
         if message:
             return message
     return score.by_score(reading, point.model, equations, pull, broad, rough)

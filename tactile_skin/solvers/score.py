@@ -44,12 +44,16 @@ _Z, _SEARCHES = 3.5, 6
 _REST_SCATTER = 0.05
 _RIM = 1.1  # times its conductance at rest: the rim of a palm is above
 _RIM_SHARE = 0.05  # of `series_scale` by which r_par is too small beside such a rim
+_RIM_AGREES = 2.0  # standard deviations by which r_par is too large beside such a rim
 _MIN_SCALE = 0.15  # of r_ref: what a board's r_par may be where none is configured
 RELEVANT = 0.025  # of `series_scale`: less moves hard touches by 8 (blobs) to 25 g (rects) a cell
 SETTLED = 3.5  # standard deviations that may be left with the right r_par: 1 in 2000
 # chi^2 a reading that may be left beside a shift of r_par around a touch, where the skin rests:
 # below 3 beside a short or an r_par 10 % off, above 20 around nearly all palms (16 x 16, 8 x 12).
 _CHI2_REST = 5.0
+# Standard deviations of chi^2 that a smaller r_par may leave of the cells that are held at rest:
+# around palms of sound grounded boards it leaves more, where r_par is too large 1 (seed 77300).
+_CHI2_HELD = 2.0
 _RIDGE = 1e-5  # of the touched cells' precision: the readings may not determine all of them
 _MAX_CELLS = 400  # touched cells up to which to ask: the time is that of a Cholesky factor
 FEW = 0.3  # of the readings: fewer cells at rest confirm no short (pictures of seed 45100)
@@ -100,6 +104,11 @@ class RParShift(NamedTuple):
 
     def exceeds(self, limit: float) -> bool:
         return abs(self.shift) > limit * self.std
+
+    def leaves_noise(self, readings: int) -> bool:
+        """Whether the cells that nothing touches then read as at rest, of so many readings."""
+        held = max(self.at_rest * readings, 1.0)
+        return self.chi2 * readings < held + _CHI2_HELD * (2.0 * held) ** 0.5
 
 
 def series_scale(circuit: Circuit) -> float:
@@ -202,10 +211,10 @@ def by_score(
     around = r_par_shift(reading, model.g)
     if around is None or around.chi2 > _CHI2_REST:
         too_small = next((text for text, way in found if way > 0), "")
-        return too_small if too_small and _beside_rim(reading, model.g) else ""
+        return too_small if too_small and _beside_rim(reading, model.g, 1) else ""
     for text, way in found:
         # a fit hides another r_par along neighbouring lines, which looks like a short
-        off = _way(reading, around, alone=way != 0)
+        off = _way(reading, model.g, around, alone=way != 0)
         if off and way in (0, off):
             return _r_par_text(reading, off)
         if not way and around.at_rest >= FEW:
@@ -213,21 +222,32 @@ def by_score(
     return ""
 
 
-def _way(reading: Reading, around: RParShift, alone: bool) -> int:
+def _way(reading: Reading, g: np.ndarray, around: RParShift, alone: bool) -> int:
     """Which way r_par is off by a relevant amount: 1 too small, -1 too large, 0 neither."""
     # Cells that are lightly touched make r_par seem smaller than it is, never larger. If that is
     # alone what a frame is suspect for, more is asked of it.
     limit = R_PAR_LIMIT if alone and around.shift < 0.0 else SETTLED
     possible = reading.circuit.r_par + around.shift + SETTLED * around.std > 0.0
     relevant = abs(around.shift) > RELEVANT * series_scale(reading.circuit)
-    return int(np.sign(around.shift)) if possible and relevant and around.exceeds(limit) else 0
+    if not (possible and relevant and around.exceeds(limit)):
+        return 0
+    if around.shift > 0.0:
+        return int(alone or around.at_rest >= FEW)
+    at_rest = around.leaves_noise(reading.n_informative)
+    return -1 if at_rest and _beside_rim(reading, g, -1) else 0
 
 
-def _beside_rim(reading: Reading, g: np.ndarray) -> bool:
-    """Whether r_par is too small, a palm's rim touched: it can only make r_par seem smaller."""
+def _beside_rim(reading: Reading, g: np.ndarray, way: int) -> bool:
+    """Whether r_par is off that way if the rim of a palm is touched, which lowers what r_par seems.
+
+    Less is at rest then, and tells of r_par. So if r_par is too large, it need only say so too.
+    """
     rim = r_par_shift(reading, g, lifted=_RIM)
-    least = _RIM_SHARE * series_scale(reading.circuit)
-    return rim is not None and rim.exceeds(R_PAR_LIMIT) and rim.shift > least
+    if rim is None:
+        return False
+    if way < 0:
+        return rim.shift < -_RIM_AGREES * rim.std
+    return rim.exceeds(R_PAR_LIMIT) and rim.shift > _RIM_SHARE * series_scale(reading.circuit)
 
 
 def _candidates(

@@ -27,6 +27,9 @@ _MEAN_LIMIT = 6.0  # standard deviations of the mean misfit, where the noise was
 _IMPOSSIBLE = 5.0  # standard deviations of noise past what any skin can read: 1 in 3 million
 _OPEN = 0.5  # times the reading at rest: fabrics differ from the curve by less
 EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
+# Times their standard deviation by which cells must differ: noise makes them differ by 1 at most,
+# and of 64 cells that scatters by 0.09. Chosen on even and random loads (seed 66500).
+_DIFFER = 1.25
 # A saturated input (docs/derivation.md, "When to doubt", 4). The ceiling is this thick, and the gap
 # below it as wide [ADC steps]; readings at it, and others in the gap for each of them, that a flat
 # touch may have too, and that noise leaves of no flat touch; noise [ADC steps] that does that.
@@ -144,17 +147,25 @@ def model_variance(reading: Reading) -> np.ndarray:
     return np.square(_MODEL_ERROR * reading.steps) if reading.noise else np.zeros(reading.adc.shape)
 
 
-def by_cost(reading: Reading, cost: float) -> str:
+def by_cost(reading: Reading, cost: float, g: np.ndarray, std_x: np.ndarray) -> str:
     """A load on the whole skin whose variation the level prior does not explain.
 
     With that prior, which is Gaussian, twice the cost follows chi^2 with one degree of freedom a
     reading on a valid frame. A series resistance that the circuit does not have, of all faults,
-    leaves no misfit: it makes the load look even.
+    leaves no misfit: it makes the load look even. So does an even load, of which a fit has cells
+    that differ by noise alone.
+
+    Args:
+        g: (rows, cols) conductance [S] of the fit.
+        std_x: (rows, cols) standard deviation of its logarithm.
     """
-    n = reading.n_informative
+    n, cells = reading.n_informative, reading.circuit.populated
+    even = 2.0 * cost < n
     if abs(2.0 * cost / n - 1.0) <= _CHI2_LIMIT * (2.0 / n) ** 0.5:
         return ""
-    kind = "evenly" if 2.0 * cost < n else "unevenly"
+    if even and np.log(g[cells]).std() < _DIFFER * np.square(std_x[cells]).mean() ** 0.5:
+        return ""
+    kind = "evenly" if even else "unevenly"
     return (
         f"the whole skin is loaded, more {kind} than any load on a valid circuit: is r_par = "
         f"{reading.circuit.r_par:g} ohm right?"
@@ -174,6 +185,19 @@ class NormalEquations(NamedTuple):
         if not self.unknowns.size:
             return 0.0
         return float(np.square(lapack.strtrs(self.factor, self.jacobian.T, trans=1)[0]).sum())
+
+
+def beside_sums(reading: Reading, misfit: np.ndarray) -> np.ndarray:
+    """A fit's misfit (rows, cols), without the mean of each sense line of a grounded matrix.
+
+    Of a line that is loaded hard the readings' sum hardly changes. So the prior, which pulls all of
+    its cells one way, leaves some of the sum, which is no noise.
+    """
+    if reading.circuit.readout != "grounded":
+        return misfit
+    axis, known = reading.circuit.sense_axis, reading.known
+    lines = (misfit * known).sum(axis, keepdims=True)
+    return (misfit - lines / np.maximum(known.sum(axis, keepdims=True), 1)) * known
 
 
 def rounded(reading: Reading) -> bool:

@@ -195,3 +195,47 @@ def test_a_cell_that_rests_near_the_curves_end_is_no_error():
     for r_par in (0.5 * CIRCUIT.r_par, 1.5 * CIRCUIT.r_par):
         supposed = other_r_par._with_r_par(reading, r_par).curve
         assert (supposed.resistance(np.zeros(CIRCUIT.shape)) > CURVE.points[-1][1]).all()
+
+
+def palm(rng):
+    """(16, 16) [N]: a broad load, softer and softer towards its rim."""
+    row, col = np.mgrid[:16, :16]
+    (y, x), (high, wide), power = rng.uniform(2, 14, 2), rng.uniform(3, 6, 2), rng.choice([2, 3, 4])
+    force = np.exp(-(np.abs((row - y) / high) ** power) - np.abs((col - x) / wide) ** power)
+    return force * rng.uniform(0.5, 4.0) * np.exp(0.1 * rng.standard_normal(force.shape))
+
+
+@pytest.mark.parametrize("noise", [None, SCAN_NOISE])
+@pytest.mark.parametrize("readout", READOUTS)
+def test_a_palm_is_no_fault(readout, noise):
+    """Its rim would be of another r_par, if its cells were at rest."""
+    circuit, rng = Circuit(readout=readout), np.random.default_rng(3)
+    frames = np.array([read_by(circuit, palm(rng), rng) for _ in range(60)])
+    found = compensate(frames, circuit, CURVE, "map", noise=noise)
+    assert np.count_nonzero(found.status != "ok") <= 3
+
+
+def even(rng, scatter):
+    """(16, 16) [N]: a load on all cells, whose touch scatters."""
+    force = np.exp(rng.uniform(np.log(0.3), np.log(9.0)) + scatter * rng.standard_normal((16, 16)))
+    return np.minimum(force, CURVE.max_force)
+
+
+@pytest.mark.parametrize("scatter", [0.05, 0.2])
+@pytest.mark.parametrize("readout", READOUTS)
+def test_an_even_load_on_all_cells_is_no_fault(readout, scatter):
+    """The cells of its fit differ by noise, not by a load that would be too even."""
+    circuit, rng = Circuit(readout=readout), np.random.default_rng(6)
+    frames = [read_by(circuit, even(rng, scatter), rng) for _ in range(40)]
+    found = compensate(np.array(frames), circuit, CURVE, "map", noise=SCAN_NOISE)
+    assert np.count_nonzero(found.status != "ok") <= 2
+
+
+def test_uneven_loads_that_an_r_par_makes_even_are_one():
+    board = dataclasses.replace(CIRCUIT, r_par=1.2 * CIRCUIT.r_par)
+    rng = np.random.default_rng(7)
+    force = scenes.sample("random", 40, 16, 16, rng)
+    force = np.minimum(force[force.mean((1, 2)) > 1.0], CURVE.max_force)
+    frames = np.array([read_by(board, one, rng) for one in force])
+    found = compensate(frames, CIRCUIT, CURVE, "map", noise=SCAN_NOISE)
+    assert np.mean(found.status != "ok") > 0.6

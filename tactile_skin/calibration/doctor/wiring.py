@@ -79,7 +79,7 @@ class Wires:
             circuit,
             circuit.populated.astype(float),
             cell,
-            np.full(circuit.shape[_sense(circuit)], circuit.r_ref),
+            np.full(circuit.shape[1 - circuit.sense_axis], circuit.r_ref),
             reads=[np.arange(n) for n in circuit.shape],
             lead=[np.zeros(n) for n in circuit.shape],
         )
@@ -154,11 +154,6 @@ class Wires:
 def measured_resistance(circuit: Circuit, adc: np.ndarray) -> np.ndarray:
     """`Wires.resistance` of readings (rows, cols) [ADC ratio], half a step at least."""
     return np.maximum(circuit.two_terminal(np.maximum(adc, 0.5 / circuit.full_scale)), 1.0)
-
-
-def _sense(circuit: Circuit) -> int:
-    """Axis of the lines that are read where each has its resistor."""
-    return 1 if circuit.driven == "rows" else 0
 
 
 def search(circuit: Circuit, rho: np.ndarray, known: np.ndarray, wires: Wires):
@@ -269,7 +264,7 @@ class _Fit:
 
     def _has_resistor(self, axis: int, line: int) -> bool:
         circuit = self.wires.circuit
-        there = circuit.readout != "floating" and axis == _sense(circuit)
+        there = circuit.readout != "floating" and axis != circuit.sense_axis
         return there and np.isfinite(self.wires.r_ref[line])
 
     @staticmethod
