@@ -4,6 +4,7 @@
     accuracy   newton on ideal readings, map on `scan`, the same touches for each readout
     speed      floating, in times y, to compare two versions: run them in turn
     wrong      how often a frame of one readout is suspect to another, after a tare by that
+    right      how often one is suspect on its own readout: of a sound board, and with r_par off
     named      streams of a minute, with the readout that `diagnose` names
     calibrate  what `calibrate` has: a rest, then five touches; r_par is up to 20 % off
 
@@ -153,6 +154,58 @@ def wrong(n: int, seed: int, shape=(16, 16)) -> None:
             print(name, " ".join(line), flush=True)
 
 
+def even(n: int, shape, rng) -> np.ndarray:
+    """(n, rows, cols) force [N]: loads on all cells, whose touch scatters by 5 to 20 %."""
+    level = np.exp(rng.uniform(np.log(0.3), np.log(9.0), (n, 1, 1)))
+    return level * np.exp(rng.uniform(0.05, 0.2, (n, 1, 1)) * rng.standard_normal((n, *shape)))
+
+
+def palms(n: int, shape, rng) -> np.ndarray:
+    """(n, rows, cols) force [N]: broad loads, softer and softer towards their rim."""
+    row, col = np.mgrid[: shape[0], : shape[1]]
+    found = []
+    for power in rng.choice([2, 3, 4], n):
+        (y, x), (high, wide) = (
+            rng.uniform(*ends, 2) * shape for ends in ((0.15, 0.85), (0.2, 0.4))
+        )
+        rim = np.abs((row - y) / high) ** power + np.abs((col - x) / wide) ** power
+        most = np.exp(rng.uniform(np.log(0.3), np.log(6.0)))
+        found.append(most * np.exp(-rim + 0.1 * rng.standard_normal(shape)))
+    return np.array(found)
+
+
+def right(n: int, seed: int, shape=(16, 16)) -> None:
+    """Suspect frames of boards whose readout is known, one fabric for each seed [%]."""
+    print("of a sound board, noise not given and given; r_par of the board 0.8 and 1.2 times [%]")
+    families = "bodies", "pictures", "blobs", "rects", "random", "palms", "even"
+    print(f"{'readout':17}" + " ".join(f"{f:>23}" for f in families))
+    made = {"palms": palms, "even": even}
+    for kind in KINDS:
+        line, taken = [], circuit_of(kind, Circuit(*shape))
+        for family in families:
+            suspect = []
+            for off, given in (
+                (1.0, None),
+                (1.0, SCAN_NOISE),
+                (0.8, SCAN_NOISE),
+                (1.2, SCAN_NOISE),
+            ):
+                rng = np.random.default_rng(seed)
+                board, scatter = replace(taken, r_par=off * taken.r_par), rng.standard_normal(shape)
+                rest = CURVE.resting_at(CURVE.rest_resistance * np.exp(REST_SCATTER * scatter))
+                at_rest = forward(board, rest.resistance(np.zeros(shape)))
+                curve = CURVE.resting_at(1.0 / resting_conductance(at_rest, taken, 0.1))
+                make = made.get(family) or (
+                    lambda n, shape, rng, f=family: scenes.sample(f, n, *shape, rng)
+                )
+                force = np.minimum(make(n, shape, rng), CURVE.max_force)
+                adc = scenes.read_out(board, forward(board, rest.resistance(force)), "scan", rng)
+                found = compensate(adc, taken, curve, "map", noise=given)
+                suspect.append(100.0 * np.mean(found.status != "ok"))
+            line.append("{:5.1f} {:5.1f} {:5.1f} {:5.1f}".format(*suspect))
+        print(f"{' '.join(kind):17}" + " ".join(line), flush=True)
+
+
 def recording(circuit: Circuit, seed: int, seconds=60.0) -> np.ndarray:
     """(n, rows, cols) ADC ratio of a minute of touches, 20 frames a second."""
     rng = np.random.default_rng(seed)
@@ -218,7 +271,7 @@ def main():
     parser.add_argument("what", choices=[*_WHAT])
     parser.add_argument("--n", type=int, default=20, help="frames of a family, or streams")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--side", type=int, default=16, help="cells a side, of wrong")
+    parser.add_argument("--side", type=int, default=16, help="cells a side, of wrong and right")
     args = parser.parse_args()
     _WHAT[args.what](args)
 
@@ -228,6 +281,7 @@ _WHAT = {
     "accuracy": lambda args: accuracy(args.n, args.seed),
     "speed": lambda args: speed(args.n, args.seed),
     "wrong": lambda args: wrong(args.n, args.seed, (args.side, args.side)),
+    "right": lambda args: right(args.n, args.seed, (args.side, args.side)),
     "named": lambda args: named(args.n, args.seed),
     "calibrate": lambda args: calibrate(args.n, args.seed),
 }
