@@ -6,8 +6,11 @@ import time
 
 import numpy as np
 
+from ..calibration.doctor import recorded
+from ..calibration.rest import measure_rest
 from ..middleware.config import read_skin
-from ..physics.curve import GRAM
+from ..physics.circuit import Circuit
+from ..physics.curve import GRAM, PressureCurve
 from ..recording.frames import read_frames, recorded_skin
 from ..solvers import METHODS, compensate
 
@@ -34,12 +37,17 @@ def measure(n: int, frames: str, config: str | None, seed: int, track=lambda ite
     skin = read_skin(config) if config else recorded_skin(frames)
     found = read_frames(frames, skin.circuit)
     adc, notes = _complete(found.ratio(skin.adc), skin.circuit.populated)
-    adc, notes = _busiest(adc, n), [*found.notes, *notes]
-    reference = _solve(_REFERENCE, adc, skin)["force"]
+    curve, noise, note = _at_rest(adc, skin)
+    adc, notes = _busiest(adc, n), [*found.notes, *notes, note]
+
+    def solve(method):
+        return _solve(method, adc, skin.circuit, curve, noise)
+
+    reference = solve(_REFERENCE)["force"]
     solved = {}
     for name in track(METHODS):
         try:
-            solved[name] = _solve(name, adc, skin)
+            solved[name] = solve(name)
         except ValueError as error:  # a network of another circuit
             notes.append(f"{name} is left out: {error}")
     methods = {}
@@ -66,6 +74,19 @@ def _complete(adc: np.ndarray, populated: np.ndarray) -> tuple[np.ndarray, list[
     return adc[whole], [f"{n} of {len(adc)} frames with blanks are left out: {why}"]
 
 
+def _at_rest(adc: np.ndarray, skin) -> tuple[PressureCurve, float | None, str]:
+    """The curve of cells that rest as in the calmest frames; their noise [ADC steps]; a note."""
+    try:
+        calm = adc[recorded.record(adc, skin.circuit, None).quiet]
+        rest = measure_rest(calm, skin.circuit)
+        cells = skin.circuit.populated
+        at_rest = np.where(cells, rest.conductance, 1.0 / skin.curve.rest_resistance)
+        curve = skin.curve.resting_at(1.0 / at_rest)
+    except ValueError as error:
+        return skin.curve, None, f"the rest is the curve's, not measured: {error}"
+    return curve, rest.noise, f"the rest is measured in the {len(calm)} calmest frames"
+
+
 def _busiest(adc: np.ndarray, n: int) -> np.ndarray:
     """The n frames, one after the other, that are farthest from the usual one."""
     activity = np.nan_to_num(np.abs(adc - np.nanmedian(adc, axis=0))).mean((1, 2))
@@ -74,12 +95,14 @@ def _busiest(adc: np.ndarray, n: int) -> np.ndarray:
     return adc[start : start + n]
 
 
-def _solve(method: str, adc: np.ndarray, skin) -> dict:
+def _solve(method: str, adc: np.ndarray, circuit: Circuit, curve, noise: float | None) -> dict:
     estimate, force, status, seconds = None, [], [], []
-    missing = {"missing": True} if method in ("map", "auto") else {}
+    known = {"noise": noise}
+    if method in ("map", "auto"):
+        known["missing"] = True
     for frame in adc:
         begun = time.perf_counter()
-        estimate = compensate(frame, skin.circuit, skin.curve, method, start=estimate, **missing)
+        estimate = compensate(frame, circuit, curve, method, start=estimate, **known)
         seconds.append(time.perf_counter() - begun)
         force.append(estimate.force)
         status.append(estimate.status)

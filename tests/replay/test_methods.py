@@ -24,11 +24,12 @@ def test_every_method_is_measured_where_most_happens(path):
     data = measure(40, str(path), None, 1)["recorded"]
     networks = {"cnn", "physics"}  # know the circuit of their training
     assert set(data["methods"]) == set(METHODS) - networks
-    assert {note.split()[0] for note in data["notes"]} == networks
+    assert {note.split()[0] for note in data["notes"]} == {*networks, "the"}
     assert data["frames"] == 40
     assert data["methods"]["map"]["apart_g"] == 0.0 < data["methods"]["naive"]["apart_g"]
     assert data["methods"]["map"]["total_n"] == pytest.approx(40.0, rel=0.1)
-    assert len(table(data).splitlines()) == 2 + len(METHODS)  # a line for each, or a note
+    assert len(table(data).splitlines()) == 3 + len(METHODS)  # a line for each, or a note
+    assert data["methods"]["map"]["suspect"] < 0.05  # the cells' rest is measured
 
 
 def test_the_bench_takes_a_foreign_file(path, tmp_path, capsys):
