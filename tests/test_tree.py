@@ -44,6 +44,7 @@ MAY = {
         "middleware",
         "physics",
         "solvers",
+        "calibration",
         "recording",
         "nodes",
         "launch",
