@@ -130,6 +130,8 @@ def r_par_shift(
         lifted: times its conductance at rest from which on a cell counts as touched.
     """
     touched, _ = hold_rest(reading, g, neighbours, lifted)
+    if reading.curve.offset is None and not touched.any():
+        return None  # another fabric reads so, too
     most = min(reading.n_informative, _MAX_CELLS if neighbours else 0.75 * reading.n_informative)
     for _ in range(1 + _SEARCHES if neighbours else 1):
         if np.count_nonzero(touched) >= most:

@@ -135,6 +135,8 @@ def by_residual(
     # a cell that conducts too little lowers its own reading most, then its row's and its column's
     ask = "is a contact bad?" if len(lines) == 2 else "is its lead open, or not connected?"
     why = f"most of it is in {', '.join(lines)}: {ask}" if lines else saturation(reading)
+    if not why and reading.curve.offset is None:
+        why = "the rest of the cells is the curve's, not measured: fabrics differ from it"
     text = f"residual of {residual:.2f} ADC steps, {chi2**0.5:.2f} times what noise explains"
     return f"{text}; {why}" if why else text
 
