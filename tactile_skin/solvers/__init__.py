@@ -109,12 +109,7 @@ def compensate(
         given["prior"] = check_prior(prior, circuit)
     given["start"] = start
     given = {name: given[name] for name in _TAKES[method]}
-    checks = {
-        "missing": missing,
-        "threshold": threshold,
-        "noise": noise,
-        "time_limit": time_limit,
-    }
+    checks = {"missing": missing, "threshold": threshold, "noise": noise, "time_limit": time_limit}
     adc = np.asarray(adc, dtype=float)
     if adc.ndim != 3:
         return _one(check_reading(adc, circuit, curve, **checks), method, given)

@@ -72,27 +72,14 @@ class Estimate:
 
 def batch_of(estimates: list[Estimate], shape: tuple[int, int]) -> Estimate:
     """Frames of (rows, cols) = `shape` as one estimate with a leading axis."""
-
-    def all_of(name: str, kind) -> np.ndarray:
-        return np.array([getattr(e, name) for e in estimates], kind)
-
-    def pictures(name: str) -> np.ndarray:
-        return all_of(name, float).reshape(-1, *shape)
-
-    return Estimate(
-        force=pictures("force"),
-        std=pictures("std"),
-        residual=all_of("residual", float),
-        status=all_of("status", str),
-        message=all_of("message", str),
-        method=all_of("method", str),
-        iterations=all_of("iterations", int),
-        r_par=all_of("r_par", float),  # None becomes NaN
-        noise=all_of("noise", float),
-        aside=np.array(
-            [np.zeros(shape, bool) if e.aside is None else e.aside for e in estimates], bool
-        ).reshape(-1, *shape),
-    )
+    kinds = dict.fromkeys(("force", "std", "residual", "r_par", "noise"), float)  # None: NaN
+    kinds |= dict.fromkeys(("status", "message", "method"), str) | {"iterations": int}
+    found = {name: np.array([getattr(e, name) for e in estimates], kinds[name]) for name in kinds}
+    none = np.zeros(shape, bool)
+    found["aside"] = np.array([none if e.aside is None else e.aside for e in estimates], bool)
+    for name in ("force", "std", "aside"):
+        found[name] = found[name].reshape(-1, *shape)  # of no frames, too
+    return Estimate(**found)
 
 
 def spread(curve, force: np.ndarray, std_x: np.ndarray) -> np.ndarray:

@@ -12,11 +12,6 @@ from .suspect import estimate_from_force
 MAX_STEPS = 60
 _TARGET = 0.25  # ADC steps RMS at which to stop: below rounding to whole steps
 BOUND = 1.0 + 1e-9  # factor within which a conductance is on a bound, but for rounding
-_BROAD = 0.1  # share of the cells at rest below which the whole skin is loaded
-# Spread of log g above that of a flat load on a fabric's scatter; squared difference of neighbours
-# over that of any two cells, nearer to 1 (independent) than 0 (a palm).
-_UNEVEN, _INDEPENDENT = 0.25, 0.5
-_LEVEL = 5.0  # times the mean force, which no cell of an even load on the whole skin reaches
 
 
 def fixed_point(reading: Reading) -> Estimate:
@@ -112,30 +107,6 @@ def fill(reading: Reading, g: np.ndarray) -> np.ndarray:
     return np.where(unread & (count.sum((2, 3)) > 0), np.exp(mean), g)
 
 
-def is_broad(circuit, at_rest: np.ndarray) -> bool:
-    """Whether nearly all cells are loaded, by (rows, cols) which are at rest."""
-    cells = circuit.populated
-    return np.count_nonzero(at_rest & cells) < _BROAD * np.count_nonzero(cells)
-
-
-def is_level(reading: Reading, g: np.ndarray) -> bool:
-    """Whether g may be of a load spread as the level prior says: no cell far above the mean."""
-    cells = reading.circuit.populated
-    force = reading.curve.force(1.0 / np.where(cells, g, 1.0))[cells]
-    return bool(force.max() < _LEVEL * force.mean())
-
-
-def is_rough(circuit, g: np.ndarray) -> bool:
-    """Whether all cells are loaded, each independently of its neighbours, by conductance [S]."""
-    cells = circuit.populated
-    x = np.where(cells, np.log(np.where(cells, g, 1.0)), np.nan)
-    apart = [np.square(np.diff(x, axis=axis)).ravel() for axis in (0, 1)]
-    spread = np.nanvar(x)
-    return bool(
-        spread > _UNEVEN**2 and np.nanmean(np.concatenate(apart)) > _INDEPENDENT * 2.0 * spread
-    )
-
-
 def iterate(reading: Reading, g, steps: int, target: float) -> tuple[np.ndarray, int]:
     """`kernel.fixed_point` over the cells that were read, until the RMS misfit is `target` steps.
 
@@ -150,14 +121,8 @@ def iterate(reading: Reading, g, steps: int, target: float) -> tuple[np.ndarray,
         return g, 0
     cells = np.flatnonzero(circuit.populated & reading.known).astype(np.int32)  # others stay
     low, high = (np.log(bound.ravel()[cells]) for bound in reading.bounds)
-    rho, given = (
-        reading.rho.ravel()[cells],
-        {
-            "goal": cells.size * (target / circuit.full_scale) ** 2,
-            "steps": steps,
-            "deadline": reading.deadline,
-        },
-    )
+    rho, goal = reading.rho.ravel()[cells], cells.size * (target / circuit.full_scale) ** 2
+    given = {"goal": goal, "steps": steps, "deadline": reading.deadline}
     if circuit.readout == "floating":
         given |= {"r_ref": circuit.r_ref, "r_par": circuit.r_par}
         return kernel.fixed_point(g, cells, rho, low, high, **given)

@@ -19,16 +19,7 @@ from ..physics.quadratic import inverse_diagonal, solve_in_box
 from . import prior as prior_terms
 from . import score, suspect
 from .estimate import Estimate, spread
-from .fixed_point import (
-    BOUND,
-    fill,
-    first_guess,
-    is_broad,
-    is_level,
-    is_rough,
-    iterate,
-    last_guess,
-)
+from .fixed_point import BOUND, fill, first_guess, iterate, last_guess
 from .reading import ROUNDING_NOISE, Linearised, Reading, noise_at_rest
 from .rivals import other_r_par
 from .rivals.aside import without_bad_contacts
@@ -128,7 +119,7 @@ def _fit(
         reading = _with_noise_at_rest(reading, g)
     low = reading.bounds[0]
     at_rest = circuit.populated & (g < _NEAR_REST * low)
-    broad = level and is_broad(circuit, at_rest) and is_level(reading, g)
+    broad = level and prior_terms.is_broad(circuit, at_rest) and prior_terms.is_level(reading, g)
     g = np.where(at_rest, low, g)
     point, step, iterations, settled = _converge(
         reading, _Point.at(reading, g, broad, prior), broad, prior, warm
@@ -154,7 +145,7 @@ def _fit(
     independent = circuit.readout != "grounded"
     if converged and not broad and independent and step.equations is not None:
         found = prior_terms.with_neighbours(
-            reading, point.model, point.gx, step.equations, std_x, prior
+            reading, point.model, point.gx, point.x, step.equations, std_x, prior
         )
         g, std_x, adc = found or (g, std_x, adc)
     with np.errstate(divide="ignore"):
@@ -203,7 +194,7 @@ def _leaves_level(reading: Reading, point: _Point) -> bool:
     to an even load, so it must be known.
     """
     at_rest = point.model.g < _NEAR_REST * reading.bounds[0]
-    return reading.noise_given and not is_broad(reading.circuit, at_rest)
+    return reading.noise_given and not prior_terms.is_broad(reading.circuit, at_rest)
 
 
 def _touches(reading: Reading, g: np.ndarray) -> np.ndarray:
@@ -259,37 +250,32 @@ def _rough(reading: Reading, point: _Point) -> bool:
     rho = reading.rho_of(point.model.network)
     if np.median(rho[cells]) >= _HARD * score.series_scale(reading.circuit):
         return False
-    return is_rough(reading.circuit, point.model.g)
+    return prior_terms.is_rough(reading.circuit, point.model.g)
 
 
 class _Point(NamedTuple):
     """All that follows from one g."""
 
     model: Linearised
-    gx: np.ndarray  # (rows, cols) S, d g / d x: what the curve adds to the conductance at rest
+    gx: np.ndarray  # `prior.pressed` of g
+    x: np.ndarray
     prior: prior_terms.Quadratic
     cost: float
 
     @classmethod
     def at(cls, reading: Reading, g: np.ndarray, broad: bool, extra) -> _Point:
-        circuit, curve = reading.circuit, reading.curve
-        model = reading.linearised(g, reading.spread)
-        cells = circuit.populated
-        gx = g if curve.offset is None else g - curve.offset * cells
-        at_rest = 1.0 / curve.points[0][1]
-        x = np.log(gx if circuit.mask is None else np.where(cells, gx, at_rest))
+        model, (gx, x) = reading.linearised(g, reading.spread), prior_terms.pressed(reading, g)
+        cells = reading.circuit.populated
+        force = prior_terms.force_of(reading, g) if broad or extra is not None else ()
         if broad:
-            terms = prior_terms.level(*prior_terms.force_of(reading, g), cells)
+            terms = prior_terms.level(*force, cells)
         else:
-            between = prior_terms.differences(circuit)
-            terms = prior_terms.touches(x, np.log(at_rest), between)
+            terms = prior_terms.touches(x, prior_terms.differences(reading.circuit))
         if extra is not None:
-            terms = prior_terms.add(
-                terms, prior_terms.known(*prior_terms.force_of(reading, g), *extra, cells)
-            )
+            terms = prior_terms.add(terms, prior_terms.known(*force, *extra, cells))
         flat = model.misfit.ravel()
         cost = 0.5 * (flat @ flat) + terms.value
-        return cls(model, gx, terms, float(cost))
+        return cls(model, gx, x, terms, float(cost))
 
     @property
     def curvature(self) -> np.ndarray:

@@ -42,11 +42,9 @@ def newton(reading: Reading, start: Estimate | None = None) -> Estimate:
     reading.need_all_cells("newton")
     if reading.circuit.readout == "grounded":  # in closed form
         g, steps, iterations, done = closed_form(reading), 0, 0, True
-    elif start is None:
-        g, steps = iterate(reading, first_guess(reading), START_STEPS, 1e-9)
     else:
-        g, steps = iterate(reading, last_guess(reading, start), WARM_STEPS, 1e-9)
-    if reading.circuit.readout != "grounded":
+        g = first_guess(reading) if start is None else last_guess(reading, start)
+        g, steps = iterate(reading, g, START_STEPS if start is None else WARM_STEPS, 1e-9)
         g, iterations, done = maximise(reading, g)
     cells = reading.circuit.populated
     log_g = np.log(np.where(cells, g, reading.bounds[0]))

@@ -1,6 +1,6 @@
 """What is likely of a touch before it is read (docs/derivation.md): the prior of `map`.
 
-Works in x = log conductance, in which a relative error of a cell's resistance is a difference.
+Works in x, the log of conductance over that at rest, in which a relative error is a difference.
 """
 
 from __future__ import annotations
@@ -20,7 +20,12 @@ from .suspect import NormalEquations
 # Of the differences x_i - x_j between direct neighbours: their weight, and the spread below which
 # they are drawn together. Chosen on bodies of many sizes and textures (tests/yardsticks/prior.py).
 _STEP, _SPREAD = 1.0, 0.3
-_REST = 1.0, 0.3  # of x - x_rest, one-sided: at rest unless the reading says otherwise
+_REST = 1.0, 0.3  # of x, one-sided: at rest unless the reading says otherwise
+_BROAD = 0.1  # share of the cells at rest below which the whole skin is loaded
+# Spread of log g above that of a flat load on a fabric's scatter; squared difference of neighbours
+# over that of any two cells, nearer to 1 (independent) than 0 (a palm).
+_UNEVEN, _INDEPENDENT = 0.25, 0.5
+_LEVEL = 5.0  # times the mean force, which no cell of an even load on the whole skin reaches
 # The last step, `with_neighbours`.
 _STEPS = 3  # at most; one nearly always
 _RISE = 3.0  # standard deviations by which chi^2 may rise: more is the step's curvature
@@ -68,7 +73,7 @@ class Quadratic(NamedTuple):
     entries: np.ndarray | None
 
 
-def touches(x: np.ndarray, x_rest: float, between: Differences) -> Quadratic:
+def touches(x: np.ndarray, between: Differences) -> Quadratic:
     """Most cells are at rest; neighbours are alike, with sharp edges.
 
     Each difference d has the cost w/2 log(s^2 + d^2): small ones are drawn together, a large one,
@@ -76,11 +81,11 @@ def touches(x: np.ndarray, x_rest: float, between: Differences) -> Quadratic:
     holds a cell there that noise alone would lift.
 
     Args:
-        x: (rows, cols), of cells that do not exist x_rest.
+        x: (rows, cols), 0 at rest and where there is no cell.
     """
     value, gradient, diagonal, entries = kernel.roughness(x, between.weight, _SPREAD**2)
     weight, spread = _REST
-    above = (x - (x_rest - spread)) / spread
+    above = x / spread + 1.0
     value += weight * float(np.log(above).sum())
     gradient += (weight / spread) / above
     return Quadratic(value, gradient, diagonal, entries)
@@ -110,16 +115,12 @@ def level(force: np.ndarray, slope: np.ndarray, cells: np.ndarray) -> Quadratic:
 
 
 def known(force, slope, mean, std, cells) -> Quadratic:
-    """Independent knowledge of each force, mean and std [N]: a network's, say."""
+    """Independent knowledge of each force, mean and std [N]: a network's, say.
+
+    Or of each x = log conductance, whose slope is 1.
+    """
     off = np.where(cells, (force - mean) / std, 0.0)
     rate = np.where(cells, slope / std, 0.0)
-    return Quadratic(0.5 * np.square(off).sum(), off * rate, np.square(rate), None)
-
-
-def near(x, mean, std, cells) -> Quadratic:
-    """Independent knowledge of each x = log conductance."""
-    off = np.where(cells, (x - mean) / std, 0.0)
-    rate = np.where(cells, 1.0 / std, 0.0)
     return Quadratic(0.5 * np.square(off).sum(), off * rate, np.square(rate), None)
 
 
@@ -128,6 +129,39 @@ def force_of(reading, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     cells = reading.circuit.populated
     force = np.where(cells, reading.curve.force(1.0 / np.where(cells, g, 1.0)), 0.0)
     return force, -reading.curve.slope(force)
+
+
+def pressed(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(rows, cols) g as of cells that all rest as the curve says [S], which is d g / d x; and x.
+
+    x is the log of it over that at rest; 0 where there is no cell.
+    """
+    curve, cells = reading.curve, reading.circuit.populated
+    gx = g if curve.offset is None else g - curve.offset * cells
+    return gx, np.log(np.where(cells, gx * curve.points[0][1], 1.0))
+
+
+def is_broad(circuit, at_rest: np.ndarray) -> bool:
+    """Whether nearly all cells are loaded, by (rows, cols) which are at rest."""
+    cells = circuit.populated
+    return np.count_nonzero(at_rest & cells) < _BROAD * np.count_nonzero(cells)
+
+
+def is_level(reading: Reading, g: np.ndarray) -> bool:
+    """Whether g may be of a load spread as the level prior says: no cell far above the mean."""
+    force = force_of(reading, g)[0][reading.circuit.populated]
+    return bool(force.max() < _LEVEL * force.mean())
+
+
+def is_rough(circuit, g: np.ndarray) -> bool:
+    """Whether all cells are loaded, each independently of its neighbours, by conductance [S]."""
+    cells = circuit.populated
+    x = np.where(cells, np.log(np.where(cells, g, 1.0)), np.nan)
+    apart = [np.square(np.diff(x, axis=axis)).ravel() for axis in (0, 1)]
+    spread = np.nanvar(x)
+    return bool(
+        spread > _UNEVEN**2 and np.nanmean(np.concatenate(apart)) > _INDEPENDENT * 2.0 * spread
+    )
 
 
 def add(one: Quadratic, other: Quadratic) -> Quadratic:
@@ -164,6 +198,7 @@ def with_neighbours(
     reading: Reading,
     model: Linearised,
     gx: np.ndarray,
+    x: np.ndarray,
     equations: NormalEquations,
     std_x: np.ndarray,
     extra=None,
@@ -175,8 +210,8 @@ def with_neighbours(
     meets the readings with that as the only prior.
 
     Args:
-        gx: (rows, cols) d g / d x [S] of the fit.
-        std_x: (rows, cols) its standard deviation of x = log gx.
+        gx, x: `pressed` of the fit.
+        std_x: (rows, cols) its standard deviation of x.
         extra: (mean, std) of each force [N] that the fit was given.
 
     Returns:
@@ -188,13 +223,13 @@ def with_neighbours(
         return None
     unknown = np.zeros(cells.shape, bool)
     unknown.flat[free] = True
-    x, jacobian = _x(reading, gx), equations.jacobian
+    jacobian = equations.jacobian
     own = model.network.own * model.weight * gx
     mean, std = denoiser.shipped()(x, std_x, own, unknown, cells)
     limit = np.square(model.misfit).sum() + _RISE * (2.0 * reading.n_informative) ** 0.5
     low, high = (bound.ravel()[free] for bound in reading.bounds)
     for _ in range(_STEPS):
-        terms = near(x, mean, std, unknown)
+        terms = known(x, 1.0, mean, std, unknown)
         if extra is not None:
             terms = add(terms, known(*force_of(reading, model.g), *extra, unknown))
         misfit = model.misfit.ravel()[equations.readings].astype(np.float32)
@@ -214,13 +249,6 @@ def with_neighbours(
             std_x.flat[free[inside]] = np.sqrt(inverse_diagonal(factor))
             return g, std_x, adc
         model = reading.linearised(g, reading.spread)
-        gx = g if reading.curve.offset is None else g - reading.curve.offset * cells
-        x = _x(reading, gx)
+        gx, x = pressed(reading, g)
         jacobian = model.jacobian(equations.readings, free) * gx.ravel()[free].astype(np.float32)
     return None
-
-
-def _x(reading: Reading, gx: np.ndarray) -> np.ndarray:
-    """(rows, cols) log of what each cell conducts over that at rest; 0 where there is none."""
-    at_rest = reading.curve.points[0][1]  # ohm
-    return np.log(np.where(reading.circuit.populated, gx * at_rest, 1.0))

@@ -225,9 +225,7 @@ def check_reading(
         raise ValueError(f"reading has shape {adc.shape}: the circuit is {circuit.shape}")
     if not 0.0 <= threshold < 1.0:
         raise ValueError(f"threshold = {threshold!r}: must be an ADC ratio in [0, 1)")
-    noise, excess = (
-        (noise, None) if noise is None or np.ndim(noise) == 0 else _uneven(noise, circuit)
-    )
+    noise, excess = (noise, None) if np.ndim(noise) == 0 else _uneven(noise, circuit)
     if noise is not None and not 0.0 <= noise < circuit.full_scale:
         raise ValueError(f"noise = {noise!r} ADC steps: must be 0 or more, below full scale")
     if time_limit is not None and not time_limit > 0:

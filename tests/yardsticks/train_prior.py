@@ -88,14 +88,13 @@ def fit(force: np.ndarray, rng) -> Fit | None:
     seen = []
     with mock.patch.object(prior, "with_neighbours", lambda *given: seen.append(given)):
         compensate(adc, CIRCUIT, CURVE, "map", noise=noise)
-    if not seen or not seen[-1][3].unknowns.size:
+    if not seen or not seen[-1][4].unknowns.size:
         return None
-    _, model, gx, equations, std, _ = seen[-1]
+    _, model, gx, x, equations, std, _ = seen[-1]
     free, jacobian = equations.unknowns, equations.jacobian
     unknown = np.zeros(gx.shape, bool)
     unknown.flat[free] = True
     own = model.network.own * model.weight * gx
-    x = np.log(gx * CURVE.points[0][1])
     misfit = model.misfit.ravel()[equations.readings].astype(np.float32)
     return Fit(
         denoiser.inputs(x, std, own, unknown, CIRCUIT.populated),

@@ -11,15 +11,14 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import fdtrc
 
 from ...physics.circuit import Circuit
 from ...physics.curve import PressureCurve
 from ...physics.readouts import DRIVEN, READOUTS
 from ..estimate import Estimate
-from ..fixed_point import first_guess, is_rough, iterate, last_guess
+from ..fixed_point import first_guess, iterate, last_guess
 from ..newton import fits_circuit, newton
-from ..prior import differences, force_of, roughness
+from ..prior import differences, force_of, pressed, roughness
 from ..reading import Reading, check_reading, rest_reading
 
 _SPAN = 1e3  # times the curve's rest, up and down, within which another readout's cells may rest
@@ -38,9 +37,6 @@ _NO_LEVEL = 0.02  # level of a picture that nothing touches
 # Times nearer to the curve's rest that cells must be by a rival's explanation of a light load as a
 # hard one, and times harder that this must be.
 _NEARER, _HARDER = {"floating": 2.0, "loaded": 1.1}, {"floating": 1.0, "loaded": 10.0}
-# Chance of independent cells that their lines differ so; share of their variance that is in no line
-# (of a round touch there is none).
-_CHANCE, _OWN = 1e-5, 0.5
 _STEPS, _FAR = 8, 20.0  # of the fixed point, and 1/2 chi^2 a cell that rule a readout out
 
 Fit = Callable[[Reading, np.ndarray], np.ndarray]
@@ -60,8 +56,6 @@ def other_readout(reading: Reading, estimate: Estimate, start: Estimate | None, 
     known = start is not None and start.status == "ok" and _touched(reading, start)[1] >= least
     if share < least or known or reading.late():
         return ""
-    if not floating and _lines_differ(own, g):
-        return f"loads differ by lines, not by cells. Is circuit.driven = {own.driven} right?"
     mine = None
     for circuit, curve in _others(own, reading.curve):
         less = READOUTS.index(own.readout) < READOUTS.index(circuit.readout)
@@ -78,8 +72,8 @@ def other_readout(reading: Reading, estimate: Estimate, start: Estimate | None, 
         if light:
             # A hard load reads like an even, light one where readings change less with the loads,
             # and nothing but that reads like a load there.
-            harder = _total(other, guess) > _HARDER[own.readout] * _total(reading, g)
-            found = harder and fits_circuit(other)
+            hard, here = force_of(other, guess)[0].sum(), force_of(reading, g)[0].sum()
+            found = hard > _HARDER[own.readout] * here and fits_circuit(other)
         else:
             mine = _Touches(reading, fit(reading, g)) if mine is None else mine
             theirs = _Touches(other, fit(other, guess))
@@ -100,11 +94,6 @@ def _touched(reading: Reading, estimate: Estimate) -> tuple[np.ndarray, float]:
     return g, touched / np.count_nonzero(reading.circuit.populated)
 
 
-def _total(reading: Reading, g: np.ndarray) -> float:
-    """Force [N] of all cells that conduct g [S]."""
-    return float(force_of(reading, g)[0].sum())
-
-
 class _Touches:
     """A readout's explanation of a frame.
 
@@ -115,8 +104,7 @@ class _Touches:
 
     def __init__(self, reading: Reading, g: np.ndarray):
         populated = reading.circuit.populated
-        gx = g if reading.curve.offset is None else g - reading.curve.offset
-        self._x = np.log(np.where(populated, gx * reading.curve.points[0][1], 1.0))
+        self._x = pressed(reading, g)[1]
         self._between = differences(reading.circuit)
         touched = populated & (g > _LIFTED * reading.bounds[0])
         self.level = float(self._x[touched].mean()) if touched.any() else _NO_LEVEL
@@ -149,31 +137,6 @@ def _off(curve: PressureCurve) -> float:
     """Factor by which the usual cell's rest differs from the curve's, 1 or more."""
     times = float(np.median(curve.rest_resistance)) / curve.points[0][1]
     return max(times, 1.0 / times)
-
-
-def _lines_differ(circuit: Circuit, g: np.ndarray) -> bool:
-    """Whether rows, or columns, differ more than cells that are loaded independently can.
-
-    With rows and columns exchanged the loads of one seem to differ more than they do. An analysis
-    of variance of log g, of loads on the whole skin that vary from cell to cell.
-    """
-    if circuit.mask is not None or min(g.shape) < 3 or not is_rough(circuit, g):
-        return False
-    x = np.log(g)
-    means = [x.mean(axis, keepdims=True) - x.mean() for axis in (1, 0)]
-    left = x - x.mean() - means[0] - means[1]
-    if np.square(left).mean() < _OWN * x.var():
-        return False
-    rows, cols = g.shape
-    free = (rows - 1) * (cols - 1)
-    variance = np.square(left).sum() / free
-    ratios = [
-        np.square(m).sum() * n / (m.size - 1) / variance
-        for m, n in zip(means, (cols, rows), strict=True)
-    ]
-    return any(
-        fdtrc(m.size - 1, free, ratio) < _CHANCE for m, ratio in zip(means, ratios, strict=True)
-    )
 
 
 @lru_cache(maxsize=16)
