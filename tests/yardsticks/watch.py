@@ -37,6 +37,7 @@ _IDLE = 160  # frames, in which the tare is found
 _RAMP = 15  # frames that a press takes to come, and to go
 _HELD = 50  # frames that it stays
 _PAUSE = 30
+_TOUCH = 2 * _RAMP + _HELD + _PAUSE  # frames from one touch to the next
 _EVEN = replace(EVERYDAY, rest=0.03)  # a good fabric; no fabric's cells are all alike
 SKINS = {
     "sound": _EVEN,
@@ -100,7 +101,8 @@ def watched(kind: str, skin: Textile, early: bool, count: int, seed: int, method
     """What the node makes of one stream: arrays of (frames,), from the fault on.
 
     Returns:
-        touched; fails; doubted, by the node in this frame; fault, reported at this time.
+        touched; fails; doubted, by the node in this frame; fault, reported at this time; touch,
+        its number, from 0.
     """
     circuit, curve = Circuit(), PressureCurve()
     context, executor, seen = Context(clock := ManualClock()), SingleThreadedExecutor(), {}
@@ -116,8 +118,8 @@ def watched(kind: str, skin: Textile, early: bool, count: int, seed: int, method
     compensation = Compensation(node)
     scale = 2 ** (16 - circuit.adc_bits) * circuit.full_scale
     area, level = compensation.cell_area, diagnostics.OK
-    record = {name: [] for name in ("touched", "fails", "doubted", "fault")}
-    for force, adc in stream(kind, skin, early, count, seed, circuit, curve):
+    record = {name: [] for name in ("touched", "fails", "doubted", "fault", "touch")}
+    for number, (force, adc) in enumerate(stream(kind, skin, early, count, seed, circuit, curve)):
         clock.advance(1.0 / RATE)
         samples = np.rint(adc * scale).astype(np.uint16)
         seen.pop("skin/pressure", None)
@@ -133,6 +135,7 @@ def watched(kind: str, skin: Textile, early: bool, count: int, seed: int, method
         record["fails"].append(error > max(FAILS, FAILS_SHARE * mean))
         record["doubted"].append(level != diagnostics.OK)
         record["fault"].append(level == diagnostics.ERROR)
+        record["touch"].append((number - _IDLE) // _TOUCH)
     for one in (node, observer):
         one.destroy_node()
     onset = _IDLE if early else _IDLE + _RAMP  # until then the node waits for the tare
@@ -145,8 +148,8 @@ def measure(kind: str, name: str, early: bool, streams: int, count: int, seed: i
     first = np.array([r["fault"].argmax() if r["fault"].any() else np.inf for r in runs])
     told = np.isfinite(first)
     delay = first[told] / RATE
-    fails, doubted, touched = (
-        np.concatenate([r[key] for r in runs]) for key in ("fails", "doubted", "touched")
+    fails, doubted, touched, touch = (
+        np.concatenate([r[key] for r in runs]) for key in ("fails", "doubted", "touched", "touch")
     )
     lost = [r["fails"].any() and not t for r, t in zip(runs, told, strict=True)]
     return {
@@ -160,6 +163,7 @@ def measure(kind: str, name: str, early: bool, streams: int, count: int, seed: i
         "of them never told": int(sum(lost)),
         "frames that fail": int(fails.sum()),
         "of them silent": int((fails & ~doubted).sum()),
+        "silent in each touch": np.bincount(touch[fails & ~doubted], minlength=count).tolist(),
         "share of touched frames doubted": float(doubted[touched].mean()),
         "hours": len(fails) / RATE / 3600,
     }
