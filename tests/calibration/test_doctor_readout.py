@@ -1,6 +1,7 @@
 """A board that is configured as another readout: the doctor names the one that fits."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -134,3 +135,36 @@ def test_the_rest_of_other_readouts(kind):
     frames[20:30] += pressed - ratio  # somebody presses for a moment
     with pytest.raises(ValueError, match="does something touch the skin"):
         measure_rest(np.clip(frames, 0.0, 1.0), circuit)
+
+
+def other_boards(circuit, seed):
+    """40 s of light touches of a board that its owner is about to describe wrongly."""
+    rng = np.random.default_rng(seed)
+    board = FaultBoard(circuit, CURVE, rng)
+    force = streams.everyday(circuit.populated, 40.0, rng, CURVE.max_force, hard=False).force
+    steps = board.ratio(force[:: KNOTS // 20]) * 1023.0
+    steps += 0.5 * rng.standard_normal(steps.shape)
+    return np.clip(np.rint(steps), 0.0, 1023.0) / 1023.0
+
+
+PULL_UP = Circuit(9, 9, readout="loaded", r_ref=35000.0, r_par=25.0)
+DIRECT = Circuit(12, 10, readout="grounded", r_ref=4700.0, r_par=0.0)
+
+
+@pytest.mark.parametrize("seed", [78201, 78202])
+@pytest.mark.parametrize(
+    "true, supposed",
+    [
+        (PULL_UP, replace(PULL_UP, r_par=326.0)),
+        (PULL_UP, Circuit(9, 9)),  # the defaults, none of which is the board's
+        (PULL_UP, Circuit(9, 9, readout="grounded", r_ref=35000.0)),
+        (DIRECT, Circuit(12, 10, readout="grounded")),
+    ],
+    ids=["r_par", "defaults", "readout and r_par", "r_ref and r_par"],
+)
+def test_where_no_readout_explains_the_touches_that_is_said(true, supposed, seed):
+    frames = other_boards(true, seed)
+    assert diagnose(frames, true) == []
+    (finding,) = diagnose(frames, supposed)
+    assert finding.kind == "circuit"
+    assert "circuit.r_par" in finding.remedy or "what is left is r_par" in finding.remedy

@@ -67,8 +67,9 @@ def diagnose(
         return [finding]
     at_rest = np.where(seen.read, seen.base / circuit.full_scale, np.nan)
     touches = np.where(seen.read, _touches(seen, _READ[0 if series else 1]), np.nan)
-    if finding := other_readout(circuit, at_rest, seen.usual_noise, touches):
-        return [finding]
+    fitting = readout.other(circuit, at_rest, seen.usual_noise, touches)
+    if fitting and fitting.circuit:
+        return [texts.readout(circuit, fitting)]
     if bits := readings.stuck_bits(seen):
         return [texts.bit(*bit) for bit in bits]
     if leaping := readings.leaping_bit(seen):
@@ -92,9 +93,13 @@ def diagnose(
     wires, rho, known = _wires(seen, unusable, found)
     if not known.any():
         return found
-    wires, pairs = _joined(seen, wires, rho, known, order.equal_lines(seen, unusable), found)
+    alike = order.equal_lines(seen, unusable)
+    try:
+        wires, pairs = _joined(seen, wires, rho, known, alike, found)
+        damages, wires = wiring.search(circuit, rho, known, wires)
+    except np.linalg.LinAlgError:  # whatever the cells, this circuit does not read so
+        return found or ([texts.no_readout(circuit, fitting)] if fitting else [])
     unusable |= pairs
-    damages, wires = wiring.search(circuit, rho, known, wires)
     quiet = {(row, col) for row, col, _ in noisy_cells}
     for axis, a, b in wires.joined:  # a cell of lines that touch may be on either
         swap = {a: b, b: a}
@@ -117,6 +122,8 @@ def diagnose(
         if circuit.readout != "floating":  # where a lead is not in series with each reading
             noisy |= {(d.axis, d.line) for d in damages if d.kind in ("lead", "resistor")}
         found += _series(seen, unusable | noisy, quiet, wires)
+    if series and fitting and not found:
+        found.append(texts.no_readout(circuit, fitting))
     return found
 
 
@@ -129,7 +136,7 @@ def other_readout(circuit: Circuit, at_rest, noise: float, touches) -> Finding |
         touches: (n, rows, cols) ADC ratio, some of them hard; NaN: not read.
     """
     fitting = readout.other(circuit, at_rest, noise, touches)
-    return texts.readout(circuit, fitting) if fitting else None
+    return texts.readout(circuit, fitting) if fitting and fitting.circuit else None
 
 
 def _cells(damages: list[wiring.Damage]) -> set[tuple[int, int]]:

@@ -15,6 +15,8 @@ from .recorded import Recorded, line_name
 # Ohm of a crossing, below which it is no pressed cell but a short: one of 1 ohm seems to have up to
 # 40 where r_ref or r_par is 10 % off.
 _SHORT = 60.0
+# Percent up to which an r_ref that is off is worth a word: parts are sold at 1 to 20.
+_PARTS_OFF = 50.0
 
 
 @dataclass(frozen=True)
@@ -301,13 +303,33 @@ def readout(supposed: Circuit, fitting: Fitting) -> Finding:
     )
 
 
+def no_readout(supposed: Circuit, fitting: Fitting) -> Finding:
+    read = f"as a {supposed.readout} one with r_par = {supposed.r_par:g} ohm it does not rest so"
+    if np.isfinite(fitting.supposed):
+        read = (
+            f"a {supposed.readout} one with r_par = {supposed.r_par:g} ohm misses the touches by "
+            f"{fitting.supposed:.0f} times the noise"
+        )
+    return Finding(
+        "circuit",
+        "wiring of the board",
+        f"no readout explains the matrix: {read}, no other comes near",
+        "Check circuit.r_par, r_ref, readout and driven, adc_bits and inverted: docs/boards.md "
+        "shows how to find each",
+    )
+
+
 def circuit(supposed: Circuit, found: Identified) -> Finding:
-    off = 100 * (supposed.r_par / found.circuit.r_par - 1)
+    r_par = found.circuit.r_par
+    off = 100.0 * (supposed.r_par / r_par - 1.0) if r_par > 0.0 else np.inf
+    alike = "A"
+    if abs(off) < _PARTS_OFF:
+        alike = f"r_ref off by {off:+.0f} %, or a"
     return Finding(
         "circuit",
         "r_par, r_ref or supply",
-        f"{found.frames} frames of touches fit r_par = {found.circuit.r_par:.0f} +- "
-        f"{found.std['r_par']:.0f} ohm, not {supposed.r_par:g}. r_ref off by {off:+.0f} %, or a "
-        "divider's supply that is not the ADC's reference, reads the same",
+        f"{found.frames} frames of touches fit r_par = {r_par:.0f} +- "
+        f"{found.std['r_par']:.0f} ohm, not {supposed.r_par:g}. {alike} divider's supply that is "
+        "not the ADC's reference reads the same",
         "Measure the reference resistor, the supply and the ADC's reference; what is left is r_par",
     )

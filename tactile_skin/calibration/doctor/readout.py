@@ -21,20 +21,21 @@ _LEAST_NOISE = 0.3  # ADC steps: of rounding
 
 
 class Fitting(NamedTuple):
-    """Another readout that explains the touches.
+    """What explains touches that the configured circuit does not.
 
     Attributes:
-        circuit: with it.
-        left, supposed: times noise and model error by which it, and the configured one, miss them.
+        circuit: of another readout; None: none explains them, either.
+        left, supposed: times noise and model error by which the best other readout, and the
+            configured one, miss them.
     """
 
-    circuit: Circuit
+    circuit: Circuit | None
     left: float
     supposed: float
 
 
 def other(supposed: Circuit, rest: np.ndarray, noise: float, touches: np.ndarray) -> Fitting | None:
-    """None: the supposed readout explains the touches, or no other does.
+    """None: the supposed readout explains the touches.
 
     Args:
         rest: (rows, cols) ADC ratio of the untouched skin, NaN: not read.
@@ -54,7 +55,9 @@ def other(supposed: Circuit, rest: np.ndarray, noise: float, touches: np.ndarray
             if not (same or circuit == supposed):
                 found.append((_misses(circuit, rest, noise, touches), circuit))
     left, circuit = min(found, key=lambda pair: pair[0])
-    return Fitting(circuit, left, own) if left < min(_BETTER * own, _FITS) else None
+    if left < min(_BETTER * own, _FITS):
+        return Fitting(circuit, left, own)
+    return Fitting(None, left, own) if own > _FITS else None
 
 
 def _misses(circuit: Circuit, at_rest: np.ndarray, noise: float, touches: np.ndarray) -> float:
