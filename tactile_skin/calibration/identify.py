@@ -44,7 +44,7 @@ class Identified:
         circuit: with r_par and r_line as found; as given where the frames do not tell.
         std: name -> one standard deviation [ohm].
         told: name -> whether the frames tell it: its standard deviation is below 3 % of r_par (of
-            0.15 r_ref, if that is more), or 4 ohm of r_line; r_line never where lines are driven.
+            `solvers.score.series_scale`), or 4 ohm of r_line; r_line never where lines are driven.
         missing: what they do not tell, and more of them would: r_line only of a floating matrix.
         frames: how many of them say anything.
         message: for a person.
@@ -73,9 +73,8 @@ def identify(frames, circuit: Circuit, rest: Rest, *, soft: bool | None = None) 
         ValueError: another shape, values outside [0, 1], or readings that fit no skin.
     """
     frames = rest.quiet(check_frames(frames, circuit))
-    # with an r_par far off no frame of a loaded matrix is explained: then from either side
-    step = np.array([_PRIOR[0] * series_scale(circuit), 0.0])
-    starts, hard = (0.0 * step, -step, step), SOFT if soft else HARD
+    # with an r_par that is far too large no frame of a loaded matrix is explained
+    starts, hard = (np.zeros(2), without_r_par(circuit)), SOFT if soft else HARD
     tries = (_solve_frames(frames, circuit, rest, start, hard) for start in starts)
     first = next((found for found in tries if found is not None), None)
     if first is None:
@@ -131,6 +130,15 @@ def _solve_frames(frames, circuit: Circuit, rest: Rest, off, hard: float) -> _So
 def prior_of(circuit: Circuit) -> np.ndarray:
     """(2, 2) precision of what is supposed [1/ohm^2]."""
     return np.diag([(_PRIOR[0] * series_scale(circuit)) ** -2, _PRIOR[1] ** -2])
+
+
+def without_r_par(circuit: Circuit) -> np.ndarray:
+    """(2,) ohm beside the circuit's r_par and r_line, of an r_par of 0.
+
+    From there the steps lead to any r_par; cells explain no hard touch on a loaded matrix behind
+    an r_par that is larger than what the whole line has.
+    """
+    return np.array([-circuit.r_par, 0.0])
 
 
 def bounded(off: np.ndarray, information: np.ndarray, circuit: Circuit) -> np.ndarray:

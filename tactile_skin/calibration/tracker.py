@@ -10,9 +10,9 @@ import numpy as np
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from ..solvers.reading import ROUNDING_NOISE, rest_reading
-from ..solvers.score import series_scale
+from ..solvers.score import MIN_SCALE, series_scale
 from .evidence import SOFT, Evidence, Supposed, stands_anew
-from .identify import NAMES, bounded, prior_of, shifted, std_of
+from .identify import NAMES, bounded, prior_of, shifted, std_of, without_r_par
 from .rest import Rest
 
 _KEPT = 24  # touches: the latest, since boards warm up and connectors age
@@ -28,7 +28,9 @@ _SURE, _REFINED = 5.0, 2.0
 _LIKELY = 3.0
 _RELEVANT = 0.02, 1.5  # of `series_scale`, and ohm of r_line: less changes no picture
 _EXPLAINED = 3.0  # chi^2 a reading, in the median frame, beyond which there is another fault
-_POSSIBLE = 0.5, 60.0  # of `series_scale` beside the configured r_par; ohm of r_line
+# Beside the configured r_par, as share of it, or of `MIN_SCALE` r_ref, if that is more: of a loaded
+# matrix, where r_ref changes nothing of it, only above; ohm of r_line.
+_POSSIBLE = 0.5, 60.0
 _REST_FRAMES = 40  # that a measurement of the rest takes, see tare.py
 
 
@@ -174,9 +176,14 @@ class CircuitTracker:
             self._supposed = Supposed(circuit, self._rest, SOFT)
 
     def _take(self, adc: np.ndarray, noise: float) -> None:
-        evidence = self._supposed.evidence(adc, noise)
+        at, evidence = self._off, self._supposed.evidence(adc, noise)
+        if evidence is None and self._configured.readout == "loaded":
+            at = without_r_par(self._configured)
+            evidence = Supposed(shifted(self._configured, at), self._rest, SOFT).evidence(
+                adc, noise
+            )
         if evidence is not None:
-            self._asked.append(_Asked(adc, noise, self._off, evidence))
+            self._asked.append(_Asked(adc, noise, at, evidence))
 
     def _conclude(self) -> bool:
         """Whether what the touches say together is another circuit than `circuit`."""
@@ -200,11 +207,17 @@ class CircuitTracker:
             return False
         if np.median([self._chi2(a, off) for a in self._asked]) > _EXPLAINED:
             return False
-        possible = np.array([_POSSIBLE[0] * scale, _POSSIBLE[1]])
-        self.impossible = bool((np.abs(off) > possible).any())
+        self.impossible = self._beyond(off)
         self._adopted, self.circuit = off, shifted(self._configured, off)
         self.message = self._words(relevant)
         return True
+
+    def _beyond(self, off: np.ndarray) -> bool:
+        """Whether no board is (2,) ohm off beside the configuration."""
+        given = self._configured
+        most = _POSSIBLE[0] * max(given.r_par, MIN_SCALE * given.r_ref)
+        least = -np.inf if given.readout == "loaded" else -most
+        return not (least <= off[0] <= most and abs(off[1]) <= _POSSIBLE[1])
 
     def _not_dithered(self, stretch: _Stretch) -> float:
         """RMS error of the mean that rounding leaves [ADC steps].

@@ -45,7 +45,8 @@ _REST_SCATTER = 0.05
 _RIM = 1.1  # times its conductance at rest: the rim of a palm is above
 _RIM_SHARE = 0.05  # of `series_scale` by which r_par is too small beside such a rim
 _RIM_AGREES = 2.0  # standard deviations by which r_par is too large beside such a rim
-_MIN_SCALE = 0.15  # of r_ref: what a board's r_par may be where none is configured
+MIN_SCALE = 0.15  # of r_ref: what a board's r_par may be where none is configured
+_MOST_PARTS = 300.0  # ohm, the same whatever r_ref is: two CD4051 have 250 at 5 V, and more below
 RELEVANT = 0.025  # of `series_scale`: less moves hard touches by 8 (blobs) to 25 g (rects) a cell
 SETTLED = 3.5  # standard deviations that may be left with the right r_par: 1 in 2000
 # chi^2 a reading that may be left beside a shift of r_par around a touch, where the skin rests:
@@ -113,7 +114,10 @@ class RParShift(NamedTuple):
 
 def series_scale(circuit: Circuit) -> float:
     """Series resistance [ohm] that errors of r_par are compared with: r_par may be given as 0."""
-    return max(circuit.r_par, _MIN_SCALE * circuit.r_ref)
+    scale = MIN_SCALE * circuit.r_ref
+    if circuit.readout != "grounded":  # whose readings tell only the sum of both, to a share
+        scale = min(scale, _MOST_PARTS)
+    return max(circuit.r_par, scale)
 
 
 def r_par_shift(

@@ -138,6 +138,33 @@ def test_r_par_of_driven_lines_is_found(readout, off):
     assert "r_line is taken as 0" in found.message
 
 
+@pytest.fixture(scope="module", params=["loaded-rows", "loaded-columns"])
+def pulled_up(request):
+    """A board with pull-ups of a microcontroller and nothing in series but its pins.
+
+    Its owner left the r_par of the paper: no cell conducts enough behind that for a hard touch.
+    """
+    board = UnknownDriven((8, 8), 44003, request.param, r_ref=35e3, r_par=25.0 / 326.0)
+    board.idle = board.at_rest()
+    return board
+
+
+def test_an_r_par_that_is_far_too_large_is_found(pulled_up):
+    force = bodies(16, (8, 8), np.random.default_rng(44003))
+    rest = measure_rest(pulled_up.idle, pulled_up.supposed)
+    found = identify(pulled_up.frames(force), pulled_up.supposed, rest)
+    assert found.told["r_par"]
+    assert found.circuit.r_par == pytest.approx(25.0, abs=15.0)
+
+
+def test_a_running_skin_learns_that_r_par_is_far_too_large(pulled_up):
+    """It is used: less than a small r_ref would make likely is no sign of another fault."""
+    tracker = follow(pulled_up, pulled_up.supposed, standing(pulled_up, 8, (8, 8)))
+    assert tracker.circuit.r_par == pytest.approx(25.0, abs=20.0)
+    assert "r_par is" in tracker.message
+    assert not tracker.impossible
+
+
 @pytest.mark.parametrize("readout", DRIVEN)
 def test_idle_frames_of_driven_lines_do_not_tell(readout):
     board = UnknownDriven(SHAPE, 44001, readout, r_par=1.2)
@@ -151,7 +178,7 @@ def follow(board, circuit, touches, noise=0.6):
     """A tracker beside the tare of a skin that rests, then is touched: frames of each touch."""
     tare, tracker, t = Tare(circuit, PressureCurve()), CircuitTracker(circuit), 0.0
     for k in range(130):
-        tare.update(t, board.idle[k % len(board.idle)], np.zeros(SHAPE))
+        tare.update(t, board.idle[k % len(board.idle)], np.zeros(circuit.shape))
         t += 0.01
     assert tare.measured
     for frames in touches:
@@ -163,9 +190,9 @@ def follow(board, circuit, touches, noise=0.6):
     return tracker
 
 
-def standing(board, n: int, seed: int = 7) -> list[np.ndarray]:
+def standing(board, n: int, shape=SHAPE, seed: int = 7) -> list[np.ndarray]:
     """Sixteen touches, n frames of each, alike but for their noise."""
-    force = bodies(16, SHAPE, np.random.default_rng(seed))
+    force = bodies(16, shape, np.random.default_rng(seed))
     return [[board.sample(ratio) for _ in range(n)] for ratio in map(board.expose, force)]
 
 

@@ -111,10 +111,11 @@ class Case:
         shape=None,
         before: float = 0.0,
         readouts: tuple[str, ...] = ("floating",),
+        **parts,
     ):
         rng = np.random.default_rng(seed)
         shape = shape or SHAPES[rng.integers(len(SHAPES))]
-        self.circuit = Circuit(*shape, **readout_of(seed, readouts))
+        self.circuit = Circuit(*shape, **readout_of(seed, readouts), **parts)
         level = np.exp(rng.uniform(-0.3, 0.3))
         curve = PressureCurve(*np.array(PressureCurve().points).T * [[1.0], [level]])
         scanned = SCANNED[rng.integers(len(SCANNED))]
@@ -325,6 +326,8 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--kinds", nargs="*", choices=list(KINDS), help="these, one on a board")
     parser.add_argument("--readouts", nargs="+", choices=READOUTS, default=MIXED)
+    parser.add_argument("--r-ref", type=float, default=Circuit().r_ref, metavar="OHM")
+    parser.add_argument("--r-par", type=float, default=Circuit().r_par, metavar="OHM")
     parser.add_argument("--running", action="store_true", help="through the compensation node")
     args = parser.parse_args()
     if args.running:
@@ -337,7 +340,8 @@ def main() -> None:
         faults = draw(np.random.default_rng([seed, 2]), readout) if faulty else ()
         if faulty and args.kinds:
             faults = (args.kinds[seed % len(args.kinds)],)
-        case = Case(seed, faults, args.seconds, readouts=args.readouts)
+        parts = {"r_ref": args.r_ref, "r_par": args.r_par}
+        case = Case(seed, faults, args.seconds, readouts=args.readouts, **parts)
         begun = time.process_time()
         found = diagnose(case.frames, case.circuit, None)
         spent += time.process_time() - begun

@@ -83,12 +83,13 @@ class UnknownDriven(Unknown):
 
     Args:
         readout: and which lines are driven: "loaded-columns", say.
+        r_ref: pull-up or pull-down resistor [ohm].
     """
 
-    def __init__(self, shape, seed: int, readout: str, **fixed):
+    def __init__(self, shape, seed: int, readout: str, r_ref: float = Circuit().r_ref, **fixed):
         super().__init__(shape, seed, **{"line": 0.0} | fixed)
         readout, driven = readout.split("-")
-        self.supposed = replace(self.supposed, readout=readout, driven=driven)
+        self.supposed = replace(self.supposed, readout=readout, driven=driven, r_ref=r_ref)
         self._board = FaultBoard(
             replace(self.supposed, r_par=self.r_par), self.curve, np.random.default_rng(seed)
         )

@@ -174,14 +174,14 @@ def palms(n: int, shape, rng) -> np.ndarray:
     return np.array(found)
 
 
-def right(n: int, seed: int, shape=(16, 16)) -> None:
+def right(n: int, seed: int, shape=(16, 16), **parts) -> None:
     """Suspect frames of boards whose readout is known, one fabric for each seed [%]."""
     print("of a sound board, noise not given and given; r_par of the board 0.8 and 1.2 times [%]")
     families = "bodies", "pictures", "blobs", "rects", "random", "palms", "even"
     print(f"{'readout':17}" + " ".join(f"{f:>23}" for f in families))
     made = {"palms": palms, "even": even}
     for kind in KINDS:
-        line, taken = [], circuit_of(kind, Circuit(*shape))
+        line, taken = [], circuit_of(kind, Circuit(*shape, **parts))
         for family in families:
             suspect = []
             for off, given in (
@@ -272,6 +272,8 @@ def main():
     parser.add_argument("--n", type=int, default=20, help="frames of a family, or streams")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--side", type=int, default=16, help="cells a side, of wrong and right")
+    parser.add_argument("--r-ref", type=float, default=CIRCUIT.r_ref, help="ohm, of right")
+    parser.add_argument("--r-par", type=float, default=CIRCUIT.r_par, help="ohm, of right")
     args = parser.parse_args()
     _WHAT[args.what](args)
 
@@ -281,7 +283,9 @@ _WHAT = {
     "accuracy": lambda args: accuracy(args.n, args.seed),
     "speed": lambda args: speed(args.n, args.seed),
     "wrong": lambda args: wrong(args.n, args.seed, (args.side, args.side)),
-    "right": lambda args: right(args.n, args.seed, (args.side, args.side)),
+    "right": lambda args: right(
+        args.n, args.seed, (args.side, args.side), r_ref=args.r_ref, r_par=args.r_par
+    ),
     "named": lambda args: named(args.n, args.seed),
     "calibrate": lambda args: calibrate(args.n, args.seed),
 }

@@ -1,6 +1,6 @@
 """After how many touches a running skin knows its r_par:
 `python tests/yardsticks/tracker.py [--boards N] [--seed S] [--seconds T] [--off FACTOR ...]
-[--readout floating|loaded-rows|...]`.
+[--readout floating|loaded-rows|...] [--r-ref OHM] [--r-par OHM, as configured]`.
 
 Boards of `tests/yardsticks/doctor.py` without other faults, r_par off by each factor from the first
 frame on, through the compensation node on a driven clock at 25 or 100 frames a second. `known`: the
@@ -39,11 +39,11 @@ def y() -> float:
     return float(np.median(times))
 
 
-def run(seed: int, factor: float, seconds: float, shapes, readout="floating"):
+def run(seed: int, factor: float, seconds: float, shapes, readout="floating", **parts):
     """Touches until r_par was known (inf: never), its last error [ohm] and std, words, cost."""
     rng = np.random.default_rng(seed)
     readout, driven = readout.split("-") if "-" in readout else (readout, "rows")
-    circuit = Circuit(*shapes[rng.integers(len(shapes))], readout=readout, driven=driven)
+    circuit = Circuit(*shapes[rng.integers(len(shapes))], readout=readout, driven=driven, **parts)
     level = np.exp(rng.uniform(-0.3, 0.3))
     curve = PressureCurve(*np.array(PressureCurve().points).T * [[1.0], [level]])
     board = FaultBoard(circuit, curve, rng, 1.0, readout=READOUTS[rng.integers(3)])
@@ -54,6 +54,7 @@ def run(seed: int, factor: float, seconds: float, shapes, readout="floating"):
     rows, cols = circuit.shape
     given = {"circuit.rows": rows, "circuit.cols": cols, "time_limit": 10.0}
     given |= {"circuit.readout": readout, "circuit.driven": driven}
+    given |= {f"circuit.{name}": value for name, value in parts.items()}
     clock = ManualClock(1000.0)
     overrides = [Parameter(name, value) for name, value in given.items()]
     node = Node("compensation", context=Context(clock), parameter_overrides=overrides)
@@ -98,13 +99,16 @@ def main() -> None:
     parser.add_argument("--off", type=float, nargs="+", default=[1.0, 0.8, 0.9, 1.1, 1.2])
     parser.add_argument("--readout", default="floating")
     parser.add_argument("--shapes", nargs="+", default=["8x8", "16x16"], metavar="ROWSxCOLS")
+    parser.add_argument("--r-ref", type=float, default=Circuit().r_ref, metavar="OHM")
+    parser.add_argument("--r-par", type=float, default=Circuit().r_par, metavar="OHM")
     args = parser.parse_args()
+    parts = {"r_ref": args.r_ref, "r_par": args.r_par}
     shapes = [tuple(map(int, name.split("x"))) for name in args.shapes]
     with one_thread():
         unit = y()
         for factor in args.off:
             seeds = range(args.seed, args.seed + args.boards)
-            runs = [run(seed, factor, args.seconds, shapes, args.readout) for seed in seeds]
+            runs = [run(s, factor, args.seconds, shapes, args.readout, **parts) for s in seeds]
             known = np.array([r[0] for r in runs])
             off = np.array([r[1] for r in runs])
             std = np.array([r[2] for r in runs])
