@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import tempfile
 import time
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -185,14 +186,21 @@ def _summarize(found: Results) -> None:
     print(f"force     up to {_largest(found.total)} in total, {_largest(found.peak)} on a cell")
     print(f"time      p50 {p50:.2f} ms, p99 {p99:.2f} ms a reading")
     print(f"stops     {len(begins)}, stopped {100 * np.mean(found.stops != ''):.1f} % of the time")
+    free = np.append(np.flatnonzero(found.stops == ""), n)
+    if free[0]:  # not free from the first reading on, whose reason is that there is no decision yet
+        why = Counter(found.stops[: free[0]]).most_common(1)[0][0]
+        print(f'  not free {_until(times, 0, free[0])}, most of it: "{why}"')
     for k in begins[:_SHOWN]:
-        free = np.flatnonzero(found.stops[k:] == "")
-        length = f"for {times[k + free[0]] - times[k]:.2f} s" if len(free) else "until the end"
+        length = _until(times, k, free[np.searchsorted(free, k)])
         print(f'  at {times[k]:8.2f} s {length}: "{found.stops[k]}"')
     if len(begins) > _SHOWN:
         print(f"  and {len(begins) - _SHOWN} more")
     for note in found.notes:
         print(note)
+
+
+def _until(times: np.ndarray, begin: int, end: int) -> str:
+    return f"for {times[end] - times[begin]:.2f} s" if end < len(times) else "until the end"
 
 
 def _largest(force: np.ndarray) -> str:

@@ -1,5 +1,6 @@
 """Readings leave as NumPy and CSV, and come back as they were."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -110,6 +111,16 @@ def test_a_foreign_file_is_replayed_recorded_and_exported(tmp_path, config, call
     assert status == 0 and np.load(out).shape == (199, 4, 5)
     status, said, _ = call("replay", made, "--jobs", "2")
     assert status == 0 and "readings  199" in said
+
+
+def test_the_reason_of_a_stop_from_the_first_reading_on_is_said(tmp_path, config, call):
+    calm, pressed = rest(tmp_path), tmp_path / "pressed.npy"
+    np.save(pressed, np.random.default_rng(3).integers(200, 900, (200, 4, 5)).astype(np.uint16))
+    length = {calm: r"for \d\.\d\d s", pressed: "until the end"}
+    for path, words in length.items():
+        _, said, _ = call("replay", path, f"config:={config}")
+        assert re.search(rf'not free {words}, most of it: ".*measuring rest: hands off', said)
+        assert "stops     0, " in said
 
 
 def test_methods_are_compared(tmp_path, config, call):
