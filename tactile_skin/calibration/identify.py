@@ -110,7 +110,7 @@ def _solve_frames(frames, circuit: Circuit, rest: Rest, off, hard: float) -> _So
         hard: HARD or SOFT.
     """
     noise = max(rest.noise, _NOISE)
-    prior = prior_of(circuit)
+    prior, rounds = prior_of(circuit), []
     for _ in range(_ROUNDS):
         supposed = Supposed(shifted(circuit, off), rest, hard, exact=True)
         each = (supposed.evidence(adc, noise) for adc in frames)
@@ -122,9 +122,14 @@ def _solve_frames(frames, circuit: Circuit, rest: Rest, off, hard: float) -> _So
         step = np.linalg.solve(information, score)
         moved = np.abs(step * np.sqrt(information.diagonal())).max()
         off = bounded(off + step, information, circuit)
+        rounds.append(off)
         if moved < _DONE:
             break
-    return _Solution(off, information, std_of(found, information, rest, supposed), len(found))
+    std = std_of(found, information, rest, supposed)
+    if moved >= _DONE:  # each round takes other cells for touched ones, and leads elsewhere
+        last = np.array(rounds[_ROUNDS // 2 :])
+        off, std = last.mean(0), np.hypot(std, last.std(0, ddof=1))
+    return _Solution(off, information, std, len(found))
 
 
 def prior_of(circuit: Circuit) -> np.ndarray:

@@ -117,10 +117,13 @@ def diagnose(
     # With stripes that are cut or are not read it is another network.
     unread = len(pairs) > len(wires.joined) or wires.cut
     unread = unread or (wires.joined and circuit.readout != "floating")
+    beside = {(d.axis, d.line) for d in damages if d.kind in ("lead", "resistor")}
+    if circuit.readout == "loaded":  # so with a sense line that leads to ground by other than r_ref
+        unread = unread or any(axis != circuit.sense_axis for axis, _ in unusable | beside)
     if series and not (unread or top or wires.cells.max() > REST_SPAN):
         noisy = {line[:2] for line in noisy_lines}
         if circuit.readout != "floating":  # where a lead is not in series with each reading
-            noisy |= {(d.axis, d.line) for d in damages if d.kind in ("lead", "resistor")}
+            noisy |= beside
         found += _series(seen, unusable | noisy, quiet, wires)
     if series and fitting and not found:
         found.append(texts.no_readout(circuit, fitting))
@@ -231,9 +234,9 @@ def _series(seen: Recorded, skip, noisy, wires: wiring.Wires) -> list[Finding]:
         seen.turned(axis, unknown)[line] = True
     for at in noisy:
         unknown[at] = True
+    if circuit.readout != "floating":  # only readings that are skipped miss what a bad lead takes
+        wires = replace(wires, lead=[np.zeros(n) for n in circuit.shape])
     lead = wires.lead[0][:, None] + wires.lead[1]  # ohm, of bad ones
-    if circuit.readout != "floating":  # these lines are skipped
-        lead = np.zeros(circuit.shape)
     usual = circuit.ratio(wires.resistance() - lead)
     touches = _without(lead, _touches(seen), circuit)
     adc = np.where(unknown, usual, _without(lead, seen.base / full, circuit))
