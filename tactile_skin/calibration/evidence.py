@@ -12,7 +12,7 @@ from scipy.ndimage import binary_dilation
 from ..physics import lines, readouts
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
-from ..solvers.fixed_point import first_guess, iterate
+from ..solvers.fixed_point import fill, first_guess, iterate
 from ..solvers.reading import Linearised, check_reading
 from ..solvers.score import BESIDE, past, solve
 from .rest import Rest, supposing
@@ -158,6 +158,7 @@ class Supposed:
         reading = check_reading(adc, circuit, self._curve, missing=True, noise=noise)
         grounded = circuit.readout == "grounded"  # where the first guess is the solution
         g = first_guess(reading) if grounded else iterate(reading, self.rest, _START_STEPS, 1.0)[0]
+        g = fill(reading, g)
         further = self._beyond_first_order(g)
         touched = circuit.populated & (g > _EVIDENT * self.rest)
         if not touched.any():
