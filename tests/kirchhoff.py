@@ -82,8 +82,12 @@ def nodal_reading(resistance: np.ndarray, circuit, short=None) -> np.ndarray:
             more = [(line, ground, 1.0 / circuit.r_ref) for line in senses]
         else:
             held = drives if circuit.readout == "grounded" else ()
-            fixed |= dict.fromkeys(held, 0.0) | {drive: 1.0}
             more = [(divider, ground, 1.0 / circuit.r_ref)]
+            if circuit.r_drive:
+                ends = (supply if line == drive else ground for line in drives)
+                more += [(*ends, 1.0 / circuit.r_drive) for ends in zip(drives, ends, strict=True)]
+            else:
+                fixed |= dict.fromkeys(held, 0.0) | {drive: 1.0}
             if circuit.readout == "grounded":  # all sense lines have a divider
                 total = circuit.r_ref + circuit.r_par
                 more += [(line, ground, 1.0 / total) for line in senses if line != sense]

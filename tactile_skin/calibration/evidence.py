@@ -70,7 +70,7 @@ class Evidence(NamedTuple):
 
     Attributes:
         score: (2,) d(-chi^2 / 2) / d(r_par, r_line) past what the touched cells can take [1/ohm];
-            of r_line 0 where lines are driven, whose stripes are taken as ideal.
+            if grounded r_drive in place of r_line, if loaded 0: stripes are taken as ideal.
         information: (2, 2) of the same [1/ohm^2].
         by_rest: (2, rows, cols) by how much the score changes with what each cell conducts at rest
             [1/ohm/S].
@@ -111,7 +111,7 @@ class Supposed:
     @cached_property
     def _shifts(self) -> list[np.ndarray]:
         """(rows, cols) [S/ohm] by which a cell at rest conducts more for each ohm more of r_par,
-        and of r_line: so that the untouched skin reads what it read."""
+        and of r_line or r_drive: so that the untouched skin reads what it read."""
         changes = self._changes(self._resting, self.rest)
         return [self._resting.cells_for(self._cells, -change) for change in changes]
 
@@ -137,8 +137,10 @@ class Supposed:
         return network.behind(added + further)
 
     def _changes(self, network, g: np.ndarray) -> list[np.ndarray]:
-        """(rows, cols) d adc / d r_par, and / d r_line, of cells g [1/ohm]."""
-        if self.circuit.readout != "floating":
+        """(rows, cols) d adc / d r_par, and / d r_line or r_drive, of cells g [1/ohm]."""
+        if self.circuit.readout == "grounded":
+            return [network.by_r_par, network.by_r_drive]
+        if self.circuit.readout == "loaded":
             return [network.by_r_par, np.zeros(g.shape)]
         by_line = lines.added_resistance(network.inverse.k, g, *self._unit)
         return [network.by_r_par, network.by_r_par * by_line]
@@ -156,8 +158,8 @@ class Supposed:
         """
         circuit = self.circuit
         reading = check_reading(adc, circuit, self._curve, missing=True, noise=noise)
-        grounded = circuit.readout == "grounded"  # where the first guess is the solution
-        g = first_guess(reading) if grounded else iterate(reading, self.rest, _START_STEPS, 1.0)[0]
+        solved = circuit.has_closed_form  # the first guess is the solution
+        g = first_guess(reading) if solved else iterate(reading, self.rest, _START_STEPS, 1.0)[0]
         g = fill(reading, g)
         further = self._beyond_first_order(g)
         touched = circuit.populated & (g > _EVIDENT * self.rest)
@@ -235,7 +237,7 @@ class Supposed:
 
 
 class _Past(NamedTuple):
-    patterns: np.ndarray  # (readings, 2) d misfit / d (r_par, r_line) [1/ohm]
+    patterns: np.ndarray  # (readings, 2) d misfit / d r_par, and / d r_line or r_drive [1/ohm]
     misfit: np.ndarray  # (readings,) in standard deviations
     by_no_circuit: np.ndarray  # (readings,) what p leaves of it
     more: np.ndarray  # flat cells that are touched, too

@@ -1,8 +1,8 @@
 """What a person does to calibrate a board, step by step; frames and answers come from outside.
 
-Hands off (rest, noise), press here and there (r_par, r_line), lay known weights on (the curve).
-Each step says when it has enough. How much a standing load gains is measured separately. See
-docs/calibrate.md.
+Hands off (rest, noise), press here and there (what lies in series), lay known weights on (the
+curve). Each step says when it has enough. How much a standing load gains is measured separately
+(docs/calibrate.md).
 """
 
 from __future__ import annotations
@@ -154,7 +154,7 @@ class Guide:
             self._say(f"  {self.found.message}")
         self._check_readout(touches)
         if not touches:
-            self._say("  no touch was felt: r_par and r_line stay as they are configured.")
+            self._say("  no touch was felt: what lies in series stays as it is configured.")
         elif self.found.missing:
             self._say("  What the touches do not tell stays as it is configured.")
 

@@ -1,4 +1,4 @@
-"""r_par and the stripes' resistance, from frames of ordinary touches (docs/derivation.md).
+"""r_par and the resistance of stripes or drivers, from frames of touches (docs/derivation.md).
 
 Where nothing touches, the cells conduct what they did at rest, and the readings there tell what
 lies in series with them. The touched cells of a frame, and those beside them, are unknown. What
@@ -8,7 +8,8 @@ over the frames as a score and its information. Neither the curve nor a force is
 All readouts tell r_par. That of a loaded matrix, its driver's, lowers the driven line's voltage the
 more the harder what is touched on that line. That of a grounded one lies with r_ref, whose voltage
 the touched cells of a sense line take from those beside them; only that sum is told, to a share,
-and r_par is what is left of it. Of both the stripes are taken as ideal: r_line is not told.
+and r_par is what is left of it; r_drive lowers the voltage of all cells of a driven line. Of both
+the stripes are taken as ideal.
 """
 
 from __future__ import annotations
@@ -23,14 +24,15 @@ from ..solvers.score import series_scale
 from .evidence import HARD, SOFT, Evidence, Supposed
 from .rest import Rest, check_frames
 
-NAMES = "r_par", "r_line"
 # Standard deviations between what is found with HARD and with SOFT from which on rims are soft: 2.5
 # at most on 40 boards that bodies touch (seed 143000), 20 at least on 20 that fingers do (143500).
 # SOFT tells less: a limit of 1.5 made one sound board in three a soft one.
 _CONTRADICTION = 3.0
 _ROUNDS = 8  # over all frames, at most
 _DONE = 0.2  # standard deviations by which the last round moved
-_PRIOR = 0.2, 8.0  # standard deviations: of r_par, as share of `series_scale`; of r_line [ohm]
+# Standard deviations: of r_par, as share of `series_scale`; of others [ohm]. Arduinos' pins have 25
+# ohm, a 74HC595's 20 to 70.
+_PRIOR = {"r_par": 0.2, "r_line": 8.0, "r_drive": 50.0}
 _TOLD = 0.03, 4.0  # the same, below which a resistance is told
 _FEWEST = 3  # frames; with fewer one odd touch decides
 _NOISE = 0.3  # ADC steps at least: of rounding
@@ -44,8 +46,8 @@ class Identified:
         circuit: with r_par and r_line as found; as given where the frames do not tell.
         std: name -> one standard deviation [ohm].
         told: name -> whether the frames tell it: its standard deviation is below 3 % of r_par (of
-            `solvers.score.series_scale`), or 4 ohm of r_line; r_line never where lines are driven.
-        missing: what they do not tell, and more of them would: r_line only of a floating matrix.
+            `solvers.score.series_scale`), or 4 ohm of r_line or r_drive; r_line never if loaded.
+        missing: what they do not tell, and more of them would.
         frames: how many of them say anything.
         message: for a person.
     """
@@ -59,7 +61,7 @@ class Identified:
 
 
 def identify(frames, circuit: Circuit, rest: Rest, *, soft: bool | None = None) -> Identified:
-    """Find r_par and r_line by 10 to 30 frames of different touches.
+    """Find r_par, and r_line or of a grounded matrix r_drive, by 10 to 30 frames of touches.
 
     Args:
         frames: (n, rows, cols) ADC ratio; NaN where a crossing was not read. Idle ones do no harm.
@@ -96,7 +98,7 @@ def _the_cautious(frames, circuit: Circuit, rest: Rest, sharp: _Solution) -> _So
 
 
 class _Solution(NamedTuple):
-    off: np.ndarray  # (2,) of r_par and r_line from what was supposed [ohm]
+    off: np.ndarray  # (2,) of `names` from what was supposed [ohm]
     information: np.ndarray  # (2, 2) [1/ohm^2]
     std: np.ndarray  # (2,) [ohm]
     frames: int
@@ -132,13 +134,24 @@ def _solve_frames(frames, circuit: Circuit, rest: Rest, off, hard: float) -> _So
     return _Solution(off, information, std, len(found))
 
 
+def names(circuit: Circuit) -> tuple[str, str]:
+    """Of the two resistances that frames may tell."""
+    return "r_par", "r_drive" if circuit.readout == "grounded" else "r_line"
+
+
+def values(circuit: Circuit) -> tuple[float, float]:
+    """Of these [ohm]; the mean of r_line."""
+    return tuple(float(np.mean(getattr(circuit, name))) for name in names(circuit))
+
+
 def prior_of(circuit: Circuit) -> np.ndarray:
     """(2, 2) precision of what is supposed [1/ohm^2]."""
-    return np.diag([(_PRIOR[0] * series_scale(circuit)) ** -2, _PRIOR[1] ** -2])
+    r_par, other = (_PRIOR[name] for name in names(circuit))
+    return np.diag([(r_par * series_scale(circuit)) ** -2, other**-2])
 
 
 def without_r_par(circuit: Circuit) -> np.ndarray:
-    """(2,) ohm beside the circuit's r_par and r_line, of an r_par of 0.
+    """(2,) ohm beside the circuit's, of an r_par of 0.
 
     From there the steps lead to any r_par; cells explain no hard touch on a loaded matrix behind
     an r_par that is larger than what the whole line has.
@@ -147,8 +160,8 @@ def without_r_par(circuit: Circuit) -> np.ndarray:
 
 
 def bounded(off: np.ndarray, information: np.ndarray, circuit: Circuit) -> np.ndarray:
-    """(2,) ohm more of r_par and r_line that explain the frames best with neither below 0."""
-    least = -np.array([circuit.r_par, np.min(circuit.r_line)])
+    """(2,) ohm more that explain the frames best with neither resistance below 0."""
+    least = -np.array([np.min(getattr(circuit, name)) for name in names(circuit)])
     for k in (1, 0):
         if off[k] < least[k]:
             other = off[1 - k] + information[1 - k, k] / information[1 - k, 1 - k] * (
@@ -159,9 +172,9 @@ def bounded(off: np.ndarray, information: np.ndarray, circuit: Circuit) -> np.nd
 
 
 def shifted(circuit: Circuit, off: np.ndarray) -> Circuit:
-    """The circuit with (2,) ohm more of r_par and r_line, neither below 0."""
-    r_par, r_line = float(circuit.r_par + off[0]), circuit.r_line + off[1]
-    return replace(circuit, r_par=max(r_par, 0.0), r_line=np.maximum(r_line, 0.0))
+    """The circuit with (2,) ohm more, neither resistance below 0."""
+    given = zip(names(circuit), off, strict=True)
+    return replace(circuit, **{n: np.maximum(getattr(circuit, n) + more, 0.0) for n, more in given})
 
 
 def std_of(
@@ -194,27 +207,27 @@ def _identified(
 ) -> Identified:
     limits = np.array([_TOLD[0] * series_scale(circuit), _TOLD[1]])
     told = std < limits
-    if ideal := circuit.readout != "floating":
+    if ideal := circuit.readout == "loaded":
         told[1] = False
     # What is not told stays as it was supposed, and the other is what then explains the frames.
     off = np.where(told, off + information[:, ::-1].diagonal() / information.diagonal()
                    * np.where(told, 0.0, off)[::-1], 0.0)  # fmt: skip
     found = shifted(circuit, off)
-    values = found.r_par, float(np.mean(found.r_line))
-    missing = tuple(n for n, yes in zip(NAMES, told, strict=True) if not yes)
+    both = names(circuit)
+    missing = tuple(n for n, yes in zip(both, told, strict=True) if not yes)
     words = [
         f"{name} = {value:.1f} +- {s:.1f} ohm" if yes else f"{name}: the frames do not tell"
-        for name, value, s, yes in zip(NAMES, values, std, told, strict=True)
+        for name, value, s, yes in zip(both, values(found), std, told, strict=True)
     ]
     if ideal:
-        words[1], missing = f"r_line is taken as 0 if {circuit.readout}", missing[:-1]
+        words[1], missing = "r_line is taken as 0 if loaded", missing[:-1]
     message = f"{', '.join(words)} ({frames} frames of touches)"
     if missing:
         message += ": press hard in more places, with more than a fingertip"
     return Identified(
         found,
-        dict(zip(NAMES, std.tolist(), strict=True)),
-        dict(zip(NAMES, told.tolist(), strict=True)),
+        dict(zip(both, std.tolist(), strict=True)),
+        dict(zip(both, told.tolist(), strict=True)),
         missing,
         frames,
         message,

@@ -1,4 +1,4 @@
-"""r_par and r_line of a running skin: `identify`, one touch that stands at a time."""
+"""What lies in series with a running skin: `identify`, one touch that stands at a time."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..physics.curve import PressureCurve
 from ..solvers.reading import ROUNDING_NOISE, rest_reading
 from ..solvers.score import MIN_SCALE, series_scale
 from .evidence import SOFT, Evidence, Supposed, stands_anew
-from .identify import NAMES, bounded, prior_of, shifted, std_of, without_r_par
+from .identify import bounded, names, prior_of, shifted, std_of, values, without_r_par
 from .rest import Rest
 
 _KEPT = 24  # touches: the latest, since boards warm up and connectors age
@@ -26,11 +26,12 @@ _SURE, _REFINED = 5.0, 2.0
 # The same, from which on it is said: single touches of sound boards (8 x 8 to 16 x 16, seed 33301)
 # were off by 2.2 at most.
 _LIKELY = 3.0
-_RELEVANT = 0.02, 1.5  # of `series_scale`, and ohm of r_line: less changes no picture
+_RELEVANT = 0.02, 1.5  # of `series_scale`, and ohm of the other: less changes no picture
 _EXPLAINED = 3.0  # chi^2 a reading, in the median frame, beyond which there is another fault
 # Beside the configured r_par, as share of it, or of `MIN_SCALE` r_ref, if that is more: of a loaded
-# matrix, where r_ref changes nothing of it, only above; ohm of r_line.
-_POSSIBLE = 0.5, 60.0
+# matrix, where r_ref changes nothing of it, only above; ohm of the others: a multiplexer that
+# drives has up to 1050 (data sheet of the CD4051B at 5 V and 25 degrees).
+_POSSIBLE = {"r_par": 0.5, "r_line": 60.0, "r_drive": 1050.0}
 _REST_FRAMES = 40  # that a measurement of the rest takes, see tare.py
 
 
@@ -57,7 +58,7 @@ class CircuitTracker:
 
     Attributes:
         circuit: what is known of it; the configured one until touches tell another.
-        std: (2,) of r_par and r_line [ohm]; infinite as long as nothing is known.
+        std: (2,) of `identify.names` [ohm]; infinite as long as nothing is known.
         message: what the configuration should say; empty if it does.
         hint: what the touches so far make likely of r_par, and is not sure enough to be used.
         impossible: whether no board is like that.
@@ -73,7 +74,7 @@ class CircuitTracker:
         self._known_to = by_data_sheet if r_par_std is None else r_par_std
         self.std = np.full(2, np.inf)
         self.message, self.hint, self.impossible = "", "", False
-        self._off = np.zeros(2)  # of r_par and r_line, beside the configured [ohm]: the best guess
+        self._off = np.zeros(2)  # beside the configured [ohm]: the best guess
         self._adopted = np.zeros(2)  # the same, of `circuit`
         self._asked: deque[_Asked] = deque(maxlen=_KEPT)
         self._supposed: Supposed | None = None
@@ -121,11 +122,8 @@ class CircuitTracker:
         """For diagnostics; empty as long as nothing is known."""
         if not np.isfinite(self.std).all():
             return {}
-        known = (self.circuit.r_par, float(np.mean(self.circuit.r_line)))
-        return {
-            name: f"{value:.1f} +- {std:.1f} ohm"
-            for name, value, std in zip(NAMES, known, self.std, strict=True)
-        }
+        known = names(self.circuit), values(self.circuit), self.std
+        return {name: f"{v:.1f} +- {std:.1f} ohm" for name, v, std in zip(*known, strict=True)}
 
     def ask(self, curve: PressureCurve, noise: float) -> bool:
         """Take the stretch that waits; some milliseconds.
@@ -215,9 +213,9 @@ class CircuitTracker:
     def _beyond(self, off: np.ndarray) -> bool:
         """Whether no board is (2,) ohm off beside the configuration."""
         given = self._configured
-        most = _POSSIBLE[0] * max(given.r_par, MIN_SCALE * given.r_ref)
+        most = _POSSIBLE["r_par"] * max(given.r_par, MIN_SCALE * given.r_ref)
         least = -np.inf if given.readout == "loaded" else -most
-        return not (least <= off[0] <= most and abs(off[1]) <= _POSSIBLE[1])
+        return not (least <= off[0] <= most and abs(off[1]) <= _POSSIBLE[names(given)[1]])
 
     def _not_dithered(self, stretch: _Stretch) -> float:
         """RMS error of the mean that rounding leaves [ADC steps].
@@ -251,12 +249,11 @@ class CircuitTracker:
         return off, std, information * np.min(1.0 / (information.diagonal() ** 0.5 * std)) ** 2
 
     def _words(self, relevant: np.ndarray) -> str:
-        values = self.circuit.r_par, float(np.mean(self.circuit.r_line))
-        given = self._configured.r_par, float(np.mean(self._configured.r_line))
+        found, given = values(self.circuit), values(self._configured)
         words = [
             f"{name} is {value:.0f} +- {std:.0f} ohm, configured as {was:g}"
             for name, value, std, was, least in zip(
-                NAMES, values, self.std, given, relevant, strict=True
+                names(self.circuit), found, self.std, given, relevant, strict=True
             )
             if abs(value - was) > least
         ]
@@ -265,9 +262,9 @@ class CircuitTracker:
         text = " and ".join(words)
         if self.impossible:
             return f"by the touches {text}: check r_ref, the supply and the wiring"
-        found = f"by the touches {text}: it is allowed for; write it into circuit"
+        text = f"by the touches {text}: it is allowed for; write it into circuit"
         # Readings tell resistances as multiples of r_ref: they fit its configured value as well.
-        off = given[0] / values[0] - 1.0 if values[0] else np.inf
-        if abs(values[0] - given[0]) <= relevant[0] or abs(off) > _POSSIBLE[0]:
-            return found
-        return f"{found}, unless r_ref is {100 * off:+.0f} % off, which reads the same: measure it"
+        off = given[0] / found[0] - 1.0 if found[0] else np.inf
+        if abs(found[0] - given[0]) <= relevant[0] or abs(off) > _POSSIBLE["r_par"]:
+            return text
+        return f"{text}, unless r_ref is {100 * off:+.0f} % off, which reads the same: measure it"

@@ -16,6 +16,7 @@ from .. import __version__
 from ..calibration.creep import as_it_comes, measure_creep
 from ..calibration.curve_fit import MAX_LAG, fit_reference
 from ..calibration.guide import Guide, newtons
+from ..calibration.identify import names, values
 from ..calibration.rest import supposing
 from ..errors import FileError
 from ..files import read_bytes, shorten
@@ -238,7 +239,7 @@ def write(path: Path, source: Path | None, guide: Guide, skin: SkinConfig) -> No
         circuit["r_par"] = round(guide.circuit.r_par, 1)
         if guide.found.told["r_par"]:
             circuit["r_par_std"] = float(f"{guide.found.std['r_par']:.2g}")
-        circuit["r_line"] = round(float(np.mean(guide.circuit.r_line)), 1)
+        circuit[names(guide.circuit)[1]] = round(values(guide.circuit)[1], 1)
     notes = [
         f"made by tactile-skin calibrate {__version__}, {datetime.datetime.now():%Y-%m-%d %H:%M}"
     ]

@@ -27,7 +27,7 @@ examples:
   tactile-skin doctor port:=/dev/ttyUSB0 config:=my_skin.yaml seconds:=60
 options, name:=value:
   config    parameter file with circuit.*, as for launch (default: as recorded, or the paper's)
-  rows, cols, r_ref, r_par, r_line, adc_bits, readout, driven   in its place, or on top of it
+  rows, cols, r_ref, r_par, r_line, r_drive, adc_bits, readout, driven   in its place, or on top
   rest      recorded frames of the untouched skin (default: found in FILE)
   port, baud, protocol, seconds   of the live board (default 1000000, binary, 60)
 exit status: 0 nothing found, 1 something found, 2 a mistake."""
@@ -40,6 +40,7 @@ _KINDS = {
     "r_ref": float,
     "r_par": float,
     "r_line": float,
+    "r_drive": float,
     "adc_bits": int,
     "readout": str,
     "driven": str,
@@ -48,7 +49,7 @@ _KINDS = {
     "protocol": str,
     "seconds": float,
 }
-_CIRCUIT = ("rows", "cols", "r_ref", "r_par", "r_line", "adc_bits", "readout", "driven")
+_CIRCUIT = ("rows", "cols", "r_ref", "r_par", "r_line", "r_drive", "adc_bits", "readout", "driven")
 _LIVE = ("baud", "protocol", "seconds")
 _SECONDS = 5.0, 3600.0
 _CORRUPT, _LOST = 0.005, 0.05  # shares of the frames from which on the link is bad

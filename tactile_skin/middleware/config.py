@@ -118,7 +118,9 @@ def circuit_of(node: Node) -> Circuit:
     r_line = value("r_line", 0.0, "of a stripe, from its lead to its far end [ohm]", 0.0, 1e4)
     readout = value("readout", "floating", f"one of {', '.join(READOUTS)}")
     driven = value("driven", "rows", f"which lines are driven: {' or '.join(DRIVEN)}")
-    return Circuit(rows, cols, r_ref, r_par, adc_bits, mask_of(mask), r_line, readout, driven)
+    r_drive = value("r_drive", 0.0, "of a grounded matrix: of what holds each line [ohm]", 0.0, 1e4)
+    mask = mask_of(mask)
+    return Circuit(rows, cols, r_ref, r_par, adc_bits, mask, r_line, readout, driven, r_drive)
 
 
 def r_par_std_of(node: Node) -> float | None:

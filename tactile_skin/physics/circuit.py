@@ -12,7 +12,7 @@ in the tests as the oracle.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -38,11 +38,13 @@ class Circuit:
             (each column has its own r_ref, the other rows are open; r_par is that of the driver) or
             "grounded" (the same, the other rows are at 0 V; r_par lies before r_ref).
         driven: "rows", or "columns" where these are driven and the rows are read.
+        r_drive: resistance of what holds each driven line at its level [ohm]. Of the grounded
+            readout only.
 
     Raises:
         ValueError: a size, resistance or width outside its range, a mask of another shape, or one
             that falls into parts with no cell between them (their cells could not be told apart);
-            an unknown readout, or one with an r_line that it does not model.
+            an unknown readout, or one with an r_line or r_drive that it does not model.
     """
 
     rows: int = 16
@@ -54,6 +56,7 @@ class Circuit:
     r_line: float | np.ndarray = 0.0
     readout: str = "floating"
     driven: str = "rows"
+    r_drive: float = 0.0
 
     def __post_init__(self):
         for name, allowed in (("readout", readouts.READOUTS), ("driven", readouts.DRIVEN)):
@@ -65,10 +68,11 @@ class Circuit:
             value = getattr(self, name)
             if not isinstance(value, (int, np.integer)) or not low <= value <= high:
                 raise ValueError(f"{name} = {value!r}: must be a whole number from {low} to {high}")
-        for name, low in (("r_ref", "above 0"), ("r_par", "0 or more")):
+        for name, low in (("r_ref", "above 0"), ("r_par", "0 or more"), ("r_drive", "0 or more")):
             value = getattr(self, name)
             if not np.isfinite(value) or value < 0 or (value == 0 and name == "r_ref"):
                 raise ValueError(f"{name} = {value!r} ohm: must be finite and {low}")
+            object.__setattr__(self, name, float(value))
         r_line = np.array(self.r_line, dtype=float)
         if r_line.shape not in ((), (self.rows + self.cols,)):
             raise ValueError(
@@ -81,6 +85,12 @@ class Circuit:
             raise ValueError(
                 f"r_line = {self.r_line!r} ohm: must be 0 for readout = {self.readout!r}, whose "
                 "stripes are taken as ideal"
+            )
+        if self.readout != "grounded" and self.r_drive:
+            where = "r_par" if self.readout == "loaded" else "r_par, with that of the other lead,"
+            raise ValueError(
+                f"r_drive = {self.r_drive!r} ohm: must be 0 for readout = {self.readout!r}, where "
+                f"{where} is that of the driver"
             )
         r_line.setflags(write=False)
         object.__setattr__(self, "r_line", r_line if r_line.ndim else float(r_line))
@@ -120,6 +130,16 @@ class Circuit:
         return 0 if self.driven == "rows" else 1
 
     @property
+    def has_closed_form(self) -> bool:
+        """Whether each sense line's cells follow from its own readings."""
+        return self.readout == "grounded" and not self.r_drive
+
+    def read_as(self, readout: str, driven: str) -> Circuit:
+        """The same without what that readout does not model."""
+        r_drive = self.r_drive if readout == "grounded" else 0.0
+        return replace(self, readout=readout, driven=driven, r_line=0.0, r_drive=r_drive)
+
+    @property
     def full_scale(self) -> int:
         """Reading of the ADC at its reference voltage, in ADC steps."""
         return 2**self.adc_bits - 1
@@ -149,6 +169,7 @@ class Circuit:
             "r_line": np.asarray(self.r_line).tolist(),
             "readout": self.readout,
             "driven": self.driven,
+            "r_drive": float(self.r_drive),
         }
 
     @cached_property
@@ -168,8 +189,8 @@ def circuit_from(description: dict) -> Circuit:
     Raises:
         ValueError: a key is missing or unknown, or as `Circuit`.
     """
-    # weights of old have none of these
-    description = {"r_line": 0.0, "readout": "floating", "driven": "rows"} | description
+    of_old = {"r_line": 0.0, "readout": "floating", "driven": "rows", "r_drive": 0.0}
+    description = of_old | description  # weights of old have none of these
     if (wanted := Circuit().describe().keys()) != description.keys():
         raise ValueError(f"circuit has {', '.join(description)}: must be {', '.join(wanted)}")
     mask = description["mask"]

@@ -2,7 +2,8 @@
 
     floating   one row is driven, one column is read, all other lines are open: the paper's board
     loaded     one row is driven, each column has its own reference resistor, other rows are open
-    grounded   one row is driven, each column has its reference resistor, other rows are at 0 V
+    grounded   one row is driven, each column has its reference resistor, other rows are at 0 V,
+               all rows behind r_drive
 
 In the last two rows and columns may change places. `solve` gives a frame's network, `Floating` or
 `Driven`, which answer alike (docs/derivation.md); adc_a is the reading of crossing a, g_b the
@@ -11,6 +12,7 @@ conductance of cell b:
     adc            (rows, cols) ADC ratio
     own            (rows, cols) d adc_a / d g_a [ohm]
     by_r_par       (rows, cols) d adc_a / d r_par [1/ohm]
+    by_r_drive     the same of r_drive, if grounded
     change(p)      (rows, cols) sum_b d adc_a / d g_b * p_b
     pull(w)        (rows, cols) sum_a w_a * d adc_a / d g_b
     sensitivity(weight, readings, one, other)
@@ -102,10 +104,11 @@ class Floating:
 class Driven:
     """All follows from the voltages of the lines while each line in turn is driven.
 
-    P_i: of all lines while driven line i is at the supply, behind r_par where it is loaded. K_j: of
-    all lines for a current into sense line j, the driven ones being open or at 0 V. With i driven,
-    i is held by its driver, and what is left of K_j is K_j - C_ij P_i. Then for a = (i, j), and e_b
-    from one line of b to the other,
+    P_i: of all lines while driven line i is at the supply, behind r_par where it is loaded, behind
+    r_drive where it is grounded. K_j: of all lines for a current into sense line j, the driven ones
+    being open or at 0 V. Where they are open, i is held by its driver while it is driven, and what
+    is left of K_j is K_j - C_ij P_i; C is 0 if grounded. Then for a = (i, j), and e_b from one line
+    of b to the other,
 
         adc_a = s P_ij,   d adc_a / d g_b = - s (P_i e_b) ((K_j - C_ij P_i) e_b)
 
@@ -114,43 +117,47 @@ class Driven:
 
     def __init__(self, circuit, g: np.ndarray):
         self._turned = circuit.driven == "columns"
-        g = self._turn(g)
+        self._g = g = self._turn(g)
         self._rows = rows = len(g)
         self._picture, self._lines = g.shape, sum(g.shape)
         self._shift = g.shape[0] if self._turned else 0  # of a line's number, inside
-        self._r_par = circuit.r_par
-        if circuit.readout == "loaded":
-            self._s, self._load = 1.0, circuit.r_ref
-            self._solve_loaded(g)
-        else:
-            self._load = circuit.r_ref + circuit.r_par
-            self._s = circuit.r_ref / self._load
+        loaded = circuit.readout == "loaded"
+        self._load = circuit.r_ref if loaded else circuit.r_ref + circuit.r_par
+        self._s, self._at_drive = circuit.r_ref / self._load, None
+        self._c = self._back = np.zeros((rows, 1))  # ohm; _back: K_ji
+        if circuit.has_closed_form:
             self._at_sense = 1.0 / (1.0 / self._load + g.sum(0))  # ohm, K_jj
-            self._v = g * self._at_sense  # P_ij
-            self._c, self._at_drive = np.zeros((rows, 1)), None
+            self._v, self._held = g * self._at_sense, 1.0  # P_ij, P_ii
+        else:
+            k = self._inverse(g, 0.0 if loaded else 1.0 / circuit.r_drive)
+            self._at_sense, self._back = k.diagonal()[rows:], k[:rows, rows:]
+            drive = circuit.r_drive  # ohm
+            if loaded:
+                drive = self._at_drive = k.diagonal()[:rows, None] + circuit.r_par
+                self._c = self._back
+            self._p, self._k = k[:rows] / drive, k[rows:]
+            self._v, self._held = self._p[:, rows:], self._p.diagonal()[:, None]
         self.adc = self._turn(self._s * self._v)
 
-    def _solve_loaded(self, g: np.ndarray) -> None:
+    def _inverse(self, g: np.ndarray, at_drive: float) -> np.ndarray:
+        """K [ohm], where so much leads from each driven line to ground [S]."""
         rows = self._rows
         matrix = np.zeros((self._lines, self._lines))
         matrix[rows:, :rows] = -g.T
-        ends = np.r_[g.sum(1), g.sum(0) + 1.0 / self._load]
+        ends = np.r_[g.sum(1) + at_drive, g.sum(0) + 1.0 / self._load]
         ends[ends == 0.0] = 1.0  # a driven line without a cell: nothing reaches another
         matrix.flat[:: self._lines + 1] = ends
         factor, _ = lapack.dpotrf(matrix, lower=1, overwrite_a=1)
         k, _ = lapack.dpotri(factor, lower=1, overwrite_c=1)
         k += np.tril(k, -1).T
-        ends = k.diagonal()
-        self._at_drive, self._at_sense = ends[:rows] + self._r_par, ends[rows:]  # ohm
-        self._p, self._k, self._c = k[:rows] / self._at_drive[:, None], k[rows:], k[:rows, rows:]
-        self._v = self._p[:, rows:]
+        return k
 
     @cached_property
-    def _p(self) -> np.ndarray:  # if grounded
+    def _p(self) -> np.ndarray:  # if grounded by ideal drivers
         return np.concatenate([np.eye(self._rows), self._v], 1)
 
     @cached_property
-    def _k(self) -> np.ndarray:  # if grounded
+    def _k(self) -> np.ndarray:  # if grounded by ideal drivers
         ends = self._at_sense
         return np.concatenate([np.zeros((len(ends), self._rows)), np.diag(ends)], 1)
 
@@ -160,17 +167,22 @@ class Driven:
 
     @property
     def own(self) -> np.ndarray:
-        own = 1.0 if self._at_drive is None else 1.0 - self._r_par / self._at_drive[:, None]
-        across = own - self._v
-        return self._turn(self._s * across * (self._at_sense - self._c * (1.0 - across)))
+        across = self._held - self._v
+        return self._turn(self._s * across * (self._at_sense - self._back + self._c * across))
 
     @property
     def by_r_par(self) -> np.ndarray:
-        if self._at_drive is None:
-            falls = (1.0 - self._at_sense / self._load) / self._load
-        else:
-            falls = 1.0 / self._at_drive[:, None]
-        return self._turn(-self._s * self._v * falls)
+        if self._at_drive is not None:
+            return self._turn(-self._s * self._v / self._at_drive)
+        back = self._v @ self._k[:, self._rows :]  # what is left by the other sense lines, too
+        return self._turn(self._s / self._load * (back / self._load - self._v))
+
+    @property
+    def by_r_drive(self) -> np.ndarray:
+        """Each driver's current, times what a volt behind that driver makes of the readings."""
+        currents = -self._p[:, self._rows :] @ self._g.T
+        currents += self._p[:, : self._rows] * self._g.sum(1)
+        return self._turn(-self._s * currents @ self._v)
 
     def change(self, p: np.ndarray) -> np.ndarray:
         rows, p = self._rows, self._turn(p)
@@ -256,11 +268,12 @@ def of_network(circuit, laplacian: np.ndarray, lines, leads, r_ref: np.ndarray) 
     load = r_ref + behind + (circuit.r_par if grounded else 0.0)  # ohm
     siemens = np.zeros(len(laplacian))
     np.add.at(siemens, sense[sense >= 0], 1.0 / load[sense >= 0])
+    driver = max(circuit.r_drive, _DRIVER)
     if grounded:
-        np.add.at(siemens, drive[drive >= 0], 1.0 / (before[drive >= 0] + _DRIVER))
+        np.add.at(siemens, drive[drive >= 0], 1.0 / (before[drive >= 0] + driver))
     k = np.linalg.inv(laplacian + np.diag(siemens))
     # a line that is held at 0 V is driven by the same driver
-    at_drive = before + _DRIVER if grounded else before + circuit.r_par + k.diagonal()[drive]
+    at_drive = before + driver if grounded else before + circuit.r_par + k.diagonal()[drive]
     share = np.divide(r_ref, load, out=np.ones(len(load)), where=np.isfinite(r_ref))
     adc = share * k[np.ix_(drive, sense)] / at_drive[:, None]
     adc[drive < 0], adc[:, sense < 0] = 0.0, 0.0

@@ -17,7 +17,7 @@ BOUND = 1.0 + 1e-9  # factor within which a conductance is on a bound, but for r
 def fixed_point(reading: Reading) -> Estimate:
     """The fixed point until the reading is met to the ADC's rounding."""
     reading.need_all_cells("fixed_point")
-    if reading.circuit.readout == "grounded":
+    if reading.circuit.has_closed_form:
         g, iterations = closed_form(reading), 0
     else:
         g, iterations = iterate(reading, first_guess(reading), MAX_STEPS, _TARGET)
@@ -42,7 +42,7 @@ def first_guess(reading: Reading) -> np.ndarray:
 
 
 def _within_bounds(reading: Reading) -> np.ndarray:
-    """Conductance [S] of the grounded readout; cells that would leave their bounds are held there.
+    """Conductance [S] of a grounded matrix by ideal drivers; cells are held within their bounds.
 
     With v = adc (r_ref + r_par) / r_ref, a sense line's cells have g = v G / (1 - sum v), where G
     is what leads from it to ground: its divider, and the cells that are held.
@@ -117,7 +117,7 @@ def iterate(reading: Reading, g, steps: int, target: float) -> tuple[np.ndarray,
         g (rows, cols) [S], within the curve's bounds, and the steps taken.
     """
     circuit = reading.circuit
-    if circuit.readout == "grounded":  # nothing to iterate: g is `closed_form`, or near it
+    if circuit.has_closed_form:  # nothing to iterate: g is `closed_form`, or near it
         return g, 0
     cells = np.flatnonzero(circuit.populated & reading.known).astype(np.int32)  # others stay
     low, high = (np.log(bound.ravel()[cells]) for bound in reading.bounds)

@@ -7,7 +7,8 @@ solution, no local optimum. The bounds make it solvable for noisy readings too, 
 maximum may lie at negative conductances.
 
 The other readouts have no such function: there the same steps solve rho(g) = rho_measured, and a
-step must bring the unknowns' own readings nearer. A grounded matrix has a closed form.
+step must bring the unknowns' own readings nearer. Of a grounded matrix by ideal drivers there is
+a closed form.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ _DENSE = 400  # unknowns up to which a Cholesky factor is faster than conjugate 
 def newton(reading: Reading, start: Estimate | None = None) -> Estimate:
     """Projected Newton from `start`, or from a few steps of the fixed point."""
     reading.need_all_cells("newton")
-    if reading.circuit.readout == "grounded":  # in closed form
+    if reading.circuit.has_closed_form:
         g, steps, iterations, done = closed_form(reading), 0, 0, True
     else:
         g = first_guess(reading) if start is None else last_guess(reading, start)

@@ -136,7 +136,7 @@ class Pictures:
     def _known(self, snapshot: Snapshot) -> tuple[Circuit, PressureCurve]:
         """The circuit and the curve as the skin has found them, by what it says."""
         circuit, curve = self.skin.circuit, self.skin.curve
-        found = {name: _value(snapshot, name) for name in ("r_par", "r_line")}
+        found = {name: _value(snapshot, name) for name in ("r_par", "r_line", "r_drive")}
         circuit = replace(circuit, **{k: v for k, v in found.items() if v is not None})
         if snapshot.rest is not None and snapshot.rest.shape == circuit.shape:
             curve = curve.resting_at(snapshot.rest)

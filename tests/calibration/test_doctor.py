@@ -32,7 +32,7 @@ def test_light_touches_are_no_other_r_par():
     assert diagnose(case.frames, case.circuit) == []
 
 
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "resistor"])
+@pytest.mark.parametrize("kind", [k for k in KINDS if k not in ("resistor", "drivers")])
 def test_a_fault_is_named_with_its_line_or_cell(kind):
     case = Case(7, (kind,), SECONDS, SHAPE)
     found = diagnose(case.frames, case.circuit)

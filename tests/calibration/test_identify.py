@@ -126,16 +126,23 @@ DRIVEN = "loaded-rows", "loaded-columns", "grounded-rows", "grounded-columns"
 @pytest.mark.parametrize("readout", DRIVEN)
 @pytest.mark.parametrize("off", [0.8, 1.0, 1.2])
 def test_r_par_of_driven_lines_is_found(readout, off):
-    """Grounded, it is what is left of the sum with r_ref, and ten times as uncertain."""
+    """Grounded, it is what is left of the sum with r_ref, and told with r_drive."""
     board = UnknownDriven(SHAPE, 44000, readout, r_par=off)
     rest = measure_rest(board.at_rest(), board.supposed)
     touched = board.frames(bodies(16, SHAPE, np.random.default_rng(44000)))
     found = identify(touched, board.supposed, rest)
-    assert found.told == {"r_par": True, "r_line": False}
     assert not found.missing
-    assert found.std["r_par"] < (1.0 if readout.startswith("loaded") else 8.0)
     assert found.circuit.r_par == pytest.approx(board.r_par, abs=3.0 * found.std["r_par"])
-    assert "r_line is taken as 0" in found.message
+    if readout.startswith("loaded"):
+        assert found.told == {"r_par": True, "r_line": False}
+        assert found.std["r_par"] < 1.0
+        assert "r_line is taken as 0" in found.message
+    else:
+        assert found.told == {"r_par": True, "r_drive": True}
+        assert found.std["r_par"] < 8.0 and found.std["r_drive"] < 2.0
+        assert board.r_drive > 10.0  # 0 is supposed
+        close = 3.0 * found.std["r_drive"]
+        assert found.circuit.r_drive == pytest.approx(board.r_drive, abs=close)
 
 
 @pytest.fixture(scope="module", params=["loaded-rows", "loaded-columns"])
@@ -171,7 +178,7 @@ def test_idle_frames_of_driven_lines_do_not_tell(readout):
     rest = measure_rest(board.at_rest(), board.supposed)
     found = identify(board.frames(np.zeros((8, *SHAPE))), board.supposed, rest)
     assert found.circuit == board.supposed
-    assert found.missing == ("r_par",)
+    assert found.missing == (("r_par",) if board.r_drive == 0.0 else ("r_par", "r_drive"))
 
 
 def follow(board, circuit, touches, noise=0.6):
@@ -239,7 +246,9 @@ def test_a_running_skin_of_driven_lines_learns_its_r_par(readout):
     board.idle = board.at_rest()
     tracker = follow(board, board.supposed, standing(board, 8))
     assert tracker.circuit.r_par == pytest.approx(board.r_par, abs=12.0)
+    assert tracker.circuit.r_drive == pytest.approx(board.r_drive, abs=4.0)
     assert "r_par is" in tracker.message
+    assert ("r_drive is" in tracker.message) == (board.r_drive > 0.0)
     assert "r_line" not in tracker.message
 
 

@@ -10,12 +10,15 @@ from tactile_skin import Circuit, forward
 from tactile_skin.physics import readouts
 from tactile_skin.physics.circuit import circuit_from, jacobian
 
-KINDS = [("loaded", "rows"), ("loaded", "columns"), ("grounded", "rows"), ("grounded", "columns")]
+IDEAL = [("grounded", "rows"), ("grounded", "columns")]
+HELD = [("grounded", "rows", "40"), ("grounded", "columns", "0.3")]  # r_drive [ohm]
+KINDS = [("loaded", "rows"), ("loaded", "columns"), *IDEAL, *HELD]
 ALL = [("floating", "rows"), *KINDS]
 
 
 def skin(rows, cols, kind, **others) -> Circuit:
-    readout, driven = kind
+    readout, driven, *r_drive = kind
+    others["r_drive"] = float(r_drive[0]) if r_drive else 0.0
     return Circuit(rows, cols, readout=readout, driven=driven, **others)
 
 
@@ -110,6 +113,11 @@ def test_derivatives_are_those_of_differences(kind):
         readouts.solve(replace(circuit, r_par=circuit.r_par + step), g).adc for step in (0.1, -0.1)
     )
     assert network.by_r_par == pytest.approx((more - less) / 0.2, rel=1e-6)
+    if circuit.readout == "grounded":
+        steps = np.maximum(circuit.r_drive + np.array([1e-3, -1e-3]), 0.0)
+        more, less = (readouts.solve(replace(circuit, r_drive=r), g).adc for r in steps)
+        by_difference = (more - less) / (steps[0] - steps[1])
+        assert network.by_r_drive == pytest.approx(by_difference, rel=1e-3)
 
 
 @pytest.mark.parametrize("kind", KINDS, ids="-".join)
@@ -127,7 +135,7 @@ def test_a_short_between_lines_by_differences(kind):
         assert found[:, 0] == pytest.approx(expected, rel=1e-3, abs=1e-3)
 
 
-@pytest.mark.parametrize("kind", KINDS[2:], ids="-".join)
+@pytest.mark.parametrize("kind", IDEAL, ids="-".join)
 def test_grounded_is_inverted_in_closed_form(kind):
     circuit, resistance = skin(4, 6, kind), fabric((4, 6), 3)
     adc = forward(circuit, resistance)
@@ -149,3 +157,13 @@ def test_what_is_refused():
         Circuit(driven="cols")
     with pytest.raises(ValueError, match=r"r_line = 5.0 ohm.*readout = 'loaded'"):
         Circuit(readout="loaded", r_line=5.0)
+    with pytest.raises(ValueError, match=r"r_drive = -1.0 ohm: must be finite and 0 or more"):
+        Circuit(readout="grounded", r_drive=-1.0)
+    with pytest.raises(ValueError, match=r"r_drive = 5.0 ohm: .*'loaded', where r_par is that"):
+        Circuit(readout="loaded", r_drive=5.0)
+
+
+def test_drivers_share_their_row_s_voltage_by_hand():
+    """1 kohm everywhere, drivers of 500 ohm: both columns are alike, as one of 500 ohm a row."""
+    circuit = Circuit(2, 2, r_ref=1000.0, r_par=0.0, readout="grounded", r_drive=500.0)
+    assert forward(circuit, np.full((2, 2), 1000.0)) == pytest.approx(np.full((2, 2), 0.25))

@@ -21,6 +21,7 @@ import argparse
 import copy
 import time
 from collections import defaultdict
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -62,12 +63,13 @@ KINDS = {  # of the report: names in `wires.ELECTRICAL`
     "circuit": ("r_par -20 %", "r_par +20 %", "r_ref -10 %", "r_ref +10 %", "supply falls"),
     "saturation": ("saturated at 60 %", "amplifier at 60 %"),
     "bits": tuple(f"bit {k} stuck at {v}" for k in (3, 5, 7) for v in (0, 1)),
+    "drivers": ("weak drivers",),  # of grounded boards; only if asked for
 }
 BEFORE = 10.0  # s of a sound board
 EVERY = 4  # frames for one that the node is given, to save time: 25 a second
 STARTED = 4.0  # s after which a skin has measured its rest, at the frame rate of 32 x 32, too
 MAY_HIDE = "saturation", "short of neighbours"
-WHOLE = "circuit", "saturation", "bits"  # of no line, at most one on a board
+WHOLE = "circuit", "saturation", "bits", "drivers"  # of no line, at most one on a board
 
 
 def frames_of(board: FaultBoard, force: np.ndarray) -> np.ndarray:
@@ -90,6 +92,13 @@ def _missing_resistor(board: FaultBoard) -> None:
 
 
 MISSING = Fault("missing resistor", "a sense line has no reference resistor", _missing_resistor)
+
+
+def _weak_drivers(board: FaultBoard) -> None:
+    board.circuit = replace(board.circuit, r_drive=board.rng.uniform(15.0, 100.0))
+
+
+DRIVERS = Fault("weak drivers", "what holds a driven line has 15 to 100 ohm", _weak_drivers)
 
 
 def readout_of(seed: int, readouts: tuple[str, ...]) -> dict:
@@ -124,7 +133,7 @@ class Case:
         self.before = self._used(before, rng) if before else []
         self.faults = []  # kind, name, rows, cols
         self.cut = np.empty((0, 2), int)  # crossings behind the cut of a broken stripe
-        by_name = {fault.name: fault for fault in (*wires.ELECTRICAL, MISSING)}
+        by_name = {fault.name: fault for fault in (*wires.ELECTRICAL, MISSING, DRIVERS)}
         for kind in faults:
             name = KINDS[kind][rng.integers(len(KINDS[kind]))]
             before = self._state()
@@ -209,6 +218,8 @@ class Case:
 def explains(finding, kind: str, name: str, rows: set, cols: set, cut) -> bool:
     """Whether a finding names a fault, with its line or cell."""
     at = set(finding.rows) == rows and set(finding.cols) == cols
+    if kind == "drivers":
+        return finding.where == "r_drive"
     if kind in WHOLE:
         return finding.kind == kind
     if kind == "doubled":
@@ -226,7 +237,8 @@ def explains(finding, kind: str, name: str, rows: set, cols: set, cut) -> bool:
 
 def draw(rng, readout: str) -> tuple[str, ...]:
     """One or two kinds of fault that such a board may have."""
-    kinds = [k for k in KINDS if k != "bits" and (k != "resistor" or readout != "floating")]
+    kinds = [k for k in KINDS if k not in ("bits", "drivers")]
+    kinds = [k for k in kinds if k != "resistor" or readout != "floating"]
     if rng.random() < 0.1:
         return ("bits",)
     n = rng.integers(1, 3)

@@ -20,6 +20,7 @@ import numpy as np
 from tactile_skin import Circuit, PressureCurve, compensate, identify, measure_rest
 from tactile_skin.bench import textile
 from tactile_skin.bench.damage.board import FaultBoard
+from tactile_skin.calibration.identify import names, values
 from tactile_skin.calibration.rest import supposing
 from tactile_skin.learning import scenes
 from tactile_skin.physics.curve import GRAM
@@ -90,9 +91,11 @@ class UnknownDriven(Unknown):
         super().__init__(shape, seed, **{"line": 0.0} | fixed)
         readout, driven = readout.split("-")
         self.supposed = replace(self.supposed, readout=readout, driven=driven, r_ref=r_ref)
-        self._board = FaultBoard(
-            replace(self.supposed, r_par=self.r_par), self.curve, np.random.default_rng(seed)
-        )
+        self.r_drive = 0.0
+        if readout == "grounded":  # from ideal drivers to those of a multiplexer
+            self.r_drive = np.random.default_rng([seed, 3]).uniform(0.0, 100.0)
+        true = replace(self.supposed, r_par=self.r_par, r_drive=self.r_drive)
+        self._board = FaultBoard(true, self.curve, np.random.default_rng(seed))
 
     def expose(self, force) -> np.ndarray:
         return self._board.ratio(force[None])[0]
@@ -121,6 +124,8 @@ def main() -> None:
     for seed in range(args.seed, args.seed + args.boards):
         driven = args.readout != "floating"
         board = UnknownDriven(shape, seed, args.readout) if driven else Unknown(shape, seed)
+        both = names(board.supposed)
+        truth = tuple(getattr(board, name) for name in both)
         force = bodies(args.frames, shape, np.random.default_rng([seed, 1]))
         frames, rest = board.frames(force), measure_rest(board.at_rest(), board.supposed)
         begun = time.process_time()
@@ -128,24 +133,22 @@ def main() -> None:
         spent += time.process_time() - begun
         if args.errors:
             new = bodies(args.errors, shape, np.random.default_rng([seed, 2]))
-            true = replace(board.supposed, r_par=board.r_par, r_line=board.r_line)
+            true = replace(board.supposed, **dict(zip(both, truth, strict=True)))
             seen = board.frames(new)
             circuits = true, found.circuit, board.supposed
             errors.append([error(board, circuit, rest, seen, new) for circuit in circuits])
-        values = found.circuit.r_par, float(np.mean(found.circuit.r_line))
-        truth = board.r_par, board.r_line
-        off.append(np.subtract(values, truth))
-        std.append([found.std["r_par"], found.std["r_line"]])
-        told.append([found.told["r_par"], found.told["r_line"]])
+        off.append(np.subtract(values(found.circuit), truth))
+        std.append([found.std[name] for name in both])
+        told.append([found.told[name] for name in both])
         print(
             f"{seed}: r_par {truth[0]:.1f}, off by {off[-1][0]:+.2f} +- {std[-1][0]:.2f}; "
-            f"r_line {truth[1]:.1f}, off by {off[-1][1]:+.2f} +- {std[-1][1]:.2f}; "
+            f"{both[1]} {truth[1]:.1f}, off by {off[-1][1]:+.2f} +- {std[-1][1]:.2f}; "
             f"told {told[-1]}, {found.frames} frames",
             flush=True,
         )
     off, std, told = np.array(off), np.array(std), np.array(told)
     share = np.abs(off[:, 0]) < 0.01 * Circuit().r_par
-    print(f"r_par within 1 %: {share.mean():.1%}; r_line within 1 ohm: ", end="")
+    print(f"r_par within 1 %: {share.mean():.1%}; {both[1]} within 1 ohm: ", end="")
     print(f"{(np.abs(off[:, 1]) < 1.0).mean():.1%}; told {told.mean(0)}")
     within = [np.mean((np.abs(off) < std)[told[:, k], k]) for k in range(2) if told[:, k].any()]
     print("of those told, within one standard deviation:", *(f"{share:.0%}" for share in within))

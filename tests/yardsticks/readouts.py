@@ -5,6 +5,7 @@
     speed      floating, in times y, to compare two versions: run them in turn
     wrong      how often a frame of one readout is suspect to another, after a tare by that
     right      how often one is suspect on its own readout: of a sound board, and with r_par off
+    drivers    what is felt of a grounded board whose drivers are not those that are configured
     named      streams of a minute, with the readout that `diagnose` names
     calibrate  what `calibrate` has: a rest, then five touches; r_par is up to 20 % off
 
@@ -174,36 +175,50 @@ def palms(n: int, shape, rng) -> np.ndarray:
     return np.array(found)
 
 
+def scanned(board: Circuit, taken: Circuit, family: str, n: int, seed: int):
+    """(n, rows, cols) loads [N] on a fabric that scatters, readings, the curve with its rest."""
+    made, shape = {"palms": palms, "even": even, "light": light}, board.shape
+    rng = np.random.default_rng(seed)
+    scatter = REST_SCATTER * rng.standard_normal(shape)
+    rest = CURVE.resting_at(CURVE.rest_resistance * np.exp(scatter))
+    at_rest = forward(board, rest.resistance(np.zeros(shape)))
+    curve = CURVE.resting_at(1.0 / resting_conductance(at_rest, taken, 0.1))
+    make = made.get(family) or (lambda n, shape, rng: scenes.sample(family, n, *shape, rng))
+    force = np.minimum(make(n, shape, rng), CURVE.max_force)
+    adc = scenes.read_out(board, forward(board, rest.resistance(force)), "scan", rng)
+    return force, adc, curve
+
+
 def right(n: int, seed: int, shape=(16, 16), **parts) -> None:
     """Suspect frames of boards whose readout is known, one fabric for each seed [%]."""
     print("of a sound board, noise not given and given; r_par of the board 0.8 and 1.2 times [%]")
     families = "bodies", "pictures", "blobs", "rects", "random", "palms", "even"
     print(f"{'readout':17}" + " ".join(f"{f:>23}" for f in families))
-    made = {"palms": palms, "even": even}
+    cases = (1.0, None), (1.0, SCAN_NOISE), (0.8, SCAN_NOISE), (1.2, SCAN_NOISE)
     for kind in KINDS:
         line, taken = [], circuit_of(kind, Circuit(*shape, **parts))
         for family in families:
             suspect = []
-            for off, given in (
-                (1.0, None),
-                (1.0, SCAN_NOISE),
-                (0.8, SCAN_NOISE),
-                (1.2, SCAN_NOISE),
-            ):
-                rng = np.random.default_rng(seed)
-                board, scatter = replace(taken, r_par=off * taken.r_par), rng.standard_normal(shape)
-                rest = CURVE.resting_at(CURVE.rest_resistance * np.exp(REST_SCATTER * scatter))
-                at_rest = forward(board, rest.resistance(np.zeros(shape)))
-                curve = CURVE.resting_at(1.0 / resting_conductance(at_rest, taken, 0.1))
-                make = made.get(family) or (
-                    lambda n, shape, rng, f=family: scenes.sample(f, n, *shape, rng)
-                )
-                force = np.minimum(make(n, shape, rng), CURVE.max_force)
-                adc = scenes.read_out(board, forward(board, rest.resistance(force)), "scan", rng)
+            for off, given in cases:
+                board = replace(taken, r_par=off * taken.r_par)
+                _, adc, curve = scanned(board, taken, family, n, seed)
                 found = compensate(adc, taken, curve, "map", noise=given)
                 suspect.append(100.0 * np.mean(found.status != "ok"))
             line.append("{:5.1f} {:5.1f} {:5.1f} {:5.1f}".format(*suspect))
         print(f"{' '.join(kind):17}" + " ".join(line), flush=True)
+
+
+def drivers(n: int, seed: int, shape=(16, 16), r_ref: float = CIRCUIT.r_ref) -> None:
+    """Force felt over true one, median, and suspect frames [%], by the drivers' resistance."""
+    ideal = Circuit(*shape, r_ref=r_ref, r_par=0.0, readout="grounded")
+    for r_drive, supposed in ((0.0, 0.0), (25.0, 0.0), (70.0, 0.0), (25.0, 25.0), (70.0, 70.0)):
+        board, taken, line = *(replace(ideal, r_drive=r) for r in (r_drive, supposed)), []
+        for family in ("bodies", "blobs", "rects", "palms", "light"):
+            force, adc, curve = scanned(board, taken, family, n, seed)
+            found = compensate(adc, taken, curve, "map", noise=SCAN_NOISE)
+            felt = np.median(found.force.sum((1, 2)) / force.sum((1, 2)))
+            line.append(f"{family} {felt:.2f} {100.0 * np.mean(found.status != 'ok'):3.0f} %")
+        print(f"{r_drive:3.0f} ohm, taken for {supposed:3.0f}:  " + "   ".join(line), flush=True)
 
 
 def recording(circuit: Circuit, seed: int, seconds=60.0) -> np.ndarray:
@@ -271,8 +286,8 @@ def main():
     parser.add_argument("what", choices=[*_WHAT])
     parser.add_argument("--n", type=int, default=20, help="frames of a family, or streams")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--side", type=int, default=16, help="cells a side, of wrong and right")
-    parser.add_argument("--r-ref", type=float, default=CIRCUIT.r_ref, help="ohm, of right")
+    parser.add_argument("--side", type=int, default=16, help="cells, of wrong, right, drivers")
+    parser.add_argument("--r-ref", type=float, default=CIRCUIT.r_ref, help="ohm, of right, drivers")
     parser.add_argument("--r-par", type=float, default=CIRCUIT.r_par, help="ohm, of right")
     args = parser.parse_args()
     _WHAT[args.what](args)
@@ -286,6 +301,7 @@ _WHAT = {
     "right": lambda args: right(
         args.n, args.seed, (args.side, args.side), r_ref=args.r_ref, r_par=args.r_par
     ),
+    "drivers": lambda args: drivers(args.n, args.seed, (args.side, args.side), args.r_ref),
     "named": lambda args: named(args.n, args.seed),
     "calibrate": lambda args: calibrate(args.n, args.seed),
 }

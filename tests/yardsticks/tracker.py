@@ -1,17 +1,19 @@
 """After how many touches a running skin knows its r_par:
 `python tests/yardsticks/tracker.py [--boards N] [--seed S] [--seconds T] [--off FACTOR ...]
-[--readout floating|loaded-rows|...] [--r-ref OHM] [--r-par OHM, as configured]`.
+[--readout floating|loaded-rows|...] [--r-ref OHM] [--r-par OHM, as configured]
+[--r-drive OHM, of a grounded board that is configured without]`.
 
 Boards of `tests/yardsticks/doctor.py` without other faults, r_par off by each factor from the first
 frame on, through the compensation node on a driven clock at 25 or 100 frames a second. `known`: the
-circuit that the node computes with has an r_par within 3 % of `series_scale` of the true one, and
-keeps it. The time is that of the tracker alone, on average over all frames.
+circuit that the node computes with has an r_par within 3 % of `series_scale` of the true one, an
+r_drive within 3 ohm, and keeps them. The time is the tracker's alone, averaged over all frames.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
+from dataclasses import replace
 
 import numpy as np
 from yardsticks.doctor import EVERY, frames_of
@@ -25,7 +27,7 @@ from tactile_skin.msg import Header, image
 from tactile_skin.nodes.compensation import Compensation
 from tactile_skin.solvers.score import series_scale
 
-KNOWN = 0.03
+KNOWN, DRIVE = 0.03, 3.0  # ohm of r_drive
 
 
 def y() -> float:
@@ -39,7 +41,7 @@ def y() -> float:
     return float(np.median(times))
 
 
-def run(seed: int, factor: float, seconds: float, shapes, readout="floating", **parts):
+def run(seed: int, factor: float, seconds: float, shapes, readout="floating", r_drive=0.0, **parts):
     """Touches until r_par was known (inf: never), its last error [ohm] and std, words, cost."""
     rng = np.random.default_rng(seed)
     readout, driven = readout.split("-") if "-" in readout else (readout, "rows")
@@ -48,6 +50,7 @@ def run(seed: int, factor: float, seconds: float, shapes, readout="floating", **
     curve = PressureCurve(*np.array(PressureCurve().points).T * [[1.0], [level]])
     board = FaultBoard(circuit, curve, rng, 1.0, readout=READOUTS[rng.integers(3)])
     board.r_par *= factor
+    board.circuit = replace(board.circuit, r_drive=r_drive)
     every = EVERY if seed % 2 else 1
     scene = streams.everyday(circuit.populated, seconds, rng, curve.max_force, hard=False)
     frames = frames_of(board, scene.force)[::every]
@@ -76,11 +79,12 @@ def run(seed: int, factor: float, seconds: float, shapes, readout="floating", **
         samples = np.rint(adc * scale).astype(np.uint16)
         skin.on_adc(image(samples, "16UC1", Header(clock.now().to_msg())))
         near = abs(skin.skin.circuit.r_par - board.r_par) < limit
+        near &= abs(skin.skin.circuit.r_drive - r_drive) < DRIVE
         now = float(np.count_nonzero(begun < k * every / board.rate))
         known = min(known, now) if near else np.inf
     node.destroy_node()
     tracker = skin.skin._tracker
-    off = np.array([circuit.r_par, 0.0]) + tracker._off - [board.r_par, 0.0]
+    off = np.array([circuit.r_par, 0.0]) + tracker._off - [board.r_par, r_drive]
     return (
         known,
         off,
@@ -101,8 +105,9 @@ def main() -> None:
     parser.add_argument("--shapes", nargs="+", default=["8x8", "16x16"], metavar="ROWSxCOLS")
     parser.add_argument("--r-ref", type=float, default=Circuit().r_ref, metavar="OHM")
     parser.add_argument("--r-par", type=float, default=Circuit().r_par, metavar="OHM")
+    parser.add_argument("--r-drive", type=float, default=0.0, metavar="OHM")
     args = parser.parse_args()
-    parts = {"r_ref": args.r_ref, "r_par": args.r_par}
+    parts = {"r_ref": args.r_ref, "r_par": args.r_par, "r_drive": args.r_drive}
     shapes = [tuple(map(int, name.split("x"))) for name in args.shapes]
     with one_thread():
         unit = y()

@@ -119,9 +119,10 @@ def driven_ratio(conductance: np.ndarray, wiring: Wiring, circuit: Circuit) -> n
     load = r_ref + behind + (circuit.r_par if grounded else 0.0)  # ohm
     _lead_to_ground(nodal, sense, 1.0 / load)
     if grounded:
-        _lead_to_ground(nodal, drive, 1.0 / (before + _DRIVER))
+        driver = max(circuit.r_drive, _DRIVER)
+        _lead_to_ground(nodal, drive, 1.0 / (before + driver))
     k = np.linalg.inv(nodal)
-    series = before + (_DRIVER if grounded else k[:, drive, drive] + circuit.r_par)  # ohm
+    series = before + (driver if grounded else k[:, drive, drive] + circuit.r_par)  # ohm
     u = k[:, drive[:, None], sense] / np.broadcast_to(series, (len(k), len(drive)))[:, :, None]
     u *= r_ref / load
     u[:, drive == NOWHERE], u[:, :, sense == NOWHERE] = 0.0, 0.0

@@ -34,6 +34,7 @@ _ASKED, _TOUCHES, _HELD = 20_000, (20, 60), 15
 # known to 1.5 % (seed 144000). Share besides, and standard deviations (what all touches share is
 # not in their scatter), by which it must be off; touches that must say so.
 _LIGHT, _SERIES, _SAYING = 0.025, (0.05, 5.0), 20
+_DRIVE = 5.0  # ohm by which r_drive must be off: 3.4 at most on 16 boards (seeds 94000 and 94100)
 _USUAL = 4e4  # ohm of a cell, where the readings tell none
 _READ = 12, 4  # hardest touches that the readout is judged by, without `series`
 # Share of all change that is a fall, and of full scale where nothing touches, from which on
@@ -253,9 +254,13 @@ def _series(seen: Recorded, skip, noisy, wires: wiring.Wires) -> list[Finding]:
     off = found.circuit.r_par - circuit.r_par
     limit = max(_SERIES[0] * scale, _SERIES[1] * found.std["r_par"])
     limit += _LIGHT * scale if off > 0.0 else 0.0
-    if found.frames < _SAYING or abs(off) < limit:
+    if found.frames < _SAYING:
         return []
-    return [texts.circuit(circuit, found)]
+    said = [texts.circuit(circuit, found)] if abs(off) >= limit else []
+    off = abs(found.circuit.r_drive - circuit.r_drive)
+    if circuit.readout == "grounded" and off > max(_DRIVE, _SERIES[1] * found.std["r_drive"]):
+        said.append(texts.drivers(circuit, found))
+    return said
 
 
 def _as_one(joined: list, picture: np.ndarray) -> np.ndarray:

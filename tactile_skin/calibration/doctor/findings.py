@@ -333,3 +333,15 @@ def circuit(supposed: Circuit, found: Identified) -> Finding:
         "not the ADC's reference reads the same",
         "Measure the reference resistor, the supply and the ADC's reference; what is left is r_par",
     )
+
+
+def drivers(supposed: Circuit, found: Identified) -> Finding:
+    r_drive = found.circuit.r_drive
+    return Finding(
+        "circuit",
+        "r_drive",
+        f"{found.frames} frames of touches fit r_drive = {r_drive:.0f} +- "
+        f"{found.std['r_drive']:.0f} ohm, not {supposed.r_drive:g}",
+        f"Set circuit.r_drive: {r_drive:.0f}. What holds a driven line has so much; with another "
+        "value hard touches are felt wrong",
+    )

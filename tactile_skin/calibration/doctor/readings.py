@@ -53,9 +53,12 @@ def stuck_bits(seen: Recorded) -> list[tuple[int, int, float]]:
     folded = fell.sum() >= _BELOW_READINGS and np.count_nonzero(fell.any(0)) >= _BELOW_CELLS
     folded &= seen.circuit.readout == "floating"  # a load only raises its readings
     found, bits = [], seen.circuit.adc_bits
+    width = _NOISE_WIDTH * seen.usual_noise + 1.0
+    # Where other cells lower readings, as on a grounded matrix, few reach the top bit, but some do.
+    lacking = not (every > (1 << bits - 1) + width).any()  # the top bit, throughout
     for bit in range(_LOWEST_BIT, bits):
         limit = _GAP_SHARE.get(bit, _HIGH_GAP_SHARE)
-        low = new < (1 << bit) - _NOISE_WIDTH * seen.usual_noise - 1.0
+        low = new < (1 << bit) - width
         of = [_gaps(steps, base, bit, bits) for steps in (every, new, standing)]
         for kept, (all_, once, still) in enumerate(zip(*of, strict=True)):
             if kept and low.mean() > _NO_REST:
@@ -63,7 +66,7 @@ def stuck_bits(seen: Recorded) -> list[tuple[int, int, float]]:
             # A hand that stands still fills no gap: it is there in what it reads once, too.
             gap = once.near >= _GAP_READINGS and once.share < _ONCE * limit and all_.share < limit
             gap &= bit in _GAP_SHARE or still.share < _STANDING_SHARE
-            if gap or (bit == bits - 1 and all_.empty and folded):
+            if gap or (bit == bits - 1 and all_.empty and folded and (kept or lacking)):
                 found.append((bit, kept, all_.share))
     return found
 

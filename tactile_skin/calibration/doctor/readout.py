@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -50,7 +49,7 @@ def other(supposed: Circuit, rest: np.ndarray, noise: float, touches: np.ndarray
     found = []
     for readout in READOUTS:
         for driven in DRIVEN[:1] if readout == "floating" else DRIVEN:
-            circuit = replace(supposed, readout=readout, driven=driven, r_line=0.0)
+            circuit = supposed.read_as(readout, driven)
             same = readout == "floating" == supposed.readout
             if not (same or circuit == supposed):
                 found.append((_misses(circuit, rest, noise, touches), circuit))

@@ -104,7 +104,7 @@ class _Pairs(NamedTuple):
 def _sides(steps: np.ndarray, cells: np.ndarray, fewest: int):
     """("row" or "column", _Pairs with so many cells or more) of both, if they can be compared."""
     near, share = _WHOLE
-    if np.mean(np.abs(steps - np.rint(steps))[cells] < near) > share:
+    if not cells.any() or np.mean(np.abs(steps - np.rint(steps))[cells] < near) > share:
         return  # rounded without noise that would average it away: many read alike
     for name, values, there in (("row", steps, cells), ("column", steps.T, cells.T)):
         one, other = np.triu_indices(len(values), 1)

@@ -151,7 +151,7 @@ def _others(circuit: Circuit, curve: PressureCurve) -> list[tuple[Circuit, Press
     wide = PressureCurve((0.0, 1.0), (usual * _SPAN, usual / _SPAN))
     for readout in READOUTS[1:]:
         for driven in DRIVEN:
-            other = replace(circuit, readout=readout, driven=driven, r_line=0.0)
+            other = circuit.read_as(readout, driven)
             fit = newton(check_reading(rest, other, wide, noise=0.0))
             if other == circuit or fit.residual > _REST_ERROR:
                 continue
