@@ -1,6 +1,14 @@
 """The paper's literal equations (section IV-B), as the oracle of the forward model."""
 
 import numpy as np
+from scipy.optimize import brentq
+
+DIODES = {  # saturation current [A], emission coefficient, ohm in series: of SPICE models
+    "1N4148": (2.52e-9, 1.752, 0.568),
+    "1N4007": (7.03e-9, 1.81, 0.034),
+    "BAT85": (2.1e-7, 1.02, 2.0),
+}
+_THERMAL = 0.02569  # V, k T / q at 25 degrees
 
 
 def adc_ratio(resistance: np.ndarray, r_ref: float, r_par: float) -> np.ndarray:
@@ -110,3 +118,27 @@ def _voltages(wires: np.ndarray, fixed: dict, nodes: int) -> np.ndarray:
     right = -matrix[np.ix_(free, known)] @ voltage[known]
     voltage[free] = np.linalg.solve(matrix[np.ix_(free, free)], right)
     return voltage
+
+
+def forward_voltage(diode: str, amperes: float) -> float:
+    """[V], by Shockley's law."""
+    saturation, n, ohm = DIODES[diode]
+    return n * _THERMAL * np.log1p(amperes / saturation) + ohm * amperes
+
+
+def behind_diodes(ideal: np.ndarray, circuit, diode: str, supply: float) -> np.ndarray:
+    """ADC ratio of a matrix that is driven through diodes: each operating point is found.
+
+    Args:
+        ideal: (rows, cols) of the same matrix without diodes; floating or loaded.
+        supply: [V]
+    """
+    per_volt = ideal / circuit.r_ref  # A of the driven line for a volt behind its diode
+    if circuit.readout == "loaded":
+        across = 1 if circuit.driven == "rows" else 0
+        per_volt = np.broadcast_to(per_volt.sum(across, keepdims=True), ideal.shape)
+    of_current = {
+        s: brentq(lambda v, s=s: v + forward_voltage(diode, s * v) - supply, 0.0, supply)
+        for s in set(per_volt.ravel())
+    }
+    return ideal * np.vectorize(of_current.get)(per_volt) / supply

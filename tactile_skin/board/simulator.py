@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..physics.adc import Adc
 from ..physics.circuit import Circuit, forward
 from ..physics.curve import PressureCurve
 from . import protocol, text
@@ -43,6 +44,7 @@ class Board:
         noise: RMS noise of one sample, in ADC steps.
         frames_per_second: frames sent, at most SCANS_PER_SECOND.
         kind: the protocol that it speaks, of `protocol.PARSERS`.
+        adc: its converter; None: a count is the ratio times 2^bits - 1.
     """
 
     def __init__(
@@ -54,6 +56,7 @@ class Board:
         frames_per_second: float = FRAMES_PER_SECOND,
         seed: int = 0,
         kind: str = "binary",
+        adc: Adc | None = None,
     ):
         protocol.make_parser(kind, *circuit.shape, circuit.adc_bits)  # refuses another name
         if not 0 < frames_per_second <= SCANS_PER_SECOND:
@@ -63,7 +66,7 @@ class Board:
             )
         if not noise >= 0:
             raise ValueError(f"noise = {noise!r} ADC steps: must be 0 or more")
-        self.circuit, self.scene = circuit, scene
+        self.circuit, self.scene, self._adc = circuit, scene, adc or Adc(circuit)
         self.curve = fabric(curve, circuit.shape, seed)
         self.noise, self.frames_per_second, self.kind = noise, frames_per_second, kind
         self._fraction_bits = min(6, 16 - circuit.adc_bits)
@@ -85,8 +88,8 @@ class Board:
         """Read the whole matrix once; the frame if one is due, else nothing."""
         t = self._scans / SCANS_PER_SECOND
         force = self.scene(t)
-        adc = forward(self.circuit, self.curve.resistance(force)) * self.circuit.full_scale
-        sample = np.rint(adc + self.noise * self._rng.standard_normal(adc.shape))
+        steps = self._adc.count(forward(self.circuit, self.curve.resistance(force)))
+        sample = np.rint(steps + self.noise * self._rng.standard_normal(steps.shape))
         sample = np.clip(sample, 0, self.circuit.full_scale).astype(np.int32)
         sample <<= self._fraction_bits
         if self._filtered is None:

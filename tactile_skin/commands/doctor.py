@@ -150,7 +150,7 @@ def _adc(skin: SkinConfig, changed: dict) -> Adc:
     circuit = replace(skin.circuit, **changed, **mask)
     full = 0.0 if "adc_bits" in changed else skin.adc.full_scale
     scanned = None if shape else skin.adc.scanned
-    return Adc(circuit, skin.adc.offset, full, skin.adc.inverted, scanned)
+    return replace(skin.adc, circuit=circuit, full_scale=full, scanned=scanned)
 
 
 def _ratio(path: str, adc: Adc) -> np.ndarray:

@@ -69,7 +69,8 @@ def _serve_model(args, skin: SkinConfig, kind: str, baud: int, running, ready) -
     from ..board import simulator
 
     scene = scenes.script(args.scene, *skin.circuit.shape)
-    board = simulator.Board(skin.circuit, skin.curve, scene, args.noise, args.rate, args.seed, kind)
+    given = args.noise, args.rate, args.seed, kind, skin.adc
+    board = simulator.Board(skin.circuit, skin.curve, scene, *given)
     simulator.serve(board, args.link, running, baud, ready, args.once)
 
 
@@ -82,6 +83,6 @@ def _serve_firmware(args, skin: SkinConfig, kind: str, running: Callable[[], boo
     if kind != "binary":
         raise ValueError(f"protocol {kind!r} is of the board `model`; the firmware sends binary")
     scene = scenes.script(args.scene, *skin.circuit.shape)
-    with chip.Chip(skin.circuit, noise=args.noise, seed=args.seed + 1) as simulated:
+    with chip.Chip(skin.circuit, noise=args.noise, seed=args.seed + 1, adc=skin.adc) as simulated:
         curve = fabric(skin.curve, skin.circuit.shape, args.seed)
         chip.serve(simulated, curve, scene, args.link, running, ready, args.once)

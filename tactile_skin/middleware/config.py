@@ -150,6 +150,8 @@ def adc_of(node: Node, circuit: Circuit) -> Adc:
             value("scanned", "", "crossings that are read: a word of 0 and 1 per row; empty: all"),
             "scanned",
         ),
+        value("diode", 0.0, "of each driven line: forward voltage at 1 mA [V]; 0: none", 0.0, 5.0),
+        value("supply", 5.0, "of the divider [V]; only a diode needs it", 1.0, 24.0),
     )
 
 

@@ -1,9 +1,10 @@
-"""From what the ADC reads to the circuit's ratio: offset, full scale, polarity, what is not read.
+"""From what the ADC reads to the circuit's ratio: offset, full scale, polarity, diodes, no reading.
 
 The solvers know a ratio from 0 to 1, the voltage over the reference resistor as a share of the
 divider's supply. Boards send counts, and few of them are that ratio times 2^bits - 1: an ESP32
-reads 0 up to 142 mV, an ADC may have a reference of its own, and where the reference resistor is on
-the side of the supply readings fall with pressure. This is the one place that knows.
+reads 0 up to 142 mV, an ADC may have a reference of its own, readings fall with pressure where the
+reference resistor is on the side of the supply, and a diode keeps a part of the supply from the
+line that is driven through it. This is the one place that knows.
 """
 
 from __future__ import annotations
@@ -16,6 +17,13 @@ import numpy as np
 from .circuit import Circuit
 
 NOT_READ = 65535  # of skin/adc: no reading of this crossing; the largest reading is one less
+# V that a diode takes more for e times the current, n k T / q at 25 degrees: n is 1.0 to 1.1 of
+# Schottky diodes, 1.75 of a 1N4148 and 1.8 of a 1N4007 (SPICE models). At 1 mA the former take less
+# than _SCHOTTKY, the latter more.
+_SCHOTTKY, _SLOPES = 0.4, (0.027, 0.045)  # V
+_DIODE_AT = 1e-3  # A
+_LEAST_CURRENT = 1e-9  # A: no reading says less
+_DIODE_ROUNDS = 12  # of a fixed point that gains two digits each
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,9 +39,12 @@ class Adc:
             the range [ADC steps]; 0: 2^bits - 1.
         inverted: readings fall with pressure.
         scanned: (rows, cols) bool, crossings that the board reads; None: all of them.
+        diode: forward voltage at 1 mA of the diode through which each line is driven [V]; 0: none.
+        supply: of the divider [V]; only a diode needs it.
 
     Raises:
-        ValueError: a full scale or an offset that leaves no range, a picture of another shape.
+        ValueError: a full scale, an offset or a diode that leaves no range, a diode of a grounded
+            matrix, a picture of another shape.
     """
 
     circuit: Circuit
@@ -41,6 +52,8 @@ class Adc:
     full_scale: float = 0.0
     inverted: bool = False
     scanned: np.ndarray | None = field(default=None, repr=False)
+    diode: float = 0.0
+    supply: float = 5.0
 
     def __post_init__(self):
         full = self.full_scale or float(self.circuit.full_scale)
@@ -52,6 +65,16 @@ class Adc:
                 f"must be less than the full scale, {full:g}"
             )
         object.__setattr__(self, "full_scale", full)
+        if not 0.0 <= 2.0 * self.diode < self.supply:
+            raise ValueError(
+                f"diode = {self.diode!r} V: must be at least 0, below half of supply = "
+                f"{self.supply!r} V"
+            )
+        if self.diode and self.circuit.readout == "grounded":
+            raise ValueError(
+                f"diode = {self.diode!r} V: must be 0 for readout = 'grounded'. A diode holds no "
+                "line at 0 V: lines behind diodes are those of readout = 'loaded'"
+            )
         if self.scanned is not None:
             scanned = np.array(self.scanned, dtype=bool)
             if scanned.shape != self.circuit.shape:
@@ -111,19 +134,40 @@ class Adc:
     def ratio(self, count):
         """A reading [ADC steps] -> ADC ratio in [0, 1]; what lies beyond is noise, and cut off.
 
-        The low-pass may round the largest reading up by less than a step.
+        The low-pass may round the largest reading up by less than a step. With a diode a picture
+        is needed, (..., rows, cols): all that a line's readings say tells its current.
         """
         share = (count + self.offset) / self.full_scale
-        return np.minimum(np.maximum(1.0 - share if self.inverted else share, 0.0), 1.0)
+        share = np.minimum(np.maximum(1.0 - share if self.inverted else share, 0.0), 1.0)
+        return np.minimum(share / self._behind_diode(share), 1.0) if self.diode else share
 
     def count(self, ratio):
         """The inverse of `ratio`, where nothing is cut off [ADC steps]."""
-        share = 1.0 - ratio if self.inverted else ratio
-        return share * self.full_scale - self.offset
+        share = ratio
+        for _ in range(_DIODE_ROUNDS if self.diode else 0):
+            share = ratio * self._behind_diode(share)
+        return (1.0 - share if self.inverted else share) * self.full_scale - self.offset
+
+    def _behind_diode(self, share):
+        """What the diode leaves of the supply, as share of it, by what is read behind it.
+
+        All current of a driven line returns through the reference resistors: through one if
+        floating, through those of all sense lines if loaded.
+        """
+        amperes = np.asarray(share) * (self.supply / self.circuit.r_ref)
+        if self.circuit.readout == "loaded" and amperes.ndim >= 2:
+            across = -1 if self.circuit.driven == "rows" else -2
+            read = ~np.isnan(amperes)
+            mean = np.where(read, amperes, 0.0).sum(across, keepdims=True)
+            mean /= np.maximum(read.sum(across, keepdims=True), 1)
+            amperes = mean * amperes.shape[across]
+        slope = _SLOPES[0] if self.diode < _SCHOTTKY else _SLOPES[1]
+        more = slope * np.log(np.maximum(amperes, _LEAST_CURRENT) / _DIODE_AT)
+        return 1.0 - np.maximum(self.diode + more, 0.0) / self.supply
 
     def share(self, steps: float) -> float:
         """So many ADC steps as a ratio: of noise, say."""
-        return steps / self.full_scale
+        return steps / (self.full_scale * (1.0 - self.diode / self.supply))
 
     def threshold(self, steps: float) -> float:
         """Ratio up to which a board that sends nothing true below so many steps says nothing."""

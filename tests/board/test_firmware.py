@@ -12,7 +12,7 @@ from chips import needs_chip
 from firmware import CURVE, STEPS, frames_of, resistance, steady, time_constant
 from simulated import PATIENCE
 
-from tactile_skin import Circuit, PressureCurve, diagnose, forward
+from tactile_skin import Circuit, PressureCurve, compensate, diagnose, forward, measure_rest
 from tactile_skin.bench.damage import streams
 from tactile_skin.bench.damage.board import KNOTS
 from tactile_skin.board import description
@@ -22,9 +22,11 @@ from tactile_skin.board.firmware import chip as simulated_chip
 from tactile_skin.board.firmware.chip import BROWN_OUT, CLOCK, Chip
 from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.board.serial_port import SerialReader
+from tactile_skin.board.simulator import fabric
 from tactile_skin.errors import FirmwareError
 from tactile_skin.launch import launch
 from tactile_skin.learning import scenes
+from tactile_skin.physics.adc import Adc
 
 # --- the binary ---
 
@@ -245,6 +247,37 @@ def rho_of(circuit: Circuit, ratio: float) -> float:
         else:
             high = middle
     return low
+
+
+@needs_chip
+@pytest.mark.parametrize(
+    "circuit, wired",
+    [
+        (Circuit(8, 8, r_ref=2200.0, r_par=70.0, readout="loaded"), {}),
+        (Circuit(8, 8, r_ref=2200.0, r_par=70.0, readout="loaded", driven="columns"), {}),
+        (Circuit(8, 8, r_ref=2200.0, r_par=70.0, readout="loaded"), {"inverted": True}),
+        (Circuit(8, 8, r_ref=2200.0, r_par=25.0, readout="loaded"), {"diode": 0.58}),
+        (Circuit(8, 8, r_par=70.0, readout="grounded", r_drive=40.0), {}),
+    ],
+    ids=lambda value: "-".join(map(str, value)) if isinstance(value, dict) else value.readout,
+)
+def test_the_same_program_reads_boards_that_are_wired_otherwise(circuit, wired):
+    """With resistors on the sense lines, and a decoder for the driven lines' multiplexer."""
+    adc = Adc(circuit, full_scale=float(STEPS), **wired)
+    rest, force = fabric(CURVE, circuit.shape, 5), scenes.script("two_fingers", 8, 8)(0.0)
+    with Chip(circuit, noise=1.0, adc=adc) as chip:
+        seen = []
+        for scene in (np.zeros(circuit.shape), force):
+            chip.feel(rest.resistance(scene))
+            chip.run(0.3)  # the low-pass settles
+            frames = BinaryParser().feed(chip.run(0.5))
+            seen.append(np.mean([adc.ratio_of(frame.samples) for frame in frames], 0))
+    found = measure_rest(np.repeat(seen[:1], 10, 0), circuit)
+    assert np.abs(np.log(found.conductance * rest.rest_resistance)).max() < 0.15
+    curve = CURVE.resting_at(1.0 / found.conductance)
+    felt = compensate(seen[1], circuit, curve, "auto", noise=0.3)
+    assert felt.status == "ok"
+    assert felt.force.sum() == pytest.approx(force.sum(), rel=0.05)
 
 
 @needs_chip

@@ -13,6 +13,7 @@ from tactile_skin import Circuit, PressureCurve, forward
 from tactile_skin.board import simulator, terminal
 from tactile_skin.board.protocol import PARSERS, BinaryParser, make_parser
 from tactile_skin.learning import scenes
+from tactile_skin.physics.adc import Adc
 
 
 def frames_of(simulated, scans: int) -> list:
@@ -74,6 +75,33 @@ def test_its_cells_differ_at_rest():
     assert scatter.std() == pytest.approx(simulator.REST_SCATTER, rel=0.2)
     pressed = simulated.curve.resistance(5.0) / PressureCurve().resistance(5.0)
     assert np.abs(pressed - 1.0).max() < 0.01
+
+
+@pytest.mark.parametrize(
+    "wired",
+    [
+        {"readout": "loaded", "driven": "columns", "inverted": True},
+        {"readout": "loaded", "diode": 0.58},
+        {"readout": "grounded", "r_drive": 40.0, "offset": -20.0},
+        {"full_scale": 676.0},
+    ],
+)
+def test_it_is_wired_as_the_configuration_says(wired):
+    """What `Adc` makes of its counts is the circuit's reading, within rounding."""
+    of_adc = {k: wired.pop(k) for k in [*wired] if k not in ("readout", "driven", "r_drive")}
+    circuit = Circuit(6, 8, **wired)
+    adc, force = Adc(circuit, **of_adc), scenes.script("two_fingers", 6, 8)(0.0)
+    simulated = simulator.Board(
+        circuit, PressureCurve(), lambda t: force, noise=0.0, frames_per_second=390, adc=adc
+    )
+    ratio = forward(circuit, simulated.curve.resistance(force))
+    sent = frames_of(simulated, 40)[-1].samples
+    # rounded to whole steps, and by the low-pass; below 20 steps the offset leaves nothing
+    seen = np.maximum(adc.count(ratio), 0.0)
+    np.testing.assert_allclose(sent / 64, seen, atol=0.6)
+    shown = adc.count(ratio) > 1.0
+    step = 0.7 / adc.full_scale
+    np.testing.assert_allclose(adc.ratio_of(sent)[shown], ratio[shown], atol=1.3 * step)
 
 
 def test_the_low_pass_follows_a_step():

@@ -97,6 +97,7 @@ BOARDS = {
     "3.3 V divider at a 5 V reference": {"adc_full_scale": 2703.0},
     "reference below the supply": {"adc_full_scale": 4200.0},
     "inverted": {"inverted": True},
+    "diode": {"diode": 0.58, "supply": 3.3},
     "all": {"adc_offset": 37.0, "adc_full_scale": 3900.0, "inverted": True},
 }
 
@@ -104,8 +105,8 @@ BOARDS = {
 @pytest.mark.parametrize("kind", BOARDS)
 def test_the_picture_is_right_on_every_kind_of_board(kind):
     given = BOARDS[kind]
-    keys = {"adc_offset": "offset", "adc_full_scale": "full_scale", "inverted": "inverted"}
-    adc = Adc(CIRCUIT, **{keys[k]: v for k, v in given.items()})
+    keys = {"adc_offset": "offset", "adc_full_scale": "full_scale"}
+    adc = Adc(CIRCUIT, **{keys.get(k, k): v for k, v in given.items()})
     fed = Fed(adc, **{f"circuit.{k}": v for k, v in given.items()})
     fed.feel(np.zeros(CIRCUIT.shape), 60)
     fed.feel(touch(), 5)

@@ -4,9 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kirchhoff import DIODES, behind_diodes, forward_voltage, nodal_reading
 from yardsticks import insole
 
-from tactile_skin import Circuit
+from tactile_skin import Circuit, PressureCurve, compensate
 from tactile_skin.board.text import TextParser
 from tactile_skin.physics.adc import NOT_READ, Adc
 
@@ -86,9 +87,57 @@ def test_the_largest_reading_of_16_bits_is_no_mark():
     assert adc.marked(samples).dtype == np.uint16
 
 
+@pytest.mark.parametrize("diode", DIODES)
+@pytest.mark.parametrize("supply", [3.3, 5.0])
+@pytest.mark.parametrize("inverted", [False, True])
+@pytest.mark.parametrize("kind", ["loaded rows", "loaded columns", "floating rows"])
+def test_what_a_diode_keeps_from_a_line_is_given_back(diode, supply, inverted, kind):
+    readout, driven = kind.split()
+    circuit = Circuit(6, 8, r_ref=4700.0, r_par=25.0, adc_bits=12, readout=readout, driven=driven)
+    curve, force = PressureCurve(), np.zeros(circuit.shape)
+    force[2:4, 3:6], force[5, 0] = 2.0, 0.2
+    ideal = nodal_reading(curve.resistance(force), circuit)
+    parts = {"full_scale": 4095.0, "inverted": inverted, "supply": supply}
+    counts = Adc(circuit, **parts).count(behind_diodes(ideal, circuit, diode, supply))
+    volts = forward_voltage(diode, 1e-3)
+    ratio = Adc(circuit, diode=volts, **parts).ratio(counts)
+    # what is left: slope and series resistance of this diode, 10 mV
+    np.testing.assert_allclose(ratio, ideal, rtol=0.004)
+    felt = compensate(ratio, circuit, curve, "map", noise=1.0)
+    assert felt.status == "ok"
+    assert felt.force.sum() == pytest.approx(force.sum(), rel=0.05)
+    if readout == "loaded":  # without it most of the force is lost, or the frame is suspect
+        ignored = compensate(Adc(circuit, **parts).ratio(counts), circuit, curve, "map", noise=1.0)
+        assert ignored.status == "suspect" or ignored.force.sum() < 0.8 * force.sum()
+
+
+@pytest.mark.parametrize("kind", ["loaded rows", "loaded columns", "floating rows"])
+def test_count_undoes_ratio_of_pictures_behind_diodes(kind):
+    readout, driven = kind.split()
+    circuit = Circuit(2, 3, adc_bits=12, readout=readout, driven=driven)
+    adc = Adc(circuit, offset=9.0, full_scale=4000.0, inverted=True, diode=0.58, supply=3.3)
+    ratio = np.random.default_rng(1).uniform(0.02, 0.8, (5, 2, 3))
+    np.testing.assert_allclose(adc.ratio(adc.count(ratio)), ratio, rtol=1e-9)
+
+
+def test_a_crossing_that_is_not_read_hides_no_current():
+    circuit = Circuit(2, 3, readout="loaded", adc_bits=12)
+    adc, absent = Adc(circuit, diode=0.6), SAMPLES.copy()
+    absent[1, 1] = NOT_READ
+    ratio = adc.ratio_of(SAMPLES)
+    assert np.isnan(adc.ratio_of(absent)[1, 1])
+    np.testing.assert_allclose(adc.ratio_of(absent)[1, ::2], ratio[1, ::2], rtol=0.01)
+
+
 @pytest.mark.parametrize(
     ("kwargs", "message"),
     [
+        ({"diode": -0.6}, "diode = -0.6 V: must be at least 0, below half of supply = 5.0 V"),
+        ({"diode": 1.8, "supply": 3.3}, "diode = 1.8 V"),
+        (
+            {"circuit": Circuit(2, 3, readout="grounded"), "diode": 0.6},
+            "must be 0 for readout = 'grounded'.* those of readout = 'loaded'",
+        ),
         ({"full_scale": 0.5}, "adc_full_scale = 0.5"),
         ({"offset": 4095.0}, r"adc_offset = 4095.0 ADC steps: must be less than the full scale"),
         ({"scanned": np.ones((3, 2))}, r"scanned has shape \(3, 2\): the circuit is \(2, 3\)"),
@@ -97,7 +146,7 @@ def test_the_largest_reading_of_16_bits_is_no_mark():
 )
 def test_what_leaves_no_reading_is_refused(kwargs, message):
     with pytest.raises(ValueError, match=message):
-        Adc(CIRCUIT, **kwargs)
+        Adc(**{"circuit": CIRCUIT} | kwargs)
 
 
 def test_the_lines_of_a_real_insole_become_the_ratios_of_its_yardstick():

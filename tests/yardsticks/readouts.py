@@ -6,6 +6,7 @@
     wrong      how often a frame of one readout is suspect to another, after a tare by that
     right      how often one is suspect on its own readout: of a sound board, and with r_par off
     drivers    what is felt of a grounded board whose drivers are not those that are configured
+    diodes     what is felt of a loaded board that is driven through diodes
     named      streams of a minute, with the readout that `diagnose` names
     calibrate  what `calibrate` has: a rest, then five touches; r_par is up to 20 % off
 
@@ -19,8 +20,17 @@ import argparse
 from dataclasses import replace
 
 import numpy as np
+from kirchhoff import DIODES, behind_diodes, forward_voltage
 
-from tactile_skin import Circuit, PressureCurve, compensate, diagnose, forward
+from tactile_skin import (
+    Circuit,
+    PressureCurve,
+    compensate,
+    diagnose,
+    forward,
+    identify,
+    measure_rest,
+)
 from tactile_skin.bench.damage import streams as touches
 from tactile_skin.bench.damage.board import KNOTS, FaultBoard
 from tactile_skin.bench.measure import Clock, frames
@@ -28,6 +38,7 @@ from tactile_skin.calibration.doctor import other_readout
 from tactile_skin.calibration.rest import resting_conductance
 from tactile_skin.learning import scenes
 from tactile_skin.physics import readouts
+from tactile_skin.physics.adc import Adc
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.solvers.reading import SCAN_NOISE
 
@@ -221,6 +232,42 @@ def drivers(n: int, seed: int, shape=(16, 16), r_ref: float = CIRCUIT.r_ref) -> 
         print(f"{r_drive:3.0f} ohm, taken for {supposed:3.0f}:  " + "   ".join(line), flush=True)
 
 
+def diodes(n: int, seed: int, shape=(8, 8)) -> None:
+    """Force felt over true one by touches: 5th percentile, median, 95th; suspect frames.
+
+    With the diode not entered; as its data sheet has it; 25 mV below; and then with the r_par that
+    the touches tell.
+    """
+    for diode in DIODES:
+        for supply, r_ref in ((5.0, 1780.0), (5.0, 10e3), (3.3, 1780.0), (3.3, 10e3)):
+            board = Circuit(*shape, r_ref=r_ref, r_par=25.0, readout="loaded")
+            rng = np.random.default_rng(seed)
+            scatter = REST_SCATTER * rng.standard_normal(shape)
+            rest = CURVE.resting_at(CURVE.rest_resistance * np.exp(scatter))
+            force = scenes.sample("bodies", n, *shape, rng)
+            every = np.concatenate([np.zeros((20, *shape)), force])
+            ideal = forward(board, rest.resistance(every))
+            ratio = np.array([behind_diodes(frame, board, diode, supply) for frame in ideal])
+            steps = np.rint(
+                board.full_scale * ratio + SCAN_NOISE * rng.standard_normal(ratio.shape)
+            )
+            volts = forward_voltage(diode, 1e-3)
+            print(f"{diode} at {supply} V, r_ref {r_ref:5.0f} ohm:", flush=True, end="")
+            for entered in (0.0, volts, volts - 0.025, None):
+                adc = Adc(board, diode=volts - 0.025 if entered is None else entered, supply=supply)
+                idle, touched = np.split(adc.ratio(steps), [20])
+                taken, at_rest = board, measure_rest(idle, board)
+                if entered is None:
+                    taken = identify(touched, board, at_rest).circuit
+                    at_rest = measure_rest(idle, taken)
+                curve = CURVE.resting_at(1.0 / at_rest.conductance)
+                found = compensate(touched, taken, curve, "map", noise=SCAN_NOISE)
+                felt = np.quantile(found.force.sum((1, 2)) / force.sum((1, 2)), (0.05, 0.5, 0.95))
+                print("  {:.2f} {:.2f} {:.2f}".format(*felt), end=" ")
+                print(f"{100 * np.mean(found.status != 'ok'):3.0f} %", end="", flush=True)
+            print()
+
+
 def recording(circuit: Circuit, seed: int, seconds=60.0) -> np.ndarray:
     """(n, rows, cols) ADC ratio of a minute of touches, 20 frames a second."""
     rng = np.random.default_rng(seed)
@@ -286,7 +333,7 @@ def main():
     parser.add_argument("what", choices=[*_WHAT])
     parser.add_argument("--n", type=int, default=20, help="frames of a family, or streams")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--side", type=int, default=16, help="cells, of wrong, right, drivers")
+    parser.add_argument("--side", type=int, default=16, help="of wrong, right, drivers, diodes")
     parser.add_argument("--r-ref", type=float, default=CIRCUIT.r_ref, help="ohm, of right, drivers")
     parser.add_argument("--r-par", type=float, default=CIRCUIT.r_par, help="ohm, of right")
     args = parser.parse_args()
@@ -302,6 +349,7 @@ _WHAT = {
         args.n, args.seed, (args.side, args.side), r_ref=args.r_ref, r_par=args.r_par
     ),
     "drivers": lambda args: drivers(args.n, args.seed, (args.side, args.side), args.r_ref),
+    "diodes": lambda args: diodes(args.n, args.seed, (args.side, args.side)),
     "named": lambda args: named(args.n, args.seed),
     "calibrate": lambda args: calibrate(args.n, args.seed),
 }

@@ -16,12 +16,14 @@ from typing import NamedTuple
 import numpy as np
 
 from ...errors import FirmwareError
+from ...physics.adc import Adc
 from ...physics.circuit import Circuit, forward
 from ...physics.curve import PressureCurve
 from ..terminal import Terminal, open_terminal
 from . import build
 
 CLOCK = 16_000_000  # Hz
+_ADC_STEPS = 1024.0  # that the chip reads at its reference, of which it sends 1023 at most
 TAU = 0.27e-6  # s: R_ref, 1.78 kohm, and 150 pF of multiplexers, wires and the chip's input
 POWER_ON, RESET_PIN, BROWN_OUT, WATCHDOG = 1, 2, 4, 8  # causes of a reset, as in MCUSR
 _BUFFER = 1 << 16  # bytes that chip.c keeps
@@ -58,6 +60,7 @@ class Chip:
         noise: RMS of a reading [ADC steps].
         seed: of the noise.
         adc_mhz: clock of the ADC, 2 or 1 [MHz]; it is compiled in.
+        adc: how the input is wired, as the configuration says; None: its reference is the supply.
 
     Raises:
         FirmwareError: the firmware does not compile, or simavr is not installed.
@@ -70,10 +73,11 @@ class Chip:
         noise: float = 0.0,
         seed: int = 1,
         adc_mhz: int = 2,
+        adc: Adc | None = None,
     ):
         if circuit.adc_bits != 10:
             raise FirmwareError(f"adc_bits = {circuit.adc_bits}: the ATmega328P has 10")
-        self.circuit = circuit
+        self.circuit, self._adc = circuit, adc or Adc(circuit, full_scale=_ADC_STEPS)
         self._folder = tempfile.TemporaryDirectory(prefix="tactile_skin")
         try:
             folder = Path(self._folder.name)
@@ -100,8 +104,9 @@ class Chip:
 
     def feel(self, resistance: np.ndarray) -> None:
         """What the cells conduct from now on: (rows, cols) [ohm]."""
+        steps = self._adc.count(forward(self.circuit, resistance))
         ratio = np.zeros((build.MAX_LINES, build.MAX_LINES))
-        ratio[: self.circuit.rows, : self.circuit.cols] = forward(self.circuit, resistance)
+        ratio[: self.circuit.rows, : self.circuit.cols] = np.clip(steps / _ADC_STEPS, 0.0, 1.0)
         self._library.chip_feel(self._chip, ratio.ctypes.data_as(ctypes.c_void_p))
 
     def run(self, seconds: float) -> bytes:
