@@ -114,7 +114,9 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
     if doubts:
         remedy = "find r_par and r_line by touches first"
         if circuit.readout != "floating":
-            remedy = f"check r_ref = {circuit.r_ref:g} ohm and r_par = {circuit.r_par:g} ohm"
+            remedy = f"check r_ref = {circuit.r_ref:g} ohm, r_par = {circuit.r_par:g} ohm"
+            grounded = circuit.readout == "grounded"
+            remedy += f", r_drive = {circuit.r_drive:g} ohm" if grounded else ", circuit.diode"
         message.append(
             f"the circuit does not explain {doubts} of {len(frames)} frames: {remedy}, and check "
             "the wiring"

@@ -186,7 +186,7 @@ class Skin:
             self._last = None
 
     def _learn_circuit(self, t: float, adc: np.ndarray, touched: bool, stopped: bool) -> None:
-        """What touches tell of r_par and r_line; worked out while none is there, or a stop is."""
+        """What lies in series, by touches; worked out while none is there, or a stop is."""
         if not (self._follows and self._tare.measured) or self._method in _LEARNED:
             return
         noise = max(self._noise.rms or SCAN_NOISE, ROUNDING_NOISE)
@@ -200,7 +200,7 @@ class Skin:
                 self.circuit, self._last = self._tracker.circuit, None
                 self._watch.untouched.forget()  # it is explained
         except ValueError as error:  # no skin rests so with what was found: begin anew
-            self._warn(f"r_par and r_line were not found: {error}")
+            self._warn(f"what lies in series was not found: {error}")
             self._tracker = CircuitTracker(self.circuit)
 
     def end_second(self) -> None:
@@ -273,7 +273,7 @@ class Skin:
 
     @property
     def unknown_series(self) -> float:
-        """By how much r_par may exceed that of `circuit` [ohm]."""
+        """By how much what lies in series may exceed that of `circuit` [ohm]."""
         return self._tracker.unknown
 
     def values(self) -> dict[str, str]:

@@ -32,6 +32,9 @@ _EXPLAINED = 3.0  # chi^2 a reading, in the median frame, beyond which there is 
 # matrix, where r_ref changes nothing of it, only above; ohm of the others: a multiplexer that
 # drives has up to 1050 (data sheet of the CD4051B at 5 V and 25 degrees).
 _POSSIBLE = {"r_par": 0.5, "r_line": 60.0, "r_drive": 1050.0}
+# Ohm by which r_drive may exceed what is configured as long as nothing tells: that of an Arduino's
+# pin (data sheet of the ATmega328P); what `identify` tells it to, where the skin was calibrated.
+_DRIVE, _DRIVE_CALIBRATED = 25.0, 4.0
 _REST_FRAMES = 40  # that a measurement of the rest takes, see tare.py
 
 
@@ -60,7 +63,7 @@ class CircuitTracker:
         circuit: what is known of it; the configured one until touches tell another.
         std: (2,) of `identify.names` [ohm]; infinite as long as nothing is known.
         message: what the configuration should say; empty if it does.
-        hint: what the touches so far make likely of r_par, and is not sure enough to be used.
+        hint: what the touches so far make likely, and is not sure enough to be used.
         impossible: whether no board is like that.
     """
 
@@ -71,7 +74,9 @@ class CircuitTracker:
         """
         self.circuit, self._configured = circuit, circuit
         by_data_sheet = float(prior_of(circuit)[0, 0] ** -0.5)
-        self._known_to = by_data_sheet if r_par_std is None else r_par_std
+        self._known_to = [by_data_sheet if r_par_std is None else r_par_std]
+        if names(circuit)[1] == "r_drive":
+            self._known_to.append(_DRIVE if r_par_std is None else _DRIVE_CALIBRATED)
         self.std = np.full(2, np.inf)
         self.message, self.hint, self.impossible = "", "", False
         self._off = np.zeros(2)  # beside the configured [ohm]: the best guess
@@ -113,16 +118,21 @@ class CircuitTracker:
 
     @property
     def unknown(self) -> float:
-        """By how much r_par may exceed that of `circuit` [ohm]: the best guess, which need not be
-        sure enough to be used, and one standard deviation."""
-        std = min(self.std[0], self._known_to)
-        return float(max(self._off[0] - self._adopted[0], 0.0) + std)
+        """By how much what lies in series may exceed that of `circuit` [ohm]: the best guess, which
+        need not be sure enough to be used, and one standard deviation.
+
+        An ohm of r_drive hides as much of a touch as one of r_par does on a loaded matrix.
+        """
+        n = len(self._known_to)
+        more = np.maximum(self._off - self._adopted, 0.0)[:n].sum()
+        return float(more + np.hypot.reduce(np.minimum(self.std[:n], self._known_to)))
 
     def values(self) -> dict[str, str]:
         """For diagnostics; empty as long as nothing is known."""
         if not np.isfinite(self.std).all():
             return {}
-        known = names(self.circuit), values(self.circuit), self.std
+        std = np.hypot(self.std, self._off - self._adopted)
+        known = names(self.circuit), values(self.circuit), std
         return {name: f"{v:.1f} +- {std:.1f} ohm" for name, v, std in zip(*known, strict=True)}
 
     def ask(self, curve: PressureCurve, noise: float) -> bool:
@@ -154,14 +164,26 @@ class CircuitTracker:
         """One touch tells r_par to 5 to 50 ohm: not enough to use it, but to doubt the other."""
         if not self._asked:
             return ""
-        off, (std, _), _ = self._solve(list(self._asked))
-        relevant = _RELEVANT[0] * series_scale(self._configured)
-        if abs(off[0] - self._adopted[0]) < max(_LIKELY * std, relevant):
+        off, std, _ = self._solve(list(self._asked))
+        least = np.maximum(_LIKELY * std, self._relevant)
+        likely = [
+            f"{name} is {given + more:.0f} +- {s:.0f} ohm, not {used:.0f}"
+            for name, given, more, s, used, there in zip(
+                names(self.circuit),
+                values(self._configured),
+                off,
+                std,
+                values(self.circuit),
+                np.abs(off - self._adopted) >= least,
+                strict=True,
+            )
+            if there and name != "r_line"
+        ]
+        if not likely:
             return ""
-        likely = f"{self._configured.r_par + off[0]:.0f} +- {std:.0f} ohm"
         return (
-            f"the touches so far suggest that r_par is {likely}, not {self.circuit.r_par:.0f}: "
-            "until more of them tell, hard touches may be felt wrong"
+            f"the touches so far suggest that {' and '.join(likely)}: until more of them tell, "
+            "hard touches may be felt wrong"
         )
 
     def _suppose(self, curve: PressureCurve, noise: float) -> None:
@@ -191,14 +213,17 @@ class CircuitTracker:
         if (np.abs(now - off) > _SURE * np.hypot(now_std, std)).any():  # it has changed
             self._asked = deque(latest, _KEPT)
             off, std, information = now, now_std, now_information
-        scale = series_scale(self._configured)
-        relevant = np.array([_RELEVANT[0] * scale, _RELEVANT[1]])
+        relevant = self._relevant
         if (np.abs(off - self._off) > np.maximum(relevant, std)).any():
             self._off = off
         self.std = std
+        if std[0] > _KNOWN * series_scale(self._configured):
+            if len(self._known_to) == 1:
+                return False
+            # r_drive, with the r_par that is used: touches on few lines tell no more
+            told = information[1, 0] / information[1, 1] * (off[0] - self._adopted[0])
+            off = np.array([self._adopted[0], max(off[1] + told, -self._configured.r_drive)])
         change = off - self._adopted
-        if std[0] > _KNOWN * scale:
-            return False
         # the two vary together: what one touch takes for stripes another takes for r_par
         sure = _REFINED if self._adopted.any() else _SURE
         if not (np.abs(change) > relevant).any() or change @ information @ change < sure**2:
@@ -209,6 +234,11 @@ class CircuitTracker:
         self._adopted, self.circuit = off, shifted(self._configured, off)
         self.message = self._words(relevant)
         return True
+
+    @property
+    def _relevant(self) -> np.ndarray:
+        """(2,) [ohm]"""
+        return np.array([_RELEVANT[0] * series_scale(self._configured), _RELEVANT[1]])
 
     def _beyond(self, off: np.ndarray) -> bool:
         """Whether no board is (2,) ohm off beside the configuration."""

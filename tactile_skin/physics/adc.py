@@ -128,8 +128,8 @@ class Adc:
         absent = self.unread(samples)
         if absent.all():
             raise ValueError("no crossing of the frame was read")
-        ratio = self.ratio(samples / self._sample)
-        return np.where(absent, np.nan, ratio) if absent.any() else ratio
+        steps = samples / self._sample
+        return self.ratio(np.where(absent, np.nan, steps) if absent.any() else steps)
 
     def ratio(self, count):
         """A reading [ADC steps] -> ADC ratio in [0, 1]; what lies beyond is noise, and cut off.

@@ -50,7 +50,8 @@ class Frames:
         if self.values.dtype.kind == "f" and np.nanmax(self.values, initial=0.0) <= 1.0:
             return self.values
         self._check_range(adc.circuit)
-        return adc.ratio(self.values.astype(float))
+        steps = self.values.astype(float)
+        return adc.ratio(np.where(adc.unread(steps), np.nan, steps))
 
     def samples(self, adc: Adc) -> np.ndarray:
         """(n, rows, cols) uint16 as on skin/adc: ADC steps * 2^(16 - bits); 65535: not read.

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from yardsticks.identify import Unknown, UnknownDriven, bodies
+from yardsticks.tracker import run
 
 from tactile_skin import Circuit, PressureCurve, identify, measure_rest
 from tactile_skin.calibration import evidence
@@ -250,6 +251,28 @@ def test_a_running_skin_of_driven_lines_learns_its_r_par(readout):
     assert "r_par is" in tracker.message
     assert ("r_drive is" in tracker.message) == (board.r_drive > 0.0)
     assert "r_line" not in tracker.message
+
+
+def test_one_touch_that_tells_r_drive_is_a_hint():
+    """Until it is used, a stop counts with what it hides."""
+    board = UnknownDriven(SHAPE, 44007, "grounded-rows", r_ref=470.0, r_par=1.0)
+    board.idle = board.at_rest()
+    fresh, early, late = (follow(board, board.supposed, standing(board, 8)[:n]) for n in (0, 3, 16))
+    assert fresh.unknown > 25.0 and not fresh.hint  # of any driver
+    assert "r_drive is" in early.hint and early.circuit == board.supposed
+    assert early.unknown > 0.8 * board.r_drive
+    assert late.circuit.r_drive == pytest.approx(board.r_drive, abs=3.0)
+    assert late.unknown < 10.0 and not late.hint
+
+
+def test_r_drive_is_used_where_the_touches_do_not_tell_r_par():
+    """Of r_ref + r_par only their sum is told, here to 8 ohm of 470."""
+    known, off, std, message, *_ = run(
+        35, 1.0, 40.0, [(8, 8)], "grounded-rows", r_drive=40.0, r_ref=470.0, r_par=0.0
+    )
+    assert known < 8  # touches
+    assert abs(off[1]) < 3.0 * std[1] < 9.0
+    assert "r_drive is" in message and "r_par" not in message
 
 
 def test_a_right_circuit_is_not_touched(board):
