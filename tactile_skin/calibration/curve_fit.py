@@ -111,12 +111,14 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
         f"them: with all of them 1 it would be {without:.1%}",
     ]
     message += _words(weights, used, off, objects, odd)
+    if circuit.readout == "loaded" and error > _POOR:
+        message.append("if the lines are driven through diodes, enter circuit.diode")
     if doubts:
-        remedy = "find r_par and r_line by touches first"
+        remedy = "find what lies in series by touches first"
         if circuit.readout != "floating":
             remedy = f"check r_ref = {circuit.r_ref:g} ohm, r_par = {circuit.r_par:g} ohm"
-            grounded = circuit.readout == "grounded"
-            remedy += f", r_drive = {circuit.r_drive:g} ohm" if grounded else ", circuit.diode"
+            if circuit.readout == "grounded":
+                remedy += f", r_drive = {circuit.r_drive:g} ohm"
         message.append(
             f"the circuit does not explain {doubts} of {len(frames)} frames: {remedy}, and check "
             "the wiring"

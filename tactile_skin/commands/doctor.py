@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..calibration.doctor import Finding, diagnose
-from ..calibration.rest import measure_rest
+from ..calibration.doctor.recorded import record
+from ..calibration.rest import Rest, measure_rest
 from ..middleware.config import ParameterFile, SkinConfig, read_skin
 from ..physics.adc import Adc
 from ..physics.circuit import Circuit
@@ -28,6 +29,7 @@ examples:
 options, name:=value:
   config    parameter file with circuit.*, as for launch (default: as recorded, or the paper's)
   rows, cols, r_ref, r_par, r_line, r_drive, adc_bits, readout, driven   in its place, or on top
+  inverted, diode, supply, adc_offset, adc_full_scale   the same: how the board is read
   rest      recorded frames of the untouched skin (default: found in FILE)
   port, baud, protocol, seconds   of the live board (default 1000000, binary, 60)
 exit status: 0 nothing found, 1 something found, 2 a mistake."""
@@ -44,18 +46,31 @@ _KINDS = {
     "adc_bits": int,
     "readout": str,
     "driven": str,
+    "inverted": bool,
+    "diode": float,
+    "supply": float,
+    "adc_offset": float,
+    "adc_full_scale": float,
     "port": str,
     "baud": int,
     "protocol": str,
     "seconds": float,
 }
 _CIRCUIT = ("rows", "cols", "r_ref", "r_par", "r_line", "r_drive", "adc_bits", "readout", "driven")
+_ADC = {  # argument -> of `Adc`
+    "inverted": "inverted",
+    "diode": "diode",
+    "supply": "supply",
+    "adc_offset": "offset",
+    "adc_full_scale": "full_scale",
+}
 _LIVE = ("baud", "protocol", "seconds")
 _SECONDS = 5.0, 3600.0
 _CORRUPT, _LOST = 0.005, 0.05  # shares of the frames from which on the link is bad
 # Share of what a short circuit reads that hard presses exceed on every board that was seen: of one
 # with 10 bits that is configured as 12 they read 0.25 at most.
 _LOW = 0.3
+_FEW_TOUCHES = 5
 _CONNECT = 10.0  # s to wait for the first frame
 
 
@@ -72,7 +87,7 @@ def run(args) -> int:
         if files and "config" not in given
         else read_skin(given.get("config"))
     )
-    adc = _adc(skin, {name: given[name] for name in _CIRCUIT if name in given})
+    adc = _adc(skin, given)
     circuit = adc.circuit
     if files:
         frames, found = _ratio(files[0], adc), []
@@ -87,11 +102,41 @@ def run(args) -> int:
     for finding in found:
         print(f"- {finding}")
     if not found:
-        print("nothing found. Two lines that are exchanged with all their neighbours, and r_par on")
-        print("a board that was only touched lightly, are not seen in frames.")
+        print("nothing found. " + unseen(circuit))
+    if note := touches_note(frames, circuit, rest):
+        print(note)
     if note := scale_note(frames, circuit):
         print(note)
     return 1 if found else 0
+
+
+def unseen(circuit: Circuit) -> str:
+    """What might be wrong though nothing was found."""
+    series = "r_drive" if circuit.readout == "grounded" else "r_par"
+    words = [
+        "two lines that are exchanged with all their neighbours",
+        f"a wrong {series} if the board was only touched lightly",
+    ]
+    if circuit.readout != "floating":
+        words.append("a wrong r_ref, which reads like another fabric")
+    if circuit.readout == "loaded":
+        words.append("diodes in the driven lines that circuit.diode does not know")
+    return "Frames do not show " + "; ".join(words) + "."
+
+
+def touches_note(frames: np.ndarray, circuit: Circuit, rest: Rest | None) -> str:
+    """What to record instead if hardly a touch was seen; empty if some were.
+
+    Args:
+        frames: (n, rows, cols) ADC ratio, NaN where a crossing was not read.
+    """
+    touches = len(record(frames, circuit, rest).touches)
+    if touches >= _FEW_TOUCHES:
+        return ""
+    return (
+        f"{touches} touches were seen. Most faults need twenty, and a skin left alone for a "
+        "third of the time: take your hands off for 5 s, then press everywhere."
+    )
 
 
 def scale_note(frames: np.ndarray, circuit: Circuit) -> str:
@@ -143,14 +188,23 @@ def _digit(number: int, place: int) -> str:
     return str(number // 10**place % 10) if number >= 10**place or place == 0 else " "
 
 
-def _adc(skin: SkinConfig, changed: dict) -> Adc:
-    """The board's converter, with the circuit that the arguments change."""
+def _adc(skin: SkinConfig, given: dict) -> Adc:
+    """The board's converter, with what the arguments change of it and of its circuit."""
+    changed = {name: given[name] for name in _CIRCUIT if name in given}
+    of_adc = {of: given[name] for name, of in _ADC.items() if name in given}
     shape = {"rows", "cols"} & changed.keys()
     mask = {"mask": None} if shape else {}  # it was another board's
-    circuit = replace(skin.circuit, **changed, **mask)
-    full = 0.0 if "adc_bits" in changed else skin.adc.full_scale
+    circuit = skin.circuit
+    if {"readout", "driven"} & changed.keys():  # without what the new one does not know
+        circuit = circuit.read_as(
+            changed.get("readout", circuit.readout), changed.get("driven", circuit.driven)
+        )
+        if circuit.readout == "grounded":
+            of_adc = {"diode": 0.0} | of_adc
+    if "adc_bits" in changed:
+        of_adc = {"full_scale": 0.0} | of_adc
     scanned = None if shape else skin.adc.scanned
-    return replace(skin.adc, circuit=circuit, full_scale=full, scanned=scanned)
+    return replace(skin.adc, circuit=replace(circuit, **changed, **mask), scanned=scanned, **of_adc)
 
 
 def _ratio(path: str, adc: Adc) -> np.ndarray:

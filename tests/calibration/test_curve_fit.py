@@ -155,7 +155,7 @@ def test_a_wrong_circuit_is_told(bench):
     """By the frames that it does not explain; an r_par that is too small, cells may make up for."""
     wrong = replace(bench.circuit, r_par=1.3 * bench.circuit.r_par)
     found = fit_curve(bench.frames, bench.weights, wrong, bench.rest)
-    assert "find r_par and r_line by touches" in found.message
+    assert "find what lies in series by touches" in found.message
 
 
 def test_crossings_that_are_not_read_are_done_without(bench):

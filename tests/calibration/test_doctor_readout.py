@@ -12,6 +12,7 @@ from tactile_skin.bench.damage import streams
 from tactile_skin.bench.damage.board import KNOTS, FaultBoard
 from tactile_skin.calibration.doctor.running import RunningDoctor
 from tactile_skin.calibration.doctor.wiring import Damage, Wires, search
+from tactile_skin.commands.doctor import touches_note
 from tactile_skin.learning import scenes
 from tactile_skin.physics.circuit import forward
 from tactile_skin.physics.readouts import READOUTS
@@ -28,6 +29,9 @@ KINDS = [
     ("grounded", "rows"),
     ("grounded", "columns"),
 ]
+
+CUSHIONS = Path(__file__).parents[1] / "data" / "cushion_loaded"
+CUSHION = Circuit(9, 9, r_ref=35e3, r_par=25.0, readout="loaded")
 
 
 def skin(kind, shape=(8, 8)) -> Circuit:
@@ -73,6 +77,28 @@ def test_fingers_are_no_noise_and_readings_upside_down_are_named(kind, seed):
     assert diagnose(frames, circuit, series=False) == []
     (finding,) = diagnose(1.0 - frames, circuit, series=False)
     assert finding.kind == "polarity" and "circuit.inverted" in finding.remedy
+
+
+@pytest.mark.parametrize("seed", [41, 42, 44])
+@pytest.mark.parametrize("readout", READOUTS)
+def test_readings_upside_down_are_named_whatever_a_skin_rests_at(readout, seed):
+    """Pull-ups of 35 kohm: cells rest about the middle of the range, and a palm takes all of it."""
+    given = {"r_ref": 35e3, "r_par": 25.0} if readout != "floating" else {}
+    case = Case(seed, (), 40.0, (9, 9), readouts=(readout,), **given)
+    found = diagnose(1.0 - case.frames, case.circuit, series=False)
+    assert [finding.kind for finding in found] == ["polarity"]
+    other = Circuit(9, 9, r_ref=case.circuit.r_ref, r_par=case.circuit.r_par)
+    found = diagnose(1.0 - case.frames, other, series=False)
+    assert found[0].kind == "polarity"
+    assert [finding.kind for finding in found[1:]] == ["readout"] * (readout != "floating")
+
+
+def test_a_skin_that_is_never_left_alone_is_neither_upside_down_nor_damaged():
+    """Somebody sits on it from the first frame to the last: there are no touches to judge by."""
+    paths = (CUSHIONS / name for name in ("hj_1_1.csv", "hj_6_1.csv"))
+    counts = np.concatenate([np.loadtxt(path, delimiter=",").reshape(-1, 9, 9) for path in paths])
+    assert diagnose(1.0 - counts / 1023.0, CUSHION) == []
+    assert "0 touches were seen" in touches_note(1.0 - counts / 1023.0, CUSHION, None)
 
 
 @pytest.mark.parametrize(

@@ -34,12 +34,15 @@ _ASKED, _TOUCHES, _HELD = 20_000, (20, 60), 15
 # known to 1.5 % (seed 144000). Share besides, and standard deviations (what all touches share is
 # not in their scatter), by which it must be off; touches that must say so.
 _LIGHT, _SERIES, _SAYING = 0.025, (0.05, 5.0), 20
-_DRIVE = 5.0  # ohm by which r_drive must be off: 3.4 at most on 16 boards (seeds 94000 and 94100)
+# Ohm by which r_drive must be off: 3.4 at most on 16 boards (seeds 94000 and 94100). Light touches
+# lower it no more than others, so fewer suffice.
+_DRIVE, _DRIVE_SAYING = 5.0, 8
 _USUAL = 4e4  # ohm of a cell, where the readings tell none
 _READ = 12, 4  # hardest touches that the readout is judged by, without `series`
-# Share of all change that is a fall, and of full scale where nothing touches, from which on
-# readings are upside down: on sound boards hardly any falls, and rest is in the lower half.
-_FELL, _HIGH = 0.8, 0.5
+# Share of all change that is a fall from which on readings may be upside down: on sound boards
+# hardly any falls, if they are left alone for half of the time. The same from which on they are,
+# and of them the other way round up to which, where no circuit tells; touches that must say so.
+_FELL, _FALLS, _RISES, _FALLING = 0.5, 0.8, 0.2, 3
 _ONE_VOLTAGE = 4.0  # times the noise within which all readings are one voltage
 
 
@@ -64,11 +67,12 @@ def diagnose(
         ValueError: another shape, values outside [0, 1], or fewer than 20 frames.
     """
     seen = record(frames, circuit, rest)
-    if finding := _upside_down(seen) or _silent(seen):
+    touched = _touched(seen, _READ[0 if series else 1])
+    if found := _upside_down(np.asarray(frames), seen, touched):
+        return found
+    if finding := _silent(seen):
         return [finding]
-    at_rest = np.where(seen.read, seen.base / circuit.full_scale, np.nan)
-    touches = np.where(seen.read, _touches(seen, _READ[0 if series else 1]), np.nan)
-    fitting = readout.other(circuit, at_rest, seen.usual_noise, touches)
+    fitting = readout.other(circuit, touched)
     if fitting and fitting.circuit:
         return [texts.readout(circuit, fitting)]
     if bits := readings.stuck_bits(seen):
@@ -139,7 +143,7 @@ def other_readout(circuit: Circuit, at_rest, noise: float, touches) -> Finding |
         noise: of a reading [ADC steps].
         touches: (n, rows, cols) ADC ratio, some of them hard; NaN: not read.
     """
-    fitting = readout.other(circuit, at_rest, noise, touches)
+    fitting = readout.other(circuit, readout.Touched(at_rest, noise, touches))
     return texts.readout(circuit, fitting) if fitting and fitting.circuit else None
 
 
@@ -147,11 +151,27 @@ def _cells(damages: list[wiring.Damage]) -> set[tuple[int, int]]:
     return {(d.line, d.at) for d in damages if d.kind == "cell"}
 
 
-def _upside_down(seen: Recorded) -> Finding | None:
-    usual, full = float(np.median(seen.steps[:, seen.read])), seen.circuit.full_scale
-    if seen.fell < _FELL or usual < _HIGH * full:
-        return None
-    return texts.polarity(usual, full)
+def _upside_down(frames, seen: Recorded, touched: readout.Touched) -> list[Finding]:
+    """By the circuit that explains them the other way round; else by their falling alone."""
+    if seen.fell < _FELL and len(seen.touches):
+        return []
+    turned, circuit = record(1.0 - frames, seen.circuit, None), seen.circuit
+    fitting = readout.upside_down(circuit, touched, _touched(turned, _READ[1]))
+    falls = seen.fell > _FALLS or not len(seen.touches)
+    falls &= turned.fell < _RISES and len(turned.touches) >= _FALLING
+    level = float(np.median(seen.steps[:, seen.read]))
+    if fitting is None:
+        explained = len(touched.touches) and readout.misses(circuit, touched) < readout.FITS
+        return [texts.polarity(level, circuit.full_scale)] if falls and not explained else []
+    found = [texts.polarity(level, circuit.full_scale)]
+    return found + [texts.readout(circuit, fitting)] * (fitting.circuit != circuit)
+
+
+def _touched(seen: Recorded, n: int) -> readout.Touched:
+    """The untouched skin, and its n hardest touches."""
+    at_rest = np.where(seen.read, seen.base / seen.circuit.full_scale, np.nan)
+    touches = np.where(seen.read, _touches(seen, n), np.nan)
+    return readout.Touched(at_rest, seen.usual_noise, touches)
 
 
 def _silent(seen: Recorded) -> Finding | None:
@@ -254,12 +274,13 @@ def _series(seen: Recorded, skip, noisy, wires: wiring.Wires) -> list[Finding]:
     off = found.circuit.r_par - circuit.r_par
     limit = max(_SERIES[0] * scale, _SERIES[1] * found.std["r_par"])
     limit += _LIGHT * scale if off > 0.0 else 0.0
-    if found.frames < _SAYING:
-        return []
-    said = [texts.circuit(circuit, found)] if abs(off) >= limit else []
-    off = abs(found.circuit.r_drive - circuit.r_drive)
-    if circuit.readout == "grounded" and off > max(_DRIVE, _SERIES[1] * found.std["r_drive"]):
-        said.append(texts.drivers(circuit, found))
+    said = []
+    if found.frames >= _SAYING and abs(off) >= limit:
+        said.append(texts.circuit(circuit, found))
+    if circuit.readout == "grounded" and found.frames >= _DRIVE_SAYING:
+        off = abs(found.circuit.r_drive - circuit.r_drive)
+        if off > max(_DRIVE, _SERIES[1] * found.std["r_drive"]):
+            said.append(texts.drivers(circuit, found))
     return said
 
 

@@ -52,8 +52,9 @@ def polarity(level: float, full: float) -> Finding:
     return Finding(
         "polarity",
         "all readings",
-        f"{level:.0f} of {full:.0f} ADC steps while nothing touches, and touches lower them",
-        "Change circuit.inverted: true if readings of the board fall with pressure",
+        f"usually {level:.0f} of {full:.0f} ADC steps, and touches lower them",
+        "Set circuit.inverted to the other value: true where what the board prints falls with "
+        "pressure, false where it rises",
     )
 
 
@@ -290,32 +291,36 @@ def transposed(supposed: Circuit, touches: int, share: float) -> Finding:
     )
 
 
+def _wired(circuit: Circuit) -> str:
+    """A matrix as it is read, in words."""
+    if circuit.readout == "floating":
+        return "a floating matrix"
+    return f"a {circuit.readout} matrix with driven {circuit.driven}"
+
+
 def readout(supposed: Circuit, fitting: Fitting) -> Finding:
     name = fitting.circuit.readout
     driven = "" if name == "floating" else f" and circuit.driven: {fitting.circuit.driven}"
     return Finding(
         "readout",
         "wiring of the board",
-        f"the touches are those of a {name} matrix{' with driven ' if driven else ''}"
-        f"{fitting.circuit.driven if driven else ''}: it misses them by {fitting.left:.1f} times "
-        f"the noise, a {supposed.readout} one by {fitting.supposed:.1f} times",
+        f"the touches fit {_wired(fitting.circuit)} to {fitting.left:.1f} times the noise, and "
+        f"{_wired(supposed)}, as configured, to {fitting.supposed:.1f} times",
         f"Set circuit.readout: {name}{driven}; docs/boards.md shows how to tell by the wires",
     )
 
 
 def no_readout(supposed: Circuit, fitting: Fitting) -> Finding:
-    read = f"as a {supposed.readout} one with r_par = {supposed.r_par:g} ohm it does not rest so"
+    read = f"the untouched readings do not fit {_wired(supposed)}"
     if np.isfinite(fitting.supposed):
-        read = (
-            f"a {supposed.readout} one with r_par = {supposed.r_par:g} ohm misses the touches by "
-            f"{fitting.supposed:.0f} times the noise"
-        )
+        read = f"the touches miss {_wired(supposed)} by {fitting.supposed:.0f} times the noise"
     return Finding(
         "circuit",
         "wiring of the board",
-        f"no readout explains the matrix: {read}, no other comes near",
-        "Check circuit.r_par, r_ref, readout and driven, adc_bits and inverted: docs/boards.md "
-        "shows how to find each",
+        f"no readout explains the readings: with r_par = {supposed.r_par:g} ohm {read}, and no "
+        "other readout comes near",
+        "Check circuit.r_par, r_ref, readout and driven, adc_bits, inverted, and whether the lines "
+        "are driven through diodes (circuit.diode): docs/boards.md shows how to find each",
     )
 
 
@@ -332,7 +337,7 @@ def circuit(supposed: Circuit, found: Identified) -> Finding:
         "circuit",
         "r_par, r_ref or supply",
         f"{found.frames} frames of touches fit r_par = {r_par:.0f} +- "
-        f"{found.std['r_par']:.0f} ohm, not {supposed.r_par:g}. {alike} divider's supply that is "
+        f"{found.std['r_par']:.1f} ohm, not {supposed.r_par:g}. {alike} divider's supply that is "
         "not the ADC's reference reads the same",
         "Measure the reference resistor, the supply and the ADC's reference; what is left is r_par"
         f"{_DIODES if supposed.readout != 'grounded' else ''}",
@@ -344,8 +349,8 @@ def drivers(supposed: Circuit, found: Identified) -> Finding:
     return Finding(
         "circuit",
         "r_drive",
-        f"{found.frames} frames of touches fit r_drive = {r_drive:.0f} +- "
-        f"{found.std['r_drive']:.0f} ohm, not {supposed.r_drive:g}",
-        f"Set circuit.r_drive: {r_drive:.0f}. What holds a driven line has so much; with another "
-        "value hard touches are felt wrong",
+        f"{found.frames} frames of touches fit r_drive = {r_drive:.1f} +- "
+        f"{found.std['r_drive']:.1f} ohm, not {supposed.r_drive:g}",
+        f"Set circuit.r_drive: {r_drive:.0f}. The drivers have so much; with a wrong value hard "
+        "touches are felt too weak or too strong",
     )

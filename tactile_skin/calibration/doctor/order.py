@@ -80,6 +80,8 @@ def misplaced(seen: Recorded, skip, cells=(), pressed=()) -> list[Misplaced]:
         pressed: those of them that conduct at rest as if they were pressed.
     """
     pictures = _pictures(seen)
+    if not len(pictures):
+        return []
     found = []
     for axis in (0, 1):
         lines = seen.circuit.shape[axis]

@@ -13,7 +13,7 @@ from ...solvers import compensate
 from ..rest import REST_SPAN, resting_conductance
 
 _EXPLAINED = 2.0  # times noise and model error up to which the configured readout may miss touches
-_BETTER, _FITS = 0.5, 4.0  # times what the configured one misses, and times the noise, of another
+_BETTER, FITS = 0.5, 4.0  # times what the configured one misses, and times the noise, of another
 _MODEL = 0.003  # of a reading, that real skins are off the circuit's model (solvers/suspect.py)
 _TIME = 0.1  # s for a touch that no cells explain
 _LEAST_NOISE = 0.3  # ADC steps: of rounding
@@ -33,34 +33,61 @@ class Fitting(NamedTuple):
     supposed: float
 
 
-def other(supposed: Circuit, rest: np.ndarray, noise: float, touches: np.ndarray) -> Fitting | None:
-    """None: the supposed readout explains the touches.
+class Touched(NamedTuple):
+    """What readouts are judged by.
 
-    Args:
+    Attributes:
         rest: (rows, cols) ADC ratio of the untouched skin, NaN: not read.
         noise: of a reading [ADC steps].
         touches: (n, rows, cols) ADC ratio of hard ones, NaN: not read.
     """
-    if not len(touches):
+
+    rest: np.ndarray
+    noise: float
+    touches: np.ndarray
+
+
+def other(supposed: Circuit, seen: Touched) -> Fitting | None:
+    """None: the supposed readout explains the touches."""
+    own = misses(supposed, seen)
+    if own <= _EXPLAINED or not len(seen.touches):
         return None
-    own = _misses(supposed, rest, noise, touches)
-    if own <= _EXPLAINED:
+    left, circuit = min(_others(supposed, seen), key=lambda pair: pair[0])
+    if left < min(_BETTER * own, FITS):
+        return Fitting(circuit, left, own)
+    return Fitting(None, left, own) if own > FITS else None
+
+
+def upside_down(supposed: Circuit, seen: Touched, turned: Touched) -> Fitting | None:
+    """None: the touches are not explained by the same readings the other way round.
+
+    Args:
+        turned: of 1 minus the readings.
+    """
+    own = misses(supposed, seen) if len(seen.touches) else np.inf
+    if own <= _EXPLAINED or not len(turned.touches):
         return None
+    limit = min(_BETTER * own, FITS)
+    left, circuit = misses(supposed, turned), supposed
+    if left >= limit:
+        left, circuit = min(_others(supposed, turned), key=lambda pair: pair[0])
+    return Fitting(circuit, left, own) if left < limit else None
+
+
+def _others(supposed: Circuit, seen: Touched) -> list[tuple[float, Circuit]]:
     found = []
     for readout in READOUTS:
         for driven in DRIVEN[:1] if readout == "floating" else DRIVEN:
             circuit = supposed.read_as(readout, driven)
             same = readout == "floating" == supposed.readout
             if not (same or circuit == supposed):
-                found.append((_misses(circuit, rest, noise, touches), circuit))
-    left, circuit = min(found, key=lambda pair: pair[0])
-    if left < min(_BETTER * own, _FITS):
-        return Fitting(circuit, left, own)
-    return Fitting(None, left, own) if own > _FITS else None
+                found.append((misses(circuit, seen), circuit))
+    return found
 
 
-def _misses(circuit: Circuit, at_rest: np.ndarray, noise: float, touches: np.ndarray) -> float:
+def misses(circuit: Circuit, seen: Touched) -> float:
     """Median over the touches of the RMS misfit, in noise and model error; infinity: no rest."""
+    at_rest, noise, touches = seen
     full, noise = circuit.full_scale, max(noise, _LEAST_NOISE)
     try:
         unread = list(zip(*np.nonzero(np.isnan(at_rest) & circuit.populated), strict=True))
@@ -81,4 +108,4 @@ def _misses(circuit: Circuit, at_rest: np.ndarray, noise: float, touches: np.nda
         )
         scale = np.hypot(noise, _MODEL * full * np.sqrt(np.nanmean(np.square(touch))))
         left.append(np.inf if found.status == "failed" else found.residual / scale)
-    return float(np.median(left))
+    return float(np.median(left)) if left else 0.0
