@@ -87,10 +87,9 @@ class Circuit:
                 "stripes are taken as ideal"
             )
         if self.readout != "grounded" and self.r_drive:
-            where = "r_par" if self.readout == "loaded" else "r_par, with that of the other lead,"
             raise ValueError(
                 f"r_drive = {self.r_drive!r} ohm: must be 0 for readout = {self.readout!r}, where "
-                f"{where} is that of the driver"
+                "the driver's resistance is part of r_par"
             )
         r_line.setflags(write=False)
         object.__setattr__(self, "r_line", r_line if r_line.ndim else float(r_line))

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..physics import kernel, numpy_kernel, readouts
+from ..physics import grounded, kernel, numpy_kernel, readouts
 from .estimate import Estimate
 from .reading import Reading
 from .suspect import estimate_from_force
 
 MAX_STEPS = 60
 _TARGET = 0.25  # ADC steps RMS at which to stop: below rounding to whole steps
-BOUND = 1.0 + 1e-9  # factor within which a conductance is on a bound, but for rounding
 
 
 def fixed_point(reading: Reading) -> Estimate:
     """The fixed point until the reading is met to the ADC's rounding."""
     reading.need_all_cells("fixed_point")
-    if reading.circuit.has_closed_form:
-        g, iterations = closed_form(reading), 0
+    if reading.circuit.readout == "grounded":
+        g, iterations, _ = closed_form(reading, grounded.FAST)
     else:
         g, iterations = iterate(reading, first_guess(reading), MAX_STEPS, _TARGET)
     with np.errstate(divide="ignore"):
@@ -33,7 +32,7 @@ def first_guess(reading: Reading) -> np.ndarray:
     cells send no current from one sense line to another.
     """
     if reading.circuit.readout == "grounded":
-        return _within_bounds(reading)
+        return grounded.within_bounds(reading.circuit, reading.adc, *reading.bounds)
     populated, share = reading.circuit.populated, 1.0
     if reading.circuit.readout == "floating":
         share = (sum(reading.circuit.shape) - 1) / np.count_nonzero(populated)
@@ -41,49 +40,11 @@ def first_guess(reading: Reading) -> np.ndarray:
     return populated * np.clip(guess, *reading.bounds)
 
 
-def _within_bounds(reading: Reading) -> np.ndarray:
-    """Conductance [S] of a grounded matrix by ideal drivers; cells are held within their bounds.
-
-    With v = adc (r_ref + r_par) / r_ref, a sense line's cells have g = v G / (1 - sum v), where G
-    is what leads from it to ground: its divider, and the cells that are held.
-    """
-    circuit, (low, high) = reading.circuit, reading.bounds
-    divider, axis = circuit.r_ref + circuit.r_par, circuit.sense_axis
-    v = reading.adc * (divider / circuit.r_ref)
-    free, held, ground = circuit.populated, 0.0, 1.0 / divider
-    while True:  # each round holds more cells
-        left = np.maximum(1.0 - (v * free).sum(axis, keepdims=True), readouts.LEAST_SCALE)
-        g = np.where(free, v * ground / left, held)
-        inside = np.minimum(np.maximum(g, low), high)
-        out = free & (np.abs(inside - g) > (BOUND - 1.0) * g)
-        if not np.count_nonzero(out):
-            return g
-        free, held = free & ~out, np.where(out, inside, held)
-        ground = 1.0 / divider + held.sum(axis, keepdims=True)
-
-
-def closed_form(reading: Reading) -> np.ndarray:
-    """Conductance [S] of the grounded readout, whose bounds all of a sense line share.
-
-    Hard loads leave nothing but noise of 1 - sum v, and cells beyond their end. With T for all that
-    leads to the line, from which n cells at g = v T are not at rest, the largest is then put on its
-    end, T = (n end + G) / (1 + sum (max v - v)), and all n readings miss alike.
-    """
-    (low, high), circuit, g = reading.bounds, reading.circuit, first_guess(reading)
-    axis = circuit.sense_axis
-    at_end = g >= high
-    if not np.count_nonzero(at_end):
-        return g
-    beyond = at_end.any(axis, keepdims=True) & circuit.populated
-    divider = circuit.r_ref + circuit.r_par
-    free, v = g > low, reading.adc * (divider / circuit.r_ref)
-    ground = 1.0 / divider + (g * ~free).sum(axis, keepdims=True)
-    n, used = free.sum(axis, keepdims=True), v * free
-    left = 1.0 - used.sum(axis, keepdims=True)
-    end = n * high.min(axis, keepdims=True) + ground
-    leads = end / (left + n * used.max(axis, keepdims=True))
-    spread = v * leads + (left * leads - ground) / np.maximum(n, 1)
-    return np.where(beyond & free, np.minimum(np.maximum(spread, low), high), g)
+def closed_form(reading: Reading, target: float = grounded.EXACT) -> tuple[np.ndarray, int, bool]:
+    """`grounded.closed_form` of the reading."""
+    return grounded.closed_form(
+        reading.circuit, reading.adc, *reading.bounds, target=target, late=reading.late
+    )
 
 
 def last_guess(reading: Reading, start: Estimate) -> np.ndarray:

@@ -15,11 +15,12 @@ import numpy as np
 from scipy.linalg import lapack
 
 from ..physics.conjugate_gradients import conjugate_gradients
+from ..physics.grounded import BOUND
 from ..physics.quadratic import inverse_diagonal, solve_in_box
 from . import prior as prior_terms
 from . import score, suspect
 from .estimate import Estimate, spread
-from .fixed_point import BOUND, fill, first_guess, iterate, last_guess
+from .fixed_point import fill, first_guess, iterate, last_guess
 from .reading import ROUNDING_NOISE, Linearised, Reading, noise_at_rest
 from .rivals import other_r_par
 from .rivals.aside import without_bad_contacts

@@ -7,8 +7,7 @@ solution, no local optimum. The bounds make it solvable for noisy readings too, 
 maximum may lie at negative conductances.
 
 The other readouts have no such function: there the same steps solve rho(g) = rho_measured, and a
-step must bring the unknowns' own readings nearer. Of a grounded matrix by ideal drivers there is
-a closed form.
+step must bring the unknowns' own readings nearer. A grounded matrix has a closed form.
 """
 
 from __future__ import annotations
@@ -18,8 +17,9 @@ from scipy.linalg import lapack
 
 from ..physics import laplacian, readouts
 from ..physics.conjugate_gradients import conjugate_gradients
+from ..physics.grounded import BOUND
 from .estimate import Estimate
-from .fixed_point import BOUND, closed_form, first_guess, iterate, last_guess
+from .fixed_point import closed_form, first_guess, iterate, last_guess
 from .reading import Reading
 from .suspect import estimate_from_force
 
@@ -41,8 +41,11 @@ _DENSE = 400  # unknowns up to which a Cholesky factor is faster than conjugate 
 def newton(reading: Reading, start: Estimate | None = None) -> Estimate:
     """Projected Newton from `start`, or from a few steps of the fixed point."""
     reading.need_all_cells("newton")
-    if reading.circuit.has_closed_form:
-        g, steps, iterations, done = closed_form(reading), 0, 0, True
+    if reading.circuit.readout == "grounded":
+        g, steps, done = closed_form(reading)
+        iterations = 0
+        if steps and not reading.noise:  # of an exact reading the last digits
+            g, iterations, done = maximise(reading, g)
     else:
         g = first_guess(reading) if start is None else last_guess(reading, start)
         g, steps = iterate(reading, g, START_STEPS if start is None else WARM_STEPS, 1e-9)

@@ -159,7 +159,7 @@ def test_what_is_refused():
         Circuit(readout="loaded", r_line=5.0)
     with pytest.raises(ValueError, match=r"r_drive = -1.0 ohm: must be finite and 0 or more"):
         Circuit(readout="grounded", r_drive=-1.0)
-    with pytest.raises(ValueError, match=r"r_drive = 5.0 ohm: .*'loaded', where r_par is that"):
+    with pytest.raises(ValueError, match=r"r_drive = 5.0 ohm: .*'loaded', where .* part of r_par"):
         Circuit(readout="loaded", r_drive=5.0)
 
 

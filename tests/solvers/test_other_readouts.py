@@ -30,7 +30,7 @@ def press(shape, newtons=2.0) -> np.ndarray:
     return scenes.finger(*shape, shape[0] / 2, shape[1] / 3, newtons)
 
 
-@pytest.mark.parametrize("kind", KINDS, ids="-".join)
+@pytest.mark.parametrize("kind", [*KINDS, *HELD], ids="-".join)
 @pytest.mark.parametrize("family", ["blobs", "rects", "random", "bodies"])
 def test_newton_inverts_ideal_readings(kind, family):
     circuit = skin(kind, 12, 16)
@@ -38,18 +38,6 @@ def test_newton_inverts_ideal_readings(kind, family):
     found = compensate(adc, circuit, CURVE, "newton", noise=0.0)
     assert (found.status == "ok").all()
     assert np.abs(found.force - force).max() < 1e-3 * GRAM
-
-
-@pytest.mark.parametrize("kind", HELD, ids="-".join)
-@pytest.mark.parametrize("family", ["blobs", "rects", "random", "bodies"])
-def test_newton_says_where_weak_drivers_hide_hard_loads(kind, family):
-    """Behind 25 ohm a row of cells of 85 ohm has a sixth of the supply: steps may end early."""
-    circuit = skin(kind, 12, 16)
-    force, adc = frames(family, "ideal", 6, np.random.default_rng(3), circuit, CURVE)
-    found = compensate(adc, circuit, CURVE, "newton", noise=0.0)
-    ok = found.status == "ok"
-    assert ok.mean() >= (0.5 if family == "rects" else 0.8)
-    assert np.abs(found.force - force)[ok].max() < 1e-3 * GRAM
 
 
 @pytest.mark.parametrize("kind", [*KINDS, *HELD], ids="-".join)
