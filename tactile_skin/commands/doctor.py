@@ -119,8 +119,6 @@ def unseen(circuit: Circuit) -> str:
     ]
     if circuit.readout != "floating":
         words.append("a wrong r_ref, which reads like another fabric")
-    if circuit.readout == "loaded":
-        words.append("diodes in the driven lines that circuit.diode does not know")
     return "Frames do not show " + "; ".join(words) + "."
 
 

@@ -1,11 +1,14 @@
 """A board that is configured as another readout: the doctor names the one that fits."""
 
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from kirchhoff import forward_voltage
+from yardsticks.diodes import recorded as recorded_behind
 
 from tactile_skin import Circuit, PressureCurve, compensate, diagnose, measure_rest
 from tactile_skin.bench.damage import streams
@@ -91,6 +94,24 @@ def test_readings_upside_down_are_named_whatever_a_skin_rests_at(readout, seed):
     found = diagnose(1.0 - case.frames, other, series=False)
     assert found[0].kind == "polarity"
     assert [finding.kind for finding in found[1:]] == ["readout"] * (readout != "floating")
+
+
+@pytest.mark.parametrize("diode", ["1N4148", "BAT85"])
+@pytest.mark.parametrize("r_ref", [1780.0, 10e3])
+def test_diodes_that_are_not_configured_are_named(diode, r_ref):
+    """Else a hard push is felt as a fifth, in silence: any touch is explained by other cells."""
+    circuit, frames = recorded_behind(51, r_ref, diode)
+    (finding,) = diagnose(frames, circuit)
+    assert finding.where == "diode" and "circuit.diode" in finding.remedy
+    volts = float(re.search(r"a diode of ([0-9.]+) V", finding.evidence)[1])
+    assert volts == pytest.approx(forward_voltage(diode, 1e-3), abs=0.05)
+
+
+@pytest.mark.parametrize("wrong", [{}, {"r_par": 326.0}, {"r_par": 0.0}, {"r_ref": 9e3}])
+def test_other_settings_that_are_wrong_are_no_diodes(wrong):
+    circuit, frames = recorded_behind(51, 10e3, None)
+    found = diagnose(frames, replace(circuit, **wrong))
+    assert "diode" not in [finding.where for finding in found]
 
 
 def test_a_skin_that_is_never_left_alone_is_neither_upside_down_nor_damaged():

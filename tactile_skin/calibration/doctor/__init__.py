@@ -4,6 +4,7 @@ findings.py   each fault in words
 recorded.py   rest, noise and touches of the recording
 readout.py    another readout than the configured one
 readings.py   faults of single readings: bits, ceiling, noise, open and loose lines
+diode.py      diodes in the driven lines of a loaded matrix
 order.py      lines that read alike, lines in the wrong order
 wiring.py     damage of wires and cells that explains the rest
 running.py    the same while the skin runs
@@ -24,6 +25,7 @@ from ..identify import identify
 from ..rest import REST_SPAN, Rest, resting_conductance, usual_resistance
 from . import findings as texts
 from . import order, readings, readout, wiring
+from .diode import unknown_diode
 from .findings import Finding
 from .recorded import Recorded, record
 
@@ -37,6 +39,7 @@ _LIGHT, _SERIES, _SAYING = 0.025, (0.05, 5.0), 20
 # Ohm by which r_drive must be off: 3.4 at most on 16 boards (seeds 94000 and 94100). Light touches
 # lower it no more than others, so fewer suffice.
 _DRIVE, _DRIVE_SAYING = 5.0, 8
+_AGREEING = 24  # hardest touches that must agree where the lines may be driven through diodes
 _USUAL = 4e4  # ohm of a cell, where the readings tell none
 _READ = 12, 4  # hardest touches that the readout is judged by, without `series`
 # Share of all change that is a fall from which on readings may be upside down: on sound boards
@@ -125,6 +128,10 @@ def diagnose(
     beside = {(d.axis, d.line) for d in damages if d.kind in ("lead", "resistor")}
     if circuit.readout == "loaded":  # so with a sense line that leads to ground by other than r_ref
         unread = unread or any(axis != circuit.sense_axis for axis, _ in unusable | beside)
+    if series and not found and circuit.readout == "loaded":
+        touched = _touched(seen, _AGREEING)
+        if diode := unknown_diode(circuit, touched, int(np.count_nonzero(seen.quiet))):
+            return [texts.diode(*diode)]
     if series and not (unread or top or wires.cells.max() > REST_SPAN):
         noisy = {line[:2] for line in noisy_lines}
         if circuit.readout != "floating":  # where a lead is not in series with each reading

@@ -324,9 +324,6 @@ def no_readout(supposed: Circuit, fitting: Fitting) -> Finding:
     )
 
 
-_DIODES = ". Lines that are driven through diodes need circuit.diode"
-
-
 def circuit(supposed: Circuit, found: Identified) -> Finding:
     r_par = found.circuit.r_par
     off = 100.0 * (supposed.r_par / r_par - 1.0) if r_par > 0.0 else np.inf
@@ -339,8 +336,18 @@ def circuit(supposed: Circuit, found: Identified) -> Finding:
         f"{found.frames} frames of touches fit r_par = {r_par:.0f} +- "
         f"{found.std['r_par']:.1f} ohm, not {supposed.r_par:g}. {alike} divider's supply that is "
         "not the ADC's reference reads the same",
-        "Measure the reference resistor, the supply and the ADC's reference; what is left is r_par"
-        f"{_DIODES if supposed.readout != 'grounded' else ''}",
+        "Measure the reference resistor, the supply and the ADC's reference; what is left is r_par",
+    )
+
+
+def diode(volts: float, supply: float) -> Finding:
+    return Finding(
+        "circuit",
+        "diode",
+        f"with a diode of {volts:g} V in each driven line, at {supply:g} V, the touches agree; "
+        "without it each asks for another r_par",
+        "Look for diodes in the driven lines; enter circuit.diode, the forward voltage at 1 mA of "
+        "their data sheet, and circuit.supply",
     )
 
 
