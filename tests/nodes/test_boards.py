@@ -175,7 +175,7 @@ def test_a_circuit_that_no_skin_rests_with_is_not_taken_over(monkeypatch, caplog
     fed.feel(touch(), 10)
     fed.feel(np.zeros(CIRCUIT.shape), 10)
     assert asked
-    assert "r_par and r_line were not found: no skin rests so" in caplog.text
+    assert "what lies in series was not found: no skin rests so" in caplog.text
     assert fed.node.skin.circuit == CIRCUIT
     assert fed.node._level == DiagnosticStatus.OK, fed.node._message
     fed.feel(touch(), 5)
