@@ -36,7 +36,7 @@ _FOLLOWS = 0.5  # correlation of its root, which a sum of readings is like, with
 _TOUCHED = 8.0  # times the noise from which on a reading is touched
 _LIGHTEST, _MOST_FRAMES = 0.02, 100  # of its largest force, from which on frames are used; so many
 _SHORTEST = 3.0  # s of it
-_POOR = 0.1  # error from which on a word is due
+POOR = 0.1  # error from which on a word is due
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +111,7 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
         f"them: with all of them 1 it would be {without:.1%}",
     ]
     message += _words(weights, used, off, objects, odd)
-    if circuit.readout == "loaded" and error > _POOR:
+    if circuit.readout == "loaded" and error > POOR:
         message.append("if the lines are driven through diodes, enter circuit.diode")
     if doubts:
         remedy = "find what lies in series by touches first"
@@ -344,7 +344,7 @@ def _words(weights, used, off, objects, odd) -> list[str]:
         )
     elif kept.max() < _NARROW * kept.min():
         words.append("the weights are close together: add lighter and heavier objects")
-    if np.sqrt(np.mean(np.square(off[used]))) > _POOR:
+    if np.sqrt(np.mean(np.square(off[used]))) > POOR:
         worst = np.flatnonzero(used)[np.abs(off[used]).argmax()]
         words.append(
             f"the weights contradict one another: object {worst + 1}, {weights[worst]:.3g} N, is "

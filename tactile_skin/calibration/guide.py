@@ -18,7 +18,7 @@ from ..physics.curve import GRAM, PressureCurve
 from ..solvers import compensate
 from .creep import measure_creep
 from .curve_fit import fit_curve
-from .doctor import other_readout
+from .doctor import ignored_diode, other_readout
 from .evidence import stands_anew
 from .identify import Identified, identify
 from .rest import Rest, measure_rest, supposing
@@ -153,6 +153,8 @@ class Guide:
             self.found = identify(touches, self._supposed, self.rest)
             self._say(f"  {self.found.message}")
         self._check_readout(touches)
+        if diode := ignored_diode(self.circuit, self.rest, np.array(touches)):
+            self._say(f"  {diode} Until then this calibration is wrong.")
         if not touches:
             self._say("  no touch was felt: what lies in series stays as it is configured.")
         elif self.found.missing:

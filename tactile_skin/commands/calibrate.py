@@ -14,7 +14,7 @@ import numpy as np
 
 from .. import __version__
 from ..calibration.creep import as_it_comes, measure_creep
-from ..calibration.curve_fit import MAX_LAG, fit_reference
+from ..calibration.curve_fit import MAX_LAG, POOR, fit_reference
 from ..calibration.guide import Guide, newtons
 from ..calibration.identify import names, values
 from ..calibration.rest import supposing
@@ -78,7 +78,12 @@ def run(
         finally:
             live.close()
     write(out, config, guide, skin)
-    print(f"{out} is written. Use it: tactile-skin launch skin.launch.yaml config:={out}")
+    use = f"tactile-skin launch skin.launch.yaml config:={out}"
+    if guide.fitted and guide.fitted.error > POOR:
+        print(f"{out} is written, but totals are off by {guide.fitted.error:.0%}: see what is said")
+        print(f"above, and calibrate again. To use it until then: {use}")
+    else:
+        print(f"{out} is written. Use it: {use}")
     no_curve = weighed and not guide.fitted
     if no_curve:
         print(

@@ -13,6 +13,8 @@ from yardsticks.diodes import recorded as recorded_behind
 from tactile_skin import Circuit, PressureCurve, compensate, diagnose, measure_rest
 from tactile_skin.bench.damage import streams
 from tactile_skin.bench.damage.board import KNOTS, FaultBoard
+from tactile_skin.calibration.doctor import ignored_diode
+from tactile_skin.calibration.doctor.recorded import record
 from tactile_skin.calibration.doctor.running import RunningDoctor
 from tactile_skin.calibration.doctor.wiring import Damage, Wires, search
 from tactile_skin.commands.doctor import touches_note
@@ -105,6 +107,17 @@ def test_diodes_that_are_not_configured_are_named(diode, r_ref):
     assert finding.where == "diode" and "circuit.diode" in finding.remedy
     volts = float(re.search(r"a diode of ([0-9.]+) V", finding.evidence)[1])
     assert volts == pytest.approx(forward_voltage(diode, 1e-3), abs=0.05)
+
+
+@pytest.mark.parametrize("diode", ["1N4148", None])
+def test_the_touches_of_calibrate_name_diodes_too(diode):
+    circuit, frames = recorded_behind(51, 1780.0, diode)
+    seen = record(frames, circuit, None)
+    rest = measure_rest(frames[seen.quiet], circuit)
+    found = ignored_diode(circuit, rest, frames[seen.peaks])
+    assert (found is not None) == (diode is not None)
+    grounded = circuit.read_as("grounded", circuit.driven)
+    assert ignored_diode(grounded, rest, frames[seen.peaks]) is None
 
 
 @pytest.mark.parametrize("wrong", [{}, {"r_par": 326.0}, {"r_par": 0.0}, {"r_ref": 9e3}])

@@ -154,6 +154,19 @@ def other_readout(circuit: Circuit, at_rest, noise: float, touches) -> Finding |
     return texts.readout(circuit, fitting) if fitting and fitting.circuit else None
 
 
+def ignored_diode(circuit: Circuit, rest: Rest, touches) -> Finding | None:
+    """The finding that a loaded matrix is driven through diodes that `circuit.diode` does not know.
+
+    Args:
+        touches: (n, rows, cols) ADC ratio; NaN: not read.
+    """
+    if circuit.readout != "loaded" or not len(touches):
+        return None
+    at_rest = rest.quiet(rest.adc[None])[0]
+    diode = unknown_diode(circuit, readout.Touched(at_rest, rest.noise, touches), rest.frames)
+    return texts.diode(*diode) if diode else None
+
+
 def _cells(damages: list[wiring.Damage]) -> set[tuple[int, int]]:
     return {(d.line, d.at) for d in damages if d.kind == "cell"}
 
