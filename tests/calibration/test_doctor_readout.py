@@ -13,12 +13,15 @@ from yardsticks.diodes import recorded as recorded_behind
 from tactile_skin import Circuit, PressureCurve, compensate, diagnose, measure_rest
 from tactile_skin.bench.damage import streams
 from tactile_skin.bench.damage.board import KNOTS, FaultBoard
+from tactile_skin.board import simulator
+from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.calibration.doctor import ignored_diode
 from tactile_skin.calibration.doctor.recorded import record
 from tactile_skin.calibration.doctor.running import RunningDoctor
 from tactile_skin.calibration.doctor.wiring import Damage, Wires, search
 from tactile_skin.commands.doctor import touches_note
 from tactile_skin.learning import scenes
+from tactile_skin.physics.adc import Adc
 from tactile_skin.physics.circuit import forward
 from tactile_skin.physics.readouts import READOUTS
 
@@ -96,6 +99,25 @@ def test_readings_upside_down_are_named_whatever_a_skin_rests_at(readout, seed):
     found = diagnose(1.0 - case.frames, other, series=False)
     assert found[0].kind == "polarity"
     assert [finding.kind for finding in found[1:]] == ["readout"] * (readout != "floating")
+
+
+@pytest.mark.parametrize("part", [slice(110, 1500, 3), slice(110, 2500, 5)])
+@pytest.mark.parametrize("kind", [("loaded", (9, 9), 35e3), ("floating", (16, 16), 1780.0)])
+def test_a_skin_that_is_hardly_left_alone_is_upside_down_rather_than_broken(kind, part):
+    """The demo, of which a running skin keeps what it stopped for: else lines were shorted."""
+    readout, shape, r_ref = kind
+    circuit = Circuit(*shape, r_ref=r_ref, readout=readout)
+    adc = Adc(circuit, inverted=True)
+    board, parser, frames = (
+        simulator.Board(circuit, CURVE, scenes.script("demo", *shape), adc=adc),
+        BinaryParser(),
+        [],
+    )
+    while len(frames) < part.stop:
+        frames += parser.feed(board.scan())
+    forgotten = np.array([frame.samples for frame in frames[part]]) / 64.0 / circuit.full_scale
+    (finding,) = diagnose(forgotten, circuit, series=False)
+    assert finding.kind == "polarity"
 
 
 @pytest.mark.parametrize("diode", ["1N4148", "BAT85"])

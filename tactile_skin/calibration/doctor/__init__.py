@@ -39,6 +39,7 @@ _LIGHT, _SERIES, _SAYING = 0.025, (0.05, 5.0), 20
 # Ohm by which r_drive must be off: 3.4 at most on 16 boards (seeds 94000 and 94100). Light touches
 # lower it no more than others, so fewer suffice.
 _DRIVE, _DRIVE_SAYING = 5.0, 8
+_MANY = 2  # findings from which on readings that are upside down are the likelier cause
 _AGREEING = 24  # hardest touches that must agree where the lines may be driven through diodes
 _USUAL = 4e4  # ohm of a cell, where the readings tell none
 _READ = 12, 4  # hardest touches that the readout is judged by, without `series`
@@ -69,10 +70,24 @@ def diagnose(
     Raises:
         ValueError: another shape, values outside [0, 1], or fewer than 20 frames.
     """
+    frames = np.asarray(frames)
     seen = record(frames, circuit, rest)
-    touched = _touched(seen, _READ[0 if series else 1])
-    if found := _upside_down(np.asarray(frames), seen, touched):
+    found = _upside_down(frames, seen) or _diagnose(seen, series)
+    if len(found) < _MANY:
         return found
+    # The other way round a skin that is hardly left alone rests as no wires do.
+    turned = record(1.0 - frames, circuit, None)
+    touched = _touched(turned, _READ[1])
+    sound = len(touched.touches) and readout.misses(circuit, touched) < readout.FITS
+    if sound and not _diagnose(turned, series=False):
+        return [texts.polarity(_usual(seen), circuit.full_scale)]
+    return found
+
+
+def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
+    """The same of readings that are not upside down."""
+    circuit = seen.circuit
+    touched = _touched(seen, _READ[0 if series else 1])
     if finding := _silent(seen):
         return [finding]
     fitting = readout.other(circuit, touched)
@@ -171,15 +186,21 @@ def _cells(damages: list[wiring.Damage]) -> set[tuple[int, int]]:
     return {(d.line, d.at) for d in damages if d.kind == "cell"}
 
 
-def _upside_down(frames, seen: Recorded, touched: readout.Touched) -> list[Finding]:
+def _usual(seen: Recorded) -> float:
+    """[ADC steps]"""
+    return float(np.median(seen.steps[:, seen.read]))
+
+
+def _upside_down(frames, seen: Recorded) -> list[Finding]:
     """By the circuit that explains them the other way round; else by their falling alone."""
     if seen.fell < _FELL and len(seen.touches):
         return []
+    touched = _touched(seen, _READ[1])
     turned, circuit = record(1.0 - frames, seen.circuit, None), seen.circuit
     fitting = readout.upside_down(circuit, touched, _touched(turned, _READ[1]))
     falls = seen.fell > _FALLS or not len(seen.touches)
     falls &= turned.fell < _RISES and len(turned.touches) >= _FALLING
-    level = float(np.median(seen.steps[:, seen.read]))
+    level = _usual(seen)
     if fitting is None:
         explained = len(touched.touches) and readout.misses(circuit, touched) < readout.FITS
         return [texts.polarity(level, circuit.full_scale)] if falls and not explained else []
