@@ -52,9 +52,10 @@ def by_reading(reading: Reading) -> str:
     low = known & (steps < _OPEN * rest - margin)
     if np.count_nonzero(low):
         line, where, bad = _place(low, known)
+        remedy = "Check the lead" if line else "Do readings fall with pressure (circuit.inverted)?"
         return (
             f"{line + ' is open: ' if line else ''}{where} are at most {steps[bad].max():.0f} ADC "
-            f"steps (an untouched cell reads {np.median(rest[bad]):.0f}). Check the lead"
+            f"steps (an untouched cell reads {np.median(rest[bad]):.0f}). {remedy}"
         )
     most = steps.max()  # of a crossing that was not read 0
     if most > short_circuit + margin:
