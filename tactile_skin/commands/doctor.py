@@ -193,10 +193,8 @@ def _adc(skin: SkinConfig, given: dict) -> Adc:
     shape = {"rows", "cols"} & changed.keys()
     mask = {"mask": None} if shape else {}  # it was another board's
     circuit = skin.circuit
-    if {"readout", "driven"} & changed.keys():  # without what the new one does not know
-        circuit = circuit.read_as(
-            changed.get("readout", circuit.readout), changed.get("driven", circuit.driven)
-        )
+    if changed.get("readout", circuit.readout) != circuit.readout:  # it may not know r_line, say
+        circuit = circuit.read_as(changed["readout"], circuit.driven)
         if circuit.readout == "grounded":
             of_adc = {"diode": 0.0} | of_adc
     if "adc_bits" in changed:

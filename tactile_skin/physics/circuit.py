@@ -168,7 +168,7 @@ class Circuit:
             "r_line": np.asarray(self.r_line).tolist(),
             "readout": self.readout,
             "driven": self.driven,
-            "r_drive": float(self.r_drive),
+            "r_drive": self.r_drive,
         }
 
     @cached_property

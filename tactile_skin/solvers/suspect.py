@@ -26,6 +26,7 @@ _MEASURED_NOISE = 1.1  # times noise that was measured in the same frame, and is
 _MEAN_LIMIT = 6.0  # standard deviations of the mean misfit, where the noise was measured
 _IMPOSSIBLE = 5.0  # standard deviations of noise past what any skin can read: 1 in 3 million
 _OPEN = 0.5  # times the reading at rest: fabrics differ from the curve by less
+_UPSIDE_DOWN = 0.1  # of the readings that are too low, on no one line: more than some bad contacts
 EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
 # Times their standard deviation by which cells must differ: noise makes them differ by 1 at most,
 # and of 64 cells that scatters by 0.09. Chosen on even and random loads (seed 66500).
@@ -52,7 +53,9 @@ def by_reading(reading: Reading) -> str:
     low = known & (steps < _OPEN * rest - margin)
     if np.count_nonzero(low):
         line, where, bad = _place(low, known)
-        remedy = "Check the lead" if line else "Do readings fall with pressure (circuit.inverted)?"
+        remedy = "Check the lead"
+        if not line and np.count_nonzero(low) > _UPSIDE_DOWN * np.count_nonzero(known):
+            remedy = "Do readings fall with pressure (circuit.inverted)?"
         return (
             f"{line + ' is open: ' if line else ''}{where} are at most {steps[bad].max():.0f} ADC "
             f"steps (an untouched cell reads {np.median(rest[bad]):.0f}). {remedy}"

@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactile_skin import Circuit, cli, diagnose, forward
+from tactile_skin import Circuit, PressureCurve, cli, diagnose, forward
 from tactile_skin.calibration.doctor.wiring import Wires, search
 from tactile_skin.commands import doctor as command
+from tactile_skin.middleware.config import SkinConfig
+from tactile_skin.physics.adc import Adc
 from tactile_skin.physics.readouts import DRIVEN, READOUTS
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "yardsticks"))
@@ -277,6 +279,8 @@ def test_the_command_tells_by_its_status(recordings, kind, capsys):
         (["a.npy", "baud:=9600"], "live board"),
         (["a.npy", "size:=3"], "must be one of"),
         (["a.npy", "rows:=x"], "whole number"),
+        (["a.npy", "inverted:=yes"], "true or false"),
+        (["a.npy", "rows=8"], "NAME:=VALUE"),
         (["a.txt"], "No such file"),
         (["sound.npy", "rows:=7"], "check rows and cols"),
     ],
@@ -286,6 +290,17 @@ def test_a_mistake_is_one_line(recordings, words, match, capsys, monkeypatch):
     assert cli.main(["doctor", *words]) == 2
     err = capsys.readouterr().err
     assert match in err and err.count("\n") == 1
+
+
+def test_arguments_change_the_board_and_what_its_readout_does_not_know_is_dropped():
+    skin = SkinConfig(Circuit(8, 9, r_line=5.0), PressureCurve(), None)
+    skin.adc = Adc(skin.circuit, offset=3.0, diode=0.58)
+    adc = command._adc(skin, {"driven": "rows", "r_par": 70.0, "inverted": True})
+    assert adc.circuit == Circuit(8, 9, r_line=5.0, r_par=70.0)
+    assert (adc.offset, adc.inverted, adc.diode) == (3.0, True, 0.58)
+    adc = command._adc(skin, {"readout": "grounded", "r_drive": 40.0, "driven": "columns"})
+    grounded = Circuit(8, 9, readout="grounded", driven="columns", r_drive=40.0)
+    assert adc.circuit == grounded and adc.diode == 0.0
 
 
 def test_the_picture_marks_cells_and_lines():

@@ -205,3 +205,14 @@ def test_a_recording(tmp_path):
     np.testing.assert_allclose(found.times, np.arange(7) / 100.0, atol=1e-9)
     with pytest.raises(FileError, match="holds 7 x 2 x 3 numbers, the circuit is 3 x 2"):
         read_frames(path, Circuit(3, 2))
+
+
+@pytest.mark.parametrize("named", ["scanned", "mask"])
+def test_a_crossing_that_the_configuration_names_is_not_read(tmp_path, named):
+    """A board that skips it prints 0, which would be a reading of nothing."""
+    there = np.array([[True, True, False], [True, True, True]])
+    adc = Adc(CIRCUIT, scanned=there) if named == "scanned" else Adc(Circuit(2, 3, mask=there))
+    frames = np.where(there, FRAMES + 5.0, 0.0)
+    found = read_frames(text(tmp_path, plain(frames)), adc.circuit).ratio(adc)
+    np.testing.assert_array_equal(np.isnan(found), np.broadcast_to(~there, found.shape))
+    np.testing.assert_allclose(found[:, there] * 1023.0, frames[:, there])

@@ -1,5 +1,7 @@
 """What `compensate` takes and returns: one frame or a batch, and arguments by method."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -143,3 +145,20 @@ def test_a_batch_is_no_start():
     adc = frames()
     with pytest.raises(ValueError, match=r"start has shape \(3, 16, 16\)"):
         compensate(adc, CIRCUIT, CURVE, start=compensate(adc, CIRCUIT, CURVE))
+
+
+@pytest.mark.parametrize(
+    "low, remedy",
+    [
+        ([(3, 4)], "Check the lead"),  # a bad contact
+        ([(3, k) for k in range(8)], "row 3 is open: .* Check the lead"),
+        ([(k, k) for k in range(8)], "Do readings fall with pressure"),  # on no one line
+    ],
+)
+def test_readings_below_rest_name_the_likelier_cause(low, remedy):
+    circuit = Circuit(8, 8, readout="grounded")
+    adc = forward(circuit, PressureCurve().resistance(np.zeros((8, 8))))
+    adc[tuple(zip(*low, strict=True))] *= 0.1
+    found = compensate(adc, circuit, PressureCurve(), "newton", noise=0.5)
+    assert found.status == "suspect"
+    assert re.search(remedy, found.message)

@@ -50,11 +50,11 @@ def find_r_par(reading: Reading, fit: Fit, nominal: Estimate) -> Estimate:
     if found is None:
         return nominal
     if nominal.status == "ok":  # what that explains, the other must explain with fewer cells
-        fewer, n = before - _count_lightly_touched(reading, last_guess(reading, found)), g.size
+        fewer = before - _count_lightly_touched(reading, last_guess(reading, found))
+        n = reading.n_informative
         worse = n * (found.residual**2 - nominal.residual**2) / reading.fitted_noise**2  # chi^2
-        better = (
-            found.status == "ok" and 2 * fewer > before and worse < fewer * np.log(n)
-        )  # Schwarz
+        worth = fewer * np.log(n)  # Schwarz' criterion
+        better = found.status == "ok" and 2 * fewer > before and worse < worth
     else:
         left, before = (e.residual**2 - reading.fitted_noise**2 for e in (found, nominal))
         better = found.status == "ok" or 2 * left < before  # of what noise does not explain
