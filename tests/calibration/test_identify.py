@@ -130,7 +130,7 @@ def test_r_par_of_driven_lines_is_found(readout, off):
     """Grounded, it is what is left of the sum with r_ref, and told with r_drive."""
     board = UnknownDriven(SHAPE, 44000, readout, r_par=off)
     rest = measure_rest(board.at_rest(), board.supposed)
-    touched = board.frames(bodies(16, SHAPE, np.random.default_rng(44000)))
+    touched = board.frames(bodies(28, SHAPE, np.random.default_rng(44000)))
     found = identify(touched, board.supposed, rest)
     assert not found.missing
     assert found.circuit.r_par == pytest.approx(board.r_par, abs=3.0 * found.std["r_par"])
@@ -140,7 +140,7 @@ def test_r_par_of_driven_lines_is_found(readout, off):
         assert "r_line is taken as 0" in found.message
     else:
         assert found.told == {"r_par": True, "r_drive": True}
-        assert found.std["r_par"] < 8.0 and found.std["r_drive"] < 4.0
+        assert found.std["r_par"] < 8.0 and found.std["r_drive"] < 2.0
         assert board.r_drive > 10.0  # 0 is supposed
         close = 3.0 * found.std["r_drive"]
         assert found.circuit.r_drive == pytest.approx(board.r_drive, abs=close)
