@@ -39,14 +39,13 @@ _LIGHT, _SERIES, _SAYING = 0.025, (0.05, 5.0), 20
 # Ohm by which r_drive must be off: 3.4 at most on 16 boards (seeds 94000 and 94100). Light touches
 # lower it no more than others, so fewer suffice.
 _DRIVE, _DRIVE_SAYING = 5.0, 8
-_MANY = 2  # findings from which on readings that are upside down are the likelier cause
 _AGREEING = 24  # hardest touches that must agree where the lines may be driven through diodes
 _USUAL = 4e4  # ohm of a cell, where the readings tell none
 _READ = 12, 4  # hardest touches that the readout is judged by, without `series`
-# Share of all change that is a fall from which on readings may be upside down: on sound boards
-# hardly any falls, if they are left alone for half of the time. The same from which on they are,
-# and of them the other way round up to which, where no circuit tells; touches that must say so.
-_FELL, _FALLS, _RISES, _FALLING = 0.5, 0.8, 0.2, 3
+_FELL = 0.5  # share of all change that is a fall from which on readings may be upside down
+# Where no circuit tells, they are if so much of it is one, so little the other way round, and so
+# many touches say so: on sound boards hardly any change is a fall.
+_FALLS, _RISES, _FALLING = 0.8, 0.2, 3
 _ONE_VOLTAGE = 4.0  # times the noise within which all readings are one voltage
 
 
@@ -72,16 +71,32 @@ def diagnose(
     """
     frames = np.asarray(frames)
     seen = record(frames, circuit, rest)
-    found = _upside_down(frames, seen) or _diagnose(seen, series)
-    if len(found) < _MANY:
+    found = _diagnose(seen, series)
+    sound = not found and len(seen.touches)
+    if sound and (
+        seen.fell < _FELL or readout.misses(circuit, _touched(seen, _READ[1])) < readout.FITS
+    ):
         return found
-    # The other way round a skin that is hardly left alone rests as no wires do.
-    turned = record(1.0 - frames, circuit, None)
-    touched = _touched(turned, _READ[1])
-    sound = len(touched.touches) and readout.misses(circuit, touched) < readout.FITS
-    if sound and not _diagnose(turned, series=False):
-        return [texts.polarity(_usual(seen), circuit.full_scale)]
-    return found
+    return _upside_down(seen, record(1.0 - frames, circuit, None)) or found
+
+
+def _upside_down(seen: Recorded, turned: Recorded) -> list[Finding]:
+    """Whether nothing but another readout is wrong the other way round, or all that moves falls.
+
+    Args:
+        turned: of 1 minus the readings.
+    """
+    circuit, touched = seen.circuit, _touched(turned, _READ[1])
+    if not len(touched.touches):
+        return []
+    found = _diagnose(turned, series=False)
+    of_other = found[:1] if found and found[0].kind == "readout" else []
+    if not of_other and (found or readout.misses(circuit, touched) >= readout.FITS):
+        falls = seen.fell > _FALLS or not len(seen.touches)
+        if not (falls and turned.fell < _RISES and len(turned.touches) >= _FALLING):
+            return []
+    usual = float(np.median(seen.steps[:, seen.read]))
+    return [texts.polarity(usual, circuit.full_scale), *of_other]
 
 
 def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
@@ -184,28 +199,6 @@ def ignored_diode(circuit: Circuit, rest: Rest, touches) -> Finding | None:
 
 def _cells(damages: list[wiring.Damage]) -> set[tuple[int, int]]:
     return {(d.line, d.at) for d in damages if d.kind == "cell"}
-
-
-def _usual(seen: Recorded) -> float:
-    """[ADC steps]"""
-    return float(np.median(seen.steps[:, seen.read]))
-
-
-def _upside_down(frames, seen: Recorded) -> list[Finding]:
-    """By the circuit that explains them the other way round; else by their falling alone."""
-    if seen.fell < _FELL and len(seen.touches):
-        return []
-    touched = _touched(seen, _READ[1])
-    turned, circuit = record(1.0 - frames, seen.circuit, None), seen.circuit
-    fitting = readout.upside_down(circuit, touched, _touched(turned, _READ[1]))
-    falls = seen.fell > _FALLS or not len(seen.touches)
-    falls &= turned.fell < _RISES and len(turned.touches) >= _FALLING
-    level = _usual(seen)
-    if fitting is None:
-        explained = len(touched.touches) and readout.misses(circuit, touched) < readout.FITS
-        return [texts.polarity(level, circuit.full_scale)] if falls and not explained else []
-    found = [texts.polarity(level, circuit.full_scale)]
-    return found + [texts.readout(circuit, fitting)] * (fitting.circuit != circuit)
 
 
 def _touched(seen: Recorded, n: int) -> readout.Touched:

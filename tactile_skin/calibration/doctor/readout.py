@@ -58,22 +58,6 @@ def other(supposed: Circuit, seen: Touched) -> Fitting | None:
     return Fitting(None, left, own) if own > FITS else None
 
 
-def upside_down(supposed: Circuit, seen: Touched, turned: Touched) -> Fitting | None:
-    """None: the touches are not explained by the same readings the other way round.
-
-    Args:
-        turned: of 1 minus the readings.
-    """
-    own = misses(supposed, seen) if len(seen.touches) else np.inf
-    if own <= _EXPLAINED or not len(turned.touches):
-        return None
-    limit = min(_BETTER * own, FITS)
-    left, circuit = misses(supposed, turned), supposed
-    if left >= limit:
-        left, circuit = min(_others(supposed, turned), key=lambda pair: pair[0])
-    return Fitting(circuit, left, own) if left < limit else None
-
-
 def _others(supposed: Circuit, seen: Touched) -> list[tuple[float, Circuit]]:
     found = []
     for readout in READOUTS:
