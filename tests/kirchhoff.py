@@ -7,6 +7,10 @@ DIODES = {  # saturation current [A], emission coefficient, ohm in series: of SP
     "1N4148": (2.52e-9, 1.752, 0.568),
     "1N4007": (7.03e-9, 1.81, 0.034),
     "BAT85": (2.1e-7, 1.02, 2.0),
+    "1N4001": (29.5e-9, 1.96, 0.0735),
+    "BAV99": (4.6e-9, 1.9, 0.6),
+    "BAT54": (1e-7, 1.0, 0.25),
+    "1N5817": (31.7e-6, 1.373, 0.051),
 }
 _THERMAL = 0.02569  # V, k T / q at 25 degrees
 

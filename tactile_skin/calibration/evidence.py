@@ -158,7 +158,7 @@ class Supposed:
         """
         circuit = self.circuit
         reading = check_reading(adc, circuit, self._curve, missing=True, noise=noise)
-        solved = circuit.has_closed_form  # the first guess is the solution
+        solved = circuit.has_ideal_drivers  # the first guess is the solution
         g = first_guess(reading) if solved else iterate(reading, self.rest, _START_STEPS, 1.0)[0]
         g = fill(reading, g)
         further = self._beyond_first_order(g)

@@ -75,7 +75,8 @@ class CircuitTracker:
         self.circuit, self._configured = circuit, circuit
         by_data_sheet = float(prior_of(circuit)[0, 0] ** -0.5)
         self._known_to = [by_data_sheet if r_par_std is None else r_par_std]
-        if names(circuit)[1] == "r_drive":
+        self._tells_drivers = names(circuit)[1] == "r_drive"
+        if self._tells_drivers:
             self._known_to.append(_DRIVE if r_par_std is None else _DRIVE_CALIBRATED)
         self.std = np.full(2, np.inf)
         self.message, self.hint, self.impossible = "", "", False
@@ -218,7 +219,7 @@ class CircuitTracker:
             self._off = off
         self.std = std
         if std[0] > _KNOWN * series_scale(self._configured):
-            if len(self._known_to) == 1:
+            if not self._tells_drivers:
                 return False
             # r_drive, with the r_par that is used: touches on few lines tell no more
             told = information[1, 0] / information[1, 1] * (off[0] - self._adopted[0])

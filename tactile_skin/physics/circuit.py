@@ -129,8 +129,8 @@ class Circuit:
         return 0 if self.driven == "rows" else 1
 
     @property
-    def has_closed_form(self) -> bool:
-        """Whether each sense line's cells follow from its own readings."""
+    def has_ideal_drivers(self) -> bool:
+        """Whether it is grounded so that each sense line's cells follow from its own readings."""
         return self.readout == "grounded" and not self.r_drive
 
     def read_as(self, readout: str, driven: str) -> Circuit:

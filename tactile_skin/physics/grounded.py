@@ -39,7 +39,7 @@ def closed_form(
         target: share of the supply by which the last step may move a driven line.
         late: whether there is no time for another step.
     """
-    if circuit.has_closed_form:
+    if circuit.has_ideal_drivers:
         return _by_ideal_drivers(circuit, adc, low, high), 0, True
     turned, total = circuit.driven == "columns", (circuit.r_ref + circuit.r_par) / circuit.r_ref
     v = total * (adc.T if turned else adc)

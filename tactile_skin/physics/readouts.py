@@ -125,7 +125,7 @@ class Driven:
         self._load = circuit.r_ref if loaded else circuit.r_ref + circuit.r_par
         self._s, self._at_drive = circuit.r_ref / self._load, None
         self._c = self._back = np.zeros((rows, 1))  # ohm; _back: K_ji
-        if circuit.has_closed_form:
+        if circuit.has_ideal_drivers:
             self._at_sense = 1.0 / (1.0 / self._load + g.sum(0))  # ohm, K_jj
             self._v, self._held = g * self._at_sense, 1.0  # P_ij, P_ii
         else:

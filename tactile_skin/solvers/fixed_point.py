@@ -78,7 +78,7 @@ def iterate(reading: Reading, g, steps: int, target: float) -> tuple[np.ndarray,
         g (rows, cols) [S], within the curve's bounds, and the steps taken.
     """
     circuit = reading.circuit
-    if circuit.has_closed_form:  # nothing to iterate: g is `closed_form`, or near it
+    if circuit.has_ideal_drivers:  # nothing to iterate: g is `closed_form`, or near it
         return g, 0
     cells = np.flatnonzero(circuit.populated & reading.known).astype(np.int32)  # others stay
     low, high = (np.log(bound.ravel()[cells]) for bound in reading.bounds)

@@ -120,15 +120,15 @@ def test_a_skin_that_is_hardly_left_alone_is_upside_down_rather_than_broken(kind
     assert finding.kind == "polarity"
 
 
-@pytest.mark.parametrize("diode", ["1N4148", "BAT85"])
-@pytest.mark.parametrize("r_ref", [1780.0, 10e3])
-def test_diodes_that_are_not_configured_are_named(diode, r_ref):
+@pytest.mark.parametrize("diode", ["1N4148", "BAT85", "1N4001", "BAV99"])
+@pytest.mark.parametrize("r_ref, supply", [(1780.0, 5.0), (10e3, 5.0), (1780.0, 3.3)])
+def test_diodes_that_are_not_configured_are_named(diode, r_ref, supply):
     """Else a hard push is felt as a fifth, in silence: any touch is explained by other cells."""
-    circuit, frames = recorded_behind(51, r_ref, diode)
+    circuit, frames = recorded_behind(52, r_ref, diode, supply)
     (finding,) = diagnose(frames, circuit)
     assert finding.where == "diode" and "circuit.diode" in finding.remedy
-    volts = float(re.search(r"a diode of ([0-9.]+) V", finding.evidence)[1])
-    assert volts == pytest.approx(forward_voltage(diode, 1e-3), abs=0.05)
+    share = 0.01 * float(re.search(r"takes ([0-9.]+)% of the supply", finding.evidence)[1])
+    assert share * supply == pytest.approx(forward_voltage(diode, 1e-3), abs=0.05)
 
 
 @pytest.mark.parametrize("diode", ["1N4148", None])

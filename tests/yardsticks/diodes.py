@@ -2,7 +2,7 @@
 `python tests/yardsticks/diodes.py [--boards N] [--seed S]`.
 
 Loaded boards of 8x8, 9x9 and 16x16 cells, r_ref of 1.8, 10 and 35 kohm, 40 s of touches each:
-sound, with r_par or r_ref that are not the board's, and driven through diodes at 5 V.
+sound, with r_par or r_ref that are not the board's, and driven through diodes.
 """
 
 from __future__ import annotations
@@ -12,25 +12,23 @@ from collections import Counter
 from dataclasses import replace
 
 import numpy as np
-from kirchhoff import behind_diodes
+from kirchhoff import DIODES, behind_diodes
 from yardsticks.doctor import Case
 
 from tactile_skin import diagnose
 
 SHAPES, R_REF, R_PAR = ((8, 8), (9, 9), (16, 16)), (1780.0, 10e3, 35e3), 25.0
-CASES = {  # name -> diode, and what the configuration has wrong, as a factor or in ohm
-    "sound": (None, {}),
-    "r_par 326": (None, {"r_par": 326.0}),
-    "r_par 0": (None, {"r_par": 0.0}),
-    "r_ref +10 %": (None, {"r_ref": 1.1}),
-    "r_ref -10 %": (None, {"r_ref": 0.9}),
-    "1N4148": ("1N4148", {}),
-    "1N4007": ("1N4007", {}),
-    "BAT85": ("BAT85", {}),
-}
+CASES = {  # name -> diode and supply [V], or what the configuration has wrong [ohm], or as a factor
+    "sound": {},
+    "r_par 326": {"r_par": 326.0},
+    "r_par 0": {"r_par": 0.0},
+    "r_par 90": {"r_par": 90.0},
+    "r_ref +10 %": {"r_ref": 1.1},
+    "r_ref -10 %": {"r_ref": 0.9},
+} | {f"{name} {supply:g} V": (name, supply) for name in DIODES for supply in (5.0, 3.3)}
 
 
-def recorded(seed: int, r_ref: float, diode: str | None, supply: float = 5.0):
+def recorded(seed: int, r_ref: float, diode: str | None = None, supply: float = 5.0):
     """The circuit, and (n, rows, cols) ADC ratio of a board; whole ADC steps."""
     shape = SHAPES[seed % len(SHAPES)]
     case = Case(seed, (), 40.0, shape, readouts=("loaded",), r_ref=r_ref, r_par=R_PAR)
@@ -48,10 +46,11 @@ def main() -> None:
     named, other = Counter(), Counter()
     for seed in range(args.seed, args.seed + args.boards):
         for r_ref in R_REF:
-            for name, (diode, wrong) in CASES.items():
-                circuit, frames = recorded(seed, r_ref, diode)
+            for name, case in CASES.items():
+                wrong = dict(case) if isinstance(case, dict) else {}
+                circuit, frames = recorded(seed, r_ref, *(() if wrong == case else case))
                 if "r_ref" in wrong:
-                    wrong = {"r_ref": wrong["r_ref"] * r_ref}
+                    wrong["r_ref"] *= r_ref
                 found = [finding.where for finding in diagnose(frames, replace(circuit, **wrong))]
                 named[name] += "diode" in found
                 other[name] += bool([where for where in found if where != "diode"])

@@ -160,8 +160,8 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
         unread = unread or any(axis != circuit.sense_axis for axis, _ in unusable | beside)
     if series and not found and circuit.readout == "loaded":
         touched = _touched(seen, _AGREEING)
-        if diode := unknown_diode(circuit, touched, int(np.count_nonzero(seen.quiet))):
-            return [texts.diode(*diode)]
+        if share := unknown_diode(circuit, touched, int(np.count_nonzero(seen.quiet))):
+            return [texts.diode(share)]
     if series and not (unread or top or wires.cells.max() > REST_SPAN):
         noisy = {line[:2] for line in noisy_lines}
         if circuit.readout != "floating":  # where a lead is not in series with each reading
@@ -193,8 +193,8 @@ def ignored_diode(circuit: Circuit, rest: Rest, touches) -> Finding | None:
     if circuit.readout != "loaded" or not len(touches):
         return None
     at_rest = rest.quiet(rest.adc[None])[0]
-    diode = unknown_diode(circuit, readout.Touched(at_rest, rest.noise, touches), rest.frames)
-    return texts.diode(*diode) if diode else None
+    share = unknown_diode(circuit, readout.Touched(at_rest, rest.noise, touches), rest.frames)
+    return texts.diode(share) if share else None
 
 
 def _cells(damages: list[wiring.Damage]) -> set[tuple[int, int]]:

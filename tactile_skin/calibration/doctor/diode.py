@@ -6,6 +6,7 @@ ignored each touch asks for another r_par; with them known all touches agree.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,13 +18,17 @@ from ..evidence import SOFT, Supposed
 from ..rest import Rest, resting_conductance
 from .readout import Touched
 
-# V at 1 mA, and V of the supply: usual diodes, silicon and Schottky. Others are near one of them.
-USUAL = tuple((volts, supply) for supply in (5.0, 3.3) for volts in (0.58, 0.55, 0.3, 0.25, 0.22))
+_SUPPLY = 5.0  # V that is supposed: with another supply the same share of it is found
+# V at 1 mA, of that supply, which are tried: from Schottky diodes to silicon ones at 3.3 V. What is
+# found is right to half of the last step.
+_VOLTS, _STEPS = np.arange(0.06, 0.96, 0.06), (0.03, 0.015)
 # Touches agree if the r_par that each asks for scatters (in squared standard deviations), and
 # differs from the configured one (as share of `series_scale`), by no more: on 8 boards (seeds 21
 # and 22) by 2.3 and 0.06 at most where the diode is known, by 3.5 or 0.18 at least where it is not.
 _AGREE, _OFF = 3.0, 0.1
 _FEWEST = 6  # touches; with 8 one of five boards of 8 x 8 (seeds 51 to 57) was not told
+_R_PAR_STEPS = 3  # to the r_par that touches ask for
+_ALL = 0.9  # share of the touches that any diode explains, that the right one does
 
 
 class Agreement(NamedTuple):
@@ -40,27 +45,59 @@ class Agreement(NamedTuple):
     off: float
 
     @property
-    def good(self) -> bool:
-        return self.touches >= _FEWEST and self.scatter < _AGREE and abs(self.off) < _OFF
+    def misfit(self) -> float:
+        """Of both, in what is allowed; below 1: they agree."""
+        if self.touches < _FEWEST:
+            return np.inf
+        return max(self.scatter / _AGREE, abs(self.off) / _OFF)
 
 
-def unknown_diode(circuit: Circuit, seen: Touched, quiet: int) -> tuple[float, float] | None:
-    """Volts at 1 mA and of the supply of a diode with which the touches agree; None: there is none.
+def unknown_diode(circuit: Circuit, seen: Touched, quiet: int) -> float | None:
+    """Forward voltage at 1 mA, as share of the supply, of a diode with which the touches agree.
+
+    None: there is none, or they agree as it is.
 
     Args:
         quiet: frames that the rest is the mean of.
     """
-    own = _agreement(circuit, seen, quiet)
-    if own.good:
+    by_r_par = _with_r_par(circuit, seen, quiet)
+    if by_r_par is None:
         return None
-    found = []
-    for volts, supply in USUAL:
-        adc = Adc(circuit, diode=volts, supply=supply)
+    tried: dict[float, Agreement] = {}
+
+    def best() -> float:
+        return min(tried, key=lambda volts: tried[volts].misfit)
+
+    def look(volts: float) -> None:
+        adc = Adc(circuit, diode=volts, supply=_SUPPLY)
         rest, touches = (adc.ratio(p * circuit.full_scale) for p in (seen.rest, seen.touches))
-        other = _agreement(circuit, Touched(rest, seen.noise, touches), quiet)
-        if other.good and other.touches >= own.touches:
-            found.append((abs(other.off), (volts, supply)))
-    return min(found)[1] if found else None
+        tried[volts] = _agreement(circuit, Touched(rest, seen.noise, touches), quiet)
+
+    for volts in _VOLTS:
+        look(float(volts))
+    for step in _STEPS:
+        around = best()
+        look(around - step)
+        look(around + step)
+    found = tried[best()]
+    if found.misfit >= 1.0 or found.touches < _ALL * max(a.touches for a in tried.values()):
+        return None
+    if by_r_par.misfit < 1.0 and by_r_par.touches >= _ALL * found.touches:
+        return None  # another r_par does as well, and needs no part that nobody mentioned
+    return best() / _SUPPLY
+
+
+def _with_r_par(circuit: Circuit, seen: Touched, quiet: int) -> Agreement | None:
+    """The touches with the r_par that they ask for; None: they agree with the configured one."""
+    for step in range(_R_PAR_STEPS + 1):
+        found = _agreement(circuit, seen, quiet)
+        if found.misfit < 1.0:
+            return found if step else None
+        if not np.isfinite(found.off):
+            break
+        r_par = circuit.r_par + found.off * series_scale(circuit)
+        circuit = replace(circuit, r_par=max(r_par, 0.0))
+    return found
 
 
 def _agreement(circuit: Circuit, seen: Touched, quiet: int) -> Agreement:

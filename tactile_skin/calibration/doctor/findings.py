@@ -340,12 +340,16 @@ def circuit(supposed: Circuit, found: Identified) -> Finding:
     )
 
 
-def diode(volts: float, supply: float) -> Finding:
+def diode(share: float) -> Finding:
+    """Args:
+    share: of the supply, that it takes.
+    """
     return Finding(
         "circuit",
         "diode",
-        f"with a diode of {volts:g} V in each driven line, at {supply:g} V, the touches agree; "
-        "without it each asks for another r_par",
+        f"with a diode in each driven line that takes {share:.1%} of the supply ({5.0 * share:.2f} "
+        f"of 5 V, {3.3 * share:.2f} of 3.3 V) the touches agree; without it each asks for another "
+        "r_par",
         "Look for diodes in the driven lines; enter circuit.diode, the forward voltage at 1 mA of "
         "their data sheet, and circuit.supply",
     )
