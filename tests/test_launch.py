@@ -34,7 +34,7 @@ from tactile_skin.launch import (
 from tactile_skin.middleware import launched
 from tactile_skin.middleware.bus import Context, Node, Parameter, ParameterError
 from tactile_skin.middleware.config import ParameterFile
-from tactile_skin.middleware.package import NODES
+from tactile_skin.middleware.package import CLASSES, NODES
 from tactile_skin.msg import Bool, Header, PointCloud2, Twist, cloud
 from tactile_skin.nodes.stop_on_push import LATCHED
 
@@ -1217,20 +1217,20 @@ def test_the_shipped_launch_file_starts_them_when_asked(name):
     assert name in [n.executable for n in found.nodes]
 
 
-@pytest.mark.parametrize("name", NODES)
+@pytest.mark.parametrize("name", CLASSES)
 def test_a_node_without_a_file_has_the_shipped_values(name):
-    """Who writes only what differs gets what config/skin.yaml says, not other limits of force."""
+    """Who writes only what differs gets what config/skin.yaml says: it holds every parameter."""
     ports = {"serial_driver": "loop://", "view": 0, "foxglove": 0}  # 0: any, one may be taken
-    given = [Parameter("port", ports[name])] if name in ports else []
-    node = Node(name, context=Context(), parameter_overrides=given)
+    given = {"port": ports[name]} if name in ports else {}
+    overrides = [Parameter(*item) for item in given.items()]
+    node = Node(name, context=Context(), parameter_overrides=overrides)
     launched.close(node_class(name)(node))
-    shipped = ParameterFile(share_dir() / "config" / "skin.yaml").overrides(f"/{name}")
-    known = node.parameter_names()
-    declared = {p.name: node.get_parameter(p.name).value for p in shipped if p.name in known}
-    expected = {p.name: p.value for p in shipped if p.name in declared}
-    expected |= {p.name: p.value for p in given if p.name in declared}
-    expected |= {"geometry.shape": "plane"} if "geometry.shape" in declared else {}  # an example
-    assert declared == expected
+    shipped = ParameterFile(share_dir() / "config" / "skin.yaml")
+    said = {p.name: p.value for p in shipped.overrides(f"/{name}")} | given
+    declared = {k: node.get_parameter(k).value for k in node.parameter_names()}
+    assert declared == {k: said[k] for k in declared}
+    own = shipped.sections.get(f"/**/{name}", {})
+    assert own.keys() <= declared.keys()
 
 
 def test_the_shipped_parameters_are_the_defaults(write):

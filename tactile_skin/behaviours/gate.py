@@ -8,8 +8,8 @@ whatever the base can drive. It is
 - while a push is on: the command as it is if it moves the touched point with the push or along the
   skin; zero if it moves it against the push by more than 0.1 rad; in between it is slowed, so that
   noise of the direction does not make a robot stutter that drives along the skin;
-- zero while the direction of the push is unknown: it is not published, or the push comes from
-  several sides (a squeeze).
+- zero while the direction of the push is unknown: it is not published, nobody has stated the shape
+  of the cover (`geometry.shape`), or the push comes from several sides (a squeeze).
 
 A touched point moves at v + w x p, so a rotation that turns the skin into the hand is blocked, and
 one that turns it away is not; with two hands on one side the point that goes most against them
@@ -99,6 +99,8 @@ class Gate:
             length = float(np.linalg.norm(force))
             if length >= self.config.alignment * total:
                 self._push = force / length, places
+            elif not length:  # no normals; a squeeze is never balanced to the last bit
+                self._push, self._trouble = None, "its direction is unknown: set geometry.shape"
             else:
                 self._push, self._trouble = None, "it comes from several sides"
         self._forget_what_is_over()

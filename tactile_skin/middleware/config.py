@@ -16,7 +16,7 @@ from ..physics.circuit import Circuit
 from ..physics.creep import MAX_SHARE, Creep
 from ..physics.curve import PressureCurve
 from ..physics.readouts import DRIVEN, READOUTS
-from ..touch.geometry import CELL_AREA, PITCH, SHAPES, Geometry, make_geometry
+from ..touch.geometry import CELL_AREA, PITCH, SHAPES, UNKNOWN, Geometry, make_geometry
 from ..yaml_files import read_yaml
 from .bus import (
     Context,
@@ -200,7 +200,7 @@ def geometry_of(node: Node, circuit: Circuit) -> Geometry:
         return node.declare_parameter(f"geometry.{name}", default, describe(*bounds)).value
 
     return make_geometry(
-        value("shape", "plane", f"one of {', '.join(SHAPES)}"),
+        value("shape", UNKNOWN, f"one of {', '.join(SHAPES)}"),
         circuit.rows,
         circuit.cols,
         value("pitch", PITCH, "between neighbouring cells [m]", 1e-4, 1.0),

@@ -56,6 +56,11 @@ class GestureFeature:
             )
             pose = Pose(rotation_of(*rpy), np.array(at))
             frames.publish_static(node, base, skin, pose)
+        if not self.geometry.normal.any():
+            node.get_logger().warning(
+                "geometry.shape is unknown: pushes have no direction and no wrench; "
+                "set it to plane, cylinder, sphere or table"
+            )
         self.tracker = Tracker(self.geometry.pitch)
         self.gestures = Gestures(self.geometry)
         self._contacts = node.create_publisher(PointCloud2, "skin/contacts", 10)

@@ -18,7 +18,8 @@ import numpy as np
 from ..errors import FileError
 from ..files import read_text, shorten
 
-SHAPES = ("plane", "cylinder", "sphere", "table")
+UNKNOWN = "unknown"  # a cover whose shape nobody has stated
+SHAPES = ("plane", "cylinder", "sphere", "table", UNKNOWN)
 PITCH = 0.018  # m: the paper's stripes are 12 mm wide with gaps of 6 mm
 CELL_AREA = 0.012**2  # m^2
 
@@ -29,7 +30,8 @@ class Geometry:
 
     Attributes:
         position: (rows, cols, 3) [m].
-        normal: (rows, cols, 3) unit vectors, out of the robot; 0 where there is no cell.
+        normal: (rows, cols, 3) unit vectors, out of the robot; 0 where there is no cell, and
+            everywhere on a cover of unknown shape, which has no direction of a push.
         cell_area: (rows, cols) area that senses, of each cell [m^2]; pressure = force / cell_area.
         pitch: distance between neighbouring cells [m]; of a table, the median.
     """
@@ -68,8 +70,8 @@ def make_geometry(
 
     Args:
         shape: "plane" (its middle in the skin frame's origin), "cylinder" (its axis there),
-            "sphere" (its centre there; the cloth lies so that distances from its middle are kept)
-            or "table".
+            "sphere" (its centre there; the cloth lies so that distances from its middle are kept),
+            "table", or "unknown": places as on a plane, no normals.
         pitch: between neighbouring cells [m].
         cell_area: that senses, of one cell [m^2]; of a table, where it names none.
         radius: of the cylinder or sphere [m].
@@ -122,6 +124,11 @@ def _plane(along, up, radius, pitch):
     return position, np.broadcast_to([1.0, 0.0, 0.0], position.shape)
 
 
+def _unknown(along, up, radius, pitch):
+    position, normal = _plane(along, up, radius, pitch)
+    return position, np.zeros_like(normal)
+
+
 def _cylinder(along, up, radius, pitch):
     if along.size * pitch > 2 * np.pi * radius:
         raise ValueError(
@@ -146,7 +153,7 @@ def _sphere(along, up, radius, pitch):
     return radius * normal, normal
 
 
-_SURFACES = {"plane": _plane, "cylinder": _cylinder, "sphere": _sphere}
+_SURFACES = {"plane": _plane, "cylinder": _cylinder, "sphere": _sphere, UNKNOWN: _unknown}
 
 
 # --- a table of cells ----------------------------------------------------------------------------

@@ -66,6 +66,20 @@ def test_each_course_under_a_push_from_each_of_eight_sides(side, course):
         assert motion.reason == "push: motion against it"
 
 
+def test_a_cover_of_unknown_shape_lets_no_motion_pass_while_it_is_pushed():
+    """Its pushes have places, and no direction: each course might lead into the hand."""
+    gate = Gate(CONFIG)
+    gate.stop(10.0, PUSH)
+    gate.touch(10.0, 40.0, np.zeros(3), [0.0, 0.1, 0.0])
+    for side in EIGHT:
+        motion = ask(gate, unit(side), (0.0, 0.0, 0.4))
+        assert is_zero(motion)
+        assert motion.reason == "push: its direction is unknown: set geometry.shape"
+    gate.stop(10.0, FREE)
+    gate.touch(10.01, 0.0, np.zeros(3), np.zeros(3))
+    assert not is_zero(ask(gate, unit(0.0)))
+
+
 def test_a_push_from_the_left_never_blocks_moving_right():
     """REP 103: y is left. Also while it drives on, and whatever the right part of it is."""
     gate = pushed(math.pi / 2)
