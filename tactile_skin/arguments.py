@@ -8,6 +8,7 @@ from pathlib import Path
 
 from . import __version__
 from .commands import doctor, flash, replay, sim, view
+from .commands.words import CommandParser
 from .learning import scenes
 
 
@@ -20,7 +21,9 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
         description="A robot's skin from a low-cost resistive pressure matrix.",
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    commands = parser.add_subparsers(
+        dest="command", required=True, metavar="COMMAND", parser_class=CommandParser
+    )
 
     def command(name, text, **kwargs):
         sub = commands.add_parser(

@@ -81,18 +81,11 @@ def _plan(words: list[str], default: str, in_process: bool = True, **given: str)
     """The plan of a launch file, or of the default one, with its arguments; and the file."""
     from . import launch
 
-    files = [word for word in words if ":=" not in word]
-    for word in files:
-        if "=" in word:
-            raise ValueError(f"{word!r}: arguments of a launch file are written name:=value")
+    from .commands.words import split
+
+    files, arguments = split(words)
     if len(files) > 1:
         raise ValueError(f"one launch file, not {len(files)}: {' '.join(files)}")
-    pairs = [word.split(":=", 1) for word in words if ":=" in word]
-    arguments = dict(pairs)
-    if len(arguments) < len(pairs):
-        names = [name for name, _ in pairs]
-        twice = next(name for name in names if names.count(name) > 1)
-        raise ValueError(f"argument {twice!r} is given twice")
     file = files[0] if files else default
     return launch.read_plan(launch.find(file), arguments | given, in_process), file
 

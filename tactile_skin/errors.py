@@ -15,6 +15,12 @@ are raised for the arguments of pure functions.
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
+
+_ALIKE = 0.6  # ratio of difflib from which on a name is taken for a misspelt one: its own default
+_FEW = 6  # names that a message lists; of more, `--show-args` and config/skin.yaml tell
+
 
 class TactileSkinError(ValueError):
     """What this package refuses; the message names the thing, its value and what is allowed."""
@@ -46,3 +52,15 @@ class FirmwareError(TactileSkinError):
 
 class TrainingDied(TactileSkinError, RuntimeError):
     """The run cannot recover: outputs all equal, no better than a constant, or not finite."""
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return the end of a message that refuses an unknown name: the known name that it resembles,
+    or all of them where they are few, or nothing."""
+    known = sorted(known)
+    last = name.rsplit(".", 1)[-1]
+    moved = [other for other in known if other.rsplit(".", 1)[-1] == last]  # rows, circuit.rows
+    near = difflib.get_close_matches(name, known, n=1, cutoff=_ALIKE)
+    if moved or near:
+        return f"; did you mean {(moved or near)[0]!r}?"
+    return f"; there are: {', '.join(known) or 'none'}" if len(known) <= _FEW else ""

@@ -292,7 +292,7 @@ def test_what_is_no_yaml_is_refused(tmp_path):
 
 def test_an_unknown_argument_is_refused_with_those_that_are(write):
     path = write("- arg: {name: port, default: auto}\n")
-    with pytest.raises(LaunchError, match="argument 'prot' is unknown; there are: port"):
+    with pytest.raises(LaunchError, match="argument 'prot' is unknown; did you mean 'port'"):
         read_plan(path, {"prot": "x"})
 
 
@@ -344,7 +344,7 @@ def test_good_parameter_files_are_taken(with_config, content):
 PARAMETERS = {  # what is wrong -> (parameter file, what the message must hold)
     "unknown parameter": (
         section(treshold=1.0),
-        ["skin.yaml: stop_on_push: parameter 'treshold'", "release, stale_after, threshold"],
+        ["skin.yaml: stop_on_push: parameter 'treshold'", "did you mean 'threshold'?"],
     ),
     "unknown for every node": (
         section("/**", treshold=1.0),

@@ -265,7 +265,7 @@ def test_a_mistake_is_found_before_a_process_is_started(monkeypatch, tmp_path):
     plan, _ = started(monkeypatch, tmp_path, a="pass")
     plan.nodes[0].parameters.append(("durration", 1.0))
     monkeypatch.setattr(launch, "start_command", lambda words: pytest.fail("started"))
-    with pytest.raises(launch.LaunchError, match="'durration' is unknown; there are: duration"):
+    with pytest.raises(launch.LaunchError, match="'durration' is unknown; did you mean 'duration'"):
         ros.launch_processes(plan, 1)
 
 
@@ -883,7 +883,7 @@ def test_a_master_that_is_killed_and_restarted_is_rejoined(skin):
 
 
 WRONG = {
-    "unknown": (["-p", "treshold:=1.0"], ["'treshold' is unknown; there are: ", "threshold"]),
+    "unknown": (["-p", "treshold:=1.0"], ["'treshold' is unknown; did you mean 'threshold'?"]),
     "range": (["-p", "hold:=-1.0"], ["hold of node guard = -1.0", "from 0.0 to 60.0"]),
     "type": (["-p", "hold:=long"], ["hold of node guard = 'long'", "float"]),
 }

@@ -308,5 +308,5 @@ def test_names_are_checked_before_values(tmp_path, whole):
     if whole:
         words = ["-p", "treshold:=60.0", "-p", "release:=50.0"]
     plan = ros.plan_of("stop_on_push", arguments(*words))
-    with pytest.raises(LaunchError, match=r"'treshold' is unknown; there are: .*threshold"):
+    with pytest.raises(LaunchError, match=r"'treshold' is unknown; did you mean 'threshold'"):
         ros.Program("stop_on_push", plan).build()

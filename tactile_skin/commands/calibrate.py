@@ -31,6 +31,7 @@ from ..physics.curve import PressureCurve
 from ..recording.frames import read_frames
 from ..yaml_files import read_yaml
 from . import train
+from .words import split
 from .written import dumped, replace_file
 
 _OF_FILES = "rest", "touches", "reference", "creep", "rate"
@@ -207,15 +208,9 @@ def read_reference(path: str) -> tuple[np.ndarray, np.ndarray]:
 
 def board_parameters(words: list[str]) -> dict:
     """["port:=/dev/ttyUSB0", "baud:=115200"] -> parameters of the serial driver."""
-    found = {}
-    for word in words:
-        name, given, value = word.partition(":=")
-        if not given or name not in _OF_BOARD:
-            raise ValueError(f"{word!r}: must be NAME:=VALUE, NAME one of {', '.join(_OF_BOARD)}")
-        try:
-            found[name] = _OF_BOARD[name](value)
-        except ValueError as error:
-            raise ValueError(f"{word!r}: {value!r} must be a whole number") from error
+    files, found = split(words, _OF_BOARD)
+    if files:
+        raise ValueError(f"{files[0]!r}: must be NAME:=VALUE, NAME one of {', '.join(_OF_BOARD)}")
     return found
 
 

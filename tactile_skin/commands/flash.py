@@ -8,6 +8,7 @@ from pathlib import Path
 from ..board.firmware import build, flash
 from ..board.serial_port import check_port
 from ..middleware.config import read_skin
+from .words import split
 
 ABOUT = "put the firmware on an Arduino Nano or Uno (ATmega328P) that is wired as in docs/board.md"
 EXAMPLES = """\
@@ -21,24 +22,26 @@ options, name:=value:
   port      serial device of the board; always to be named
   config    parameter file with circuit.rows and circuit.cols (default: 16 x 16)
   adc_mhz   clock of the ADC, 2 or 1: docs/board.md (default 2)"""
-_NAMES = ("port", "config", "adc_mhz")
+_KINDS = {"port": str, "config": str, "adc_mhz": int}
 
 
 def run(args) -> int:
     """Compile, read the signature, write, and ask the board what it is; each is said before."""
-    given = _words(args.words)
-    port = given["port"]
+    files, given = split(args.words, _KINDS)
+    if files:
+        raise ValueError(f"{files[0]!r}: must be NAME:=VALUE, NAME one of {', '.join(_KINDS)}")
+    if "port" not in given:
+        raise ValueError("port is missing: name the board's, such as port:=/dev/ttyUSB0")
+    port, adc_mhz = given["port"], given.get("adc_mhz", build.ADC_MHZ[0])
     if port == "auto":
         raise ValueError("port:=auto: name the port, since its program will be overwritten")
     check_port(port)
-    if given.get("adc_mhz", "2") not in ("1", "2"):
-        raise ValueError(f"adc_mhz:={given['adc_mhz']}: must be 2 or 1")
+    if adc_mhz not in build.ADC_MHZ:
+        raise ValueError(f"adc_mhz:={adc_mhz}: must be 2 or 1")
     circuit = read_skin(given.get("config")).circuit
     with tempfile.TemporaryDirectory(prefix="tactile_skin") as folder:
         print(f"compiling the firmware for {circuit.rows} x {circuit.cols}", flush=True)
-        elf = build.firmware(
-            Path(folder), circuit.rows, circuit.cols, int(given.get("adc_mhz", "2"))
-        )
+        elf = build.firmware(Path(folder), circuit.rows, circuit.cols, adc_mhz)
         image, size = build.hex_file(elf), build.size(elf)
         print(f"  {size.flash} of {build.FLASH} bytes of flash, {size.ram} of {build.RAM} of RAM")
         print(f"reading the signature of the chip on {port}; nothing is written yet", flush=True)
@@ -53,17 +56,3 @@ def run(args) -> int:
         return 1
     print(f"  {found}")
     return 0
-
-
-def _words(words: list[str]) -> dict[str, str]:
-    given = {}
-    for word in words:
-        name, mark, value = word.partition(":=")
-        if not mark or name not in _NAMES:
-            raise ValueError(f"{word!r}: must be NAME:=VALUE, NAME one of {', '.join(_NAMES)}")
-        if name in given:
-            raise ValueError(f"argument {name!r} is given twice")
-        given[name] = value
-    if "port" not in given:
-        raise ValueError("port is missing: name the board's, such as port:=/dev/ttyUSB0")
-    return given

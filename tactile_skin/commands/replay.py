@@ -51,7 +51,7 @@ def run(args) -> int:
     files, given = split(args.words, _KINDS)
     if len(files) != 1:
         raise ValueError(f"give one FILE, not {len(files)}")
-    method, config = given.get("method", ""), given.get("config", "")
+    method, config = given.get("method", ""), given.get("config")
     for name in [method] * bool(method) + (args.compare or []):
         if name not in METHODS:
             raise ValueError(f"method {name!r}: must be one of {', '.join(METHODS)}")
@@ -59,7 +59,7 @@ def run(args) -> int:
         raise ValueError(f"--speed = {args.speed}: must be above 0")
     if args.jobs < 1:
         raise ValueError(f"--jobs = {args.jobs}: must be 1 or more")
-    skin = read_skin(config) if config else recorded_skin(files[0])
+    skin = recorded_skin(files[0]) if config is None else read_skin(config)
     namespace = given.get("namespace", "")
     if args.export:
         return _export(files[0], args.export, skin, namespace)
@@ -67,7 +67,7 @@ def run(args) -> int:
         path = files[0]
         if Path(path).suffix.lower() != ".mcap":
             path = _imported(path, Path(folder), skin, config, given.get("rate", _RATE))
-        job = Job(path, namespace, method, config)
+        job = Job(path, namespace, method, config or "")
         if args.compare:
             return _compare(job, args.compare, args.picture)
         if args.step or args.speed or args.out:
@@ -76,12 +76,12 @@ def run(args) -> int:
     return 0
 
 
-def _imported(path: str, folder: Path, skin: SkinConfig, config: str, rate: float) -> str:
+def _imported(path: str, folder: Path, skin: SkinConfig, config: str | None, rate: float) -> str:
     """A recording of a foreign file's frames."""
     frames = read_frames(path, skin.circuit)
     _say_notes(path, frames.notes)
     made = folder / f"{Path(path).stem}.mcap"
-    to_recording(frames, made, skin, config or None, rate, time.time_ns())
+    to_recording(frames, made, skin, config, rate, time.time_ns())
     return str(made)
 
 

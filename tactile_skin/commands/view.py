@@ -6,6 +6,8 @@ import asyncio
 import contextlib
 from collections.abc import Callable
 
+from .words import split
+
 ABOUT = "a recording in the browser; without one, the skin of a launch file"
 EXAMPLES = """\
 FILE is what `launch record:=FILE` made. Without one, or with a launch file, this is `tactile-skin
@@ -21,7 +23,8 @@ options for a recording, name:=value:
   config                 parameter file (default: the parameters that were recorded)
   namespace              of the skin, where several were recorded"""
 
-_OPTIONS = {"view_host": "127.0.0.1", "view_port": "8321", "config": "", "namespace": ""}
+_KINDS = {"view_host": str, "view_port": int, "config": str, "namespace": str}
+_PORTS = range(65536)
 
 
 def is_recording(words: list[str]) -> bool:
@@ -43,17 +46,20 @@ def run(words: list[str], tqdm: Callable) -> int:
     from ..view.process import address_of, listen
     from ..view.recorded import Recorded
 
-    path, given = _options(words)
-    recording = Recording(path, given["namespace"])
-    skin = read_skin(given["config"]) if given["config"] else recording.skin
+    files, given = split(words, _KINDS)
+    if len(files) > 1:
+        raise ValueError(f"one recording, not {len(files)}: {' '.join(files)}")
+    (path,) = files
+    recording = Recording(path, given.get("namespace", ""))
+    skin = read_skin(given["config"]) if "config" in given else recording.skin
 
     def track(messages, total: int):
         return tqdm(messages, desc=f"reading {path}", total=total, leave=False, disable=None)
 
-    port = given["view_port"]
-    if not (port.isdecimal() and int(port) <= 65535):
-        raise ValueError(f"view_port:={port}: must be a whole number from 0 to 65535")
-    with listen(given["view_host"], int(port)) as listening:
+    port = given.get("view_port", 8321)
+    if port not in _PORTS:
+        raise ValueError(f"view_port:={port}: must be a whole number from 0 to {_PORTS[-1]}")
+    with listen(given.get("view_host", "127.0.0.1"), port) as listening:
         shown, pictures = Recorded(recording, track), Pictures(skin)
         shape = shown.shape
         if shape != skin.circuit.shape:
@@ -71,17 +77,3 @@ async def _serve(listening, shown, pictures) -> None:
     from ..view.server import serve
 
     await serve(listening, shown, pictures, asyncio.Event(), False)
-
-
-def _options(words: list[str]) -> tuple[str, dict[str, str]]:
-    files = [word for word in words if ":=" not in word]
-    if len(files) > 1:
-        raise ValueError(f"one recording, not {len(files)}: {' '.join(files)}")
-    given = dict(_OPTIONS)
-    for word in words:
-        name, mark, value = word.partition(":=")
-        if mark and name not in given:
-            raise ValueError(f"argument {name!r}: must be one of {', '.join(given)}")
-        if mark:
-            given[name] = value
-    return files[0], given

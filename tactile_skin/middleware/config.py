@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import FileError, ParameterError
+from ..errors import FileError, ParameterError, did_you_mean
 from ..files import shorten
 from ..physics.adc import Adc
 from ..physics.circuit import Circuit
@@ -85,10 +85,8 @@ def skin_of(values: dict, where: str) -> SkinConfig:
         raise type(error)(f"{where}: {error}") from error
     unknown = [name for name in reader.undeclared() if name.split(".")[0] in SHARED]
     if unknown:
-        raise ParameterError(
-            f"{where}: parameter {unknown[0]!r} is unknown; "
-            f"there are: {', '.join(reader.parameter_names())}"
-        )
+        meant = did_you_mean(unknown[0], reader.parameter_names())
+        raise ParameterError(f"{where}: parameter {unknown[0]!r} is unknown{meant}")
     return skin
 
 

@@ -8,7 +8,7 @@ import shlex
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ..errors import FileError, LaunchError
+from ..errors import FileError, LaunchError, did_you_mean
 from ..files import shorten
 from ..yaml_files import parse_yaml, read_yaml
 from .config import ParameterFile
@@ -191,8 +191,8 @@ def _read_file(name: str, given: dict[str, str], plan: Plan, read: _Read) -> Non
             plan.nodes.append(_node(body, fill, path, read))
     unknown = sorted(set(given) - set(declared))
     if unknown:
-        allowed = ", ".join(declared) or "none"
-        raise LaunchError(f"{path}: argument {unknown[0]!r} is unknown; there are: {allowed}")
+        meant = did_you_mean(unknown[0], declared)
+        raise LaunchError(f"{path}: argument {unknown[0]!r} is unknown{meant}")
     read.including.pop()
     if not read.including:
         plan.arguments = declared

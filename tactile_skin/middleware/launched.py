@@ -6,7 +6,7 @@ import contextlib
 import re
 from collections.abc import Callable
 
-from ..errors import LaunchError, ParameterError, TopicTypeError
+from ..errors import LaunchError, ParameterError, TopicTypeError, did_you_mean
 from ..msg import Twist, TwistStamped
 from .bus import Context, Node, Parameter
 from .config import SHARED, ParameterFile, concerns
@@ -183,6 +183,4 @@ def remaps(pairs: list[tuple[str, str]]) -> list[str]:
 
 
 def _unknown(where: str, key: str, allowed) -> LaunchError:
-    return LaunchError(
-        f"{where}: parameter {key!r} is unknown; there are: {', '.join(sorted(allowed))}"
-    )
+    return LaunchError(f"{where}: parameter {key!r} is unknown{did_you_mean(key, allowed)}")

@@ -34,7 +34,7 @@ def measure(n: int, frames: str, config: str | None, seed: int, track=lambda ite
     Raises:
         ValueError: a file, or a configuration, that is refused.
     """
-    skin = read_skin(config) if config else recorded_skin(frames)
+    skin = recorded_skin(frames) if config is None else read_skin(config)
     found = read_frames(frames, skin.circuit)
     adc, notes = _complete(found.ratio(skin.adc), skin.circuit.populated)
     curve, noise, note = _at_rest(adc, skin)

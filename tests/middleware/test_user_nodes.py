@@ -112,7 +112,7 @@ def test_an_unknown_parameter_of_it_is_refused(write):
     path = write("skin_lamps", "Lamp")
     path.write_text(path.read_text().replace("name: lit", "name: unlit"))
     with (
-        pytest.raises(LaunchError, match=r"parameter 'unlit' is unknown; there are: lit"),
+        pytest.raises(LaunchError, match=r"parameter 'unlit' is unknown; did you mean 'lit'"),
         launch(path),
     ):
         pass

@@ -1,0 +1,91 @@
+"""`--name value`, `--name=value` and `name:=value` say the same in every command."""
+
+import itertools
+
+import pytest
+
+from tactile_skin.arguments import make_parser
+from tactile_skin.cli import _COMMANDS
+from tactile_skin.commands.words import CommandParser, split
+
+
+def parsed(*words):
+    args = vars(make_parser(_COMMANDS).parse_args(words))
+    return {k: sorted(v) if k == "words" else v for k, v in args.items() if k != "run"}
+
+
+GIVEN = {  # command -> its files, and arguments
+    "launch": (["skin.launch.yaml"], {"port": "/dev/x", "config": "a.yaml", "ros": "2"}),
+    "view": (["a.mcap"], {"view_port": "0", "config": "a.yaml"}),
+    "sim": ([], {"link": "/tmp/x", "config": "a.yaml", "rate": "50", "noise": "-1.5"}),
+    "flash": ([], {"port": "/dev/x", "config": "a.yaml", "adc_mhz": "1"}),
+    "calibrate": ([], {"config": "a.yaml", "out": "b.yaml", "rest": "r.csv", "1.2kg": "x.csv"}),
+    "doctor": (["a.csv"], {"config": "a.yaml", "rows": "8", "adc_offset": "-12.5"}),
+    "record": (["o.mcap", "skin.launch.yaml"], {"port": "x", "max_duration": "5", "last": "2"}),
+    "replay": (["a.mcap"], {"config": "a.yaml", "method": "map", "speed": "1", "out": "b.mcap"}),
+    "train": ([], {"config": "a.yaml", "epochs": "3", "rate": "0.01"}),
+    "bench": (["recorded"], {"config": "a.yaml", "frames": "a.csv", "seed": "3"}),
+    "export": (["paper", "a.onnx"], {}),
+}
+
+
+@pytest.mark.parametrize("command", GIVEN)
+def test_both_styles_say_the_same_in_any_order(command):
+    files, given = GIVEN[command]
+    styles = [
+        [["--" + name.replace("_", "-"), value] for name, value in given.items()],
+        [[f"--{name.replace('_', '-')}={value}"] for name, value in given.items()],
+        [[f"{name}:={value}"] for name, value in given.items()],
+    ]
+    found = []
+    for style in styles:
+        for before in ([], style):
+            after = [] if before else style
+            words = [*itertools.chain(*before), *files, *itertools.chain(*after)]
+            found.append(parsed(command, *words))
+    assert all(other == found[0] for other in found)
+    assert found[0]["command"] == command
+
+
+def test_every_command_is_tried():
+    assert set(GIVEN) == set(_COMMANDS)
+
+
+def test_switches_and_lists_have_both_styles():
+    assert parsed("replay", "a", "--step") == parsed("replay", "step:=true", "a")
+    assert parsed("replay", "a", "step:=false") == parsed("replay", "a")
+    both = parsed("replay", "--compare", "auto", "naive", "--speed", "1", "a")
+    assert both == parsed("replay", "compare:=auto,naive", "speed:=1", "a")
+    assert both["compare"] == ["auto", "naive"]
+    assert parsed("launch", "--view")["words"] == ["view:=true"]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["sim", "--link", "x", "--ratte", "5"], "'ratte' is unknown; did you mean 'rate'?"),
+        (["sim", "link:=x", "ratte:=5"], "'ratte' is unknown; did you mean 'rate'?"),
+        (["calibrate", "--config", "a", "config:=b"], "argument 'config' is given twice"),
+        (["replay", "a", "step:=5"], "step:=5: must be true or false"),
+        (["train", "--config"], "expected one argument"),
+    ],
+)
+def test_a_mistake_is_named(words, said, capsys):
+    with pytest.raises(SystemExit) as ended:
+        make_parser(_COMMANDS).parse_args(words)
+    assert ended.value.code == 2
+    assert said in capsys.readouterr().err
+
+
+def test_a_value_may_begin_with_a_hyphen():
+    parser = CommandParser()
+    parser.add_argument("--noise", type=float)
+    parser.add_argument("words", nargs="*")
+    assert parser.parse_args(["noise:=-1"]).noise == -1.0
+    assert parser.parse_args(["--offset", "-.5", "x"]).words == ["x", "offset:=-.5"]
+
+
+def test_a_file_whose_name_holds_an_equals_sign_is_a_file():
+    assert split(["run=3.csv"], {"rows": int}) == (["run=3.csv"], {})
+    with pytest.raises(ValueError, match="'rows=3': arguments are written"):
+        split(["rows=3"], {"rows": int})
