@@ -80,7 +80,6 @@ def _launch(args) -> int:
 def _plan(words: list[str], default: str, in_process: bool = True, **given: str):
     """The plan of a launch file, or of the default one, with its arguments; and the file."""
     from . import launch
-
     from .commands.words import split
 
     files, arguments = split(words)

@@ -21,7 +21,7 @@ class CommandParser(argparse.ArgumentParser):
         return super().parse_known_args(self._in_one_style(args or []), namespace)
 
     def error(self, message: str):
-        """End with one line, as all mistakes do; the usage of `launch` alone would fill a screen."""
+        """End with one line, as all mistakes do."""
         self.exit(2, f"{self.prog}: error: {message}\n")
 
     def _in_one_style(self, args: list[str]) -> list[str]:
