@@ -29,9 +29,9 @@ from . import launch
 from .errors import LaunchError, ParameterError, RosError
 from .files import one_line
 from .middleware.bus import Context, Node
-from .middleware.config import ParameterFile
+from .middleware.config import CONFIG, ParameterFile
 from .middleware.launch_file import NodeAction, Plan
-from .middleware.launched import check_commands, check_names, close, given
+from .middleware.launched import check_commands, check_files, check_names, close, given
 from .middleware.package import COMPOSED, FOXGLOVE, NODES, PACKAGE, RECORDER
 from .middleware.processes import end_commands, start_command
 from .middleware.ros.arguments import RosArguments, split_arguments
@@ -83,6 +83,7 @@ class Program(launch.Skin):
                     names if file else process,
                     process if given_alone else None,
                 )
+        check_files(self._plan.nodes, self._handles)
 
 
 def _names_of(kind: str) -> list[str]:
@@ -217,7 +218,8 @@ def _words(action: NodeAction) -> list[str]:
     words += ["-r", f"__ns:={action.namespace}"] if action.namespace else []
     for item in action.parameters:
         if isinstance(item, ParameterFile):
-            words += ["--params-file", str(Path(item.path).resolve())]
+            path = str(Path(item.path).resolve())
+            words += ["-p", f"{CONFIG}:={_as_yaml(path)}"] if item.own else ["--params-file", path]
         elif item[1] is not None:
             words += ["-p", f"{item[0]}:={_as_yaml(item[1])}"]
     for source, target in action.remappings:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
 import functools
 import re
+from collections.abc import Collection
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,6 +28,7 @@ from .bus import (
     Parameter,
     ParameterDescriptor,
 )
+from .package import CLASSES, share_dir
 
 SHARED = ("circuit", "curve", "geometry")  # parameters that several nodes read
 
@@ -63,8 +66,11 @@ def read_skin(path=None, node: str = "compensation") -> SkinConfig:
             geometry; the message names the file.
         OSError: the file, or the table of cells that it names, cannot be read.
     """
-    overrides = [] if path is None else ParameterFile(path).overrides(f"/{node.strip('/')}")
-    return skin_of({p.name: p.value for p in overrides}, str(path))
+    if path is None:
+        return skin_of({}, "")
+    file = ParameterFile(path)
+    file.check([node.rsplit("/", 1)[-1]])
+    return skin_of({p.name: p.value for p in file.overrides(f"/{node.strip('/')}")}, str(path))
 
 
 def skin_of(values: dict, where: str) -> SkinConfig:
@@ -85,8 +91,7 @@ def skin_of(values: dict, where: str) -> SkinConfig:
         raise type(error)(f"{where}: {error}") from error
     unknown = [name for name in reader.undeclared() if name.split(".")[0] in SHARED]
     if unknown:
-        meant = did_you_mean(unknown[0], reader.parameter_names())
-        raise ParameterError(f"{where}: parameter {unknown[0]!r} is unknown{meant}")
+        raise ParameterError(unknown_parameter(where, unknown[0], reader.parameter_names()))
     return skin
 
 
@@ -211,7 +216,20 @@ def geometry_of(node: Node, circuit: Circuit) -> Geometry:
     )
 
 
+# parameters that ROS itself declares and takes; what ends with a point is a prefix
+THEIRS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+CONFIG = "config"  # parameter of a program: its parameter file, which must be there
 _LAUNCH_ROS = "launch_params_"  # how launch_ros names the files that it writes for one program
+_MISSPELT = 0.85  # ratio of difflib: `motor` is another node than `monitor`, `stop_on_psh` is none
+
+
+@functools.cache
+def shipped_names() -> dict[str, frozenset[str]]:
+    """Return kind of node -> its parameters, and ** -> those that all share, of config/skin.yaml:
+    it holds every one."""
+    sections = ParameterFile(share_dir() / "config" / "skin.yaml").sections
+    own = {name: sections.get(f"/**/{name}", {}) for name in CLASSES}
+    return {name: frozenset(values) for name, values in (own | {"**": sections["/**"]}).items()}
 
 
 class ParameterFile:
@@ -220,26 +238,30 @@ class ParameterFile:
     As in rclpy, sections may stand within namespaces, and ``*`` in a section's name stands for one
     name, ``**`` for any number of them: ``/**/stop_on_push`` is the node in any namespace.
 
+    Args:
+        own: it is the skin's own, named as its `config`: all of it must be known. Another may serve
+            other nodes of the robot as well.
+
     Attributes:
         sections: full name, such as "/left/stop_on_push" -> {parameter: value}.
-        by_launch: whether `ros2 launch` wrote it, of what a launch file gives one program. An empty
-            value in it is that of an argument that was not given, and says nothing.
+        by_launch: whether `ros2 launch` wrote it, of what a launch file gives one program: it is
+            for all nodes of that. An empty value in it is that of an argument that was not given,
+            and says nothing.
 
     Raises:
         FileError: not such a file, or none; the message names the file and the key.
     """
 
-    def __init__(self, path):
-        self.path = Path(path)
+    def __init__(self, path, own: bool = False):
+        self.path, self.own = Path(path), own
         self.by_launch = self.path.name.startswith(_LAUNCH_ROS)
         try:
             data = read_yaml(path)
         except OSError as error:
             raise FileError(f"parameter file {path}: {error.strerror}") from error
-        if data is None:
-            data = {}
-        if not isinstance(data, dict):
-            raise FileError(f"{path}: must map node names to ros__parameters")
+        if not (isinstance(data, dict) and data):
+            what = f"holds {shorten(data)}" if data else "is empty"
+            raise FileError(f"{path}: {what}: must map node names to ros__parameters")
         self.sections: dict[str, dict] = {}
         self._names: dict[str, str] = {}  # full name -> as the file has it
         for name, section in data.items():
@@ -253,7 +275,7 @@ class ParameterFile:
             return
         if set(below) != {"ros__parameters"}:
             raise FileError(f"{self.path}: {name}: must hold ros__parameters and nothing else")
-        full = "/" + name.strip("/")
+        full = "/**" if self.by_launch else "/" + name.strip("/")
         if full in self._names:
             raise FileError(f"{self.path}: {name}: is the section {self._names[full]} again")
         values = section["ros__parameters"]
@@ -276,6 +298,42 @@ class ParameterFile:
             if not (self.by_launch and value == "")
         ]
 
+    def named(self) -> list[ParameterFile]:
+        """Return the parameter files that `ros2 launch` was given as `config`, and forget them."""
+        paths = [v.pop(CONFIG) for v in self.sections.values() if self.by_launch and CONFIG in v]
+        return [ParameterFile(path, own=True) for path in paths]
+
+    def check(self, nodes: Collection[str] = (), names: Collection[str] = ()) -> None:
+        """Refuse what is misspelt, and a file that is of another package.
+
+        Args:
+            nodes: names of nodes besides those that a program of this package has.
+            names: parameters of theirs, which `/**` may give.
+
+        Raises:
+            ParameterError: naming the section and the parameter.
+        """
+        shipped = shipped_names()
+        shared = shipped["**"]
+        everyone = shared.union(*shipped.values(), names)
+        known = {"*", "**", *CLASSES, *nodes}
+        lasts = [section.rsplit("/", 1)[-1] for section in self.sections]
+        foreign = not known.intersection(lasts)
+        for last, (section, values) in zip(lasts, self.sections.items(), strict=True):
+            where = self.name_of(section)
+            if last not in known:
+                if self.own or foreign or _misspelt(last, known):
+                    meant = did_you_mean(last, known)
+                    raise ParameterError(f"{where}: no such node{meant}")
+                continue
+            wild = last in ("*", "**")
+            allowed = everyone if wild else shipped.get(last, frozenset()) | shared
+            unknown = [k for k in values if k not in allowed and not k.startswith(THEIRS)]
+            for name in unknown if wild or last in CLASSES else ():
+                of_skin = not wild or self.own or name.split(".")[0] in SHARED
+                if of_skin or _misspelt(name, allowed):
+                    raise ParameterError(unknown_parameter(where, name, allowed))
+
     def check_meant(self, node: str) -> None:
         """Refuse a file with sections for nodes of this name, none of them in its namespace.
 
@@ -292,6 +350,16 @@ class ParameterFile:
                 f"{self.path}: {found}: is not for the node /{node.strip('/')}: "
                 f"must be /**/{name}, for any namespace, or /{node.strip('/')}"
             )
+
+
+def unknown_parameter(where: str, name: str, known: Collection[str]) -> str:
+    """Return the message that refuses a parameter which nothing has."""
+    return f"{where}: parameter {name!r} is unknown{did_you_mean(name, known)}"
+
+
+def _misspelt(name: str, known: Collection[str]) -> bool:
+    """Whether a name resembles a known one so much that it must be meant."""
+    return bool(difflib.get_close_matches(name, known, n=1, cutoff=_MISSPELT))
 
 
 _WILDCARDS = {"*": r"(/\w+)", "**": r"(/\w+)*"}  # as rcl_yaml_param_parser has them

@@ -11,7 +11,7 @@ from pathlib import Path
 from ..errors import FileError, LaunchError, did_you_mean
 from ..files import shorten
 from ..yaml_files import parse_yaml, read_yaml
-from .config import ParameterFile
+from .config import CONFIG, ParameterFile
 from .package import COMPOSED, FOXGLOVE, NODES, PACKAGE, RECORDER
 from .substitutions import substitute
 from .user_nodes import UserNode, find_user_node
@@ -106,6 +106,12 @@ class _Read:
     parameter_files: dict[str, ParameterFile] = field(default_factory=dict)
     including: list[str] = field(default_factory=list)  # the file being read, and those around it
     files: int = 0
+
+    def parameter_file(self, name: str) -> ParameterFile:
+        """Return the parameter file of this name; one serves all nodes."""
+        if name not in self.parameter_files:
+            self.parameter_files[name] = ParameterFile(name, own=True)
+        return self.parameter_files[name]
 
 
 def _read_file(name: str, given: dict[str, str], plan: Plan, read: _Read) -> None:
@@ -282,10 +288,9 @@ def _node(body: dict, fill, path: Path, read: _Read) -> NodeAction:
     parameters = []
     for item in _maps(body, "param", path, "node"):
         if set(item) == {"from"}:
-            name = fill(item["from"], "param: from")
-            if name not in read.parameter_files:  # one serves all nodes
-                read.parameter_files[name] = ParameterFile(name)
-            parameters.append(read.parameter_files[name])
+            parameters.append(read.parameter_file(fill(item["from"], "param: from")))
+        elif item.get("name") == CONFIG and set(item) == {"name", "value"} and user is None:
+            parameters.append(read.parameter_file(fill(item["value"], f"param {CONFIG}")))
         elif set(item) == {"name", "value"}:
             name = named(item["name"], "param: name", _ARGUMENT, "a parameter's name")
             if any(isinstance(other, tuple) and other[0] == name for other in parameters):

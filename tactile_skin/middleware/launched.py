@@ -6,16 +6,14 @@ import contextlib
 import re
 from collections.abc import Callable
 
-from ..errors import LaunchError, ParameterError, TopicTypeError, did_you_mean
+from ..errors import LaunchError, ParameterError, TopicTypeError
 from ..msg import Twist, TwistStamped
 from .bus import Context, Node, Parameter
-from .config import SHARED, ParameterFile, concerns
+from .config import SHARED, THEIRS, ParameterFile, concerns, unknown_parameter
 from .launch_file import NodeAction
 from .package import CLASSES, NODES
 
 _SIMULATED = "use_sim_time"
-# parameters that ROS itself declares and takes; what ends with a point is a prefix
-THEIRS = (_SIMULATED, "start_type_description_service", "qos_overrides.")
 _ONE_THREAD = ("compensation", "gesture_feature")  # strictly sequential
 
 
@@ -71,25 +69,23 @@ def parameters_of(handles: list[Node]) -> dict[str, dict]:
 def check_overrides(nodes: list[NodeAction], handles: list[Node]) -> None:
     """Refuse names in parameter files and launch files that no node knows."""
     declared = {name for handle in handles for name in handle.parameter_names()}
-    names = {handle.get_fully_qualified_name() for handle in handles}
     for action, handle in zip(nodes, handles, strict=True):
-        for item in action.parameters:
-            if isinstance(item, ParameterFile):
-                _check_sections(item, names)
         own = set(handle.parameter_names())
         check_names(action, handle.get_fully_qualified_name(), own, declared)
+    check_files(nodes, handles)
 
 
-def _check_sections(file: ParameterFile, names: set[str]) -> None:
-    """One file may serve several launches: for nodes that this one does not start, and other
-    namespaces."""
-    known = {"*", "**", *CLASSES, *(name.rsplit("/", 1)[-1] for name in names)}
-    for section in file.sections:
-        if section.rsplit("/", 1)[-1] not in known:
-            there = ", ".join(sorted(name[1:] for name in names))
-            raise LaunchError(
-                f"{file.name_of(section)}: no such node in this launch; there are: {there}"
-            )
+def check_files(nodes: list[NodeAction], handles: list[Node]) -> None:
+    """Refuse a parameter file with sections and names that are of no node.
+
+    One file may serve several launches: for nodes that this one does not start, and other
+    namespaces.
+    """
+    declared = {name for handle in handles for name in handle.parameter_names()}
+    files = [p for action in nodes for p in action.parameters if isinstance(p, ParameterFile)]
+    for file in dict.fromkeys(files):
+        if not file.by_launch:
+            file.check([handle.get_name() for handle in handles], declared)
 
 
 def check_names(
@@ -183,4 +179,4 @@ def remaps(pairs: list[tuple[str, str]]) -> list[str]:
 
 
 def _unknown(where: str, key: str, allowed) -> LaunchError:
-    return LaunchError(f"{where}: parameter {key!r} is unknown{did_you_mean(key, allowed)}")
+    return LaunchError(unknown_parameter(where, key, allowed))

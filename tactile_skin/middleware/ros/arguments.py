@@ -8,7 +8,7 @@ import re
 from ...files import shorten
 from ...yaml_files import parse_yaml
 from ..bus import Parameter
-from ..config import ParameterFile
+from ..config import CONFIG, ParameterFile
 
 # Of rcl: what they do is ROS's business. Those of the first kind are followed by a value.
 _WITH_VALUE = ("--log-level", "--log-config-file", "--log-file-name", "-e", "--enclave")
@@ -87,14 +87,17 @@ def _take(word: str, rest: list[str], args: RosArguments) -> None:
             raise ValueError(f"--ros-args: {word}: must be followed by a value")
         args.logs += [word, rest.pop(0)]
     elif word == "--params-file":
-        args.parameters.append((None, ParameterFile(rest.pop(0) if rest else "")))
+        file = ParameterFile(rest.pop(0) if rest else "")
+        args.parameters += [(None, item) for item in (*file.named(), file)]
     elif word in ("-p", "--param"):
         value = rest.pop(0) if rest else ""
         found = _VALUE.fullmatch(value)
         if not found:
             raise ValueError(f"--ros-args: {word} {value!r}: must be [node:]name:=value")
         text = parse_yaml(found["to"], f"--ros-args: {word} {shorten(value)}")
-        args.parameters.append((found["node"], Parameter(found["name"], text)))
+        own = found["name"] == CONFIG
+        given = ParameterFile(text, own=True) if own else Parameter(found["name"], text)
+        args.parameters.append((found["node"], given))
     elif word in ("-r", "--remap"):
         value = rest.pop(0) if rest else ""
         found = _RULE.fullmatch(value)
