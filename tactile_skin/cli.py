@@ -63,7 +63,7 @@ def _calibrate(args) -> int:
 def _launch(args) -> int:
     from . import launch
 
-    plan, file = _plan(args.words, "demo.launch.yaml", in_process=not args.ros)
+    plan, file = _plan(args.words, in_process=not args.ros)
     if args.show_args:
         for argument in plan.arguments.values():
             print(f"{argument.name}:={argument.default}\n    {argument.description}")
@@ -77,15 +77,15 @@ def _launch(args) -> int:
     return _spin(launch.Skin(plan))
 
 
-def _plan(words: list[str], default: str, in_process: bool = True, **given: str):
-    """The plan of a launch file, or of the default one, with its arguments; and the file."""
+def _plan(words: list[str], default: str = "", in_process: bool = True, **given: str):
+    """Return the plan of a launch file, or of the default one, with its arguments; and the file."""
     from . import launch
     from .commands.words import split
 
     files, arguments = split(words)
     if len(files) > 1:
         raise ValueError(f"one launch file, not {len(files)}: {' '.join(files)}")
-    file = files[0] if files else default
+    file = files[0] if files else default or launch.default_file(arguments)
     return launch.read_plan(launch.find(file), arguments | given, in_process), file
 
 

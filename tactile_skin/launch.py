@@ -382,11 +382,16 @@ def node_class(executable: str):
 
 
 def launch(path=None, context: Context | None = None, **arguments) -> Skin:
-    """The skin of a launch file, ready for `with`.
+    """Return the skin of a launch file, ready for `with`.
 
     Args:
-        path: ROS 2 YAML launch file; None: the demo on a simulated board.
+        path: ROS 2 YAML launch file; None: that of `default_file`.
         arguments: of the launch file, as on the command line after ``:=``.
     """
     arguments = {key: str(value) for key, value in arguments.items()}
-    return Skin(read_plan(find(path or "demo.launch.yaml"), arguments), context)
+    return Skin(read_plan(find(path or default_file(arguments)), arguments), context)
+
+
+def default_file(arguments: dict[str, str]) -> str:
+    """Return the launch file where none is named: a port is a real board's, else it is the demo."""
+    return "skin.launch.yaml" if "port" in arguments else "demo.launch.yaml"

@@ -86,7 +86,7 @@ def test_the_help_lists_the_commands(call):
 def test_the_arguments_of_a_launch_file_are_shown(call):
     status, out, _ = call("launch", "--show-args")
     assert status == 0
-    for name in ("port", "scene", "method", "duration", "config"):
+    for name in ("link", "scene", "method", "duration", "config"):
         assert re.search(rf"^{name}:=", out, re.MULTILINE)
 
 
@@ -273,15 +273,35 @@ def test_an_end_while_it_loads_is_quiet(loaded):
 @IN_TIME
 def test_the_demo(tmp_path):
     """Two seconds of the whole skin on a simulated board, started in an empty folder."""
-    done = run_command("launch", "duration:=2", f"port:={tmp_path / 'skin'}", cwd=tmp_path)
+    done = run_command("launch", "duration:=2", f"link:={tmp_path / 'skin'}", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
-    summary = done.stdout[done.stdout.index("summary") :]
+    assert re.search(r"^SIMULATED .* free", done.stdout, re.MULTILINE)
+    summary = done.stdout[done.stdout.index("summary of a simulated board") :]
     assert int(re.search(r"frames +(\d+) in", summary)[1]) >= 190
     assert re.search(r"CRC errors +0\b", summary)
     assert re.search(r"drops +0 \(0 lost on the wire, 0 on the way\)", summary)
     assert re.search(r"latency .* p50 \d+\.\d+ ms, p99 \d+\.\d+ ms", summary)
     assert list(tmp_path.iterdir()) == []  # the board and its link are gone
+
+
+def test_a_port_means_a_real_board(tmp_path):
+    """Unplugged, the skin is stopped: no simulated board takes its place."""
+    port = tmp_path / "ttyUSB0"
+    done = run_command("launch", f"port:={port}")
+    assert done.returncode == 2
+    assert f"port {port}: does not exist" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+@IN_TIME
+def test_who_reads_only_the_first_line_gets_no_traceback():
+    command = f"{sys.executable} -m tactile_skin launch duration:=3 | head -1"
+    done = subprocess.run(
+        command, shell=True, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.stdout.count("\n") == 1
+    assert "Traceback" not in done.stderr and "BrokenPipe" not in done.stderr
 
 
 def test_a_board_ends_at_a_signal(tmp_path):
@@ -299,7 +319,7 @@ def test_a_board_ends_at_a_signal(tmp_path):
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGHUP, signal.SIGTERM])
 def test_no_board_and_no_link_outlive_the_launcher(tmp_path, number):
     link = tmp_path / "skin"
-    command = [sys.executable, "-m", "tactile_skin", "launch", f"port:={link}"]
+    command = [sys.executable, "-m", "tactile_skin", "launch", f"link:={link}"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
         for line in process.stdout:
             if b"free" in line:
@@ -318,7 +338,7 @@ def test_no_board_and_no_link_outlive_the_launcher(tmp_path, number):
 def test_a_users_link_survives_a_launch_and_its_end(tmp_path):
     link, device = tmp_path / "skin", tmp_path / "ttyUSB0"
     link.symlink_to(device)
-    done = run_command("launch", f"port:={link}", "duration:=1")
+    done = run_command("launch", f"link:={link}", "duration:=1")
     assert done.returncode == 2
     assert f"{link} exists and is a link to {device}" in done.stderr
     assert os.readlink(link) == str(device)

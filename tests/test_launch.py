@@ -330,7 +330,6 @@ def section(name="stop_on_push", **parameters) -> dict:
 @pytest.mark.parametrize(
     "content",
     [
-        "",
         section(threshold=20.0, release=5),
         section("/stop_on_push", threshold=20.0),
         section("/**", threshold=20.0),
@@ -359,7 +358,8 @@ PARAMETERS = {  # what is wrong -> (parameter file, what the message must hold)
     "out of range": (section(hold=-1.0), ["hold of node stop_on_push = -1.0", "from 0.0 to 60.0"]),
     "contradiction": (section(release=50.0), ["release = 50.0 N", "threshold"]),
     "no ros__parameters": ({"stop_on_push": {"threshold": 1.0}}, ["skin.yaml: stop_on_push: must"]),
-    "no map": ("- 1\n", ["skin.yaml: must map node names"]),
+    "no map": ("- 1\n", ["skin.yaml: holds [1]: must map node names"]),
+    "empty": ("", ["skin.yaml: is empty: must map node names"]),
     "no YAML": ("a: [", ["skin.yaml: not valid YAML"]),
 }
 

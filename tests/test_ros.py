@@ -87,7 +87,7 @@ for name in {modules!r}:
     if name.split(".")[-1] not in ("training", "soap", "export", "chart"):
         importlib.import_module(name)
 from tactile_skin.launch import launch
-with launch(duration=0.3, port={str(tmp_path / "skin")!r}) as skin:
+with launch(duration=0.3) as skin:
     skin.spin(60.0)
 sys.exit(skin.failed)
 """
@@ -993,7 +993,7 @@ def test_the_launched_demo_speaks_100_times_a_second(version, tmp_path):
     """
     with Graph(version) as graph:
         words = [sys.executable, "-m", "tactile_skin", "launch", "--ros", str(version)]
-        words += ["demo.launch.yaml", f"port:={tmp_path / 'skin'}", "method:=auto"]
+        words += ["demo.launch.yaml"]
         graph.start("launch", words)
         name = graph.listen()
         graph.wait_until_heard(name)

@@ -16,6 +16,7 @@ ALL = "/diagnostics"  # of the whole robot, for diagnostic_aggregator and for pe
 WAITING = "waiting"
 # key of a value: ohm by which the series resistance of the readings may be more than is supposed
 UNKNOWN_SERIES = "r_par_unknown"
+SIMULATED = "simulated"  # key of a value, true or false: the readings are of a simulated board
 
 
 def report(node, level: int, message: str, values: dict, header: Header | None = None):

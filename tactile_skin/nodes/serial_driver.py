@@ -53,6 +53,11 @@ class SerialDriver:
             0.0,
             60.0,
         )
+        self._simulated = value(
+            "simulated",
+            False,
+            "the port is a simulated board: said with the stop and on diagnostics",
+        )
         self.frame_id = value("frame_id", "base_link", "frame of the skin's messages")
         size = (self.circuit.rows, self.circuit.cols, self.circuit.adc_bits)
         make_parser(protocol, *size)  # a wrong name is an error now, not in the reader's thread
@@ -178,6 +183,7 @@ class SerialDriver:
             level, message = diagnostics.WARN, self._unread
         values = {
             "port": reader.connected_to or reader.port,
+            diagnostics.SIMULATED: str(self._simulated).lower(),
             "rate": f"{self._rate:.2f}",
             "frames": counters.frames,
             "crc_errors": counters.corrupt,

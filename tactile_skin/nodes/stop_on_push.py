@@ -111,6 +111,7 @@ class StopOnPush:
         self._to_all = diagnostics.Reporter(node, (diagnostics.ALL,))
         self._header = Header()
         self._force = self._most = 0.0
+        self._simulated = False  # the driver says that its board is
         self._said: Decision | None = None
         self._closed = threading.Lock()  # never released once the final stop is published
         node.on_set_parameters(self.on_parameters)
@@ -175,6 +176,8 @@ class StopOnPush:
                 message = (status.message or "error") if bad else ""
                 self.policy.fault(status.name, message, waiting)
                 self._learn(status.name, values)
+                if simulated := values.get(diagnostics.SIMULATED):
+                    self._simulated = simulated == "true"
         decision = self.policy.decide(self._now())
         if decision != self._said:  # a fault need not wait for the timer
             self._publish(decision)
@@ -225,6 +228,7 @@ class StopOnPush:
             "force": f"{self._force:.2f}",
             "counts_as": f"{self._most:.2f}",
             "push": str(self.policy.pushed).lower(),
+            diagnostics.SIMULATED: str(self._simulated).lower(),
             "good_for": f"{self.policy.stale_after:g}",
             "interval": "unknown" if interval is None else f"{interval:.4f}",
         }

@@ -49,6 +49,7 @@ class Recorder:
 
     Attributes:
         trouble: why it has ended; empty while it records.
+        broken: whether that was an error, a full disk say, and no limit that was asked for.
         dropped: messages that found the queue full.
 
     Raises:
@@ -59,7 +60,7 @@ class Recorder:
     def __init__(self, path, limits: Limits, attachments: dict[str, bytes], now: Callable[[], int]):
         cdr.check()
         path = _target(str(path))
-        self.trouble, self.dropped = "", 0
+        self.trouble, self.broken, self.dropped = "", False, 0
         self._now, self._waiting, self._closing = now, deque(), threading.Event()
         store = Ring if limits.last else Whole
         self._store = store(path, limits, attachments, now())
@@ -117,6 +118,7 @@ class Recorder:
                 self._store.close()
         except Exception as error:  # a full disk, say: whatever it is, it is said, and ends here
             self._store.abandon()
+            self.broken = True
             self._end(getattr(error, "strerror", None) or repr(error))
 
     def _end(self, why: str) -> None:

@@ -209,6 +209,7 @@ class Pictures:
             "lost": _count(values.get("lost")),
             "crc_errors": _count(values.get("crc_errors")),
             "dropped": dropped,
+            "simulated": values.get("simulated") == "true",
             "says": _reports(snapshot),
             "findings": findings(snapshot),
         }

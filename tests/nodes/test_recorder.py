@@ -163,12 +163,29 @@ def test_on_ros_it_says_what_records_there():
         launch_processes(plan, 2)
 
 
+def test_a_full_disk_is_in_the_summary_and_in_the_status(tmp_path):
+    """A file that may not grow further fails as on a full disk; the skin runs on until its end."""
+    command = [sys.executable, "-m", "tactile_skin", "record", tmp_path / "a.mcap"]
+    done = subprocess.run(
+        [*map(str, command), "demo.launch.yaml", "duration:=3"],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000)),
+    )
+    assert done.returncode == 1
+    summary = done.stdout[done.stdout.index("summary") :]
+    assert "recorder: recording has ended: File too large" in summary
+    assert "Traceback" not in done.stderr
+
+
 def test_a_killed_process_leaves_all_but_the_last_second(tmp_path):
     """Once here; twenty times by tests/yardsticks/recording.py."""
     path = tmp_path / "a.mcap"
     command = [sys.executable, "-m", "tactile_skin", "record", path, "demo.launch.yaml"]
     process = subprocess.Popen(
-        [*map(str, command), f"port:={tmp_path / 'port'}", "monitor:=false"],
+        [*map(str, command), f"link:={tmp_path / 'port'}", "monitor:=false"],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,

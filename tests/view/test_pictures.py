@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactile_skin import forward
-from tactile_skin.middleware.config import read_skin
+from tactile_skin.middleware.config import skin_of
 from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Header, KeyValue, Time, image
 from tactile_skin.nodes.gesture_feature import contact_cloud
 from tactile_skin.touch import features
@@ -15,7 +15,7 @@ from tactile_skin.view.pictures import PUBLISHED, Pictures, findings
 from tactile_skin.view.snapshot import STOP, Collector, NodeStatus, Snapshot
 from tactile_skin.view.wire import pack, unpack
 
-SKIN = read_skin()
+SKIN = skin_of({"geometry.shape": "cylinder"}, "")
 RNG = np.random.default_rng(5)
 
 

@@ -97,7 +97,7 @@ def test_what_cannot_be_shown_is_said_in_a_line(tmp_path, capsys):
         ([str(empty)], "holds no message"),
         ([str(tmp_path / "none.mcap")], "none.mcap"),
         ([good, "view_port:=http"], "view_port:=http: must be a whole number"),
-        ([good, "speed:=2"], "argument 'speed': must be one of"),
+        ([good, "speed:=2"], "argument 'speed' is unknown"),
         ([good, good], "one recording, not 2"),
         ([good, "view_port:=0", f"config:={wrong}"], "16 x 16, the configuration says 8 x 16"),
     ):

@@ -160,7 +160,7 @@ def main() -> None:
     kinds = ["no page", SHOWN] + ["no view"] * args.bare
     with tempfile.TemporaryDirectory() as folder:
         arguments = {
-            "port": str(Path(folder) / "skin"),
+            "link": str(Path(folder) / "skin"),
             "method": "auto",
             "monitor": "false",
             "view": "true",

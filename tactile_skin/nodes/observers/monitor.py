@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import sys
@@ -56,6 +57,7 @@ class Monitor:
         self._decided = 0, 0  # stamp of the last decision that came before its reading, when [ns]
         self._first: int | None = None
         self._driver: dict[str, str] = {}
+        self._simulated = False
         self._warnings: dict[str, str] = {}  # node -> its message
         self._warned: dict[str, str] = {}  # the same without numbers, of those that were printed
         self._contacts, self._force = 0, 0.0
@@ -134,6 +136,7 @@ class Monitor:
             values = {pair.key: pair.value for pair in status.values}
             if "crc_errors" in values:
                 self._driver = values
+                self._simulated = values.get(diagnostics.SIMULATED) == "true"
             if status.level == DiagnosticStatus.WARN:  # an ERROR shows as the stop's reason
                 self._warnings[status.name] = status.message
             else:
@@ -168,7 +171,7 @@ class Monitor:
         if self.stops and self.stops[-1][1] is None:
             reason = self.stops[-1][2]
         line = (
-            f"{rate:5.1f}/s  drops {self.drops}  contacts {self._contacts} {self._force:6.1f} N  "
+            f"{'SIMULATED ' if self._simulated else ''}{rate:5.1f}/s  drops {self.drops}  contacts {self._contacts} {self._force:6.1f} N  "
             f"{push:<26} {'STOP ' + reason if reason else 'free'}"
         )
         if self._cmd_vel is not None:
@@ -180,15 +183,28 @@ class Monitor:
             line += f"  warned: {', '.join(self._warnings)}"
         clear = "\r\x1b[2K" if self.out.isatty() else ""
         for text in self._new_warnings():
-            print(f"{clear}{text}", file=self.out)
+            self._write(f"{clear}{text}\n")
         if clear:
             width = shutil.get_terminal_size().columns - 1
-            if reason and reason != self._last_reason and len(line) > width:
-                print(f"{clear}{reason}", file=self.out)  # what to do stands at its end
+            if reason and len(line) > width:
+                if reason != self._last_reason:
+                    self._write(f"{clear}{reason}\n")  # what to do stands at its end
+                line = f"{rate:5.1f}/s  STOP {reason}"
             self._last_reason = reason
-            print(f"{clear}{line[:width]}", end="", file=self.out, flush=True)
+            line = line if len(line) <= width else f"{line[: width - 1]}…"
+            self._write(f"{clear}{line}")
         else:
-            print(line, file=self.out, flush=True)
+            self._write(f"{line}\n")
+
+    def _write(self, text: str) -> None:
+        """Print; without a reader, as after `| head`, the run ends as any program in a pipe does."""
+        try:
+            print(text, end="", file=self.out, flush=True)
+        except BrokenPipeError:
+            nobody = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nobody, self.out.fileno())  # else Python reports it once more at its end
+            os.close(nobody)
+            self.node.context.try_shutdown()
 
     def _new_warnings(self) -> list[str]:
         """Those that say something else than before; each is printed once, and whole."""
@@ -206,7 +222,7 @@ class Monitor:
         if (self._first is None and not self._printed) or not takes(self.out):
             return
         lines = self.summary()
-        print("\n" * self.out.isatty() + "\n".join(lines), file=self.out, flush=True)
+        self._write("\n" * self.out.isatty() + "\n".join(lines) + "\n")
 
     def summary(self) -> list[str]:
         if self._first is None:
@@ -220,7 +236,7 @@ class Monitor:
             p50, p99, worst = np.percentile(self.latencies, [50, 99, 100]) * 1e3
             latency = f"p50 {p50:.2f} ms, p99 {p99:.2f} ms, max {worst:.2f} ms"
         lines = [
-            "summary",
+            f"summary{' of a simulated board' if self._simulated else ''}",
             f"  frames      {self.frames} in {seconds:.1f} s ({self.frames / seconds:.1f}/s)",
             f"  CRC errors  {self._driver.get('crc_errors', 'unknown')}",
             f"  drops       {self.drops} ({lost} lost on the wire, {self.dropped} on the way)",
@@ -229,6 +245,7 @@ class Monitor:
             f" up to {self.largest_force:.1f} N together",
             f"  stops       {len(self.stops)}",
         ]
+        lines += [f"  warning     {name}: {text}" for name, text in self._warnings.items()]
         for start, end, reason in self.stops[:20]:
             length = "until the end" if end is None else f"for {end - start:.2f} s"
             lines.append(f'    at {max(start, 0.0):6.2f} s {length}: "{reason}"')

@@ -97,6 +97,11 @@ class RecorderNode:
             message = f"the disk is too slow: {recorder.dropped} messages are not recorded"
         self._diagnostics.publish(diagnostics.report(self.node, level, message, values))
 
+    @property
+    def failed(self) -> bool:
+        """Whether the file lacks something, after a full disk say."""
+        return bool(self._recorder and self._recorder.broken)
+
     def close(self) -> None:
         if self._recorder is not None:
             self._recorder.close(_CLOSE)

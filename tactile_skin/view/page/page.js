@@ -276,6 +276,7 @@ function showTexts(now) {
   const silent = silentWhy(now);
   const why = silent || (hello.recording ? "no stop was recorded" : "no stop_on_push is heard");
   facts.showStop(silent ? null : head.stop, head.reason, Boolean(hello.recording), why);
+  $("source").textContent = head.simulated ? `${hello.title}, simulated board` : hello.title;
   const picture = frozen ? shown : latest;
   showMethod(picture.head.method);
   facts.showContacts(picture.head.contacts);
