@@ -358,8 +358,9 @@ def unknown_parameter(where: str, name: str, known: Collection[str]) -> str:
 
 
 def _misspelt(name: str, known: Collection[str]) -> bool:
-    """Whether a name resembles a known one so much that it must be meant."""
-    return bool(difflib.get_close_matches(name, known, n=1, cutoff=_MISSPELT))
+    """Whether a name must be meant for a known one: it resembles it, or lacks its group."""
+    lacks_group = any(other.endswith(f".{name}") for other in known)
+    return lacks_group or bool(difflib.get_close_matches(name, known, n=1, cutoff=_MISSPELT))
 
 
 _WILDCARDS = {"*": r"(/\w+)", "**": r"(/\w+)*"}  # as rcl_yaml_param_parser has them

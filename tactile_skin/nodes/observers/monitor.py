@@ -171,7 +171,8 @@ class Monitor:
         if self.stops and self.stops[-1][1] is None:
             reason = self.stops[-1][2]
         line = (
-            f"{'SIMULATED ' if self._simulated else ''}{rate:5.1f}/s  drops {self.drops}  contacts {self._contacts} {self._force:6.1f} N  "
+            f"{'SIMULATED ' * self._simulated}{rate:5.1f}/s  drops {self.drops}  "
+            f"contacts {self._contacts} {self._force:6.1f} N  "
             f"{push:<26} {'STOP ' + reason if reason else 'free'}"
         )
         if self._cmd_vel is not None:
@@ -197,7 +198,7 @@ class Monitor:
             self._write(f"{line}\n")
 
     def _write(self, text: str) -> None:
-        """Print; without a reader, as after `| head`, the run ends as any program in a pipe does."""
+        """Print; without a reader, as after `| head`, the run ends."""
         try:
             print(text, end="", file=self.out, flush=True)
         except BrokenPipeError:

@@ -1,0 +1,172 @@
+"""Parameter files that are absent, partial, misspelt or foreign, in each way of starting.
+
+None ends in a skin with other numbers than the file's and the documented defaults.
+"""
+
+import pytest
+import yaml
+
+from tactile_skin import ros
+from tactile_skin.launch import Skin, find, read_plan, read_skin, share_dir
+from tactile_skin.middleware.ros.arguments import split_arguments
+
+DOCUMENTED = yaml.safe_load((share_dir() / "config" / "skin.yaml").read_text())
+PORT = "loop://"  # opens without a board
+GIVEN = ("port", "wait_for_port", "use_sim_time")  # by how it is started, not by the file
+
+
+def nodes(**sections) -> str:
+    """Return a parameter file: node -> parameters, a name of `all` for all nodes."""
+    named = {"all": "/**"}
+    return yaml.safe_dump(
+        {named.get(k, f"/**/{k}"): {"ros__parameters": v} for k, v in sections.items()}
+    )
+
+
+REFUSED = {  # what the file holds, and what the error names
+    "empty": ("", "is empty"),
+    "comments only": ("# to be done\n", "is empty"),
+    "a list": ("- rows: 8\n- cols: 8\n", "must map node names"),
+    "a number": ("8\n", "must map node names"),
+    "a text": ("rows = 8, cols = 8\n", "must map node names"),
+    "no YAML": ("/**: {ros__parameters: [\n", "YAML"),
+    "an INI file": ("[circuit]\nrows = 8\n", "not valid YAML"),
+    "bytes": ("\0\1\2", ""),
+    "without node": ("circuit: {rows: 8, cols: 8}\n", "ros__parameters"),
+    "without ros__parameters": ("/**/compensation: {method: naive}\n", "ros__parameters"),
+    "ros_parameters": ("/**: {ros_parameters: {circuit: {rows: 8}}}\n", "ros__parameters"),
+    "a key twice": ("/**: {ros__parameters: {circuit: {rows: 8, rows: 9}}}\n", "rows"),
+    "of nav2": (nodes(controller_server={"controller_frequency": 20.0}), "controller_server"),
+    "of all nodes of another": (nodes(all={"robot_radius": 0.3}), "robot_radius"),
+    "of two packages": (nodes(compensation={"method": "map"}, amcl={"alpha1": 0.2}), "amcl"),
+    "node misspelt": (nodes(stop_on_psh={"threshold": 20.0}), "stop_on_push"),
+    "another node misspelt": (nodes(compensaton={"method": "map"}), "compensation"),
+    "node in another case": (nodes(Compensation={"method": "map"}), "Compensation"),
+    "of the program": (nodes(skin={"threshold": 25.0}), "skin"),
+    "row for rows": (nodes(all={"circuit": {"row": 8, "cols": 8}}), "circuit.rows"),
+    "rref": (nodes(all={"circuit": {"rref": 10e3}}), "circuit.r_ref"),
+    "bits": (nodes(all={"circuit": {"bits": 12}}), "circuit.bits"),
+    "shap": (nodes(all={"geometry": {"shap": "plane"}}), "geometry.shape"),
+    "thresold": (nodes(stop_on_push={"thresold": 20.0}), "threshold"),
+    "bauds": (nodes(serial_driver={"bauds": 9600}), "baud"),
+    "of another node": (nodes(serial_driver={"peak": 9.0}), "peak"),
+    "circuit written flat": (nodes(all={"rows": 8}), "circuit.rows"),
+    "a word for a number": (nodes(all={"circuit": {"rows": "eight"}}), "circuit.rows"),
+    "a list for a number": (nodes(all={"circuit": {"rows": [8]}}), "circuit.rows"),
+    "no rows": (nodes(all={"circuit": {"rows": 0}}), "circuit.rows"),
+    "too many bits": (nodes(all={"circuit": {"adc_bits": 24}}), "circuit.adc_bits"),
+    "a negative resistor": (nodes(all={"circuit": {"r_ref": -1.0}}), "circuit.r_ref"),
+    "an unknown shape": (nodes(all={"geometry": {"shape": "cylindre"}}), "cylinder"),
+    "an unknown method": (nodes(compensation={"method": "magic"}), "method"),
+}
+TAKEN = {
+    "cells only": nodes(all={"circuit": {"rows": 8, "cols": 9}}),
+    "one number": nodes(all={"circuit": {"r_ref": 10e3}}),
+    "pitch without shape": nodes(all={"geometry": {"pitch": 0.01}}),
+    "a shape": nodes(all={"geometry": {"shape": "plane"}}),
+    "the stop only": nodes(stop_on_push={"threshold": 20.0, "release": 5.0, "peak": 4.0}),
+    "the method only": nodes(compensation={"method": "map"}),
+    "the link only": nodes(serial_driver={"protocol": "text", "baud": 115200}),
+    "without stars": yaml.safe_dump({"stop_on_push": {"ros__parameters": {"threshold": 20.0}}}),
+    "all of it": (share_dir() / "config" / "skin.yaml").read_text(),
+}
+
+
+def launched(path):
+    """As `tactile-skin launch` and `launch()`: all nodes in this process."""
+    given = {"config": str(path), "port": PORT, "monitor": "false"}
+    return Skin(read_plan(find("skin.launch.yaml"), given)).build()
+
+
+def of_program(words):
+    return ros.Program(
+        "skin", ros.plan_of("skin", split_arguments(["--ros-args", *words])[1])
+    ).build()
+
+
+def by_ros2_launch(path):
+    """As `ros2 launch`, which writes a file of what the launch file gives a program."""
+    written = path.parent / "launch_params_x"
+    given = {"config": str(path), "serial_driver": True, "port": PORT}
+    written.write_text(yaml.safe_dump({"/**": {"ros__parameters": given}}))
+    return of_program(["--params-file", str(written)])
+
+
+def by_ros2_run(path):
+    return of_program(["--params-file", str(path), "-p", f"serial_driver:port:={PORT}"])
+
+
+def by_parameter(path):
+    return of_program(["-p", f"config:='{path}'", "-p", f"serial_driver:port:={PORT}"])
+
+
+WAYS = (launched, by_ros2_launch, by_ros2_run, by_parameter)
+OF_COMMANDS = (*WAYS, read_skin)  # doctor, calibrate and replay read circuit, curve and geometry
+# What an absent section or a file that also serves other nodes may hold, where ROS hands it over.
+ROS_ALLOWS = ("of all nodes of another", "of two packages", "of the program")
+
+
+def write(folder, text):
+    path = folder / "mine.yaml"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize("way", OF_COMMANDS)
+def test_a_file_that_is_absent_is_an_error(way, tmp_path):
+    for name in ("typo.yaml", "none/mine.yaml", ""):
+        with pytest.raises((ValueError, OSError), match=r"typo|none|is a folder"):
+            way(tmp_path / name)
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("case", REFUSED)
+def test_a_file_that_is_wrong_is_an_error(case, way, tmp_path):
+    text, named = REFUSED[case]
+    if way is by_ros2_run and case in ROS_ALLOWS:
+        pytest.skip("ROS hands one file to all nodes of a robot")
+    with pytest.raises((ValueError, OSError)) as error:
+        way(write(tmp_path, text))
+    assert named in str(error.value)
+
+
+def documented(node: str) -> dict:
+    """Return name -> value of config/skin.yaml for a node, `a.b` for nested ones."""
+    values: dict = {}
+
+    def flatten(data: dict, before: str) -> None:
+        for key, value in data.items():
+            if isinstance(value, dict):
+                flatten(value, f"{before}{key}.")
+            else:
+                values[before + key] = value
+
+    for section in node_sections(DOCUMENTED, node):
+        flatten(section, "")
+    return values
+
+
+def node_sections(data: dict, node: str):
+    for name, section in data.items():
+        if name.rsplit("/", 1)[-1] in ("**", node):
+            yield section["ros__parameters"]
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("case", TAKEN)
+def test_what_a_file_leaves_out_is_as_documented(case, way, tmp_path):
+    handles = way(write(tmp_path, TAKEN[case]))
+    given = yaml.safe_load(TAKEN[case])
+    assert {handle.get_name() for handle in handles} >= {"compensation", "stop_on_push"}
+    for handle in handles:
+        expected = documented(handle.get_name())
+        for section in node_sections(given, handle.get_name()):
+            for key, value in section.items():
+                more = (
+                    {f"{key}.{k}": v for k, v in value.items()} if isinstance(value, dict) else {}
+                )
+                expected |= more or {key: value}
+        names = handle.parameter_names()
+        assert set(names) - set(GIVEN) <= set(expected)
+        for name in set(names) - set(GIVEN):
+            assert handle.get_parameter(name).value == expected[name], name
