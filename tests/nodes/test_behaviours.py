@@ -275,6 +275,21 @@ def test_a_push_from_each_of_eight_sides_against_the_gate(side, monkeypatch):
     assert robot.errors() == 0
 
 
+@pytest.mark.parametrize("side", EIGHT)
+def test_no_command_passes_into_the_hand_where_nobody_stated_the_shape(side, monkeypatch):
+    """Nor any other while it is pushed: with a plane taken for granted each went into a hand."""
+    monkeypatch.setitem(GEOMETRY, "geometry.shape", "unknown")
+    robot = Robot()
+    robot.wish = math.cos(side), math.sin(side), 0.0
+    assert np.abs(robot.live(0.3)).max() > 0.0
+    robot.felt = palm(side, 45.0)
+    robot.live(0.2)
+    assert robot.stopped
+    assert not robot.live(1.0).any()
+    robot.felt = palm(side, 0.0)
+    assert robot.live(2.0)[-1].any()
+
+
 def test_a_squeeze_from_two_sides_leaves_no_motion(monkeypatch):
     monkeypatch.setitem(GEOMETRY, "geometry.pitch", ALL_AROUND)
     robot = Robot()

@@ -148,7 +148,7 @@ def test_step_by_step(tmp_path, config, call, monkeypatch):
         ([], "give one FILE, not 0"),
         (["a.csv", "b.csv"], "give one FILE, not 2"),
         (["a.mcap", "method:=magic"], "method 'magic': must be one of"),
-        (["a.mcap", "speed:=2"], "argument 'speed': must be one of method, config"),
+        (["a.mcap", "sped:=2"], "argument 'sped' is unknown"),
         (["a.mcap", "rate:=fast"], "rate:=fast: must be a number"),
         (["a.mcap", "--speed", "0"], "--speed = 0.0: must be above 0"),
         (["a.bag"], "must be one of .mcap"),
