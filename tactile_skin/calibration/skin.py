@@ -27,6 +27,7 @@ from .watch.watch import Watch
 
 _LIGHT, _STIRRED = 1.0 * GRAM, 3  # N on so many cells: a touch that begins, not noise
 _LEARNED = "cnn", "physics"  # methods that use weights: they know the circuit of their training
+_BOUNDED = "map", "auto"  # methods that take a reading as a bound, and do without one
 _RESTART_AFTER = 4  # suspect or failed frames in a row after which the last one is no start
 # What takes a tenth of the time of a fit under a palm, errs by twice as much, and says nothing of
 # the circuit.
@@ -76,7 +77,10 @@ class Skin:
         self.circuit = adc.circuit
         self._adc, self._curve, self._follows = adc, curve, follows
         self._weights, self._warn = weights, warn
-        self._given = {"threshold": threshold, "time_limit": time_limit, "noise": noise}
+        floor, ceiling = adc.range
+        self._threshold, self._floor = threshold, max(threshold, floor)
+        self._bounds = {"threshold": self._floor, "ceiling": ceiling, "missing": True}
+        self._common = {"time_limit": time_limit, "noise": noise}
         self._standing = Standing(creep, curve) if creep.share else None
         self._tare, self._tracker = (
             Tare(self.circuit, curve),
@@ -100,8 +104,8 @@ class Skin:
         """
         if method not in METHODS:
             raise ValueError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
-        weights, missing = self._weights if method in _LEARNED else None, method in ("map", "auto")
-        given = self._given | {"weights": weights, "missing": missing}
+        given = self._common | {"weights": self._weights if method in _LEARNED else None}
+        given |= self._bounds if method in _BOUNDED else {"threshold": self._threshold}
         # Loads the weights, and says here, not at a frame, that they do not fit.
         flat = np.full(self.circuit.shape, 0.05)
         compensate(flat, self.circuit, self._tare.curve, method, **given)
@@ -166,18 +170,23 @@ class Skin:
         self.status, self.message = "failed", why
 
     def _hurries(self, adc: np.ndarray) -> bool:
-        """Whether the fast method may stand for the one in use: it knows no missing readings."""
-        known = not np.isnan(adc[self.circuit.populated]).any()
-        return self._method == "auto" and not self._given["threshold"] and known
+        """Whether the fast method may stand for the one in use: it needs a value of each cell."""
+        if self._method != "auto" or self._threshold:
+            return False
+        cells, (low, high) = adc[self.circuit.populated], self._adc.range
+        return not np.isnan(cells).any() and not (
+            (low > 0.0 and (cells <= low).any()) or (high < 1.0 and (cells >= high).any())
+        )
 
     def _compensate(self, adc: np.ndarray) -> Estimate:
-        given = dict(self._given)
+        method, given = (self._method, self._given) if self.fitted else (_FAST, self._common)
         if given["noise"] is None and self._noise.each is not None:
-            given["noise"] = np.maximum(self._noise.each, ROUNDING_NOISE)
-        method = self._method if self.fitted else _FAST
+            given = given | {"noise": np.maximum(self._noise.each, ROUNDING_NOISE)}
         return compensate(adc, self.circuit, self._tare.curve, method, start=self._last, **given)
 
     def _rest(self, t: float, adc: np.ndarray, estimate: Estimate) -> None:
+        if self._floor:  # what is not told is no rest
+            adc = np.where(adc <= self._floor, 0.0, adc)
         unread = np.isnan(adc)
         if unread.any():  # what the model reads there
             model = forward(self.circuit, self._tare.curve.resistance(estimate.force))
@@ -206,7 +215,7 @@ class Skin:
     def end_second(self) -> None:
         """What is judged once a second."""
         self._watch.contacts.end_second()
-        if not self._given["threshold"]:  # else the rest is not known
+        if not self._threshold:  # else the rest is not known
             self._doctor.look(self.circuit)
 
     def reset(self) -> None:

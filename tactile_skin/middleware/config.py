@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import FileError, ParameterError
 from ..files import shorten
-from ..physics.adc import Adc
+from ..physics.adc import TABLES, Adc
 from ..physics.circuit import Circuit
 from ..physics.creep import MAX_SHARE, Creep
 from ..physics.curve import PressureCurve
@@ -92,7 +92,9 @@ def skin_of(values: dict, where: str) -> SkinConfig:
     return skin
 
 
-def describe(text: str, low=None, high=None, read_only: bool = True) -> ParameterDescriptor:
+def describe(
+    text: str, low=None, high=None, read_only: bool = True, any_type: bool = False
+) -> ParameterDescriptor:
     """A parameter's description, and its range where it has one."""
     if low is None:
         bounds = {}
@@ -100,7 +102,7 @@ def describe(text: str, low=None, high=None, read_only: bool = True) -> Paramete
         bounds = {"integer_range": [IntegerRange(low, high)]}
     else:
         bounds = {"floating_point_range": [FloatingPointRange(low, high)]}
-    return ParameterDescriptor(text, read_only=read_only, **bounds)
+    return ParameterDescriptor(text, read_only=read_only, dynamic_typing=any_type, **bounds)
 
 
 def circuit_of(node: Node) -> Circuit:
@@ -129,6 +131,12 @@ def r_par_std_of(node: Node) -> float | None:
     return node.declare_parameter("circuit.r_par_std", 0.0, describe(text, 0.0, 1e6)).value or None
 
 
+_TABLE = (
+    f"of an ADC that is not linear: {', '.join(TABLES)}, or a list: reading [ADC steps], share of "
+    "the supply, reading, ...; empty: linear"
+)
+
+
 def adc_of(node: Node, circuit: Circuit) -> Adc:
     """How its board's ADC reads it, from the node's parameters ``circuit.*`` of the ADC."""
 
@@ -152,6 +160,8 @@ def adc_of(node: Node, circuit: Circuit) -> Adc:
         ),
         value("diode", 0.0, "of each driven line: forward voltage at 1 mA [V]; 0: none", 0.0, 5.0),
         value("supply", 5.0, "of the divider [V]; only a diode needs it", 1.0, 24.0),
+        node.declare_parameter("circuit.adc_table", "", describe(_TABLE, any_type=True)).value
+        or None,
     )
 
 

@@ -61,6 +61,7 @@ def compensate(
     noise=None,
     missing: bool = False,
     threshold: float = 0.0,
+    ceiling: float = 1.0,
     time_limit: float | None = None,
 ) -> Estimate:
     """Undo the cross-talk of one frame, or of each of a batch.
@@ -109,7 +110,8 @@ def compensate(
         given["prior"] = check_prior(prior, circuit)
     given["start"] = start
     given = {name: given[name] for name in _TAKES[method]}
-    checks = {"missing": missing, "threshold": threshold, "noise": noise, "time_limit": time_limit}
+    checks = {"missing": missing, "threshold": threshold, "ceiling": ceiling}
+    checks |= {"noise": noise, "time_limit": time_limit}
     adc = np.asarray(adc, dtype=float)
     if adc.ndim != 3:
         return _one(check_reading(adc, circuit, curve, **checks), method, given)

@@ -36,7 +36,7 @@ def first_guess(reading: Reading) -> np.ndarray:
     populated, share = reading.circuit.populated, 1.0
     if reading.circuit.readout == "floating":
         share = (sum(reading.circuit.shape) - 1) / np.count_nonzero(populated)
-    guess = np.where(reading.known, share / reading.rho, 0.0)
+    guess = np.where(reading.known | reading.topped, share / reading.rho, 0.0)
     return populated * np.clip(guess, *reading.bounds)
 
 
@@ -57,7 +57,7 @@ def fill(reading: Reading, g: np.ndarray) -> np.ndarray:
 
     From rest, the prior would take them for holes in a touch.
     """
-    unread = reading.circuit.populated & ~reading.known & ~reading.capped
+    unread = reading.circuit.populated & ~reading.known & ~reading.capped & ~reading.topped
     if not unread.any():
         return g
     read = reading.circuit.populated & ~unread

@@ -40,6 +40,7 @@ class Reading:
         adc: (rows, cols) ADC ratio; 0 where nothing is known.
         known: (rows, cols) bool, readings that carry a value.
         capped: (rows, cols) bool, readings known only to lie at or below `threshold`.
+        topped: (rows, cols) bool, readings known only to lie at or above their value in `adc`.
         threshold: ADC ratio, 0 where no reading is capped.
         noise: RMS noise of a reading, in ADC steps; 0 for an exact one.
         noise_given: whether the caller gave it; if not, it is measured in the frame.
@@ -50,6 +51,7 @@ class Reading:
     adc: np.ndarray
     known: np.ndarray
     capped: np.ndarray
+    topped: np.ndarray
     threshold: float
     noise: float
     deadline: float
@@ -97,7 +99,9 @@ class Reading:
     @property
     def n_informative(self) -> int:
         """Number of readings that carry a value or an upper limit."""
-        return self.known.size if self.all_read else np.count_nonzero(self.known | self.capped)
+        if self.all_read:
+            return self.known.size
+        return np.count_nonzero(self.known | self.capped | self.topped)
 
     @property
     def fitted_noise(self) -> float:
@@ -114,7 +118,8 @@ class Reading:
         """`readouts.apparent` of the frame: scale and offset of `rho`."""
         adc = self.adc
         if not self.all_read and self.circuit.readout != "floating":
-            adc = np.where(self.known | self.capped, adc, adc.sum() / max(self.n_informative, 1))
+            informative = self.known | self.capped | self.topped
+            adc = np.where(informative, adc, adc.sum() / max(self.n_informative, 1))
         return readouts.apparent(self.circuit, adc)
 
     @cached_property
@@ -154,6 +159,9 @@ class Reading:
         if self.threshold:
             over = np.minimum((self.threshold - adc) * full_scale - _BELOW * self.noise, 0.0)
             misfit = np.where(self.capped, over, misfit)
+        if not self.all_read and self.topped.any():
+            under = np.maximum((self.adc - adc) * full_scale + _BELOW * self.noise, 0.0)
+            misfit = np.where(self.topped, under, misfit)
         return misfit
 
     def residual(self, adc) -> float:
@@ -176,7 +184,7 @@ class Reading:
         misfit /= std
         weight = np.full(g.shape, self.circuit.full_scale / std)
         if not self.all_read:
-            weight *= self.known | (misfit < 0)
+            weight *= self.known | (misfit != 0.0)
         return Linearised(g, network, network.adc, misfit, weight)
 
     def need_all_cells(self, method: str) -> None:
@@ -184,8 +192,8 @@ class Reading:
         if not self.all_cells_read:
             n = np.count_nonzero(self.circuit.populated & ~self.known)
             raise ValueError(
-                f"method {method!r} needs a reading of every cell, {n} are missing or below the "
-                "threshold: use map or auto"
+                f"method {method!r} needs a reading of every cell, {n} are missing, below the "
+                "threshold or at the ceiling: use map or auto"
             )
 
 
@@ -216,6 +224,7 @@ def check_reading(
     *,
     missing: bool = False,
     threshold: float = 0.0,
+    ceiling: float = 1.0,
     noise=None,
     time_limit: float | None = None,
 ) -> Reading:
@@ -225,12 +234,15 @@ def check_reading(
         raise ValueError(f"reading has shape {adc.shape}: the circuit is {circuit.shape}")
     if not 0.0 <= threshold < 1.0:
         raise ValueError(f"threshold = {threshold!r}: must be an ADC ratio in [0, 1)")
+    if not threshold < ceiling <= 1.0:
+        raise ValueError(f"ceiling = {ceiling!r}: must be an ADC ratio in ({threshold:g}, 1]")
     noise, excess = (noise, None) if np.ndim(noise) == 0 else _uneven(noise, circuit)
     if noise is not None and not 0.0 <= noise < circuit.full_scale:
         raise ValueError(f"noise = {noise!r} ADC steps: must be 0 or more, below full scale")
     if time_limit is not None and not time_limit > 0:
         raise ValueError(f"time_limit = {time_limit!r} s: must be above 0")
-    known, capped = _all_known(circuit.shape)
+    known, none = _all_known(circuit.shape)
+    capped = topped = none
     if not (adc.min() >= 0.0 and adc.max() <= 1.0):  # NaN is neither
         known = _known(adc, circuit, missing)
         adc = np.where(known, adc, 0.0)
@@ -238,11 +250,24 @@ def check_reading(
         capped = known & (adc <= threshold)
         known = known & ~capped
         adc = np.where(known, adc, 0.0)
+    if ceiling < 1.0 and (adc >= ceiling).any():
+        topped = known & (adc >= ceiling)
+        known, adc = known & ~topped, np.minimum(adc, ceiling)
     deadline = np.inf if time_limit is None else time.monotonic() + time_limit
     given = noise is not None
     noise = noise if given else ROUNDING_NOISE
     return Reading(
-        adc, known, capped, float(threshold), noise, deadline, circuit, curve, given, excess
+        adc,
+        known,
+        capped,
+        topped,
+        float(threshold),
+        noise,
+        deadline,
+        circuit,
+        curve,
+        given,
+        excess,
     )
 
 
@@ -319,7 +344,7 @@ def _bounds(shape: tuple[int, int], curve: PressureCurve) -> tuple[np.ndarray, n
 
 @lru_cache(maxsize=16)
 def _all_known(shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """`known` and `capped` of a frame that was read as a whole; read-only."""
+    """`known`, and `capped` as `topped`, of a frame that was read as a whole; read-only."""
     flags = np.ones(shape, bool), np.zeros(shape, bool)
     for array in flags:
         array.setflags(write=False)

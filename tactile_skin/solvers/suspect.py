@@ -97,7 +97,7 @@ def saturation(reading: Reading, minimum: int = _FLAT[0], others: float = _FLAT[
 
     A flat touch reads like that too: only the circuit shows whether there are cells that read so.
     """
-    top = reading.steps.max()
+    top = (reading.steps * reading.known).max()
     circuit = reading.circuit
     if top >= circuit.ratio(np.max(reading.curve.least_resistance)) * circuit.full_scale:
         return ""  # cells at the curve's end read alike

@@ -35,6 +35,9 @@ class Watch:
         short_circuit = adc.rising_count(float(circuit.ratio(0.0)))
         top = circuit.full_scale if adc.inverted else None
         self._ceiling = Ceiling(circuit.adc_bits, short_circuit, top)
+        # the solvers know what a reading there means
+        self._end = circuit.full_scale * 2 ** (16 - circuit.adc_bits)
+        self._end_is_known = adc.range[1] < 1.0
         self._windows, self._picture = Windows(circuit.adc_bits), RestPicture()
         self._saturated = self._dead = self._odd = self._why = ""
         self._cells, self.contacts = Cells(circuit.shape), Contacts()
@@ -74,7 +77,8 @@ class Watch:
             self._doubtful = self._doubt.frame(t, suspect, touched)
         self._why = estimate.message if suspect else self._why
         samples = self._adc.rising(samples)
-        self._saturated = self._ceiling.frame(samples)
+        if not (self._end_is_known and samples.max() >= self._end):
+            self._saturated = self._ceiling.frame(samples)
         if (window := self._windows.frame(samples)) is not None:
             self._saturated = self._ceiling.window(window)
             if rest is not None:
