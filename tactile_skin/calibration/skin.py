@@ -173,10 +173,8 @@ class Skin:
         """Whether the fast method may stand for the one in use: it needs a value of each cell."""
         if self._method != "auto" or self._threshold:
             return False
-        cells, (low, high) = adc[self.circuit.populated], self._adc.range
-        return not np.isnan(cells).any() and not (
-            (low > 0.0 and (cells <= low).any()) or (high < 1.0 and (cells >= high).any())
-        )
+        unknown = np.isnan(adc) | self._adc.bounds(adc)
+        return not unknown[self.circuit.populated].any()
 
     def _compensate(self, adc: np.ndarray) -> Estimate:
         method, given = (self._method, self._given) if self.fitted else (_FAST, self._common)
@@ -199,7 +197,7 @@ class Skin:
         if not (self._follows and self._tare.measured) or self._method in _LEARNED:
             return
         noise = max(self._noise.rms or SCAN_NOISE, ROUNDING_NOISE)
-        if touched:
+        if touched and not self._adc.bounds(adc).any():
             self._tracker.offer(t, adc, noise)
         if touched and not self._tracker.overdue(t, stopped):
             return

@@ -190,6 +190,11 @@ class Adc:
         low, high = sorted((1.0 - share if self.inverted else share).tolist())
         return low, high
 
+    def bounds(self, ratio: np.ndarray) -> np.ndarray:
+        """Return a bool array: readings at an end of the ADC's `range`, which are bounds only."""
+        low, high = self.range
+        return ((ratio <= low) & (low > 0.0)) | ((ratio >= high) & (high < 1.0))
+
     def _behind_diode(self, share):
         """What the diode leaves of the supply, as share of it, by what is read behind it.
 
@@ -228,9 +233,9 @@ class Adc:
             samples = self._top - np.minimum(samples, self._top)
         return np.where(absent, samples.dtype.type(0), samples) if absent.any() else samples
 
-    def rising_count(self, ratio: float) -> float:
-        """What `rising` makes of a ratio [ADC steps]."""
-        count = float(self.count(ratio))
+    def rising_count(self, ratio):
+        """What `rising` makes of a ratio, a number or (rows, cols) [ADC steps]."""
+        count = self.count(ratio)
         return self.circuit.full_scale - count if self.inverted else count
 
 

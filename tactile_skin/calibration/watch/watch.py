@@ -82,7 +82,7 @@ class Watch:
         if (window := self._windows.frame(samples)) is not None:
             self._saturated = self._ceiling.window(window)
             if rest is not None:
-                self._dead = self._picture.window(window, rest * self._adc.circuit.full_scale)
+                self._dead = self._picture.window(window, self._adc.rising_count(rest))
         self._odd = self._cells.frame(t, estimate.force)
         self.contacts.frame(estimate.aside)
         self.load.frame(t, estimate.force)
