@@ -90,6 +90,7 @@ class Skin:
         self._watch, self._doctor = Watch(adc, rest_known=not follows), RunningDoctor()
         self._last: Estimate | None = None  # the last frame: where the next starts from
         self._doubts = 0  # frames in a row
+        self._ended = 0  # readings of the last frame at the end of the ADC's range
         self.waits = follows
         self.status, self.message, self.residual, self.force = "ok", "", 0.0, 0.0
         self.std = np.zeros(self.circuit.shape)
@@ -147,6 +148,9 @@ class Skin:
         self.status, self.message = estimate.status, estimate.message
         self.residual, self.force = estimate.residual, float(estimate.force.max())
         self.std = estimate.std
+        self._ended = int(
+            np.count_nonzero(adc >= self._adc.range[1]) if self._adc.range[1] < 1 else 0
+        )
         force = None
         if estimate.status != "failed":
             self._rest(t, adc, estimate)
@@ -264,6 +268,7 @@ class Skin:
             self.message or (self._watch.kept if past else ""),
             self._tracker.message,
             self._tracker.hint,
+            self._at_end,
             self._tare.message,
             self._tare.wiring,
             self._noise.message or cell,
@@ -271,6 +276,16 @@ class Skin:
             self._watch.order.message,
         )
         return "; ".join(filter(None, reasons))
+
+    @property
+    def _at_end(self) -> str:
+        """What readings at the end of the ADC's range mean; empty if there are none."""
+        if not self._ended:
+            return ""
+        return (
+            f"{self._ended} readings at the end of the ADC's range: more force there is not felt, "
+            "a smaller r_ref leaves room"
+        )
 
     @property
     def rest_resistance(self) -> np.ndarray | None:

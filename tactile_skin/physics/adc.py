@@ -27,7 +27,7 @@ _SCHOTTKY, _SLOPES = 0.4, (0.027, 0.045)  # V
 _DIODE_AT = 1e-3  # A
 _LEAST_CURRENT = 1e-9  # A: no reading says less
 _DIODE_ROUNDS = 12  # of a fixed point that gains two digits each
-# Tables that are shipped, name -> file: readings of _TABLE_BITS bits, and their shares of the supply.
+# Tables that are shipped, name -> file: readings of _TABLE_BITS bits, their shares of the supply.
 TABLES = {p.stem: p for p in sorted((Path(__file__).parent / "adc_tables").glob("*.csv"))}
 _TABLE_BITS = 12
 _MIDDLE = np.array([0.25, 0.75])  # of the range: between them a table's slope is taken as the usual

@@ -1,9 +1,9 @@
 """Boards with an ESP32's ADC through all nodes: force felt over the true one, time in a fault stop.
 
-    python tests/yardsticks/esp32.py [--boards 6] [--seed 1900] [--r-ref 1000 4700 10000] [--table none]
+    python tests/yardsticks/esp32.py [--boards 6] [--seed 1900] [--r-ref 1000 4700] [--spread]
 
-The boards' chips are two that others measured, not the shipped table, each with an offset and a gain
-of its own; a driven clock, 8 x 8 floating cells at 20 Hz, touches of 3 to 40 N after the rest.
+The boards' chips are two that others measured, not the shipped table, with --spread each with an
+offset and a gain of its own; a driven clock, 8 x 8 floating cells at 20 Hz, touches of 3 to 40 N.
 """
 
 from __future__ import annotations
@@ -18,16 +18,14 @@ from tactile_skin.bench.damage.chain import Chain
 from tactile_skin.middleware.threads import one_thread
 
 SUPPLY = 3.3  # V
-# (V, reading of 12 bits) of single chips: github.com/espressif/arduino-esp32, issue 92, with the dead
-# zone and the end that others report there; github.com/kisel/esp32_adc_test, f2/adc.csv
-CHIPS = (
-    ((0.142, 0), (0.819, 823), (1.641, 1814), (2.462, 2811), (3.15, 4095)),
-    (
-        ((0.139, 0), (0.2, 70), (0.5, 436), (0.8, 816), (1.1, 1184), (1.494, 1676), (1.8, 2059))
-        + ((2.103, 2421), (2.35, 2730), (2.505, 2930), (2.603, 3065), (2.701, 3216), (2.808, 3394))
-        + ((2.906, 3581), (3.001, 3785), (3.055, 3906), (3.119, 4060), (3.134, 4095))
-    ),
+# (V, reading of 12 bits) of single chips: github.com/espressif/arduino-esp32, issue 92, with the
+# dead zone and the end that others report there; github.com/kisel/esp32_adc_test, f2/adc.csv
+ISSUE_92 = "0.142 0 0.819 823 1.641 1814 2.462 2811 3.15 4095"
+KISEL = (
+    "0.139 0 0.2 70 0.5 436 0.8 816 1.1 1184 1.494 1676 1.8 2059 2.103 2421 2.35 2730 2.505 2930 "
+    "2.603 3065 2.701 3216 2.808 3394 2.906 3581 3.001 3785 3.055 3906 3.119 4060 3.134 4095"
 )
+CHIPS = [np.array(chip.split(), float).reshape(-1, 2) for chip in (ISSUE_92, KISEL)]
 OFFSET = 0.025  # V RMS, from chip to chip
 GAIN = 0.02  # RMS, from chip to chip
 NOISE = 0.0015  # V RMS of a reading
@@ -40,18 +38,23 @@ LATEST = 3  # frames of a touch that comes or goes, on either side, which are no
 class Chip:
     """One ESP32's ADC: volts -> readings."""
 
-    def __init__(self, rng: np.random.Generator, of: int):
-        volts, self._readings = np.array(CHIPS[of]).T
-        self._volts = volts * (1.0 + GAIN * rng.standard_normal()) + OFFSET * rng.standard_normal()
+    def __init__(self, rng: np.random.Generator, of: int, offset=0.0, gain=0.0):
+        volts, self._readings = CHIPS[of].T
+        self._volts = volts * (1.0 + gain * rng.standard_normal()) + offset * rng.standard_normal()
 
     def read(self, volts: np.ndarray) -> np.ndarray:
         return np.rint(np.interp(volts, self._volts, self._readings)).astype(int)
 
 
-def frames(circuit: Circuit, seed, of: int, seconds: float = 90.0):
-    """(n, rows, cols) readings of one board, and the forces [N]."""
+def frames(circuit: Circuit, seed, of: int, seconds: float = 90.0, *, offset=OFFSET, gain=GAIN):
+    """Return (n, rows, cols) readings of one board, and the forces [N].
+
+    Args:
+        of: index into `CHIPS`.
+        offset, gain: RMS by which its converter is off that chip's [V, share].
+    """
     rng = np.random.default_rng(seed)
-    chip, curve = Chip(rng, of), fabric(circuit, seed=int(rng.integers(1 << 30)))
+    chip, curve = Chip(rng, of, offset, gain), fabric(circuit, seed=int(rng.integers(1 << 30)))
     force = touches(
         circuit.shape,
         seconds,
@@ -92,15 +95,17 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1900)
     parser.add_argument("--r-ref", type=float, nargs="+", default=[1000.0, 4700.0, 10000.0])
     parser.add_argument("--table", default="esp32", help="none: as without the table")
+    parser.add_argument("--spread", action="store_true", help="chips off those by OFFSET and GAIN")
     parser.add_argument("--verbose", action="store_true")
     args = parser.parse_args()
+    spread = {} if args.spread else {"offset": 0.0, "gain": 0.0}
     adc = {"circuit.adc_table": "" if args.table == "none" else args.table}
     with one_thread():
         for r_ref in args.r_ref:
             circuit = Circuit(8, 8, r_ref=r_ref, r_par=140.0, adc_bits=12)
             every, stopped = [], []
             for k in range(args.boards):
-                readings, force = frames(circuit, (args.seed, k), k % len(CHIPS))
+                readings, force = frames(circuit, (args.seed, k), k % len(CHIPS), **spread)
                 ratio, faults, why = felt(circuit, readings, force, adc)
                 every.append(ratio)
                 stopped.append(faults)

@@ -1,0 +1,155 @@
+"""Converters and circuits as strangers have them: an ESP32's ADC, one sensor."""
+
+import numpy as np
+import pytest
+from strangers.sim import fabric, finger
+from yardsticks import esp32
+
+from tactile_skin import Circuit, PressureCurve, compensate, forward
+from tactile_skin.calibration.skin import Skin
+from tactile_skin.physics.adc import TABLES, Adc
+from tactile_skin.physics.creep import Creep
+
+CURVE = PressureCurve()
+
+
+def skin_of(adc: Adc, **given) -> Skin:
+    given = {"r_par_std": None, "follows": True, "noise": None, "threshold": 0.0} | given
+    given |= {"time_limit": 60.0, "weights": None, "warn": lambda text: None}
+    skin = Skin(adc, CURVE, Creep(), **given)
+    skin.use("auto")
+    return skin
+
+
+# --- an ESP32's ADC ---
+
+
+def board(r_ref: float) -> Circuit:
+    return Circuit(8, 8, r_ref=r_ref, r_par=140.0, adc_bits=12)
+
+
+def test_the_shipped_table_is_near_the_chips_that_others_measured():
+    adc = Adc(board(1000.0), table="esp32")
+    for chip in esp32.CHIPS:
+        volts, readings = chip[1:-1].T
+        np.testing.assert_allclose(esp32.SUPPLY * adc.ratio(readings), volts, atol=0.06)
+    low, high = adc.range
+    assert esp32.SUPPLY * low == pytest.approx(0.142, abs=0.001)
+    assert esp32.SUPPLY * high == pytest.approx(3.134, abs=0.002)
+
+
+@pytest.mark.parametrize("bits", [9, 10, 12, 16])
+@pytest.mark.parametrize("inverted", [False, True])
+@pytest.mark.parametrize("trim", [{}, {"offset": 20.0, "full_scale": 4200.0}])
+def test_count_undoes_the_table(bits, inverted, trim):
+    trim = {k: v * 2.0 ** (bits - 12) for k, v in trim.items()}
+    adc = Adc(Circuit(2, 3, adc_bits=bits), inverted=inverted, table="esp32", **trim)
+    ratio = np.linspace(0.1, 0.9, 30)
+    np.testing.assert_allclose(adc.ratio(adc.count(ratio)), ratio, atol=1e-9)
+    assert adc.share(1.0) == pytest.approx(1.0 / 2**bits, rel=0.05)
+
+
+def test_a_table_of_ones_own_is_a_list_of_readings_and_shares():
+    adc = Adc(Circuit(2, 3), table=[0.0, 0.1, 500.0, 0.5, 1023.0, 0.9])
+    np.testing.assert_allclose(adc.ratio(np.array([0.0, 250.0, 1023.0])), [0.1, 0.3, 0.9])
+    assert adc.range == (0.1, 0.9)
+    assert adc.bounds(np.array([0.1, 0.3, 0.9])).tolist() == [True, False, True]
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ("esp8266", "adc_table = 'esp8266': must be esp32, or a list"),
+        ([0.0, 0.1, 5.0], "must be two or more pairs"),
+        ([0.0, 0.1], "must be two or more pairs"),
+        (True, "must be two or more pairs"),
+        (["a", "b", "c", "d"], "must be two or more pairs"),
+        ([5.0, 0.1, 0.0, 0.5], "must be finite and rise"),
+        ([0.0, 0.5, 5.0, 0.1], "must be from 0 to 1 and never fall"),
+        ([0.0, 0.1, 5.0, 1.5], "must be from 0 to 1 and never fall"),
+    ],
+)
+def test_what_is_no_table_is_refused(table, message):
+    with pytest.raises(ValueError, match=message):
+        Adc(Circuit(2, 3), table=table)
+
+
+@pytest.mark.parametrize("method", ["map", "auto"])
+def test_a_reading_at_the_end_of_the_range_is_a_bound(method):
+    """Of 15 N at 10 kohm a few cells read 4095: they are felt as more than that, not as that."""
+    circuit, force = board(10000.0), finger((8, 8), 3.3, 4.2, 15.0, 0.8)
+    adc = Adc(circuit, table="esp32")
+    steps = np.rint(np.clip(adc.count(forward(circuit, CURVE.resistance(force))), 0, 4095))
+    ended = steps == 4095
+    assert 2 <= np.count_nonzero(ended) <= 6
+    ratio, (low, high) = adc.ratio(steps), adc.range
+    told = compensate(ratio, circuit, CURVE, method, noise=1.0, threshold=low, ceiling=high)
+    assert told.status == "ok"
+    assert told.force.sum() == pytest.approx(15.0, rel=0.2)
+    np.testing.assert_allclose(told.force[~ended], force[~ended], atol=0.15)
+    taken = compensate(ratio, circuit, CURVE, method, noise=1.0)
+    assert taken.force[ended].sum() < told.force[ended].sum()
+
+
+def test_a_method_that_takes_values_only_refuses_bounds():
+    adc = np.full((4, 4), 0.3)
+    adc[1, 1] = 0.9
+    with pytest.raises(ValueError, match="1 are missing, below the threshold or at the ceiling"):
+        compensate(adc, Circuit(4, 4), CURVE, "newton", ceiling=0.7)
+
+
+@pytest.mark.parametrize("r_ref", [1000.0, 4700.0])
+def test_an_esp32_is_felt_right_and_does_not_stop(r_ref):
+    """Of the chips that others measured, with noise; tests/yardsticks/esp32.py has more."""
+    circuit, felt = board(r_ref), []
+    readings, force = esp32.frames(circuit, (7, 1), 1, seconds=25.0, offset=0.0, gain=0.0)
+    skin, faults = skin_of(Adc(circuit, table="esp32")), 0
+    for k, frame in enumerate(readings):
+        picture = skin.frame(k / esp32.RATE, (16 * frame).astype(np.uint16))
+        faults += k > 100 and skin.fault
+        if force[k].sum() > 5.0 and (force[k] == force[k - 3]).all():
+            felt.append(picture.sum() / force[k].sum())
+    low, middle, high = np.quantile(felt, (0.1, 0.5, 0.9))
+    assert 0.9 < middle < 1.1 and low > 0.8 and high < 1.25
+    assert faults <= 0.02 * len(readings)
+
+
+def test_readings_at_the_end_of_the_range_are_said():
+    circuit = board(10000.0)
+    adc = Adc(circuit, table="esp32")
+    skin, rng, curve = skin_of(adc), np.random.default_rng(5), fabric(circuit)
+    for k in range(80):
+        force = finger((8, 8), 3, 3, 20.0) * (k > 50)
+        steps = adc.count(forward(circuit, curve.resistance(force))) + rng.standard_normal((8, 8))
+        skin.frame(k / 20.0, np.rint(16 * np.clip(steps, 0, 4095)).astype(np.uint16))
+    assert "readings at the end of the ADC's range" in skin.reasons() and not skin.fault
+
+
+def test_an_offset_is_no_stuck_bit():
+    """What an untouched skin reads is compared in ADC steps."""
+    circuit = Circuit(8, 8, r_ref=10000.0, adc_bits=12)
+    adc = Adc(circuit, offset=900.0, full_scale=5000.0)
+    skin, rng, curve = skin_of(adc), np.random.default_rng(5), fabric(circuit)
+    for k in range(200):
+        steps = adc.count(forward(circuit, curve.resistance(np.zeros((8, 8)))))
+        steps = steps + rng.standard_normal((8, 8))
+        skin.frame(k / 50.0, np.rint(16 * np.clip(steps, 0, 4095)).astype(np.uint16))
+    assert skin.reasons() == ""
+
+
+def test_untouched_cells_below_the_range_are_named():
+    """A reference resistor of 100 ohm leaves less than 142 mV."""
+    circuit = board(100.0)
+    adc, curve = Adc(circuit, table="esp32"), fabric(circuit)
+    skin, rng = skin_of(adc), np.random.default_rng(5)
+    for k in range(80):
+        volts = 3.3 * forward(circuit, curve.resistance(np.zeros((8, 8))))
+        steps = esp32.Chip(rng, 0).read(volts + 0.0015 * rng.standard_normal((8, 8)))
+        skin.frame(k / 20.0, (16 * steps).astype(np.uint16))
+    assert skin.waits and "is the matrix connected" in skin.rest_reasons
+
+
+def test_shipped_tables_name_their_source():
+    assert TABLES
+    for path in TABLES.values():
+        assert "Source:" in path.read_text()
