@@ -9,6 +9,7 @@ import numpy as np
 from ...physics.circuit import Circuit
 from ..identify import Identified
 from . import order, wiring
+from .converter import Converter
 from .readout import Fitting
 from .recorded import Recorded, line_name
 
@@ -307,6 +308,23 @@ def readout(supposed: Circuit, fitting: Fitting) -> Finding:
         f"the touches fit {_wired(fitting.circuit)} to {fitting.left:.1f} times the noise, and "
         f"{_wired(supposed)}, as configured, to {fitting.supposed:.1f} times",
         f"Set circuit.readout: {name}{driven}; docs/boards.md shows how to tell by the wires",
+    )
+
+
+def converter(found: Converter) -> Finding:
+    board, setting = found.name.upper(), f"circuit.adc_table: {found.name}"
+    remedy = f"If the board is an {board}, set {setting}"
+    if not found.alone:
+        remedy = (
+            f"Is the board an {board} ({setting}), or is the divider's supply above the ADC's "
+            "reference (circuit.adc_full_scale)?"
+        )
+    return Finding(
+        "circuit",
+        "ADC",
+        f"a linear ADC misses the touches by {found.supposed:.1f} times the noise, one with an "
+        f"{board}'s table by {found.left:.1f}",
+        f"{remedy}. docs/boards.md says which r_ref keeps readings in its straight part",
     )
 
 
