@@ -111,7 +111,9 @@ def _noisy_cells(off: np.ndarray, middle: np.ndarray, circuit: Circuit) -> tuple
             or [0.0]
         )
         seen = left.reshape(len(left), -1)[:, beside]
-        share = np.median((expected * seen).sum(0) / np.square(expected).sum(0))
+        share = (
+            np.median((expected * seen).sum(0) / np.square(expected).sum(0)) if beside.size else 0
+        )
         touched = len(found) == most or together.max() > _TOGETHER
         if share > _CARRIED:  # the cell changes, not its reading alone
             touched = touched or not _loose(own, middle, circuit, row, col)

@@ -148,9 +148,7 @@ class Skin:
         self.status, self.message = estimate.status, estimate.message
         self.residual, self.force = estimate.residual, float(estimate.force.max())
         self.std = estimate.std
-        self._ended = int(
-            np.count_nonzero(adc >= self._adc.range[1]) if self._adc.range[1] < 1 else 0
-        )
+        self._ended = np.count_nonzero(self._adc.bounds(adc) & (adc >= self._adc.range[1]))
         force = None
         if estimate.status != "failed":
             self._rest(t, adc, estimate)

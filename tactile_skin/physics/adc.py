@@ -81,10 +81,10 @@ class Adc:
                 f"diode = {self.diode!r} V: must be at least 0, below half of supply = "
                 f"{self.supply!r} V"
             )
-        if self.diode and self.circuit.readout == "grounded":
+        if self.diode and self.circuit.readout not in ("floating", "loaded"):
             raise ValueError(
-                f"diode = {self.diode!r} V: must be 0 for readout = 'grounded'. A diode holds no "
-                "line at 0 V: lines behind diodes are those of readout = 'loaded'"
+                f"diode = {self.diode!r} V: must be 0 for readout = {self.circuit.readout!r}. A "
+                "diode holds no line at 0 V: lines behind diodes are those of readout = 'loaded'"
             )
         if self.scanned is not None:
             scanned = np.array(self.scanned, dtype=bool)
@@ -193,7 +193,8 @@ class Adc:
     def bounds(self, ratio: np.ndarray) -> np.ndarray:
         """Return a bool array: readings at an end of the ADC's `range`, which are bounds only."""
         low, high = self.range
-        return ((ratio <= low) & (low > 0.0)) | ((ratio >= high) & (high < 1.0))
+        ends = high < 1.0 or not self.circuit.has_cross_talk
+        return ((ratio <= low) & (low > 0.0)) | ((ratio >= high) & ends)
 
     def _behind_diode(self, share):
         """What the diode leaves of the supply, as share of it, by what is read behind it.

@@ -79,6 +79,8 @@ def map_estimate(reading: Reading, start: Estimate | None = None, prior=None) ->
         estimate = estimate if again.status == "failed" else again
     if not reading.noise_given:
         reading = replace(reading, noise=estimate.noise)
+    if not reading.circuit.has_cross_talk:  # cells of any other circuit would fit as well
+        return estimate
     if estimate.status == "suspect" and not reading.late():
         estimate = without_bad_contacts(reading, fit, estimate) or estimate
     if estimate.status == "ok" and prior is None:
@@ -231,6 +233,8 @@ def _noise_left(reading: Reading, point: _Point, step: _Step) -> float:
 
 def _by_score(reading: Reading, point: _Point, equations, std_x, broad: bool, prior) -> str:
     """What the tests of the whole frame find; empty if nothing."""
+    if not reading.circuit.has_cross_talk:
+        return ""
     # The fit may stop short of its minimum, for which the tests are.
     pull = _downhill(point).flat[equations.unknowns]
     rough = broad and _rough(reading, point)

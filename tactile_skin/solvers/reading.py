@@ -69,7 +69,8 @@ class Reading:
         loads push others there."""
         threshold = max(self.threshold, _CUT_OFF / self.circuit.full_scale)
         low = self.known & (self.adc <= threshold)
-        if self.circuit.readout == "floating" or not self.noise or not low.any():
+        free = self.circuit.readout in ("floating", "virtual_ground")
+        if free or not self.noise or not low.any():
             return self
         known, adc = self.known & ~low, np.where(low, 0.0, self.adc)
         return replace(self, adc=adc, known=known, capped=self.capped | low, threshold=threshold)
@@ -258,7 +259,7 @@ def check_reading(
         capped = known & (adc <= threshold)
         known = known & ~capped
         adc = np.where(known, adc, 0.0)
-    if ceiling < 1.0 and (adc >= ceiling).any():
+    if (ceiling < 1.0 or not circuit.has_cross_talk) and (adc >= ceiling).any():
         topped = known & (adc >= ceiling)
         known, adc = known & ~topped, np.minimum(adc, ceiling)
     deadline = np.inf if time_limit is None else time.monotonic() + time_limit

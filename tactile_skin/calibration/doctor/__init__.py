@@ -24,8 +24,8 @@ from ...physics.circuit import Circuit
 from ...solvers.score import series_scale
 from ..identify import identify
 from ..rest import REST_SPAN, Rest, resting_conductance, usual_resistance
-from . import findings as texts
 from . import converter, order, readings, readout, wiring
+from . import findings as texts
 from .diode import unknown_diode
 from .findings import Finding
 from .recorded import Recorded, record

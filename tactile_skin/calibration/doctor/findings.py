@@ -301,6 +301,15 @@ def _wired(circuit: Circuit) -> str:
 
 def readout(supposed: Circuit, fitting: Fitting) -> Finding:
     name = fitting.circuit.readout
+    if name == "virtual_ground":
+        return Finding(
+            "readout",
+            "wiring of the board",
+            f"the readings along a line add up to {fitting.left:.1f} times full scale while others "
+            "on it stay as they are, which no network of resistors reads: each is of its own cell",
+            "If an amplifier holds each sense line at 0 V, set circuit.readout: virtual_ground and "
+            "circuit.r_ref to its feedback resistor; docs/boards.md shows it",
+        )
     driven = "" if name == "floating" else f" and circuit.driven: {fitting.circuit.driven}"
     return Finding(
         "readout",

@@ -37,7 +37,7 @@ class Watch:
         self._ceiling = Ceiling(circuit.adc_bits, short_circuit, top)
         # the solvers know what a reading there means
         self._end = circuit.full_scale * 2 ** (16 - circuit.adc_bits)
-        self._end_is_known = adc.range[1] < 1.0
+        self._end_is_known = bool(adc.bounds(np.array(adc.range[1])))
         self._windows, self._picture = Windows(circuit.adc_bits), RestPicture()
         self._saturated = self._dead = self._odd = self._why = ""
         self._cells, self.contacts = Cells(circuit.shape), Contacts()
