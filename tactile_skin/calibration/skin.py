@@ -29,6 +29,12 @@ _LIGHT, _STIRRED = 1.0 * GRAM, 3  # N on so many cells: a touch that begins, not
 _LEARNED = "cnn", "physics"  # methods that use weights: they know the circuit of their training
 _BOUNDED = "map", "auto"  # methods that take a reading as a bound, and do without one
 _RESTART_AFTER = 4  # suspect or failed frames in a row after which the last one is no start
+# The time limit of a frame, if none is given: so many of the board's frames, which may wait while
+# one is solved; 0.05 s is what a fit of 16 x 16 cells takes on a slow computer.
+_FRAMES = 2.0
+_SHORTEST = 0.05  # s
+_LONGEST = 0.5  # s: a push must not wait for longer
+_FOLLOW = 0.1  # share of the usual interval between frames that each frame renews
 # What takes a tenth of the time of a fit under a palm, errs by twice as much, and says nothing of
 # the circuit.
 _FAST = "fixed_point"
@@ -70,7 +76,7 @@ class Skin:
         follows: whether to measure what the cells read at rest.
         noise: RMS of a reading [ADC steps]; None: measured.
         threshold: ADC ratio up to which the board sends 0 or no reading.
-        time_limit: after which a frame fails [s].
+        time_limit: after which a frame fails [s]; 0: by the board's rate.
         weights: of a network; None: those of the package.
         warn: takes what somebody should know, and no stop is for.
         """
@@ -80,7 +86,8 @@ class Skin:
         floor, ceiling = adc.range
         self._threshold, self._floor = threshold, max(threshold, floor)
         self._bounds = {"threshold": self._floor, "ceiling": ceiling, "missing": True}
-        self._common = {"time_limit": time_limit, "noise": noise}
+        self._common = {"noise": noise}
+        self._time_limit, self._interval, self._at = time_limit, 0.0, np.nan  # s; of the last frame
         self._standing = Standing(creep, curve) if creep.share else None
         self._tare, self._tracker = (
             Tare(self.circuit, curve),
@@ -126,7 +133,9 @@ class Skin:
         Returns:
             (rows, cols) force [N]; None: no picture was found.
         """
-        self.fitted = True
+        self.fitted, since, self._at = True, t - self._at, t
+        if since > 0.0:
+            self._interval += _FOLLOW * (since - self._interval)
         shape = self.circuit.shape
         if samples.shape != shape:
             return self.refuse(f"reading has shape {samples.shape}: the circuit is {shape}")
@@ -182,7 +191,10 @@ class Skin:
         method, given = (self._method, self._given) if self.fitted else (_FAST, self._common)
         if given["noise"] is None and self._noise.each is not None:
             given = given | {"noise": np.maximum(self._noise.each, ROUNDING_NOISE)}
-        return compensate(adc, self.circuit, self._tare.curve, method, start=self._last, **given)
+        limit = self._time_limit or min(max(_FRAMES * self._interval, _SHORTEST), _LONGEST)
+        return compensate(
+            adc, self.circuit, self._tare.curve, method, start=self._last, time_limit=limit, **given
+        )
 
     def _rest(self, t: float, adc: np.ndarray, estimate: Estimate) -> None:
         if self._floor:  # what is not told is no rest

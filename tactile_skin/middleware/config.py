@@ -43,8 +43,10 @@ class SkinConfig(_Skin):
         adc: from the board's counts to the ratio that the solvers take: `adc.ratio(counts)`.
         creep: what a standing load gains.
         r_par_std: how well the circuit's r_par is known [ohm]; None: nobody has measured it.
+        threshold: readings up to which the board says nothing [ADC steps]; 0: it says all.
     """
 
+    threshold: float
     adc: Adc
     creep: Creep
     r_par_std: float | None
@@ -80,7 +82,7 @@ def skin_of(values: dict, where: str) -> SkinConfig:
         curve = curve_of(reader, circuit)
         skin = SkinConfig(circuit, curve, geometry_of(reader, circuit))
         skin.adc, skin.creep = adc_of(reader, circuit), creep_of(reader)
-        skin.r_par_std = r_par_std_of(reader)
+        skin.r_par_std, skin.threshold = r_par_std_of(reader), threshold_of(reader)
     except ValueError as error:
         raise type(error)(f"{where}: {error}") from error
     unknown = [name for name in reader.undeclared() if name.split(".")[0] in SHARED]
@@ -135,6 +137,12 @@ _TABLE = (
     f"of an ADC that is not linear: {', '.join(TABLES)}, or a list: reading [ADC steps], share of "
     "the supply, reading, ...; empty: linear"
 )
+
+
+def threshold_of(node: Node) -> float:
+    """Return the readings up to which the board says nothing [ADC steps]; 0: it says all."""
+    text = "ADC steps up to which the board sends 0 or no reading"
+    return node.declare_parameter("threshold", 0.0, describe(text, 0.0, 65535.0)).value
 
 
 def adc_of(node: Node, circuit: Circuit) -> Adc:

@@ -238,7 +238,7 @@ def forward(circuit: Circuit, resistance) -> np.ndarray:
     frames = (1.0 / resistance).reshape(-1, *circuit.shape)
     if circuit.readout != "floating":
         adc = np.array([readouts.solve(circuit, g).adc for g in frames])
-        return adc.reshape(resistance.shape)
+        return np.minimum(adc.reshape(resistance.shape), 1.0)  # an amplifier ends there
     rho = np.array([lines.solve(g, *circuit.stripes).rho for g in frames])
     return circuit.ratio(rho.reshape(resistance.shape))
 

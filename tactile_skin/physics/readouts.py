@@ -9,8 +9,8 @@
                0 V: a reading is r_ref over its own cell, up to full scale
 
 In the last three rows and columns may change places. `solve` gives a frame's network, `Floating`,
-`Driven` or `Separate`, which answer alike (docs/derivation.md); adc_a is the reading of crossing a, g_b the
-conductance of cell b:
+`Driven` or `Separate`, which answer alike (docs/derivation.md); adc_a is the reading of crossing a,
+g_b the conductance of cell b:
 
     adc            (rows, cols) ADC ratio
     own            (rows, cols) d adc_a / d g_a [ohm]
@@ -240,14 +240,13 @@ class Driven:
 
 
 class Separate:
-    """Each reading is that of its own cell: adc = r_ref g / (1 + r_par g), up to 1."""
+    """Each reading is that of its own cell: adc = r_ref g / (1 + r_par g), as if with no end."""
 
     def __init__(self, circuit, g: np.ndarray):
         behind = 1.0 + circuit.r_par * g
-        adc = circuit.r_ref * g / behind
-        self.adc, below = np.minimum(adc, 1.0), adc < 1.0
-        self.own = below * circuit.r_ref / np.square(behind)
-        self.by_r_par = below * np.square(adc) / -circuit.r_ref
+        self.adc = circuit.r_ref * g / behind
+        self.own = circuit.r_ref / np.square(behind)
+        self.by_r_par = np.square(self.adc) / -circuit.r_ref
 
     def change(self, p: np.ndarray) -> np.ndarray:
         return self.own * p

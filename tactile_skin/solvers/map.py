@@ -51,6 +51,15 @@ _USUAL_NOISE, _USUAL_COUNT = 0.6, 3.0
 
 
 def map_estimate(reading: Reading, start: Estimate | None = None, prior=None) -> Estimate:
+    """`_map_estimate`; what it doubts once its time is over, more time might explain."""
+    found = _map_estimate(reading, start, prior)
+    if found.status == "suspect" and reading.late() and not suspect.by_reading(reading):
+        why = "the time limit (time_limit) was reached before the frame was explained"
+        return replace(found, message=why)
+    return found
+
+
+def _map_estimate(reading: Reading, start: Estimate | None, prior) -> Estimate:
     """Most probable force, from `start` or from a few steps of the fixed point.
 
     A start may lead to a bad local fit, so a suspect frame is solved again without it. Another
@@ -161,8 +170,9 @@ def _fit(
         message = _by_score(reading, point, step.equations, std_x, broad, prior)
     status = "suspect" if message else "ok"
     if not converged:
-        why = "time limit reached" if step.solved else "the step exceeds single precision"
-        status, message = "failed", f"no convergence after {iterations} steps: {why}"
+        status, message = "failed", suspect.no_convergence(reading, iterations)
+        if not step.solved:
+            message += ": the step exceeds single precision"
     return Estimate(
         force, std, residual, status, message, "map", steps + iterations, noise=reading.noise
     )

@@ -221,7 +221,6 @@ def test_every_method_undoes_it(method):
 def test_its_derivatives_are_those_of_the_readings():
     circuit = amplified()
     g = 1.0 / fabric(circuit).resistance(finger((8, 8), 3, 4, 20.0, 1.2))
-    g[0, 0] = 1.0 / 40.0  # beyond full scale: it does not move
     network, step = readouts.solve(circuit, g), 1e-6
     p = g * np.random.default_rng(2).standard_normal(g.shape)
     moved = readouts.solve(circuit, g + step * p).adc - readouts.solve(circuit, g - step * p).adc

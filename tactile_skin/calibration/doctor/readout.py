@@ -16,13 +16,11 @@ from ..rest import REST_SPAN, resting_conductance
 _EXPLAINED = 2.0  # times noise and model error up to which the configured readout may miss touches
 _BETTER, FITS = 0.5, 4.0  # times what the configured one misses, and times the noise, of another
 _MODEL = 0.003  # of a reading, that real skins are off the circuit's model (solvers/suspect.py)
-# What no passive network reads: touches that all of them miss by so many times the noise, with r_par
-# and without; readings that add up to so many times full scale along a row and along a column; and
-# of the crossings on the lines of a touch this share that reads as at rest. Of boards with a virtual
-# ground 34, 1.4 and 0.02 at least, of others never all three (tests/strangers, seeds 1 to 4).
-_NEVER = 20.0
-_ADDS_UP = 1.2
-_UNMOVED = 0.02
+# What no passive network reads, all three. Boards with a virtual ground (seeds 3 and 4, r_ref 100
+# to 1000 ohm) were missed by 34 at least, added up to 1.4 and left 0 to 0.66 unmoved.
+_NEVER = 20.0  # times the noise by which all of them miss the touches, with r_par and without
+_ADDS_UP = 1.2  # full scales, along a row and along a column
+_UNMOVED = 0.02  # share of the crossings on the lines of a touch that read as at rest
 _RISEN = 0.2  # of full scale: a touched crossing
 _AT_REST = 3.0, 1.0  # times the noise, and ADC steps, by which a reading at rest may stray
 _TIME = 0.1  # s for a touch that no cells explain
