@@ -124,6 +124,11 @@ def circuit_of(node: Node) -> Circuit:
     driven = value("driven", "rows", f"which lines are driven: {' or '.join(DRIVEN)}")
     r_drive = value("r_drive", 0.0, "of a grounded matrix: of what holds each line [ohm]", 0.0, 1e4)
     mask = mask_of(mask)
+    if rows * cols == 1:
+        raise ParameterError(
+            "circuit.rows = 1, circuit.cols = 1: must be two cells or more: of a single one "
+            "nothing tells a broken wire from a cell that nothing touches"
+        )
     return Circuit(rows, cols, r_ref, r_par, adc_bits, mask, r_line, readout, driven, r_drive)
 
 

@@ -163,6 +163,9 @@ def _fit(
     with np.errstate(divide="ignore"):
         force = reading.curve.force(1.0 / g) * circuit.populated
     std = spread(reading.curve, force, np.minimum(_WIDEN * std_x, 10.0)) * circuit.populated
+    if reading.topped.any():  # up to the curve's end all is as likely
+        more = np.maximum(reading.curve.max_force - force, 0.0) / 3**0.5
+        std = np.where(reading.topped, np.maximum(std, more), std)
     residual = reading.residual(adc)
     message = suspect.by_reading(reading)
     message = message or suspect.by_residual(reading, point.model.adc, ROUNDING_NOISE)

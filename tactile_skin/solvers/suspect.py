@@ -98,8 +98,10 @@ def saturation(reading: Reading, minimum: int = _FLAT[0], others: float = _FLAT[
 
     A flat touch reads like that too: only the circuit shows whether there are cells that read so.
     """
-    top = (reading.steps * reading.known).max()
+    top = reading.steps.max()
     circuit = reading.circuit
+    if reading.topped.any():  # it ends there, and what that means is known
+        return ""
     if top >= circuit.ratio(np.max(reading.curve.least_resistance)) * circuit.full_scale:
         return ""  # cells at the curve's end read alike
     below = (top - reading.steps)[reading.known]

@@ -10,6 +10,7 @@ from yardsticks import esp32
 from tactile_skin import (
     Circuit,
     PressureCurve,
+    cli,
     compensate,
     diagnose,
     fit_curve,
@@ -18,6 +19,7 @@ from tactile_skin import (
     measure_rest,
 )
 from tactile_skin.calibration.skin import Skin
+from tactile_skin.middleware.config import read_skin
 from tactile_skin.physics import readouts
 from tactile_skin.physics.adc import TABLES, Adc
 from tactile_skin.physics.creep import Creep
@@ -295,3 +297,109 @@ def test_no_network_of_resistors_is_taken_for_it(wired, off):
     steps = counts(circuit, fabric(circuit), force, np.random.default_rng(2), noise=0.8)
     found = diagnose(steps / 4095.0, replace(circuit, **off))
     assert not any("virtual_ground" in str(f) for f in found)
+
+
+# --- one sensor, thresholds, time limits ---
+
+
+def written(folder, circuit: str, compensation: str = "") -> str:
+    path = folder / "mine.yaml"
+    path.write_text(
+        f"/**: {{ros__parameters: {{circuit: {{{circuit}}}}}}}\n"
+        f"/**/compensation: {{ros__parameters: {{{compensation}}}}}\n"
+    )
+    return str(path)
+
+
+def test_one_cell_is_refused_by_the_configuration(tmp_path):
+    """It has no second reading to compare with: the robot would wait for ever, or trust a wire."""
+    with pytest.raises(ValueError, match=r"mine.yaml: circuit.rows = 1, .*two cells or more"):
+        read_skin(written(tmp_path, "rows: 1, cols: 1, r_ref: 10000.0"))
+    assert read_skin(written(tmp_path, "rows: 1, cols: 2")).circuit.shape == (1, 2)
+
+
+@pytest.mark.parametrize("table", ["esp32", "[0.0, 0.05, 2000.0, 0.5, 4095.0, 0.95]"])
+def test_a_table_is_configured_by_name_or_as_a_list(tmp_path, table):
+    skin = read_skin(written(tmp_path, f"rows: 8, cols: 8, adc_bits: 12, adc_table: {table}"))
+    assert 0.04 < skin.adc.range[0] <= 0.05 < 0.94 < skin.adc.range[1] <= 0.95
+
+
+@pytest.mark.parametrize("table", ["esp8266", "[1.0, 2.0, 3.0]", "true", "[a, b, c, d]"])
+def test_a_configured_table_that_is_none_is_refused_by_name(tmp_path, table):
+    with pytest.raises(ValueError, match=r"mine.yaml: adc_table = .*: must be"):
+        read_skin(written(tmp_path, f"rows: 8, cols: 8, adc_table: {table}"))
+
+
+def sparse_board(folder) -> tuple[str, str]:
+    """A file of a board that prints 0 up to 900 steps, and its configuration."""
+    circuit = board(4700.0)
+    force = touches((8, 8), 30.0, 20.0, seed=5, rest=5.0)
+    steps = counts(circuit, fabric(circuit), force, np.random.default_rng(2), noise=1.0)
+    steps[steps <= 1500] = 0
+    np.savetxt(folder / "touches.csv", steps.reshape(len(steps), -1), fmt="%d", delimiter=",")
+    named = "rows: 8, cols: 8, r_ref: 4700.0, r_par: 140.0, adc_bits: 12"
+    return str(folder / "touches.csv"), written(folder, named, "threshold: 1500.0")
+
+
+@pytest.mark.parametrize("command", ["doctor", "calibrate"])
+def test_what_a_threshold_hides_is_said_where_the_untouched_cells_are_needed(
+    tmp_path, capsys, command
+):
+    file, config = sparse_board(tmp_path)
+    words = [file] if command == "doctor" else [f"rest:={file}", "--out", f"{tmp_path}/out.yaml"]
+    config = f"config:={config}" if command == "doctor" else f"--config={config}"
+    assert cli.main([command, *words, config]) == 2
+    error = capsys.readouterr().err
+    assert "untouched cells read no more than compensation's threshold = 1500" in error
+
+
+def test_a_fit_that_ran_out_of_time_says_so():
+    circuit = Circuit(32, 32, adc_bits=12)
+    force = finger((32, 32), 12, 15, 400.0, 6.0)
+    adc = counts(circuit, fabric(circuit), force, np.random.default_rng(3)) / 4095.0
+    adc[5] *= 0.7  # a bad lead, too, which nothing proves in that time
+    found = compensate(adc, circuit, CURVE, "map", noise=1.0, time_limit=1e-4)
+    assert found.status == "failed" and "time_limit" in found.message
+    assert "lead" not in found.message
+
+
+@pytest.mark.parametrize(("rate", "limit"), [(100.0, 0.05), (8.0, 0.25), (0.5, 0.5)])
+def test_the_time_limit_follows_the_boards_rate(monkeypatch, rate, limit):
+    from tactile_skin.calibration import skin as module
+
+    given = []
+
+    def solve(*args, time_limit=None, **kwargs):
+        given.append(time_limit)
+        return compensate(*args, **kwargs)
+
+    monkeypatch.setattr(module, "compensate", solve)
+    circuit = Circuit(8, 8)
+    skin = Skin(
+        Adc(circuit),
+        CURVE,
+        Creep(),
+        r_par_std=None,
+        follows=True,
+        noise=None,
+        threshold=0.0,
+        time_limit=0.0,
+        weights=None,
+        warn=print,
+    )
+    skin.use("auto")
+    steps = counts(circuit, CURVE, np.zeros((8, 8)), np.random.default_rng(1))
+    for k in range(60):
+        skin.frame(k / rate, (64 * steps).astype(np.uint16))
+    assert given[-1] == pytest.approx(limit, rel=0.02)
+
+
+@pytest.mark.parametrize(("top", "saturated"), [(2003, False), (3980, True)])
+def test_a_limit_in_mid_range_is_no_saturated_input(top, saturated):
+    circuit = Circuit(8, 8, r_ref=20000.0, adc_bits=12)
+    steps = counts(circuit, CURVE, finger((8, 8), 3, 3, 60.0, 2.5), np.random.default_rng(1))
+    assert (steps > top).sum() > 8
+    found = compensate(np.minimum(steps, top) / 4095.0, circuit, CURVE, "newton", noise=1.0)
+    assert ("is the input saturated?" in found.message) == saturated
+    if not saturated:
+        assert "does something limit them" in found.message
