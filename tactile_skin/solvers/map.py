@@ -53,10 +53,9 @@ _USUAL_NOISE, _USUAL_COUNT = 0.6, 3.0
 def map_estimate(reading: Reading, start: Estimate | None = None, prior=None) -> Estimate:
     """`_map_estimate`; what it doubts once its time is over, more time might explain."""
     found = _map_estimate(reading, start, prior)
-    if found.status == "suspect" and reading.late() and not suspect.by_reading(reading):
-        why = "the time limit (time_limit) was reached before the frame was explained"
-        return replace(found, message=why)
-    return found
+    if found.status != "suspect" or not reading.late() or suspect.by_reading(reading):
+        return found
+    return replace(found, message="the time limit (time_limit) was reached before an explanation")
 
 
 def _map_estimate(reading: Reading, start: Estimate | None, prior) -> Estimate:
@@ -173,9 +172,8 @@ def _fit(
         message = _by_score(reading, point, step.equations, std_x, broad, prior)
     status = "suspect" if message else "ok"
     if not converged:
-        status, message = "failed", suspect.no_convergence(reading, iterations)
-        if not step.solved:
-            message += ": the step exceeds single precision"
+        why = "" if step.solved else ": the step exceeds single precision"
+        status, message = "failed", suspect.no_convergence(reading, iterations) + why
     return Estimate(
         force, std, residual, status, message, "map", steps + iterations, noise=reading.noise
     )
