@@ -48,6 +48,7 @@ setup(
             "py.typed",
             "learning/weights/*",
             "learning/pictures/*",
+            "physics/adc_tables/*",
             "board/firmware/*.c",
             "board/firmware/*.h",
             "view/page/*",

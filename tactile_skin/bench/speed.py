@@ -9,7 +9,7 @@ import numpy as np
 from ..learning import scenes
 from ..physics.circuit import Circuit, forward
 from ..physics.curve import PressureCurve
-from ..physics.readouts import READOUTS
+from ..physics.readouts import PASSIVE
 from ..solvers import METHODS, compensate
 from . import chart
 from .measure import NOISE, Clock, day, errors, frames
@@ -59,7 +59,7 @@ def measure(n: int, day_frames: int, seed: int, track=lambda items: items) -> di
                 WIRED, TOUCHES, "scan", n, scene, replace(circuit, readout=wiring), curve
             )
         ]
-        for wiring in READOUTS[1:]
+        for wiring in PASSIVE[1:]
     }
     rng = np.random.default_rng([seed, len(cases)])
     resistance = curve.resistance(scenes.sample("blobs", 1, *circuit.shape, rng)[0])

@@ -60,8 +60,9 @@ class Absent:
             return "", False
         names = [f"row {i}, column {j}" for i, j in np.argwhere(silent).tolist()]
         more = f" and {len(names) - _SAY} more" if len(names) > _SAY else ""
+        ask = "" if unnamed.any() else "is it connected, or below a threshold of the board's? "
         return (
-            f"no reading at {'; '.join(names[:_SAY])}{more}: repair it, or exclude it "
+            f"no reading at {'; '.join(names[:_SAY])}{more}: {ask}repair it, or exclude it "
             "in circuit.scanned (in circuit.mask, if no cell is there)",
             False,
         )

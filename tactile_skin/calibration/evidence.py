@@ -140,7 +140,7 @@ class Supposed:
         """(rows, cols) d adc / d r_par, and / d r_line or r_drive, of cells g [1/ohm]."""
         if self.circuit.readout == "grounded":
             return [network.by_r_par, network.by_r_drive]
-        if self.circuit.readout == "loaded":
+        if self.circuit.readout != "floating":
             return [network.by_r_par, np.zeros(g.shape)]
         by_line = lines.added_resistance(network.inverse.k, g, *self._unit)
         return [network.by_r_par, network.by_r_par * by_line]

@@ -207,7 +207,7 @@ def _identified(
 ) -> Identified:
     limits = np.array([_TOLD[0] * series_scale(circuit), _TOLD[1]])
     told = std < limits
-    if ideal := circuit.readout == "loaded":
+    if ideal := circuit.readout in ("loaded", "virtual_ground"):
         told[1] = False
     # What is not told stays as it was supposed, and the other is what then explains the frames.
     off = np.where(told, off + information[:, ::-1].diagonal() / information.diagonal()
@@ -220,7 +220,7 @@ def _identified(
         for name, value, s, yes in zip(both, values(found), std, told, strict=True)
     ]
     if ideal:
-        words[1], missing = "r_line is taken as 0 if loaded", missing[:-1]
+        words[1], missing = f"r_line is taken as 0 if {circuit.readout}", missing[:-1]
     message = f"{', '.join(words)} ({frames} frames of touches)"
     if missing:
         message += ": press hard in more places, with more than a fingertip"

@@ -26,6 +26,7 @@ _CARRIED, _LOOSE, _TIMES = 0.3, 1.2, 4
 _TOGETHER = 0.7  # correlation from which on two neighbours move together
 _STD_OVER_MEAN = 3.08  # standard deviation over the mean of the smaller half, normal distribution
 _ROUNDS = 3  # in which the readings of noisy cells are put in place
+_SILENT = 0.05  # of the cells may stay below the board's threshold: dead ones
 _LEAST_NOISE = 1e-3  # ADC steps of a mean reading: rounding alone leaves more
 
 
@@ -87,6 +88,25 @@ def measure_rest(frames, circuit: Circuit) -> Rest:
     return Rest(adc, noise, len(frames), conductance, noisy)
 
 
+def check_all_is_sent(frames: np.ndarray, circuit: Circuit, threshold: float, steps: float) -> None:
+    """ValueError: the untouched cells of these frames lie below the board's threshold.
+
+    Args:
+        frames: (n, rows, cols) ADC ratio; NaN where a crossing was not read.
+        threshold: ADC ratio up to which a reading says nothing; 0: all of them say something.
+        steps: the same [ADC steps], for the message.
+    """
+    if not threshold:
+        return
+    silent = np.mean(np.nan_to_num(np.nanmedian(frames, axis=0))[circuit.populated] <= threshold)
+    if silent > _SILENT:
+        raise ValueError(
+            f"{silent:.0%} of the untouched cells read no more than compensation's threshold = "
+            f"{steps:g} ADC steps: what they conduct must be known here. Let the board send all "
+            "that it reads, and set threshold: 0"
+        )
+
+
 def _noisy_cells(off: np.ndarray, middle: np.ndarray, circuit: Circuit) -> tuple:
     """(row, column) of cells that scatter by themselves.
 
@@ -111,7 +131,9 @@ def _noisy_cells(off: np.ndarray, middle: np.ndarray, circuit: Circuit) -> tuple
             or [0.0]
         )
         seen = left.reshape(len(left), -1)[:, beside]
-        share = np.median((expected * seen).sum(0) / np.square(expected).sum(0))
+        share = (
+            np.median((expected * seen).sum(0) / np.square(expected).sum(0)) if beside.size else 0
+        )
         touched = len(found) == most or together.max() > _TOGETHER
         if share > _CARRIED:  # the cell changes, not its reading alone
             touched = touched or not _loose(own, middle, circuit, row, col)

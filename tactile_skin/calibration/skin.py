@@ -27,7 +27,14 @@ from .watch.watch import Watch
 
 _LIGHT, _STIRRED = 1.0 * GRAM, 3  # N on so many cells: a touch that begins, not noise
 _LEARNED = "cnn", "physics"  # methods that use weights: they know the circuit of their training
+_BOUNDED = "map", "auto"  # methods that take a reading as a bound, and do without one
 _RESTART_AFTER = 4  # suspect or failed frames in a row after which the last one is no start
+# The time limit of a frame, if none is given: so many of the board's frames, which may wait while
+# one is solved; 0.05 s is what a fit of 16 x 16 cells takes on a slow computer.
+_FRAMES = 2.0
+_SHORTEST = 0.05  # s
+_LONGEST = 0.5  # s: a push must not wait for longer
+_FOLLOW = 0.1  # share of the usual interval between frames that each frame renews
 # What takes a tenth of the time of a fit under a palm, errs by twice as much, and says nothing of
 # the circuit.
 _FAST = "fixed_point"
@@ -69,14 +76,18 @@ class Skin:
         follows: whether to measure what the cells read at rest.
         noise: RMS of a reading [ADC steps]; None: measured.
         threshold: ADC ratio up to which the board sends 0 or no reading.
-        time_limit: after which a frame fails [s].
+        time_limit: after which a frame fails [s]; 0: by the board's rate.
         weights: of a network; None: those of the package.
         warn: takes what somebody should know, and no stop is for.
         """
         self.circuit = adc.circuit
         self._adc, self._curve, self._follows = adc, curve, follows
         self._weights, self._warn = weights, warn
-        self._given = {"threshold": threshold, "time_limit": time_limit, "noise": noise}
+        floor, ceiling = adc.range
+        self._threshold, self._floor = threshold, max(threshold, floor)
+        self._bounds = {"threshold": self._floor, "ceiling": ceiling, "missing": True}
+        self._common = {"noise": noise}
+        self._time_limit, self._interval, self._at = time_limit, 0.0, np.nan  # s; of the last frame
         self._standing = Standing(creep, curve) if creep.share else None
         self._tare, self._tracker = (
             Tare(self.circuit, curve),
@@ -86,6 +97,7 @@ class Skin:
         self._watch, self._doctor = Watch(adc, rest_known=not follows), RunningDoctor()
         self._last: Estimate | None = None  # the last frame: where the next starts from
         self._doubts = 0  # frames in a row
+        self._ended = 0  # readings of the last frame at the end of the ADC's range
         self.waits = follows
         self.status, self.message, self.residual, self.force = "ok", "", 0.0, 0.0
         self.std = np.zeros(self.circuit.shape)
@@ -100,8 +112,8 @@ class Skin:
         """
         if method not in METHODS:
             raise ValueError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
-        weights, missing = self._weights if method in _LEARNED else None, method in ("map", "auto")
-        given = self._given | {"weights": weights, "missing": missing}
+        given = self._common | {"weights": self._weights if method in _LEARNED else None}
+        given |= self._bounds if method in _BOUNDED else {"threshold": self._threshold}
         # Loads the weights, and says here, not at a frame, that they do not fit.
         flat = np.full(self.circuit.shape, 0.05)
         compensate(flat, self.circuit, self._tare.curve, method, **given)
@@ -121,7 +133,9 @@ class Skin:
         Returns:
             (rows, cols) force [N]; None: no picture was found.
         """
-        self.fitted = True
+        self.fitted, since, self._at = True, t - self._at, t
+        if since > 0.0:
+            self._interval += _FOLLOW * (since - self._interval)
         shape = self.circuit.shape
         if samples.shape != shape:
             return self.refuse(f"reading has shape {samples.shape}: the circuit is {shape}")
@@ -143,6 +157,7 @@ class Skin:
         self.status, self.message = estimate.status, estimate.message
         self.residual, self.force = estimate.residual, float(estimate.force.max())
         self.std = estimate.std
+        self._ended = np.count_nonzero(self._adc.bounds(adc) & (adc >= self._adc.range[1]))
         force = None
         if estimate.status != "failed":
             self._rest(t, adc, estimate)
@@ -166,18 +181,24 @@ class Skin:
         self.status, self.message = "failed", why
 
     def _hurries(self, adc: np.ndarray) -> bool:
-        """Whether the fast method may stand for the one in use: it knows no missing readings."""
-        known = not np.isnan(adc[self.circuit.populated]).any()
-        return self._method == "auto" and not self._given["threshold"] and known
+        """Whether the fast method may stand for the one in use: it needs a value of each cell."""
+        if self._method != "auto" or self._threshold:
+            return False
+        unknown = np.isnan(adc) | self._adc.bounds(adc)
+        return not unknown[self.circuit.populated].any()
 
     def _compensate(self, adc: np.ndarray) -> Estimate:
-        given = dict(self._given)
+        method, given = (self._method, self._given) if self.fitted else (_FAST, self._common)
         if given["noise"] is None and self._noise.each is not None:
-            given["noise"] = np.maximum(self._noise.each, ROUNDING_NOISE)
-        method = self._method if self.fitted else _FAST
-        return compensate(adc, self.circuit, self._tare.curve, method, start=self._last, **given)
+            given = given | {"noise": np.maximum(self._noise.each, ROUNDING_NOISE)}
+        limit = self._time_limit or min(max(_FRAMES * self._interval, _SHORTEST), _LONGEST)
+        return compensate(
+            adc, self.circuit, self._tare.curve, method, start=self._last, time_limit=limit, **given
+        )
 
     def _rest(self, t: float, adc: np.ndarray, estimate: Estimate) -> None:
+        if self._floor:  # what is not told is no rest
+            adc = np.where(adc <= self._floor, 0.0, adc)
         unread = np.isnan(adc)
         if unread.any():  # what the model reads there
             model = forward(self.circuit, self._tare.curve.resistance(estimate.force))
@@ -190,7 +211,7 @@ class Skin:
         if not (self._follows and self._tare.measured) or self._method in _LEARNED:
             return
         noise = max(self._noise.rms or SCAN_NOISE, ROUNDING_NOISE)
-        if touched:
+        if touched and not self._adc.bounds(adc).any():
             self._tracker.offer(t, adc, noise)
         if touched and not self._tracker.overdue(t, stopped):
             return
@@ -206,7 +227,7 @@ class Skin:
     def end_second(self) -> None:
         """What is judged once a second."""
         self._watch.contacts.end_second()
-        if not self._given["threshold"]:  # else the rest is not known
+        if not self._threshold:  # else the rest is not known
             self._doctor.look(self.circuit)
 
     def reset(self) -> None:
@@ -257,6 +278,7 @@ class Skin:
             self.message or (self._watch.kept if past else ""),
             self._tracker.message,
             self._tracker.hint,
+            self._at_end,
             self._tare.message,
             self._tare.wiring,
             self._noise.message or cell,
@@ -264,6 +286,16 @@ class Skin:
             self._watch.order.message,
         )
         return "; ".join(filter(None, reasons))
+
+    @property
+    def _at_end(self) -> str:
+        """What readings at the end of the ADC's range mean; empty if there are none."""
+        if not self._ended:
+            return ""
+        return (
+            f"{self._ended} readings at the end of the ADC's range: more force there is not felt, "
+            "a smaller r_ref leaves room"
+        )
 
     @property
     def rest_resistance(self) -> np.ndarray | None:

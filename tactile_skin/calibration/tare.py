@@ -143,6 +143,9 @@ class Tare:
         usual = self._usual(noise)
         self.message = self._one_voltage.window(mean, n + m, usual)
         self.unseen = self._one_voltage.tells
+        zero = self._circuit.populated & (mean == 0.0)
+        if np.count_nonzero(zero) > max(1.0, _RESTLESS * np.count_nonzero(self._circuit.populated)):
+            self.message = self.message or _zero(np.count_nonzero(zero))
         if self.message:
             return followed
         return self._learn(mean, usual / (n + m) ** 0.5) or followed
@@ -317,6 +320,13 @@ class Tare:
                     f"{name} {worst} conducts {much} compared with the start: is its lead breaking?"
                 )
         return ""
+
+
+def _zero(n: int) -> str:
+    return (
+        f"rest not measured: {n} untouched cells read 0, where the ADC's range begins: take a "
+        "larger r_ref, or set compensation's threshold: 1"
+    )
 
 
 def _conducts(circuit: Circuit, adc: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ from ..calibration.creep import as_it_comes, measure_creep
 from ..calibration.curve_fit import MAX_LAG, POOR, fit_reference
 from ..calibration.guide import Guide, newtons
 from ..calibration.identify import names, values
-from ..calibration.rest import supposing
+from ..calibration.rest import check_all_is_sent, supposing
 from ..errors import FileError
 from ..files import read_bytes, shorten
 from ..middleware.bus import Context, Node, Parameter, SingleThreadedExecutor
@@ -38,6 +38,7 @@ _OF_FILES = "rest", "touches", "reference", "creep", "rate"
 _LARGEST_REFERENCE = 1 << 26  # bytes
 _RATE = 100.0  # frames a second, of files without times
 _OF_BOARD = {"port": str, "baud": int, "protocol": str}
+_GLANCE = 0.5  # s of frames that show whether the board sends what untouched cells read
 _PATIENCE = 10.0  # s without a frame after which the board is taken for absent
 
 
@@ -75,6 +76,7 @@ def run(
         guide = Guide(skin.circuit, live, _ask, print)
         try:
             live(0.0)  # what the driver logs of the port stands above the first question
+            _check_all_is_sent(skin, live(_GLANCE))
             guide.measure_creep(skin.curve) if creep else guide.run()
         finally:
             live.close()
@@ -156,6 +158,7 @@ def from_files(skin: SkinConfig, files: dict[str, str], loads: list[tuple[str, s
 
     guide = Guide(skin.circuit, source, ask, print)
     source.open(files["rest"])
+    _check_all_is_sent(skin, source.stream(files["rest"])[0])
     guide.measure_rest()
     if "touches" in files:
         source.open(files["touches"])
@@ -178,6 +181,12 @@ def from_files(skin: SkinConfig, files: dict[str, str], loads: list[tuple[str, s
         guide.creep = measure_creep(frames, times, guide.circuit, rest, curve)
         print(f"  a standing load gains {guide.creep.share:.1%} in a decade of time")
     return guide
+
+
+def _check_all_is_sent(skin: SkinConfig, frames: np.ndarray) -> None:
+    """ValueError: the untouched cells of these frames lie below the board's threshold."""
+    threshold = skin.adc.threshold(skin.threshold)
+    check_all_is_sent(frames, skin.circuit, threshold, skin.threshold)
 
 
 def read_reference(path: str) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..calibration.doctor import Finding, diagnose
 from ..calibration.doctor.recorded import record
-from ..calibration.rest import Rest, measure_rest
+from ..calibration.rest import Rest, check_all_is_sent, measure_rest
 from ..middleware.config import ParameterFile, SkinConfig, read_skin
 from ..physics.adc import Adc
 from ..physics.circuit import Circuit
@@ -93,6 +93,7 @@ def run(args) -> int:
         frames, found = _ratio(files[0], adc), []
     else:
         frames, found = _listen(adc, given)
+    check_all_is_sent(frames, circuit, adc.threshold(skin.threshold), skin.threshold)
     rest = None
     if "rest" in given:
         rest = measure_rest(_ratio(given["rest"], adc), circuit)

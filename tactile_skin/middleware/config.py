@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import FileError, ParameterError, did_you_mean
 from ..files import shorten
-from ..physics.adc import Adc
+from ..physics.adc import TABLES, Adc
 from ..physics.circuit import Circuit
 from ..physics.creep import MAX_SHARE, Creep
 from ..physics.curve import PressureCurve
@@ -46,8 +46,10 @@ class SkinConfig(_Skin):
         adc: from the board's counts to the ratio that the solvers take: `adc.ratio(counts)`.
         creep: what a standing load gains.
         r_par_std: how well the circuit's r_par is known [ohm]; None: nobody has measured it.
+        threshold: readings up to which the board says nothing [ADC steps]; 0: it says all.
     """
 
+    threshold: float
     adc: Adc
     creep: Creep
     r_par_std: float | None
@@ -86,7 +88,7 @@ def skin_of(values: dict, where: str) -> SkinConfig:
         curve = curve_of(reader, circuit)
         skin = SkinConfig(circuit, curve, geometry_of(reader, circuit))
         skin.adc, skin.creep = adc_of(reader, circuit), creep_of(reader)
-        skin.r_par_std = r_par_std_of(reader)
+        skin.r_par_std, skin.threshold = r_par_std_of(reader), threshold_of(reader)
     except ValueError as error:
         raise type(error)(f"{where}: {error}") from error
     unknown = [name for name in reader.undeclared() if name.split(".")[0] in SHARED]
@@ -95,7 +97,9 @@ def skin_of(values: dict, where: str) -> SkinConfig:
     return skin
 
 
-def describe(text: str, low=None, high=None, read_only: bool = True) -> ParameterDescriptor:
+def describe(
+    text: str, low=None, high=None, read_only: bool = True, any_type: bool = False
+) -> ParameterDescriptor:
     """A parameter's description, and its range where it has one."""
     if low is None:
         bounds = {}
@@ -103,7 +107,7 @@ def describe(text: str, low=None, high=None, read_only: bool = True) -> Paramete
         bounds = {"integer_range": [IntegerRange(low, high)]}
     else:
         bounds = {"floating_point_range": [FloatingPointRange(low, high)]}
-    return ParameterDescriptor(text, read_only=read_only, **bounds)
+    return ParameterDescriptor(text, read_only=read_only, dynamic_typing=any_type, **bounds)
 
 
 def circuit_of(node: Node) -> Circuit:
@@ -123,6 +127,11 @@ def circuit_of(node: Node) -> Circuit:
     driven = value("driven", "rows", f"which lines are driven: {' or '.join(DRIVEN)}")
     r_drive = value("r_drive", 0.0, "of a grounded matrix: of what holds each line [ohm]", 0.0, 1e4)
     mask = mask_of(mask)
+    if rows * cols == 1:
+        raise ParameterError(
+            "circuit.rows = 1, circuit.cols = 1: must be two cells or more: of a single one "
+            "nothing tells a broken wire from a cell that nothing touches"
+        )
     return Circuit(rows, cols, r_ref, r_par, adc_bits, mask, r_line, readout, driven, r_drive)
 
 
@@ -130,6 +139,18 @@ def r_par_std_of(node: Node) -> float | None:
     """How well the circuit's r_par is known [ohm]; None: nobody has measured it."""
     text = "standard deviation of r_par [ohm]; 0: nobody has measured it"
     return node.declare_parameter("circuit.r_par_std", 0.0, describe(text, 0.0, 1e6)).value or None
+
+
+_TABLE = (
+    f"of an ADC that is not linear: {', '.join(TABLES)}, or a list: reading [ADC steps], share of "
+    "the supply, reading, ...; empty: linear"
+)
+
+
+def threshold_of(node: Node) -> float:
+    """Return the readings up to which the board says nothing [ADC steps]; 0: it says all."""
+    text = "ADC steps up to which the board sends 0 or no reading"
+    return node.declare_parameter("threshold", 0.0, describe(text, 0.0, 65535.0)).value
 
 
 def adc_of(node: Node, circuit: Circuit) -> Adc:
@@ -155,6 +176,8 @@ def adc_of(node: Node, circuit: Circuit) -> Adc:
         ),
         value("diode", 0.0, "of each driven line: forward voltage at 1 mA [V]; 0: none", 0.0, 5.0),
         value("supply", 5.0, "of the divider [V]; only a diode needs it", 1.0, 24.0),
+        node.declare_parameter("circuit.adc_table", "", describe(_TABLE, any_type=True)).value
+        or None,
     )
 
 

@@ -15,6 +15,7 @@ from ..middleware.config import (
     describe,
     geometry_of,
     r_par_std_of,
+    threshold_of,
 )
 from ..msg import Header, Image, TimeReference, Trigger, image, image_array
 from ..solvers import METHODS
@@ -67,10 +68,10 @@ class Compensation:
         described = describe(f"one of {', '.join(METHODS)}", read_only=False)
         method = node.declare_parameter("method", "auto", described).value
         path = value("weights", "", "file of a network's weights; empty: those of the package")
-        text = "ADC steps up to which the board sends 0 or no reading"
-        threshold = value("threshold", 0.0, text, 0.0, 65535.0)
+        threshold = threshold_of(node)
         noise = value("noise", 0.0, "RMS noise of a reading [ADC steps]; 0: measured", 0.0, 1e3)
-        time_limit = value("time_limit", 0.05, "time after which a frame fails [s]", 1e-4, 10.0)
+        text = "time after which a frame fails [s]; 0: two frames of the board's, 0.05 to 0.5 s"
+        time_limit = value("time_limit", 0.0, text, 0.0, 10.0)
         # Where the board keeps readings to itself, rest cannot be measured.
         follows = (
             value("tare", True, "whether to follow what the cells read at rest") and not threshold

@@ -1,20 +1,23 @@
-"""From what the ADC reads to the circuit's ratio: offset, full scale, polarity, diodes, no reading.
+"""From what the ADC reads to the circuit's ratio: scale, table, polarity, diodes, no reading.
 
 The solvers know a ratio from 0 to 1, the voltage over the reference resistor as a share of the
-divider's supply. Boards send counts, and few of them are that ratio times 2^bits - 1: an ESP32
-reads 0 up to 142 mV, an ADC may have a reference of its own, readings fall with pressure where the
-reference resistor is on the side of the supply, and a diode keeps a part of the supply from the
-line that is driven through it. This is the one place that knows.
+divider's supply. Boards send counts, and few of them are that ratio times 2^bits - 1: an ADC may
+have a reference of its own, an ESP32's is not linear and reads 0 up to 142 mV, readings fall with
+pressure where the reference resistor is on the side of the supply, and a diode keeps a part of the
+supply from the line that is driven through it. This is the one place that knows.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
+from ..files import shorten
 from .circuit import Circuit
+from .kernel import Table
 
 NOT_READ = 65535  # of skin/adc: no reading of this crossing; the largest reading is one less
 # V that a diode takes more for e times the current, n k T / q at 25 degrees: n is 1.0 to 1.1 of
@@ -24,13 +27,18 @@ _SCHOTTKY, _SLOPES = 0.4, (0.027, 0.045)  # V
 _DIODE_AT = 1e-3  # A
 _LEAST_CURRENT = 1e-9  # A: no reading says less
 _DIODE_ROUNDS = 12  # of a fixed point that gains two digits each
+# Tables that are shipped, name -> file: readings of _TABLE_BITS bits, their shares of the supply.
+TABLES = {p.stem: p for p in sorted((Path(__file__).parent / "adc_tables").glob("*.csv"))}
+_TABLE_BITS = 12
+_MIDDLE = np.array([0.25, 0.75])  # of the range: between them a table's slope is taken as the usual
 
 
 @dataclass(frozen=True, eq=False)
 class Adc:
     """The converter of one board; by default a count is the ratio times 2^bits - 1.
 
-    The voltage's share of the supply is (count + offset) / full_scale.
+    The voltage's share of the supply is (count + offset) / full_scale, or what the table has for
+    count + offset, times (2^bits - 1) / full_scale. At the ends of its range a reading is a bound.
 
     Args:
         circuit: whose readings these are.
@@ -41,10 +49,12 @@ class Adc:
         scanned: (rows, cols) bool, crossings that the board reads; None: all of them.
         diode: forward voltage at 1 mA of the diode through which each line is driven [V]; 0: none.
         supply: of the divider [V]; only a diode needs it.
+        table: of an ADC that is not linear: a name of `TABLES`, or (n, 2) readings [ADC steps],
+            rising, and the shares of the supply that they stand for, not falling; None: linear.
 
     Raises:
-        ValueError: a full scale, an offset or a diode that leaves no range, a diode of a grounded
-            matrix, a picture of another shape.
+        ValueError: a full scale, an offset, a diode or a table that leaves no range, a diode of a
+            grounded matrix, a picture of another shape.
     """
 
     circuit: Circuit
@@ -54,6 +64,7 @@ class Adc:
     scanned: np.ndarray | None = field(default=None, repr=False)
     diode: float = 0.0
     supply: float = 5.0
+    table: str | np.ndarray | None = None
 
     def __post_init__(self):
         full = self.full_scale or float(self.circuit.full_scale)
@@ -70,10 +81,10 @@ class Adc:
                 f"diode = {self.diode!r} V: must be at least 0, below half of supply = "
                 f"{self.supply!r} V"
             )
-        if self.diode and self.circuit.readout == "grounded":
+        if self.diode and self.circuit.readout not in ("floating", "loaded"):
             raise ValueError(
-                f"diode = {self.diode!r} V: must be 0 for readout = 'grounded'. A diode holds no "
-                "line at 0 V: lines behind diodes are those of readout = 'loaded'"
+                f"diode = {self.diode!r} V: must be 0 for readout = {self.circuit.readout!r}. A "
+                "diode holds no line at 0 V: lines behind diodes are those of readout = 'loaded'"
             )
         if self.scanned is not None:
             scanned = np.array(self.scanned, dtype=bool)
@@ -85,6 +96,8 @@ class Adc:
                 raise ValueError("scanned: no crossing is read")
             scanned.setflags(write=False)
             object.__setattr__(self, "scanned", scanned)
+        if self.table is not None:
+            object.__setattr__(self, "table", _table(self.table, self.circuit.adc_bits))
 
     @cached_property
     def _sample(self) -> int:
@@ -137,7 +150,7 @@ class Adc:
         The low-pass may round the largest reading up by less than a step. With a diode a picture
         is needed, (..., rows, cols): all that a line's readings say tells its current.
         """
-        share = (count + self.offset) / self.full_scale
+        share = self._share_of(count)
         share = np.minimum(np.maximum(1.0 - share if self.inverted else share, 0.0), 1.0)
         return np.minimum(share / self._behind_diode(share), 1.0) if self.diode else share
 
@@ -146,7 +159,42 @@ class Adc:
         share = ratio
         for _ in range(_DIODE_ROUNDS if self.diode else 0):
             share = ratio * self._behind_diode(share)
-        return (1.0 - share if self.inverted else share) * self.full_scale - self.offset
+        return self._count_of(1.0 - share if self.inverted else share)
+
+    def _share_of(self, count):
+        """Return the voltage's share of the supply, cut off at the table's ends if there is one."""
+        if self.table is None:
+            return (count + self.offset) / self.full_scale
+        return self._to_share(count + self.offset) * (self.circuit.full_scale / self.full_scale)
+
+    def _count_of(self, share):
+        """Return the inverse of `_share_of` [ADC steps]."""
+        if self.table is None:
+            return share * self.full_scale - self.offset
+        reading = np.interp(share * self.full_scale / self.circuit.full_scale, *self.table.T[::-1])
+        return reading - self.offset
+
+    @cached_property
+    def _to_share(self) -> Table:
+        return Table(*self.table.T)
+
+    @cached_property
+    def range(self) -> tuple[float, float]:
+        """The ratios that the ends of the ADC's range stand for.
+
+        A reading there tells only that the ratio is not above the lower one, or not below the upper
+        one: an ESP32 reads 0 for whatever is below 142 mV, and its largest number above 3.13 V.
+        """
+        ends = np.array([0.0, self.circuit.full_scale])
+        share = np.clip(self._share_of(ends), 0.0, 1.0)
+        low, high = sorted((1.0 - share if self.inverted else share).tolist())
+        return low, high
+
+    def bounds(self, ratio: np.ndarray) -> np.ndarray:
+        """Return a bool array: readings at an end of the ADC's `range`, which are bounds only."""
+        low, high = self.range
+        ends = high < 1.0 or not self.circuit.has_cross_talk
+        return ((ratio <= low) & (low > 0.0)) | ((ratio >= high) & ends)
 
     def _behind_diode(self, share):
         """What the diode leaves of the supply, as share of it, by what is read behind it.
@@ -166,8 +214,12 @@ class Adc:
         return 1.0 - np.maximum(self.diode + more, 0.0) / self.supply
 
     def share(self, steps: float) -> float:
-        """So many ADC steps as a ratio: of noise, say."""
-        return steps / (self.full_scale * (1.0 - self.diode / self.supply))
+        """So many ADC steps as a ratio: of noise, say. Of a table, where its slope is the usual."""
+        slope = 1.0 / self.full_scale
+        if self.table is not None:  # of the middle of its range
+            slope = float(np.diff(self._share_of(_MIDDLE * self.circuit.full_scale))[0])
+            slope /= float(np.diff(_MIDDLE)[0]) * self.circuit.full_scale
+        return steps * slope / (1.0 - self.diode / self.supply)
 
     def threshold(self, steps: float) -> float:
         """Ratio up to which a board that sends nothing true below so many steps says nothing."""
@@ -182,7 +234,39 @@ class Adc:
             samples = self._top - np.minimum(samples, self._top)
         return np.where(absent, samples.dtype.type(0), samples) if absent.any() else samples
 
-    def rising_count(self, ratio: float) -> float:
-        """What `rising` makes of a ratio [ADC steps]."""
-        count = float(self.count(ratio))
+    def rising_count(self, ratio):
+        """What `rising` makes of a ratio, a number or (rows, cols) [ADC steps]."""
+        count = self.count(ratio)
         return self.circuit.full_scale - count if self.inverted else count
+
+
+def _table(given, bits: int) -> np.ndarray:
+    """Return (n, 2) readings of so many bits [ADC steps] and their shares of the supply; read-only.
+
+    Raises:
+        ValueError: an unknown name, or numbers that are no table.
+    """
+    if isinstance(given, str):
+        if given not in TABLES:
+            allowed = f"{', '.join(TABLES)}, or a list: reading, share of the supply, reading, ..."
+            raise ValueError(f"adc_table = {given!r}: must be {allowed}")
+        table = np.loadtxt(TABLES[given], delimiter=",")
+        table[:, 0] *= 2.0 ** (bits - _TABLE_BITS)
+    else:
+        try:
+            table = np.array(given, dtype=float).ravel()
+        except (TypeError, ValueError):  # no numbers
+            table = np.empty(0)
+        if table.size < 4 or table.size % 2:
+            raise ValueError(
+                f"adc_table = {shorten(given)}: must be two or more pairs of a reading [ADC steps] "
+                "and its share of the supply"
+            )
+        table = table.reshape(-1, 2)
+    reading, share = table.T
+    if not (np.isfinite(table).all() and (np.diff(reading) > 0.0).all()):
+        raise ValueError(f"adc_table: readings {reading.tolist()}: must be finite and rise")
+    if not ((np.diff(share) >= 0.0).all() and 0.0 <= share[0] < share[-1] <= 1.0):
+        raise ValueError(f"adc_table: shares {share.tolist()}: must be from 0 to 1 and never fall")
+    table.setflags(write=False)
+    return table

@@ -36,7 +36,9 @@ class Circuit:
             Of the floating readout only.
         readout: "floating" (one row is driven, one column read, all others are open), "loaded"
             (each column has its own r_ref, the other rows are open; r_par is that of the driver) or
-            "grounded" (the same, the other rows are at 0 V; r_par lies before r_ref).
+            "grounded" (the same, the other rows are at 0 V; r_par lies before r_ref), or
+            "virtual_ground" (an amplifier holds each column at 0 V; r_ref is its feedback resistor,
+            r_par lies in series with each cell).
         driven: "rows", or "columns" where these are driven and the rows are read.
         r_drive: resistance of what holds each driven line at its level [ohm]. Of the grounded
             readout only.
@@ -133,6 +135,11 @@ class Circuit:
         """Whether it is grounded so that each sense line's cells follow from its own readings."""
         return self.readout == "grounded" and not self.r_drive
 
+    @property
+    def has_cross_talk(self) -> bool:
+        """Whether a reading depends on other cells than its own."""
+        return self.readout != "virtual_ground"
+
     def read_as(self, readout: str, driven: str) -> Circuit:
         """The same without what that readout does not model."""
         r_drive = self.r_drive if readout == "grounded" else 0.0
@@ -144,8 +151,11 @@ class Circuit:
         return 2**self.adc_bits - 1
 
     def ratio(self, rho):
-        """Two-terminal resistance [ohm] -> ADC ratio in [0, 1] (voltage divider)."""
-        return self.r_ref / (self.r_ref + self.r_par + rho)
+        """Two-terminal resistance [ohm] -> ADC ratio in [0, 1] (voltage divider, or amplifier)."""
+        if self.has_cross_talk:
+            return self.r_ref / (self.r_ref + self.r_par + rho)
+        with np.errstate(divide="ignore"):
+            return np.minimum(self.r_ref / (self.r_par + np.asarray(rho, dtype=float)), 1.0)
 
     def two_terminal(self, adc):
         """ADC ratio -> two-terminal resistance [ohm], the inverse of `ratio`; never negative.
@@ -153,7 +163,8 @@ class Circuit:
         Zero reads as an infinite resistance.
         """
         with np.errstate(divide="ignore"):
-            return np.maximum(self.r_ref / adc - (self.r_ref + self.r_par), 0.0)
+            series = self.r_par + (self.r_ref if self.has_cross_talk else 0.0)
+            return np.maximum(self.r_ref / adc - series, 0.0)
 
     def describe(self) -> dict:
         """The circuit as plain numbers and strings, as it is kept beside trained weights."""
@@ -227,7 +238,7 @@ def forward(circuit: Circuit, resistance) -> np.ndarray:
     frames = (1.0 / resistance).reshape(-1, *circuit.shape)
     if circuit.readout != "floating":
         adc = np.array([readouts.solve(circuit, g).adc for g in frames])
-        return adc.reshape(resistance.shape)
+        return np.minimum(adc.reshape(resistance.shape), 1.0)  # an amplifier ends there
     rho = np.array([lines.solve(g, *circuit.stripes).rho for g in frames])
     return circuit.ratio(rho.reshape(resistance.shape))
 

@@ -4,10 +4,13 @@
     loaded     one row is driven, each column has its own reference resistor, other rows are open
     grounded   one row is driven, each column has its reference resistor, other rows are at 0 V,
                all rows behind r_drive
+    virtual_ground
+               one row is driven, an amplifier with the feedback resistor r_ref holds each column at
+               0 V: a reading is r_ref over its own cell, up to full scale
 
-In the last two rows and columns may change places. `solve` gives a frame's network, `Floating` or
-`Driven`, which answer alike (docs/derivation.md); adc_a is the reading of crossing a, g_b the
-conductance of cell b:
+In the last three rows and columns may change places. `solve` gives a frame's network, `Floating`,
+`Driven` or `Separate`, which answer alike (docs/derivation.md); adc_a is the reading of crossing a,
+g_b the conductance of cell b:
 
     adc            (rows, cols) ADC ratio
     own            (rows, cols) d adc_a / d g_a [ohm]
@@ -35,7 +38,9 @@ from scipy.linalg import lapack
 from . import kernel
 from .conjugate_gradients import conjugate_gradients
 
-READOUTS = "floating", "loaded", "grounded"
+PASSIVE = "floating", "loaded", "grounded"
+READOUTS = *PASSIVE, "virtual_ground"
+CLOSED_FORM = "grounded", "virtual_ground"  # whose cells follow from the readings, line by line
 DRIVEN = "rows", "columns"
 _DRIVER = 0.1  # ohm of a driver that holds its line, where it is taken as ideal
 LEAST_SCALE = 1e-6  # of `apparent`: noise of a saturated frame may leave less, or less than 0
@@ -234,6 +239,35 @@ class Driven:
         return picture
 
 
+class Separate:
+    """Each reading is that of its own cell: adc = r_ref g / (1 + r_par g), as if with no end."""
+
+    def __init__(self, circuit, g: np.ndarray):
+        behind = 1.0 + circuit.r_par * g
+        self.adc = circuit.r_ref * g / behind
+        self.own = circuit.r_ref / np.square(behind)
+        self.by_r_par = np.square(self.adc) / -circuit.r_ref
+
+    def change(self, p: np.ndarray) -> np.ndarray:
+        return self.own * p
+
+    def pull(self, w: np.ndarray) -> np.ndarray:
+        return self.own * w
+
+    def sensitivity(self, weight, readings, one, other) -> np.ndarray:
+        row, col = np.divmod(readings, weight.shape[1])
+        of_cell = (row[:, None] == one) & (col[:, None] + len(weight) == other)
+        return (of_cell * (weight * self.own).flat[readings][:, None]).astype(np.float32)
+
+    def cells_for(self, cells: np.ndarray, b: np.ndarray) -> np.ndarray:
+        picture = np.zeros(self.adc.shape)
+        own = self.own.flat[cells]
+        picture.flat[cells] = np.divide(b.flat[cells], own, out=np.zeros(own.size), where=own > 0.0)
+        return picture
+
+    readings_for = cells_for
+
+
 def solve(circuit, g: np.ndarray, derivatives: bool = True) -> Floating | Driven:
     """The network of cells g (rows, cols) [S], 0 where there is none.
 
@@ -243,7 +277,7 @@ def solve(circuit, g: np.ndarray, derivatives: bool = True) -> Floating | Driven
     """
     if circuit.readout == "floating":
         return Floating(circuit, g, derivatives)
-    return Driven(circuit, g)
+    return (Separate if circuit.readout == "virtual_ground" else Driven)(circuit, g)
 
 
 def of_network(circuit, laplacian: np.ndarray, lines, leads, r_ref: np.ndarray) -> np.ndarray:
@@ -263,6 +297,8 @@ def of_network(circuit, laplacian: np.ndarray, lines, leads, r_ref: np.ndarray) 
         adc = circuit.ratio(rho)
         adc[a < 0], adc[:, b < 0] = 0.0, 0.0
         return adc
+    if circuit.readout == "virtual_ground":
+        return _of_separate(circuit, laplacian, lines, leads, r_ref)
     turned, grounded = circuit.driven == "columns", circuit.readout == "grounded"
     (drive, sense), (before, behind) = (x[::-1] if turned else x for x in (lines, leads))
     load = r_ref + behind + (circuit.r_par if grounded else 0.0)  # ohm
@@ -280,6 +316,17 @@ def of_network(circuit, laplacian: np.ndarray, lines, leads, r_ref: np.ndarray) 
     return adc.T if turned else adc
 
 
+def _of_separate(circuit, laplacian, lines, leads, r_ref) -> np.ndarray:
+    """As `of_network`; a row that is joined to a column is a short circuit."""
+    (a, b), turned = lines, circuit.driven == "columns"
+    g = np.where(a[:, None] == b, np.inf, -laplacian[np.ix_(a, b)])
+    with np.errstate(divide="ignore"):
+        ohm = 1.0 / g + circuit.r_par + leads[0][:, None] + leads[1]
+        adc = np.minimum((r_ref[:, None] if turned else r_ref) / ohm, 1.0)
+    adc[a < 0], adc[:, b < 0] = 0.0, 0.0
+    return adc
+
+
 def sharing(circuit, cells: float) -> float:
     """Cells of a square touch of `cells` cells whose current flows through what lies in series.
 
@@ -287,6 +334,8 @@ def sharing(circuit, cells: float) -> float:
     driven; if floating, of g * rho = cells / (its rows + its columns - 1), by Foster's theorem.
     """
     side = min(math.sqrt(cells), *circuit.shape)
+    if circuit.readout == "virtual_ground":
+        return 1.0
     if circuit.readout == "floating":
         return cells / (side + cells / side - 1.0)
     return side
@@ -298,8 +347,10 @@ def apparent(circuit, adc: np.ndarray) -> tuple[np.ndarray | float, float]:
     Returns:
         scale, to be broadcast, or a number, and offset [ohm]: r_ref * scale / adc - offset is the
         two-terminal resistance if floating, r_ref times voltage over current of the own cell if
-        loaded as if no current came to its sense line from other cells, and the cell if grounded.
+        loaded as if no current came to its sense line from other cells, and the cell otherwise.
     """
+    if circuit.readout == "virtual_ground":
+        return 1.0, circuit.r_par
     if circuit.readout == "floating":
         return 1.0, circuit.r_ref + circuit.r_par
     along, across = (-1, -2) if circuit.driven == "rows" else (-2, -1)

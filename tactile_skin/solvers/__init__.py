@@ -1,6 +1,7 @@
 """From a reading to the force on each cell: one entry, `compensate`, and a file per method.
 
 reading.py      one checked frame           estimate.py   what comes out
+checks.py       the other arguments
 naive.py        the paper's naive method    learned.py    the networks
 fixed_point.py  the literature's iteration  newton.py     the exact inverse
 map.py          noise-aware, with prior.py  auto.py       the cheapest that the frame allows
@@ -19,13 +20,14 @@ from ..physics import lines
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from .auto import auto
+from .checks import check_prior, check_start
 from .estimate import Estimate, batch_of
 from .fixed_point import first_guess, fixed_point, iterate, last_guess
 from .learned import cnn, physics
 from .map import map_estimate
 from .naive import naive
 from .newton import fits_circuit, newton
-from .reading import Reading, check_prior, check_reading, check_start
+from .reading import Reading, check_reading
 from .suspect import EXACT_NOISE, saturation
 
 METHODS = {
@@ -61,6 +63,7 @@ def compensate(
     noise=None,
     missing: bool = False,
     threshold: float = 0.0,
+    ceiling: float = 1.0,
     time_limit: float | None = None,
 ) -> Estimate:
     """Undo the cross-talk of one frame, or of each of a batch.
@@ -109,7 +112,8 @@ def compensate(
         given["prior"] = check_prior(prior, circuit)
     given["start"] = start
     given = {name: given[name] for name in _TAKES[method]}
-    checks = {"missing": missing, "threshold": threshold, "noise": noise, "time_limit": time_limit}
+    checks = {"missing": missing, "threshold": threshold, "ceiling": ceiling}
+    checks |= {"noise": noise, "time_limit": time_limit}
     adc = np.asarray(adc, dtype=float)
     if adc.ndim != 3:
         return _one(check_reading(adc, circuit, curve, **checks), method, given)

@@ -16,7 +16,7 @@ _TARGET = 0.25  # ADC steps RMS at which to stop: below rounding to whole steps
 def fixed_point(reading: Reading) -> Estimate:
     """The fixed point until the reading is met to the ADC's rounding."""
     reading.need_all_cells("fixed_point")
-    if reading.circuit.readout == "grounded":
+    if reading.circuit.readout in readouts.CLOSED_FORM:
         g, iterations, _ = closed_form(reading, grounded.FAST)
     else:
         g, iterations = iterate(reading, first_guess(reading), MAX_STEPS, _TARGET)
@@ -36,12 +36,14 @@ def first_guess(reading: Reading) -> np.ndarray:
     populated, share = reading.circuit.populated, 1.0
     if reading.circuit.readout == "floating":
         share = (sum(reading.circuit.shape) - 1) / np.count_nonzero(populated)
-    guess = np.where(reading.known, share / reading.rho, 0.0)
+    guess = np.where(reading.known | reading.topped, share / reading.rho, 0.0)
     return populated * np.clip(guess, *reading.bounds)
 
 
 def closed_form(reading: Reading, target: float = grounded.EXACT) -> tuple[np.ndarray, int, bool]:
-    """`grounded.closed_form` of the reading."""
+    """`grounded.closed_form` of the reading, or each cell by its own reading."""
+    if not reading.circuit.has_cross_talk:
+        return first_guess(reading), 0, True
     return grounded.closed_form(
         reading.circuit, reading.adc, *reading.bounds, target=target, late=reading.late
     )
@@ -57,7 +59,7 @@ def fill(reading: Reading, g: np.ndarray) -> np.ndarray:
 
     From rest, the prior would take them for holes in a touch.
     """
-    unread = reading.circuit.populated & ~reading.known & ~reading.capped
+    unread = reading.circuit.populated & ~reading.known & ~reading.capped & ~reading.topped
     if not unread.any():
         return g
     read = reading.circuit.populated & ~unread
@@ -78,7 +80,8 @@ def iterate(reading: Reading, g, steps: int, target: float) -> tuple[np.ndarray,
         g (rows, cols) [S], within the curve's bounds, and the steps taken.
     """
     circuit = reading.circuit
-    if circuit.has_ideal_drivers:  # nothing to iterate: g is `closed_form`, or near it
+    # nothing to iterate: g is `closed_form`, or near it
+    if circuit.has_ideal_drivers or not circuit.has_cross_talk:
         return g, 0
     cells = np.flatnonzero(circuit.populated & reading.known).astype(np.int32)  # others stay
     low, high = (np.log(bound.ravel()[cells]) for bound in reading.bounds)

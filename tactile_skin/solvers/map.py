@@ -51,6 +51,14 @@ _USUAL_NOISE, _USUAL_COUNT = 0.6, 3.0
 
 
 def map_estimate(reading: Reading, start: Estimate | None = None, prior=None) -> Estimate:
+    """`_map_estimate`; what it doubts once its time is over, more time might explain."""
+    found = _map_estimate(reading, start, prior)
+    if found.status != "suspect" or not reading.late() or suspect.by_reading(reading):
+        return found
+    return replace(found, message="the time limit (time_limit) was reached before an explanation")
+
+
+def _map_estimate(reading: Reading, start: Estimate | None, prior) -> Estimate:
     """Most probable force, from `start` or from a few steps of the fixed point.
 
     A start may lead to a bad local fit, so a suspect frame is solved again without it. Another
@@ -79,6 +87,8 @@ def map_estimate(reading: Reading, start: Estimate | None = None, prior=None) ->
         estimate = estimate if again.status == "failed" else again
     if not reading.noise_given:
         reading = replace(reading, noise=estimate.noise)
+    if not reading.circuit.has_cross_talk:  # cells of any other circuit would fit as well
+        return estimate
     if estimate.status == "suspect" and not reading.late():
         estimate = without_bad_contacts(reading, fit, estimate) or estimate
     if estimate.status == "ok" and prior is None:
@@ -152,6 +162,9 @@ def _fit(
     with np.errstate(divide="ignore"):
         force = reading.curve.force(1.0 / g) * circuit.populated
     std = spread(reading.curve, force, np.minimum(_WIDEN * std_x, 10.0)) * circuit.populated
+    if reading.topped.any():  # up to the curve's end all is as likely
+        more = np.maximum(reading.curve.max_force - force, 0.0) / 3**0.5
+        std = np.where(reading.topped, np.maximum(std, more), std)
     residual = reading.residual(adc)
     message = suspect.by_reading(reading)
     message = message or suspect.by_residual(reading, point.model.adc, ROUNDING_NOISE)
@@ -159,8 +172,8 @@ def _fit(
         message = _by_score(reading, point, step.equations, std_x, broad, prior)
     status = "suspect" if message else "ok"
     if not converged:
-        why = "time limit reached" if step.solved else "the step exceeds single precision"
-        status, message = "failed", f"no convergence after {iterations} steps: {why}"
+        why = "" if step.solved else ": the step exceeds single precision"
+        status, message = "failed", suspect.no_convergence(reading, iterations) + why
     return Estimate(
         force, std, residual, status, message, "map", steps + iterations, noise=reading.noise
     )
@@ -231,6 +244,8 @@ def _noise_left(reading: Reading, point: _Point, step: _Step) -> float:
 
 def _by_score(reading: Reading, point: _Point, equations, std_x, broad: bool, prior) -> str:
     """What the tests of the whole frame find; empty if nothing."""
+    if not reading.circuit.has_cross_talk:
+        return ""
     # The fit may stop short of its minimum, for which the tests are.
     pull = _downhill(point).flat[equations.unknowns]
     rough = broad and _rough(reading, point)

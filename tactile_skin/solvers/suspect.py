@@ -37,6 +37,7 @@ _DIFFER = 1.25
 _CEILING, _GAP = 1.01, 3.03
 _FLAT, _SATURATED = (8, 0.5), (30, 0.25)
 _SPREADS = 0.4
+_NEAR_END = 0.7  # of the ADC's range, above which its input may be saturated: 3.3 of 5 V are 0.66
 
 
 def by_reading(reading: Reading) -> str:
@@ -99,13 +100,25 @@ def saturation(reading: Reading, minimum: int = _FLAT[0], others: float = _FLAT[
     """
     top = reading.steps.max()
     circuit = reading.circuit
+    if reading.topped.any():  # it ends there, and what that means is known
+        return ""
     if top >= circuit.ratio(np.max(reading.curve.least_resistance)) * circuit.full_scale:
         return ""  # cells at the curve's end read alike
     below = (top - reading.steps)[reading.known]
     at_top = np.count_nonzero(below < _CEILING)
     if at_top < minimum or np.count_nonzero(below < _GAP) > (1.0 + others) * at_top:
         return ""
-    return f"{at_top} readings are equal, {top:.0f} ADC steps, the largest: is the input saturated?"
+    return (
+        f"{at_top} readings are equal, {top:.0f} ADC steps, the largest: "
+        f"{ask_what_ends(top / circuit.full_scale)}"
+    )
+
+
+def ask_what_ends(share: float) -> str:
+    """Return the question after what ends readings at this share of the ADC's range."""
+    if share < _NEAR_END:
+        return "does something limit them, an amplifier or the sketch?"
+    return "is the input saturated?"
 
 
 def by_residual(
@@ -249,11 +262,16 @@ def estimate_from_force(
         message = by_residual(reading, model.adc, slack=slack)
     status = "suspect" if message else "ok"
     if not converged:
-        status, message = "failed", f"no convergence after {iterations} steps"
+        status, message = "failed", no_convergence(reading, iterations)
     if circuit.mask is not None:
         std *= circuit.populated
     residual, noise = reading.rms(misfit), reading.noise
     return Estimate(force, std, residual, status, message, method, iterations, noise=noise)
+
+
+def no_convergence(reading: Reading, iterations: int) -> str:
+    why = ", the time limit (time_limit) was reached" if reading.late() else ""
+    return f"no convergence after {iterations} steps{why}"
 
 
 def network_of(force, reading: Reading):

@@ -21,7 +21,7 @@ from ...behaviours.stop import PUSH as PUSH_REASON
 from ...middleware.threads import one_thread
 from ...physics.circuit import Circuit
 from ...physics.curve import GRAM, PressureCurve
-from ...physics.readouts import DRIVEN, READOUTS
+from ...physics.readouts import DRIVEN, PASSIVE
 from ..measure import GHOST
 from ..stability import FAILS, FAILS_SHARE
 from . import streams, table
@@ -51,7 +51,7 @@ PUBLISHED = tuple(SHAPES)
 SHAPES |= {
     f"{n}x{n}-{readout}-{driven}": Circuit(n, n, readout=readout, driven=driven)
     for n in (4, 8, 16)
-    for readout in READOUTS[1:]
+    for readout in PASSIVE[1:]
     for driven in DRIVEN
 }
 SOUND = (  # protocol, readout, noise of a sample [ADC steps], whether its noise is configured

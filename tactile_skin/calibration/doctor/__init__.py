@@ -4,6 +4,7 @@ findings.py   each fault in words
 recorded.py   rest, noise and touches of the recording
 readout.py    another readout than the configured one
 readings.py   faults of single readings: bits, ceiling, noise, open and loose lines
+converter.py  an ADC that is not linear
 diode.py      diodes in the driven lines of a loaded matrix
 order.py      lines that read alike, lines in the wrong order
 wiring.py     damage of wires and cells that explains the rest
@@ -23,8 +24,8 @@ from ...physics.circuit import Circuit
 from ...solvers.score import series_scale
 from ..identify import identify
 from ..rest import REST_SPAN, Rest, resting_conductance, usual_resistance
+from . import converter, order, readings, readout, wiring
 from . import findings as texts
-from . import order, readings, readout, wiring
 from .diode import unknown_diode
 from .findings import Finding
 from .recorded import Recorded, record
@@ -105,6 +106,8 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     touched = _touched(seen, _READ[0 if series else 1])
     if finding := _silent(seen):
         return [finding]
+    if table := converter.other(circuit, touched):
+        return [texts.converter(table)]
     fitting = readout.other(circuit, touched)
     if fitting and fitting.circuit:
         return [texts.readout(circuit, fitting)]

@@ -9,6 +9,7 @@ import numpy as np
 from ...physics.circuit import Circuit
 from ..identify import Identified
 from . import order, wiring
+from .converter import Converter
 from .readout import Fitting
 from .recorded import Recorded, line_name
 
@@ -300,6 +301,15 @@ def _wired(circuit: Circuit) -> str:
 
 def readout(supposed: Circuit, fitting: Fitting) -> Finding:
     name = fitting.circuit.readout
+    if name == "virtual_ground":
+        return Finding(
+            "readout",
+            "wiring of the board",
+            f"the readings along a line add up to {fitting.left:.1f} times full scale while others "
+            "on it stay as they are, which no network of resistors reads: each is of its own cell",
+            "If an amplifier holds each sense line at 0 V, set circuit.readout: virtual_ground and "
+            "circuit.r_ref to its feedback resistor; docs/boards.md shows it",
+        )
     driven = "" if name == "floating" else f" and circuit.driven: {fitting.circuit.driven}"
     return Finding(
         "readout",
@@ -307,6 +317,23 @@ def readout(supposed: Circuit, fitting: Fitting) -> Finding:
         f"the touches fit {_wired(fitting.circuit)} to {fitting.left:.1f} times the noise, and "
         f"{_wired(supposed)}, as configured, to {fitting.supposed:.1f} times",
         f"Set circuit.readout: {name}{driven}; docs/boards.md shows how to tell by the wires",
+    )
+
+
+def converter(found: Converter) -> Finding:
+    board, setting = found.name.upper(), f"circuit.adc_table: {found.name}"
+    remedy = f"If the board is an {board}, set {setting}"
+    if not found.alone:
+        remedy = (
+            f"Is the board an {board} ({setting}), or is the divider's supply above the ADC's "
+            "reference (circuit.adc_full_scale)?"
+        )
+    return Finding(
+        "circuit",
+        "ADC",
+        f"a linear ADC misses the touches by {found.supposed:.1f} times the noise, one with an "
+        f"{board}'s table by {found.left:.1f}",
+        f"{remedy}. docs/boards.md says which r_ref keeps readings in its straight part",
     )
 
 

@@ -15,6 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import binary_dilation
 
+from ...solvers.suspect import ask_what_ends
+
 _STILL = 8  # frames in which a reading that has noise moves
 _CHANCE = 1e-6  # of a sound skin's readings standing at one height, in one frame
 _PRIOR = 1.0, 1e3  # readings that stood still, of so many, before any was counted
@@ -137,7 +139,7 @@ class Ceiling:
         falls_from: of a board whose readings fall with pressure, the largest one [ADC steps];
             what is given here is what they have fallen by.
         """
-        self._falls_from = falls_from
+        self._falls_from, self._full = falls_from, 2**adc_bits - 1
         self._scale = 1 << (16 - adc_bits)
         self._most = _NEAR_MOST * most
         # where readings stood still [ADC steps], and what the others read then
@@ -225,5 +227,5 @@ class Ceiling:
         end = self.height if self._falls_from is None else self._falls_from - self.height
         return (
             f"readings end at {end:.0f} ADC steps and stay there while others change: "
-            "is the input saturated?"
+            f"{ask_what_ends(self.height / self._full)}"
         )

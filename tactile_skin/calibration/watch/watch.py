@@ -35,6 +35,9 @@ class Watch:
         short_circuit = adc.rising_count(float(circuit.ratio(0.0)))
         top = circuit.full_scale if adc.inverted else None
         self._ceiling = Ceiling(circuit.adc_bits, short_circuit, top)
+        # the solvers know what a reading there means
+        self._end = circuit.full_scale * 2 ** (16 - circuit.adc_bits)
+        self._end_is_known = bool(adc.bounds(np.array(adc.range[1])))
         self._windows, self._picture = Windows(circuit.adc_bits), RestPicture()
         self._saturated = self._dead = self._odd = self._why = ""
         self._cells, self.contacts = Cells(circuit.shape), Contacts()
@@ -74,11 +77,12 @@ class Watch:
             self._doubtful = self._doubt.frame(t, suspect, touched)
         self._why = estimate.message if suspect else self._why
         samples = self._adc.rising(samples)
-        self._saturated = self._ceiling.frame(samples)
+        if not (self._end_is_known and samples.max() >= self._end):
+            self._saturated = self._ceiling.frame(samples)
         if (window := self._windows.frame(samples)) is not None:
             self._saturated = self._ceiling.window(window)
             if rest is not None:
-                self._dead = self._picture.window(window, rest * self._adc.circuit.full_scale)
+                self._dead = self._picture.window(window, self._adc.rising_count(rest))
         self._odd = self._cells.frame(t, estimate.force)
         self.contacts.frame(estimate.aside)
         self.load.frame(t, estimate.force)

@@ -26,6 +26,7 @@ class ParameterDescriptor:
     description: str = ""
     additional_constraints: str = ""
     read_only: bool = False
+    dynamic_typing: bool = False
     floating_point_range: list[FloatingPointRange] = field(default_factory=list)
     integer_range: list[IntegerRange] = field(default_factory=list)
 
@@ -65,7 +66,7 @@ def checked(node: str, name: str, value, default, descriptor: ParameterDescripto
         if default and any(type(v) is not type(default[0]) for v in value):
             kind = type(default[0]).__name__
             raise ParameterError(f"{where} = {value!r}: must be a list of {kind}")
-    elif type(value) is not type(default):
+    elif type(value) is not type(default) and not descriptor.dynamic_typing:
         kind = type(default).__name__
         raise ParameterError(f"{where} = {value!r}: must be of type {kind}, as {default!r} is")
     numbers = value if isinstance(value, list) else [value]

@@ -155,7 +155,9 @@ class Ros2Node:
         from rcl_interfaces import msg as rcl
 
         described = rcl.ParameterDescriptor(
-            description=descriptor.description, read_only=descriptor.read_only
+            description=descriptor.description,
+            read_only=descriptor.read_only,
+            dynamic_typing=descriptor.dynamic_typing,
         )
         for bounds in descriptor.floating_point_range:
             described.floating_point_range.append(

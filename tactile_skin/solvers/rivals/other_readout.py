@@ -14,7 +14,7 @@ import numpy as np
 
 from ...physics.circuit import Circuit
 from ...physics.curve import PressureCurve
-from ...physics.readouts import DRIVEN, READOUTS
+from ...physics.readouts import DRIVEN, PASSIVE
 from ..estimate import Estimate
 from ..fixed_point import first_guess, iterate, last_guess
 from ..newton import fits_circuit, newton
@@ -59,7 +59,7 @@ def other_readout(reading: Reading, estimate: Estimate, start: Estimate | None, 
         return ""
     mine = None
     for circuit, curve in _others(own, reading.curve):
-        less = READOUTS.index(own.readout) < READOUTS.index(circuit.readout)
+        less = PASSIVE.index(own.readout) < PASSIVE.index(circuit.readout)
         light = less and share >= _COVERED  # here, and maybe a hard load there
         if light and _off(reading.curve) < _NEARER[own.readout] * _off(curve):
             continue  # light loads alone are those of either
@@ -149,7 +149,7 @@ def _others(circuit: Circuit, curve: PressureCurve) -> list[tuple[Circuit, Press
     found = []
     rest, usual = rest_reading(circuit, curve), curve.points[0][1]
     wide = PressureCurve((0.0, 1.0), (usual * _SPAN, usual / _SPAN))
-    for readout in READOUTS[1:]:
+    for readout in PASSIVE[1:]:
         for driven in DRIVEN:
             other = circuit.read_as(readout, driven)
             fit = newton(check_reading(rest, other, wide, noise=0.0))

@@ -1,0 +1,124 @@
+"""Boards with an ESP32's ADC through all nodes: force felt over the true one, time in a fault stop.
+
+    python tests/yardsticks/esp32.py [--boards 6] [--seed 1900] [--r-ref 1000 4700] [--spread]
+
+The boards' chips are two that others measured, not the shipped table, with --spread each with an
+offset and a gain of its own; a driven clock, 8 x 8 floating cells at 20 Hz, touches of 3 to 40 N.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+from strangers.sim import fabric, touches
+
+from tactile_skin import Circuit, forward
+from tactile_skin.bench.damage.chain import Chain
+from tactile_skin.middleware.threads import one_thread
+
+SUPPLY = 3.3  # V
+# (V, reading of 12 bits) of single chips: github.com/espressif/arduino-esp32, issue 92, with the
+# dead zone and the end that others report there; github.com/kisel/esp32_adc_test, f2/adc.csv
+ISSUE_92 = "0.142 0 0.819 823 1.641 1814 2.462 2811 3.15 4095"
+KISEL = (
+    "0.139 0 0.2 70 0.5 436 0.8 816 1.1 1184 1.494 1676 1.8 2059 2.103 2421 2.35 2730 2.505 2930 "
+    "2.603 3065 2.701 3216 2.808 3394 2.906 3581 3.001 3785 3.055 3906 3.119 4060 3.134 4095"
+)
+CHIPS = [np.array(chip.split(), float).reshape(-1, 2) for chip in (ISSUE_92, KISEL)]
+OFFSET = 0.025  # V RMS, from chip to chip
+GAIN = 0.02  # RMS, from chip to chip
+NOISE = 0.0015  # V RMS of a reading
+RATE = 20.0  # Hz
+REST = 5.0  # s before the first touch
+TOUCHED = 3.0  # N in all, from which a frame is scored
+LATEST = 3  # frames of a touch that comes or goes, on either side, which are not scored
+
+
+class Chip:
+    """One ESP32's ADC: volts -> readings."""
+
+    def __init__(self, rng: np.random.Generator, of: int, offset=0.0, gain=0.0):
+        volts, self._readings = CHIPS[of].T
+        self._volts = volts * (1.0 + gain * rng.standard_normal()) + offset * rng.standard_normal()
+
+    def read(self, volts: np.ndarray) -> np.ndarray:
+        return np.rint(np.interp(volts, self._volts, self._readings)).astype(int)
+
+
+def frames(circuit: Circuit, seed, of: int, seconds: float = 90.0, *, offset=OFFSET, gain=GAIN):
+    """Return (n, rows, cols) readings of one board, and the forces [N].
+
+    Args:
+        of: index into `CHIPS`.
+        offset, gain: RMS by which its converter is off that chip's [V, share].
+    """
+    rng = np.random.default_rng(seed)
+    chip, curve = Chip(rng, of, offset, gain), fabric(circuit, seed=int(rng.integers(1 << 30)))
+    force = touches(
+        circuit.shape,
+        seconds,
+        RATE,
+        seed=int(rng.integers(1 << 30)),
+        rest=REST,
+        hard=(3, 40),
+        hold=1.2,
+    )
+    volts = SUPPLY * forward(circuit, curve.resistance(force))
+    return chip.read(volts + NOISE * rng.standard_normal(volts.shape)), force
+
+
+def felt(circuit: Circuit, readings, force, adc: dict) -> tuple[np.ndarray, float, dict]:
+    """Ratio of felt to true force while touched; share of time in a fault stop; reasons."""
+    chain = Chain(circuit, "text", {n: adc for n in ("serial_driver", "compensation")})
+    total = force.sum((1, 2))
+    near = np.array([total[max(k - LATEST, 0) : k + LATEST + 1].min() for k in range(len(total))])
+    ratio, faults, why = [], 0, {}
+    try:
+        for k, frame in enumerate(readings):
+            chain.feed(k / RATE + 0.01, b",".join(b"%d" % v for v in frame.ravel()) + b"\n")
+            chain.until(k / RATE + 0.04)
+            if near[k] > TOUCHED:
+                ratio.append(chain.force.sum() / total[k])
+            fault = chain.stop and "push" not in chain.reason
+            if k / RATE > REST and fault:
+                faults += 1
+                why[chain.reason] = why.get(chain.reason, 0) + 1
+    finally:
+        chain.close()
+    return np.array(ratio), faults / (len(readings) - REST * RATE), why
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--boards", type=int, default=6)
+    parser.add_argument("--seed", type=int, default=1900)
+    parser.add_argument("--r-ref", type=float, nargs="+", default=[1000.0, 4700.0, 10000.0])
+    parser.add_argument("--table", default="esp32", help="none: as without the table")
+    parser.add_argument("--spread", action="store_true", help="chips off those by OFFSET and GAIN")
+    parser.add_argument("--verbose", action="store_true")
+    args = parser.parse_args()
+    spread = {} if args.spread else {"offset": 0.0, "gain": 0.0}
+    adc = {"circuit.adc_table": "" if args.table == "none" else args.table}
+    with one_thread():
+        for r_ref in args.r_ref:
+            circuit = Circuit(8, 8, r_ref=r_ref, r_par=140.0, adc_bits=12)
+            every, stopped = [], []
+            for k in range(args.boards):
+                readings, force = frames(circuit, (args.seed, k), k % len(CHIPS), **spread)
+                ratio, faults, why = felt(circuit, readings, force, adc)
+                every.append(ratio)
+                stopped.append(faults)
+                if args.verbose:
+                    q = np.quantile(ratio, (0.1, 0.5, 0.9)).round(2)
+                    print(f"  board {k}: {q}, {faults:.1%}", dict(sorted(why.items())[:3]))
+            low, middle, high = np.quantile(np.concatenate(every), (0.1, 0.5, 0.9))
+            print(
+                f"r_ref {r_ref:6.0f}: felt over true {middle:.2f} ({low:.2f} to {high:.2f}), "
+                f"fault stops {np.mean(stopped):.1%} of the time",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()
