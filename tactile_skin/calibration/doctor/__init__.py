@@ -7,7 +7,6 @@ readings.py   faults of single readings: bits, ceiling, noise, open and loose li
 diode.py      diodes in the driven lines of a loaded matrix
 order.py      lines that read alike, lines in the wrong order
 wiring.py     damage of wires and cells that explains the rest
-running.py    the same while the skin runs
 
 What the readings cannot tell is not guessed: two boards that read alike get the same finding, which
 then names both.
