@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..calibration.doctor import Finding, diagnose
+from ..calibration.doctor.findings import entered
 from ..calibration.doctor.recorded import record
 from ..calibration.rest import Rest, measure_rest
 from ..middleware.config import ParameterFile, SkinConfig, read_skin
@@ -101,6 +102,8 @@ def run(args) -> int:
     print(picture(found, circuit))
     for finding in found:
         print(f"- {finding}")
+        if finding.change:
+            print(f"  set {entered(finding.change.settings(circuit, adc.inverted))}")
     if not found:
         print("nothing found. " + unseen(circuit))
     if note := touches_note(frames, circuit, rest):
