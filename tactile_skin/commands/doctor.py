@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from ..calibration.doctor import Finding, diagnose
-from ..calibration.doctor.findings import entered
 from ..calibration.doctor.recorded import record
 from ..calibration.rest import Rest, measure_rest
 from ..middleware.config import ParameterFile, SkinConfig, read_skin
@@ -97,13 +96,11 @@ def run(args) -> int:
     rest = None
     if "rest" in given:
         rest = measure_rest(_ratio(given["rest"], adc), circuit)
-    found += diagnose(frames, circuit, rest)
+    found += diagnose(frames, circuit, rest, inverted=adc.inverted)
     print(f"{len(frames)} frames of {circuit.rows} x {circuit.cols}")
     print(picture(found, circuit))
     for finding in found:
         print(f"- {finding}")
-        if finding.change:
-            print(f"  set {entered(finding.change.settings(circuit, adc.inverted))}")
     if not found:
         print("nothing found. " + unseen(circuit))
     if note := touches_note(frames, circuit, rest):

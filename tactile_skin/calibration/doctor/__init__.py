@@ -58,7 +58,12 @@ _HALF_STEP = 0.5
 
 
 def diagnose(
-    frames, circuit: Circuit, rest: Rest | None = None, *, series: bool = True
+    frames,
+    circuit: Circuit,
+    rest: Rest | None = None,
+    *,
+    series: bool = True,
+    inverted: bool = False,
 ) -> list[Finding]:
     """What is wrong with a board.
 
@@ -69,6 +74,7 @@ def diagnose(
         circuit: what is supposed.
         rest: `measure_rest` of the same board; None: from the frames in which nothing touches.
         series: whether to ask for r_par, r_ref and supply, which takes most of the time.
+        inverted: whether the frames are 1 minus what the board reads, as it is configured.
 
     Returns:
         The faults, an empty list for a sound board. Readings upside down, another readout than the
@@ -85,10 +91,10 @@ def diagnose(
         seen.fell < _FELL or readout.misses(circuit, _touched(seen, _READ[1])) < readout.FITS
     ):
         return found
-    return _upside_down(seen, record(1.0 - frames, circuit, None)) or found
+    return _upside_down(seen, record(1.0 - frames, circuit, None), inverted) or found
 
 
-def _upside_down(seen: Recorded, turned: Recorded) -> list[Finding]:
+def _upside_down(seen: Recorded, turned: Recorded, inverted: bool) -> list[Finding]:
     """Whether nothing but another readout is wrong the other way round, or all that moves falls.
 
     Args:
@@ -107,7 +113,7 @@ def _upside_down(seen: Recorded, turned: Recorded) -> list[Finding]:
     if not is_safe(change, seen.ratio, turned.quiet, turned.usual_noise):
         return []
     usual = float(np.median(seen.steps[:, seen.read]))
-    return [texts.polarity(usual, circuit, Change(circuit, turned=True)), *of_other]
+    return [texts.polarity(usual, Change(circuit, turned=True), inverted), *of_other]
 
 
 def _diagnose(seen: Recorded, series: bool) -> list[Finding]:

@@ -51,18 +51,19 @@ def _line(axis: int, line: int) -> dict:
     return {("rows", "cols")[axis]: (line,)}
 
 
-def polarity(level: float, circuit: Circuit, change: Change) -> Finding:
+def polarity(level: float, change: Change, inverted: bool) -> Finding:
     """Return that readings are upside down.
 
     Args:
         level: usual reading [ADC steps].
+        inverted: whether they are configured as falling with pressure.
     """
     return Finding(
         "polarity",
         "all readings",
-        f"usually {level:.0f} of {circuit.full_scale:.0f} ADC steps, and touches lower them",
-        "circuit.inverted is the other way: true where what the board prints falls with pressure, "
-        "false where it rises",
+        f"usually {level:.0f} of {change.circuit.full_scale} ADC steps, and touches lower them",
+        f"Set {entered(change.settings(change.circuit, inverted))}: what the board prints "
+        f"{'rises' if inverted else 'falls'} with pressure",
         change=change,
     )
 
@@ -351,7 +352,8 @@ def readout(supposed: Circuit, fitting: Fitting) -> Finding:
 
 def entered(settings: dict) -> str:
     """Return settings as an owner enters them."""
-    return ", ".join(f"{name}: {value}" for name, value in settings.items())
+    written = {name: str(value).lower() for name, value in settings.items()}
+    return ", ".join(f"{name}: {value}" for name, value in written.items())
 
 
 def _read(supposed: Circuit, change: Change) -> str:
