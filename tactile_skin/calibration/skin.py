@@ -239,8 +239,8 @@ class Skin:
         )
         return next(filter(None, reasons), "")
 
-    def reasons(self, *, past: bool = True) -> str:
-        """All that is wrong, the worst first.
+    def reasons(self, *, past: bool = True) -> list[str]:
+        """Return all that is wrong, the worst first.
 
         Args:
             past: with faults that the last frame no longer shows.
@@ -248,15 +248,16 @@ class Skin:
         cell, contact = self._watch.odd
         reasons = (
             *self._watch.certain,
+            self._tare.wiring if self._tare.half_read else "",
             self.message or (self._watch.kept if past else ""),
             self._tracker.message,
             self._tracker.hint,
             self._tare.message,
-            self._tare.wiring,
+            "" if self._tare.half_read else self._tare.wiring,
             self._noise.message or cell,
             contact,
         )
-        return "; ".join(filter(None, reasons))
+        return list(filter(None, reasons))
 
     @property
     def rest_resistance(self) -> np.ndarray | None:

@@ -110,7 +110,8 @@ class Tare:
         # sum and frames of the first half, of the second, and of what follows
         self._parts = [(np.zeros(self._circuit.shape), 0)] * 3
         self._adc: np.ndarray | None = None  # the last frame
-        self._changes = np.zeros(self._circuit.shape)  # from frame to frame, their sizes summed
+        # sizes of the changes from frame to frame, summed, and the largest: it may be a touch
+        self._changes = self._jump = np.zeros(self._circuit.shape)
 
     def update(self, t: float, adc: np.ndarray, force: np.ndarray) -> bool:
         """Take a frame.
@@ -197,7 +198,8 @@ class Tare:
     def _add(self, t: float, adc: np.ndarray) -> None:
         """Take a frame into the measurement, or into what follows it."""
         if self._adc is not None:
-            self._changes += np.abs(adc - self._adc)
+            change = np.abs(adc - self._adc)
+            self._changes, self._jump = self._changes + change, np.maximum(self._jump, change)
         self._adc = adc
         half = t - self._since >= 0.5 * _WINDOW and self._parts[0][1] >= _MIN_FRAMES // 2
         part = 2 if self._until < np.inf else int(half)
@@ -209,7 +211,7 @@ class Tare:
     def _noise(self) -> np.ndarray:
         """(rows, cols) of one reading, by what changes from frame to frame; ADC ratio."""
         changes = sum(n for _, n in self._parts) - 1
-        noise = _OF_CHANGES * self._changes / changes  # one jump, of a touch, hardly counts
+        noise = _OF_CHANGES * (self._changes - self._jump) / max(changes - 1, 1)
         return np.maximum(noise, SCAN_NOISE / self._circuit.full_scale)
 
     def _usual(self, noise: np.ndarray) -> float:

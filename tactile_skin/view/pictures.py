@@ -229,7 +229,8 @@ def findings(snapshot: Snapshot) -> list[dict]:
     for _, status in sorted(snapshot.nodes.items()):
         if status.level:  # what keeps the rest from being measured is a touch, and no fault
             unrested = status.values.get("tare", "")
-            texts += status.message.replace(unrested or "\0", "").split("; ")
+            said = f"{status.message}; {status.values.get('also', '')}"
+            texts += said.replace(unrested or "\0", "").split("; ")
     found = []
     for text in dict.fromkeys(texts):
         lines = {"row": [], "column": []}

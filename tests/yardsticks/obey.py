@@ -1,5 +1,6 @@
-"""What becomes of a skin whose owner obeys each piece of advice that it gives:
-`PYTHONPATH=tests python tests/yardsticks/obey.py [--boards N] [--seed S] [--kinds ...] [--verbose]`.
+"""What becomes of a skin whose owner obeys each piece of advice that it gives.
+
+    PYTHONPATH=tests python tests/yardsticks/obey.py [--boards N] [--seed S] [--kinds K ...]
 
 A board that sends lines of numbers is configured with one wrong entry. Its owner starts the skin,
 takes what the reason says, or where it points to the doctor, what the doctor says of a minute of
@@ -31,7 +32,6 @@ import yaml
 from strangers.sim import counts, fabric, finger, touches
 
 from tactile_skin import Circuit, PressureCurve
-from tactile_skin.behaviours.stop import PUSH
 from tactile_skin.bench.damage.chain import Chain
 from tactile_skin.commands import calibrate, doctor
 from tactile_skin.middleware.threads import one_thread
@@ -42,10 +42,24 @@ SETTLED = 0.5  # s after the palm came in which the skin may still be free
 ROUNDS = 6  # in which the owner still obeys
 TEXT = {"debounce": 0.01, "lead": 0.0}  # of stop_on_push, as docs/boards.md has it for text
 SHAPES = (6, 6), (8, 8), (8, 10), (10, 8), (12, 10), (6, 9)
-OF_CIRCUIT = (
-    "rows cols r_ref r_par adc_bits readout driven inverted adc_full_scale r_drive".split()
-)
+OF_CIRCUIT = [
+    "rows",
+    "cols",
+    "r_ref",
+    "r_par",
+    "adc_bits",
+    "readout",
+    "driven",
+    "inverted",
+    "adc_full_scale",
+    "r_drive",
+]
 LOOKED_UP = set(OF_CIRCUIT) - {"r_par", "r_drive"}  # what an owner can read off his board
+R_REF = {  # ohm, by which a readout tells a palm
+    "floating": (1780.0, 4700.0),
+    "loaded": (1000.0, 4700.0),
+    "grounded": (200.0, 500.0),
+}
 KINDS = "rows/cols", "size", "bits", "scale", "polarity", "readout", "r_par", "order"
 
 _SET = re.compile(r"\b[Ss]et:? ((?:[\w.]+: [\w.+-]+(?:, | and )?)+)")
@@ -109,7 +123,7 @@ def draw(seed: int, kinds=KINDS) -> Board:
     right = {
         "rows": rows,
         "cols": cols,
-        "r_ref": float((1780.0, 4700.0, 10000.0)[rng.integers(3)]),
+        "r_ref": float(R_REF[readout][rng.integers(2)]),
         "r_par": float(rng.uniform(20, 350)) if readout == "floating" else 25.0,
         "adc_bits": bits,
         "readout": readout,
@@ -118,9 +132,7 @@ def draw(seed: int, kinds=KINDS) -> Board:
         "adc_full_scale": 0.0,
         "r_drive": 0.0,
     }
-    circuit = Circuit(
-        **{k: v for k, v in right.items() if k not in ("inverted", "adc_full_scale")}
-    )
+    circuit = Circuit(**{k: v for k, v in right.items() if k not in ("inverted", "adc_full_scale")})
     curve = fabric(circuit, seed=seed, scatter=rng.uniform(0.03, 0.08))
     board = Board(kind, right, dict(right), curve, rng.uniform(0.5, 1.5), seed)
     board.order = np.arange(cols)
@@ -172,7 +184,7 @@ class Played:
         palm = (t >= 26.0) & (t < 29.0)
         force[t > 25.0] = 0.0
         middle = (shape[0] - 1) / 2, (shape[1] - 1) / 2
-        force[palm] = finger(shape, *middle, PALM, 1.5)
+        force[palm] = finger(shape, *middle, PALM, 1.1)
         of_adc = {f"circuit.{k}": entered[k] for k in ("inverted", "adc_full_scale")}
         given = {"serial_driver": of_adc, "compensation": of_adc, "stop_on_push": TEXT}
         self.free, self.reasons = False, []
@@ -357,6 +369,10 @@ def main() -> None:
     with one_thread(), tempfile.TemporaryDirectory() as folder:
         for seed in range(args.seed, args.seed + args.boards):
             board = draw(seed, args.kinds)
+            if not Played(board, board.right).right:
+                print(f"{seed} {board.kind}: is not right with the right entries", flush=True)
+                ends[board.kind]["not a board"] += 1
+                continue
             owner = Owner(board, Path(folder))
             end = owner.run()
             result = "FREE UNDER A PALM" if end.free else "right" if end.right else "stopped"
@@ -367,14 +383,17 @@ def main() -> None:
             if args.verbose and result != "right":
                 print("   right", board.right, "\n   end  ", owner.entered)
                 print("   seen", getattr(end, "seen", None))
-                for reason in end.reasons:
+                for reason in dict.fromkeys(re.sub(r"\d+(\.\d+)?", "#", r) for r in end.reasons):
                     print("   launch:", reason)
                 said = [k for k in owner.doctor().splitlines() if not k.strip()[:1].isdigit()]
                 print("   doctor:", "\n      ".join(said))
     total = sum(ends.values(), Counter())
     for kind, counter in [*ends.items(), ("all", total)]:
         print(f"{kind}: " + ", ".join(f"{k} {n}" for k, n in counter.most_common()))
-    print(f"free under {PALM:g} N: {len(free)} of {args.boards} {free or ''}; after advice: {on_the_way}")
+    print(
+        f"free under {PALM:g} N: {len(free)} of {args.boards} {free or ''}; on the way, after a "
+        f"piece of advice: {on_the_way}"
+    )
 
 
 if __name__ == "__main__":
