@@ -163,17 +163,15 @@ class Guide:
     def _check_readout(self, touches: list[np.ndarray]) -> None:
         """ValueError: they are those of another readout than the configured one.
 
-        A driven matrix whose r_par is wrong may look like another readout: there it is only said,
-        unless they tell r_par.
+        Where something else explains them as well it is only said.
         """
         hardest = sorted(touches, key=lambda touch: -np.nanmax(touch))[:_HARDEST]
         at_rest = self.rest.quiet(self.rest.adc[None])[0]
         found = other_readout(self.circuit, at_rest, self.rest.noise, np.array(hardest))
-        told = self.found is not None and self.found.told["r_par"]
-        if found and (self._supposed.readout == "floating" or told):
+        if found and found.change:
             raise ValueError(str(found))
         if found:
-            self._say(f"  {found} Or r_ref or r_par is wrong.")
+            self._say(f"  {found}")
 
     def _new_touch(self, touches: list[np.ndarray]) -> np.ndarray | None:
         """The mean frame of a touch that stands and was not there before; None: there is none."""

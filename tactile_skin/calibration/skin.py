@@ -18,7 +18,6 @@ from ..physics.curve import GRAM, PressureCurve
 from ..solvers import METHODS, Estimate, compensate
 from ..solvers.reading import ROUNDING_NOISE, SCAN_NOISE, rest_reading
 from .creep import Standing
-from .doctor.running import RunningDoctor
 from .noise import Noise
 from .tare import Tare
 from .tracker import CircuitTracker
@@ -94,7 +93,7 @@ class Skin:
             CircuitTracker(self.circuit, r_par_std),
         )
         self._noise = Noise(self.circuit.populated)
-        self._watch, self._doctor = Watch(adc, rest_known=not follows), RunningDoctor()
+        self._watch = Watch(adc, rest_known=not follows)
         self._last: Estimate | None = None  # the last frame: where the next starts from
         self._doubts = 0  # frames in a row
         self._ended = 0  # readings of the last frame at the end of the ADC's range
@@ -170,10 +169,9 @@ class Skin:
         noise = (self._noise.rms or SCAN_NOISE) / self.circuit.full_scale
         self._watch.untouched.frame(t, adc, stirs, rest, noise)
         if self.waits and self._tare.measured:  # doubts no longer count, nor this frame's
-            self.waits, self._doctor = False, RunningDoctor()
+            self.waits = False
             self._watch.forget_doubts()
         self._learn_circuit(t, adc, touched, stopped)
-        self._doctor.frame(t, adc, stopped)
         return force
 
     def refuse(self, why: str) -> None:
@@ -227,8 +225,6 @@ class Skin:
     def end_second(self) -> None:
         """What is judged once a second."""
         self._watch.contacts.end_second()
-        if not self._threshold:  # else the rest is not known
-            self._doctor.look(self.circuit)
 
     def reset(self) -> None:
         """Somebody has checked the skin: faults that the last frames no longer show are over."""
@@ -258,34 +254,32 @@ class Skin:
     def rest_reasons(self) -> str:
         """Why the rest is not measured yet, if that is known."""
         reasons = (
-            self._doctor.message,
             self._watch.load.since_start,
             self._tare.message,
             *self._watch.odd[:1],
         )
         return next(filter(None, reasons), "")
 
-    def reasons(self, *, past: bool = True) -> str:
-        """All that is wrong, the worst first.
+    def reasons(self, *, past: bool = True) -> list[str]:
+        """Return all that is wrong, the worst first.
 
         Args:
             past: with faults that the last frame no longer shows.
         """
         cell, contact = self._watch.odd
         reasons = (
-            self._doctor.message,
             *self._watch.certain,
+            self._tare.wiring if self._tare.half_read else "",
             self.message or (self._watch.kept if past else ""),
             self._tracker.message,
             self._tracker.hint,
             self._at_end,
             self._tare.message,
-            self._tare.wiring,
+            "" if self._tare.half_read else self._tare.wiring,
             self._noise.message or cell,
             contact,
-            self._watch.order.message,
         )
-        return "; ".join(filter(None, reasons))
+        return list(filter(None, reasons))
 
     @property
     def _at_end(self) -> str:
@@ -315,7 +309,6 @@ class Skin:
         if self._noise.rms is not None:
             values["noise"] = f"{self._noise.rms:.2f}"
         values |= self._tracker.values()
-        values |= {f"finding_{k}": str(f) for k, f in enumerate(self._doctor.findings, 1)}
         if self._watch.contacts.summary:
             values["set_aside"] = self._watch.contacts.summary
         return values | {f"frames_{name}": str(n) for name, n in self.taken.items()}

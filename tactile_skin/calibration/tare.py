@@ -16,9 +16,9 @@ import numpy as np
 from ..physics.circuit import Circuit
 from ..physics.curve import GRAM, PressureCurve
 from ..physics.readouts import apparent
-from ..solvers.reading import SCAN_NOISE, rest_reading
+from ..solvers.reading import MAX_NOISE, SCAN_NOISE, rest_reading
 from .rest import resting_conductance
-from .watch.twins import stuck_bit, twins
+from .watch.twins import stuck_bits, twins
 from .watch.voltage import OneVoltage
 
 MAX_TARED_FORCE = 2.0 * GRAM  # N on a cell; what conducts more is a touch, and stays one
@@ -34,6 +34,7 @@ _WANDERS = (
     "rest not measured: the readings wander from second to second: does something touch the skin, "
     "or is the supply unsteady?"
 )
+_OF_CHANGES = 0.886  # standard deviation over the mean change from one to the next, normal noise
 _TOUCH = 10.0 * GRAM  # N on a cell, felt: a touch
 _WINDOW = 1.0  # s that a measurement takes
 _MIN_FRAMES = 8  # frames that it takes
@@ -49,7 +50,10 @@ _SIGNIFICANT = 4.0  # standard deviations of its noise by which a measurement di
 _MAX_LINE_OFFSET = 0.2
 _MAX_STEP, _MAX_DRIFT = 0.1, 0.02 / 60.0
 _MAX_LINE_FALL = 0.05
-_BIT = "address bit"
+# Frames whose mean is a level that readings had before the first measurement, if the next such mean
+# agrees; standard deviations of its noise, and ADC steps, by which a reading above it has risen.
+_LEVEL_FRAMES = 2
+_RISEN, _RISEN_STEPS = 5.0, 1.0
 
 
 class Tare:
@@ -59,8 +63,9 @@ class Tare:
         curve: the given curve, with the cells' offsets once they are known.
         message: why the last measurement could not be used; empty if it could.
         measured: whether there was one that could.
-        unseen: whether nothing shows yet that a matrix is read: no second of rest has gone by, or
-            all cells read alike in it, where those of a fabric would not.
+        unseen: whether nothing shows yet that a matrix at rest is read: no second of rest has gone
+            by, or all cells read alike in it, where those of a fabric would not, or conduct what
+            no fabric of this curve does, or readings have risen since the start.
         wiring: what seems wrong with the wires, by the last measurement; empty if nothing. What the
             cells rest at is followed all the same.
         half_read: whether that means that half of the lines are not read.
@@ -79,6 +84,8 @@ class Tare:
         self._last = -np.inf  # s, when the last frame was read
         self._restless = 0  # measurements in a row whose parts differed
         self._one_voltage = OneVoltage(circuit)
+        self._lowest = np.full(circuit.shape, np.inf)  # ADC ratio, levels before any measurement
+        self._level: list[np.ndarray] = []  # the last frames
         self._begin(-np.inf)
         self._quiet = self._followed = -np.inf  # s, when a touch was last, and a drift followed
         self._drifted: tuple[float, np.ndarray] | None = None  # s, and what was read then
@@ -103,7 +110,8 @@ class Tare:
         # sum and frames of the first half, of the second, and of what follows
         self._parts = [(np.zeros(self._circuit.shape), 0)] * 3
         self._adc: np.ndarray | None = None  # the last frame
-        self._changes = np.zeros(self._circuit.shape)  # squares of those from frame to frame
+        # sizes of the changes from frame to frame, summed, and the largest: it may be a touch
+        self._changes = self._jump = np.zeros(self._circuit.shape)
 
     def update(self, t: float, adc: np.ndarray, force: np.ndarray) -> bool:
         """Take a frame.
@@ -122,9 +130,13 @@ class Tare:
             self._begin(t + _RECOVERY)
         elif self.measured and force.max() > _TOUCH:
             self._begin(t + _RECOVERY)
+        elif t - self._last > _WINDOW:  # what lies between was not seen
+            self._begin(t)
         if force.max() > MAX_TARED_FORCE:
             self._quiet, self._drifted = t, None
         self._last = t
+        if not self.measured:
+            self._note_level(adc)
         followed = self.measured and self._follow(t, adc)
         if t < self._after:
             return followed
@@ -141,19 +153,57 @@ class Tare:
                 self.message = _WANDERS if self._restless >= _TRIES else ""
             return followed
         usual = self._usual(noise)
-        self.message = self._one_voltage.window(mean, n + m, usual)
+        if not self.measured and (risen := self._risen(mean, usual)):
+            self.message, self.unseen = risen, True
+            return followed
+        one_voltage = self._one_voltage.window(mean, n + m, usual)
         self.unseen = self._one_voltage.tells
         zero = self._circuit.populated & (mean == 0.0)
-        if np.count_nonzero(zero) > max(1.0, _RESTLESS * np.count_nonzero(self._circuit.populated)):
-            self.message = self.message or _zero(np.count_nonzero(zero))
-        if self.message:
+        few = max(1.0, _RESTLESS * np.count_nonzero(self._circuit.populated))
+        if not one_voltage and np.count_nonzero(zero) > few:
+            one_voltage = _zero(np.count_nonzero(zero))
+        if one_voltage:
+            if not self.measured:
+                self.message = one_voltage
             return followed
         return self._learn(mean, usual / (n + m) ** 0.5) or followed
+
+    def _note_level(self, adc: np.ndarray) -> None:
+        """Take a frame into the levels that the readings have had."""
+        self._level = [*self._level, adc][-2 * _LEVEL_FRAMES :]
+        if len(self._level) < 2 * _LEVEL_FRAMES:
+            return
+        one, other = (np.mean(self._level[k::2], axis=0) for k in (0, 1))
+        first, last = (np.mean(part, axis=0) for part in np.split(np.array(self._level), 2))
+        limit = _RISEN_STEPS / self._circuit.full_scale + _RISEN * np.abs(one - other)
+        if (np.abs(last - first) <= np.maximum(limit, _STILL[1] * first)).all():
+            self._lowest = np.minimum(self._lowest, last)
+
+    def _risen(self, adc: np.ndarray, noise: float) -> str:
+        """Whether readings are far above a level that they had: something lies there by now.
+
+        Args:
+            noise: of a reading [ADC steps].
+        """
+        low = np.minimum(self._lowest, adc)
+        noise = min(noise, MAX_NOISE)  # what rises while it is measured is none
+        least = (_RISEN * noise / _LEVEL_FRAMES**0.5 + _RISEN_STEPS) / self._circuit.full_scale
+        more = _conducts(self._circuit, adc) > self._max_factor * _conducts(self._circuit, low)
+        risen = (adc - low > least) & more & self._circuit.populated
+        few = max(1.0, _RESTLESS * np.count_nonzero(self._circuit.populated))
+        if np.count_nonzero(risen) <= few:
+            return ""
+        row, col = np.unravel_index(np.where(risen, adc - low, 0.0).argmax(), adc.shape)
+        return (
+            f"rest not measured: {np.count_nonzero(risen)} readings have risen since the start, "
+            f"most at row {row}, column {col}: does something press there? If nothing does, tare"
+        )
 
     def _add(self, t: float, adc: np.ndarray) -> None:
         """Take a frame into the measurement, or into what follows it."""
         if self._adc is not None:
-            self._changes += np.square(adc - self._adc)
+            change = np.abs(adc - self._adc)
+            self._changes, self._jump = self._changes + change, np.maximum(self._jump, change)
         self._adc = adc
         half = t - self._since >= 0.5 * _WINDOW and self._parts[0][1] >= _MIN_FRAMES // 2
         part = 2 if self._until < np.inf else int(half)
@@ -165,7 +215,7 @@ class Tare:
     def _noise(self) -> np.ndarray:
         """(rows, cols) of one reading, by what changes from frame to frame; ADC ratio."""
         changes = sum(n for _, n in self._parts) - 1
-        noise = np.sqrt(self._changes / (2.0 * changes))
+        noise = _OF_CHANGES * (self._changes - self._jump) / max(changes - 1, 1)
         return np.maximum(noise, SCAN_NOISE / self._circuit.full_scale)
 
     def _usual(self, noise: np.ndarray) -> float:
@@ -215,8 +265,8 @@ class Tare:
         noise: of the mean reading, in ADC steps.
         """
         full = self._circuit.full_scale
-        wiring = _twins(adc * full, noise, self._circuit.populated)  # of a skin that rests
-        half_read = wiring.startswith(_BIT)
+        # of a skin that rests
+        wiring, half_read = _twins(adc * full, noise, self._circuit.populated)
         off = (adc - rest_reading(self._circuit, self.curve)) * full
         if np.square(off).mean() < (_SIGNIFICANT * noise) ** 2:
             self.message, self.measured = "", True
@@ -230,6 +280,7 @@ class Tare:
             self.message = f"rest not measured: {error}"
             return False
         self.message = self._fabric(now * at_rest, cells)
+        self.unseen = not _LEVEL[0] <= np.median(now[cells]) * at_rest <= _LEVEL[1]
         self.message = self.message or self._wires(np.log(now * at_rest), cells)
         if self.message:
             self.message = f"rest not measured: {self.message}"
@@ -258,8 +309,8 @@ class Tare:
         usual, at_rest = float(np.median(level[cells])), self.curve.points[0][1]
         if not _LEVEL[0] <= usual <= _LEVEL[1]:
             return (
-                f"a cell has {at_rest / usual:.0f} ohm at rest, but curve.resistance begins with "
-                f"{at_rest:.0f}: is the skin loaded? If not, begin the curve with the former"
+                f"a cell has {at_rest / usual:.0f} ohm at rest, where the curve begins with "
+                f"{at_rest:.0f}: is it loaded, another fabric, or wired otherwise?"
             )
         factor = np.where(cells, level / usual, 1.0)
         for bad, end in ((factor.argmax(), factor.max()), (factor.argmin(), factor.min())):
@@ -324,32 +375,39 @@ class Tare:
 
 def _zero(n: int) -> str:
     return (
-        f"rest not measured: {n} untouched cells read 0, where the ADC's range begins: take a "
-        "larger r_ref, or set compensation's threshold: 1"
+        f"rest not measured: {n} untouched cells read exactly 0: does the sketch subtract "
+        "an offset or a threshold, or is r_ref too small for the ADC? Send what the ADC reads"
     )
 
 
 def _conducts(circuit: Circuit, adc: np.ndarray) -> np.ndarray:
     """(rows, cols) r_ref times what conducts at each crossing, but for r_par."""
     scale, offset = apparent(circuit, adc)
-    return adc / (scale - adc * min(offset / circuit.r_ref, 1.0))
+    left = scale - adc * min(offset / circuit.r_ref, 1.0)
+    return adc / np.maximum(left, 1.0 / circuit.full_scale)
 
 
-def _twins(steps: np.ndarray, noise: float, cells: np.ndarray) -> str:
-    """What to say of lines that are one; empty if there are none."""
-    if found := stuck_bit(steps, noise, cells):
-        name, bit = found
-        return (
-            f"{_BIT} {bit} of the {name}s' multiplexer is stuck, or not connected: {name}s 0 and "
-            f"{1 << bit} read the same, cell for cell, and so do all such pairs"
+def _twins(steps: np.ndarray, noise: float, cells: np.ndarray) -> tuple[str, bool]:
+    """What to say of lines that are one, empty if there are none; whether half or more are."""
+    if found := stuck_bits(steps, noise, cells):
+        name, bits = found
+        which = " and ".join(map(str, bits))
+        bits_are = (
+            f"bits {which} of the {name}s' multiplexer are"
+            if bits[1:]
+            else (f"bit {which} of the {name}s' multiplexer is")
         )
+        return (
+            f"address {bits_are} stuck, or not connected: {name}s 0 and {1 << bits[0]} read the "
+            "same, cell for cell, and so do all such lines"
+        ), True
     if (found := twins(steps, noise, cells)) is None:
-        return ""
+        return "", False
     name, one, other = found
     return (
         f"{name}s {one} and {other} read the same, cell for cell: does the multiplexer select one "
         "line twice, or are they shorted?"
-    )
+    ), False
 
 
 def _middle(values: np.ndarray) -> tuple[float, float]:

@@ -97,7 +97,7 @@ def run(args) -> int:
     rest = None
     if "rest" in given:
         rest = measure_rest(_ratio(given["rest"], adc), circuit)
-    found += diagnose(frames, circuit, rest)
+    found += diagnose(frames, circuit, rest, inverted=adc.inverted)
     print(f"{len(frames)} frames of {circuit.rows} x {circuit.cols}")
     print(picture(found, circuit))
     for finding in found:

@@ -25,6 +25,7 @@ from .gesture_feature import heard
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _MIN_LINES = 3  # rows and columns; with fewer some faults look like touches: docs/reliability.md
 _HOLD = 1.0  # s for which a reason is kept at least, while the robot is stopped for one
+_MORE = "; more: doctor"  # the command sees many frames, and says what to enter
 _NUMBER = re.compile(r"-?\d+(\.\d+)?")  # in two reasons alike but for their numbers
 # s that a reading has waited from which on the faster method takes it: less than four frames of the
 # fastest boards; and after a full fit until the next, however late: only that tests the circuit.
@@ -108,6 +109,7 @@ class Compensation:
         self._said = -float("inf")  # s, when the message was new
         self._waiting = False  # a stop until the rest was measured
         self._level, self._message = diagnostics.OK, "ok"
+        self._others = ""  # reasons besides the worst one
         self._taken_at, self.skipped = -float("inf"), 0  # s, when the last frame was taken; frames
         self._fitted_at = -float("inf")  # s, when the last one was that the configured method took
         self.on_parameters({"method": method})
@@ -161,8 +163,10 @@ class Compensation:
         return response
 
     def _update_level(self, *, past: bool = True) -> None:
-        skin, message = self.skin, self.skin.reasons(past=past)
+        skin, (message, *others) = self.skin, self.skin.reasons(past=past) or [""]
+        self._others = "; ".join(others)
         failed = skin.status == "failed"
+        message += _MORE if message and not failed else ""
         level = diagnostics.OK if skin.status == "ok" and not message else diagnostics.WARN
         if failed or (skin.fault and self._stops):
             level = diagnostics.ERROR
@@ -205,4 +209,6 @@ class Compensation:
             diagnostics.UNKNOWN_SERIES: f"{self.skin.unknown_series:.1f}",
             "skipped": self.skipped,
         }
+        if self._others:
+            values["also"] = self._others
         self._diagnostics.publish(diagnostics.report(self.node, self._level, self._message, values))

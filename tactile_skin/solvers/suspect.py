@@ -56,7 +56,7 @@ def by_reading(reading: Reading) -> str:
         line, where, bad = _place(low, known)
         remedy = "Check the lead"
         if not line and np.count_nonzero(low) > _UPSIDE_DOWN * np.count_nonzero(known):
-            remedy = "Do readings fall with pressure (circuit.inverted)?"
+            remedy = "Is it wired, or read, as it is configured?"
         return (
             f"{line + ' is open: ' if line else ''}{where} are at most {steps[bad].max():.0f} ADC "
             f"steps (an untouched cell reads {np.median(rest[bad]):.0f}). {remedy}"
@@ -149,9 +149,7 @@ def by_residual(
     residual = (square.sum() / n) ** 0.5
     most = {"row": square.sum(1), "column": square.sum(0)}
     lines = [f"{k} {v.argmax()}" for k, v in most.items() if v.max() > 0.5 * square.sum()]
-    # a cell that conducts too little lowers its own reading most, then its row's and its column's
-    ask = "is a contact bad?" if len(lines) == 2 else "is its lead open, or not connected?"
-    why = f"most of it is in {', '.join(lines)}: {ask}" if lines else saturation(reading)
+    why = f"most of it is in {', '.join(lines)}" if lines else saturation(reading)
     if not why and reading.curve.offset is None:
         why = "the rest of the cells is the curve's, not measured: fabrics differ from it"
     text = f"residual of {residual:.2f} ADC steps, {chi2**0.5:.2f} times what noise explains"

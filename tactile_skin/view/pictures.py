@@ -14,7 +14,7 @@ from ..physics.circuit import Circuit, forward
 from ..physics.curve import PressureCurve
 from ..solvers import METHODS, Estimate, compensate
 from ..touch import features
-from .snapshot import NodeStatus, Snapshot
+from .snapshot import Snapshot
 from .wire import packed_with, parts_of
 
 PUBLISHED = "published"  # not a method: what the skin itself made of the reading
@@ -216,28 +216,22 @@ class Pictures:
 
 
 def _reports(snapshot: Snapshot) -> list[tuple[str, int, str]]:
-    """(node, level, text) of all that is not well, and of what doctor found."""
+    """(node, level, text) of all that is not well."""
     reports = []
     for name, status in sorted(snapshot.nodes.items()):
         if status.level:
             reports.append((name, status.level, status.message))
-        reports += [(name, 1, text) for text in _found(status) if text not in status.message]
     return reports
 
 
-def _found(status: NodeStatus) -> list[str]:
-    """What doctor found, by a node's values: "column 5: evidence. Remedy."."""
-    return [v for k, v in sorted(status.values.items()) if k.startswith("finding_")]
-
-
 def findings(snapshot: Snapshot) -> list[dict]:
-    """What is wrong with which lines: what doctor found, and what the nodes' messages name."""
+    """What is wrong with which lines, as the nodes' messages name them."""
     texts: list[str] = []
     for _, status in sorted(snapshot.nodes.items()):
-        texts += _found(status)
         if status.level:  # what keeps the rest from being measured is a touch, and no fault
             unrested = status.values.get("tare", "")
-            texts += status.message.replace(unrested or "\0", "").split("; ")
+            said = f"{status.message}; {status.values.get('also', '')}"
+            texts += said.replace(unrested or "\0", "").split("; ")
     found = []
     for text in dict.fromkeys(texts):
         lines = {"row": [], "column": []}

@@ -187,7 +187,7 @@ def test_a_palm_that_stands_still_is_no_fault(palms, cells):
 
 
 @pytest.mark.parametrize("stuck", [None, 10])
-def test_hard_fingers_on_a_small_skin_are_no_stuck_bit(stuck):
+def test_hard_fingers_on_a_small_skin_are_no_stuck_bits(stuck):
     """Few readings lie between those of rest and of a pressed cell; none if the bit is stuck."""
     circuit, rng = (
         Circuit(6, 7, r_ref=4700.0, r_par=140.0, adc_bits=12),

@@ -17,7 +17,6 @@ from tactile_skin.board import simulator
 from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.calibration.doctor import ignored_diode
 from tactile_skin.calibration.doctor.recorded import record
-from tactile_skin.calibration.doctor.running import RunningDoctor
 from tactile_skin.calibration.doctor.wiring import Damage, Wires, search
 from tactile_skin.commands.doctor import touches_note
 from tactile_skin.learning import scenes
@@ -208,18 +207,6 @@ def test_a_resistor_of_another_value_is_named_with_its_ohms(readout):
     (damage,), _ = search(circuit, rho, np.ones(circuit.shape, bool), sound)
     assert (damage.kind, damage.axis, damage.line) == ("resistor", 1, 5)
     assert damage.size == pytest.approx(3300.0, rel=0.05)
-
-
-@pytest.mark.parametrize("fault", ["resistor", "short of neighbours"])
-def test_the_running_doctor_names_it(fault):
-    case = Case(192012, (fault,), 20.0, (8, 8), readouts=("loaded",))
-    doctor = RunningDoctor()
-    for k, adc in enumerate(case.frames):
-        doctor.frame(k / case.board.rate, adc, True)
-        if k % 100 == 99:
-            doctor.look(case.circuit)
-    ((_, name, rows, cols),) = case.faults
-    assert [explains(f, fault, name, rows, cols, case.cut) for f in doctor.findings] == [True]
 
 
 @pytest.mark.parametrize("kind", KINDS[1:], ids="-".join)

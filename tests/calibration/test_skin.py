@@ -56,7 +56,7 @@ def test_it_measures_its_rest_and_finds_the_force():
     assert not board.skin.waits
     assert board.skin.rest_resistance == pytest.approx(board.rest * 40000.0, rel=0.02)
     assert board.feel(PUSH, 5).sum() == pytest.approx(PUSH.sum(), rel=0.05)
-    assert not board.skin.fault and board.skin.reasons() == "" and not board.warnings
+    assert not board.skin.fault and board.skin.reasons() == [] and not board.warnings
 
 
 def test_once_its_rest_is_measured_nothing_of_before_is_a_fault():
@@ -105,7 +105,7 @@ def test_a_late_frame_is_taken_by_the_fast_method_if_the_user_asked_for_none():
 def test_a_frame_of_which_nothing_can_be_made_fails_and_the_next_does_not(shape, late):
     board = Board()
     assert board.skin.frame(0.0, np.full(shape, 640, np.uint16), late=late) is None
-    assert board.skin.status == "failed" and f"shape {shape}" in board.skin.reasons()
+    assert board.skin.status == "failed" and f"shape {shape}" in board.skin.reasons()[0]
     assert board.feel(PUSH) is not None
     assert board.skin.status == "ok"
 
@@ -114,20 +114,20 @@ def test_a_frame_of_which_nothing_can_be_made_fails_and_the_next_does_not(shape,
 def test_a_frame_of_floats_is_refused(reading):
     board = Board()
     assert board.skin.frame(0.0, np.full(CIRCUIT.shape, reading, np.float32)) is None
-    assert board.skin.reasons() == "reading is of float32: must be uint16"
+    assert board.skin.reasons() == ["reading is of float32: must be uint16"]
 
 
 def test_an_open_row_is_a_fault_until_a_reset_finds_it_gone():
     board = Board()
     board.feel(NOTHING, 150)
     board.feel(PUSH, 20, broken=True)
-    assert board.skin.fault and "row 3 is open" in board.skin.reasons()
+    assert board.skin.fault and "row 3 is open" in board.skin.reasons()[0]
     board.skin.reset()
     assert board.skin.fault, "it is there still"
     board.feel(PUSH, 20)
-    assert board.skin.fault and "kept until" in board.skin.reasons()
+    assert board.skin.fault and "kept until" in board.skin.reasons()[0]
     board.skin.reset()
-    assert not board.skin.fault and board.skin.reasons(past=False) == ""
+    assert not board.skin.fault and board.skin.reasons(past=False) == []
 
 
 def test_the_rest_is_measured_anew_on_request_unless_something_presses():
@@ -153,5 +153,5 @@ def test_a_sound_fabric_whose_cells_read_alike_does_not_wait_for_ever():
     curve = PressureCurve((0.0, 1.0, 10.0), (1e6, 5e4, 5e3))
     board = Board(curve=curve)
     board.feel(NOTHING, 150)
-    assert "is the matrix connected?" in board.skin.reasons() and not board.skin.fault
+    assert "is the matrix connected?" in board.skin.reasons()[0] and not board.skin.fault
     assert board.feel(PUSH, 5).sum() == pytest.approx(PUSH.sum(), rel=0.1)

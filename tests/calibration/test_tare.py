@@ -228,7 +228,7 @@ def test_a_level_that_no_fabric_has_is_named_in_ohm():
     skin = Skin(6.0 * scatter(0.03))
     skin.frames(200)
     assert not skin.tare.measured
-    assert "curve.resistance begins with 40000" in skin.tare.message
+    assert "the curve begins with 40000" in skin.tare.message
 
 
 def test_a_short_is_not_tared_away():
@@ -326,11 +326,11 @@ def test_one_voltage_on_all_crossings_is_no_fabric(steps):
     assert "threshold" not in tare.message
 
 
-def test_a_board_whose_untouched_cells_read_0_is_told_of_the_threshold():
+def test_a_board_whose_untouched_cells_read_0_waits():
     tare = Tare(CIRCUIT, CURVE)
     for k in range(200):
         tare.update(0.01 * k, np.zeros((16, 16)), IDLE)
-    assert "read 0, set compensation's threshold" in tare.message
+    assert "is an offset or a threshold taken off" in tare.message and tare.unseen
 
 
 def fills(frames, shape, readings, seed):

@@ -5,7 +5,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from tactile_skin import Circuit, forward
-from tactile_skin.calibration.watch.twins import stuck_bit, twins
+from tactile_skin.calibration.watch.twins import stuck_bits, twins
 
 NOISE = 0.06  # ADC steps, of the mean of a second
 SHAPES = [(8, 8), (8, 16), (16, 16)]
@@ -78,7 +78,19 @@ def test_a_stuck_address_bit_is_named(shape, axis):
         bit = int(rng.integers(int(np.log2(shape[axis]))))
         selected = np.arange(shape[axis]) & ~(1 << bit)
         steps = np.take(rest(rng, shape), selected, axis)
-        right += stuck_bit(read(rng, steps), NOISE, cells) == (("row", "column")[axis], bit)
+        right += stuck_bits(read(rng, steps), NOISE, cells) == (("row", "column")[axis], (bit,))
+    assert right >= 15
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("bits", [(0, 1), (0, 2), (1, 2)])
+def test_two_stuck_address_bits_are_both_named(axis, bits):
+    """Three quarters of the lines are not read."""
+    rng, cells, right = np.random.default_rng(16), np.ones((16, 16), bool), 0
+    for _ in range(20):
+        selected = np.arange(16) & ~sum(1 << bit for bit in bits)
+        steps = np.take(rest(rng, (16, 16)), selected, axis)
+        right += stuck_bits(read(rng, steps), NOISE, cells) == (("row", "column")[axis], bits)
     assert right >= 15
 
 
@@ -92,4 +104,4 @@ def test_a_sound_fabric_has_none_however_smooth_it_is(shape, smooth):
             picture = gaussian_filter(picture, smooth) if smooth else picture
             resistance = 40000.0 * np.exp(scatter * picture / picture.std())
             steps = forward(circuit, resistance) * circuit.full_scale
-            assert stuck_bit(read(rng, steps), NOISE, circuit.populated) is None
+            assert stuck_bits(read(rng, steps), NOISE, circuit.populated) is None

@@ -259,24 +259,6 @@ def test_creep_is_taken_out_of_what_is_published():
     assert totals[1] / totals[0] == pytest.approx(1.0 / (1.0 + 0.05 * np.log10(4.0)), abs=0.01)
 
 
-def test_a_stop_names_the_line_that_is_open_and_what_to_check(skin):
-    """It is diagnosed while the robot stands, and forgotten with the stop."""
-    skin.play(2.5)
-    sound = skin.steps
-    skin.steps = sound.copy()
-    skin.steps[:, 5] = 2.0
-    skin.play(6.0)
-    assert skin.status.level == DiagnosticStatus.ERROR
-    assert skin.status.message.startswith("column 5: open: none of its 8 readings exceeds")
-    assert "Check its lead" in skin.status.message
-    values = {pair.key: pair.value for pair in skin.status.values}
-    assert values["finding_1"].startswith("column 5: open")
-    skin.steps = sound
-    skin.play(3.0)
-    assert skin.status.level == DiagnosticStatus.OK
-    assert "finding_1" not in {pair.key for pair in skin.status.values}
-
-
 def test_what_cells_have_at_rest_is_published_once_it_was_measured(skin):
     found = []
     observer = Node("second", context=skin.compensation.node.context)

@@ -403,7 +403,7 @@ def test_a_crossing_that_is_printed_as_0_and_not_named_is_named():
         samples[3, 4] = 0
         sent(driven, samples)
     assert driven.second().message.startswith(
-        "no reading at row 3, column 4: is it connected, or below a threshold of the board's? repair"
+        "no reading at row 3, column 4: is it connected, or below a threshold of the board's?"
     )
 
 

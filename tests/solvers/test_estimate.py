@@ -152,7 +152,7 @@ def test_a_batch_is_no_start():
     [
         ([(3, 4)], "Check the lead"),  # a bad contact
         ([(3, k) for k in range(8)], "row 3 is open: .* Check the lead"),
-        ([(k, k) for k in range(8)], "Do readings fall with pressure"),  # on no one line
+        ([(k, k) for k in range(8)], "Is it wired, or read, as it is configured"),  # on no one line
     ],
 )
 def test_readings_below_rest_name_the_likelier_cause(low, remedy):

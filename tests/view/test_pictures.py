@@ -199,18 +199,6 @@ def test_lines_that_a_message_names_are_marked(said, rows, cols):
     found = findings(Snapshot(nodes={"compensation": NodeStatus(1, said)}))
     assert [(f["rows"], f["cols"]) for f in found] == [(rows, cols)]
     assert findings(Snapshot(nodes={"compensation": NodeStatus(0, said)})) == []
-    values = {"finding_0": said, "finding_1": "link: nothing of lines"}
-    found = findings(Snapshot(nodes={"doctor": NodeStatus(0, "ok", values)}))
-    assert [(f["rows"], f["cols"]) for f in found] == [(rows, cols)]
-
-
-def test_what_doctor_found_is_marked_and_reported():
-    text = "row 2, column 7: reads 900 where rows 3 and 4 read 41. Check the crossing."
-    values = {"finding_1": text, "residual": "0.5"}
-    snapshot = Snapshot(nodes={"compensation": NodeStatus(0, "ok", values)})
-    head, _ = drawn(snapshot)
-    assert head["says"] == [["compensation", 1, text]]
-    assert head["findings"] == [{"text": text, "rows": [2], "cols": [7]}]
 
 
 def test_a_touch_that_keeps_the_rest_from_being_measured_is_no_fault():

@@ -1,5 +1,5 @@
 """How many faults `diagnose` names, and how often it names one on a sound board:
-`python tests/yardsticks/doctor.py [--boards N] [--sound N] [--seed S] [--seconds T] [--running]
+`python tests/yardsticks/doctor.py [--boards N] [--sound N] [--seed S] [--seconds T]
 [--readouts floating loaded grounded]`.
 
 Each board is a `FaultBoard`: Kirchhoff's laws for its own wiring, a fabric whose curve is up to
@@ -10,9 +10,6 @@ Fingers, palms, edges, strokes and pushes for T seconds, and one or two faults f
 on. A fault counts as named if a finding has its kind and its line or cell; one that changes no
 reading by a step, as a ceiling that no touch reaches, is not counted. Any finding that no planted
 fault explains is a false alarm.
-
---running: the same boards through the compensation node, on a driven clock. Half of the faults
-begin after BEFORE seconds, and a fault counts as named if it is in `diagnostics` at any time.
 """
 
 from __future__ import annotations
@@ -22,7 +19,6 @@ import copy
 import time
 from collections import defaultdict
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -30,18 +26,6 @@ from tactile_skin import Circuit, PressureCurve, diagnose
 from tactile_skin.bench.damage import streams, wires
 from tactile_skin.bench.damage.board import READOUTS as SCANNED
 from tactile_skin.bench.damage.board import Fault, FaultBoard
-from tactile_skin.calibration.doctor.findings import Finding
-from tactile_skin.middleware.bus import (
-    Context,
-    ManualClock,
-    Node,
-    Parameter,
-    SingleThreadedExecutor,
-)
-from tactile_skin.middleware.threads import one_thread
-from tactile_skin.msg import Header, image
-from tactile_skin.nodes import diagnostics
-from tactile_skin.nodes.compensation import Compensation
 from tactile_skin.physics.readouts import DRIVEN, READOUTS
 
 MIXED = ("floating", "loaded", "loaded", "grounded")
@@ -65,9 +49,6 @@ KINDS = {  # of the report: names in `wires.ELECTRICAL`
     "bits": tuple(f"bit {k} stuck at {v}" for k in (3, 5, 7) for v in (0, 1)),
     "drivers": ("weak drivers",),  # of grounded boards; only if asked for
 }
-BEFORE = 10.0  # s of a sound board
-EVERY = 4  # frames for one that the node is given, to save time: 25 a second
-STARTED = 4.0  # s after which a skin has measured its rest, at the frame rate of 32 x 32, too
 MAY_HIDE = "saturation", "short of neighbours"
 WHOLE = "circuit", "saturation", "bits", "drivers"  # of no line, at most one on a board
 
@@ -118,7 +99,6 @@ class Case:
         faults: tuple[str, ...],
         seconds: float,
         shape=None,
-        before: float = 0.0,
         readouts: tuple[str, ...] = ("floating",),
         **parts,
     ):
@@ -130,7 +110,6 @@ class Case:
         scanned = SCANNED[rng.integers(len(SCANNED))]
         self.board = FaultBoard(self.circuit, curve, rng, 1.0, readout=scanned)
         self.board.damaged_at = -10.0  # a drift has come to its end
-        self.before = self._used(before, rng) if before else []
         self.faults = []  # kind, name, rows, cols
         self.cut = np.empty((0, 2), int)  # crossings behind the cut of a broken stripe
         by_name = {fault.name: fault for fault in (*wires.ELECTRICAL, MISSING, DRIVERS)}
@@ -154,10 +133,6 @@ class Case:
     def _touches(self, seconds: float, rng) -> np.ndarray:
         cells, most = self.circuit.populated, self.board.curve.max_force
         return streams.everyday(cells, seconds, rng, most, hard=False).force
-
-    def _used(self, seconds: float, rng) -> np.ndarray:
-        """(n, rows, cols) ADC ratio of so many seconds of touches."""
-        return frames_of(self.board, self._touches(seconds, rng))
 
     def _hides(self, kind: str, force: np.ndarray) -> bool:
         """Whether a fault changes no reading by a step."""
@@ -248,88 +223,6 @@ def draw(rng, readout: str) -> tuple[str, ...]:
             return chosen
 
 
-class Heard(NamedTuple):
-    """Attributes:
-    stopped: s from the fault's begin until the skin reported an ERROR; None: it never did.
-    findings: finding -> s from the fault's begin until it was reported first.
-    """
-
-    stopped: float | None
-    findings: dict
-
-
-def heard(case: Case) -> Heard:
-    """What the compensation node makes of a board's frames."""
-    rows, cols = case.circuit.shape
-    given = {"circuit.rows": rows, "circuit.cols": cols, "time_limit": 10.0}
-    given |= {"circuit.readout": case.circuit.readout, "circuit.driven": case.circuit.driven}
-    clock = ManualClock(1000.0)
-    node = Node(
-        "compensation",
-        context=Context(clock),
-        parameter_overrides=[Parameter(name, value) for name, value in given.items()],
-    )
-    skin, executor = Compensation(node), SingleThreadedExecutor()
-    executor.add_node(node)
-    scale = 2 ** (16 - case.circuit.adc_bits) * case.circuit.full_scale
-    before, frames = case.before[::EVERY], case.frames[::EVERY]
-    stopped, findings, step = None, {}, EVERY / case.board.rate
-    for k, adc in enumerate([*before, *frames], -len(before)):
-        clock.advance(step)
-        samples = np.rint(adc * scale).astype(np.uint16)
-        skin.on_adc(image(samples, "16UC1", Header(clock.now().to_msg())))
-        executor.spin_some()
-        if k * step > (0.0 if len(before) else STARTED):
-            if stopped is None and skin._level == diagnostics.ERROR:
-                stopped = k * step
-            found = list(skin.skin._doctor.findings)
-            if skin.skin._tracker.message:  # numbers change
-                found.append(Finding("circuit", "r_par, r_line", "by the tracker", ""))
-            for finding in found:
-                findings.setdefault(finding, k * step)
-    node.destroy_node()
-    return Heard(stopped, findings)
-
-
-def running(args) -> None:
-    """Print how often, and how soon, a running skin stops and names what is wrong with it."""
-    results, false = defaultdict(list), defaultdict(int)
-    for seed in range(args.seed, args.seed + args.boards + args.sound):
-        faulty = seed < args.seed + args.boards
-        readout = readout_of(seed, args.readouts)["readout"]
-        faults = draw(np.random.default_rng([seed, 2]), readout) if faulty else ()
-        if faulty and args.kinds:
-            faults = (args.kinds[seed % len(args.kinds)],)
-        before = BEFORE if faulty and seed % 2 else 0.0
-        case = Case(seed, faults, args.seconds, before=before, readouts=args.readouts)
-        said = heard(case)
-        left, words = dict(said.findings), []
-        for kind, name, rows, cols in case.faults:
-            mine = [f for f in said.findings if explains(f, kind, name, rows, cols, case.cut)]
-            when = min((said.findings[f] for f in mine), default=None)
-            left = {f: t for f, t in left.items() if f not in mine}
-            if kind in case.hidden:
-                continue
-            results[kind].append((said.stopped, when))
-            words.append(f"{name} {sorted(rows)}/{sorted(cols)}: named after {when}")
-        group = "damaged" if faulty else "sound"
-        false[group] += bool(left)
-        false[f"{group}, stopped"] += said.stopped is not None
-        size = "{}x{}".format(*case.circuit.shape)
-        print(f"{seed} {size}: {'; '.join(words) or 'sound'}; stop {said.stopped}", flush=True)
-        for f, t in left.items():
-            print(f"      also, after {t:.1f} s: {f}", flush=True)
-    every = [one for of in results.values() for one in of]
-    for kind, of in [*results.items(), ("all", every)]:
-        stops = [one for one in of if one[0] is not None]
-        later = [t - stop for stop, t in stops if t is not None]
-        times = "{:.1f} s, p90 {:.1f} s".format(*np.quantile(later, (0.5, 0.9))) if later else "-"
-        print(
-            f"{kind}: stopped {len(stops)} of {len(of)}, of them named {len(later)}, after {times}"
-        )
-    print(f"boards stopped, and with a finding too many: {dict(false)}")
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--boards", type=int, default=80, help="with faults")
@@ -340,11 +233,7 @@ def main() -> None:
     parser.add_argument("--readouts", nargs="+", choices=READOUTS, default=MIXED)
     parser.add_argument("--r-ref", type=float, default=Circuit().r_ref, metavar="OHM")
     parser.add_argument("--r-par", type=float, default=Circuit().r_par, metavar="OHM")
-    parser.add_argument("--running", action="store_true", help="through the compensation node")
     args = parser.parse_args()
-    if args.running:
-        with one_thread():
-            return running(args)
     named, false, spent = defaultdict(list), [], 0.0
     for seed in range(args.seed, args.seed + args.boards + args.sound):
         faulty = seed < args.seed + args.boards

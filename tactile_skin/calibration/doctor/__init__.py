@@ -1,6 +1,7 @@
 """What is wrong with a board, from a recording of its ordinary use: which wire, which cell.
 
 findings.py   each fault in words
+advice.py     what to enter, tried on the frames before it is proposed
 recorded.py   rest, noise and touches of the recording
 readout.py    another readout than the configured one
 readings.py   faults of single readings: bits, ceiling, noise, open and loose lines
@@ -8,7 +9,6 @@ converter.py  an ADC that is not linear
 diode.py      diodes in the driven lines of a loaded matrix
 order.py      lines that read alike, lines in the wrong order
 wiring.py     damage of wires and cells that explains the rest
-running.py    the same while the skin runs
 
 What the readings cannot tell is not guessed: two boards that read alike get the same finding, which
 then names both.
@@ -21,11 +21,13 @@ from dataclasses import replace
 import numpy as np
 
 from ...physics.circuit import Circuit
+from ...physics.readouts import DRIVEN
 from ...solvers.score import series_scale
 from ..identify import identify
 from ..rest import REST_SPAN, Rest, resting_conductance, usual_resistance
 from . import converter, order, readings, readout, wiring
 from . import findings as texts
+from .advice import Change, is_safe
 from .diode import unknown_diode
 from .findings import Finding
 from .recorded import Recorded, record
@@ -41,6 +43,7 @@ _LIGHT, _SERIES, _SAYING = 0.025, (0.05, 5.0), 20
 # lower it no more than others, so fewer suffice.
 _DRIVE, _DRIVE_SAYING = 5.0, 8
 _AGREEING = 24  # hardest touches that must agree where the lines may be driven through diodes
+_LOOSE = 0.25  # of all lines at most come and go: more are touches on a skin that never rests
 _USUAL = 4e4  # ohm of a cell, where the readings tell none
 _READ = 12, 4  # hardest touches that the readout is judged by, without `series`
 _FELL = 0.5  # share of all change that is a fall from which on readings may be upside down
@@ -48,10 +51,20 @@ _FELL = 0.5  # share of all change that is a fall from which on readings may be 
 # many touches say so: on sound boards hardly any change is a fall.
 _FALLS, _RISES, _FALLING = 0.8, 0.2, 3
 _ONE_VOLTAGE = 4.0  # times the noise within which all readings are one voltage
+_MOST_NOISE = 0.01  # of full scale: what moves more is no noise
+# Share of the usual cell's readings that stand at one end of the range, from which on they are not
+# what the ADC reads; ADC steps that are no other reading. Sound boards have no such usual cell.
+_AT_END = 0.1
+_HALF_STEP = 0.5
 
 
 def diagnose(
-    frames, circuit: Circuit, rest: Rest | None = None, *, series: bool = True
+    frames,
+    circuit: Circuit,
+    rest: Rest | None = None,
+    *,
+    series: bool = True,
+    inverted: bool = False,
 ) -> list[Finding]:
     """What is wrong with a board.
 
@@ -62,6 +75,7 @@ def diagnose(
         circuit: what is supposed.
         rest: `measure_rest` of the same board; None: from the frames in which nothing touches.
         series: whether to ask for r_par, r_ref and supply, which takes most of the time.
+        inverted: whether the frames are 1 minus what the board reads, as it is configured.
 
     Returns:
         The faults, an empty list for a sound board. Readings upside down, another readout than the
@@ -78,10 +92,10 @@ def diagnose(
         seen.fell < _FELL or readout.misses(circuit, _touched(seen, _READ[1])) < readout.FITS
     ):
         return found
-    return _upside_down(seen, record(1.0 - frames, circuit, None)) or found
+    return _upside_down(seen, record(1.0 - frames, circuit, None), inverted) or found
 
 
-def _upside_down(seen: Recorded, turned: Recorded) -> list[Finding]:
+def _upside_down(seen: Recorded, turned: Recorded, inverted: bool) -> list[Finding]:
     """Whether nothing but another readout is wrong the other way round, or all that moves falls.
 
     Args:
@@ -91,32 +105,35 @@ def _upside_down(seen: Recorded, turned: Recorded) -> list[Finding]:
     if not len(touched.touches):
         return []
     found = _diagnose(turned, series=False)
-    of_other = found[:1] if found and found[0].kind == "readout" else []
+    of_other = [f for f in found[:1] if f.kind == "readout" and f.change]
     if not of_other and (found or readout.misses(circuit, touched) >= readout.FITS):
         falls = seen.fell > _FALLS or not len(seen.touches)
-        if not (falls and turned.fell < _RISES and len(turned.touches) >= _FALLING):
+        if not (falls and turned.fell < _RISES and turned.returns >= _FALLING):
             return []
+    change = Change(of_other[0].change.circuit if of_other else circuit, turned=True)
+    if not is_safe(change, seen.ratio, turned.quiet, turned.usual_noise):
+        return []
     usual = float(np.median(seen.steps[:, seen.read]))
-    return [texts.polarity(usual, circuit.full_scale), *of_other]
+    return [texts.polarity(usual, Change(circuit, turned=True), inverted), *of_other]
 
 
 def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     """The same of readings that are not upside down."""
     circuit = seen.circuit
-    touched = _touched(seen, _READ[0 if series else 1])
-    if finding := _silent(seen):
+    if finding := _silent(seen) or _at_an_end(seen):
         return [finding]
+    touched = _touched(seen, _READ[0 if series else 1])
     if table := converter.other(circuit, touched):
         return [texts.converter(table)]
     fitting = readout.other(circuit, touched)
-    if fitting and fitting.circuit:
+    if fitting and any(change.circuit.r_par == circuit.r_par for change in fitting.changes):
         return [texts.readout(circuit, fitting)]
     if bits := readings.stuck_bits(seen):
         return [texts.bit(*bit) for bit in bits]
     if leaping := readings.leaping_bit(seen):
         return [texts.leaping_bit(*leaping)]
-    if votes := order.transposed(seen):
-        return [texts.transposed(circuit, votes.touches, votes.share)]
+    if (votes := order.transposed(seen)) and (change := _other_way(seen, touched)):
+        return [texts.transposed(circuit, change, votes.touches, votes.share)]
     found: list[Finding] = []
     if top := readings.ceiling(seen):
         found.append(texts.ceiling(seen, *top))
@@ -124,7 +141,8 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     for axis, line, high, usual in readings.open_lines(seen):
         found.append(texts.open_line(seen, axis, line, high, usual))
         unusable.add((axis, line))
-    for axis, line, share in readings.loose_lines(seen):
+    loose = readings.loose_lines(seen)
+    for axis, line, share in loose if len(loose) <= _LOOSE * sum(circuit.shape) else ():
         if (axis, line) not in unusable:
             found.append(texts.contact(axis, line, share))
             unusable.add((axis, line))
@@ -139,7 +157,7 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
         wires, pairs = _joined(seen, wires, rho, known, alike, found)
         damages, wires = wiring.search(circuit, rho, known, wires)
     except np.linalg.LinAlgError:  # whatever the cells, this circuit does not read so
-        return found or ([texts.no_readout(circuit, fitting)] if fitting else [])
+        return found or _explained(circuit, fitting)
     unusable |= pairs
     quiet = {(row, col) for row, col, _ in noisy_cells}
     for axis, a, b in wires.joined:  # a cell of lines that touch may be on either
@@ -170,9 +188,27 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
         if circuit.readout != "floating":  # where a lead is not in series with each reading
             noisy |= beside
         found += _series(seen, unusable | noisy, quiet, wires)
-    if series and fitting and not found:
-        found.append(texts.no_readout(circuit, fitting))
-    return found
+    return found or (_explained(circuit, fitting) if series else [])
+
+
+def _other_way(seen: Recorded, touched: readout.Touched) -> Change | None:
+    """Rows and columns exchanged, and what is driven as the touches say; None: neither fits."""
+    supposed = replace(seen.circuit, rows=seen.circuit.cols, cols=seen.circuit.rows)
+    driven = DRIVEN[:1] if supposed.readout == "floating" else DRIVEN
+    changes = [Change(supposed.read_as(supposed.readout, lines)) for lines in driven]
+    tried = [(readout.misses(c.circuit, touched.after(c)), k, c) for k, c in enumerate(changes)]
+    left, _, change = min(tried)
+    fits = left < readout.FITS
+    safe = fits and is_safe(change, seen.ratio, seen.quiet, seen.usual_noise)
+    return change if safe else None
+
+
+def _explained(circuit: Circuit, fitting: readout.Fitting | None) -> list[Finding]:
+    """What the touches fit instead, where nothing else was found."""
+    if fitting is None:
+        return []
+    tell = texts.readout if fitting.changes else texts.no_readout
+    return [tell(circuit, fitting)]
 
 
 def other_readout(circuit: Circuit, at_rest, noise: float, touches) -> Finding | None:
@@ -184,7 +220,9 @@ def other_readout(circuit: Circuit, at_rest, noise: float, touches) -> Finding |
         touches: (n, rows, cols) ADC ratio, some of them hard; NaN: not read.
     """
     fitting = readout.other(circuit, readout.Touched(at_rest, noise, touches))
-    return texts.readout(circuit, fitting) if fitting and fitting.circuit else None
+    wired = {(c.circuit.readout, c.circuit.driven) for c in (fitting.changes if fitting else ())}
+    others = wired - {(circuit.readout, circuit.driven)}
+    return texts.readout(circuit, fitting) if others else None
 
 
 def ignored_diode(circuit: Circuit, rest: Rest, touches) -> Finding | None:
@@ -213,9 +251,9 @@ def _touched(seen: Recorded, n: int) -> readout.Touched:
 
 def _silent(seen: Recorded) -> Finding | None:
     cells = seen.read & seen.circuit.populated
-    level = seen.base[cells]
+    level, noise = seen.base[cells], min(seen.usual_noise, _MOST_NOISE * seen.circuit.full_scale)
     spread, moves = float(np.std(level)), float(np.ptp(seen.steps[:, cells], axis=0).max())
-    if moves > 8.0 * seen.usual_noise + 4.0 or spread > _ONE_VOLTAGE * seen.usual_noise:
+    if moves > 8.0 * noise + 4.0 or spread > _ONE_VOLTAGE * noise:
         return None
     return Finding(
         "no signal",
@@ -223,6 +261,17 @@ def _silent(seen: Recorded) -> Finding | None:
         f"{level.mean():.1f} ADC steps throughout, within {moves:.1f}",
         "Is the matrix connected, supplied, and was it touched? Measure the ADC's input",
     )
+
+
+def _at_an_end(seen: Recorded) -> Finding | None:
+    """Of a stream that is not what an ADC reads: an offset or a threshold was taken off."""
+    cells = seen.steps[:, seen.read & seen.circuit.populated]
+    full = seen.circuit.full_scale
+    for end in (0.0, full):
+        at_end = np.abs(cells - end) < _HALF_STEP
+        if np.median(at_end.mean(0)) > _AT_END:
+            return texts.at_an_end(end, float(at_end.mean()))
+    return None
 
 
 def _wires(seen: Recorded, unusable, found) -> tuple[wiring.Wires, np.ndarray, np.ndarray]:

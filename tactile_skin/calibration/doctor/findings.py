@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...physics.circuit import Circuit
 from ..identify import Identified
 from . import order, wiring
+from .advice import Change
 from .converter import Converter
 from .readout import Fitting
 from .recorded import Recorded, line_name
@@ -27,11 +28,12 @@ class Finding:
     Attributes:
         kind: "short", "open", "broken", "lead", "resistor", "doubled", "swapped", "shifted",
             "transposed", "dead", "stuck", "noisy", "contact", "circuit", "readout", "bits",
-            "polarity", "saturation" or "no signal".
+            "polarity", "saturation", "zeros" or "no signal".
         where: for a person: "column 5", "row 2, column 7", "ADC".
         evidence: the numbers that show it.
         remedy: what to check.
         rows, cols: that it is about; one of each: their crossing.
+        change: what to enter, where the frames leave no other explanation; None: nothing.
     """
 
     kind: str
@@ -40,6 +42,7 @@ class Finding:
     remedy: str
     rows: tuple[int, ...] = ()
     cols: tuple[int, ...] = ()
+    change: Change | None = None
 
     def __str__(self):
         return f"{self.where}: {self.evidence}. {self.remedy}."
@@ -49,13 +52,32 @@ def _line(axis: int, line: int) -> dict:
     return {("rows", "cols")[axis]: (line,)}
 
 
-def polarity(level: float, full: float) -> Finding:
+def polarity(level: float, change: Change, inverted: bool) -> Finding:
+    """Return that readings are upside down.
+
+    Args:
+        level: usual reading [ADC steps].
+        inverted: whether they are configured as falling with pressure.
+    """
     return Finding(
         "polarity",
         "all readings",
-        f"usually {level:.0f} of {full:.0f} ADC steps, and touches lower them",
-        "Set circuit.inverted to the other value: true where what the board prints falls with "
-        "pressure, false where it rises",
+        f"usually {level:.0f} of {change.circuit.full_scale} ADC steps, and touches lower them",
+        f"Set {entered(change.settings(change.circuit, inverted))}: what the board prints "
+        f"{'rises' if inverted else 'falls'} with pressure",
+        change=change,
+    )
+
+
+def at_an_end(end: float, share: float) -> Finding:
+    """Return that so many readings stand at one end of the range [ADC steps]."""
+    return Finding(
+        "zeros",
+        "all readings",
+        f"{share:.0%} are exactly {end:.0f}: these are not what an ADC reads. The board, or what "
+        "recorded it, takes off an offset or a threshold, or the untouched fabric conducts too "
+        "little for r_ref",
+        "Send what the ADC reads; until then nothing else is told by these readings",
     )
 
 
@@ -153,11 +175,11 @@ def short(seen: Recorded, axis: int, a: int, b: int) -> Finding:
 
 def doubled(seen: Recorded, axis: int, pairs: list) -> list[Finding]:
     name, n = ("rows", "columns")[axis], seen.circuit.shape[axis]
-    key = ("rows", "cols")[axis]
+    key, found = ("rows", "cols")[axis], []
     for bit in range((n - 1).bit_length()):
         expected = {(k, k | 1 << bit) for k in range(n) if not k & 1 << bit and k | 1 << bit < n}
         if len(pairs) > 1 and expected <= set(pairs):
-            return [
+            found.append(
                 Finding(
                     "doubled",
                     f"address bit {bit} of the {name}",
@@ -166,7 +188,9 @@ def doubled(seen: Recorded, axis: int, pairs: list) -> list[Finding]:
                     "Measure this address pin of the multiplexer while the board scans",
                     **{key: tuple(range(n))},
                 )
-            ]
+            )
+    if found:
+        return found
     return [
         Finding(
             "doubled",
@@ -281,14 +305,14 @@ def misplaced(moved: order.Misplaced) -> Finding:
     )
 
 
-def transposed(supposed: Circuit, touches: int, share: float) -> Finding:
-    rows, cols = supposed.shape
+def transposed(supposed: Circuit, change: Change, touches: int, share: float) -> Finding:
     return Finding(
         "transposed",
         "rows and columns",
         f"{touches} touches are {100 * share:.0f} % smoother if they are exchanged",
-        f"Set circuit.rows: {cols} and circuit.cols: {rows}; or let the sketch send row by row, "
-        "not column by column",
+        f"Set {entered(change.settings(supposed))}; or let the sketch send row by row, not "
+        "column by column",
+        change=change,
     )
 
 
@@ -300,24 +324,60 @@ def _wired(circuit: Circuit) -> str:
 
 
 def readout(supposed: Circuit, fitting: Fitting) -> Finding:
-    name = fitting.circuit.readout
-    if name == "virtual_ground":
-        return Finding(
-            "readout",
-            "wiring of the board",
-            f"the readings along a line add up to {fitting.left:.1f} times full scale while others "
-            "on it stay as they are, which no network of resistors reads: each is of its own cell",
-            "If an amplifier holds each sense line at 0 V, set circuit.readout: virtual_ground and "
-            "circuit.r_ref to its feedback resistor; docs/boards.md shows it",
-        )
-    driven = "" if name == "floating" else f" and circuit.driven: {fitting.circuit.driven}"
+    """Return what explains the touches instead of the supposed circuit.
+
+    Args:
+        fitting: with one change or more.
+    """
+    changes, only = fitting.changes, len(fitting.changes) == 1
+    if changes[0].circuit.readout == "virtual_ground" != supposed.readout:
+        return _virtual_ground(fitting)
+    missed = (
+        f"and {_wired(supposed)}, r_par = {supposed.r_par:g} ohm, as configured, to "
+        f"{fitting.supposed:.1f} times"
+    )
+    if only:
+        kind = "readout" if changes[0].circuit.r_par == supposed.r_par else "circuit"
+        kind = "bits" if changes[0].scale != 1.0 else kind
+        settings = changes[0].settings(supposed)
+        remedy = f"Set {entered(settings)}; docs/boards.md shows how to tell by the wires"
+    else:
+        kind, remedy = "circuit", "Compare with the board: docs/boards.md shows how to tell each"
+    read = " or ".join(_read(supposed, change) for change in changes)
+    return Finding(
+        kind,
+        "wiring of the board",
+        f"the touches fit {read} to {fitting.left:.1f} times the noise, {missed}",
+        remedy,
+        change=changes[0] if only else None,
+    )
+
+
+def _virtual_ground(fitting: Fitting) -> Finding:
     return Finding(
         "readout",
         "wiring of the board",
-        f"the touches fit {_wired(fitting.circuit)} to {fitting.left:.1f} times the noise, and "
-        f"{_wired(supposed)}, as configured, to {fitting.supposed:.1f} times",
-        f"Set circuit.readout: {name}{driven}; docs/boards.md shows how to tell by the wires",
+        f"the readings along a line add up to {fitting.left:.1f} times full scale while others "
+        "on it stay as they are, which no network of resistors reads: each is of its own cell",
+        "If an amplifier holds each sense line at 0 V, set circuit.readout: virtual_ground and "
+        "circuit.r_ref to its feedback resistor; docs/boards.md shows it",
     )
+
+
+def entered(settings: dict) -> str:
+    """Return settings as an owner enters them."""
+    written = {name: str(value).lower() for name, value in settings.items()}
+    return ", ".join(f"{name}: {value}" for name, value in written.items())
+
+
+def _read(supposed: Circuit, change: Change) -> str:
+    """A change, in words."""
+    if change.scale != 1.0:
+        (full,) = change.settings(supposed).items()
+        return f"an ADC of another width ({full[0].removeprefix('circuit.')} {full[1]})"
+    if change.circuit.r_par != supposed.r_par:
+        return f"r_par near {change.circuit.r_par:.0f} ohm"
+    return _wired(change.circuit)
 
 
 def converter(found: Converter) -> Finding:
@@ -389,6 +449,7 @@ def drivers(supposed: Circuit, found: Identified) -> Finding:
         "r_drive",
         f"{found.frames} frames of touches fit r_drive = {r_drive:.1f} +- "
         f"{found.std['r_drive']:.1f} ohm, not {supposed.r_drive:g}",
-        f"Set circuit.r_drive: {r_drive:.0f}. The drivers have so much; with a wrong value hard "
+        f"Set circuit.r_drive: {r_drive:.1f}. The drivers have so much; with a wrong value hard "
         "touches are felt too weak or too strong",
+        change=Change(replace(supposed, r_drive=r_drive)),
     )

@@ -1,6 +1,8 @@
 """Lines that read alike, and lines in the wrong order: what the touches in a recording tell.
 
-How touches tell the order: `watch.order`, which follows a running skin with the same votes.
+A touch covers neighbouring cells. Read in the right order its picture rises once and falls once;
+with two lines exchanged it is torn, and varies more from line to line. Each touch has one vote, of
+the size by which another order would be smoother than this one.
 """
 
 from __future__ import annotations
@@ -9,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..watch.order import Vote, distances, exchanged, smooth_picture, vote
 from .recorded import Recorded
 
 # RMS by which two lines that read alike differ at rest: times the noise of a mean, and ADC steps.
@@ -27,6 +28,12 @@ _ALIKE, _APART, _ALWAYS = 0.03, 5.0, 0.8
 # what touches the other. Up to 0.03 with nothing exchanged, 0.14 or more with that line (seeds
 # 175000 to 175223).
 _PRESSED_GAIN = 0.08
+_FEWEST = 5  # touches that speak for another order, or against it
+_SPEAKS = 0.02  # share of a touch's variation by which one does
+_MAJORITY = 0.5  # of the votes' sum over the sum of their sizes
+_GAIN = 0.06  # share of all variation that the other order saves at least, of one touch
+_LIGHT = 0.03  # share of the picture's largest value below which a cell counts as untouched
+_FEWEST_LINES = 4  # whose order the touches tell
 
 
 def equal_lines(seen: Recorded, skip) -> list[tuple[int, int, int]]:
@@ -138,3 +145,78 @@ def _variation(pictures: np.ndarray) -> np.ndarray:
     """(n,) of (n, rows, cols), from line to line both ways; nothing is touched beyond the edges."""
     padded = np.pad(pictures, ((0, 0), (1, 1), (1, 1)))
     return sum(np.abs(np.diff(padded, axis=axis)).sum((1, 2)) for axis in (1, 2))
+
+
+def smooth_picture(values: np.ndarray) -> np.ndarray:
+    """(..., rows, cols) of sum 1, of what each cell gains under touches: the order's evidence."""
+    picture = np.sqrt(np.maximum(values, 0.0))
+    picture = np.maximum(picture - _LIGHT * picture.max((-2, -1), keepdims=True), 0.0)
+    return picture / np.maximum(picture.sum((-2, -1), keepdims=True), 1e-12)
+
+
+def distances(pictures: np.ndarray) -> np.ndarray:
+    """(touches, lines + 2, lines + 2) how much any two lines differ; nothing is touched beyond.
+
+    Args:
+        pictures: (touches, lines, cells of a line).
+    """
+    padded = np.pad(pictures, ((0, 0), (1, 1), (0, 0)))
+    return np.abs(padded[:, :, None] - padded[:, None]).sum(3)
+
+
+class Vote(NamedTuple):
+    """Attributes:
+    touches: that were counted.
+    share: of the variation that the other order saves.
+    agreement: sum of the votes over the sum of their sizes.
+    """
+
+    touches: int
+    share: float
+    agreement: float
+
+
+def vote(now: np.ndarray, other: np.ndarray) -> Vote | None:
+    """What touches, of (touches,) variation in this order and in the other, prefer; None: this."""
+    found = best_vote(now, (now - other)[:, None])
+    return found and found[1]
+
+
+def best_vote(now: np.ndarray, saved: np.ndarray) -> tuple[int, Vote] | None:
+    """The order that most touches prefer, and by how much; None: there is none.
+
+    Args:
+        now: (touches,) variation in this order.
+        saved: (touches, orders) what each other order saves of it.
+    """
+    speaks = np.abs(saved) > _SPEAKS * now[:, None]
+    size, count = (np.abs(saved) * speaks).sum(0), speaks.sum(0)
+    share = saved.sum(0) / max(now.sum(), 1e-12)
+    agreement = (saved * speaks).sum(0) / np.maximum(size, 1e-12)
+    wins = (count >= _FEWEST) & (agreement >= _MAJORITY)
+    wins &= share > _GAIN / max(len(now), 1) ** 0.5
+    if not wins.any():
+        return None
+    k = int(np.where(wins, share, -np.inf).argmax())
+    return k, Vote(int(count[k]), float(share[k]), float(agreement[k]))
+
+
+def exchanged(apart: np.ndarray) -> tuple[tuple[int, int], Vote] | None:
+    """The two lines without whose exchange the touches are smoother; None: there are none.
+
+    Args:
+        apart: as `distances` has it.
+    """
+    lines = apart.shape[1] - 2
+    if lines < _FEWEST_LINES or len(apart) < _FEWEST:
+        return None
+    before, here, after = (slice(k, k + lines) for k in range(3))
+    k = np.arange(lines)
+    beside = apart[:, k, k + 1] + apart[:, k + 1, k + 2]  # (touches, lines), of each to both sides
+    there = apart[:, before, here] + apart[:, after, here]  # line b in the place of line a
+    saved = beside[:, :, None] + beside[:, None] - there - there.swapaxes(1, 2)
+    a, b = np.triu_indices(lines, 1)
+    saved = saved[:, a, b] - np.where(b == a + 1, 2.0 * apart[:, a + 1, b + 1], 0.0)
+    every = np.arange(lines + 1)
+    found = best_vote(apart[:, every, every + 1].sum(1), saved)
+    return found and ((int(a[found[0]]), int(b[found[0]])), found[1])

@@ -49,7 +49,8 @@ def stuck_bits(seen: Recorded) -> list[tuple[int, int, float]]:
     moves = np.abs(np.diff(every, axis=0, prepend=every[:1]))
     moves = maximum_filter1d(moves, _STANDING, axis=0)
     standing = np.where(moves < _STANDS * seen.usual_noise + 1.0, every, base)
-    fell = (new < _BELOW * base - 3.0) & (base > 10.0)
+    # exactly 0 is what a recorder leaves out, too
+    fell = (new > 0.0) & (new < _BELOW * base - 3.0) & (base > 10.0)
     folded = fell.sum() >= _BELOW_READINGS and np.count_nonzero(fell.any(0)) >= _BELOW_CELLS
     folded &= seen.circuit.readout == "floating"  # a load only raises its readings
     found, bits = [], seen.circuit.adc_bits

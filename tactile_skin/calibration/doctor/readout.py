@@ -1,4 +1,8 @@
-"""Which readout a board has, by its touches: the one whose network explains them."""
+"""Which readout a board has, by its touches: the one whose network explains them.
+
+What else explains them as well is looked for, too: another series resistance, another width of the
+ADC. A setting is only proposed if nothing else explains the touches.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +16,13 @@ from ...physics.curve import PressureCurve
 from ...physics.readouts import DRIVEN, PASSIVE
 from ...solvers import compensate
 from ..rest import REST_SPAN, resting_conductance
+from .advice import Change, is_safe, of_other_scale
 
 _EXPLAINED = 2.0  # times noise and model error up to which the configured readout may miss touches
 _BETTER, FITS = 0.5, 4.0  # times what the configured one misses, and times the noise, of another
+# Explanations between which touches do not decide: times what the best one misses, and times the
+# noise, that they miss at most.
+_AS_GOOD, _WITHIN_NOISE = 2.0, 1.5
 _MODEL = 0.003  # of a reading, that real skins are off the circuit's model (solvers/suspect.py)
 # What no passive network reads, all three. Boards with a virtual ground (seeds 3 and 4, r_ref 100
 # to 1000 ohm) were missed by 34 at least, added up to 1.4 and left 0 to 0.66 unmoved.
@@ -25,19 +33,21 @@ _RISEN = 0.2  # of full scale: a touched crossing
 _AT_REST = 3.0, 1.0  # times the noise, and ADC steps, by which a reading at rest may stray
 _TIME = 0.1  # s for a touch that no cells explain
 _LEAST_NOISE = 0.3  # ADC steps: of rounding
+_R_PAR = (0.0, 30.0, 100.0, 300.0)  # ohm that are tried at first: of drivers and multiplexers
+_ROUNDS, _FACTOR = 5, 1.7  # in which the best is refined; at first by this factor
 
 
 class Fitting(NamedTuple):
     """What explains touches that the configured circuit does not.
 
     Attributes:
-        circuit: of another readout; None: no network explains them, either.
-        left, supposed: times noise and model error by which the best other readout, and the
+        changes: each of which explains them, and leaves a skin that feels them; the best first.
+        left, supposed: times noise and model error by which the best other circuit, and the
             configured one, miss them; of a virtual ground left is what lines add up to, in full
             scales.
     """
 
-    circuit: Circuit | None
+    changes: list[Change]
     left: float
     supposed: float
 
@@ -55,20 +65,35 @@ class Touched(NamedTuple):
     noise: float
     touches: np.ndarray
 
+    def after(self, change: Change) -> Touched:
+        """Return the same as it is read after a change."""
+        rest, *touches = change.of(np.concatenate([self.rest[None], self.touches]))
+        return Touched(rest, self.noise * change.scale, np.array(touches))
+
 
 def other(supposed: Circuit, seen: Touched) -> Fitting | None:
-    """None: the supposed readout explains the touches."""
+    """Return what explains the touches instead; None: the supposed circuit does."""
     own = misses(supposed, seen)
     if own <= _EXPLAINED or not len(seen.touches):
         return None
-    left, circuit = min(_others(supposed, seen), key=lambda pair: pair[0])
-    if left < min(_BETTER * own, FITS):
-        return Fitting(circuit, left, own)
-    if min(left, own) > _NEVER and (sums := _separate(seen, supposed.full_scale)):
-        bare = replace(supposed, r_par=0.0)
-        if min(misses(bare, seen), *(m for m, _ in _others(bare, seen))) > _NEVER:
-            return Fitting(supposed.read_as("virtual_ground", supposed.driven), sums, own)
-    return Fitting(None, left, own) if own > FITS else None
+    tried = [(misses(c.circuit, seen.after(c)), c) for c in _others(supposed, seen)]
+    if own > FITS:
+        tried.append(_with_r_par(supposed, seen))
+    tried.sort(key=lambda pair: pair[0])
+    left = tried[0][0]
+    if left >= min(_BETTER * own, FITS):
+        if min(left, own) > _NEVER and (sums := _separate(seen, supposed.full_scale)):
+            bare = replace(supposed, r_par=0.0)
+            others = [c.circuit for c in _others(bare, seen) if c.scale == 1.0]
+            if min(misses(c, seen) for c in (bare, *others)) > _NEVER:
+                own_cells = supposed.read_as("virtual_ground", supposed.driven)
+                return Fitting([Change(own_cells)], sums, own)
+        return Fitting([], left, own) if own > FITS else None
+    alike = max(_AS_GOOD * left, _WITHIN_NOISE)
+    frames = np.concatenate([seen.rest[None], seen.touches])
+    quiet = np.arange(len(frames)) == 0
+    changes = [c for off, c in tried if off <= alike and is_safe(c, frames, quiet, seen.noise)]
+    return Fitting(changes, left, own)
 
 
 def _separate(seen: Touched, full: int) -> float:
@@ -88,15 +113,31 @@ def _separate(seen: Touched, full: int) -> float:
     return float(np.median(sums)) if adds_up else 0.0
 
 
-def _others(supposed: Circuit, seen: Touched) -> list[tuple[float, Circuit]]:
+def _others(supposed: Circuit, seen: Touched) -> list[Change]:
+    """Return other readouts, and other widths of the ADC whose range the readings do not leave."""
     found = []
     for readout in PASSIVE:
         for driven in DRIVEN[:1] if readout == "floating" else DRIVEN:
             circuit = supposed.read_as(readout, driven)
             same = readout == "floating" == supposed.readout
             if not (same or circuit == supposed):
-                found.append((misses(circuit, seen), circuit))
-    return found
+                found.append(Change(circuit))
+    most, end = float(np.nanmax(seen.touches)), float(supposed.ratio(0.0))
+    return found + [c for c in of_other_scale(supposed) if c.scale * most <= end]
+
+
+def _with_r_par(supposed: Circuit, seen: Touched) -> tuple[float, Change]:
+    """Return the series resistance that explains the touches best, and by how much it misses."""
+
+    def tried(r_par: float) -> tuple[float, float]:
+        return misses(replace(supposed, r_par=r_par), seen), r_par
+
+    best = min(map(tried, _R_PAR))
+    factor = _FACTOR
+    for _ in range(_ROUNDS):
+        best = min(best, tried(best[1] * factor), tried(best[1] / factor))
+        factor **= 0.5
+    return best[0], Change(replace(supposed, r_par=best[1]))
 
 
 def misses(circuit: Circuit, seen: Touched) -> float:

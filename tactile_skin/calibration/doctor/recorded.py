@@ -21,6 +21,7 @@ _LINE_OPEN, _LINE_CLOSED = 0.1, 0.6  # of the usual reading: a line is not, or i
 _NEITHER = 0.3  # the same of one that does not tell
 _LEFT = 0.1  # share of a reading that a touch leaves, below which it tells nothing of its line
 _LEAST_NOISE = 0.1  # ADC steps
+_GONE = 0.2, 0.5  # of the largest change: below, a touch is gone; above, it is there
 _NAMES = ("row", "column")
 
 
@@ -56,6 +57,20 @@ class Recorded:
     touches: np.ndarray
     closed: tuple[np.ndarray, np.ndarray]
     fell: float
+
+    @property
+    def ratio(self) -> np.ndarray:
+        """(n, rows, cols) readings as ADC ratio; NaN: never read."""
+        return np.where(self.read, self.steps / self.circuit.full_scale, np.nan)
+
+    @property
+    def returns(self) -> int:
+        """How often the skin was touched and left alone again."""
+        cells = self.read & self.circuit.populated
+        moved = np.abs(self.steps - self.base)[:, cells].max(1)
+        moved = moved[(moved > _GONE[1] * moved.max()) | (moved < _GONE[0] * moved.max())]
+        there = moved > _GONE[1] * moved.max(initial=0.0)
+        return int(np.count_nonzero(there[:-1] & ~there[1:]))
 
     @property
     def usual_noise(self) -> float:

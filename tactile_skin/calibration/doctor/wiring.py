@@ -313,7 +313,10 @@ class _Fit:
         one, two = (first - now) / d[0], (second - now) / d[1]
         if one == two == 0.0:  # it changes nothing
             return g
-        t = (one - two) / (two * d[1] - one * d[0])
+        below = two * d[1] - one * d[0]
+        if below == 0.0:  # a voltage that is proportional to it
+            return _LARGEST
+        t = (one - two) / below
         s = one * (1.0 + t * d[0])
         rise = wanted - now
         left = s - t * rise

@@ -42,11 +42,13 @@ def twins(steps: np.ndarray, noise: float, cells: np.ndarray) -> tuple[str, int,
     return None
 
 
-def stuck_bit(steps: np.ndarray, noise: float, cells: np.ndarray) -> tuple[str, int] | None:
-    """The address bit, as ("row" or "column", bit), without which all lines are read in pairs.
+def stuck_bits(
+    steps: np.ndarray, noise: float, cells: np.ndarray
+) -> tuple[str, tuple[int, ...]] | None:
+    """The address bits, as ("row" or "column", bits), without which all lines are read.
 
-    Together they tell more surely than each pair. Lines as near to one another, or nearer, must be
-    apart: those of a smooth fabric are not.
+    Lines that differ in these bits only read alike; together they tell more surely than each pair.
+    Other lines as near to one another, or nearer, must be apart: those of a smooth fabric are not.
 
     Args:
         as of `twins`.
@@ -54,10 +56,10 @@ def stuck_bit(steps: np.ndarray, noise: float, cells: np.ndarray) -> tuple[str, 
     for name, pairs in _sides(steps, cells, _SHORTEST):
         if not pairs.differ(noise):
             continue
-        distance = pairs.other - pairs.one
-        for bit in range(int(pairs.other.max()).bit_length()):
-            group = (distance == 1 << bit) & (pairs.one & 1 << bit == 0)
-            others = (distance <= 1 << bit) & ~group
+        bits, distance = pairs.one ^ pairs.other, pairs.other - pairs.one
+        for mask in range((1 << int(pairs.other.max()).bit_length()) - 2, 0, -1):
+            group = bits & ~mask == 0
+            others = (distance <= distance[group].max(initial=0)) & ~group
             if np.count_nonzero(group) < _PAIRS or not others.any():
                 continue
             n = pairs.count[group].sum()
@@ -65,7 +67,7 @@ def stuck_bit(steps: np.ndarray, noise: float, cells: np.ndarray) -> tuple[str, 
             near = np.median((pairs.square / pairs.count)[others])
             most = min(pairs.alike(n), _ALIKE * near, _NOISE * 2.0 * noise**2)
             if apart < most:
-                return name, bit
+                return name, tuple(k for k in range(mask.bit_length()) if mask >> k & 1)
     return None
 
 

@@ -12,6 +12,7 @@ from ..rest import usual_resistance
 # times the noise of a mean, as a low-pass before it leaves more. Frames that are looked at together
 # while they are alike, as cells of a noisy skin seem for a second.
 _CHANNELS, _CHANCE, _LOW_PASS, _FRAMES = 0.2, 1e-4, 1.3, 1000
+_LEAST_STEPS = 3.0  # ADC steps below which the board may take something off
 _LEAST_SCATTER = 0.03  # RMS of log resistance of a good fabric's cells at rest, chosen
 
 
@@ -35,6 +36,9 @@ class OneVoltage:
             mean: (rows, cols) of so many frames, ADC ratio.
             noise: of a reading [ADC steps].
         """
+        if np.count_nonzero(self._cells) == 1:  # there is nothing to compare it with
+            self.tells = False
+            return ""
         total, count = self._alike
         total, count = total + frames * mean, count + frames
         for seen, n in ((mean, frames), (total / count, count)):
@@ -45,11 +49,11 @@ class OneVoltage:
         self._alike = total * (kept / count), kept
         self.tells = self._fabric_spread(mean) > _CHANNELS
         steps = mean[self._cells].mean() * self._circuit.full_scale
-        zero = " If its untouched cells read 0, set compensation's threshold: 1"
-        return (
-            f"rest not measured: all readings are {steps:.1f} ADC steps, within noise: is the "
-            f"matrix connected?{zero if steps < 1.0 else ''}"
-        )
+        ask = "is the matrix connected?"
+        if steps < _LEAST_STEPS:
+            self.tells = True  # whatever presses there first would look like all that there is
+            ask = "is an offset or a threshold taken off, or is no matrix connected?"
+        return f"rest not measured: all readings are {steps:.1f} ADC steps, within noise: {ask}"
 
     def _spread(self, mean: np.ndarray) -> float:
         """RMS by which the cells differ [ADC steps]."""

@@ -11,7 +11,6 @@ from .contacts import Contacts
 from .converter import Ceiling, RestPicture, Windows
 from .doubt import Doubt
 from .load import IDLE, Load
-from .order import Order
 from .untouched import Untouched
 
 
@@ -22,7 +21,6 @@ class Watch:
         load: whether half of the skin is loaded, and since when.
         contacts: readings that are set aside.
         untouched: what the skin at rest reads.
-        order: of the lines, as the touches tell it.
     """
 
     def __init__(self, adc: Adc, *, rest_known: bool):
@@ -41,7 +39,7 @@ class Watch:
         self._windows, self._picture = Windows(circuit.adc_bits), RestPicture()
         self._saturated = self._dead = self._odd = self._why = ""
         self._cells, self.contacts = Cells(circuit.shape), Contacts()
-        self.untouched, self.order = Untouched(circuit), Order()
+        self.untouched = Untouched(circuit)
         self.begin_anew(rest_known=rest_known)
         self.forget_doubts()
 
@@ -58,7 +56,6 @@ class Watch:
         """Somebody has checked the skin: past faults are over, what the last frames show is not."""
         self._doubt.reset()
         self.untouched.forget()
-        self.order = Order()
         self._doubtful, self._saturated = self._doubt.present, self._ceiling.forget()
 
     def frame(self, t: float, samples, estimate: Estimate, judged: bool, rest) -> None:
@@ -86,8 +83,6 @@ class Watch:
         self._odd = self._cells.frame(t, estimate.force)
         self.contacts.frame(estimate.aside)
         self.load.frame(t, estimate.force)
-        if not suspect:
-            self.order.frame(estimate.force)
 
     @property
     def fault(self) -> bool:

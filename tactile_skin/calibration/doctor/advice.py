@@ -1,0 +1,130 @@
+"""Whether to give a piece of advice: the skin that obeys it is tried on the very frames.
+
+Advice after which an untouched skin reads as none does, or after which a touch that the raw
+readings show is no longer felt, makes a robot that is free under a hand: it is never given.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...physics.circuit import Circuit
+from ...physics.curve import PressureCurve
+from ...solvers import compensate
+from ..rest import resting_conductance
+from ..tare import MAX_TARED_FORCE
+from ..watch.load import IDLE
+
+_ALIKE = 4.0  # times the usual cell's conductance, either way, within which cells at rest lie
+_MAY_DIFFER = 0.34  # share of the cells that may lie beyond, as those of damaged lines do
+_OFF_END = 2.0  # times the noise plus an ADC step, that usual readings at rest keep off either end
+_SEEN = 0.3  # of the largest change of a reading, in a frame that shows a touch
+_HARD = 0.8  # the same, of a hard touch
+_TRIED = 12  # frames that are tried, the hardest and others at even steps of hardness
+_STUCK = 0.9  # of the conductance at the curve's end: what conducts more at rest is stuck
+_TIME = 0.1  # s for a frame that no cells explain
+_WIDTHS = (8, 10, 12, 14, 16)  # bits of ADCs
+
+
+@dataclass(frozen=True)
+class Change:
+    """What a finding proposes to enter.
+
+    Attributes:
+        circuit: as it should be.
+        turned: whether readings are to be taken the other way round.
+        scale: factor of the readings, where the supply reads other than the configured full scale.
+    """
+
+    circuit: Circuit
+    turned: bool = False
+    scale: float = 1.0
+
+    def of(self, frames: np.ndarray) -> np.ndarray:
+        """Return the frames (n, rows, cols) as they would be read with it [ADC ratio]."""
+        frames = np.clip((1.0 - frames if self.turned else frames) * self.scale, 0.0, 1.0)
+        return frames.reshape(len(frames), *self.circuit.shape)
+
+    def settings(self, supposed: Circuit, inverted: bool = False) -> dict[str, object]:
+        """Return parameter name -> value of all that differs from what is supposed."""
+        now, then = supposed.describe(), self.circuit.describe()
+        found = {f"circuit.{k}": v for k, v in then.items() if v != now[k] and k != "mask"}
+        if {"circuit.readout", "circuit.driven"} & found.keys():
+            found["circuit.readout"] = then["readout"]
+            if then["readout"] != "floating":
+                found["circuit.driven"] = then["driven"]
+        for name in ("r_par", "r_drive"):
+            if f"circuit.{name}" in found:
+                found[f"circuit.{name}"] = round(then[name], 1)
+        if self.turned:
+            found["circuit.inverted"] = not inverted
+        if self.scale != 1.0:
+            full = supposed.full_scale / self.scale
+            bits = next((b for b in _WIDTHS if abs(full / (2**b - 1) - 1.0) < 1e-6), None)
+            name, value = ("adc_full_scale", round(full)) if bits is None else ("adc_bits", bits)
+            found[f"circuit.{name}"] = value
+        return found
+
+
+def _rest(at_rest: np.ndarray, circuit: Circuit, noise: float) -> np.ndarray | None:
+    """Return (rows, cols) conductance at rest [S]; None: no skin rests so.
+
+    Args:
+        at_rest: (rows, cols) ADC ratio; NaN: not read.
+        noise: of a reading [ADC steps].
+    """
+    cells = circuit.populated & np.isfinite(at_rest)
+    if not cells.any():
+        return None
+    usual, end = float(np.median(at_rest[cells])), float(circuit.ratio(0.0))
+    margin = _OFF_END * (noise + 1.0) / circuit.full_scale
+    if not margin < usual < end - margin:
+        return None
+    unread = list(zip(*np.nonzero(circuit.populated & ~cells), strict=True))
+    try:
+        g = resting_conductance(at_rest, circuit, max(noise, 0.3), unread)
+    except ValueError:
+        return None
+    apart = np.abs(np.log(np.maximum(g[cells], 1e-12) / np.median(g[cells])))
+    return g if np.mean(apart > np.log(_ALIKE)) <= _MAY_DIFFER else None
+
+
+def is_safe(change: Change, frames: np.ndarray, quiet: np.ndarray, noise: float) -> bool:
+    """Return whether the skin that obeys is at rest when nothing touches, and feels what touches.
+
+    Args:
+        frames: (n, rows, cols) ADC ratio as it is configured; NaN where a crossing was not read.
+        quiet: (n,) bool, frames in which nothing touches.
+        noise: of a reading [ADC steps].
+    """
+    circuit = change.circuit
+    frames = np.where(np.isnan(frames).any(0), np.nan, frames)  # a crossing is read, or is not
+    moves = np.nanmax(np.abs(frames - frames[quiet].mean(0)), axis=(1, 2))
+    then = change.of(frames)
+    rest = _rest(then[quiet].mean(0), circuit, noise)
+    if rest is None:
+        return False
+    usual = 1.0 / float(np.median(rest[circuit.populated]))
+    force, ohms = np.array(PressureCurve().points).T
+    curve = PressureCurve(force, ohms * usual / ohms[0])
+    most = _STUCK / curve.least_resistance  # S
+    curve = curve.resting_at(1.0 / np.clip(rest, 1e-3 / usual, most))
+    order = np.argsort(-moves)
+    seen = order[moves[order] > _SEEN * moves.max()]
+    tried = np.unique(np.r_[seen[:_TRIED], seen[:: max(1, len(seen) // _TRIED)]])
+    for k in tried:
+        least = IDLE if moves[k] > _HARD * moves.max() else MAX_TARED_FORCE
+        found = compensate(
+            then[k], circuit, curve, "map", noise=max(noise, 0.3), missing=True, time_limit=_TIME
+        )
+        if found.force.max() < least:
+            return False
+    return True
+
+
+def of_other_scale(circuit: Circuit) -> list[Change]:
+    """Return the changes to ADCs of fewer bits: with more, any touch would be too light to tell."""
+    full = circuit.full_scale
+    return [Change(circuit, scale=full / (2**b - 1)) for b in _WIDTHS if 2**b - 1 < full]
