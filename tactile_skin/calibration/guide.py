@@ -268,7 +268,8 @@ class Guide:
             return
         self._say(f"  {self.fitted.message}")
         cells = self.circuit.populated
-        at_rest = np.where(cells, 1.0 / np.where(cells, rest.conductance, 1.0), 1e6)
+        usual = float(np.median(rest.conductance[cells]))  # S
+        at_rest = 1.0 / np.where(cells, rest.conductance, usual)
         curve = self.fitted.curve.resting_at(at_rest)
         found = compensate(frames[-1], self.circuit, curve, "map", missing=True)
         self._say(picture(found.force))
