@@ -36,7 +36,7 @@ _EXPLAINED = 30.0
 # scans in turn), and standard deviations from which a misfit counts less than its square: that of a
 # bad contact, say.
 _MODEL, _ODD = 0.0005, 3.0
-_CUT_OFF = 3.0  # ADC steps below which a reading's noise may be cut off at 0
+_CUT_OFF = 3.0  # ADC steps from the converter's ends within which a reading's noise is cut off
 _START_STEPS = 60  # of the fixed point, to one ADC step RMS
 _STEPS = 6  # of Levenberg and Marquardt, a frame and search of touched cells; the next goes on
 _SETTLED = 0.5  # gain in chi^2 of a step that is the last
@@ -92,10 +92,13 @@ class Supposed:
         hard: HARD or SOFT.
         exact: whether stripes are taken beyond first order; the time is that of the literal network
             for each frame.
+        end: ADC ratio at which the converter ends.
     """
 
-    def __init__(self, circuit: Circuit, rest: Rest, hard: float, *, exact: bool = False):
-        self.circuit, self._hard, self._exact = circuit, hard, exact
+    def __init__(
+        self, circuit: Circuit, rest: Rest, hard: float, *, exact: bool = False, end: float = 1.0
+    ):
+        self.circuit, self._hard, self._exact, self._end = circuit, hard, exact, end
         self.rest = supposing(rest, circuit).conductance
         self._cells = np.flatnonzero(circuit.populated).astype(np.int32)
         self._unit = np.ones(circuit.rows), np.ones(circuit.cols)
@@ -170,7 +173,9 @@ class Supposed:
             touched | binary_dilation(g > self._hard * self.rest, BESIDE)
         )
         expected = self._network(np.where(touched, g, self.rest), further).adc
-        cut_off = expected < _CUT_OFF / circuit.full_scale  # by the model: noise must not choose
+        width = _CUT_OFF / circuit.full_scale
+        # by the model: noise must not choose
+        cut_off = (expected < width) | (expected > self._end - width)
         reading = replace(reading, known=reading.known & ~cut_off)
         std = np.sqrt(noise**2 + np.square(_MODEL * reading.steps))
         hardest = 1.0 / (HARDEST * circuit.r_ref)  # S
