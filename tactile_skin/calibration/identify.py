@@ -33,7 +33,7 @@ _DONE = 0.2  # standard deviations by which the last round moved
 # Standard deviations: of r_par, as share of `series_scale`; of others [ohm]. Arduinos' pins have 25
 # ohm, a 74HC595's 20 to 70.
 _PRIOR = {"r_par": 0.2, "r_line": 8.0, "r_drive": 50.0}
-_TOLD = 0.03, 4.0  # the same, below which a resistance is told
+TOLD = {"r_par": 0.03, "r_line": 4.0, "r_drive": 4.0}  # the same, below which it is told
 _FEWEST = 3  # frames; with fewer one odd touch decides
 _NOISE = 0.3  # ADC steps at least: of rounding
 _STOPPED = 4  # readings of touches at the same largest height: the converter's end
@@ -238,7 +238,8 @@ def _identified(circuit: Circuit, solution: _Solution, ended: int) -> Identified
         ended: readings that are at the converter's end.
     """
     off, information, std, frames = solution
-    limits = np.array([_TOLD[0] * series_scale(circuit), _TOLD[1]])
+    r_par, other = (TOLD[name] for name in names(circuit))
+    limits = np.array([r_par * series_scale(circuit), other])
     told = std < limits
     if ideal := circuit.readout == "loaded":
         told[1] = False
