@@ -16,7 +16,7 @@ from .files import read_text, shorten
 
 # Ten skins in one file, with curves of a hundred points, stay within these. So much is read in less
 # than half a second.
-_YAML_BYTES = 64 * 1024
+YAML_BYTES = 64 * 1024
 _YAML_NODES = 4000  # keys, values, lists and maps, an alias counted as all that it stands for
 _YAML_DEPTH = 20  # of lists and maps in one another; a launch file needs 7
 _NUMBER_CHARACTERS = 100  # of a number; Python takes longer the longer it is, or refuses
@@ -30,7 +30,7 @@ def read_yaml(path):
         FileError: as `read_text` and `parse_yaml`.
         OSError: it cannot be read.
     """
-    return parse_yaml(read_text(path, _YAML_BYTES), path)
+    return parse_yaml(read_text(path, YAML_BYTES), path)
 
 
 def parse_yaml(text: str, where):

@@ -36,11 +36,11 @@ _EXPLAINED = 30.0
 # scans in turn), and standard deviations from which a misfit counts less than its square: that of a
 # bad contact, say.
 _MODEL, _ODD = 0.0005, 3.0
-_CUT_OFF = 3.0  # ADC steps below which a reading's noise may be cut off at 0
+_CUT_OFF = 3.0  # ADC steps from the converter's ends within which a reading's noise is cut off
 _START_STEPS = 60  # of the fixed point, to one ADC step RMS
 _STEPS = 6  # of Levenberg and Marquardt, a frame and search of touched cells; the next goes on
 _SETTLED = 0.5  # gain in chi^2 of a step that is the last
-_HARDEST = 20.0  # ohm that a cell has at least
+HARDEST = 0.01  # times r_ref that a cell has at least: 18 ohm on the paper's board
 _ANY = 3.0  # standard deviation of a touched cell's log conductance: nothing is known of it
 # Times the noise, RMS: by which a frame may differ from the one before, since a touch that moves is
 # read row by row; and by which it differs from the last that was asked.
@@ -92,17 +92,21 @@ class Supposed:
         hard: HARD or SOFT.
         exact: whether stripes are taken beyond first order; the time is that of the literal network
             for each frame.
+        end: ADC ratio at which the converter ends.
     """
 
-    def __init__(self, circuit: Circuit, rest: Rest, hard: float, *, exact: bool = False):
-        self.circuit, self._hard, self._exact = circuit, hard, exact
+    def __init__(
+        self, circuit: Circuit, rest: Rest, hard: float, *, exact: bool = False, end: float = 1.0
+    ):
+        self.circuit, self._hard, self._exact, self._end = circuit, hard, exact, end
         self.rest = supposing(rest, circuit).conductance
         self._cells = np.flatnonzero(circuit.populated).astype(np.int32)
         self._unit = np.ones(circuit.rows), np.ones(circuit.cols)
         # of any cell: between half of its own rest and the hardest
-        softest = np.full(circuit.shape, 2.0 * _HARDEST)
-        softest.flat[self._cells] = np.maximum(2.0 * _HARDEST, 2.0 / self.rest.flat[self._cells])
-        self._curve = PressureCurve((0.0, 1.0), (softest.max(), _HARDEST)).resting_at(softest)
+        hardest = HARDEST * circuit.r_ref
+        softest = np.full(circuit.shape, 2.0 * hardest)
+        softest.flat[self._cells] = np.maximum(2.0 * hardest, 2.0 / self.rest.flat[self._cells])
+        self._curve = PressureCurve((0.0, 1.0), (softest.max(), hardest)).resting_at(softest)
 
     @cached_property
     def _resting(self) -> readouts.Floating | readouts.Driven:
@@ -169,9 +173,12 @@ class Supposed:
             touched | binary_dilation(g > self._hard * self.rest, BESIDE)
         )
         expected = self._network(np.where(touched, g, self.rest), further).adc
-        cut_off = expected < _CUT_OFF / circuit.full_scale  # by the model: noise must not choose
+        width = _CUT_OFF / circuit.full_scale
+        # by the model: noise must not choose
+        cut_off = (expected < width) | (expected > self._end - width)
         reading = replace(reading, known=reading.known & ~cut_off)
         std = np.sqrt(noise**2 + np.square(_MODEL * reading.steps))
+        hardest = 1.0 / (HARDEST * circuit.r_ref)  # S
         most = _FULL * np.count_nonzero((reading.known | reading.capped) & circuit.populated)
 
         def at(g: np.ndarray) -> Linearised:
@@ -180,7 +187,7 @@ class Supposed:
         for search in range(_SEARCHES + 1):
             if np.count_nonzero(touched) > most:
                 return None
-            model = _fit(at, np.where(touched, g, self.rest), np.flatnonzero(touched))
+            model = _fit(at, np.where(touched, g, self.rest), np.flatnonzero(touched), hardest)
             g = model.g
             past = self._past_touched(model, touched, further)
             more = past.more if search < _SEARCHES else np.zeros(0, int)
@@ -249,11 +256,12 @@ def _jacobian(model: Linearised, cells: np.ndarray) -> np.ndarray:
     return model.jacobian(readings, cells) * model.g.flat[cells]
 
 
-def _fit(at, g: np.ndarray, unknown: np.ndarray) -> Linearised:
+def _fit(at, g: np.ndarray, unknown: np.ndarray, most: float) -> Linearised:
     """The unknown cells of a frame, all others as they are: Levenberg and Marquardt in log g.
 
     Args:
         at: g (rows, cols) [S] -> the model there.
+        most: that a cell conducts [S].
     """
     model, damping = at(g), 1e-3
     chi2 = np.square(model.misfit).sum()
@@ -267,7 +275,7 @@ def _fit(at, g: np.ndarray, unknown: np.ndarray) -> Linearised:
             precision[np.diag_indices(diagonal.size)] = diagonal * (1.0 + damping) + _ANY**-2
             step = np.clip(solve(precision, pull), -1.5, 1.5)
             new = model.g.copy()
-            new.flat[unknown] = np.minimum(new.flat[unknown] * np.exp(step), 1.0 / _HARDEST)
+            new.flat[unknown] = np.minimum(new.flat[unknown] * np.exp(step), most)
             trial = at(new)
             if (now := np.square(trial.misfit).sum()) <= before:
                 model, chi2 = trial, now

@@ -1,7 +1,8 @@
 """What a person does to calibrate a board, step by step; frames and answers come from outside.
 
 Hands off (rest, noise), press here and there (what lies in series), lay known weights on (the
-curve). Each step says when it has enough. How much a standing load gains is measured separately
+curve). Each step says when it has enough, why something does not count, and waits for a key before
+the next one; "b" leads a step back. How much a standing load gains is measured separately
 (docs/calibrate.md).
 """
 
@@ -39,8 +40,12 @@ _TOUCHED = 8.0  # times the noise by which a reading rises where something touch
 # Share of its readings by which a load that stands may change: 0.005 at most of objects that creep,
 # 0.05 and 0.09 at least of 19 in 20 that slide by half a cell and by one (seed 151000).
 _MOVED = 0.08
+_FELT = 4.0  # the same, from which on something touches that may be too light to count
 _GLANCE = 0.3  # s that a touch must stand
-_PATIENCE = 20.0  # s without a new touch after which what is there must do
+_PERSISTS = 4  # glances in a row for which a press does not count before it is said why
+_PATIENCE = 20.0  # s without a new touch after which it asks whether to go on
+_COUNTED = 3  # s that are counted down before a measurement, in which hands leave the skin
+_BACK, _MORE = ("b", "back"), ("m", "more")
 _WEIGHT = re.compile(r"\s*([0-9]*[.,]?[0-9]+)\s*(g|kg|N)\s*$")
 _UNIT = {"g": GRAM, "kg": 1000.0 * GRAM, "N": 1.0}
 _SHADES = " .:-=+*#%@"
@@ -48,6 +53,7 @@ _SHADES = " .:-=+*#%@"
 Frames = Callable[[float], np.ndarray]  # s -> (n, rows, cols) ADC ratio, of that time from now on
 Ask = Callable[[str], str]  # what to show -> what was typed
 Say = Callable[[str], None]
+Pause = Callable[[float], None]  # s to wait for
 
 
 class Guide:
@@ -58,8 +64,16 @@ class Guide:
         rest, found, fitted, creep: what was learnt; None before.
     """
 
-    def __init__(self, circuit: Circuit, frames: Frames, ask: Ask, say: Say):
+    def __init__(
+        self, circuit: Circuit, frames: Frames, ask: Ask, say: Say, pause: Pause | None = None
+    ):
+        """Args:
+        circuit: as it is configured.
+        frames, ask, say: where frames and answers come from, and words go.
+        pause: waits while seconds are counted down; None: recorded frames need none.
+        """
         self._supposed, self._frames, self._ask, self._say = circuit, frames, ask, say
+        self._pause, self._touches = pause, []
         self.rest: Rest | None = None
         self.found: Identified | None = None
         self.fitted = None
@@ -70,9 +84,25 @@ class Guide:
         return self.found.circuit if self.found else self._supposed
 
     def run(self) -> None:
-        self.measure_rest()
+        steps, step = (self.measure_rest, self._press, self.fit_curve), 0
+        while step < len(steps):
+            step += 1 if steps[step]() else -1
+
+    def _press(self) -> bool:
+        """Lead through the touches; whether to go on, or a step back."""
+        self._touches, self.found = [], None
         self.identify()
-        self.fit_curve()
+        while True:
+            word = self._ask("  Enter: on to the weights; m: more touches; b: back to the rest: ")
+            if word.strip() not in _MORE:
+                return word.strip() not in _BACK
+            self.identify()
+
+    def _count_down(self) -> None:
+        if self._pause is not None:
+            for left in range(_COUNTED, 0, -1):
+                self._say(f"  {left}")
+                self._pause(1.0)
 
     def measure_creep(self, curve: PressureCurve) -> None:
         """Two steps of their own, for a skin whose curve is known."""
@@ -97,9 +127,11 @@ class Guide:
             f"of time: {self.creep.gain(600.0) - 1.0:.0%} in ten minutes."
         )
 
-    def measure_rest(self, of: int = 3) -> None:
+    def measure_rest(self, of: int = 3) -> bool:
+        """Measure the untouched skin; True: go on."""
         self._ask(f"1 of {of}. Take everything off the skin, and keep your hands off it. Enter: ")
         for left in reversed(range(_TRIES)):
+            self._count_down()
             frames = self._frames(REST)
             while len(frames) < _FEW:
                 frames = np.concatenate([frames, self._frames(REST)])
@@ -124,22 +156,28 @@ class Guide:
                 f"  row {row}, column {col} is noisy: its readings are left out here. Check its "
                 "contact."
             )
+        return True
 
     def identify(self) -> None:
+        """Find what lies in series, by touches beside those that there are."""
         self._say(
-            "2 of 3. Press here and there, near the edges too: hard, with a knuckle, a palm, both "
-            f"hands.\n  Hold each touch for a moment. {2 * _EVERY} to {TOUCHES} touches are taken; "
-            f"{_PATIENCE:.0f} s after the last it goes on."
+            "2 of 3. Press here and there, near the edges too: hard, with a knuckle, a\n  palm, both "
+            f"hands. Hold each touch for a moment. {2 * _EVERY} to {TOUCHES} of them count."
         )
-        touches: list[np.ndarray] = []
-        waited = 0.0  # s
-        while len(touches) < TOUCHES and waited < _PATIENCE:
-            touch = self._new_touch(touches)
+        touches = self._touches
+        most = max(TOUCHES, len(touches) + 2 * _EVERY)
+        waited, why, times, said = 0.0, "", 0, ""  # s; why a press does not count, how often, said
+        while len(touches) < most and waited < _PATIENCE:
+            touch, reason = self._new_touch(touches)
             if touch is None:
                 waited += _GLANCE
+                why, times = reason, times + 1 if reason == why else 1
+                if why and times >= _PERSISTS and said != why:
+                    self._say(f"  does not count: {why}")
+                    said = why
                 continue
             touches.append(touch)
-            waited = 0.0
+            waited, said = 0.0, ""
             if len(touches) % _EVERY:
                 self._say(f"  touch {len(touches)}")
                 continue
@@ -149,6 +187,8 @@ class Guide:
             self._say(f"  touch {len(touches)}: {self.found.message}")
             if len(touches) >= 2 * _EVERY and not self.found.missing:
                 break
+        if waited >= _PATIENCE:
+            self._say(f"  no new touch for {_PATIENCE:.0f} s")
         if len(touches) % _EVERY:
             self.found = identify(touches, self._supposed, self.rest)
             self._say(f"  {self.found.message}")
@@ -173,14 +213,27 @@ class Guide:
         if found:
             self._say(f"  {found}")
 
-    def _new_touch(self, touches: list[np.ndarray]) -> np.ndarray | None:
-        """The mean frame of a touch that stands and was not there before; None: there is none."""
+    def _new_touch(self, touches: list[np.ndarray]) -> tuple[np.ndarray | None, str]:
+        """The mean frame of a touch that stands and was not there before; None: there is none, and
+        why what touches does not count."""
         frames = self.rest.quiet(self._frames(_GLANCE))
         if len(frames) < 2:
-            return None
+            return None, ""
         frame, last = _mean(frames), touches[-1] if touches else None
-        anew = stands_anew(frames[-1], frames[0], last, self._noise)
-        return frame if anew and self._touched(frame) else None
+        rise, least = float(np.nanmax(frame - self.rest.adc)), _TOUCHED * self._noise
+        if rise <= _FELT * self._noise:
+            return None, ""
+        if rise <= least:
+            full = self._supposed.full_scale
+            return (
+                None,
+                f"too light, {rise * full:.1f} of {least * full:.1f} ADC steps: press harder",
+            )
+        if not stands_anew(frames[-1], frames[0], None, self._noise):
+            return None, "it moves: hold it still"
+        if not stands_anew(frames[-1], frames[0], last, self._noise):
+            return None, "it is the one before: press somewhere else"
+        return frame, ""
 
     def _touched(self, frame: np.ndarray) -> bool:
         return bool(np.nanmax(frame - self.rest.adc) > _TOUCHED * self._noise)
@@ -202,28 +255,31 @@ class Guide:
         """Of a reading, as ADC ratio."""
         return max(self.rest.noise, 0.5) / self._supposed.full_scale
 
-    def fit_curve(self) -> None:
+    def fit_curve(self) -> bool:
+        """Find the curve by things of known weight; False: a step back is asked for."""
         self._say(
             f"3 of 3. Lay things of known weight on the skin, at least {LEAST_OBJECTS}, better "
-            f"{OBJECTS}: light and heavy ones, 0.3 to\n  5 kg (a bottle, books), each somewhere "
-            "else, on a piece of foam if they are hard. They must not\n  stand beside the skin."
+            f"{OBJECTS}: light\n  and heavy ones, 0.3 to 5 kg (a bottle, books), each somewhere "
+            "else, on a piece\n  of foam if they are hard. They must not stand beside the skin."
         )
         frames, weights = [], []
         while True:
             number = len(weights) + 1
             word = self._ask(
-                f"  object {number}: its weight (such as 500 g, 1.2 kg, 5 N), once it lies there; "
-                "back: without the last one; Enter alone ends: "
+                f"  object {number}: its weight once it lies (500 g, 1.2 kg, 5 N; b back, Enter ends): "
             )
             if not word.strip():
                 break
-            if word.strip() == "back":
+            if word.strip() in _BACK:
+                if not weights:
+                    return False
                 frames, weights = frames[:-1], weights[:-1]
                 continue
             weight = newtons(word)
             if weight is None:
                 self._say(f"  {word.strip()!r} is no weight and unit: write 500 g, 1.2 kg or 5 N")
                 continue
+            self._count_down()
             stood = self.rest.quiet(self._frames(OBJECT))
             frame = _mean(stood)
             if not self._touched(frame):
@@ -242,9 +298,17 @@ class Guide:
                 continue
             if len(weights) == LEAST_OBJECTS:
                 self._check_readout(frames)
+            if len(weights) % _EVERY == 0:
+                self._learn_by(frames)
             self._fit(frames, weights)
             if self.fitted and len(weights) >= 6 and self.fitted.error < ENOUGH:
                 self._say("  That is enough. Enter alone ends; more objects make it better.")
+        if len(weights) >= LEAST_OBJECTS and len(weights) % _EVERY and self._learn_by(frames):
+            self._fit(frames, weights)
+        if self.fitted and self._series_open:
+            self._say(
+                "  Nothing tells r_par: the curve makes up for it, and is right with this one."
+            )
         if self.fitted and self.fitted.error > _USELESS:
             self._say(
                 f"  A total would be off by {self.fitted.error:.0%}: this curve is not kept. Check "
@@ -256,6 +320,21 @@ class Guide:
                 f"  {len(weights)} objects: the curve stays that of the configuration; forces are "
                 "as good as it is."
             )
+        return True
+
+    @property
+    def _series_open(self) -> bool:
+        return self.found is not None and not self.found.told["r_par"]
+
+    def _learn_by(self, frames: list[np.ndarray]) -> bool:
+        """Whether objects tell r_par, with the touches, where these did not."""
+        if not self._series_open:
+            return False
+        found = identify([*self._touches, *frames], self._supposed, self.rest)
+        if found.told["r_par"]:
+            self.found = found
+            self._say(f"  With the objects: {found.message}")
+        return found.told["r_par"]
 
     def _fit(self, frames: list[np.ndarray], weights: list[float]) -> None:
         rest = supposing(self.rest, self.circuit)
@@ -266,7 +345,8 @@ class Guide:
             return
         self._say(f"  {self.fitted.message}")
         cells = self.circuit.populated
-        at_rest = np.where(cells, 1.0 / np.where(cells, rest.conductance, 1.0), 1e6)
+        usual = float(np.median(rest.conductance[cells]))  # S
+        at_rest = 1.0 / np.where(cells, rest.conductance, usual)
         curve = self.fitted.curve.resting_at(at_rest)
         found = compensate(frames[-1], self.circuit, curve, "map", missing=True)
         self._say(picture(found.force))

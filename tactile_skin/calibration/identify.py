@@ -33,9 +33,10 @@ _DONE = 0.2  # standard deviations by which the last round moved
 # Standard deviations: of r_par, as share of `series_scale`; of others [ohm]. Arduinos' pins have 25
 # ohm, a 74HC595's 20 to 70.
 _PRIOR = {"r_par": 0.2, "r_line": 8.0, "r_drive": 50.0}
-_TOLD = 0.03, 4.0  # the same, below which a resistance is told
+TOLD = {"r_par": 0.03, "r_line": 4.0, "r_drive": 4.0}  # the same, below which it is told
 _FEWEST = 3  # frames; with fewer one odd touch decides
 _NOISE = 0.3  # ADC steps at least: of rounding
+_STOPPED = 4  # readings of touches at the same largest height: the converter's end
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,20 +76,34 @@ def identify(frames, circuit: Circuit, rest: Rest, *, soft: bool | None = None) 
         ValueError: another shape, values outside [0, 1], or readings that fit no skin.
     """
     frames = rest.quiet(check_frames(frames, circuit))
+    end, ended = _converter_end(frames, circuit)
     # with an r_par that is far too large no frame of a loaded matrix is explained
     starts, hard = (np.zeros(2), without_r_par(circuit)), SOFT if soft else HARD
-    tries = (_solve_frames(frames, circuit, rest, start, hard) for start in starts)
+    tries = (_solve_frames(frames, circuit, rest, start, hard, end) for start in starts)
     first = next((found for found in tries if found is not None), None)
     if first is None:
         prior = prior_of(circuit)
-        return _identified(circuit, np.zeros(2), prior, np.sqrt(1.0 / prior.diagonal()), 0)
-    found = first if soft is not None else _the_cautious(frames, circuit, rest, first)
-    return _identified(circuit, found.off, found.information, found.std, found.frames)
+        nothing = _Solution(np.zeros(2), prior, np.sqrt(1.0 / prior.diagonal()), 0)
+        return _identified(circuit, nothing, ended)
+    found = first if soft is not None else _the_cautious(frames, circuit, rest, first, end)
+    return _identified(circuit, found, ended)
 
 
-def _the_cautious(frames, circuit: Circuit, rest: Rest, sharp: _Solution) -> _Solution:
+def _converter_end(frames, circuit: Circuit) -> tuple[float, int]:
+    """ADC ratio at which the converter ends, and how many of (n, rows, cols) readings are there.
+
+    Its full scale, or a lower height at which several readings stop that would differ.
+    """
+    top = np.nanmax(frames, initial=0.0)
+    stopped = frames > top - 0.5 / circuit.full_scale
+    if np.count_nonzero(stopped) < _STOPPED or np.count_nonzero(stopped.any((1, 2))) < 2:
+        stopped, top = frames > 1.0 - 0.5 / circuit.full_scale, 1.0
+    return float(top), int(np.count_nonzero(stopped))
+
+
+def _the_cautious(frames, circuit: Circuit, rest: Rest, sharp: _Solution, end: float) -> _Solution:
     """What is found with soft rims supposed, if it contradicts what is found without."""
-    soft = _solve_frames(frames, circuit, rest, sharp.off, SOFT)
+    soft = _solve_frames(frames, circuit, rest, sharp.off, SOFT, end)
     if soft is None:
         return sharp
     # of two estimates of which one uses all that the other does (Hausman)
@@ -104,17 +119,20 @@ class _Solution(NamedTuple):
     frames: int
 
 
-def _solve_frames(frames, circuit: Circuit, rest: Rest, off, hard: float) -> _Solution | None:
+def _solve_frames(
+    frames, circuit: Circuit, rest: Rest, off, hard: float, end: float
+) -> _Solution | None:
     """What all frames say together; None: fewer than `_FEWEST` say anything.
 
     Args:
         off: to begin with.
         hard: HARD or SOFT.
+        end: ADC ratio at which the converter ends.
     """
     noise = max(rest.noise, _NOISE)
     prior, rounds = prior_of(circuit), []
     for _ in range(_ROUNDS):
-        supposed = Supposed(shifted(circuit, off), rest, hard, exact=True)
+        supposed = Supposed(shifted(circuit, off), rest, hard, exact=True, end=end)
         each = (supposed.evidence(adc, noise) for adc in frames)
         found = [evidence for evidence in each if evidence is not None]
         if len(found) < _FEWEST:
@@ -197,15 +215,31 @@ def std_of(
     spread = (spread + _FEWEST * max(chi, 1.0) * of_frames) / (n - 1 + _FEWEST)
     noise = rest.noise / rest.frames**0.5
     shared = supposed.by_reading(sum(e.by_rest for e in found)) * noise  # (2, readings)
-    spread += shared @ shared.T + information - of_frames
+    unknown = _unknown_rest(rest, supposed) * sum(e.by_rest for e in found).reshape(2, -1)
+    spread += shared @ shared.T + unknown @ unknown.T + information - of_frames
     inverse = np.linalg.inv(information)
     return np.sqrt((inverse @ spread @ inverse).diagonal())
 
 
-def _identified(
-    circuit: Circuit, off: np.ndarray, information: np.ndarray, std: np.ndarray, frames: int
-) -> Identified:
-    limits = np.array([_TOLD[0] * series_scale(circuit), _TOLD[1]])
+def _unknown_rest(rest: Rest, supposed: Supposed) -> np.ndarray:
+    """(cells,) [S] standard deviation of what noisy cells conduct at rest, 0 of all others.
+
+    They are taken for the usual cell: what the others differ by, they do.
+    """
+    conductance, noisy = supposed.rest, np.zeros(supposed.rest.shape, bool)
+    noisy[tuple(np.array(rest.noisy, int).reshape(-1, 2).T)] = True
+    quiet = conductance[supposed.circuit.populated & ~noisy]
+    return (noisy * quiet.std()).ravel()
+
+
+def _identified(circuit: Circuit, solution: _Solution, ended: int) -> Identified:
+    """
+    Args:
+        ended: readings that are at the converter's end.
+    """
+    off, information, std, frames = solution
+    r_par, other = (TOLD[name] for name in names(circuit))
+    limits = np.array([r_par * series_scale(circuit), other])
     told = std < limits
     if ideal := circuit.readout in ("loaded", "virtual_ground"):
         told[1] = False
@@ -222,7 +256,12 @@ def _identified(
     if ideal:
         words[1], missing = f"r_line is taken as 0 if {circuit.readout}", missing[:-1]
     message = f"{', '.join(words)} ({frames} frames of touches)"
-    if missing:
+    if ended:
+        message += (
+            f"; {ended} readings are at the converter's end and were left out: press less hard, "
+            "with more than a fingertip, or use a smaller r_ref"
+        )
+    elif missing:
         message += ": press hard in more places, with more than a fingertip"
     return Identified(
         found,

@@ -40,9 +40,9 @@ class Totals(NamedTuple):
     def of(cls, ramps: np.ndarray, total: np.ndarray, slope: np.ndarray | None = None) -> Totals:
         """
         Args:
-            ramps: (n, rows, cols, k) [N] how far each cell rises along each ramp.
+            ramps: (n, rows, cols, k) [S] how far each cell rises along each ramp.
             total: (n,) [N].
-            slope: (k,) of the ramps, as far as they are known; None: all alike.
+            slope: (k,) of the ramps [N/S], as far as they are known; None: all alike.
         """
         data = ramps.sum((1, 2)) / total[:, None]
         if slope is None:
@@ -99,7 +99,7 @@ class Fit(NamedTuple):
 
     Attributes:
         totals: that it explains.
-        slope: (k,) of the ramps.
+        slope: (k,) of the ramps [N/S].
         root: (n + k, k) whose square is the slopes' precision.
         factor: Cholesky's, of the totals' covariance.
         left: (n,) what the slopes leave of the totals, weighed by the covariance's inverse.

@@ -12,7 +12,7 @@ from ..physics.curve import PressureCurve
 from ..solvers.reading import ROUNDING_NOISE, rest_reading
 from ..solvers.score import MIN_SCALE, series_scale
 from .evidence import SOFT, Evidence, Supposed, stands_anew
-from .identify import bounded, names, prior_of, shifted, std_of, values, without_r_par
+from .identify import TOLD, bounded, names, prior_of, shifted, std_of, values, without_r_par
 from .rest import Rest
 
 _KEPT = 24  # touches: the latest, since boards warm up and connectors age
@@ -70,9 +70,14 @@ class CircuitTracker:
     def __init__(self, circuit: Circuit, r_par_std: float | None = None):
         """Args:
         circuit: as it is configured.
-        r_par_std: how well its r_par is known [ohm]; None: as well as a data sheet says it.
+        r_par_std: how well its r_par was known when the curve was found with it [ohm]; None: as
+            well as a data sheet says it, and the curve is of the fabric alone.
         """
         self.circuit, self._configured = circuit, circuit
+        self._calibrated = r_par_std is not None
+        # A curve that was found with an r_par that nobody knew makes up for it: newtons are right
+        # with that r_par only.
+        self._kept = self._calibrated and r_par_std > TOLD["r_par"] * series_scale(circuit)
         by_data_sheet = float(prior_of(circuit)[0, 0] ** -0.5)
         self._known_to = [by_data_sheet if r_par_std is None else r_par_std]
         self._tells_drivers = names(circuit)[1] == "r_drive"
@@ -232,8 +237,11 @@ class CircuitTracker:
         if np.median([self._chi2(a, off) for a in self._asked]) > _EXPLAINED:
             return False
         self.impossible = self._beyond(off)
-        self._adopted, self.circuit = off, shifted(self._configured, off)
-        self.message = self._words(relevant)
+        found = shifted(self._configured, off)
+        self.message = self._words(found, relevant)
+        if self._kept:
+            return False
+        self._adopted, self.circuit = off, found
         return True
 
     @property
@@ -279,12 +287,13 @@ class CircuitTracker:
         # by as much less as the frames differ by more than noise
         return off, std, information * np.min(1.0 / (information.diagonal() ** 0.5 * std)) ** 2
 
-    def _words(self, relevant: np.ndarray) -> str:
-        found, given = values(self.circuit), values(self._configured)
+    def _words(self, circuit: Circuit, relevant: np.ndarray) -> str:
+        """What to say of the circuit that was found."""
+        found, given = values(circuit), values(self._configured)
         words = [
             f"{name} is {value:.0f} +- {std:.0f} ohm, configured as {was:g}"
             for name, value, std, was, least in zip(
-                names(self.circuit), found, self.std, given, relevant, strict=True
+                names(circuit), found, self.std, given, relevant, strict=True
             )
             if abs(value - was) > least
         ]
@@ -293,7 +302,12 @@ class CircuitTracker:
         text = " and ".join(words)
         if self.impossible:
             return f"by the touches {text}: check r_ref, the supply and the wiring"
-        text = f"by the touches {text}: it is allowed for; write it into circuit"
+        text = f"by the touches {text}: "
+        if self._kept:
+            return f"{text}the curve was found with the latter, which is kept: calibrate again"
+        if self._calibrated:
+            return f"{text}it is allowed for; calibrate again"
+        text += "it is allowed for; write it into circuit"
         # Readings tell resistances as multiples of r_ref: they fit its configured value as well.
         off = given[0] / found[0] - 1.0 if found[0] else np.inf
         if abs(found[0] - given[0]) <= relevant[0] or abs(off) > _POSSIBLE["r_par"]:

@@ -29,10 +29,9 @@ from ..physics.adc import Adc
 from ..physics.creep import Creep
 from ..physics.curve import PressureCurve
 from ..recording.frames import read_frames
-from ..yaml_files import read_yaml
 from . import train
 from .words import split
-from .written import dumped, replace_file
+from .written import entered, replace_file
 
 _OF_FILES = "rest", "touches", "reference", "creep", "rate"
 _LARGEST_REFERENCE = 1 << 26  # bytes
@@ -234,28 +233,29 @@ def _ask(text: str) -> str:
 
 
 def write(path: Path, source: Path | None, guide: Guide, skin: SkinConfig) -> None:
-    """The configuration with what was learnt, as a parameter file; the old one is kept as .bak.
+    """Write the configuration with what was learnt, as a parameter file; the old one stays as .bak.
 
-    A crash at any point leaves the old file or the new one.
+    Comments, order and mode of the file stay. A crash at any point leaves the old file or the new
+    one.
     """
-    data = {} if source is None else (read_yaml(source) or {})
-    shared = data.setdefault("/**", {}).setdefault("ros__parameters", {})
-    circuit = shared.setdefault("circuit", {})
     said = guide.circuit.describe()
-    for name in ("rows", "cols", "r_ref", "adc_bits"):
-        circuit.setdefault(name, said[name])
-    if guide.found:
-        circuit["r_par"] = round(guide.circuit.r_par, 1)
-        if guide.found.told["r_par"]:
-            circuit["r_par_std"] = float(f"{guide.found.std['r_par']:.2g}")
-        circuit[names(guide.circuit)[1]] = round(values(guide.circuit)[1], 1)
+    given = _given(source)
+    circuit = {
+        name: said[name] for name in ("rows", "cols", "r_ref", "adc_bits") if name not in given
+    }
     notes = [
-        f"made by tactile-skin calibrate {__version__}, {datetime.datetime.now():%Y-%m-%d %H:%M}"
+        f"made by tactile-skin calibrate {__version__}, {datetime.datetime.now():%Y-%m-%d %H:%M}",
+        f"noise of a reading: {guide.rest.noise:.2f} ADC steps",
     ]
-    notes.append(f"noise of a reading: {guide.rest.noise:.2f} ADC steps")
     notes += [f"row {row}, column {col} is noisy" for row, col in guide.rest.noisy]
     if guide.found:
+        circuit["r_par"] = round(guide.circuit.r_par, 1)
+        # Where it is not told the curve makes up for it: a running skin must know.
+        if guide.found.told["r_par"] or guide.fitted:
+            circuit["r_par_std"] = float(f"{guide.found.std['r_par']:.2g}")
+        circuit[names(guide.circuit)[1]] = round(values(guide.circuit)[1], 1)
         notes.append(guide.found.message)
+    changes = {"circuit": circuit}
     creep = guide.creep or skin.creep
     share, seconds = round(creep.share, 4), round(creep.time, 2)
     if guide.fitted or guide.creep:
@@ -263,17 +263,22 @@ def write(path: Path, source: Path | None, guide: Guide, skin: SkinConfig) -> No
         curve, known = (guide.fitted.curve, None) if guide.fitted else by_file
         curve = as_it_comes(curve, Creep(share, seconds), known)
         # Limits of the file, as stop_on_push.peak, lie on the curve that it had.
-        shared["curve"] = _points(curve.up_to(skin.curve.max_force))
+        changes["curve"] = _points(curve.up_to(skin.curve.max_force))
         if share:
-            shared["curve"] |= {"creep": share, "creep_time": seconds}
+            changes["curve"] |= {"creep": share, "creep_time": seconds}
     if guide.fitted:
         notes.append(guide.fitted.message)
     if guide.creep:
         notes.append(
             f"a standing load gains {share:.1%} +- {guide.creep.std:.1%} in a decade of time"
         )
-    comment = "".join(f"# {line}\n" for note in notes for line in note.splitlines())
-    replace_file(path, comment + dumped(data))
+    replace_file(path, entered(source, "/**", changes, notes))
+
+
+def _given(source: Path | None) -> set[str]:
+    """Names of the circuit's parameters that a file gives."""
+    sections = ParameterFile(source).sections.values() if source else ()
+    return {name.removeprefix("circuit.") for values in sections for name in values}
 
 
 def _points(curve: PressureCurve) -> dict:

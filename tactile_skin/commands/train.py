@@ -6,7 +6,6 @@ import dataclasses
 import os
 import sys
 import time
-from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +15,8 @@ from ..errors import TrainingDied
 from ..learning import network
 from ..learning.dataset import TrainingConfig
 from ..middleware.config import ParameterFile, SkinConfig, read_skin
-from ..yaml_files import read_yaml
 from . import extras
-from .written import dumped, replace_file
+from .written import entered, replace_file
 
 NETWORK_OF = {"cnn": "paper", "physics": "physics"}  # method -> its network
 _AGAIN = {"epochs": 20, "rate": 3e-3}  # from weights of a skin like it (docs/training.md)
@@ -123,11 +121,8 @@ def enter(path: Path, kind: str) -> bool:
     weights = train(skin, again(skin, kind), _beside(path.resolve()), restart=True)
     if weights is None:
         return False
-    text, data = path.read_text(encoding="utf-8"), read_yaml(path)
-    section = data.setdefault("/**/compensation", {}).setdefault("ros__parameters", {})
-    section["weights"] = str(weights)
-    comment = "".join(takewhile(lambda line: line.startswith("#"), text.splitlines(True)))
-    replace_file(path, comment + dumped(data))
+    entry = {"weights": str(weights)}
+    replace_file(path, entered(path, "/**/compensation", entry, None))
     method = next(m for m, network in NETWORK_OF.items() if network == kind)
     print(f"trained in {(time.monotonic() - begun) / 60.0:.1f} min: {worth(skin, weights)}")
     print(f"weights: {weights}, entered in {path}. Use them: method:={method}")

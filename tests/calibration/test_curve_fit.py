@@ -64,8 +64,22 @@ def test_the_error_is_honest(bench, fitted):
     assert f"{fitted.error:.1%}" in fitted.message
 
 
+@pytest.mark.parametrize("times", [1e-3, 0.2, 20.0, 56.0, 1e3])
+def test_the_same_readings_of_other_ohms_give_the_same_forces(bench, fitted, times):
+    """r_ref, r_par and all cells' resistances times a number: six decades of it read alike."""
+    parts = {name: times * getattr(bench.circuit, name) for name in ("r_ref", "r_par", "r_line")}
+    circuit = replace(bench.circuit, **parts)
+    rest = replace(bench.rest, conductance=bench.rest.conductance / times)
+    found = fit_curve(bench.frames, bench.weights, circuit, rest)
+    force, resistance = np.array(fitted.curve.points).T
+    np.testing.assert_allclose(found.curve.points, np.stack([force, times * resistance], 1), 1e-6)
+    assert found.error == pytest.approx(fitted.error, rel=1e-6)
+    felt = totals(bench.new_frames, circuit, found.curve, rest)
+    np.testing.assert_allclose(felt, bench.new_weights * (1.0 + bench.off(fitted)), rtol=1e-6)
+
+
 def test_it_is_a_curve_of_the_usual_cell(bench, fitted):
-    """It rests where the usual cell does, reaches the shipped curve's end, and can be kept."""
+    """It rests where the usual cell does, reaches the hardest that is read, and can be kept."""
     assert fitted.curve.rest_resistance == pytest.approx(1.0 / np.median(bench.rest.conductance))
     assert fitted.curve.least_resistance < PressureCurve().least_resistance * 1.01
     assert PressureCurve(**fitted.curve.describe()) == fitted.curve.usual
@@ -186,7 +200,7 @@ totals_of_ramps = st.lists(
 def test_whatever_the_totals_the_curve_rises(ramps, weights):
     """Contradictory ones too: the solver's bound keeps each slope above 0."""
     ramps, weights = np.array(ramps), np.array(weights)[: len(ramps)]
-    knots = curve_fit._Knots.up_to(0.0)
+    knots = curve_fit._Knots(np.append(0.0, 1e-4 * 2.0 ** np.arange(8)))
     fit = Totals.of(ramps[:, None, None], weights).explained()
     assert (fit.gain > 0.0).all()
     force, resistance = np.array(knots.curve(fit.slope, 1.0 / 40000.0).points).T

@@ -44,9 +44,9 @@ class Person:
         if "hands off" in text:
             self._force = np.zeros_like(self._force)
             return ""
-        if not self._things:
-            return ""
         self._pressing = False
+        if "its weight" not in text or not self._things:
+            return ""
         self._force = self._things.pop(0)
         return f"{self._weights.pop(0) / GRAM:.0f} g"
 

@@ -1,14 +1,17 @@
 """How well `fit_curve` finds newtons by a few known weights, on unknown boards:
 `python tests/yardsticks/curve_fit.py [--boards N] [--objects N] [--new N] [--touches N] [--seed S]
-[--size 16x16] [--scatter 0.08] [--wave SHARE] [--mislabelled] [--reference] [--hand]`.
+[--size 16x16] [--scatter 0.08] [--wave SHARE] [--creep SHARE] [--r-ref OHM ...] [--fabric FACTOR]
+[--mislabelled] [--reference] [--hand]`.
 
 The boards are those of `identify.py`: 8 % scatter, 3 % at rest, 1 step of noise, 0.5 % carried to
 the neighbours, r_par, stripes and curve unknown. Objects of 0.3 to 5 kg, soft (at most 1 kg on a
 cell), each laid once; the total force of new ones of 3 to 50 N is then compared with the truth. The
 circuit is known exactly (--touches 0), or found by `identify` from so many touches. --wave bends
-the fabric's curve up and down by a share, a shape that the shipped curve has at no level. With
---reference the weights are those of a scale under the skin, up to 0.5 s early or late, while the
-objects are laid on and taken off. --hand: in place of objects, and as new ones, a hand presses a
+the fabric's curve up and down by a share, a shape that the shipped curve has at no level. --creep:
+an object has stood for 1 to 30 s, and gained so much in a decade of them. --r-ref: the boards have
+these, in turn, and all other resistances in proportion; --fabric: but for the cells', which are up
+to so many times larger or smaller. With --reference the weights are those of a scale under the
+skin, up to 0.5 s early or late, while the objects are laid on and taken off. --hand: in place of objects, and as new ones, a hand presses a
 scale on the skin, 3 to 40 N on some 4 to 20 cells. "alike" is the same curve without cells' gains.
 The method was chosen on seeds 0 to 99; others score it.
 """
@@ -22,6 +25,7 @@ import numpy as np
 from yardsticks.identify import Unknown, bodies
 
 from tactile_skin import (
+    Circuit,
     PressureCurve,
     compensate,
     fit_curve,
@@ -29,12 +33,14 @@ from tactile_skin import (
     identify,
     measure_rest,
 )
+from tactile_skin.physics.creep import Creep
 from tactile_skin.physics.curve import GRAM
 
 LIGHTEST, HEAVIEST = 300.0 * GRAM, 5000.0 * GRAM  # N
 HARDEST = 1000.0 * GRAM  # N on a cell
 PRESSED, ROUND = (3.0, 40.0), (1.0, 2.5)  # N of a hand, and radius of what it presses with [cells]
 PAUSE, RISE, HOLD = 0.5, 0.3, 1.0  # s between presses, of coming and going, of standing
+STOOD = 1.0, 30.0  # s
 WITHIN = 1.5  # factor between the error that is reported and the true one
 
 
@@ -64,6 +70,14 @@ def presses(n: int, shape, rng) -> tuple[np.ndarray, np.ndarray]:
             pressed.append(force)
     pressed = np.array(pressed)
     return pressed, pressed.sum((1, 2))
+
+
+def weighed(board: Unknown, laid: np.ndarray, creep: float, rng) -> np.ndarray:
+    """(n, rows, cols) readings of objects that have stood for 1 to 30 s, and crept."""
+    stood = np.exp(rng.uniform(*np.log(STOOD), len(laid)))
+    gains = Creep(creep).gain(stood)
+    crept = (np.where(force > 0.0, gain, 1.0) for force, gain in zip(laid, gains, strict=True))
+    return np.array([board.sample(board.expose(f, c)) for f, c in zip(laid, crept, strict=True)])
 
 
 def known(board: Unknown):
@@ -115,6 +129,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=100, help="of the first board")
     parser.add_argument("--scatter", type=float, default=0.08, help="from cell to cell")
     parser.add_argument("--wave", type=float, default=0.0, help="of the curve")
+    parser.add_argument("--creep", type=float, default=0.0, help="share in a decade of time")
+    parser.add_argument("--r-ref", type=float, nargs="+", default=[Circuit().r_ref], metavar="OHM")
+    parser.add_argument("--fabric", type=float, default=1.0, help="times its resistance, at most")
     parser.add_argument(
         "--mislabelled", action="store_true", help="one weight is given twice or half as large"
     )
@@ -126,8 +143,10 @@ def main() -> None:
     off, alike, by_true, by_default, said, lags = [], [], [], [], [], []
     found_odd = wrong_odd = 0
     for seed in range(args.seed, args.seed + args.boards):
-        board = Unknown(shape, seed, scatter=args.scatter)
         rng = np.random.default_rng([seed, 2])
+        ohms = args.r_ref[seed % len(args.r_ref)] / Circuit().r_ref
+        fabric = np.exp(np.log(args.fabric) * np.random.default_rng([seed, 5]).uniform(-1.0, 1.0))
+        board = Unknown(shape, seed, ohms, fabric, scatter=args.scatter)
         if args.wave:
             bend(board, args.wave, rng.uniform(0.0, 2.0 * np.pi))
         idle, circuit = board.at_rest(), known(board)
@@ -148,10 +167,11 @@ def main() -> None:
             )
             lags.append(found - late)
         else:
-            fitted = fit_curve(board.frames(laid), given, circuit, rest)
+            laid_on = weighed(board, laid, args.creep, rng)
+            fitted = fit_curve(laid_on, given, circuit, rest)
         found_odd += bad in fitted.odd
         wrong_odd += len(set(fitted.odd) - {bad}) + (bad in fitted.odd and not args.mislabelled)
-        frames = board.frames(new)
+        frames = weighed(board, new, args.creep, rng)
         off.append(totals(frames, circuit, fitted.curve, rest) / truth - 1.0)
         alike.append(totals(frames, circuit, fitted.curve.usual, rest) / truth - 1.0)
         by_true.append(totals(frames, circuit, board.curve, rest) / truth - 1.0)

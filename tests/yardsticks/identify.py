@@ -36,19 +36,27 @@ def bodies(n: int, shape, rng) -> np.ndarray:
 class Unknown:
     """A board that nobody here made.
 
+    Args:
+        ohms: times which it has all resistances of the paper's kind of board.
+        fabric: times which, besides, its cells have theirs.
+        fixed: of `textile.Textile`.
+
     Attributes:
         r_par, r_line: the true ones [ohm].
         curve: the true one, of the usual cell.
     """
 
-    def __init__(self, shape, seed: int, **fixed):
+    def __init__(self, shape, seed: int, ohms: float = 1.0, fabric: float = 1.0, **fixed):
         rng = self._rng = np.random.default_rng(seed)
-        self.supposed, self._seed = Circuit(*shape), seed
+        paper = Circuit(*shape)
+        self.supposed = replace(paper, r_ref=ohms * paper.r_ref, r_par=ohms * paper.r_par)
+        self._seed = seed
         points = PressureCurve().points
         level, tilt = np.exp(rng.uniform(-0.3, 0.3)), rng.uniform(-0.3, 0.3) / len(points)
+        level *= ohms * fabric
         resistance = [r * level * np.exp(tilt * k) for k, (_, r) in enumerate(points)]
         self.curve = PressureCurve([force for force, _ in points], resistance)
-        factor, line = rng.uniform(0.8, 1.2), rng.uniform(0.0, 15.0)
+        factor, line = rng.uniform(0.8, 1.2), ohms * rng.uniform(0.0, 15.0)
         self.textile = textile.Textile(
             **{"noise": 1.0, "r_par": factor, "line": line, "scatter": 0.08, "rest": 0.03}
             | {"lateral": 0.005}

@@ -44,7 +44,7 @@ _LIGHT, _SERIES, _SAYING = 0.025, (0.05, 5.0), 20
 _DRIVE, _DRIVE_SAYING = 5.0, 8
 _AGREEING = 24  # hardest touches that must agree where the lines may be driven through diodes
 _LOOSE = 0.25  # of all lines at most come and go: more are touches on a skin that never rests
-_USUAL = 4e4  # ohm of a cell, where the readings tell none
+_USUAL = 22.5  # times r_ref that a cell has, where the readings tell none: the paper's
 _READ = 12, 4  # hardest touches that the readout is judged by, without `series`
 _FELL = 0.5  # share of all change that is a fall from which on readings may be upside down
 # Where no circuit tells, they are if so much of it is one, so little the other way round, and so
@@ -281,7 +281,9 @@ def _wires(seen: Recorded, unusable, found) -> tuple[wiring.Wires, np.ndarray, n
         seen.turned(axis, known)[line] = False
     adc, cells = seen.base / seen.circuit.full_scale, known & seen.circuit.populated
     usual = usual_resistance(adc, cells, seen.circuit) if cells.any() else np.inf
-    wires = wiring.Wires.sound(seen.circuit, usual if 0.0 < usual < np.inf else _USUAL)
+    wires = wiring.Wires.sound(
+        seen.circuit, usual if 0.0 < usual < np.inf else _USUAL * seen.circuit.r_ref
+    )
     for finding in found:
         if finding.kind == "open":
             for axis, lines in enumerate((finding.rows, finding.cols)):
