@@ -71,7 +71,13 @@ setup(
         (f"share/{package_name}/launch", sorted(glob("launch/*.yaml"))),
         (f"share/{package_name}/config", sorted(glob("config/*"))),
     ],
-    install_requires=["numpy>=1.26", "scipy>=1.11", "pyserial>=3.5", "pyyaml>=6.0"],
+    install_requires=[
+        "numpy>=1.26",
+        "scipy>=1.11",
+        "pyserial>=3.5",
+        "pyyaml>=6.0",
+        "ruamel.yaml>=0.18",
+    ],
     extras_require={
         "train": ["torch>=2.1", "tqdm>=4.66"],
         "progress": ["tqdm>=4.66"],  # of benchmarks

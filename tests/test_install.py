@@ -22,6 +22,7 @@ ROSDEP = {
     *("rclpy", "rcl_interfaces", "builtin_interfaces", "std_msgs", "std_srvs", "geometry_msgs"),
     *("sensor_msgs", "diagnostic_msgs", "ros2launch", "launch_yaml"),
     *("python3-dev", "python3-numpy", "python3-scipy", "python3-serial", "python3-yaml"),
+    "python3-ruamel.yaml",
     *("python3-pytest", "python3-hypothesis", "rviz2"),
 }
 
@@ -64,7 +65,13 @@ def test_the_wheel_says_what_it_is_and_what_it_needs(wheel):
     readme = (SOURCE / "README.md").read_text(encoding="utf-8")
     assert the(wheel, ".dist-info/METADATA").endswith(readme)
     needs = [line for line in data.get_all("Requires-Dist") if "extra ==" not in line]
-    assert {re.match(r"\w+", line)[0] for line in needs} == {"numpy", "scipy", "pyserial", "pyyaml"}
+    assert {re.match(r"\w+", line)[0] for line in needs} == {
+        "numpy",
+        "scipy",
+        "pyserial",
+        "pyyaml",
+        "ruamel",
+    }
     assert {"train", "charts", "onnx", "test"} <= set(data.get_all("Provides-Extra"))
 
 

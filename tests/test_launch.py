@@ -123,7 +123,7 @@ def test_exec_in_pkg_is_a_program_of_the_package(plan, tmp_path, monkeypatch):
     built = tmp_path / "lib" / "tactile_skin" / "tactile-skin"
     built.touch()
     monkeypatch.setattr(
-        "tactile_skin.middleware.substitutions.share_dir", lambda: tmp_path / "share/tactile_skin"
+        "tactile_skin.middleware.launch_file.share_dir", lambda: tmp_path / "share/tactile_skin"
     )
     assert words(plan(line)) == [[str(built)]]
 

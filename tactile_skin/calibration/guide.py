@@ -161,8 +161,8 @@ class Guide:
     def identify(self) -> None:
         """Find what lies in series, by touches beside those that there are."""
         self._say(
-            "2 of 3. Press here and there, near the edges too: hard, with a knuckle, a\n  palm, both "
-            f"hands. Hold each touch for a moment. {2 * _EVERY} to {TOUCHES} of them count."
+            "2 of 3. Press here and there, near the edges too: hard, with a knuckle, a\n  palm, "
+            f"both hands. Hold each touch for a moment. {2 * _EVERY} to {TOUCHES} of them count."
         )
         touches = self._touches
         most = max(TOUCHES, len(touches) + 2 * _EVERY)
@@ -266,7 +266,7 @@ class Guide:
         while True:
             number = len(weights) + 1
             word = self._ask(
-                f"  object {number}: its weight once it lies (500 g, 1.2 kg, 5 N; b back, Enter ends): "
+                f"  object {number}: its weight once it lies (500 g or 5 N; b: back, Enter: end) "
             )
             if not word.strip():
                 break

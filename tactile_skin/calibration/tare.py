@@ -18,7 +18,7 @@ from ..physics.curve import GRAM, PressureCurve
 from ..physics.readouts import apparent
 from ..solvers.reading import MAX_NOISE, SCAN_NOISE, rest_reading
 from .rest import resting_conductance
-from .watch.twins import stuck_bits, twins
+from .watch.twins import which_are_one
 from .watch.voltage import OneVoltage
 
 MAX_TARED_FORCE = 2.0 * GRAM  # N on a cell; what conducts more is a touch, and stays one
@@ -266,7 +266,7 @@ class Tare:
         """
         full = self._circuit.full_scale
         # of a skin that rests
-        wiring, half_read = _twins(adc * full, noise, self._circuit.populated)
+        wiring, half_read = which_are_one(adc * full, noise, self._circuit.populated)
         off = (adc - rest_reading(self._circuit, self.curve)) * full
         if np.square(off).mean() < (_SIGNIFICANT * noise) ** 2:
             self.message, self.measured = "", True
@@ -385,29 +385,6 @@ def _conducts(circuit: Circuit, adc: np.ndarray) -> np.ndarray:
     scale, offset = apparent(circuit, adc)
     left = scale - adc * min(offset / circuit.r_ref, 1.0)
     return adc / np.maximum(left, 1.0 / circuit.full_scale)
-
-
-def _twins(steps: np.ndarray, noise: float, cells: np.ndarray) -> tuple[str, bool]:
-    """What to say of lines that are one, empty if there are none; whether half or more are."""
-    if found := stuck_bits(steps, noise, cells):
-        name, bits = found
-        which = " and ".join(map(str, bits))
-        bits_are = (
-            f"bits {which} of the {name}s' multiplexer are"
-            if bits[1:]
-            else (f"bit {which} of the {name}s' multiplexer is")
-        )
-        return (
-            f"address {bits_are} stuck, or not connected: {name}s 0 and {1 << bits[0]} read the "
-            "same, cell for cell, and so do all such lines"
-        ), True
-    if (found := twins(steps, noise, cells)) is None:
-        return "", False
-    name, one, other = found
-    return (
-        f"{name}s {one} and {other} read the same, cell for cell: does the multiplexer select one "
-        "line twice, or are they shorted?"
-    ), False
 
 
 def _middle(values: np.ndarray) -> tuple[float, float]:

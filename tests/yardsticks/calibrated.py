@@ -1,9 +1,10 @@
 """Newtons of a running skin over what `calibrate` promised, on unknown boards:
 `python tests/yardsticks/calibrated.py [--boards N] [--seed S] [--presses light|hard]`.
 
-Boards of 8 x 8 to 16 x 16 cells: r_ref of 1.78 to 10 kohm, so that hard touches read near the end of
-the converter; r_par of 200 to 500 ohm, configured as 326; stripes, scatter, creep, up to 12 noisy
-cells. The guide of `calibrate` is led by a script, and its file is written. The compensation node
+Boards of 8 x 8 to 16 x 16 cells: r_ref of 1.78 to 10 kohm, so that hard touches read near the end
+of the converter; r_par of 200 to 500 ohm, configured as 326; stripes, scatter, creep, up to 12
+noisy cells. The guide of `calibrate` is led by a script, and its file is written. The compensation
+node
 runs with that file on a driven clock: 3 s of rest, 30 touches, then new objects of 3 to 50 N. With
 --presses light, the person's touches before tell nothing of r_par. The real command on a terminal:
 `calibrate.py`.

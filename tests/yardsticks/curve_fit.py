@@ -11,8 +11,10 @@ the fabric's curve up and down by a share, a shape that the shipped curve has at
 an object has stood for 1 to 30 s, and gained so much in a decade of them. --r-ref: the boards have
 these, in turn, and all other resistances in proportion; --fabric: but for the cells', which are up
 to so many times larger or smaller. With --reference the weights are those of a scale under the
-skin, up to 0.5 s early or late, while the objects are laid on and taken off. --hand: in place of objects, and as new ones, a hand presses a
-scale on the skin, 3 to 40 N on some 4 to 20 cells. "alike" is the same curve without cells' gains.
+skin, up to 0.5 s early or late, while the objects are laid on and taken off. --hand: in place of
+objects, and as new ones, a hand presses a scale on the skin, 3 to 40 N on some 4 to 20 cells.
+"alike" is the
+same curve without cells' gains.
 The method was chosen on seeds 0 to 99; others score it.
 """
 

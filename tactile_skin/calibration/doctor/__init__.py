@@ -1,11 +1,12 @@
 """What is wrong with a board, from a recording of its ordinary use: which wire, which cell.
 
-findings.py   each fault in words
+findings.py   each fault in words; circuits.py those of the circuit
 advice.py     what to enter, tried on the frames before it is proposed
 recorded.py   rest, noise and touches of the recording
 readout.py    another readout than the configured one
 readings.py   faults of single readings: bits, ceiling, noise, open and loose lines
 converter.py  an ADC that is not linear
+series.py     r_par, r_line, r_drive by the touches
 diode.py      diodes in the driven lines of a loaded matrix
 order.py      lines that read alike, lines in the wrong order
 wiring.py     damage of wires and cells that explains the rest
@@ -22,26 +23,15 @@ import numpy as np
 
 from ...physics.circuit import Circuit
 from ...physics.readouts import DRIVEN
-from ...solvers.score import series_scale
-from ..identify import identify
-from ..rest import REST_SPAN, Rest, resting_conductance, usual_resistance
-from . import converter, order, readings, readout, wiring
+from ..rest import REST_SPAN, Rest, usual_resistance
+from . import circuits, converter, order, readings, readout, wiring
 from . import findings as texts
 from .advice import Change, is_safe
 from .diode import unknown_diode
 from .findings import Finding
 from .recorded import Recorded, record
+from .series import in_series, touches_of
 
-# Cells, in all touches together, that identify is asked about: it takes 0.1 s for 256. At least
-# and at most so many touches, each looked for within so many frames of its peak.
-_ASKED, _TOUCHES, _HELD = 20_000, (20, 60), 15
-# Share by which light touches make r_par seem larger: 0 to 5 % on 50 sound boards, where it is
-# known to 1.5 % (seed 144000). Share besides, and standard deviations (what all touches share is
-# not in their scatter), by which it must be off; touches that must say so.
-_LIGHT, _SERIES, _SAYING = 0.025, (0.05, 5.0), 20
-# Ohm by which r_drive must be off: 3.4 at most on 16 boards (seeds 94000 and 94100). Light touches
-# lower it no more than others, so fewer suffice.
-_DRIVE, _DRIVE_SAYING = 5.0, 8
 _AGREEING = 24  # hardest touches that must agree where the lines may be driven through diodes
 _LOOSE = 0.25  # of all lines at most come and go: more are touches on a skin that never rests
 _USUAL = 22.5  # times r_ref that a cell has, where the readings tell none: the paper's
@@ -114,7 +104,7 @@ def _upside_down(seen: Recorded, turned: Recorded, inverted: bool) -> list[Findi
     if not is_safe(change, seen.ratio, turned.quiet, turned.usual_noise):
         return []
     usual = float(np.median(seen.steps[:, seen.read]))
-    return [texts.polarity(usual, Change(circuit, turned=True), inverted), *of_other]
+    return [circuits.polarity(usual, Change(circuit, turned=True), inverted), *of_other]
 
 
 def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
@@ -124,16 +114,16 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
         return [finding]
     touched = _touched(seen, _READ[0 if series else 1])
     if table := converter.other(circuit, touched):
-        return [texts.converter(table)]
+        return [circuits.converter(table)]
     fitting = readout.other(circuit, touched)
     if fitting and any(change.circuit.r_par == circuit.r_par for change in fitting.changes):
-        return [texts.readout(circuit, fitting)]
+        return [circuits.readout(circuit, fitting)]
     if bits := readings.stuck_bits(seen):
         return [texts.bit(*bit) for bit in bits]
     if leaping := readings.leaping_bit(seen):
         return [texts.leaping_bit(*leaping)]
     if (votes := order.transposed(seen)) and (change := _other_way(seen, touched)):
-        return [texts.transposed(circuit, change, votes.touches, votes.share)]
+        return [circuits.transposed(circuit, change, votes.touches, votes.share)]
     found: list[Finding] = []
     if top := readings.ceiling(seen):
         found.append(texts.ceiling(seen, *top))
@@ -182,12 +172,12 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     if series and not found and circuit.readout == "loaded":
         touched = _touched(seen, _AGREEING)
         if share := unknown_diode(circuit, touched, int(np.count_nonzero(seen.quiet))):
-            return [texts.diode(share)]
+            return [circuits.diode(share)]
     if series and not (unread or top or wires.cells.max() > REST_SPAN):
         noisy = {line[:2] for line in noisy_lines}
         if circuit.readout != "floating":  # where a lead is not in series with each reading
             noisy |= beside
-        found += _series(seen, unusable | noisy, quiet, wires)
+        found += in_series(seen, unusable | noisy, quiet, wires)
     return found or (_explained(circuit, fitting) if series else [])
 
 
@@ -207,7 +197,7 @@ def _explained(circuit: Circuit, fitting: readout.Fitting | None) -> list[Findin
     """What the touches fit instead, where nothing else was found."""
     if fitting is None:
         return []
-    tell = texts.readout if fitting.changes else texts.no_readout
+    tell = circuits.readout if fitting.changes else texts.no_readout
     return [tell(circuit, fitting)]
 
 
@@ -222,7 +212,7 @@ def other_readout(circuit: Circuit, at_rest, noise: float, touches) -> Finding |
     fitting = readout.other(circuit, readout.Touched(at_rest, noise, touches))
     wired = {(c.circuit.readout, c.circuit.driven) for c in (fitting.changes if fitting else ())}
     others = wired - {(circuit.readout, circuit.driven)}
-    return texts.readout(circuit, fitting) if others else None
+    return circuits.readout(circuit, fitting) if others else None
 
 
 def ignored_diode(circuit: Circuit, rest: Rest, touches) -> Finding | None:
@@ -235,7 +225,7 @@ def ignored_diode(circuit: Circuit, rest: Rest, touches) -> Finding | None:
         return None
     at_rest = rest.quiet(rest.adc[None])[0]
     share = unknown_diode(circuit, readout.Touched(at_rest, rest.noise, touches), rest.frames)
-    return texts.diode(share) if share else None
+    return circuits.diode(share) if share else None
 
 
 def _cells(damages: list[wiring.Damage]) -> set[tuple[int, int]]:
@@ -245,7 +235,7 @@ def _cells(damages: list[wiring.Damage]) -> set[tuple[int, int]]:
 def _touched(seen: Recorded, n: int) -> readout.Touched:
     """The untouched skin, and its n hardest touches."""
     at_rest = np.where(seen.read, seen.base / seen.circuit.full_scale, np.nan)
-    touches = np.where(seen.read, _touches(seen, n), np.nan)
+    touches = np.where(seen.read, touches_of(seen, n), np.nan)
     return readout.Touched(at_rest, seen.usual_noise, touches)
 
 
@@ -326,88 +316,3 @@ def _joined(seen: Recorded, wires: wiring.Wires, rho, known, pairs, found: list)
     for axis in (0, 1):
         found += texts.doubled(seen, axis, doubled[axis])
     return wires, taken
-
-
-def _series(seen: Recorded, skip, noisy, wires: wiring.Wires) -> list[Finding]:
-    """What lies in series with all cells, by the touches.
-
-    Args:
-        skip: (axis, line) of lines whose readings are not used, nor are those of
-        noisy: (row, column) of cells.
-    """
-    circuit, full = seen.circuit, seen.circuit.full_scale
-    if not len(seen.peaks):
-        return []
-    unknown = ~seen.read
-    for axis, line in skip:
-        seen.turned(axis, unknown)[line] = True
-    for at in noisy:
-        unknown[at] = True
-    if circuit.readout != "floating":  # only readings that are skipped miss what a bad lead takes
-        wires = replace(wires, lead=[np.zeros(n) for n in circuit.shape])
-    lead = wires.lead[0][:, None] + wires.lead[1]  # ohm, of bad ones
-    usual = circuit.ratio(wires.resistance() - lead)
-    touches = _without(lead, _touches(seen), circuit)
-    adc = np.where(unknown, usual, _without(lead, seen.base / full, circuit))
-    unknown, touches, adc = (_as_one(wires.joined, p) for p in (unknown, touches, adc))
-    circuit = _circuit_as_one(wires.joined, circuit)
-    noise = max(seen.usual_noise, 0.3)
-    quiet = int(np.count_nonzero(seen.quiet))
-    try:
-        rest = Rest(adc, noise, quiet, resting_conductance(adc, circuit, noise / quiet**0.5))
-        found = identify(np.where(unknown, np.nan, touches), circuit, rest, soft=True)
-    except ValueError:
-        return []
-    scale = series_scale(circuit)
-    off = found.circuit.r_par - circuit.r_par
-    limit = max(_SERIES[0] * scale, _SERIES[1] * found.std["r_par"])
-    limit += _LIGHT * scale if off > 0.0 else 0.0
-    said = []
-    if found.frames >= _SAYING and abs(off) >= limit:
-        said.append(texts.circuit(circuit, found))
-    if circuit.readout == "grounded" and found.frames >= _DRIVE_SAYING:
-        off = abs(found.circuit.r_drive - circuit.r_drive)
-        if off > max(_DRIVE, _SERIES[1] * found.std["r_drive"]):
-            said.append(texts.drivers(circuit, found))
-    return said
-
-
-def _as_one(joined: list, picture: np.ndarray) -> np.ndarray:
-    """(..., rows, cols) without the second of two lines that touch: they read as one."""
-    for axis in (0, 1):
-        picture = np.delete(picture, [b for k, _, b in joined if k == axis], axis - 2)
-    return picture
-
-
-def _circuit_as_one(joined: list, circuit: Circuit) -> Circuit:
-    """In which two lines that touch are one, of the cells of both."""
-    mask, r_line = circuit.populated.copy(), circuit.r_line
-    for axis, a, b in joined:
-        lines = mask if axis == 0 else mask.T
-        lines[a] |= lines[b]
-    mask = _as_one(joined, mask)
-    if np.ndim(r_line):
-        r_line = np.delete(r_line, [b + axis * circuit.rows for axis, _, b in joined])
-    return replace(circuit, rows=len(mask), cols=mask.shape[1], mask=mask, r_line=r_line)
-
-
-def _without(lead: np.ndarray, adc: np.ndarray, circuit: Circuit) -> np.ndarray:
-    """The ADC ratio without what leads (rows, cols) [ohm] take from it."""
-    return np.clip(circuit.r_ref / (circuit.r_ref / np.maximum(adc, 1e-4) - lead), 0.0, 1.0)
-
-
-def _touches(seen: Recorded, n: int | None = None) -> np.ndarray:
-    """(n, rows, cols) ADC ratio of the hardest touches, each where it moves least."""
-    n = n or int(np.clip(_ASKED / np.count_nonzero(seen.circuit.populated), *_TOUCHES))
-    hardest = np.argsort(-seen.steps[seen.peaks].max((1, 2)))
-    picked = np.sort(seen.peaks[hardest[:n]])
-    found = []
-    for peak in picked:
-        near = seen.steps[max(peak - _HELD, 0) : peak + _HELD + 1].astype(float)
-        moved = np.abs(near[2:] - near[:-2]).sum((1, 2))
-        load = np.abs(near[1:-1] - seen.base).sum((1, 2))
-        k = int((moved / np.maximum(load, 1.0)).argmin())  # a whole step at least
-        found.append(near[k : k + 3].mean(0))
-    return np.clip(
-        np.array(found).reshape(-1, *seen.circuit.shape) / seen.circuit.full_scale, 0.0, 1.0
-    )

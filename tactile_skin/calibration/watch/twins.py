@@ -118,3 +118,26 @@ def _sides(steps: np.ndarray, cells: np.ndarray, fewest: int):
             square = (np.square(values[one] - values[other]) * both).sum(1)
             across = np.square(np.diff(values, axis=1))[beside].mean()
             yield name, _Pairs(one, other, square, n, float(across))
+
+
+def which_are_one(steps: np.ndarray, noise: float, cells: np.ndarray) -> tuple[str, bool]:
+    """What to say of lines that are one, empty if there are none; whether half or more are."""
+    if found := stuck_bits(steps, noise, cells):
+        name, bits = found
+        which = " and ".join(map(str, bits))
+        bits_are = (
+            f"bits {which} of the {name}s' multiplexer are"
+            if bits[1:]
+            else (f"bit {which} of the {name}s' multiplexer is")
+        )
+        return (
+            f"address {bits_are} stuck, or not connected: {name}s 0 and {1 << bits[0]} read the "
+            "same, cell for cell, and so do all such lines"
+        ), True
+    if (found := twins(steps, noise, cells)) is None:
+        return "", False
+    name, one, other = found
+    return (
+        f"{name}s {one} and {other} read the same, cell for cell: does the multiplexer select one "
+        "line twice, or are they shorted?"
+    ), False

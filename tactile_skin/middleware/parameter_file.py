@@ -1,0 +1,192 @@
+"""Parameter files of ROS 2: sections for nodes, their parameters, and what is misspelt in them."""
+
+from __future__ import annotations
+
+import difflib
+import functools
+import re
+from collections.abc import Collection
+from pathlib import Path
+
+from ..errors import FileError, ParameterError, did_you_mean
+from ..files import shorten
+from ..yaml_files import read_yaml
+from .bus import Parameter
+from .package import CLASSES, share_dir
+
+SHARED = ("circuit", "curve", "geometry")  # parameters that several nodes read
+
+
+# parameters that ROS itself declares and takes; what ends with a point is a prefix
+THEIRS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+CONFIG = "config"  # parameter of a program: its parameter file, which must be there
+_LAUNCH_ROS = "launch_params_"  # how launch_ros names the files that it writes for one program
+_MISSPELT = 0.85  # ratio of difflib: `motor` is another node than `monitor`, `stop_on_psh` is none
+
+
+@functools.cache
+def shipped_names() -> dict[str, frozenset[str]]:
+    """Return kind of node -> its parameters, and ** -> those that all share, of config/skin.yaml:
+    it holds every one."""
+    sections = ParameterFile(share_dir() / "config" / "skin.yaml").sections
+    own = {name: sections.get(f"/**/{name}", {}) for name in CLASSES}
+    return {name: frozenset(values) for name, values in (own | {"**": sections["/**"]}).items()}
+
+
+class ParameterFile:
+    """A ROS 2 parameter file: ``node_name: {ros__parameters: {...}}``, ``/**`` for every node.
+
+    As in rclpy, sections may stand within namespaces, and ``*`` in a section's name stands for one
+    name, ``**`` for any number of them: ``/**/stop_on_push`` is the node in any namespace.
+
+    Args:
+        own: it is the skin's own, named as its `config`: all of it must be known. Another may serve
+            other nodes of the robot as well.
+
+    Attributes:
+        sections: full name, such as "/left/stop_on_push" -> {parameter: value}.
+        by_launch: whether `ros2 launch` wrote it, of what a launch file gives one program: it is
+            for all nodes of that. An empty value in it is that of an argument that was not given,
+            and says nothing.
+
+    Raises:
+        FileError: not such a file, or none; the message names the file and the key.
+    """
+
+    def __init__(self, path, own: bool = False):
+        self.path, self.own = Path(path), own
+        self.by_launch = self.path.name.startswith(_LAUNCH_ROS)
+        try:
+            data = read_yaml(path)
+        except OSError as error:
+            raise FileError(f"parameter file {path}: {error.strerror}") from error
+        if not (isinstance(data, dict) and data):
+            what = f"holds {shorten(data)}" if data else "is empty"
+            raise FileError(f"{path}: {what}: must map node names to ros__parameters")
+        self.sections: dict[str, dict] = {}
+        self._names: dict[str, str] = {}  # full name -> as the file has it
+        for name, section in data.items():
+            self._read(name, section)
+
+    def _read(self, name: str, section) -> None:
+        below = section if isinstance(section, dict) else {}
+        if "ros__parameters" not in below and any(isinstance(v, dict) for v in below.values()):
+            for key, value in below.items():  # a namespace
+                self._read(f"{name.rstrip('/')}/{key.lstrip('/')}", value)
+            return
+        if set(below) != {"ros__parameters"}:
+            raise FileError(f"{self.path}: {name}: must hold ros__parameters and nothing else")
+        full = "/**" if self.by_launch else "/" + name.strip("/")
+        if full in self._names:
+            raise FileError(f"{self.path}: {name}: is the section {self._names[full]} again")
+        values = section["ros__parameters"]
+        self._names[full] = name
+        self.sections[full] = _flat({} if values is None else values, f"{self.path}: {name}")
+
+    def name_of(self, section: str) -> str:
+        """A section as the file has it, for messages."""
+        return f"{self.path}: {self._names[section]}"
+
+    def overrides(self, node: str) -> list[Parameter]:
+        """What the file says for the node of this full name; what comes later in it wins."""
+        found = {}
+        for section, values in self.sections.items():
+            if concerns(section, node):
+                found |= values
+        return [
+            Parameter(key, value)
+            for key, value in found.items()
+            if not (self.by_launch and value == "")
+        ]
+
+    def named(self) -> list[ParameterFile]:
+        """Return the parameter files that `ros2 launch` was given as `config`, and forget them."""
+        paths = [v.pop(CONFIG) for v in self.sections.values() if self.by_launch and CONFIG in v]
+        return [ParameterFile(path, own=True) for path in paths]
+
+    def check(self, nodes: Collection[str] = (), names: Collection[str] = ()) -> None:
+        """Refuse what is misspelt, and a file that is of another package.
+
+        Args:
+            nodes: names of nodes besides those that a program of this package has.
+            names: parameters of theirs, which `/**` may give.
+
+        Raises:
+            ParameterError: naming the section and the parameter.
+        """
+        shipped = shipped_names()
+        shared = shipped["**"]
+        everyone = shared.union(*shipped.values(), names)
+        known = {"*", "**", *CLASSES, *nodes}
+        lasts = [section.rsplit("/", 1)[-1] for section in self.sections]
+        foreign = not known.intersection(lasts)
+        for last, (section, values) in zip(lasts, self.sections.items(), strict=True):
+            where = self.name_of(section)
+            if last not in known:
+                if self.own or foreign or _misspelt(last, known):
+                    meant = did_you_mean(last, known)
+                    raise ParameterError(f"{where}: no such node{meant}")
+                continue
+            wild = last in ("*", "**")
+            allowed = everyone if wild else shipped.get(last, frozenset()) | shared
+            unknown = [k for k in values if k not in allowed and not k.startswith(THEIRS)]
+            for name in unknown if wild or last in CLASSES else ():
+                of_skin = not wild or self.own or name.split(".")[0] in SHARED
+                if of_skin or _misspelt(name, allowed):
+                    raise ParameterError(unknown_parameter(where, name, allowed))
+
+    def check_meant(self, node: str) -> None:
+        """Refuse a file with sections for nodes of this name, none of them in its namespace.
+
+        ROS would run the node on its defaults, and not say so.
+
+        Raises:
+            ParameterError: naming the sections and the node.
+        """
+        name = node.rsplit("/", 1)[-1]
+        alike = [section for section in self.sections if section.rsplit("/", 1)[-1] == name]
+        if alike and not any(concerns(section, node) for section in alike):
+            found = " and ".join(self._names[section] for section in alike)
+            raise ParameterError(
+                f"{self.path}: {found}: is not for the node /{node.strip('/')}: "
+                f"must be /**/{name}, for any namespace, or /{node.strip('/')}"
+            )
+
+
+def unknown_parameter(where: str, name: str, known: Collection[str]) -> str:
+    """Return the message that refuses a parameter which nothing has."""
+    return f"{where}: parameter {name!r} is unknown{did_you_mean(name, known)}"
+
+
+def _misspelt(name: str, known: Collection[str]) -> bool:
+    """Whether a name must be meant for a known one: it resembles it, or lacks its group."""
+    lacks_group = any(other.endswith(f".{name}") for other in known)
+    return lacks_group or bool(difflib.get_close_matches(name, known, n=1, cutoff=_MISSPELT))
+
+
+_WILDCARDS = {"*": r"(/\w+)", "**": r"(/\w+)*"}  # as rcl_yaml_param_parser has them
+
+
+@functools.cache
+def _pattern(section: str) -> re.Pattern:
+    names = section.strip("/").split("/")
+    return re.compile("".join(_WILDCARDS.get(name, "/" + re.escape(name)) for name in names))
+
+
+def concerns(section: str, node: str) -> bool:
+    """Whether a section of this full name is for the node of that one."""
+    return _pattern(section).fullmatch("/" + node.strip("/")) is not None
+
+
+def _flat(tree, where: str, under: str = "") -> dict:
+    """{"circuit": {"rows": 8}} -> {"circuit.rows": 8}."""
+    if not isinstance(tree, dict):
+        raise FileError(f"{where} = {shorten(tree)}: must map names to values")
+    flat = {}
+    for key, value in tree.items():
+        name = f"{under}{key}"
+        below = _flat(value, where, f"{name}.") if isinstance(value, dict) else {name: value}
+        if twice := below.keys() & flat:
+            raise FileError(f"{where}: {min(twice)} is given twice")
+        flat |= below
+    return flat
