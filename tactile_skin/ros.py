@@ -29,10 +29,10 @@ from . import launch
 from .errors import LaunchError, ParameterError, RosError
 from .files import one_line
 from .middleware.bus import Context, Node
-from .middleware.config import CONFIG, ParameterFile
 from .middleware.launch_file import NodeAction, Plan
 from .middleware.launched import check_commands, check_files, check_names, close, given
 from .middleware.package import COMPOSED, FOXGLOVE, NODES, PACKAGE, RECORDER
+from .middleware.parameter_file import CONFIG, ParameterFile
 from .middleware.processes import end_commands, start_command
 from .middleware.ros.arguments import RosArguments, split_arguments
 from .middleware.ros.node import MODULES, RosNode, ToRos, choose

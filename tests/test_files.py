@@ -25,7 +25,7 @@ from tactile_skin.files import one_line, shorten
 from tactile_skin.launch import Skin, read_plan, share_dir
 from tactile_skin.learning import network, training
 from tactile_skin.learning.dataset import TrainingConfig
-from tactile_skin.middleware.config import ParameterFile
+from tactile_skin.middleware.parameter_file import ParameterFile
 from tactile_skin.touch.geometry import read_table
 from tactile_skin.yaml_files import parse_yaml
 

@@ -13,15 +13,9 @@ import re
 import numpy as np
 import pytest
 
-from tactile_skin.board.protocol import (
-    MAGIC,
-    BinaryParser,
-    Counters,
-    Frame,
-    TextParser,
-    crc16,
-    encode,
-)
+from tactile_skin.board.frame import Counters, Frame
+from tactile_skin.board.protocol import MAGIC, BinaryParser, crc16, encode
+from tactile_skin.board.text import TextParser
 
 SHAPES = [(4, 4), (16, 16)]
 QUICK = 1_500, 150_000  # sound frames, damaged bytes

@@ -33,8 +33,8 @@ from tactile_skin.launch import (
 )
 from tactile_skin.middleware import launched
 from tactile_skin.middleware.bus import Context, Node, Parameter, ParameterError
-from tactile_skin.middleware.config import ParameterFile
 from tactile_skin.middleware.package import CLASSES
+from tactile_skin.middleware.parameter_file import ParameterFile
 from tactile_skin.msg import Bool, Header, PointCloud2, Twist, cloud
 from tactile_skin.nodes.stop_on_push import LATCHED
 

@@ -14,7 +14,7 @@ from tactile_skin import launch, ros
 from tactile_skin.errors import ParameterError
 from tactile_skin.launch import LaunchError
 from tactile_skin.middleware.bus import Context, Node
-from tactile_skin.middleware.config import ParameterFile
+from tactile_skin.middleware.parameter_file import ParameterFile
 from tactile_skin.middleware.ros.ros1 import _options
 
 # As far as this package needs them: rosdep/base.yaml, rosdep/python.yaml and the packages of the

@@ -1,7 +1,8 @@
-"""One reading of the whole skin, and what a parser counts, whatever the protocol."""
+"""One reading of all cells, what a parser counts, and what a parameter file says of it."""
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -34,7 +35,8 @@ class Counters:
     Attributes:
         frames: passed on.
         corrupt: frames dropped for their CRC, a repeated number or a sample out of range, or lines
-            that are no frame.
+            of numbers that are no frame.
+        passed: lines that are no frame and do not look like one: status lines, headings.
         lost: frames that the sequence numbers say are missing.
         restarts: jumps of the sequence number that only a restarted board explains.
         skipped_bytes: bytes that belonged to no frame that counts.
@@ -47,7 +49,43 @@ class Counters:
     frames: int = 0
     corrupt: int = 0
     lost: int = 0
+    passed: int = 0
     restarts: int = 0
     skipped_bytes: int = 0
     out_of_range: int = 0
     largest: float = field(default=0.0, compare=False)
+
+
+TAIL = 16_384  # bytes that a parser keeps for whoever asks what arrives: some frames of most boards
+
+
+class Parser:
+    """What the parsers of all protocols share: bytes in, frames out, and the last bytes kept.
+
+    Attributes:
+        counters: what was seen.
+        tail: the last bytes, for `recognise`.
+        request: bytes that ask the board for a frame; empty: it sends by itself.
+        wanted: bytes that a frame like the last one still lacks, at least 1.
+    """
+
+    wanted = 1
+    request = b""
+
+    def __init__(self):
+        self.counters, self.tail = Counters(), bytearray()
+
+    def feed(self, data: bytes) -> list[Frame]:
+        """Take a chunk; return the frames that it completes, oldest first."""
+        self.tail += data
+        if len(self.tail) > 2 * TAIL:
+            del self.tail[:-TAIL]
+        return self._cut(data)
+
+    def _cut(self, data: bytes) -> list[Frame]:
+        raise NotImplementedError
+
+
+def about(text: str, default, *bounds):
+    """A field of a description of a format: what the parameter of its name is."""
+    return dataclasses.field(default=default, metadata={"about": text, "bounds": bounds})

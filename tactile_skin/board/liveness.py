@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .protocol import Frame
+from .frame import Frame
 
 # --- the way from the board ---------------------------------------------------------------------
 

@@ -26,13 +26,10 @@ from __future__ import annotations
 
 import binascii
 import struct
-from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import numpy as np
 
-from .frame import Counters, Frame
-from .text import BAUD, TextParser, Unknown
+from .frame import Frame, Parser
 
 MAGIC = b"\xa5\x5a"
 VERSION = 1
@@ -76,49 +73,28 @@ def encode(sequence: int, device_time_us: int, samples, adc_bits: int, fraction_
     return bytes(body + _CRC.pack(crc16(body)))
 
 
-@dataclass
-class BinaryParser:
+class BinaryParser(Parser):
     """Frames from a byte stream cut anywhere; finds the next frame after any damage.
 
     It is for one board: once a frame has arrived, a header of another size or width is damage. It
     would keep the parser waiting for up to 8 kB that never come, and the frames behind it as well.
     """
 
-    counters: Counters = field(default_factory=Counters)
-
-    def __post_init__(self):
+    def __init__(self):
+        super().__init__()
         self._buffer = bytearray()
         self._last_sequence: int | None = None
         self._at_boundary = False  # the buffer starts right behind a good frame
         self._length = 1  # of the last frame [bytes]
-        self._layout: tuple[int, ...] | None = None  # its rows, cols, adc_bits, fraction_bits
-        self._unknown = Unknown()  # the bytes while no frame was found in them
-        self.trouble = ""  # what is wrong, for a person; empty: damage
+        self.layout: tuple[int, ...] | None = None  # its rows, cols, adc_bits, fraction_bits
 
     @property
     def wanted(self) -> int:
         """Bytes that a frame like the last one still lacks, at least 1."""
         return max(1, self._length - len(self._buffer))
 
-    def feed(self, data: bytes) -> list[Frame]:
-        """Take a chunk; returns the frames that it completes, oldest first."""
+    def _cut(self, data: bytes) -> list[Frame]:
         self._buffer += data
-        frames = self._cut()
-        if self._layout is None:
-            self.trouble = self._foreign(data) or self.trouble
-        return frames
-
-    def _foreign(self, data: bytes) -> str:
-        """What the bytes are, if no frame was ever found in them."""
-        self._unknown.feed(data)
-        if self._unknown.is_text:
-            return "text arrives: set serial_driver.protocol: text"
-        if self._unknown.is_noise:
-            return f"neither binary frames nor text: {BAUD}"
-        return ""
-
-    def _cut(self) -> list[Frame]:
-        """The frames in the buffer."""
         frames = []
         while True:
             self._skip_to_magic()
@@ -146,17 +122,13 @@ class BinaryParser:
             if shift and samples.max() >= _SAMPLES >> shift:  # shifted, it would read as another
                 self.counters.corrupt += 1
                 self.counters.out_of_range += 1
-                self.trouble = (
-                    f"samples exceed the {adc_bits} + {fraction_bits} bits that the frame "
-                    "states: check its adc_bits and fraction_bits"
-                )
                 self._skip(size + _CRC.size)
                 self._at_boundary = True
                 continue
             del self._buffer[: size + _CRC.size]
             self._at_boundary = True
             self._length = size + _CRC.size
-            self._layout = rows, cols, adc_bits, fraction_bits
+            self.layout = rows, cols, adc_bits, fraction_bits
             if not self._count(sequence):
                 continue
             samples = samples << shift if shift else samples
@@ -172,7 +144,7 @@ class BinaryParser:
         sizes = 1 <= rows <= MAX_LINES and 1 <= cols <= MAX_LINES
         if version != VERSION or not sizes or adc_bits < 1 or adc_bits + fraction_bits > 16:
             return None
-        if self._layout not in (None, (rows, cols, adc_bits, fraction_bits)):
+        if self.layout not in (None, (rows, cols, adc_bits, fraction_bits)):
             return None
         return rows, cols, adc_bits, fraction_bits, *rest
 
@@ -202,31 +174,3 @@ class BinaryParser:
                 self.counters.lost += gap
         self._last_sequence = sequence
         return True
-
-
-PARSERS = ("binary", "text")
-
-
-def recognised() -> Callable[[bytes], str]:
-    """A function that takes all bytes, and says so once binary frames are found in them."""
-    parser = BinaryParser()
-
-    def feed(data: bytes) -> str:
-        if not parser.feed(data):
-            return ""
-        rows, cols, adc_bits, _ = parser._layout
-        return (
-            f"binary frames of {rows} x {cols} at {adc_bits} bits arrive: "
-            "set serial_driver.protocol: binary"
-        )
-
-    return feed
-
-
-def make_parser(protocol: str, rows: int, cols: int, adc_bits: int) -> BinaryParser | TextParser:
-    """The parser of a protocol named in `PARSERS`; the sizes are what a text line cannot say."""
-    if protocol not in PARSERS:
-        raise ValueError(f"protocol {protocol!r}: must be one of {', '.join(PARSERS)}")
-    if protocol == "binary":
-        return BinaryParser()
-    return TextParser(rows, cols, adc_bits, recognise=recognised())

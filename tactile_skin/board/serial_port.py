@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import math
 import os
 import stat
 import sys
@@ -14,7 +15,8 @@ from collections.abc import Callable
 import serial
 from serial.tools import list_ports
 
-from .protocol import BinaryParser, Frame, TextParser
+from .frame import Frame, Parser
+from .recognise import explain
 
 try:
     from termios import error as _termios_error
@@ -22,6 +24,10 @@ except ImportError:  # not on POSIX
     _termios_error = OSError
 
 _EARLY = 1.0  # s of bytes without a frame after which the message says what they are, if known
+_ASK_AGAIN = 0.5  # s without an answer after which a board is asked again
+_SLOW_SHARE = 0.5  # of the watchdog, by which bytes lie apart where a frame takes longer than it
+_PATIENCE = 2.5  # times the usual gap between bytes, after which a slow board is silent
+_MOST_PATIENCE = 30.0  # s
 _IN_USE = "is in use by another program (two programs cannot read one board)"
 _NOT_ALLOWED = "may not be opened by this user: is it in the group dialout?"
 _GONE = "is gone: was the board unplugged?"
@@ -103,7 +109,7 @@ class SerialReader:
         self,
         port: str,
         baud: int,
-        make_parser: Callable[[], BinaryParser | TextParser],
+        make_parser: Callable[[], Parser],
         on_frame: Callable[[Frame], None],
         say: Callable[[str], None],
         watchdog: float = 3.0,
@@ -120,6 +126,8 @@ class SerialReader:
         self._refuse = refuse
         self._board: tuple | None = None  # identity of the board that "auto" found
         self._reported: dict[str, str] = {}  # port -> why it gave no frame, since one last did
+        self._heard_at: float | None = None  # when bytes last came, over all connections
+        self._gaps = 0.0, 0.0  # s between the last bytes and those before, twice
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"serial {port}", daemon=True)
 
@@ -174,15 +182,21 @@ class SerialReader:
         self.parser = self._make_parser()  # half a frame of before is worth nothing
         self.parser.counters = counters
         port.reset_input_buffer()
-        last_frame, heard = time.monotonic(), 0
+        last_frame, heard, look_at = time.monotonic(), 0, 1
+        asked = -math.inf
         while not self._stop.is_set():
+            if self.parser.request and time.monotonic() - asked > _ASK_AGAIN:
+                port.write(self.parser.request)
+                asked = time.monotonic()
             # the rest of a frame at once: each read costs more than the parsing of one
             wanted = self.parser.wanted
             data = port.read(wanted if wanted > 1 else max(1, port.in_waiting))
             frames = self.parser.feed(data) if data else []
             heard += len(data)
+            if data:
+                self._note_gap(time.monotonic())
             if frames:
-                last_frame, heard = time.monotonic(), 0
+                last_frame, heard, look_at, asked = time.monotonic(), 0, 1, -math.inf
                 if self.connected_to is None:
                     if self.port == "auto" and (why := self._refuse(frames[0])):
                         self._lost(f"{port.name}: {why}", port.name)
@@ -192,19 +206,52 @@ class SerialReader:
                     self._on_frame(frame)
                 continue
             silence = time.monotonic() - last_frame
-            if silence > self.watchdog:
+            if silence > max(self.watchdog, self.patience):
                 self._lost(self._unusable(port, heard), port.name)
                 return
-            known = heard and self.parser.trouble and self.port != "auto"
-            if known and silence > _EARLY and self.connected_to is None:
-                self._lost(self._unusable(port, heard), port.name)
+            early = silence > _EARLY and self.connected_to is None and self.port != "auto"
+            if early and heard >= look_at:  # to look costs more than to read: seldom
+                look_at = 2 * heard
+                if why := explain(self.parser):
+                    self._lost(self._unusable(port, heard, why), port.name)
 
-    def _unusable(self, port, heard: int) -> str:
+    def _note_gap(self, now: float) -> None:
+        gap = now - (self._heard_at or now)
+        if gap > _EARLY or gap > _SLOW_SHARE * self.watchdog:
+            self._gaps = self._gaps[1], gap
+        self._heard_at = now
+
+    @property
+    def patience(self) -> float:
+        """How long a board that is slower than the watchdog may be silent [s]; 0: none is.
+
+        One gap is a board that hung; a second one is its pace.
+        """
+        pace = min(self._gaps)
+        slow = pace > _SLOW_SHARE * self.watchdog
+        return min(_PATIENCE * pace, _MOST_PATIENCE) if slow else 0.0
+
+    def _unusable(self, port, heard: int, why: str = "") -> str:
         """Why there is no frame, in a text that stays the same while the cause does."""
         if not heard:
+            if self.patience:
+                return f"{port.name}: {self.slow}"
             return f"{port.name}: no bytes for {self.watchdog:g} s, reopening it"
-        why = self.parser.trouble or "check serial_driver.baud and serial_driver.protocol"
-        return f"{port.name} at {self.baud} baud: bytes arrive, but no frame: {why}"
+        why = why or explain(self.parser) or "check serial_driver.baud and serial_driver.protocol"
+        return (
+            f"{port.name} at {self.baud} baud: bytes arrive, but no frame: {why}; "
+            f"`tactile-skin detect port:={self.port}` finds the format"
+        )
+
+    @property
+    def slow(self) -> str:
+        """What to say of a board that is slower than the watchdog; empty if it is not."""
+        if not self.patience:
+            return ""
+        return (
+            f"a frame takes {min(self._gaps):.2g} s, longer than serial_driver.watchdog = "
+            f"{self.watchdog:g} s: too slow for a stop"
+        )
 
     def _found(self, name: str) -> None:
         self.connected_to, self.trouble = name, ""

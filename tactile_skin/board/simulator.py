@@ -23,6 +23,7 @@ SCANS_PER_SECOND = 390  # paper section III-B
 FRAMES_PER_SECOND = 100
 REST_SCATTER = 0.03  # RMS of log resistance of the cells at rest, chosen: a good fabric's
 _CATCHES_UP = 0.02  # s that the simulation may lag; what it lags more, it leaves out
+SPOKEN = "binary", "text"  # protocols
 BAUD = 1_000_000  # exact on a 16 MHz ATmega328P; a 16x16 frame of 529 bytes takes 5.3 ms
 
 
@@ -43,7 +44,7 @@ class Board:
         scene: time since start [s] -> (rows, cols) force per cell [N].
         noise: RMS noise of one sample, in ADC steps.
         frames_per_second: frames sent, at most SCANS_PER_SECOND.
-        kind: the protocol that it speaks, of `protocol.PARSERS`.
+        kind: the protocol that it speaks, "binary" or "text".
         adc: its converter; None: a count is the ratio times 2^bits - 1.
     """
 
@@ -58,7 +59,8 @@ class Board:
         kind: str = "binary",
         adc: Adc | None = None,
     ):
-        protocol.make_parser(kind, *circuit.shape, circuit.adc_bits)  # refuses another name
+        if kind not in SPOKEN:
+            raise ValueError(f"protocol {kind!r}: must be one of {', '.join(SPOKEN)}")
         if not 0 < frames_per_second <= SCANS_PER_SECOND:
             raise ValueError(
                 f"frames_per_second = {frames_per_second!r}: "

@@ -1,33 +1,45 @@
-"""Lines of numbers <-> frames: one frame a line, as hobby sketches print them.
+"""Lines of numbers -> frames, as a description says how a sketch prints them.
 
-Numbers are separated by commas, semicolons, tabs or spaces, one kind a line; runs of spaces count
+Readings are separated by commas, semicolons, tabs or spaces, one kind a line; runs of spaces count
 as one, and a separator may end the line. `nan`, `-`, or nothing between two separators stands for a
-crossing that was not read. Decimals, as of a mean of several scans, keep their fraction.
+crossing that was not read. Brackets in pairs, or at the ends of a line, and labels (a name, then a
+colon or an equals sign) are passed over. Decimals, as of a mean of several scans, keep their
+fraction.
+
+A line holds a frame, a row or one reading. Where a row or a reading does not say which one it is
+(`{row}`, `{col}`, `{index}`), a frame begins behind a line that holds no readings, or with two
+opening brackets.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass, field
+import re
 
 import numpy as np
 
-from .frame import Counters, Frame
+from .frame import Frame, Parser, about
 
-BAUD = "is serial_driver.baud that of the board's sketch?"
 _SEQUENCES = 1 << 16
 _PLAIN = b"0123456789., \t\r;"  # what a line of numbers holds, and
 _WORDS = b"-naNA"  # what stands for one that is missing
 _DIGITS = b"0123456789."
 _ABSENT = {b"", b"-", b"nan", b"NaN", b"NAN"}
-_NEGATIVE = "negative numbers: print what the ADC reads, and set circuit.adc_offset"
 _SEPARATORS = b",;\t"
-_PRINTABLE = bytes(range(32, 127)) + b"\t\r\n"
-_MANY = 64  # bytes that are enough to tell text from noise
-_STRANGE = 0.05  # of a text's bytes are no text, at least, where the baud rate is wrong
 _NEWS = 1.25  # by which a number exceeds what was named before it is named: each text is news
+VOLTS = 5.5  # V, the most that a board of 5 V prints; numbers up to it may be volts
+_ALIKE = 0.15  # by which the share of plain bytes of a damaged line may differ from a sound one's
+_PIECE = 0.5  # of a sound line's numbers that a damaged one has, at least
+_NUMBER = re.compile(rb"\d+")
+_LABEL = re.compile(rb'"?[A-Za-z_][\w .]*"?(?:\[\d+\])?[ \t]*[:=]')
+_OPEN, _CLOSE = b"[({<", b"])}>"
+_BLANKED = bytes.maketrans(_OPEN + _CLOSE, b" " * 8)
+_AT_ENDS = re.compile(rb"^[\s\[({<]+|[\s\])}>]+(?=[,;\s]*$)")
+BEGINS = re.compile(rb"^[\s,]*[\[({][\s]*[\[({]")  # a frame of rows in brackets
+ENDS = re.compile(rb"[\])}]\s*[\])}][,;\s]*$")
+_FIELD = re.compile(r"\{(row|col|index|skip|values)\}")
+_VALUES, _PLACES = "values", ("index", "row", "col")
 
 
 def line(samples: np.ndarray) -> bytes:
@@ -35,180 +47,286 @@ def line(samples: np.ndarray) -> bytes:
     return b",".join(b"%d" % s for s in samples.ravel().tolist()) + b"\r\n"
 
 
-class Unknown:
-    """What bytes are in which no frame is found."""
+@dataclasses.dataclass(frozen=True)
+class TextFormat:
+    """How a board prints its frames; the default reads a frame, or a row, of numbers a line.
 
-    def __init__(self):
-        self._bytes = self._strange = self._digits = self._lines = 0
-
-    def feed(self, data: bytes) -> None:
-        self._bytes += len(data)
-        self._strange += len(data.translate(None, _PRINTABLE))
-        self._digits += len(data) - len(data.translate(None, b"0123456789"))
-        self._lines += data.count(b"\n")
-
-    @property
-    def is_noise(self) -> bool:
-        return self._bytes >= _MANY and self._strange > _STRANGE * self._bytes
-
-    @property
-    def is_text(self) -> bool:
-        """Lines of numbers, that is: any bytes may look like letters."""
-        enough = self._bytes >= _MANY and self._lines and self._digits > 0.25 * self._bytes
-        return bool(enough and not self.is_noise)
-
-
-@dataclass
-class TextParser:
-    """Frames from lines of numbers.
-
-    There is no CRC: a line counts only if it holds exactly rows * cols fields, each a number in the
-    ADC's range, in digits and a decimal point, or one that was not read. A digit that the wire
-    changed into another goes unnoticed.
-
-    Args:
-        recognise: takes all bytes while there was no frame, and says whose they are if they are
-            known to be of another protocol.
+    Raises:
+        ValueError: a line without `{values}`, or with a field twice; an empty line end; a `first`
+            or a full scale out of range.
     """
 
-    rows: int
-    cols: int
-    adc_bits: int = 10
-    counters: Counters = field(default_factory=Counters)
-    recognise: Callable[[bytes], str] = field(default=lambda data: "", repr=False)
+    line: str = about(
+        "a line of readings as it is printed: {values}, with {row}, {col} or {index} of the first "
+        "of them, and {skip} for what is none",
+        "{values}",
+    )
+    end: str = about("what ends a line", "\n")
+    first: int = about("the first {row}, {col} or {index}", 0, 0, 1)
+    full_scale: float = about(
+        "what is printed of an input at the supply; 0: 2^adc_bits - 1, ADC steps", 0.0, 0.0, 1e6
+    )
+    request: str = about("what asks the board for a frame; empty: it sends by itself", "")
 
     def __post_init__(self):
+        fields = [name for name in _FIELD.findall(self.line) if name != "skip"]
+        if _VALUES not in fields or len(set(fields)) < len(fields):
+            raise ValueError(
+                f"format.line = {self.line!r}: must hold {{values}} once, and each of {{row}}, "
+                "{col} and {index} at most once"
+            )
+        if not self.end:
+            raise ValueError("format.end is empty: must be what ends a line")
+
+    @property
+    def places(self) -> list[str]:
+        """Which of row, col and index a line states."""
+        return [name for name in _FIELD.findall(self.line) if name in _PLACES]
+
+    def pattern(self) -> re.Pattern:
+        """What a line of readings matches, without its end."""
+        parts = []
+        for text, name in zip(*[iter([*_FIELD.split(self.line), ""])] * 2, strict=True):
+            words = text.split()
+            if text and not words:
+                parts.append(r"[ \t]+")
+            elif words:
+                parts += [r"[ \t]*", r"[ \t]*".join(map(re.escape, words)), r"[ \t]*"]
+            if name == _VALUES:
+                parts.append("(?P<values>.*)")
+            elif name == "skip":
+                parts.append(".*?")
+            elif name:
+                parts.append(rf"(?P<{name}>\d+)")
+        return re.compile("".join(parts).encode(), re.DOTALL)
+
+
+class TextParser(Parser):
+    """Frames from lines of numbers.
+
+    There is no CRC: a line counts only if it holds as many numbers as a frame, a row or, where it
+    says which, one reading; each in the ADC's range, in digits and a decimal point, or one that was
+    not read. A digit that the wire changed into another goes unnoticed. Other lines are passed over
+    unless they look like readings that were damaged.
+
+    Numbers with decimals, none above 5.5, may be volts or shares of the supply: they are no frames
+    until a larger one arrives, or `full_scale` says what they are.
+    """
+
+    def __init__(self, rows: int, cols: int, adc_bits: int = 10, fmt: TextFormat | None = None):
+        super().__init__()
+        self.rows, self.cols, self.adc_bits = rows, cols, adc_bits
+        self.format = fmt or TextFormat()
+        self.request = self.format.request.encode()
+        self._end = self.format.end.encode()
+        self._pattern = None if self.format.line == "{values}" else self.format.pattern()
+        self._cells = rows * cols
+        places = self.format.places
+        self._piece = {("row",): cols, ("col",): rows, (): cols}.get(tuple(places), 1)
+        self._placed = bool(places)
         self._buffer = bytearray()
         self._in_line = False  # what comes before the first line end is the rest of a line
-        self._longest = 12 * self.rows * self.cols + 2
-        self._unknown: Unknown | None = Unknown()  # until the first frame
-        self._reasons: Counter[str] = Counter()  # why lines were no frames, since one was
-        self._foreign = ""  # whose bytes they are, if of another protocol
+        self._longest = 24 * self._cells + 256  # bytes of a line, with its labels
+        self._sound = 1.0, self._cells  # plain share and numbers of the last line of readings
+        self._few = 0  # numbers of the last line that held far fewer
         self._trails = False  # a separator ends the board's lines
         self._empty_ends = 0  # lines that end with an empty field
-        self.trouble = ""  # what is wrong with most lines, for a person; empty: no numbers
+        self._volts = self.format.full_scale == 0.0  # the numbers may be
+        self._values = np.zeros(self._cells)  # of the frame that is put together [ADC steps]
+        self._filled = np.zeros(self._cells, bool)
+        self._next = -1  # cell that the next row begins with; -1: a frame has not begun
+        self._early = False  # a frame is known to end with its last row
 
-    wanted = 1  # a line's length is not known before its end
-
-    def feed(self, data: bytes) -> list[Frame]:
-        """Take a chunk; returns the frames that it completes, oldest first."""
+    def _cut(self, data: bytes) -> list[Frame]:
         self._buffer += data
-        *lines, rest = self._buffer.split(b"\n")
+        *lines, rest = self._buffer.split(self._end)
         self._buffer = rest
-        frames = []
+        frames: list[Frame] = []
         for line in lines:
             if self._in_line:
-                frame = self._frame(bytes(line))
-                frames += [frame] if frame is not None else []
+                frames += self._line(bytes(line))
             else:
-                self.counters.skipped_bytes += len(line) + 1
+                self.counters.skipped_bytes += len(line) + len(self._end)
             self._in_line = True
         if len(self._buffer) > self._longest:
             self.counters.skipped_bytes += len(self._buffer)
             self._buffer.clear()
             self._in_line = False
-        if self._unknown is not None:
-            self._identify(data)
         return frames
 
-    def _identify(self, data: bytes) -> None:
-        """Say what the bytes are, while there is no frame in them."""
-        self._unknown.feed(data)
-        self._foreign = self.recognise(data) or self._foreign
-        noise = f"the bytes are not text: {BAUD}" if self._unknown.is_noise else ""
-        self.trouble = self._foreign or noise or self.trouble
+    def _line(self, line: bytes) -> list[Frame]:
+        """The frame that a line completes, if any."""
+        match = self._pattern.fullmatch(line) if self._pattern else None
+        numbers = None
+        if len(line) <= self._longest and (match or not self._pattern):
+            numbers = self._numbers(match["values"] if match else line)
+        size = 0 if numbers is None else numbers.size
+        frame = size == self._cells and not self._placed
+        if not frame and size != self._piece:
+            return self._no_reading(line)
+        self._sound = _plain(line), size
+        steps = self._in_range(numbers, b"." in line)
+        if steps is None:
+            self._spoil()
+            return []
+        if frame:
+            self._next = -1
+            return self._frame(steps)
+        if self._placed:
+            return self._place(steps, match.groupdict())
+        before = self._border() if BEGINS.match(line) else []
+        return before + self._follow(steps) + (self._border() if ENDS.search(line) else [])
 
-    def _frame(self, line: bytes) -> Frame | None:
-        steps, trouble = self._numbers(line)
-        if steps is not None:
-            trouble = self._wrong(steps)
-        if steps is None or trouble:
-            self.counters.corrupt += 1
-            self._reasons[trouble] += 1
-            if self._reasons[trouble] == max(self._reasons.values()):
-                self.trouble = trouble
-            if len(self._reasons) > 64:
-                self._reasons.clear()
-            return None
-        self._reasons.clear()
-        self.trouble, self._unknown = "", None
+    def _no_reading(self, line: bytes) -> list[Frame]:
+        """Pass over a line of another kind, which ends a frame of rows; or count a damaged one."""
+        share, wanted = self._sound
+        n = len(_NUMBER.findall(line))
+        few = n < _PIECE * wanted
+        regular, self._few = few and n == self._few, n if few else self._few
+        if line.strip() and _plain(line) >= share - _ALIKE and not regular:
+            self._spoil()
+            return []
+        self.counters.passed += 1
+        return self._border()
+
+    def _spoil(self) -> None:
+        """A line was damaged: what is left of its frame is none."""
+        self.counters.corrupt += 1
+        self._next = -1
+        self._filled[:] = False
+
+    # --- rows in their order
+
+    def _follow(self, steps: np.ndarray) -> list[Frame]:
+        if self._next < 0:
+            return []
+        if self._next == self._cells:  # it was not the last row
+            self._spoil()
+            self._early = False
+            return []
+        self._values[self._next : self._next + steps.size] = steps
+        self._next += steps.size
+        return self._frame(self._values) if self._early and self._next == self._cells else []
+
+    def _border(self) -> list[Frame]:
+        """A frame ends here, and another begins."""
+        whole, begun = self._next == self._cells, self._next > 0
+        self._next = 0
+        if whole and not self._early:
+            self._early = True
+            return self._frame(self._values)
+        self.counters.corrupt += begun and not whole
+        return []
+
+    # --- rows or readings that say which they are
+
+    def _place(self, steps: np.ndarray, at: dict[str, bytes]) -> list[Frame]:
+        first = self.format.first
+        index, row, col = (int(at.get(name, first)) - first for name in _PLACES)
+        if not (0 <= row < self.rows and 0 <= col < self.cols and 0 <= index < self._cells):
+            self._spoil()
+            return []
+        start = index + row * self.cols + col
+        column = self.format.places == ["col"]
+        cells = slice(start, None, self.cols) if column else slice(start, start + steps.size)
+        if start == 0:
+            self.counters.corrupt += bool(self._filled.any())
+            self._filled[:] = False
+        elif not self._filled[0]:  # the frame's begin was missed
+            return []
+        elif self._filled[cells].any():
+            self._spoil()
+            return []
+        self._values[cells], self._filled[cells] = steps, True
+        if not self._filled.all():
+            return []
+        self._filled[:] = False
+        return self._frame(self._values)
+
+    # --- numbers
+
+    def _frame(self, steps: np.ndarray) -> list[Frame]:
         unread = np.isnan(steps)
+        if unread.all():  # nothing was read, or the frame was sent as nothing
+            self.counters.corrupt += 1
+            return []
         # what is not read travels beside the samples; a board of 16 bits has no fraction to keep
         samples = np.rint(np.where(unread, 0.0, steps) * 2 ** (16 - self.adc_bits))
         samples = samples.astype(np.uint16).reshape(self.rows, self.cols)
         self.counters.frames += 1
-        sequence = self.counters.frames % _SEQUENCES
         unread = unread.reshape(samples.shape) if unread.any() else None
-        return Frame(samples, self.adc_bits, sequence, None, unread)
+        return [Frame(samples, self.adc_bits, self.counters.frames % _SEQUENCES, None, unread)]
 
-    def _numbers(self, line: bytes) -> tuple[np.ndarray | None, str]:
-        """The line's numbers, NaN for those not read; or None, and what is wrong."""
-        if len(line) > self._longest:  # of which the buffer drops a part, or not: as it was cut
-            return None, ""
-        kinds = [b for b in _SEPARATORS if b in line]
+    def _numbers(self, text: bytes) -> np.ndarray | None:
+        """A line's numbers, NaN for those not read; None if it holds anything else."""
+        if text.translate(None, _PLAIN + _WORDS):
+            if b":" in text or b"=" in text:
+                text = _LABEL.sub(b" ", text)
+            if not _balanced(text):
+                text = _AT_ENDS.sub(b" ", text)
+            if _balanced(text):
+                text = text.translate(_BLANKED)
+            if text.translate(None, _PLAIN + _WORDS):
+                return None
+        kinds = [b for b in _SEPARATORS if b in text]
         if len(kinds) > 1 and ord("\t") in kinds:  # tabs beside commas are blanks
             kinds.remove(ord("\t"))
-            line = line.replace(b"\t", b" ")
+            text = text.replace(b"\t", b" ")
         if len(kinds) > 1:
-            return None, (
-                "lines with commas and semicolons: print one kind of separator, and decimals with "
-                "a point"
-            )
+            return None
         if kinds:
-            words = [w.strip() for w in line.strip(b" \r").split(bytes(kinds))]
+            words = [w.strip() for w in text.strip(b" \r").split(bytes(kinds))]
             words = self._without_trailing(words)
         else:
-            words = line.split()
-        if line.translate(None, _PLAIN + _WORDS):
-            return None, ""
-        if line.translate(None, _PLAIN):
-            for word in words:
-                if word not in _ABSENT and word.translate(None, _DIGITS):
-                    negative = word[:1] == b"-" and not word[1:].translate(None, _DIGITS)
-                    return None, _NEGATIVE if negative else ""
+            words = text.split()
+        if any(w.translate(None, _DIGITS) for w in words if w not in _ABSENT):
+            return None
         try:
-            steps = np.array([math.nan if w in _ABSENT else float(w) for w in words])
-        except ValueError:
-            return None, ""
-        if np.isnan(steps).all():
-            return None, "lines in which no crossing was read" if steps.size > 1 else ""
-        return steps, ""
+            return np.array([math.nan if w in _ABSENT else float(w) for w in words])
+        except ValueError:  # two points in a number
+            return None
 
     def _without_trailing(self, words: list[bytes]) -> list[bytes]:
         """A separator that ends the line adds no field; an empty last field does.
 
         Where lines are known to end with one, an empty last field is a number that was lost.
         """
-        wanted = self.rows * self.cols
         if words[-1] or len(words) == 1:
             return words
-        self._trails = self._trails or len(words) == wanted + 1
-        if len(words) == wanted and not self._trails:
+        wanted = self._cells, self._piece
+        self._trails = self._trails or len(words) - 1 in wanted
+        if len(words) in wanted and not self._trails:
             self._empty_ends += 1
             if self._empty_ends > 1:
                 return words
         return words[:-1]
 
-    def _wrong(self, steps: np.ndarray) -> str:
-        """Which setting does not go with a line of these numbers; empty if none."""
-        wanted = self.rows * self.cols
-        if steps.size != wanted:
-            return (
-                f"lines hold {steps.size} numbers, but circuit.rows = {self.rows} x "
-                f"circuit.cols = {self.cols} are {wanted}: set circuit.rows and circuit.cols"
-            )
-        largest = float(np.nanmax(steps))
-        if largest > 2**self.adc_bits - 1:
-            counters = self.counters
+    def _in_range(self, numbers: np.ndarray, decimals: bool) -> np.ndarray | None:
+        """The numbers in ADC steps; None if they cannot be, or may be volts."""
+        if np.isnan(numbers).all():
+            return numbers
+        largest, top = float(np.nanmax(numbers)), 2**self.adc_bits - 1
+        if self.format.full_scale:
+            numbers = numbers * (top / self.format.full_scale)
+            beyond = largest * top > (top + 0.5) * self.format.full_scale  # rounded on the board
+            numbers = np.minimum(numbers, top)
+        else:
+            beyond = largest > top
+        counters = self.counters
+        if beyond:
             counters.out_of_range += 1
             if largest > _NEWS * counters.largest:
                 counters.largest = largest
-            bits = max(math.floor(math.log2(counters.largest)) + 1, self.adc_bits)
-            advice = f"set circuit.adc_bits: {bits}"
-            if bits > 16 or bits == self.adc_bits:
-                advice = "these are not ADC steps"
-            return (
-                f"numbers up to {counters.largest:g}, but circuit.adc_bits = {self.adc_bits} ends "
-                f"at {2**self.adc_bits - 1}: {advice}"
-            )
-        return ""
+            return None
+        self._volts = self._volts and largest <= VOLTS
+        return None if self._volts and decimals else numbers
+
+
+def _balanced(text: bytes) -> bool:
+    return all(text.count(a) == text.count(b) for a, b in zip(_OPEN, _CLOSE, strict=True))
+
+
+def _plain(line: bytes) -> float:
+    """The share of a line's bytes that a line of numbers may hold."""
+    line = line.strip()
+    return 1.0 - len(line.translate(None, _PLAIN + _WORDS)) / max(len(line), 1)

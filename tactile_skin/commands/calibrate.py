@@ -21,7 +21,8 @@ from ..calibration.rest import check_all_is_sent, supposing
 from ..errors import FileError
 from ..files import read_bytes, shorten
 from ..middleware.bus import Context, Node, Parameter, SingleThreadedExecutor
-from ..middleware.config import ParameterFile, SkinConfig, adc_of, circuit_of, read_skin
+from ..middleware.config import SkinConfig, adc_of, circuit_of, read_skin
+from ..middleware.parameter_file import ParameterFile
 from ..msg import Image, image_array
 from ..nodes import QUEUE
 from ..nodes.serial_driver import SerialDriver

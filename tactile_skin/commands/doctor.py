@@ -10,7 +10,8 @@ import numpy as np
 from ..calibration.doctor import Finding, diagnose
 from ..calibration.doctor.recorded import record
 from ..calibration.rest import Rest, check_all_is_sent, measure_rest
-from ..middleware.config import ParameterFile, SkinConfig, read_skin
+from ..middleware.config import SkinConfig, read_skin
+from ..middleware.parameter_file import ParameterFile
 from ..physics.adc import Adc
 from ..physics.circuit import Circuit
 from ..recording.frames import read_frames, recorded_skin
@@ -214,19 +215,22 @@ def _ratio(path: str, adc: Adc) -> np.ndarray:
 
 def _listen(adc: Adc, given: dict) -> tuple[np.ndarray, list[Finding]]:
     """Frames of the live board, and what is wrong with its link."""
-    from ..board.protocol import make_parser
+    from ..board.formats import make_format, make_parser
     from ..board.serial_port import SerialReader, check_port
 
     circuit, port = adc.circuit, given["port"]
+    driver: dict = {}
     if "config" in given:
         driver = ParameterFile(given["config"]).overrides("/serial_driver")
-        given = {p.name: p.value for p in driver if p.name in ("baud", "protocol")} | given
+        driver = {p.name: p.value for p in driver}
+        given = {k: v for k, v in driver.items() if k in ("baud", "protocol")} | given
+    described = {k.removeprefix("format."): v for k, v in driver.items() if k.startswith("format.")}
     seconds, baud = given.get("seconds", 60.0), given.get("baud", 1_000_000)
     protocol = given.get("protocol", "binary")
     if not _SECONDS[0] <= seconds <= _SECONDS[1]:
         raise ValueError(f"seconds:={seconds:g}: must be from {_SECONDS[0]:g} to {_SECONDS[1]:g}")
     size = circuit.rows, circuit.cols, circuit.adc_bits
-    make_parser(protocol, *size)
+    fmt = make_format(protocol, described)
     check_port(port)
     kept: list = []
     wrong: list[str] = []
@@ -238,7 +242,7 @@ def _listen(adc: Adc, given: dict) -> tuple[np.ndarray, list[Finding]]:
         elif not wrong:
             wrong.append("the board sends {} x {} at {} bits".format(*sent))
 
-    reader = SerialReader(port, baud, lambda: make_parser(protocol, *size), take, print)
+    reader = SerialReader(port, baud, lambda: make_parser(protocol, *size, fmt), take, print)
     reader.start()
     try:
         begun = time.monotonic()

@@ -11,7 +11,8 @@ from collections.abc import Callable
 
 from ..board.simulator import BAUD
 from ..learning import scenes
-from ..middleware.config import ParameterFile, SkinConfig, read_skin
+from ..middleware.config import SkinConfig, read_skin
+from ..middleware.parameter_file import ParameterFile
 from ..middleware.processes import LAUNCHED
 from ..middleware.stdin import at_the_end_of_stdin
 

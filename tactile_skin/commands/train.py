@@ -14,7 +14,8 @@ from ..bench import measure
 from ..errors import TrainingDied
 from ..learning import network
 from ..learning.dataset import TrainingConfig
-from ..middleware.config import ParameterFile, SkinConfig, read_skin
+from ..middleware.config import SkinConfig, read_skin
+from ..middleware.parameter_file import ParameterFile
 from . import extras
 from .written import entered, replace_file
 

@@ -14,8 +14,8 @@ from pathlib import Path
 from ..errors import FileError, LaunchError, did_you_mean
 from ..files import shorten
 from ..yaml_files import parse_yaml, read_yaml
-from .config import CONFIG, ParameterFile
 from .package import COMPOSED, FOXGLOVE, NODES, PACKAGE, RECORDER, share_dir
+from .parameter_file import CONFIG, ParameterFile
 from .processes import tool_path
 from .user_nodes import UserNode, find_user_node
 

@@ -9,9 +9,9 @@ from collections.abc import Callable
 from ..errors import LaunchError, ParameterError, TopicTypeError
 from ..msg import Twist, TwistStamped
 from .bus import Context, Node, Parameter
-from .config import SHARED, THEIRS, ParameterFile, concerns, unknown_parameter
 from .launch_file import NodeAction
 from .package import CLASSES, NODES
+from .parameter_file import SHARED, THEIRS, ParameterFile, concerns, unknown_parameter
 
 _SIMULATED = "use_sim_time"
 _ONE_THREAD = ("compensation", "gesture_feature")  # strictly sequential

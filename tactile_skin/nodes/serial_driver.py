@@ -7,9 +7,10 @@ import time
 import numpy as np
 
 from ..board.absent import Absent
+from ..board.formats import fields, make_format, make_parser
 from ..board.frame import Frame
 from ..board.liveness import JITTER, Liveness, Verdict
-from ..board.protocol import make_parser
+from ..board.recognise import explain
 from ..board.serial_port import SerialReader, check_port
 from ..middleware.bus import Time
 from ..middleware.config import adc_of, circuit_of, describe
@@ -20,7 +21,6 @@ _DOUBTFUL, _BAD = 0.05, 0.5  # of a second's frames damaged or lost: a warning; 
 _TICK = 1000  # ns that stamps are apart at least
 _SLOW = 0.1  # s on their way from which on frames are worth a warning
 _NEW = Verdict(0.0, True, "")  # before the first frame
-_BEYOND = "samples exceed full scale: check the board's adc_bits"
 
 
 class SerialDriver:
@@ -43,7 +43,11 @@ class SerialDriver:
 
         port = value("port", "auto", "serial device, or auto: the first that sends frames")
         baud = value("baud", 1_000_000, "bits per second", 300, 20_000_000)
-        protocol = value("protocol", "binary", "binary or text")
+        protocol = value("protocol", "binary", "binary, text or packets")
+        described = {
+            name: value(f"format.{name}", f.default, f.metadata["about"], *f.metadata["bounds"])
+            for name, f in fields().items()
+        }
         wait = value("wait_for_port", 0.0, "how long the port may take to appear [s]", 0.0, 3600.0)
         watchdog = value("watchdog", 3.0, "silence after which the port is reopened [s]", 0.1, 60.0)
         self._frozen_after = value(
@@ -60,7 +64,7 @@ class SerialDriver:
         )
         self.frame_id = value("frame_id", "base_link", "frame of the skin's messages")
         size = (self.circuit.rows, self.circuit.cols, self.circuit.adc_bits)
-        make_parser(protocol, *size)  # a wrong name is an error now, not in the reader's thread
+        fmt = make_format(protocol, described)  # what is wrong is an error now
         self._trouble = ""  # why frames are not published
         self._verdict = _NEW
         self._liveness, self._connection, self._restarts = None, -1, 0
@@ -68,7 +72,7 @@ class SerialDriver:
         # on ROS stamps are the time of day, which may be set, or a simulation's
         self._monotonic = getattr(node.get_clock(), "monotonic", time.monotonic)
         self._mark, self._rate = (self._now(), 0, 0, 0, 0), 0.0
-        self._bad, self._beyond = 0.0, False
+        self._bad, self._beyond = 0.0, ("", 0.0)  # why numbers are out of range; the largest
         self._adc = node.create_publisher(Image, "skin/adc", 10)
         self._diagnostics = diagnostics.Reporter(node)
         if wait == 0.0:
@@ -76,7 +80,7 @@ class SerialDriver:
         self._reader = SerialReader(
             port,
             baud,
-            lambda: make_parser(protocol, *size),
+            lambda: make_parser(protocol, *size, fmt),
             self.on_frame,
             self._on_link,
             watchdog,
@@ -148,7 +152,10 @@ class SerialDriver:
         self._rate = frames * 1e9 / max(self._mark[0] - since, 1)
         bad = max(corrupt, lost)  # a frame that is damaged is also missing where they have numbers
         self._bad = bad / max(frames + bad, 1)
-        self._beyond = 2 * beyond >= corrupt > 0
+        if 2 * beyond < corrupt or not corrupt:
+            self._beyond = "", 0.0
+        elif not self._beyond[0] or counters.largest > self._beyond[1]:
+            self._beyond = explain(self._reader.parser), counters.largest
         self._report()
 
     def _on_link(self, text: str) -> None:
@@ -170,7 +177,7 @@ class SerialDriver:
             # the share is among the values: each other text would be another reason to stop
             share = "half or more" if self._bad >= _BAD else "some"
             message = f"{share} of the last second's frames were damaged or lost"
-            if why := self._reader.parser.trouble or (_BEYOND if self._beyond else ""):
+            if why := self._beyond[0]:
                 message += f": {why}"
         elif not self._verdict.settled:
             level, message = diagnostics.WARN, "frames do not arrive at the board's own rate yet"
@@ -179,6 +186,8 @@ class SerialDriver:
                 diagnostics.WARN,
                 f"frames arrive {lag:.2f} s late: is the link too slow?",
             )
+        elif reader.slow:
+            level, message = diagnostics.WARN, reader.slow
         elif self._unread:
             level, message = diagnostics.WARN, self._unread
         values = {
@@ -188,6 +197,7 @@ class SerialDriver:
             "frames": counters.frames,
             "crc_errors": counters.corrupt,
             "out_of_range": counters.out_of_range,
+            "passed_over": counters.passed,
             "lost": counters.lost,
             "bad": f"{self._bad:.3f}",
             "lag": f"{lag:.3f}",

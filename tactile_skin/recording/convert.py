@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import FileError
-from ..middleware.config import ParameterFile, SkinConfig
+from ..middleware.config import SkinConfig
+from ..middleware.parameter_file import ParameterFile
 from ..msg import Header, Image, Time, image
 from . import cdr, configuration
 from .frames import Frames

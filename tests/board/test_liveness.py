@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from tactile_skin.board.frame import Frame
 from tactile_skin.board.liveness import Liveness
-from tactile_skin.board.protocol import Frame
 
 SHAPE = (8, 12)
 RATE = 100.0  # frames a second

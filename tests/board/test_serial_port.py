@@ -13,8 +13,9 @@ from simulated import CIRCUIT, PATIENCE, Serving, make_board, serving
 
 from tactile_skin import Circuit
 from tactile_skin.board import serial_port
-from tactile_skin.board.protocol import BinaryParser, TextParser
+from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.board.serial_port import SerialReader, check_port
+from tactile_skin.board.text import TextParser
 
 
 class Heard:

@@ -11,7 +11,8 @@ from simulated import CIRCUIT, make_board, serving
 
 from tactile_skin import Circuit, PressureCurve, forward
 from tactile_skin.board import simulator, terminal
-from tactile_skin.board.protocol import PARSERS, BinaryParser, make_parser
+from tactile_skin.board.formats import make_parser
+from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.learning import scenes
 from tactile_skin.physics.adc import Adc
 
@@ -158,8 +159,8 @@ def test_a_restart_begins_anew():
 
 
 def test_a_board_that_prints_sends_the_same_readings_in_whole_steps():
-    boards = [make_board("two_fingers", Circuit(6, 7), kind=kind) for kind in PARSERS]
-    binary, text = (make_parser(kind, 6, 7, 10) for kind in PARSERS)
+    boards = [make_board("two_fingers", Circuit(6, 7), kind=kind) for kind in simulator.SPOKEN]
+    binary, text = (make_parser(kind, 6, 7, 10) for kind in simulator.SPOKEN)
     for _ in range(50):
         sent = [b.scan() for b in boards]
         numbers = binary.feed(sent[0])

@@ -24,7 +24,8 @@ from yardsticks.identify import Unknown, bodies
 from tactile_skin.calibration.guide import OBJECTS, Guide
 from tactile_skin.commands import calibrate
 from tactile_skin.middleware.bus import Context, ManualClock, Node
-from tactile_skin.middleware.config import ParameterFile, read_skin
+from tactile_skin.middleware.config import read_skin
+from tactile_skin.middleware.parameter_file import ParameterFile
 from tactile_skin.nodes.compensation import Compensation
 from tactile_skin.physics.creep import Creep
 from tactile_skin.physics.curve import GRAM

@@ -16,7 +16,7 @@ import numpy as np
 
 from tactile_skin import Circuit, PressureCurve
 from tactile_skin.board import simulator
-from tactile_skin.board.protocol import make_parser
+from tactile_skin.board.formats import make_parser
 from tactile_skin.learning import scenes
 from tactile_skin.msg import Header, Time, image
 from tactile_skin.recording import Recording, cdr

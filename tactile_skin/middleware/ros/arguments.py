@@ -8,7 +8,7 @@ import re
 from ...files import shorten
 from ...yaml_files import parse_yaml
 from ..bus import Parameter
-from ..config import CONFIG, ParameterFile
+from ..parameter_file import CONFIG, ParameterFile
 
 # Of rcl: what they do is ROS's business. Those of the first kind are followed by a value.
 _WITH_VALUE = ("--log-level", "--log-config-file", "--log-file-name", "-e", "--enclave")

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from ... import msg
 from ...errors import RosError
 from .. import bus
-from ..config import THEIRS
+from ..parameter_file import THEIRS
 from .messages import from_ros, ros_class, to_ros
 from .ros1 import Ros1
 from .ros2 import Ros2

@@ -1,0 +1,62 @@
+"""The protocols by name: which parser reads each, and which description of a format it takes."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from .frame import Parser
+from .packets import PacketFormat, PacketParser
+from .protocol import BinaryParser
+from .text import TextFormat, TextParser
+
+Format = TextFormat | PacketFormat | None
+FORMATS: dict[str, type | None] = {"binary": None, "text": TextFormat, "packets": PacketFormat}
+PROTOCOLS = tuple(FORMATS)
+
+
+def check_protocol(protocol: str) -> None:
+    """Raise ValueError unless there is a protocol of this name."""
+    if protocol not in FORMATS:
+        raise ValueError(f"protocol {protocol!r}: must be one of {', '.join(PROTOCOLS)}")
+
+
+def fields() -> dict[str, dataclasses.Field]:
+    """Name -> field of all descriptions; what two of them share is one parameter."""
+    kinds = filter(None, FORMATS.values())
+    return {field.name: field for kind in kinds for field in dataclasses.fields(kind)}
+
+
+def make_format(protocol: str, values: dict) -> Format:
+    """The description of a format from what a parameter file says under `format`.
+
+    Raises:
+        ValueError: an unknown protocol or name, one of another protocol, or a value that is none.
+    """
+    check_protocol(protocol)
+    kind = FORMATS[protocol]
+    known = {field.name: field for field in dataclasses.fields(kind)} if kind else {}
+    given = {}
+    for name, value in values.items():
+        if name in known:
+            given[name] = type(known[name].default)(value)
+        elif name not in fields():
+            raise ValueError(f"format.{name}: must be one of {', '.join(fields())}")
+        elif value != fields()[name].default:
+            raise ValueError(f"format.{name} = {value!r}: is not of the protocol {protocol}")
+    return kind(**given) if kind else None
+
+
+def make_parser(protocol: str, rows: int, cols: int, adc_bits: int, fmt: Format = None) -> Parser:
+    """A parser of a protocol named in PROTOCOLS, of a board of this size.
+
+    Args:
+        fmt: of `make_format`; None: the default of the protocol.
+
+    Raises:
+        ValueError: an unknown protocol, or packets without a description.
+    """
+    if protocol == "binary":
+        return BinaryParser()
+    fmt = fmt or make_format(protocol, {})
+    parser = TextParser if protocol == "text" else PacketParser
+    return parser(rows, cols, adc_bits, fmt)

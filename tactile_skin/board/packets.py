@@ -1,0 +1,175 @@
+"""Binary frames of another make -> frames, as a description says: head, words, check, tail.
+
+The pattern `FF FF ?? 01` is four bytes in hexadecimal, of which `??` may be any. All packets of a
+board have one size, which follows from the number of cells. Without a check and without a tail a
+packet counts only once the head of the next one stands behind it: it comes one frame late, and no
+packet that lost or gained bytes passes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Callable
+
+import numpy as np
+
+from .frame import Frame, Parser, about
+from .protocol import crc16
+
+_SEQUENCES = 1 << 16
+WORDS = {"u8": "u1", "u16le": "<u2", "u16be": ">u2"}
+
+
+def _xor(data: bytes) -> int:
+    return int(np.bitwise_xor.reduce(np.frombuffer(data, np.uint8))) if data else 0
+
+
+def _sum(data: bytes) -> int:
+    return int(np.frombuffer(data, np.uint8).sum(dtype=np.uint64))
+
+
+# name -> (bytes, their order, what they are of the bytes before them)
+CHECKS: dict[str, tuple[int, str, Callable[[bytes], int]]] = {
+    "sum8": (1, "little", _sum),
+    "xor8": (1, "little", _xor),
+    "sum16le": (2, "little", _sum),
+    "sum16be": (2, "big", _sum),
+    "crc16le": (2, "little", crc16),
+    "crc16be": (2, "big", crc16),
+}
+
+
+def check_of(name: str, data: bytes) -> bytes:
+    """The bytes of a check of CHECKS over `data`."""
+    size, order, function = CHECKS[name]
+    return (function(data) % (1 << 8 * size)).to_bytes(size, order)
+
+
+def _pattern(name: str, text: str) -> list[int | None]:
+    """ "FF ??" -> [255, None]."""
+    words = text.split()
+    if not all(re.fullmatch("[0-9A-Fa-f]{2}|[?]{2}", word) for word in words):
+        raise ValueError(f"format.{name} = {text!r}: must be bytes such as FF 0A ??")
+    return [None if word == "??" else int(word, 16) for word in words]
+
+
+@dataclasses.dataclass(frozen=True)
+class PacketFormat:
+    """How the packets of a board are built, from the first byte to the last.
+
+    Raises:
+        ValueError: a pattern that is none, a head that does not begin with a byte of its own, an
+            unknown word or check.
+    """
+
+    head: str = about("bytes that begin a packet, in hexadecimal; ?? is any byte", "")
+    word: str = about(f"of a reading: {', '.join(WORDS)}", "u16le")
+    check: str = about(f"behind the readings: {', '.join(CHECKS)}; empty: none", "")
+    unchecked: int = about("bytes at the begin that the check leaves out", 0, 0, 64)
+    tail: str = about("bytes that end a packet, as head", "")
+    full_scale: float = about(
+        "the reading of an input at the supply; 0: 2^adc_bits - 1", 0.0, 0.0, 1e6
+    )
+    request: str = about("what asks the board for a frame; empty: it sends by itself", "")
+
+    def __post_init__(self):
+        if not self.head_bytes or self.head_bytes[0] is None:
+            raise ValueError(f"format.head = {self.head!r}: must begin with a byte such as FF")
+        _pattern("tail", self.tail)
+        for name, allowed in (("word", WORDS), ("check", ("", *CHECKS))):
+            if getattr(self, name) not in allowed:
+                raise ValueError(
+                    f"format.{name} = {getattr(self, name)!r}: must be one of "
+                    f"{', '.join(filter(None, allowed))}"
+                )
+
+    @property
+    def head_bytes(self) -> list[int | None]:
+        return _pattern("head", self.head)
+
+    @property
+    def tail_bytes(self) -> list[int | None]:
+        return _pattern("tail", self.tail)
+
+
+class PacketParser(Parser):
+    """Packets of one size; a reading beyond the ADC's range makes its packet a damaged one."""
+
+    def __init__(self, rows: int, cols: int, adc_bits: int, fmt: PacketFormat):
+        super().__init__()
+        self.rows, self.cols, self.adc_bits, self.format = rows, cols, adc_bits, fmt
+        self.request = fmt.request.encode()
+        self._head, self._tail = fmt.head_bytes, fmt.tail_bytes
+        self._word = np.dtype(WORDS[fmt.word])
+        self._words = rows * cols * self._word.itemsize
+        check = CHECKS[fmt.check][0] if fmt.check else 0
+        self.size = len(self._head) + self._words + check + len(self._tail)
+        sure = fmt.check or any(byte is not None for byte in self._tail)
+        self._confirm = (
+            0 if sure else len(self._head)
+        )  # bytes of the next packet that are waited for
+        self._prefix = bytes(self._head[: ([*self._head, None]).index(None)])
+        self._buffer = bytearray()
+        self._aligned = False  # the buffer begins right behind a sound packet
+
+    @property
+    def wanted(self) -> int:
+        return max(1, self.size + self._confirm - len(self._buffer))
+
+    def _cut(self, data: bytes) -> list[Frame]:
+        self._buffer += data
+        frames = []
+        while True:
+            start = self._buffer.find(self._prefix)
+            start = max(0, len(self._buffer) - len(self._prefix) + 1) if start < 0 else start
+            if start:
+                self._skip(start)
+            if len(self._buffer) < self.size + self._confirm:
+                return frames
+            packet = bytes(self._buffer[: self.size])
+            if not self._whole(packet):
+                self._skip(1)
+                continue
+            del self._buffer[: self.size]
+            self._aligned = True
+            frames += self._frame(packet)
+
+    def _skip(self, n: int) -> None:
+        self.counters.corrupt += self._aligned
+        self._aligned = False
+        del self._buffer[:n]
+        self.counters.skipped_bytes += n
+
+    def _whole(self, packet: bytes) -> bool:
+        behind = self.size - len(self._tail)
+        if not (_fits(self._head, packet) and _fits(self._tail, packet[behind:])):
+            return False
+        if self.format.check:
+            size = CHECKS[self.format.check][0]
+            body = packet[self.format.unchecked : behind - size]
+            if packet[behind - size : behind] != check_of(self.format.check, body):
+                return False
+        return not self._confirm or _fits(self._head, self._buffer[self.size :])
+
+    def _frame(self, packet: bytes) -> list[Frame]:
+        start, top = len(self._head), 2**self.adc_bits - 1
+        steps = np.frombuffer(packet[start : start + self._words], self._word).astype(float)
+        largest = float(steps.max())
+        if self.format.full_scale:
+            steps = np.minimum(steps * (top / self.format.full_scale), top)
+        if largest > (self.format.full_scale or top):
+            self.counters.corrupt += 1
+            self.counters.out_of_range += 1
+            self.counters.largest = max(largest, self.counters.largest)
+            return []
+        samples = np.rint(steps * 2 ** (16 - self.adc_bits)).astype(np.uint16)
+        self.counters.frames += 1
+        number = self.counters.frames % _SEQUENCES
+        return [Frame(samples.reshape(self.rows, self.cols), self.adc_bits, number, None)]
+
+
+def _fits(pattern: list[int | None], data: bytes) -> bool:
+    return len(data) >= len(pattern) and all(
+        byte is None or byte == found for byte, found in zip(pattern, data, strict=False)
+    )

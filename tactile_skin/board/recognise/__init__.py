@@ -1,0 +1,129 @@
+"""What bytes are that nobody described: one answer for `detect` and for the live messages.
+
+Imports the parsers of board: what is recognised is what a parser then reads.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ..frame import Parser
+from ..packets import PacketParser
+from ..protocol import BinaryParser
+from ..text import VOLTS, TextParser
+from .lines import recognise_lines
+from .periods import recognise_packets
+from .seen import Seen, shown
+
+_MANY = 64  # bytes that are enough to tell text from noise
+_STRANGE = 0.05  # of a text's bytes are no text, at least, where the baud rate is wrong
+_PRINTABLE = bytes(range(32, 127)) + b"\t\r\n"
+_SAMPLE = 16_384  # bytes that a live message looks at
+BAUD = "is serial_driver.baud that of the board's sketch?"
+
+
+def recognise(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
+    """What a sample of bytes is.
+
+    Args:
+        shape: (rows, cols) that are expected; None: nothing is known.
+    """
+    own = BinaryParser()
+    frames = own.feed(data)
+    if frames:
+        rows, cols, bits, _ = own.layout
+        about = f"binary frames of {rows} x {cols} at {bits} bits"
+        largest = max(float(frame.samples.max()) for frame in frames) / 2 ** (16 - bits)
+        return Seen(
+            "binary",
+            about,
+            data[:64],
+            None,
+            (rows, cols),
+            rows * cols,
+            len(frames),
+            len(frames) > 1,
+            largest,
+            adc_bits=bits,
+        )
+    if len(data) < _MANY:
+        return Seen("", "too few bytes to tell", data, text=not data.translate(None, _PRINTABLE))
+    if len(data.translate(None, _PRINTABLE)) <= _STRANGE * len(data):
+        return recognise_lines(data, shape)
+    return recognise_packets(data, shape)
+
+
+def explain(parser: Parser) -> str:
+    """Why a parser finds no frames in its last bytes, for a person; empty: nothing is known.
+
+    A setting is named only where the bytes leave no other explanation that is known here.
+    """
+    data = bytes(parser.tail[-_SAMPLE:])
+    shape = (parser.rows, parser.cols) if not isinstance(parser, BinaryParser) else None
+    seen = recognise(data, shape)
+    if len(data) < _MANY and not seen.frames:
+        return ""
+    sample = f' ("{shown(seen.sample, seen.text)}")' if seen.sample else ""
+    return _reason(parser, seen, shape) + sample
+
+
+def _reason(parser: Parser, seen: Seen, shape: tuple[int, int] | None) -> str:
+    if seen.protocol == "binary":
+        if isinstance(parser, BinaryParser):
+            return "samples exceed what the frame's header states: check the board's adc_bits"
+        return f"{seen.about} arrive: set serial_driver.protocol: binary"
+    if not seen.text:
+        what = "neither binary frames nor text" if shape is None else "the bytes are not text"
+        if isinstance(parser, PacketParser):
+            what = "not the packets that are described"
+        return f"{what}: {seen.about or BAUD}"
+    if not isinstance(parser, TextParser):
+        if seen.sure:
+            return f"text arrives, {seen.about}: set serial_driver.protocol: text"
+        return f"text arrives: {seen.about}"
+    return _of_text(parser, seen)
+
+
+def _of_text(parser: TextParser, seen: Seen) -> str:
+    """What is wrong with lines: their format, their number of readings, or the numbers' scale."""
+    counters, top = parser.counters, 2**parser.adc_bits - 1
+    full = parser.format.full_scale
+    wanted = parser.rows * parser.cols
+    if not seen.protocol:
+        return seen.about
+    if seen.cells != wanted or seen.shape not in (None, (parser.rows, parser.cols)):
+        return (
+            f"{seen.about}; circuit.rows = {parser.rows} x circuit.cols = {parser.cols} are "
+            f"{wanted} readings"
+        )
+    if replace(seen.format, full_scale=full, request=parser.format.request) != parser.format:
+        setting = f": set serial_driver.format.line: '{seen.format.line}'" if seen.sure else ""
+        return f"{seen.about}, not what serial_driver.format describes{setting}"
+    if full and counters.out_of_range:
+        return f"numbers up to {counters.largest:g}, but format.full_scale = {full:g}"
+    if counters.out_of_range:
+        return (
+            f"numbers up to {counters.largest:g}, but circuit.adc_bits = {parser.adc_bits} ends at "
+            f"{top}: {_beyond(seen, counters.largest)}"
+        )
+    if not full and seen.decimals and seen.largest <= VOLTS:
+        return (
+            f"numbers up to {seen.largest:g}: these look like "
+            f"{'shares of the supply or volts' if seen.largest <= 1.0 else 'volts'}: set "
+            f"serial_driver.format.full_scale to what is printed at the supply, {top} if they are "
+            "ADC steps"
+        )
+    return f"{seen.about}, but not one arrives whole"
+
+
+def _beyond(seen: Seen, largest: float) -> str:
+    """What numbers beyond the ADC's range may be."""
+    bits = int(largest).bit_length()
+    kinds = []
+    if bits <= 16 and not seen.decimals:
+        if largest == 2**bits - 1 and seen.at_largest >= 3:
+            return f"{largest:.0f} is the end of {bits} bits: set circuit.adc_bits: {bits}"
+        kinds.append(f"an ADC of {bits} bits or more")
+    if largest <= 1000.0 * VOLTS:
+        kinds.insert(0, "millivolts (serial_driver.format.full_scale)")
+    return f"{', or '.join([*kinds, 'sums of several readings'])}?"

@@ -1,0 +1,353 @@
+"""Lines of text: which of them hold readings, and what else stands in them.
+
+Nothing is known of the board. Lines that are alike but for their numbers are one kind; the kind
+with the most numbers holds the readings. Numbers in front of them are told by what they do: one
+that counts through a frame says which row or cell follows, one that only rises is a time or a
+counter. What is found is proved: the parser reads the sample by the description.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..text import BEGINS, ENDS, TextFormat, TextParser
+from .seen import Seen
+
+FEW = 4  # whole frames, at least, in a sample that makes sure
+_KINDS_SOUND = 0.9  # share of the blocks of lines that have the same size
+_STEADY = 0.95  # share of the steps of a counter that go up, or on by one
+_LONGEST_CYCLE = 4096  # cells of a frame
+# A row is so much more like that of the frame before than like the next row: where another kind of
+# line stands behind so many rows, and where nothing does.
+_LIKE_BEFORE = 0.7
+_LIKE_BEFORE_UNMARKED = 0.5
+_SHOWN_LINES = 3  # lines of readings in a sample
+_RISING = 8  # lines from which on chance makes no number rise all the time
+_MOST_ROWS = 64  # of a board
+_MOST_IN_FRONT = 3  # numbers in front of readings, or behind them, that are none
+_CLASSES = 12  # different values, at most, of a last number that may be a class
+_TIME = re.compile(rb"(?:\d+-\d+-\d+[T ])?\d+:\d+:\d+(?:[.,]\d+)?|\d+-\d+-\d+")
+_MARK = re.compile(rb"^(?P<label>[^,;\t]*?(?:[:=]|->))(?P<rest>[^:=]*)$", re.DOTALL)
+_LABELS = re.compile(rb'[\[{(\s]*"?[A-Za-z_][\w .]*"?(?:\[\d+\])?[ \t]*[:=]')
+_INTEGER = re.compile(r"\d+")
+_NO_TEXT = re.compile("[^ -}]+")  # what differs from line to line, `~` in place of a time
+_NUMERIC = re.compile(rb"-?(?:\d+\.?\d*|\.\d+)|-|nan|NaN|NAN")
+_BRACKETS = b"[](){}<>"
+_LINE_ENDS = (b"\n", b"\r", b"#", b">", b"]", b"}", b"|", b"$", b"!")
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A line taken apart: text in front with its numbers, fields, readings, fields behind."""
+
+    label: str  # `#` in place of each number
+    lead: tuple[float, ...]  # these numbers
+    front: int  # fields in front that are no numbers
+    values: tuple[float, ...]
+    behind: int
+    separator: str
+    opens: bool
+    closes: bool
+
+    @property
+    def kind(self) -> tuple:
+        return self.label, self.front, len(self.values), self.behind, self.separator
+
+
+def _number(word: bytes) -> float:
+    return np.nan if word.strip(b"-").lower() in (b"", b"nan") else float(word)
+
+
+def _take_apart(line: bytes) -> _Line | None:
+    """None where a line holds no number."""
+    opens, closes = bool(BEGINS.match(line)), bool(ENDS.search(line))
+    body = _TIME.sub(lambda time: b" ".join([b"~"] * len(time[0].split())), line.strip())
+    marks = list(_LABELS.finditer(body))
+    label = b""
+    if len(marks) >= 2:
+        ends = [m.start() for m in marks[1:]] + [len(body)]
+        pieces = [body[m.end() : end] for m, end in zip(marks, ends, strict=True)]
+        sizes = [len(re.findall(rb"[\d.]+", piece)) for piece in pieces]
+        usual = Counter(sizes).most_common(1)[0][0] if len(sizes) > 2 else max(sizes)
+        k = next(i for i, size in enumerate(sizes) if size == usual)
+        if k:
+            joints = [b"~," if b"," in piece else b"~" for piece in pieces[:k]]
+            label = b"".join(m.group() + j for m, j in zip(marks, joints, strict=False))
+            label += marks[k].group()
+        body = b" ".join(pieces[k:])
+    elif match := _MARK.match(body):
+        label, body = match["label"], match["rest"]
+    text = label.decode("ascii", "replace")
+    lead = tuple(float(n) for n in _INTEGER.findall(text))
+    text = _NO_TEXT.sub("{skip}", _INTEGER.sub("#", text))
+    body = body.translate(bytes.maketrans(_BRACKETS, b" " * 8)).strip()
+    counts = {s: body.count(s) for s in (b",", b";", b"\t")}
+    separator = max(counts, key=counts.get) if any(counts.values()) else b" "
+    words = body.split() if separator == b" " else [w.strip() for w in body.split(separator)]
+    if words and not words[-1]:
+        words.pop()
+    numeric = [bool(_NUMERIC.fullmatch(w)) or not w for w in words]
+    if not any(n and w for n, w in zip(numeric, words, strict=True)):
+        return None
+    front = numeric.index(True)
+    end = len(words) - numeric[::-1].index(True)
+    if not all(numeric[front:end]):
+        return None
+    values = tuple(_number(w) for w in words[front:end])
+    return _Line(text, lead, front, values, len(words) - end, separator.decode(), opens, closes)
+
+
+# --- what a column of numbers does ---------------------------------------------------------------
+
+
+def _cycle(column: np.ndarray) -> int:
+    """How many numbers a column counts through, again and again from 0 or 1; 0: it does not."""
+    if np.isnan(column).any() or (column % 1).any():
+        return 0
+    low, high = column.min(), column.max()
+    size = int(high - low) + 1
+    if low not in (0, 1) or not 2 <= size <= _LONGEST_CYCLE or len(column) < size + 2:
+        return 0
+    steps = np.diff(column)
+    good = (steps == 1) | ((column[1:] == low) & (column[:-1] == high))
+    return size if good.mean() >= _STEADY else 0
+
+
+def _rises(column: np.ndarray) -> bool:
+    """Whether a column is a time or a counter."""
+    steps = np.diff(column)
+    return bool(len(steps) >= FEW and (steps > 0).mean() >= _STEADY)
+
+
+def _roles(lead: np.ndarray, readings: int) -> tuple[list[str], int, tuple[int, ...], bool]:
+    """What each number in front of the readings is.
+
+    Args:
+        lead: (lines, k) numbers.
+
+    Returns:
+        row, col, index or skip for each; the first number of a place; how many rows, or (rows,
+        cols), or cells they count; whether each is known.
+    """
+    k = lead.shape[1]
+    for a in range(k - 1 if readings == 1 else 0):
+        row, col = lead[:, a], lead[:, a + 1]
+        first = min(row.min(), col.min())
+        rows, cols = row.max() - first + 1, col.max() - first + 1
+        outer, inner = (row - first) * cols + col - first, (col - first) * rows + row - first
+        if first in (0, 1) and rows * cols in (_cycle(outer), _cycle(inner)) and cols > 1 < rows:
+            names = ["skip"] * k
+            names[a : a + 2] = "row", "col"
+            return names, int(first), (int(rows), int(cols)), True
+    names, sure, first, size = [], True, 0, ()
+    for column in lead.T:
+        n = _cycle(column)
+        if n and not size:
+            names.append("row" if readings > 1 else "index")
+            first, size = int(column.min()), (n,)
+        else:
+            names.append("skip")
+            sure = sure and (_rises(column) or bool((column == column[0]).all()))
+    return names, first, size, sure
+
+
+def _template(kind: tuple, lead: list[str], front: list[str], behind: int) -> str:
+    """The description of a line; `#` in its label stands for the numbers of `lead`."""
+    label, skips, _, more, separator = kind
+    names = iter(lead)
+    text = re.sub("#", lambda _: f"{{{next(names)}}}", label)
+    fields = ["{skip}"] * skips + [f"{{{name}}}" for name in front] + ["{values}"]
+    fields += ["{skip}"] * (more + behind)
+    return f"{text} {separator.join(fields)}".strip()
+
+
+# --- the sample ----------------------------------------------------------------------------------
+
+
+def _blocks(lines: list[_Line | None], kind: tuple) -> list[int]:
+    """How many lines of a kind stand between two others; those at both ends may be cut."""
+    sizes, size = [], 0
+    for line in lines:
+        here = line is not None and line.kind == kind
+        if (not here or line.opens) and size:
+            sizes.append(size)
+            size = 0
+        size += here
+        if here and line.closes:
+            sizes.append(size)
+            size = 0
+    return sizes[1:]
+
+
+def _apart(values: np.ndarray, lag: int) -> float:
+    """How far the readings of most lines are from those of the line `lag` before [as printed].
+
+    The median over the lines: under a touch they move by more than rows differ.
+    """
+    return float(np.nanmedian(np.nanmean(np.abs(values[lag:] - values[:-lag]), axis=1)))
+
+
+def _repeats_after(values: np.ndarray) -> int:
+    """After how many lines, more than one, a line comes again; 0: each is like the one before."""
+    most = min(_MOST_ROWS, len(values) // 3)
+    if most < 2:
+        return 0
+    apart = [_apart(values, lag) for lag in range(1, most + 1)]
+    best = int(np.argmin(apart)) + 1
+    return best if best > 1 and apart[best - 1] < _LIKE_BEFORE_UNMARKED * apart[0] else 0
+
+
+def recognise_lines(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
+    """What text is.
+
+    Args:
+        shape: (rows, cols) that are expected; None: nothing is known.
+    """
+    often = [end for end in _LINE_ENDS if data.count(end) > FEW]
+    end = next(iter(often or [end for end in _LINE_ENDS if data.count(end) > 1]), None)
+    if end is None:
+        digits = len(data) - len(data.translate(None, b"0123456789"))
+        words = "numbers arrive, but no line ever ends: end each frame by Serial.println()"
+        return Seen("", words if digits > len(data) / 4 else _NO_NUMBERS, data, text=True)
+    raw = data.split(end)[1:-1]
+    lines = [_take_apart(line) for line in raw]
+    kinds = Counter(line.kind for line in lines if line)
+    if not kinds:
+        return Seen("", _NO_NUMBERS, data, text=True)
+    kind = max(kinds, key=lambda each: (each[2] * kinds[each], each[2]))
+    sample = b"".join(line + end for line in raw[: _SHOWN_LINES * len(raw) // kinds[kind]])
+    decimals = any(
+        b"." in line for line, parts in zip(raw, lines, strict=True) if parts and parts.kind == kind
+    )
+    found = replace(_structure(lines, kind, end, shape), decimals=decimals)
+    return _proved(replace(found, sample=sample, text=True), data, shape)
+
+
+_NO_NUMBERS = "text arrives, but no lines of numbers"
+
+
+def _structure(lines, kind: tuple, end: bytes, shape: tuple[int, int] | None) -> Seen:
+    """What a frame is made of."""
+    chosen = [line for line in lines if line and line.kind == kind]
+    lead = np.array([line.lead for line in chosen])
+    values = np.array([line.values for line in chosen])
+    front, sure = (0, True) if kind[0] else _in_front(values)
+    numbers, values = np.hstack([lead, values[:, :front]]), values[:, front:]
+    names, first, size, known = _roles(numbers, values.shape[1])
+    cells = shape[0] * shape[1] if shape else 0
+    behind, clear = (0, True) if size else _behind(values, cells)
+    values = values[:, : values.shape[1] - behind]
+    width, sure = values.shape[1], sure and known and clear
+    line = _template(kind, names[: lead.shape[1]], names[lead.shape[1] :], behind)
+    if not any((kind[0], kind[1], kind[3], front, behind)):
+        line = "{values}"
+    fmt = TextFormat(line, end.decode(), first)
+
+    def seen(about: str, shape=None, protocol="text", sure=sure) -> Seen:
+        count = shape[0] * shape[1] if shape else width * (size[0] if size else 1)
+        known = {"shape": shape, "cells": count, "sure": sure}
+        return Seen(protocol, about, b"", fmt if protocol else None, **known, **_scale(values))
+
+    if np.nanmin(values, initial=0.0) < 0.0:
+        return seen("negative numbers: print what the ADC reads, nothing subtracted", None, "")
+    if len(size) == 2:
+        return seen("a reading a line, with its row and column", size)
+    if size and width == 1:
+        return seen(f"a reading a line, with its number, {size[0]} a frame")
+    if size:
+        return seen(f"a row a line, with its number: {size[0]} of {width}", (size[0], width))
+    blocks = _blocks(lines, kind)
+    rows, often = Counter(blocks).most_common(1)[0] if blocks else (1, 0)
+    if rows > 1 and often >= _KINDS_SOUND * len(blocks) and width != cells:
+        next_to, below = _apart(values, 1), _apart(values, rows)
+        differ = below < _LIKE_BEFORE * next_to or (rows, width) == shape
+        if differ or not below:
+            about = f"{width} numbers a line, {rows} lines, then another line: a row a line"
+            return seen(about, (rows, width), sure=sure and differ)
+        sure = False  # a frame a line, and another line at times?
+    if width != cells and (period := _repeats_after(values)):
+        about = (
+            f"{width} numbers a line, and the lines repeat after {period}: a row a line, but "
+            "nothing says where a frame begins: print an empty line after each"
+        )
+        return seen(about, (period, width), "", sure=False)
+    extra = " and ".join(
+        f"{n} {where}"
+        for n, where in ((kind[1] + numbers.shape[1], "in front"), (behind + kind[3], "behind"))
+        if n
+    )
+    about = f"a frame a line, {width} readings" + (f", {extra} that are none" if extra else "")
+    return seen(about, shape if width == cells else None, sure=sure)
+
+
+def _in_front(values: np.ndarray) -> tuple[int, bool]:
+    """How many numbers in front of a line are no readings, and whether that is sure."""
+    n, front = values.shape[1], 0
+    while front < min(_MOST_IN_FRONT, n - 1):
+        place = _roles(values[:, front : front + 2], 1)[2] if n - front >= 3 else ()
+        if len(place) == 2:
+            return front + 2, True
+        if not (_rises(values[:, front]) or _cycle(values[:, front])):
+            break
+        front += 1
+    return front, not front or len(values) > _RISING
+
+
+def _behind(values: np.ndarray, cells: int) -> tuple[int, bool]:
+    """How many numbers behind a line are no readings, and whether that is sure.
+
+    Args:
+        cells: readings that are expected; 0: unknown.
+    """
+    n, last = values.shape[1], values[:, -1]
+    if n < 3:
+        return 0, True
+    if 0 < n - cells <= _MOST_IN_FRONT and cells:
+        return n - cells, all(_class(column) or _rises(column) for column in values[:, cells:].T)
+    if n == cells:
+        return 0, True
+    if _rises(last) or np.allclose(values[:, :-1].sum(1), last):
+        return 1, len(values) > _RISING
+    if not _class(last) or np.median(values[:, :-1]) <= last.max():
+        return 0, True
+    return int(sides(n - 1)[0] * sides(n)[1] > sides(n)[0] * sides(n - 1)[1]), False
+
+
+def sides(cells: int) -> tuple[int, int]:
+    """The rows and columns of so many cells whose shape is nearest to a square, rows first."""
+    rows = next(n for n in range(int(cells**0.5), 0, -1) if cells % n == 0)
+    return rows, cells // rows
+
+
+def _class(columns: np.ndarray) -> bool:
+    """Whether the last numbers of lines are names of something: few different whole numbers."""
+    return bool((columns % 1 == 0).all() and len(np.unique(columns)) <= _CLASSES)
+
+
+def _scale(readings: np.ndarray) -> dict:
+    numbers = np.unique(readings[~np.isnan(readings)])
+    steps = np.diff(numbers)
+    return {
+        "largest": float(numbers[-1]) if len(numbers) else 0.0,
+        "step": float(steps.min()) if len(steps) else 1.0,
+        "at_largest": int((readings == numbers[-1]).sum()) if len(numbers) else 0,
+    }
+
+
+def _proved(found: Seen, data: bytes, shape) -> Seen:
+    """How many frames the parser reads by what was found, and whether that is all there is."""
+    if not found.protocol:
+        return found
+    rows, cols = found.shape or (
+        shape if shape and shape[0] * shape[1] == found.cells else (1, found.cells)
+    )
+    top = max(found.largest, 1.0)
+    parser = TextParser(rows, cols, 16, replace(found.format, full_scale=top))
+    parser.feed(data)
+    frames, corrupt = parser.counters.frames, parser.counters.corrupt
+    sure = found.sure and frames >= FEW and corrupt <= (1.0 - _STEADY) * frames + 1
+    return replace(found, frames=frames, sure=sure, protocol="text" if frames else "")

@@ -1,0 +1,175 @@
+"""Formats that strangers' boards send: recognised without a word, and read by what was found."""
+
+import numpy as np
+import pytest
+from strangers import boards, sim
+
+from tactile_skin import Circuit
+from tactile_skin.board.formats import make_parser
+from tactile_skin.board.recognise import explain, recognise
+
+SHAPE = 6, 8
+BITS = 10
+
+
+def pictures(n=30, shape=SHAPE, seed=7, force=True) -> np.ndarray:
+    """(n, rows, cols) ADC steps of a touched matrix."""
+    circuit = Circuit(*shape, r_ref=10_000.0, r_par=140.0)
+    rng = np.random.default_rng(seed)
+    curve = sim.fabric(circuit, seed)
+    forces = sim.touches(shape, n / 20, 20, seed=seed, rest=0.5) * force
+    return np.array([sim.counts(circuit, curve, each, rng) for each in forces])
+
+
+def read(data: bytes, seen, shape=SHAPE, full_scale=0.0) -> np.ndarray:
+    """(n, rows, cols) ADC steps that a parser reads by what was recognised."""
+    fmt = seen.format
+    if full_scale:
+        fmt = type(fmt)(**{**vars(fmt), "full_scale": full_scale})
+    parser = make_parser(seen.protocol, *shape, BITS, fmt)
+    frames = parser.feed(data)
+    assert parser.counters.corrupt <= 1
+    return np.array([frame.samples for frame in frames]) / 2 ** (16 - BITS)
+
+
+@pytest.mark.parametrize("known", [None, SHAPE])
+@pytest.mark.parametrize("name", boards.TEXT)
+def test_a_text_format_is_recognised_and_read(name, known):
+    right = pictures()
+    data = boards.sent(boards.TEXT[name], right)
+    seen = recognise(data[37:], known)
+    assert seen.protocol == "text"
+    assert seen.sure, seen
+    assert seen.cells == right[0].size
+    assert seen.shape in (None, SHAPE)
+    full = {"volts": 5.0, "millivolts": 5000.0}.get(name, 0.0)
+    found = read(data, seen, full_scale=full)
+    assert len(found) >= len(right) - 3
+    tolerance = {"volts": 1.1, "millivolts": 0.15}.get(name, 0.0)
+    start = next(k for k in range(4) if np.allclose(found[0], right[k], atol=tolerance))
+    np.testing.assert_allclose(found, right[start : start + len(found)], atol=tolerance)
+
+
+@pytest.mark.parametrize("name", boards.PACKETS)
+def test_packets_are_recognised_and_read(name):
+    right = pictures()
+    data = boards.sent(boards.PACKETS[name], right)
+    seen = recognise(data[41:])
+    assert seen.protocol == "packets"
+    assert seen.sure == (name == "words_with_a_sum")
+    assert seen.cells == right[0].size
+    found = read(data, seen)
+    right = right // 4 if name == "words_with_a_sum" else right
+    start = next(k for k in range(2) if np.array_equal(found[0], right[k]))
+    np.testing.assert_array_equal(found, right[start : start + len(found)])
+    assert len(found) >= len(right) - 2
+
+
+@pytest.mark.parametrize(
+    ("make", "said"), [(boards.packed, "every 62 bytes"), (boards.run_lengths, "FF after ")]
+)
+def test_packets_that_no_description_reads_are_named_by_their_period(make, said):
+    seen = recognise(boards.sent(make, pictures()))
+    assert not seen.sure
+    assert seen.protocol == ""
+    assert said in seen.about
+
+
+def test_numbers_without_a_line_end_are_named():
+    data = "".join("\t".join(map(str, a.ravel())) for a in pictures(50, (2, 2))).encode()
+    parser = make_parser("text", 2, 2, BITS)
+    assert parser.feed(data) == []
+    assert "no line ever ends" in explain(parser)
+
+
+@pytest.mark.parametrize("baud", [4800, 19200, 38400, 57600, 74880, 230_400])
+@pytest.mark.parametrize("name", [*boards.TEXT, *boards.PACKETS])
+def test_a_wrong_baud_rate_is_never_sure(name, baud):
+    data = boards.sent({**boards.TEXT, **boards.PACKETS}[name], pictures())
+    assert not recognise(boards.received(data, 115_200, baud)).sure
+
+
+@pytest.mark.parametrize(
+    "name", ["row_a_line", "numpy_print", "rows_under_a_heading", "json_lines"]
+)
+def test_a_row_a_line_is_read_without_a_setting(name):
+    """8 numbers a line are a row of 8 x 8; a frame comes with its last row once it is known."""
+    right = pictures(12, (8, 8))
+    parser = make_parser("text", 8, 8, BITS)
+    frames = parser.feed(boards.sent(boards.TEXT[name], right))
+    assert len(frames) >= 10
+    np.testing.assert_array_equal(frames[-1].samples / 64, right[10 if len(frames) < 11 else 11])
+    assert parser.counters.corrupt == 0
+
+
+def test_a_damaged_row_spoils_its_frame_only():
+    right = pictures(12, (8, 8))
+    chunks = [boards.sent(boards.row_a_line, right[k : k + 1]) for k in range(12)]
+    rows = chunks[5].split(b"\r\n")
+    chunks[5] = b"\r\n".join([*rows[:3], rows[3].replace(b" ", b"x", 1), *rows[4:]])
+    rows = chunks[8].split(b"\r\n")
+    chunks[8] = b"\r\n".join([*rows[:3], *rows[4:]])  # one is lost
+    parser = make_parser("text", 8, 8, BITS)
+    frames = parser.feed(b"".join(chunks))
+    assert parser.counters.corrupt == 2
+    known = {picture.tobytes() for picture in right.astype(float)}
+    assert len(frames) == 9
+    assert all((frame.samples / 64).tobytes() in known for frame in frames)
+
+
+def test_lines_that_are_no_frame_are_passed_over_and_damage_counts():
+    right = pictures(40)
+    chunks = [boards.sent(boards.status_lines, right[k : k + 1], k) for k in range(40)]
+    chunks[20] = chunks[20].replace(b",", b"?", 1)
+    parser = make_parser("text", *SHAPE, BITS)
+    frames = parser.feed(b"".join(chunks))
+    assert len(frames) == 38  # the first line may be the rest of one
+    assert parser.counters.corrupt == 1
+    assert parser.counters.passed == 80
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("volts", "these look like volts: set"), ("millivolts", "millivolts")],
+)
+def test_another_scale_is_named_and_no_width(name, said):
+    right = np.minimum(pictures(40) * 3, 1023)
+    parser = make_parser("text", *SHAPE, BITS)
+    parser.feed(boards.sent(boards.TEXT[name], right))
+    assert parser.counters.frames < 20
+    assert said in explain(parser)
+    assert "set circuit.adc_bits" not in explain(parser)
+
+
+def test_a_width_is_named_where_its_end_is_reached():
+    right = np.minimum(pictures(40) * 12, 4095)
+    parser = make_parser("text", *SHAPE, BITS)
+    parser.feed(boards.sent(boards.frame_a_line, right))
+    assert "4095 is the end of 12 bits: set circuit.adc_bits: 12" in explain(parser)
+
+
+@pytest.mark.parametrize("rows_cols", [(1, 8), (8, 8), (8, 6), (4, 4), (16, 16)])
+@pytest.mark.parametrize("name", boards.TEXT)
+def test_no_advice_names_rows_and_columns_that_blind(name, rows_cols):
+    parser = make_parser("text", *rows_cols, BITS)
+    parser.feed(boards.sent(boards.TEXT[name], pictures()))
+    said = explain(parser)
+    assert "set circuit.rows" not in said
+    assert "set circuit.cols" not in said
+
+
+@pytest.mark.parametrize("name", boards.PACKETS)
+def test_a_packet_that_lost_bytes_is_no_frame(name):
+    right = pictures(40)
+    rng = np.random.default_rng(3)
+    chunks = [boards.sent(boards.PACKETS[name], right[k : k + 1], k) for k in range(40)]
+    seen = recognise(b"".join(chunks))
+    for k in range(3, 37, 3):
+        at = rng.integers(4, len(chunks[k]) - 8)
+        chunks[k] = chunks[k][:at] + chunks[k][at + rng.integers(1, 5) :]
+    parser = make_parser("packets", *SHAPE, BITS, seen.format)
+    frames = parser.feed(b"".join(chunks))
+    known = right // 4 if name == "words_with_a_sum" else right
+    known = {picture.tobytes() for picture in known.astype(float)}
+    assert len(frames) >= 14
+    assert all((frame.samples / 64).tobytes() in known for frame in frames)
