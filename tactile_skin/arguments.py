@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 from . import __version__
-from .commands import doctor, flash, replay, sim, view
+from .commands import detect, doctor, flash, replay, sim, view
 from .commands.words import CommandParser
 from .learning import scenes
 
@@ -82,6 +82,11 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
         "--baud", type=int, help="pace of the bytes (default: the parameter file's, 1000000)"
     )
     sub.add_argument("--seed", type=int, default=0, help="of fabric and noise (default 0)")
+
+    sub = command("detect", detect.ABOUT, epilog=detect.EXAMPLES)
+    sub.add_argument(
+        "words", nargs="*", metavar="FILE | NAME:=VALUE", help="file of bytes, or port; options"
+    )
 
     sub = command("flash", flash.ABOUT, epilog=flash.EXAMPLES)
     sub.add_argument("words", nargs="*", metavar="NAME:=VALUE", help="port, and options")

@@ -37,6 +37,12 @@ def main(argv: list[str] | None = None) -> int:
         return 2
 
 
+def _detect(args) -> int:
+    from .commands import detect
+
+    return detect.run(args)
+
+
 def _doctor(args) -> int:
     from .commands import doctor
 
@@ -213,6 +219,7 @@ _COMMANDS = {
     "sim": _sim,
     "flash": _flash,
     "calibrate": _calibrate,
+    "detect": _detect,
     "doctor": _doctor,
     "record": _record,
     "replay": _replay,

@@ -1063,7 +1063,7 @@ def test_a_reset_first_ends_a_fault_that_is_kept_from_an_earlier_touch(write, la
         compensation.skin._watch._doubtful = True  # as a doubt that is held
         compensation.skin.message = "it was under each touch"
         handle.create_timer(0.01, compensation._update_level)
-        fault = "fault: compensation: it was under each touch"
+        fault = "fault: compensation: it was under each touch; more: doctor"
         heard.wait_for((True, f"{fault} + latched: {fault}" if latched else fault))
         assert service.srv_name == "/compensation/reset"
         assert skin.reset_stop(PATIENCE) == (True, "free")

@@ -36,23 +36,23 @@ class Counters:
         frames: passed on.
         corrupt: frames dropped for their CRC, a repeated number or a sample out of range, or lines
             of numbers that are no frame.
-        passed: lines that are no frame and do not look like one: status lines, headings.
         lost: frames that the sequence numbers say are missing.
         restarts: jumps of the sequence number that only a restarted board explains.
         skipped_bytes: bytes that belonged to no frame that counts.
         out_of_range: of the corrupt ones, frames with right CRCs and a sample beyond what their
             header says the ADC can give: the board's adc_bits or fraction_bits are wrong. Of text,
             lines of the right length with such a number.
+        passed: lines that are no frame and do not look like one: status lines, headings.
         largest: of these numbers, the largest one that was named [ADC steps].
     """
 
     frames: int = 0
     corrupt: int = 0
     lost: int = 0
-    passed: int = 0
     restarts: int = 0
     skipped_bytes: int = 0
     out_of_range: int = 0
+    passed: int = 0
     largest: float = field(default=0.0, compare=False)
 
 

@@ -16,7 +16,7 @@ import serial
 from serial.tools import list_ports
 
 from .frame import Frame, Parser
-from .recognise import explain
+from .recognise import explain, sample
 
 try:
     from termios import error as _termios_error
@@ -127,6 +127,7 @@ class SerialReader:
         self._board: tuple | None = None  # identity of the board that "auto" found
         self._reported: dict[str, str] = {}  # port -> why it gave no frame, since one last did
         self._heard_at: float | None = None  # when bytes last came, over all connections
+        self._seen = "", ""  # why there is no frame, and what arrived when that was new
         self._gaps = 0.0, 0.0  # s between the last bytes and those before, twice
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"serial {port}", daemon=True)
@@ -238,9 +239,12 @@ class SerialReader:
                 return f"{port.name}: {self.slow}"
             return f"{port.name}: no bytes for {self.watchdog:g} s, reopening it"
         why = why or explain(self.parser) or "check serial_driver.baud and serial_driver.protocol"
+        if why != self._seen[0]:
+            self._seen = why, sample(self.parser)
+        shown = f' ("{self._seen[1]}")' if self._seen[1] else ""
         return (
-            f"{port.name} at {self.baud} baud: bytes arrive, but no frame: {why}; "
-            f"`tactile-skin detect port:={self.port}` finds the format"
+            f"{port.name} at {self.baud} baud: bytes arrive, but no frame: {why}{shown}. More: "
+            f"tactile-skin detect port:={self.port}"
         )
 
     @property

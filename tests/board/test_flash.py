@@ -118,7 +118,7 @@ def test_another_chip_is_never_written(board, capsys):
         ([], "port is missing"),
         (["port:=auto"], "name the port"),
         (["port:=/dev/no-such-port"], "does not exist"),
-        (["prot:=/dev/ttyUSB0"], "NAME one of port, config, adc_mhz"),
+        (["prot:=/dev/ttyUSB0"], "is unknown"),
         (["port:=a", "port:=b"], "given twice"),
         (["port:=/dev/null", "adc_mhz:=4"], "adc_mhz:=4: must be 2 or 1"),
     ],

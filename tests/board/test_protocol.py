@@ -389,8 +389,14 @@ def test_the_line_ends_of_hobby_sketches_are_understood(end):
 
 
 def test_text_with_fractions_keeps_them():
-    (frame,) = text_parser().feed(b"0.5,1.25,2,3,4,5\n")
+    (frame,) = text_parser().feed(b"0.5,1.25,2,3,4,50\n")
     assert frame.samples[0].tolist() == [32, 80, 128]
+
+
+def test_small_numbers_with_decimals_may_be_volts_until_a_larger_one_arrives():
+    parser = text_parser()
+    assert not parser.feed(b"0.5,1.25,2,3,4,5\n")
+    assert len(parser.feed(b"0.5,1.25,2,3,4,50\n0.5,1.25,2,3,4,5\n")) == 2
 
 
 def test_what_comes_before_the_first_line_end_is_no_frame():
@@ -428,7 +434,10 @@ def test_a_bad_line_is_dropped_and_counted(bad):
     parser = text_parser()
     frames = parser.feed(BAD_LINES[bad] + b"\n" + line(STEPS))
     assert len(frames) == 1
-    beyond, passed = int(bad == "above the ADC's range"), int(bad == "nothing")
+    beyond, passed = (
+        int(bad == "above the ADC's range"),
+        int(bad in ("nothing", "infinity", "no text")),
+    )
     wrong = Counters(frames=1, corrupt=1 - passed, passed=passed, out_of_range=beyond)
     assert parser.counters == wrong
 
@@ -500,9 +509,9 @@ def test_an_empty_last_field_is_a_crossing_unless_lines_end_with_a_separator():
 
 
 def test_text_that_arrives_where_frames_are_due_is_recognised():
-    parser = BinaryParser()
-    for k in range(20):
-        parser.feed(line((STEPS + k) % 1024))
+    parser, rng = BinaryParser(), np.random.default_rng(1)
+    for _ in range(40):
+        parser.feed(line(rng.integers(200, 900, (2, 3))))
     said = "text arrives, a frame a line, 6 readings: set serial_driver.protocol: text"
     assert explain(parser).startswith(said)
 

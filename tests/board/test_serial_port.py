@@ -498,8 +498,8 @@ def test_a_text_board_of_another_size_is_told_from_a_silent_one(heard):
             os.write(master, b",".join([b"7"] * 96) + b"\n")
             pause.wait(0.005)
         heard.wait_for_line(
-            f"{reader.port} at 115200 baud: bytes arrive, but no frame: lines hold 96 numbers, but "
-            "circuit.rows = 8 x circuit.cols = 11 are 88: set circuit.rows and circuit.cols"
+            f"{reader.port} at 115200 baud: bytes arrive, but no frame: a frame a line, 96 "
+            "readings; circuit.rows = 8 x circuit.cols = 11 are 88 readings"
         )
     finally:
         reader.close()

@@ -285,8 +285,8 @@ def test_a_board_of_another_width_of_the_adc_is_named_by_its_text():
     report = driven.second()
     assert report.level == ERROR
     assert (
-        "numbers up to 1500, but circuit.adc_bits = 10 ends at 1023: set circuit.adc_bits: 11"
-        in report.message
+        "numbers up to 1500, but circuit.adc_bits = 10 ends at 1023: millivolts "
+        "(serial_driver.format.full_scale), or an ADC of 11 bits or more" in report.message
     )
     assert driven.value("out_of_range") == "100"
 
@@ -304,7 +304,7 @@ def test_samples_beyond_what_the_header_says_name_adc_bits():
         driven.arrive(frame(np.maximum(driven.samples() // 2, pressed)))
     report = driven.second()
     assert report.level == ERROR
-    assert "check its adc_bits" in report.message
+    assert "check the board's adc_bits" in report.message
     assert driven.value("out_of_range") == "100"
 
 

@@ -134,16 +134,16 @@ def test_its_lines_arrive_however_it_prints_them(tmp_path, separator, absent):
 MISTAKES = {
     "cols": (
         {"circuit__cols": 11},
-        "lines hold 96 numbers, but circuit.rows = 8 x circuit.cols = 11 are 88: set circuit.rows "
-        "and circuit.cols",
+        "a frame a line, 96 readings; circuit.rows = 8 x circuit.cols = 11 are 88 readings",
     ),
     "protocol": (
         {"serial_driver__protocol": "binary"},
-        "text arrives: set serial_driver.protocol: text",
+        "text arrives",
     ),
     "adc_bits": (
         {"circuit__adc_bits": 8},
-        "but circuit.adc_bits = 8 ends at 255: set circuit.adc_bits: 12",
+        "but circuit.adc_bits = 8 ends at 255: millivolts (serial_driver.format.full_scale), or an "
+        "ADC of 12 bits or more, or sums of several readings?",
     ),
 }
 

@@ -58,13 +58,22 @@ def explain(parser: Parser) -> str:
 
     A setting is named only where the bytes leave no other explanation that is known here.
     """
-    data = bytes(parser.tail[-_SAMPLE:])
     shape = (parser.rows, parser.cols) if not isinstance(parser, BinaryParser) else None
+    seen = _last(parser, shape)
+    return _reason(parser, seen, shape) if seen else ""
+
+
+def sample(parser: Parser) -> str:
+    """Return a line that shows the last bytes, with what cannot be printed escaped."""
+    seen = _last(parser, None)
+    return shown(seen.sample, seen.text) if seen else ""
+
+
+def _last(parser: Parser, shape: tuple[int, int] | None) -> Seen | None:
+    """What the last bytes are; None: they are too few."""
+    data = bytes(parser.tail[-_SAMPLE:])
     seen = recognise(data, shape)
-    if len(data) < _MANY and not seen.frames:
-        return ""
-    sample = f' ("{shown(seen.sample, seen.text)}")' if seen.sample else ""
-    return _reason(parser, seen, shape) + sample
+    return seen if len(data) >= _MANY or seen.frames else None
 
 
 def _reason(parser: Parser, seen: Seen, shape: tuple[int, int] | None) -> str:

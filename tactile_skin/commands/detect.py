@@ -1,0 +1,300 @@
+"""`tactile-skin detect`: what a board sends, and a parameter file that reads it."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import serial
+import yaml
+
+from ..board.formats import Format
+from ..board.recognise import recognise, shown
+from ..board.recognise.lines import sides
+from ..board.recognise.seen import Seen
+from ..board.serial_port import PORT_ERRORS, check_port
+from ..files import read_bytes
+from ..physics.readouts import DRIVEN, READOUTS
+from .words import split
+
+ABOUT = "find out what a board sends, at which baud rate, and write a parameter file that reads it"
+EXAMPLES = """\
+Listens to the port at one baud rate after the other, shows what arrives, says what it is, asks what
+no byte can tell, and writes a parameter file. FILE holds bytes as they came from a port.
+examples:
+  tactile-skin detect port:=/dev/ttyUSB0
+  tactile-skin detect port:=/dev/ttyUSB0 baud:=115200 out:=chest.yaml
+  tactile-skin detect bytes.bin rows:=8 cols:=8 r_ref:=10000 readout:=loaded full_scale:=1023
+options, name:=value; what is missing is asked, and Enter takes the value in brackets:
+  port         serial device, or pyserial URL such as socket://192.168.4.1:3333
+  baud         bits per second (default: usual ones in turn)
+  seconds      to listen at each (default 4)
+  out          parameter file to write (default mine.yaml); it must not exist
+  rows, cols   cells, where the bytes do not say them
+  readout      floating, loaded, grounded or virtual_ground: docs/boards.md has drawings
+  pull_up      true: each sense line has a resistor to the supply, as with INPUT_PULLUP
+  r_ref        reference resistor [ohm]
+  full_scale   what is printed of an input at the supply: 1023 of 10 bits, 5.0 of volts"""
+
+BAUDS = (115_200, 1_000_000, 9_600, 500_000, 57_600, 250_000, 230_400, 921_600, 2_000_000, 38_400)
+# What makes boards answer that send nothing by themselves, in the order in which they are tried.
+REQUESTS = ("A", "\n", "r", "?")
+_SECONDS = 4.0  # s: an Arduino that is opened is in its boot loader for 2
+_ASKED = 1.0  # s that an answer may take
+_MOST = 100_000  # bytes that are enough
+_LARGEST = 1 << 26  # bytes of a file
+_WIDTHS = (8, 10, 12, 14, 16)  # bits of ADCs
+_MOST_LINES = 64  # rows or columns of a skin
+_R_PAR = {"loaded": 25.0, "grounded": 0.0, "virtual_ground": 0.0}  # ohm: of an Arduino's pin
+_R_DRIVE = 25.0  # ohm of an Arduino's pin
+_KINDS = {
+    "port": str,
+    "baud": int,
+    "seconds": float,
+    "out": str,
+    "rows": int,
+    "cols": int,
+    "readout": str,
+    "pull_up": bool,
+    "r_ref": float,
+    "full_scale": float,
+}
+
+
+class Heard:
+    """What arrived at one baud rate, and what it was recognised as."""
+
+    def __init__(self, data: bytes, baud: int, request: str = "", shape=None):
+        self.data, self.baud, self.request = data, baud, request
+        self.seen: Seen = recognise(data, shape)
+
+    @property
+    def rank(self) -> tuple:
+        """The higher, the better it is understood."""
+        return self.seen.sure, bool(self.seen.protocol), self.seen.text, self.seen.frames
+
+
+def run(args) -> int:
+    """Return 0 for a file that reads the board, 1 where nothing was recognised."""
+    files, given = split(args.words, _KINDS)
+    if len(files) > 1 or bool(files) == ("port" in given):
+        raise ValueError("give port:=NAME, or one FILE of bytes")
+    out = Path(given.get("out", "mine.yaml"))
+    if out.exists():
+        raise ValueError(f"{out}: exists: give out:=NAME for another file")
+    shape = _shape(given)
+    if files:
+        found = Heard(read_bytes(files[0], _LARGEST), given.get("baud", BAUDS[0]), shape=shape)
+    else:
+        found = listen(given["port"], given, shape)
+    return conclude(found, given, out, _ask)
+
+
+def listen(port: str, given: dict, shape=None, opener: Callable = serial.serial_for_url) -> Heard:
+    """Return the best understood of what arrives at usual baud rates.
+
+    Args:
+        opener: (port, baud, timeout=) -> an open port.
+
+    Raises:
+        ValueError: no such port, or bytes at no baud rate.
+    """
+    check_port(port)
+    seconds = given.get("seconds", _SECONDS)
+    if not 0.5 <= seconds <= 60.0:
+        raise ValueError(f"seconds:={seconds:g}: must be from 0.5 to 60")
+    bauds = (given["baud"],) if "baud" in given else BAUDS
+    best: Heard | None = None
+    try:
+        for heard in _at_each(port, bauds, seconds, shape, opener):
+            n, seen = len(heard.data), heard.seen
+            print(f"{heard.baud:>8} baud: {n} bytes: {seen.about if n else 'silent'}", flush=True)
+            best = heard if best is None or heard.rank > best.rank else best
+            if seen.sure:
+                break
+    except PORT_ERRORS as error:
+        raise ValueError(f"port {port}: {error}") from error
+    if best is None or not best.data:
+        raise ValueError(
+            f"port {port}: no byte arrives at {', '.join(map(str, bauds))} baud, nor an answer to "
+            f"{', '.join(map(repr, REQUESTS))}: is the board supplied, does its sketch print?"
+        )
+    return best
+
+
+def _at_each(port, bauds, seconds, shape, opener) -> Iterator[Heard]:
+    for baud in bauds:
+        with opener(port, baud, timeout=0.05) as line:
+            data = _read(line, seconds)
+            if data:
+                yield Heard(data, baud, shape=shape)
+                continue
+            for request in REQUESTS:
+                line.write(request.encode())
+                if answer := _read(line, _ASKED):
+                    answers = [answer]
+                    until = time.monotonic() + seconds
+                    while time.monotonic() < until:
+                        line.write(request.encode())
+                        answers.append(_read(line, 0.25 * _ASKED))
+                    yield Heard(b"".join(answers), baud, request, shape)
+                    break
+            else:
+                yield Heard(b"", baud, shape=shape)
+
+
+def _read(line, seconds: float) -> bytes:
+    data, end = b"", time.monotonic() + seconds
+    while time.monotonic() < end and len(data) < _MOST:
+        data += line.read(4096)
+    return data
+
+
+def conclude(found: Heard, given: dict, out: Path, ask: Callable[[str], str]) -> int:
+    """Say what was found, ask for the rest, and write the file; return the exit status."""
+    seen = found.seen
+    print(f"what arrives:\n  {shown(seen.sample or found.data, seen.text, 200)}")
+    if not seen.protocol:
+        print(f"not recognised: {seen.about}.\ndocs/detect.md says how to describe it.")
+        return 1
+    how = "sure" if seen.sure else "not sure: compare with the sketch"
+    print(f"{seen.about}: {seen.protocol}, {seen.frames} frames at {found.baud} baud ({how})")
+    answers = _answers(seen, given, ask)
+    out.write_text(text_of(found, answers))
+    print(f"{out} is written. See it live:")
+    print(f"  tactile-skin launch port:={given.get('port', 'PORT')} config:={out}")
+    print(f"then: tactile-skin calibrate --config {out} --out {out}")
+    return 0
+
+
+def _answers(seen: Seen, given: dict, ask) -> dict:
+    """What no byte tells: cells, readout, resistor and scale, as given or typed."""
+    answers = dict(given)
+    shape = _shape(given) or seen.shape
+    while shape is None or shape[0] * shape[1] != seen.cells:
+        rows, cols = sides(seen.cells)
+        typed = ask(f"rows x columns of its {seen.cells} cells [{rows} x {cols}]: ")
+        typed = typed or f"{rows} x {cols}"
+        shape = _two(typed)
+        if shape is None or shape[0] * shape[1] != seen.cells:
+            if not sys.stdin.isatty():
+                raise ValueError(f"{typed}: must be rows x columns, {seen.cells} cells together")
+            print(f"  {typed!r}: must be rows x columns, {seen.cells} cells together")
+    answers["rows"], answers["cols"] = shape
+    if "readout" not in answers:
+        about = f"wiring: {', '.join(READOUTS)}, with -pullup behind if readings fall [floating]: "
+        answers["readout"], _, pull_up = (ask(about) or "floating").partition("-")
+        answers.setdefault("pull_up", pull_up == "pullup")
+    if answers["readout"] not in READOUTS:
+        raise ValueError(f"readout {answers['readout']!r}: must be one of {', '.join(READOUTS)}")
+    if "r_ref" not in answers:
+        answers["r_ref"] = _number(
+            "r_ref", ask("reference resistor r_ref [ohm] [1780]: ") or "1780"
+        )
+    if not seen.adc_bits and "full_scale" not in answers:
+        usual = _usual_scale(seen)
+        typed = ask(
+            f"what an input at the supply prints; largest so far {seen.largest:g} [{usual:g}]: "
+        )
+        answers["full_scale"] = _number("full_scale", typed or f"{usual:g}")
+    return answers
+
+
+def _ask(text: str) -> str:
+    try:
+        return input(text).strip()
+    except EOFError:  # nobody is there: what is in brackets
+        print()
+        return ""
+
+
+def _two(text: str) -> tuple[int, int] | None:
+    words = text.lower().replace("x", " ").replace(",", " ").split()
+    return (
+        (int(words[0]), int(words[1])) if len(words) == 2 and all(map(str.isdigit, words)) else None
+    )
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        number = float(text.replace(",", "."))
+    except ValueError:
+        number = 0.0
+    if not number > 0.0:
+        raise ValueError(f"{name} = {text!r}: must be a number above 0")
+    return number
+
+
+def _shape(given: dict) -> tuple[int, int] | None:
+    if ("rows" in given) != ("cols" in given):
+        raise ValueError("rows and cols: give both, or none")
+    if "rows" not in given:
+        return None
+    for name in ("rows", "cols"):
+        if not 1 <= given[name] <= _MOST_LINES:
+            raise ValueError(f"{name}:={given[name]}: must be from 1 to {_MOST_LINES}")
+    return given["rows"], given["cols"]
+
+
+def _usual_scale(seen: Seen) -> float:
+    """The smallest usual full scale that holds all readings."""
+    if seen.decimals and seen.largest <= 1.0:
+        return 1.0
+    if seen.decimals:
+        return next((volts for volts in (3.3, 5.0) if seen.largest <= volts + 0.1), 1023.0)
+    bits = next((bits for bits in _WIDTHS[1:] if seen.largest < 2**bits), _WIDTHS[-1])
+    return float(2**bits - 1)
+
+
+def text_of(found: Heard, answers: dict) -> str:
+    """Return the parameter file."""
+    seen = found.seen
+    scale = answers.get("full_scale", 0.0)
+    width = [bits for bits in _WIDTHS if 2**bits - 1 == scale]
+    bits = seen.adc_bits or (width[0] if width else _fine(scale, seen.step))
+    circuit = {
+        "rows": answers["rows"],
+        "cols": answers["cols"],
+        "r_ref": answers["r_ref"],
+        "adc_bits": bits,
+    }
+    readout = answers["readout"]
+    if readout != "floating":
+        circuit |= {"readout": readout, "driven": DRIVEN[0], "r_par": _R_PAR[readout]}
+    if readout == "grounded":
+        circuit["r_drive"] = _R_DRIVE
+    if answers.get("pull_up"):
+        circuit["inverted"] = True
+    driver = {"protocol": seen.protocol, "baud": found.baud}
+    form = _form(seen.format, 0.0 if width else scale, found.request)
+    if form:
+        driver["format"] = form
+    data = {"/**": {"circuit": circuit}, "/**/serial_driver": driver}
+    if seen.protocol != "binary":  # its frames come at the sketch's pace
+        data["/**/stop_on_push"] = {"debounce": 0.01, "lead": 0.0}
+    sections = {name: {"ros__parameters": values} for name, values in data.items()}
+    how = "sure" if seen.sure else "NOT SURE: compare with the sketch"
+    return (
+        f"# written by tactile-skin detect: {seen.about} ({how})\n"
+        f"# what arrived: {shown(seen.sample or found.data, seen.text)}\n"
+        "# geometry (where the skin is on the robot) is not stated: pushes have no direction\n"
+        + yaml.safe_dump(sections, sort_keys=False)
+    )
+
+
+def _fine(scale: float, step: float) -> int:
+    """Bits of an ADC whose steps are as fine as what is printed."""
+    steps = scale / step if step else scale
+    return next((bits for bits in _WIDTHS if 2**bits - 1 >= steps), _WIDTHS[-1])
+
+
+def _form(fmt: Format, scale: float, request: str) -> dict:
+    """What differs from the protocol's default description."""
+    if fmt is None:
+        return {}
+    fmt = dataclasses.replace(fmt, full_scale=scale, request=request)
+    defaults = {field.name: field.default for field in dataclasses.fields(fmt)}
+    return {k: v for k, v in dataclasses.asdict(fmt).items() if v != defaults[k]}

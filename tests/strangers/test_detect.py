@@ -1,0 +1,114 @@
+"""From plugging in an unknown board to the right picture: detect, four answers at most, launch."""
+
+import io
+import re
+
+import numpy as np
+import pytest
+from strangers import boards, sim
+from strangers.pty_board import PtyBoard
+
+from tactile_skin import Circuit
+from tactile_skin.cli import main
+from tactile_skin.launch import launch
+from tactile_skin.msg import Image, image_array
+
+RATE = 20.0  # frames a second
+KINDS = {  # printed by -> what is typed
+    "frame_a_line": ["8 x 8", "loaded-pullup", "35000", "1023"],
+    "row_a_line": ["loaded-pullup", "35000", ""],
+    "json_lines": ["loaded-pullup", "35000", ""],
+    "index_value": ["8 8", "loaded-pullup", "35000", ""],
+    "status_lines": ["8x8", "loaded-pullup", "35000", ""],
+    "time_and_class": ["8x8", "loaded-pullup", "35000", ""],
+}
+
+
+class Stranger:
+    """An 8 x 8 board with pull-ups; a finger of 20 N from 8 s to 11 s of each 12 s."""
+
+    circuit = Circuit(8, 8, r_ref=35e3, r_par=25.0, readout="loaded")
+
+    def __init__(self, make):
+        self.make, self.rng = make, np.random.default_rng(0)
+        self.curve = sim.fabric(self.circuit)
+        self.finger = sim.finger((8, 8), 2, 5, 20.0)
+
+    def __call__(self, k: int) -> bytes:
+        pressed = 8.0 < k / RATE % 12.0 < 11.0
+        force = self.finger if pressed else 0.0 * self.finger
+        steps = sim.counts(self.circuit, self.curve, force, self.rng, inverted=True)
+        return boards.sent(self.make, [steps], k)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_from_an_unknown_board_to_the_right_picture(kind, tmp_path, monkeypatch, capsys):
+    answers = KINDS[kind]
+    assert len(answers) <= 4
+    mine = tmp_path / "mine.yaml"
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n".join(answers) + "\n"))
+    with PtyBoard(Stranger(boards.TEXT[kind]), RATE) as board:
+        assert main(["detect", f"port:={board.port}", f"out:={mine}"]) == 0
+    said = capsys.readouterr().out
+    assert "(sure)" in said and "what arrives:" in said
+    pictures = []
+    with PtyBoard(Stranger(boards.TEXT[kind]), RATE) as board:
+        arguments = {"port": board.port, "config": mine, "monitor": "false"}
+        with launch("skin.launch.yaml", **arguments) as skin:
+            skin.node.create_subscription(
+                Image, "skin/pressure", lambda m: pictures.append(image_array(m)), 100
+            )
+            skin.spin(10.5)
+    pressed = max(pictures, key=np.sum) * 0.012**2  # N
+    assert np.unravel_index(pressed.argmax(), pressed.shape) == (2, 5)
+    assert pressed.sum() == pytest.approx(20.0, rel=0.25)
+
+
+def test_a_board_that_must_be_asked_gets_its_request(tmp_path, monkeypatch):
+    mine, stranger = tmp_path / "mine.yaml", Stranger(boards.frame_a_line)
+    count = iter(range(10_000))
+    monkeypatch.setattr("sys.stdin", io.StringIO("8x8\nloaded-pullup\n35000\n\n"))
+    with PtyBoard(lambda k: b"", 0.0, lambda data: stranger(next(count)) if b"A" in data else b""):
+        pass  # it can be closed unasked
+    with PtyBoard(
+        lambda k: b"", 0.0, lambda data: stranger(next(count)) if b"A" in data else b""
+    ) as board:
+        words = [f"port:={board.port}", "baud:=115200", "seconds:=1.5", f"out:={mine}"]
+        assert main(["detect", *words]) == 0
+    assert re.search(r"request: A", mine.read_text())
+
+
+@pytest.mark.parametrize("make", [boards.run_lengths, boards.packed])
+def test_what_nothing_reads_is_shown_and_no_file_is_written(make, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(3)
+    pictures = rng.integers(20, 900, (40, 8, 8))
+    (tmp_path / "bytes.bin").write_bytes(boards.sent(make, pictures))
+    assert main(["detect", "bytes.bin"]) == 1
+    assert "not recognised" in capsys.readouterr().out
+    assert not (tmp_path / "mine.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([], "give port:=NAME, or one FILE"),
+        (["a.bin", "port:=/dev/ttyUSB0"], "give port:=NAME, or one FILE"),
+        (["port:=/dev/ttyNONE0"], "does not exist"),
+        (["none.bin"], "none.bin"),
+        (["port:=loop://", "seconds:=0"], "must be from 0.5 to 60"),
+        (["port:=loop://", "rows:=8"], "give both, or none"),
+        (["port:=loop://", "bauds:=9600"], "did you mean 'baud'"),
+    ],
+)
+def test_a_mistake_is_one_line(words, said, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["detect", *words]) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1
+
+
+def test_an_old_file_is_not_overwritten(tmp_path, capsys):
+    (tmp_path / "mine.yaml").write_text("mine")
+    assert main(["detect", "port:=loop://", f"out:={tmp_path / 'mine.yaml'}"]) == 2
+    assert "exists" in capsys.readouterr().err
