@@ -34,7 +34,7 @@ from . import train
 from .words import split
 from .written import entered, replace_file
 
-_OF_FILES = "rest", "touches", "reference", "creep", "rate"
+_OF_FILES = "rest", "touches", "reference", "creep", "rate", "full_scale"
 _LARGEST_REFERENCE = 1 << 26  # bytes
 _RATE = 100.0  # frames a second, of files without times
 _OF_BOARD = {"port": str, "baud": int, "protocol": str}
@@ -130,6 +130,13 @@ def recorded_words(words: list[str]) -> tuple[dict[str, str], list[tuple[str, st
     return files, loads
 
 
+def _number(files: dict[str, str], name: str) -> float | None:
+    try:
+        return float(files[name]) if name in files else None
+    except ValueError:
+        raise ValueError(f"{name}:={files[name]}: must be a number") from None
+
+
 def from_files(skin: SkinConfig, files: dict[str, str], loads: list[tuple[str, str]]) -> Guide:
     """The three steps with recorded frames in place of a board and a person.
 
@@ -137,11 +144,8 @@ def from_files(skin: SkinConfig, files: dict[str, str], loads: list[tuple[str, s
         files: rest, and touches if there are; rate: frames a second, of files without times.
         loads: weight and file of each object that lies on the skin.
     """
-    try:
-        rate = float(files.get("rate", _RATE))
-    except ValueError:
-        raise ValueError(f"rate:={files['rate']}: must be a number") from None
-    source, left, asked = Recorded(skin.adc, rate), list(loads), []
+    rate, full_scale = (_number(files, name) for name in ("rate", "full_scale"))
+    source, left, asked = Recorded(skin.adc, rate, full_scale), list(loads), []
 
     def ask(text: str) -> str:
         if guide.rest is None:
@@ -296,15 +300,16 @@ def _points(curve: PressureCurve) -> dict:
 class Recorded:
     """Frames of a file, as if its board were there: each call takes those that come next."""
 
-    def __init__(self, adc: Adc, rate: float):
-        self._adc, self._default = adc, rate
+    def __init__(self, adc: Adc, rate: float | None, full_scale: float | None = None):
+        self._adc, self._default, self._given = adc, rate or _RATE, (rate, full_scale)
 
     def open(self, path: str) -> None:
         """
         Raises:
             FileError, OSError: as read_frames.
         """
-        found = read_frames(path, self._adc.circuit)
+        rate, full_scale = self._given
+        found = read_frames(path, self._adc.circuit, rate=rate, full_scale=full_scale)
         for note in found.notes:
             print(f"  {path}: {note}")
         self._frames, self._at, times = found.ratio(self._adc), 0, found.times

@@ -32,6 +32,7 @@ options, name:=value:
   rows, cols, r_ref, r_par, r_line, r_drive, adc_bits, readout, driven   in its place, or on top
   inverted, diode, supply, adc_offset, adc_full_scale   the same: how the board is read
   rest      recorded frames of the untouched skin (default: found in FILE)
+  full_scale  what an input at the supply reads, where FILE holds no ADC steps: 5.0 of volts
   port, baud, protocol, seconds   of the live board (default 1000000, binary, 60)
 exit status: 0 nothing found, 1 something found, 2 a mistake."""
 
@@ -56,6 +57,7 @@ _KINDS = {
     "baud": int,
     "protocol": str,
     "seconds": float,
+    "full_scale": float,
 }
 _CIRCUIT = ("rows", "cols", "r_ref", "r_par", "r_line", "r_drive", "adc_bits", "readout", "driven")
 _ADC = {  # argument -> of `Adc`
@@ -91,13 +93,13 @@ def run(args) -> int:
     adc = _adc(skin, given)
     circuit = adc.circuit
     if files:
-        frames, found = _ratio(files[0], adc), []
+        frames, found = _ratio(files[0], adc, given.get("full_scale")), []
     else:
         frames, found = _listen(adc, given)
     check_all_is_sent(frames, circuit, adc.threshold(skin.threshold), skin.threshold)
     rest = None
     if "rest" in given:
-        rest = measure_rest(_ratio(given["rest"], adc), circuit)
+        rest = measure_rest(_ratio(given["rest"], adc, given.get("full_scale")), circuit)
     found += diagnose(frames, circuit, rest, inverted=adc.inverted)
     print(f"{len(frames)} frames of {circuit.rows} x {circuit.cols}")
     print(picture(found, circuit))
@@ -205,9 +207,9 @@ def _adc(skin: SkinConfig, given: dict) -> Adc:
     return replace(skin.adc, circuit=replace(circuit, **changed, **mask), scanned=scanned, **of_adc)
 
 
-def _ratio(path: str, adc: Adc) -> np.ndarray:
+def _ratio(path: str, adc: Adc, full_scale: float | None) -> np.ndarray:
     """(n, rows, cols) ADC ratio of a file; what was repaired is printed."""
-    found = read_frames(path, adc.circuit)
+    found = read_frames(path, adc.circuit, full_scale=full_scale)
     for note in found.notes:
         print(f"{path}: {note}")
     return found.ratio(adc)

@@ -38,9 +38,10 @@ name:=value:
   method     of the compensation (default: as recorded)
   config     parameter file in place of all recorded parameters, as one that calibrate wrote
   namespace  of the skin, where a recording holds several
-  rate       frames a second, of files without times (default 100)"""
+  rate       frames a second, of files without times (default 100)
+  full_scale what an input at the supply reads, where a file holds no ADC steps: 5.0 of volts"""
 
-_KINDS = {"method": str, "config": str, "namespace": str, "rate": float}
+_KINDS = {"method": str, "config": str, "namespace": str, "rate": float, "full_scale": float}
 _RATE = 100.0  # frames a second
 _SHOWN = 20  # stops that the summary lists
 _LINE = 0.1  # s between two live lines
@@ -66,7 +67,7 @@ def run(args) -> int:
     with tempfile.TemporaryDirectory(prefix="tactile_skin_") as folder:
         path = files[0]
         if Path(path).suffix.lower() != ".mcap":
-            path = _imported(path, Path(folder), skin, config, given.get("rate", _RATE))
+            path = _imported(path, Path(folder), skin, config, given)
         job = Job(path, namespace, method, config or "")
         if args.compare:
             return _compare(job, args.compare, args.picture)
@@ -76,12 +77,13 @@ def run(args) -> int:
     return 0
 
 
-def _imported(path: str, folder: Path, skin: SkinConfig, config: str | None, rate: float) -> str:
+def _imported(path: str, folder: Path, skin: SkinConfig, config: str | None, given: dict) -> str:
     """A recording of a foreign file's frames."""
-    frames = read_frames(path, skin.circuit)
+    rate = given.get("rate")
+    frames = read_frames(path, skin.circuit, rate=rate, full_scale=given.get("full_scale"))
     _say_notes(path, frames.notes)
     made = folder / f"{Path(path).stem}.mcap"
-    to_recording(frames, made, skin, config, rate, time.time_ns())
+    to_recording(frames, made, skin, config, rate or _RATE, time.time_ns())
     return str(made)
 
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import io
-import re
-from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,16 +13,20 @@ from ..files import read_bytes
 from ..middleware.config import SkinConfig, read_skin
 from ..physics.adc import NOT_READ, Adc
 from ..physics.circuit import Circuit
+from .columns import is_time_name, spread
+from .lines import read_text
 from .reader import Recording
+from .scale import Kind, scale_of, without_sentinel
+from .tables import Found, Table, frames_of
 
+_PICKLES = (".pkl", ".pickle", ".p")
+_PICKLED = b"\x80"  # what a pickle begins with
+_NO_PICKLE = (
+    "is a pickle, which may run any program when it is read: must be plain numbers, as "
+    "numpy.save(path, numpy.stack(frames)) writes them"
+)
 KINDS = (".mcap", ".npy", ".npz", ".csv", ".txt", ".tsv")
 _LARGEST = 1 << 30  # bytes of a file that is read at once
-_ABSENT = {"", "-", "nan"}  # fields that stand for a crossing that was not read
-_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-_UNIT = re.compile(
-    r"(?:^|[\[(_ ])(s|ms|us|ns)[\])]?$", re.IGNORECASE
-)  # at the end of a column's name
-_SAMPLE = 200  # lines that tell the separator
 _GAP = 5.0  # usual intervals from which on a gap is worth a word
 
 
@@ -33,13 +35,17 @@ class Frames:
     """Attributes:
     values: (n, rows, cols) ADC steps, or ratios from 0 to 1; NaN: not read.
     times: (n,) rising [s]; None: the file has none.
-    notes: what was repaired or dropped, in words.
+    notes: what was assumed, repaired or dropped, in words.
+    lost: frames that were dropped.
+    are_ratios: whether `values` are ratios, and not ADC steps.
     """
 
     path: str
     values: np.ndarray
     times: np.ndarray | None = None
     notes: list[str] = field(default_factory=list)
+    lost: int = 0
+    are_ratios: bool = False
 
     def ratio(self, adc: Adc) -> np.ndarray:
         """(n, rows, cols) ADC ratio; NaN: not read.
@@ -47,7 +53,7 @@ class Frames:
         Raises:
             FileError: numbers beyond the ADC's range.
         """
-        if self.values.dtype.kind == "f" and np.nanmax(self.values, initial=0.0) <= 1.0:
+        if self.are_ratios:
             return self.values
         self._check_range(adc.circuit)
         steps = self.values.astype(float)
@@ -60,7 +66,7 @@ class Frames:
             FileError: as `ratio`.
         """
         steps = self.values.astype(float)
-        if self.values.dtype.kind == "f" and np.nanmax(steps, initial=0.0) <= 1.0:
+        if self.are_ratios:
             steps = adc.count(steps)
         else:
             self._check_range(adc.circuit)
@@ -76,21 +82,34 @@ class Frames:
             )
 
 
-def read_frames(path, circuit: Circuit | None = None, namespace: str = "") -> Frames:
-    """The frames of a recording, in order.
+def read_frames(
+    path,
+    circuit: Circuit | None = None,
+    namespace: str = "",
+    rate: float | None = None,
+    full_scale: float | None = None,
+) -> Frames:
+    """Return the frames of a recording, in order.
 
     Args:
-        path: .mcap; .npy or .npz of (n, rows, cols) or (n, rows * cols), of an .npz its `frames`
-            or first array, and `times` [s] if it has them; .csv, .txt or .tsv, a frame a line,
-            row by row, with or without a header, a column of times in front, and other lines.
+        path: .mcap; .npy or .npz of (n, rows, cols), (rows, cols, n) or of a table, of an .npz its
+            `frames` or first array, and `times` [s] if it has them; .csv, .txt or .tsv. A line of
+            a table is a frame, row by row, or a row of the matrix, with columns of time, counter
+            or label in front or behind; a header and other lines may stand between.
         circuit: whose frames they are; None: as the recording says, of MCAP only.
         namespace: of the skin, of MCAP only.
+        rate: frames a second, where the file has no times.
+        full_scale: what an input at the supply reads, where numbers are not ADC steps: 5.0 of
+            volts, 1.0 of ratios; None: by what the numbers show.
 
     Raises:
-        FileError: no such file, another size, or no frame in it; the message names it.
+        FileError: no such file, another size, no frame in it, or most would be dropped; the
+            message names it.
         OSError: it cannot be read.
     """
     kind = Path(path).suffix.lower()
+    if kind in _PICKLES:
+        raise FileError(f"{path}: {_NO_PICKLE}")
     if kind not in KINDS:
         raise FileError(f"{path}: must be one of {', '.join(KINDS)}")
     if kind == ".mcap":
@@ -98,12 +117,65 @@ def read_frames(path, circuit: Circuit | None = None, namespace: str = "") -> Fr
     if circuit is None:
         raise FileError(f"{path}: does not say its rows and cols: give a configuration")
     data = read_bytes(path, _LARGEST)
-    found = (
-        _of_numpy(path, data, kind, circuit) if kind[:3] == ".np" else _text(path, data, circuit)
-    )
-    if not len(found.values):
-        raise FileError(f"{path}: holds no frame")
-    return _rising(found)
+    try:
+        if kind[:3] == ".np":
+            found = _of_numpy(path, data, kind, circuit)
+        else:
+            found = read_text(data.decode("utf-8-sig", errors="replace"), circuit)
+    except FileError:
+        raise
+    except ValueError as error:
+        raise FileError(f"{path}: {error}") from error
+    return _timed(_scaled(Frames(str(path), **vars(found)), circuit, full_scale), rate)
+
+
+def _scaled(found: Frames, circuit: Circuit, full_scale: float | None) -> Frames:
+    """With ADC steps or ratios.
+
+    Raises:
+        FileError: numbers that are neither, or may be two things.
+    """
+    found.values, absent = without_sentinel(found.values)
+    if absent:
+        found.notes.append(f"{absent} numbers of -1: taken as not read")
+    scale = scale_of(found.values)
+    if full_scale is not None and scale.kind is not Kind.NEGATIVE:
+        if not full_scale > 0.0:
+            raise ValueError(f"full_scale = {full_scale!r}: must be above 0")
+        if (top := float(np.nanmax(found.values, initial=0.0))) > full_scale:
+            raise FileError(
+                f"{found.path}: numbers up to {top:.4g}, above full_scale = {full_scale:g}"
+            )
+        found.values = found.values * (circuit.full_scale / full_scale)
+        return found
+    if refused := scale.refused():
+        raise FileError(f"{found.path}: {refused}")
+    if scale.kind is Kind.RATIOS:
+        found.are_ratios = True
+        found.notes.append(f"numbers up to {scale.high:.3g}: taken as ratios")
+    return found
+
+
+def _timed(found: Frames, rate: float | None) -> Frames:
+    """With times that rise.
+
+    Raises:
+        FileError: most frames would be dropped.
+    """
+    if rate is not None and not 0.0 < rate < np.inf:
+        raise ValueError(f"rate = {rate!r}: must be above 0")
+    if found.times is not None:
+        if rate is not None:
+            found.notes.append(f"rate:={rate:g} is not used: the file has times")
+        _rise(found)
+    elif rate is not None:
+        found.times = np.arange(len(found.values)) / rate
+    if not len(found.values) or found.lost > len(found.values):
+        why = "holds no frame"
+        if len(found.values):
+            why = f"{found.lost} of {found.lost + len(found.values)} frames would be dropped"
+        raise FileError(": ".join(filter(None, [found.path, why, "; ".join(found.notes)])))
+    return found
 
 
 def recorded_skin(path) -> SkinConfig:
@@ -124,10 +196,10 @@ def _of_recording(recording: Recording, circuit: Circuit | None) -> Frames:
     steps = samples / 2.0 ** (16 - bits)
     steps[samples == NOT_READ] = np.nan
     notes = [recording.damage] if recording.damage else []
-    return _rising(Frames(str(recording.path), steps, recording.times, notes))
+    return _timed(Frames(str(recording.path), steps, recording.times, notes), None)
 
 
-def _of_numpy(path, data: bytes, kind: str, circuit: Circuit) -> Frames:
+def _of_numpy(path, data: bytes, kind: str, circuit: Circuit) -> Found:
     times = None
     try:
         values = np.load(io.BytesIO(data), allow_pickle=False)
@@ -135,135 +207,74 @@ def _of_numpy(path, data: bytes, kind: str, circuit: Circuit) -> Frames:
             arrays = values
             if not arrays.files:
                 raise ValueError("holds no array")
-            times = arrays["times"] if "times" in arrays.files else None
-            others = [name for name in arrays.files if name != "times"]
+            times = next((arrays[name] for name in arrays.files if is_time_name(name)), None)
+            others = [name for name in arrays.files if not is_time_name(name)]
             values = arrays["frames" if "frames" in others else others[0]]
     except Exception as error:  # of whatever bytes
+        if "Object arrays" in str(error) or data[:1] == _PICKLED:
+            raise FileError(f"{path}: {_NO_PICKLE}") from error
         raise FileError(f"{path}: cannot be read: {error}") from error
     if values.dtype.kind not in "fiu":
         raise FileError(f"{path}: holds {values.dtype}: must be numbers")
-    if values.ndim == 2 and values.shape[1] == circuit.rows * circuit.cols:
-        values = values.reshape(-1, *circuit.shape)
-    if values.ndim != 3 or values.shape[1:] != circuit.shape:
-        raise _wrong_size(path, values.shape, circuit)
-    if times is not None and times.shape != values.shape[:1]:
-        raise FileError(f"{path}: times has shape {times.shape}: must be {values.shape[:1]}")
-    found = Frames(str(path), values, times)
-    if values.dtype.kind == "f" and (odd := ~np.isfinite(values) & ~np.isnan(values)).any():
-        found.values = np.where(odd, np.nan, values)
-        found.notes.append(f"{odd.sum()} infinite numbers are taken as not read")
+    notes = []
+    if values.dtype.kind == "f" and (odd := np.isinf(values)).any():
+        values = np.where(odd, np.nan, values)
+        notes.append(f"{odd.sum()} infinite numbers are taken as not read")
+    found = _of_array(path, values, circuit)
+    found.notes[:0] = notes
+    if times is not None:
+        if times.shape != found.values.shape[:1]:
+            raise FileError(
+                f"{path}: times has shape {times.shape}: must be {found.values.shape[:1]}"
+            )
+        found.times = times
     return found
+
+
+def _of_array(path, values: np.ndarray, circuit: Circuit) -> Found:
+    """The frames of an array, by its shape."""
+    shape, size = circuit.shape, circuit.rows * circuit.cols
+    given = values.shape
+    if values.ndim > 3 or (values.ndim == 3 and shape not in (given[1:], given[:2])):
+        values = values.reshape([n for n in given if n > 1])  # (n, 1, rows, cols) of a network
+    if values.shape == shape:
+        return Found(values[None])
+    if values.ndim == 3 and values.shape[1:] == shape:
+        return Found(values)
+    if values.ndim == 3 and values.shape[:2] == shape:
+        return Found(np.moveaxis(values, -1, 0), None, ["the last axis is taken as the frames"])
+    if values.ndim == 2 and len(values) == size and values.shape[1] not in (size, circuit.cols):
+        notes = ["each line is taken as a cell, each column as a frame"]
+        return Found(values.T.reshape(-1, *shape), None, notes)
+    if values.ndim == 2:
+        return frames_of(Table(values), circuit)
+    raise _wrong_size(path, given, circuit)
 
 
 def _wrong_size(path, shape, circuit: Circuit) -> FileError:
+    turned = shape[1:] == circuit.shape[::-1]
     return FileError(
         f"{path}: holds {' x '.join(map(str, shape))} numbers, the circuit is "
-        f"{circuit.rows} x {circuit.cols}: check rows and cols"
+        f"{circuit.rows} x {circuit.cols}: "
+        + (
+            "are rows and columns exchanged? transpose the array"
+            if turned
+            else "check rows and cols"
+        )
     )
 
 
-# --- text ----------------------------------------------------------------------------------------
-
-
-def _text(path, data: bytes, circuit: Circuit) -> Frames:
-    lines = data.decode("utf-8-sig", errors="replace").splitlines()
-    separator = _separator(lines[:_SAMPLE])
-    wanted = circuit.rows * circuit.cols
-    rows: list[tuple[int, np.ndarray, bool]] = []  # line, numbers, whether it ends in a separator
-    texts: list[int] = []  # lines that hold something else
-    header: list[str] = []  # the last of them before the numbers
-    for number, line in enumerate(lines, 1):
-        if not line.strip():
-            continue
-        words = _words(line, separator)
-        numbers = _numbers(words)
-        if numbers is not None:
-            rows.append((number, numbers, bool(separator) and line.rstrip(" ").endswith(separator)))
-        else:
-            header = header if rows else words
-            texts.append(number)
-    if not rows:
-        raise FileError(f"{path}: holds no line of numbers")
-    width, _ = Counter(len(numbers) for _, numbers, _ in rows).most_common(1)[0]
-    ends = all(ends for _, numbers, ends in rows if len(numbers) == width)
-    trailing = ends and width > wanted
-    before = width - trailing - wanted
-    if before not in (0, 1):
-        raise FileError(
-            f"{path}: most lines hold {width - trailing} numbers, the circuit is {circuit.rows} x "
-            f"{circuit.cols} = {wanted}, or one more for the time: check rows and cols"
-        )
-    kept = [(k, v[: before + wanted]) for k, v, _ in rows if len(v) == width]
-    blind = [k for k, v in kept if np.isnan(v[before:]).all()]
-    table = np.array([v for k, v in kept if k not in set(blind)]).reshape(-1, before + wanted)
-    named = len(header) == width  # a name for each column
-    notes = []
-    for dropped, why in (
-        (
-            [k for k in texts if k < rows[0][0]][: -1 if named else None],
-            "before the numbers: passed over",
-        ),
-        ([k for k in texts if k > rows[0][0]], "with text among the numbers: dropped"),
-        ([k for k, v, _ in rows if len(v) != width], f"of other than {width} fields: dropped"),
-        (blind, "in which no crossing was read: dropped"),
-    ):
-        if dropped:
-            notes.append(f"{len(dropped)} lines {why} (the first: line {dropped[0]})")
-    values = table[:, before:].reshape(-1, *circuit.shape)
-    if absent := int(np.isnan(values).sum()):
-        notes.append(f"{absent} fields without a number: taken as not read")
-    found = Frames(str(path), values, None, notes)
-    if before:
-        found.times = _seconds(table[:, 0], header[0] if header else "", notes)
-    return found
-
-
-def _separator(lines: list[str]) -> str | None:
-    """The one of the file; None: spaces."""
-    counts = {mark: sum(line.count(mark) for line in lines) for mark in ";\t,"}
-    for mark in ";\t,":  # a comma may be the point of decimals
-        if counts[mark] >= len(lines) / 2 and counts[mark]:
-            return mark
-    return None
-
-
-def _words(line: str, separator: str | None) -> list[str]:
-    if separator is None:
-        return line.split()
-    words = line.split(separator)
-    return [w.strip().replace(",", ".") if separator != "," else w.strip() for w in words]
-
-
-def _numbers(words: list[str]) -> np.ndarray | None:
-    """Of a line; NaN: not read; None: something else."""
-    try:
-        numbers = [np.nan if w.lower() in _ABSENT else float(w) for w in words]
-    except ValueError:
-        return None
-    numbers = np.array(numbers)
-    return numbers if len(numbers) and not np.isinf(numbers).any() else None
-
-
-def _seconds(column: np.ndarray, name: str, notes: list[str]) -> np.ndarray:
-    """A column of times in seconds: the unit is the end of its name, or what its steps suggest."""
-    match = _UNIT.search(name.strip())
-    unit = match[1].lower() if match else None
-    if unit is None:
-        step = float(np.median(np.diff(column))) if len(column) > 1 else 0.0
-        unit = "s" if step < 1.0 else "ms" if step < 1000.0 else "us"
-        notes.append(f"the first column is taken as the time in {unit}")
-    return column * _UNITS[unit]
-
-
-def _rising(found: Frames) -> Frames:
-    """Without frames whose time does not rise; gaps are named."""
-    if found.times is None:
-        return found
+def _rise(found: Frames) -> None:
+    """Drop frames whose time does not rise; gaps are named."""
     times = np.asarray(found.times, float)
+    if (even := spread(times)) is not None:
+        times = even
+        found.notes.append("the clock is coarser than the frames: these are spread evenly")
     latest = np.fmax.accumulate(np.r_[-np.inf, times[:-1]])
     good = times > latest
     if not good.all():
         found.notes.append(f"{(~good).sum()} frames whose time does not rise: dropped")
+        found.lost += int((~good).sum())
     found.values, found.times = found.values[good], times[good]
     steps = np.diff(found.times)
     gaps = steps > _GAP * np.median(steps) if len(steps) else np.zeros(0, bool)
@@ -272,4 +283,3 @@ def _rising(found: Frames) -> Frames:
         found.notes.append(
             f"{gaps.sum()} gaps, the longest {steps.max():.2f} s, the first after {at:.2f} s"
         )
-    return found

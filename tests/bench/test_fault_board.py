@@ -19,7 +19,7 @@ from tactile_skin.bench.damage.board import (
 )
 from tactile_skin.bench.damage.reliability import FAULTS
 from tactile_skin.bench.damage.wires import ELECTRICAL
-from tactile_skin.board import protocol
+from tactile_skin.board import formats
 
 CURVE = PressureCurve()
 SHAPE = (5, 4)
@@ -124,7 +124,7 @@ def damaged(name: str, shape=SHAPE, **kinds) -> FaultBoard:
 
 def frames(board: FaultBoard, force):
     """What arrives and is whole: (t, frame)."""
-    parser = protocol.make_parser(board.protocol, *board.circuit.shape, 10)
+    parser = formats.make_parser(board.protocol, *board.circuit.shape, 10)
     return [(t, frame) for t, data in board.advance(force) for frame in parser.feed(data)]
 
 

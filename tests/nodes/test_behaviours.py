@@ -48,7 +48,7 @@ class Robot(Chain):
 
     def __init__(self, mover=CmdVelGate, method="auto", stop=None, **parameters):
         super().__init__(method, **({"debounce": 0.0} | (stop or {})))
-        self.compensation.skin._given["time_limit"] = 60.0  # of the real clock, on a busy machine
+        self.compensation.skin._time_limit = 60.0  # of the real clock, on a busy machine
         self.mover = mover(self.node("mover", parameters))
         self._planner = self.observer.create_publisher(Twist, "cmd_vel_in", 1)
         self.observer.create_subscription(Twist, "cmd_vel", self.seen["cmd_vel"].append, 1000)

@@ -74,7 +74,7 @@ def test_every_line_that_is_lost_is_counted(tmp_path):
     assert np.isnan(found.values[2]).sum() == 3
     assert found.notes == [
         "1 lines before the numbers: passed over (the first: line 1)",
-        "2 lines with text among the numbers: dropped (the first: line 6)",
+        "1 lines with text among the numbers: dropped (the first: line 6)",
         "1 lines of other than 6 fields: dropped (the first: line 4)",
         "1 lines in which no crossing was read: dropped (the first: line 7)",
         "3 fields without a number: taken as not read",

@@ -19,7 +19,7 @@ import numpy as np
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.bench.measure import NOISE, Clock, machine
 from tactile_skin.board import simulator
-from tactile_skin.board.protocol import make_parser
+from tactile_skin.board.formats import make_parser
 from tactile_skin.learning import scenes
 from tactile_skin.learning.bodies import bodies
 from tactile_skin.physics.curve import GRAM

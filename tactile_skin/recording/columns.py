@@ -1,0 +1,327 @@
+"""Tell the cells of a table from its other columns: time, date, counter, label.
+
+A column is known by its name, or by what it does: it is text, rises by one, rises, repeats, takes
+few small values. Where that does not tell which end of a line holds no cell, nothing is guessed.
+"""
+
+from __future__ import annotations
+
+import re
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+
+MOST = 4  # columns of a line that are no cells
+_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_UNIT = re.compile(r"(?:^|[\[(_ .])(s|ms|us|µs|ns)[\])]?$", re.IGNORECASE)  # ends a column's name
+_SPELT = (
+    (re.compile(r"milli|msec", re.IGNORECASE), "ms"),
+    (re.compile(r"micro|usec", re.IGNORECASE), "us"),
+    (re.compile(r"nano|nsec", re.IGNORECASE), "ns"),
+    (re.compile(r"second|secs?$", re.IGNORECASE), "s"),
+)
+_TIME = re.compile(r"time|date|millis|micros|epoch|stamp|clock|^t$|^ts$", re.IGNORECASE)
+_COUNTER = re.compile(
+    r"^(unnamed.*|index|idx|id|no\.?|nr\.?|#|n|seq|sequence|counter|"
+    r"(frame|sample|scan|packet)s?[ _]?(no|nr|number|id|idx|index|count)?\.?)$",
+    re.IGNORECASE,
+)
+_LABEL = re.compile(
+    r"label|class|^cls$|target|posture|pose|gesture|activity|subject|person|user|category|^y$|"
+    r"^rows?$|^lines?$",
+    re.IGNORECASE,
+)
+_DAY = re.compile(r"(\d{4})[-/.](\d\d?)[-/.](\d\d?)|(\d\d?)[-/.](\d\d?)[-/.](\d{4})")
+_CLOCK = re.compile(r"(\d\d?):(\d\d)(?::(\d\d(?:[.,]\d*)?))?\s*([ap]m)?", re.IGNORECASE)
+_ZONE = re.compile(r"^[\sT_,]*(?:Z|UTC|GMT|[+-]\d\d:?\d\d)?\s*$")
+_DAY_SECONDS = 86400.0
+# Seconds since 1970 of the years 2000 and 2100, by which a stamp is known; between two frames, at
+# least and at most.
+_EPOCH_FROM, _EPOCH_TO = 9.4e8, 4.1e9
+_SHORTEST, _LONGEST = 1e-5, 100.0
+_MOSTLY = 0.9  # share of a column's lines that show what it does
+_RISES = 0.95  # the same of a time, which may be set back
+_CLASSES = 20  # different values of a label
+_LARGEST_LABEL = 50
+_SELDOM = 0.1  # share of the lines in which a label changes
+_BELOW_CELLS = 4.0  # times that the cells read at least what a label reaches
+_NAMED, _LIKELY, _CONSTANT = 2.0, 1.0, 0.5  # weight of what shows that a column is no cell
+_REPEATED = 0.2  # share of a time's steps that are 0 where its clock is coarser than the frames
+
+
+class Role(Enum):
+    """What a column that holds no cell is."""
+
+    TIME = "time"
+    COUNTER = "counter"
+    LABEL = "label"
+
+
+class Column(NamedTuple):
+    """One column of a table.
+
+    Attributes:
+        name: in the header; empty: none.
+        numbers: (n,) its values; NaN: text, or nothing.
+        words: its texts; None: all are numbers.
+    """
+
+    name: str
+    numbers: np.ndarray
+    words: list[str] | None = None
+
+    @property
+    def is_text(self) -> bool:
+        return self.words is not None and np.isnan(self.numbers).mean() > 1.0 - _MOSTLY
+
+
+class Split(NamedTuple):
+    """Where the cells of a table are.
+
+    Attributes:
+        front: columns before them.
+        roles: of all other columns, those in front first.
+    """
+
+    front: int
+    roles: list[Role]
+
+
+def split(columns: list[Column], cells: int, cycle: int = 1) -> Split | None:
+    """Return which columns of a table are its cells; None: its columns do not tell.
+
+    Args:
+        columns: all of them, in order.
+        cells: how many of them are cells, next to each other.
+        cycle: lines of a frame.
+    """
+    others = len(columns) - cells
+    typical = np.array([_median(c.numbers) for c in columns])
+    found: list[tuple[float, Split]] = []
+    for front in range(others + 1):
+        outside = [*range(front), *range(front + cells, len(columns))]
+        level = float(np.quantile(np.delete(typical, outside), 0.1))
+        seen = [_role(columns[k], cycle, level) for k in outside]
+        if all(seen):
+            found.append((sum(weight for _, weight in seen), Split(front, [r for r, _ in seen])))
+    if not found:
+        return None
+    best = max(weight for weight, _ in found)
+    ends = [each for weight, each in found if weight == best]
+    if len(ends) > 1 and (ends[-1].front < others or Role.LABEL in ends[-1].roles):
+        return None
+    return ends[-1]  # of two that rise, the time is in front
+
+
+def _median(values: np.ndarray) -> float:
+    return 0.0 if np.isnan(values).all() else float(np.nanmedian(values))
+
+
+def _role(column: Column, cycle: int, level: float) -> tuple[Role, float] | None:
+    """What the column is, and the weight of what shows it; None: it may be a cell.
+
+    Args:
+        level: what cells read, at least.
+    """
+    values = column.numbers[: _used(column)]
+    steps = np.diff(values)
+    one = len(steps) > 1 and (steps == 1.0).mean() >= _MOSTLY
+    if column.name:
+        if is_time_name(column.name):
+            bare = one and not unit_of(column.name)
+            return Role.COUNTER if bare else Role.TIME, _NAMED
+        if _COUNTER.match(column.name):
+            return Role.COUNTER, _NAMED
+        if _LABEL.search(column.name):
+            return Role.LABEL, _NAMED
+    if column.is_text:
+        dated = stamps(column.words[: len(values)]) is not None
+        return Role.TIME if dated else Role.LABEL, _NAMED
+    if not len(values) or np.isnan(values).any():
+        return None
+    if one:
+        return Role.COUNTER, _NAMED
+    whole = (values == np.rint(values)).all()
+    if cycle > 1 and whole:
+        lines = values[: len(values) // cycle * cycle].reshape(-1, cycle)
+        if len(lines) and (np.diff(lines, axis=1) == 1.0).all():
+            return Role.LABEL, _NAMED  # the row of a line
+        if len(lines) > 1 and not np.diff(lines, axis=1).any() and (np.diff(lines[:, 0]) > 0).all():
+            return Role.COUNTER, _NAMED
+    if len(steps) > 1 and (steps > 0.0).mean() >= _RISES:
+        return Role.TIME, _NAMED
+    few = len(np.unique(values)) <= min(_CLASSES, max(len(values) // 3, 1))
+    if whole and few and values.min() >= -1.0 and values.max() <= _LARGEST_LABEL:
+        if not steps.any():
+            return Role.LABEL, _CONSTANT
+        if (steps != 0.0).mean() < _SELDOM or _BELOW_CELLS * values.max() < level:
+            return Role.LABEL, _LIKELY
+    return None
+
+
+def _used(column: Column) -> int:
+    """How many of its lines were written: the others stand at 0, or empty, at the end."""
+    there = np.flatnonzero(~np.isnan(column.numbers) & (column.numbers != 0.0))
+    if column.is_text:
+        there = np.flatnonzero([bool(word) for word in column.words])
+    return int(there[-1]) + 1 if there.size else len(column.numbers)
+
+
+# --- time ----------------------------------------------------------------------------------------
+
+
+def times(columns: list[Column], notes: list[str], places: list[str]) -> np.ndarray | None:
+    """Return the seconds that columns of times say, (n,), NaN where they say none.
+
+    A day and a time of day in two columns are added up. What is assumed goes to `notes`.
+
+    Args:
+        places: of each column, for a person: "the first column".
+    """
+    dated = [(stamps(c.words), c) if c.is_text else (None, c) for c in columns]
+    texts = [found for found, _ in dated if found is not None]
+    if texts:
+        days = [found.seconds for found in texts if not found.clock]
+        clocks = [found for found in texts if found.clock]
+        if clocks:
+            day = days[0] if days and not clocks[0].day else 0.0
+            seconds = clocks[0].seconds + day
+            return seconds if clocks[0].day or days else _past_midnight(seconds)
+    for (_, column), place in zip(dated, places, strict=True):
+        if column.is_text:
+            continue
+        unit = unit_of(column.name)
+        if unit is None:
+            unit = _unit_by_value(column.numbers[: _used(column)])
+            notes.append(f"{place} is taken as the time in {unit}")
+        return column.numbers * _UNITS[unit]
+    return None
+
+
+def is_time_name(name: str) -> bool:
+    """Return whether a name is that of a time."""
+    return bool(_TIME.search(name) or _UNIT.search(name))
+
+
+def is_time(column: Column) -> bool:
+    """Return whether what is said of each frame is its time."""
+    seen = _role(column, 1, 0.0)
+    return seen is not None and seen[0] is Role.TIME
+
+
+def unit_of(name: str) -> str | None:
+    """Return the unit of time that a column's name says; None: none."""
+    if match := _UNIT.search(name.strip()):
+        return match[1].lower().replace("µ", "u")
+    return next((unit for spelt, unit in _SPELT if spelt.search(name)), None)
+
+
+def _unit_by_value(values: np.ndarray) -> str:
+    """The unit in which times are those of today, or else their steps those of a board."""
+    steps = np.diff(values[~np.isnan(values)])
+    step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    now = float(np.nanmedian(values)) if len(values) else 0.0
+    for unit, scale in _UNITS.items():
+        if _EPOCH_FROM < now * scale < _EPOCH_TO and _SHORTEST < step * scale < _LONGEST:
+            return unit
+    return "s" if step < 1.0 else "ms" if step < 1e3 else "us" if step < 1e6 else "ns"
+
+
+class Stamps(NamedTuple):
+    """Attributes:
+    seconds: (n,) since 1970, or of the day; NaN: none.
+    day, clock: whether they say the day, and the time of day.
+    """
+
+    seconds: np.ndarray
+    day: bool
+    clock: bool
+
+
+def stamps(words: list[str]) -> Stamps | None:
+    """Return what dates or times of day say; None: most of the texts are neither.
+
+    ISO 8601 and its usual variants, days with the year in front or behind, am and pm.
+    """
+    parts = [_stamp(word) for word in words]
+    known = [part for part in parts if part is not None]
+    if not known or len(known) < _MOSTLY * sum(map(bool, words)):
+        return None
+    days = [day for day, _ in known if day]
+    months_first = any(day.second > 12 and not day.year_first for day in days)  # 12/31/2024
+    seconds = np.full(len(words), np.nan)
+    for k, part in enumerate(parts):
+        if part is not None:
+            day, clock = part
+            seconds[k] = (clock or 0.0) + (day.seconds(months_first) if day else 0.0)
+    has_clock = all(clock is not None for _, clock in known)
+    return Stamps(seconds, len(days) == len(known), has_clock)
+
+
+class _Day(NamedTuple):
+    """Attributes:
+    year, first, second: as written, the numbers beside the year in order.
+    year_first: so that the month follows.
+    """
+
+    year: int
+    first: int
+    second: int
+    year_first: bool
+
+    def seconds(self, months_first: bool) -> float:
+        """Since 1970; 0 if there is no such day."""
+        month, day = self.first, self.second
+        if not (self.year_first or months_first):
+            month, day = day, month
+        try:
+            date = np.datetime64(f"{self.year:04d}-{month:02d}-{day:02d}", "D")
+        except ValueError:
+            return 0.0
+        return float(date.astype(int)) * _DAY_SECONDS
+
+
+def _stamp(word: str) -> tuple[_Day | None, float | None] | None:
+    """Day and seconds of the day that a text says; None: it is no stamp."""
+    rest, day, seconds = word, None, None
+    if match := _DAY.match(rest):
+        y, m, d, first, second, year = (int(part or 0) for part in match.groups())
+        day = _Day(y, m, d, True) if y else _Day(year, first, second, False)
+        rest = rest[match.end() :].lstrip("T_ ,")
+    if match := _CLOCK.match(rest):
+        hours, minutes, s, half = match.groups()
+        hour = int(hours) % 12 + 12 * (half.lower() == "pm") if half else int(hours)
+        seconds = 3600.0 * hour + 60.0 * int(minutes) + float((s or "0").replace(",", "."))
+        rest = rest[match.end() :]
+    if (day is None and seconds is None) or not _ZONE.match(rest):
+        return None
+    return day, seconds
+
+
+def _past_midnight(seconds: np.ndarray) -> np.ndarray:
+    falls = np.diff(seconds, prepend=seconds[:1]) < -0.5 * _DAY_SECONDS
+    return seconds + _DAY_SECONDS * np.cumsum(falls)
+
+
+def spread(stamps: np.ndarray) -> np.ndarray | None:
+    """Return (n,) times of a clock that is coarser than the frames, spread evenly; None: it is not.
+
+    Args:
+        stamps: (n,) that repeat [s].
+    """
+    steps = np.diff(stamps)
+    if len(steps) < 2 or (steps < 0.0).any() or not (steps == 0.0).mean() > _REPEATED:
+        return None
+    begins = np.flatnonzero(np.r_[True, steps > 0.0])
+    lengths = np.diff(np.r_[begins, len(stamps)])
+    if len(begins) < 3:  # of no step is it known when it began
+        return None
+    interval = np.diff(stamps[begins])[1:] / lengths[1:-1]
+    usual = float(np.median(interval))
+    within = np.arange(len(stamps)) - np.repeat(begins, lengths)
+    each = np.repeat(np.r_[usual, interval, usual], lengths)
+    found = np.repeat(stamps[begins], lengths) + within * each
+    first = lengths[0]
+    found[:first] = stamps[begins[1]] - usual * np.arange(first, 0, -1)
+    return found

@@ -1,0 +1,166 @@
+"""Lines of a text file as a table of numbers, whatever separates, brackets or surrounds them."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from typing import NamedTuple
+
+import numpy as np
+
+from ..physics.circuit import Circuit
+from .tables import ABSENT, Found, Table, frames_of, number
+
+_SAMPLE = 200  # lines that tell the separator
+_BRACKETS = str.maketrans("[](){}", "      ")  # of arrays that were printed
+_SAID = re.compile(r"^[#\s]*([A-Za-z][A-Za-z_ ./()]*?)(?:\s*[:=]\s*|\s+|$)(.*)$")  # name: value
+# Units that no ADC has, of systems that were calibrated.
+_PRESSURE = re.compile(r"n/(cm|mm|m)|k?pa$|mmhg|psi|kg|mbar|bar$|newton", re.IGNORECASE)
+_TEXT = 0.5  # share of a line's fields that are no numbers, at least, where it is no line of them
+_PART = 0.5  # share of a frame's fields that a damaged line holds, at least
+
+
+class _Line(NamedTuple):
+    """A line that is not empty.
+
+    Attributes:
+        number: from 1.
+        numbers: of its fields; NaN: none.
+        trails: whether a separator ends it.
+        run: that it belongs to.
+    """
+
+    number: int
+    words: list[str]
+    numbers: np.ndarray
+    trails: bool
+    run: int
+
+
+def read_text(text: str, circuit: Circuit) -> Found:
+    """Return the frames of a text.
+
+    Raises:
+        ValueError: it holds none, or lines of another size.
+    """
+    lines = text.splitlines()
+    numeric, texts = _sort(lines, _separator(lines[:_SAMPLE]))
+    if not numeric:
+        raise ValueError("holds no line of numbers")
+    weight = Counter()
+    for line in numeric:
+        weight[len(line.words)] += len(line.words)
+    width = weight.most_common(1)[0][0]
+    alike = [line for line in numeric if len(line.words) == width]
+    sizes = circuit.rows * circuit.cols, circuit.cols, circuit.rows
+    trails = width not in sizes and all(line.trails for line in alike)
+    width -= trails
+    begin = alike[0].number
+    header = next((line.words for line in reversed(texts) if line.number < begin), [])
+    header = header[:width] if len(header) - trails == width else []
+    said = _said(texts, numeric[-1].run)
+    found = frames_of(_table(numeric, width, trails, header, said), circuit)
+    notes = []
+    passed = [line.number for line in texts if _name_and_value(line)[0] not in said]
+    above = [k for k in passed if k < begin]
+    for dropped, why in (
+        (above[: -1 if header else None], "before the numbers: passed over"),
+        (passed[len(above) :], "with text among the numbers: dropped"),
+        (
+            [line.number for line in numeric if len(line.words) != width + trails],
+            f"of other than {width} fields: dropped",
+        ),
+    ):
+        if dropped:
+            notes.append(f"{len(dropped)} lines {why} (the first: line {dropped[0]})")
+    found.notes[:0] = notes
+    return found
+
+
+def _separator(lines: list[str]) -> str | None:
+    """The one of the file; None: spaces."""
+    counts = {mark: sum(line.count(mark) for line in lines) for mark in ";\t,"}
+    for mark in ";\t,":  # a comma may be the point of decimals
+        if counts[mark] >= len(lines) / 2 and counts[mark]:
+            return mark
+    return None
+
+
+def _words(line: str, separator: str | None) -> list[str]:
+    line = line.translate(_BRACKETS)
+    if separator is None:
+        return line.split()
+    if '"' in line:
+        words = next(csv.reader([line], delimiter=separator))
+        return [w.strip().replace(",", ".") for w in words]
+    words = line.split(separator)
+    return [w.strip().replace(",", ".") if separator != "," else w.strip() for w in words]
+
+
+def _sort(lines: list[str], separator: str | None) -> tuple[list[_Line], list[_Line]]:
+    """Lines of numbers, and the others, each with the run that follows it."""
+    numeric, texts, run, apart = [], [], 0, True
+    for k, line in enumerate(lines, 1):
+        words = _words(line, separator) if line.strip() else []
+        numbers, text = _numbers(words)
+        trails = bool(separator and words) and not words[-1]
+        if not words or (text and text >= _TEXT * (len(words) - trails)):
+            apart = True
+            if words:
+                texts.append(_Line(k, words, numbers, trails, run + 1))
+        else:
+            run += apart
+            apart = False
+            numeric.append(_Line(k, words, numbers, trails, run))
+    return numeric, texts
+
+
+def _numbers(words: list[str]) -> tuple[np.ndarray, int]:
+    """Of a line's fields, NaN where there is none; and how many fields are text."""
+    numbers = np.array([number(word) for word in words])
+    absent = np.flatnonzero(np.isnan(numbers))
+    return numbers, sum(words[k].lower() not in ABSENT for k in absent)
+
+
+def _name_and_value(line: _Line) -> tuple[str, str]:
+    """What a line of text says, as "Time: 10:00" does; empty if it says nothing so."""
+    match = _SAID.match(" ".join(line.words))
+    return (match[1].strip(), match[2].strip()) if match else ("", "")
+
+
+def _said(texts: list[_Line], runs: int) -> dict[str, dict[int, str]]:
+    """Name -> {run: value} of what stands above at least half of the runs.
+
+    Raises:
+        ValueError: a unit of pressure.
+    """
+    found: dict[str, dict[int, str]] = {}
+    for line in texts:
+        name, value = _name_and_value(line)
+        if name:
+            found.setdefault(name, {})[line.run] = value
+            if name.lower().startswith("unit") and _PRESSURE.search(value):
+                raise ValueError(
+                    f"line {line.number} says {name} {value}: these are pressures of a calibrated "
+                    "system, must be what the ADC reads"
+                )
+    return {name: of for name, of in found.items() if len(of) > 1 and len(of) >= 0.5 * runs}
+
+
+def _table(numeric: list[_Line], width: int, trails: bool, header, said) -> Table:
+    """The lines of one width; what is left of a damaged one holds its place."""
+    kept = [line for line in numeric if len(line.words) > _PART * width]
+    damaged = np.array([len(line.words) != width + trails for line in kept])
+    blank = np.full(width, np.nan)
+    numbers = np.array(
+        [blank if cut else line.numbers[:width] for line, cut in zip(kept, damaged, strict=True)]
+    )
+    texts = {
+        int(k): np.array(
+            ["" if cut else line.words[k] for line, cut in zip(kept, damaged, strict=True)], object
+        )
+        for k in np.flatnonzero(np.isnan(numbers).any(0))
+    }
+    numbered, runs = (np.array([getattr(line, of) for line in kept]) for of in ("number", "run"))
+    return Table(numbers, header, texts, numbered, runs, damaged, said)

@@ -1,0 +1,105 @@
+"""What the numbers of a file are: ADC steps, ratios, volts, or pictures that somebody processed.
+
+A file does not say its scale. What cannot be what an ADC reads is refused by what was seen; what
+may be two things is refused until `full_scale` says which.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+
+VOLTS = 5.5  # V, the most that a board of 5 V prints
+_SAMPLE = 200_000  # numbers that are looked at
+_DECIMALS = 1e-6  # share of a unit of the last decimal by which a printed number may miss it
+_PRINTED = 1000.0  # numbers with three decimals or fewer were printed, and rounded
+_WIDTHS = range(8, 17)  # bits of ADCs whose readings may stand as ratios
+_ON_GRID = 0.02  # of an ADC step by which a ratio may miss a whole number of steps
+_MOSTLY = 0.9  # share of the frames that reach both ends, where each was normalised
+
+
+class Kind(Enum):
+    """What numbers are."""
+
+    STEPS = "ADC steps"
+    RATIOS = "ratios"
+    VOLTS = "volts"
+    RATIOS_OR_VOLTS = "ratios or volts"
+    NORMALISED = "normalised"
+    NEGATIVE = "below 0"
+
+
+class Scale(NamedTuple):
+    """What the numbers of some frames are.
+
+    Attributes:
+        kind: of them.
+        low, high: the smallest and the largest.
+        each: of NORMALISED, whether each frame was, and not all together.
+    """
+
+    kind: Kind
+    low: float
+    high: float
+    each: bool = False
+
+    def refused(self) -> str:
+        """Return why these are not what an ADC reads; empty if they may be."""
+        ends = f"numbers from {self.low:.4g} to {self.high:.4g}"
+        if self.kind is Kind.NEGATIVE:
+            return (
+                f"{ends}: an ADC reads nothing below 0. Was a baseline subtracted? Must be what "
+                "the ADC reads"
+            )
+        if self.kind is Kind.NORMALISED:
+            what = "each frame reaches" if self.each else "the file reaches"
+            return f"{what} from exactly 0 to exactly 1: normalised, must be what the ADC reads"
+        if self.kind in (Kind.VOLTS, Kind.RATIOS_OR_VOLTS):
+            return (
+                f"{ends}: {self.kind.value}? Say what an input at the supply reads: "
+                "full_scale:=5.0 of volts, full_scale:=1.0 of ratios"
+            )
+        return ""
+
+
+def scale_of(values: np.ndarray) -> Scale:
+    """Return what the numbers of frames (n, rows, cols) are; NaN: not read."""
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    if low < 0.0:
+        return Scale(Kind.NEGATIVE, low, high)
+    if values.dtype.kind != "f" or high > VOLTS:
+        return Scale(Kind.STEPS, low, high)
+    flat = values[~np.isnan(values)]
+    flat = flat[:: max(1, flat.size // _SAMPLE)]
+    if (flat == np.rint(flat)).all() and high > 1.0:
+        return Scale(Kind.STEPS, low, high)
+    if high > 1.0:
+        return Scale(Kind.VOLTS, low, high)
+    with np.errstate(all="ignore"):
+        ends = np.nanmin(values, (1, 2)) == 0.0, np.nanmax(values, (1, 2)) == 1.0
+    if (ends[0] & ends[1]).mean() > _MOSTLY and len(values) > 1:
+        return Scale(Kind.NORMALISED, low, high, each=True)
+    if (low, high) == (0.0, 1.0):
+        return Scale(Kind.NORMALISED, low, high)
+    printed = np.abs(flat * _PRINTED - np.rint(flat * _PRINTED)).max(initial=0.0) < _DECIMALS
+    if printed and not any(_on_grid(flat, bits) for bits in _WIDTHS):
+        return Scale(Kind.RATIOS_OR_VOLTS, low, high)
+    return Scale(Kind.RATIOS, low, high)
+
+
+def _on_grid(ratios: np.ndarray, bits: int) -> bool:
+    steps = ratios * (2**bits - 1)
+    return bool(np.abs(steps - np.rint(steps)).max(initial=0.0) < _ON_GRID)
+
+
+def without_sentinel(values: np.ndarray) -> tuple[np.ndarray, int]:
+    """Return frames with NaN in place of -1, and how many there were.
+
+    Only where no other number is below 0: -1 then stands for no value.
+    """
+    below = values < 0
+    if not below.any() or (values[below] != -1).any():
+        return values, 0
+    return np.where(below, np.nan, values), int(below.sum())

@@ -1,0 +1,235 @@
+"""Frames from a table of numbers: a frame a line, or a row of the matrix a line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from ..physics.circuit import Circuit
+from . import columns
+from .columns import Column, Role
+
+ABSENT = {"", "-", "nan"}  # fields that stand for a crossing that was not read
+_NUMBERED = 16  # cells of which no reading looks like a header that numbers them: 0, 1, 2 ...
+
+
+@dataclass
+class Table:
+    """Lines of one width.
+
+    Attributes:
+        numbers: (n, width); NaN: nothing there, or text.
+        names: of the columns; empty: none.
+        texts: column -> its fields as text, of columns that hold any.
+        numbered: (n,) lines of the file, from 1.
+        runs: (n,) rising, the same for lines that follow each other with nothing between.
+        damaged: (n,) bool, lines that stand for one of another width.
+        said: name -> {run: text} of what stands above each run.
+    """
+
+    numbers: np.ndarray
+    names: list[str] = field(default_factory=list)
+    texts: dict[int, np.ndarray] = field(default_factory=dict)
+    numbered: np.ndarray | None = None
+    runs: np.ndarray | None = None
+    damaged: np.ndarray | None = None
+    said: dict[str, dict[int, str]] = field(default_factory=dict)
+
+    def __post_init__(self):
+        n = len(self.numbers)
+        self.numbered = np.arange(1, n + 1) if self.numbered is None else self.numbered
+        self.runs = np.zeros(n, int) if self.runs is None else self.runs
+        self.damaged = np.zeros(n, bool) if self.damaged is None else self.damaged
+
+    def part(self, lines: slice) -> Table:
+        texts = {k: words[lines] for k, words in self.texts.items()}
+        of_lines = (a[lines] for a in (self.numbered, self.runs, self.damaged))
+        return Table(self.numbers[lines], self.names, texts, *of_lines, self.said)
+
+    def column(self, k: int, lines=slice(None)) -> Column:
+        name = self.names[k] if self.names else ""
+        words = list(self.texts[k][lines]) if k in self.texts else None
+        return Column(name, self.numbers[lines, k], words)
+
+    def told(self, name: str, frames: np.ndarray) -> Column:
+        """What is said above each of the lines, as a column."""
+        words = [self.said[name].get(run, "") for run in self.runs[frames]]
+        numbers = np.array([number(word) for word in words])
+        return Column(name, numbers, words if np.isnan(numbers).any() else None)
+
+
+@dataclass
+class Found:
+    """What a file holds.
+
+    Attributes:
+        values: (n, rows, cols) numbers; NaN: not read.
+        times: (n,) [s]; None: the file has none.
+        notes: what was assumed, repaired or dropped, in words.
+        lost: frames that were dropped.
+    """
+
+    values: np.ndarray
+    times: np.ndarray | None = None
+    notes: list[str] = field(default_factory=list)
+    lost: int = 0
+
+
+class _Layout(NamedTuple):
+    """How lines make a frame.
+
+    Attributes:
+        cells, others: of a line, and columns besides.
+        lines: of a frame.
+        turned: whether a line is a column of the matrix.
+    """
+
+    cells: int
+    others: int
+    lines: int
+    turned: bool = False
+
+
+def number(word: str) -> float:
+    """Return the number of a field; NaN: nothing there, or text."""
+    try:
+        value = np.nan if word.lower() in ABSENT else float(word)
+    except ValueError:
+        return np.nan
+    return value if np.isfinite(value) else np.nan
+
+
+def frames_of(table: Table, circuit: Circuit) -> Found:
+    """Return the frames of a table.
+
+    Raises:
+        ValueError: lines of another size, or columns that do not tell which of them are cells.
+    """
+    width = table.numbers.shape[1]
+    layout, notes = _layout(table, circuit), []
+    numbers = table.numbers[0]
+    if layout.cells >= _NUMBERED and np.isnan(numbers[0]) and not np.diff(numbers[1:], 2).any():
+        table = table.part(slice(1, None))  # as pandas writes an array: an empty field, 0, 1, 2 ...
+    table = _written(table, layout, notes)
+    split = columns.Split(0, [])
+    if layout.others:
+        every = [table.column(k) for k in range(width)]
+        split = columns.split(every, layout.cells, layout.lines)
+    if split is None:
+        raise ValueError(
+            f"{_holds(width, circuit)}, and neither its first nor its last fields show by a name, "
+            "or by what they do, that they are no cells: name them in a header (time_ms, index, "
+            "label)"
+        )
+    cells = range(split.front, split.front + layout.cells)
+    first = _first_lines(table.runs, layout.lines)
+    lines = first[:, None] + np.arange(layout.lines)
+    bad = _damaged(table, cells)[lines].any(1)
+    values = table.numbers[lines][..., cells.start : cells.stop]
+    values = values.reshape(len(first), -1, layout.cells)
+    values = values.swapaxes(1, 2) if layout.turned else values
+    values = values.reshape(len(first), *circuit.shape)
+    blind = ~bad & np.isnan(values).all((1, 2))
+    kept = first[~bad & ~blind]
+    if layout.lines > 1:
+        notes.append(
+            f"lines of {layout.cells} numbers: a {'column' if layout.turned else 'row'} of the "
+            f"matrix a line, {layout.lines} lines a frame"
+        )
+    if lost := len(table.numbers) - lines.size:
+        notes.append(f"{lost} lines that make no frame of {layout.lines}: dropped")
+    if blind.any():
+        at = table.numbered[first[blind][0]]
+        notes.append(
+            f"{blind.sum()} lines in which no crossing was read: dropped (the first: line {at})"
+        )
+    found = Found(values[~bad & ~blind], None, notes)
+    found.lost = int(bad.sum() + blind.sum()) + -(-lost // layout.lines)
+    if absent := int(np.isnan(found.values).sum()):
+        notes.append(f"{absent} fields without a number: taken as not read")
+    _tell_others(table, split, kept, found, cells)
+    return found
+
+
+def _holds(width: int, circuit: Circuit) -> str:
+    rows, cols = circuit.shape
+    return f"most lines hold {width} numbers, the circuit is {rows} x {cols} = {rows * cols}"
+
+
+def _layout(table: Table, circuit: Circuit) -> _Layout:
+    """By the width, whose fewest columns are no cells."""
+    width, (rows, cols) = table.numbers.shape[1], circuit.shape
+    ways = [(rows * cols, 1, False), (cols, rows, False), (rows, cols, True)]
+    found = [
+        _Layout(cells, width - cells, lines, turned)
+        for cells, lines, turned in ways
+        if 0 <= width - cells <= columns.MOST and (lines == 1 or len(table.numbers) >= lines)
+    ]
+    if not found:
+        raise ValueError(
+            f"{_holds(width, circuit)}: must be these, or {cols}, a row of the matrix a line, with "
+            f"at most {columns.MOST} columns more for time, counter and label; check rows and cols"
+        )
+    return min(found, key=lambda layout: layout.others)
+
+
+def _written(table: Table, layout: _Layout, notes: list[str]) -> Table:
+    """Without the zeros at its end that a buffer held which was never filled."""
+    zero = (table.numbers == 0.0).sum(1) >= layout.cells
+    last = int(np.flatnonzero(~zero)[-1]) + 1 if not zero.all() else len(zero)
+    last += -last % layout.lines
+    if last >= len(zero) or zero[:last].reshape(-1, layout.lines).all(1).any():
+        return table
+    n = (len(zero) - last) // layout.lines
+    notes.append(f"the last {n} frames are all 0: never written, and dropped")
+    return table.part(slice(last))
+
+
+def _damaged(table: Table, cells: range) -> np.ndarray:
+    """(n,) bool: lines of another width, or with text where a cell's number should be."""
+    damaged = table.damaged.copy()
+    for k in cells:
+        if k in table.texts:
+            absent = np.array([word.lower() in ABSENT for word in table.texts[k]])
+            damaged |= np.isnan(table.numbers[:, k]) & ~absent
+    return damaged
+
+
+def _first_lines(runs: np.ndarray, lines: int) -> np.ndarray:
+    """The first line of each frame.
+
+    Of a run with a remainder nobody knows which lines are missing, but for the last one's end.
+    """
+    begins = np.flatnonzero(np.diff(runs, prepend=runs[0] - 1)) if len(runs) else np.zeros(0, int)
+    found = []
+    for begin, end in zip(begins, [*begins[1:], len(runs)], strict=True):
+        if (end - begin) % lines == 0 or end == len(runs):
+            found += range(begin, end - lines + 1, lines)
+    return np.array(found, dtype=int)
+
+
+def _tell_others(table: Table, split: columns.Split, kept, found: Found, cells: range) -> None:
+    """Times and notes from what is no cell: columns, and what is said above each frame."""
+    width, timed, places = table.numbers.shape[1], [], []
+    outside = [k for k in range(width) if k not in cells]
+    for k, role in zip(outside, split.roles, strict=True):
+        column, place = table.column(k, kept), _place(k, width)
+        if role is Role.TIME:
+            timed.append(column)
+            places.append(place)
+        else:
+            found.notes.append(
+                f"{place} {'counts' if role is Role.COUNTER else 'is a label'}: passed over"
+            )
+    for name in table.said:
+        column = table.told(name, kept)
+        if not timed and columns.is_time(column):
+            timed, places = [column], [f"{name!r} above each frame"]
+    if timed:
+        found.times = columns.times(timed, found.notes, places)
+
+
+def _place(k: int, width: int) -> str:
+    return {0: "the first column", width - 1: "the last column"}.get(k, f"column {k + 1}")

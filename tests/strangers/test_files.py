@@ -1,0 +1,172 @@
+"""Files as strangers have them: other columns, blocks, other scales, processed numbers."""
+
+import numpy as np
+import pytest
+from strangers import sim
+
+from tactile_skin import Circuit
+from tactile_skin.cli import main
+from tactile_skin.errors import FileError
+from tactile_skin.recording.frames import read_frames
+from tactile_skin.recording.scale import Kind, scale_of
+
+CIRCUIT = Circuit(8, 8, r_ref=10e3, r_par=140.0)
+N = 300
+
+
+@pytest.fixture(scope="module")
+def steps():
+    """(n, 8, 8) whole ADC steps of a skin that is touched."""
+    rng = np.random.default_rng(11)
+    force = sim.touches((8, 8), N / 20.0, 20.0)
+    return sim.counts(CIRCUIT, sim.fabric(CIRCUIT), force, rng)
+
+
+def text(path, lines) -> str:
+    path.write_text("\n".join(lines) + "\n")
+    return str(path)
+
+
+def line(frame, separator=",") -> str:
+    return separator.join(map(str, frame.ravel().tolist()))
+
+
+CLOCK = np.datetime64("2024-05-01T09:30:00.000")
+AROUND = {  # line, its number -> as it is printed; and the interval that its times show [s]
+    "an index in front": (lambda words, k: f"{k},{words}", None),
+    "a class behind": (lambda words, k: f"{words},{k // 50 % 4}", None),
+    "a word behind": (lambda words, k: f"{words},{['sit', 'stand'][k // 60 % 2]}", None),
+    "both": (lambda words, k: f"{k},{words},{k // 50 % 4}", None),
+    "ms in front": (lambda words, k: f"{120_000 + 50 * k},{words}", 0.05),
+    "us behind": (lambda words, k: f"{words},{1_700_000_000_000_000 + 50_000 * k}", 0.05),
+    "ns behind": (lambda words, k: f"{words},{1_700_000_000_000_000_000 + 50_000_000 * k}", 0.05),
+    "a date in front": (lambda words, k: f"{CLOCK + np.timedelta64(50 * k, 'ms')},{words}", 0.05),
+    "a counter and a time behind": (
+        lambda words, k: f"{words},{k},{1_700_000_000_000_000 + 50_000 * k}",
+        0.05,
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", AROUND)
+def test_a_column_that_is_no_cell_is_known_by_what_it_does(kind, tmp_path, steps):
+    write, interval = AROUND[kind]
+    path = text(tmp_path / "a.csv", [write(line(frame), k) for k, frame in enumerate(steps)])
+    found = read_frames(path, CIRCUIT)
+    np.testing.assert_array_equal(found.values, steps)
+    if interval is None:
+        assert found.times is None and found.notes
+    else:
+        assert np.diff(found.times) == pytest.approx(np.full(N - 1, interval), rel=1e-3)
+
+
+SHAPES = {
+    "stacked": lambda steps: steps.reshape(-1, 8),
+    "the frames last": lambda steps: np.moveaxis(steps, 0, -1),
+    "with a channel": lambda steps: steps[:, None],
+}
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_an_array_of_another_shape(kind, tmp_path, steps):
+    np.save(tmp_path / "a.npy", SHAPES[kind](steps))
+    np.testing.assert_array_equal(read_frames(tmp_path / "a.npy", CIRCUIT).values, steps)
+
+
+def test_blocks_of_rows_with_a_heading_each(tmp_path, steps):
+    lines = []
+    for k, frame in enumerate(steps):
+        lines += [f"Frame: {k}", f"Time: {0.05 * k:.2f}", *map(line, frame), ""]
+    found = read_frames(text(tmp_path / "a.csv", lines), CIRCUIT)
+    np.testing.assert_array_equal(found.values, steps)
+    assert np.diff(found.times) == pytest.approx(0.05)
+
+
+def test_zeros_at_the_end_were_never_written(tmp_path, steps):
+    padded = np.concatenate([steps, np.zeros((40, 8, 8), int)])
+    path = text(tmp_path / "a.csv", [line(frame) for frame in padded])
+    assert len(read_frames(path, CIRCUIT).values) == N
+
+
+def test_a_file_of_which_most_would_be_dropped_is_refused(tmp_path, steps, capsys):
+    lines = [line(frame) if k % 5 == 0 else line(frame)[:-9] for k, frame in enumerate(steps)]
+    lines = [f"{50 * (k % 3)},{words}" for k, words in enumerate(lines)]
+    assert main(["replay", text(tmp_path / "a.csv", lines)]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_a_pickle_is_refused_in_a_sentence(tmp_path):
+    np.save(tmp_path / "a.npy", np.array([{1: 2}], object), allow_pickle=True)
+    with pytest.raises(FileError, match="is a pickle, which may run any program"):
+        read_frames(tmp_path / "a.npy", CIRCUIT)
+
+
+def test_the_rate_counts_where_the_file_has_no_times(tmp_path, steps):
+    bare = text(tmp_path / "a.csv", [f"{k},{line(frame)}" for k, frame in enumerate(steps)])
+    assert np.diff(read_frames(bare, CIRCUIT, rate=20.0).times) == pytest.approx(0.05)
+    timed = text(tmp_path / "b.csv", [f"{50 * k},{line(f)}" for k, f in enumerate(steps)])
+    assert "rate:=40 is not used: the file has times" in read_frames(timed, CIRCUIT, rate=40).notes
+
+
+# --- scale and processing ---
+
+
+def normalised(steps, axis):
+    low, high = steps.min(axis, keepdims=True), steps.max(axis, keepdims=True)
+    return (steps - low) / (high - low)
+
+
+PROCESSED = {
+    "volts": (lambda steps: np.round(steps * 3.3 / 1023, 3), Kind.VOLTS),
+    "volts below 1": (lambda steps: np.round(steps / 1023 * 0.9, 3), Kind.RATIOS_OR_VOLTS),
+    "ratios of three decimals": (lambda s: np.round(s / 1023, 3), Kind.RATIOS_OR_VOLTS),
+    "normalised, each frame": (lambda steps: normalised(steps, (1, 2)), Kind.NORMALISED),
+    "normalised together": (lambda steps: normalised(steps, (0, 1, 2)), Kind.NORMALISED),
+    "a baseline subtracted": (lambda steps: steps - steps[:20].mean(0), Kind.NEGATIVE),
+}
+
+
+@pytest.mark.parametrize("kind", PROCESSED)
+def test_what_an_adc_does_not_read_is_refused_by_what_was_seen(kind, tmp_path, steps):
+    make, expected = PROCESSED[kind]
+    values = make(steps.astype(float))
+    assert scale_of(values).kind is expected
+    np.save(tmp_path / "a.npy", values)
+    with pytest.raises(FileError, match=r"numbers from|each frame|the file") as error:
+        read_frames(tmp_path / "a.npy", CIRCUIT)
+    assert "set " not in str(error.value)
+
+
+SOUND = {
+    "ADC steps": lambda steps: steps,
+    "steps as floats": lambda steps: steps.astype(float),
+    "means of scans": lambda steps: steps + 0.25,
+    "ratios": lambda steps: steps / 1023,
+    "ratios of six decimals": lambda steps: np.round(steps / 1023, 6),
+    "8 bits, at rest 0": lambda steps: np.maximum(steps // 4 - 60, 0),
+    "ratios of means": lambda steps: (steps + 0.3) / 1023.7,
+}
+
+
+@pytest.mark.parametrize("kind", SOUND)
+def test_what_an_adc_reads_is_taken(kind, tmp_path, steps):
+    np.save(tmp_path / "a.npy", SOUND[kind](steps))
+    found = read_frames(tmp_path / "a.npy", CIRCUIT)
+    assert found.are_ratios == ("ratios" in kind)
+    assert any("taken as ratios" in note for note in found.notes) == found.are_ratios
+
+
+@pytest.mark.parametrize("full_scale", [3.3, 5.0])
+def test_volts_are_read_once_their_scale_is_given(full_scale, tmp_path, steps):
+    np.save(tmp_path / "a.npy", np.round(steps * full_scale / 1023, 4))
+    found = read_frames(tmp_path / "a.npy", CIRCUIT, full_scale=full_scale)
+    np.testing.assert_allclose(found.values, steps, atol=0.05)
+
+
+def test_minus_one_is_no_value(tmp_path, steps):
+    values = steps.copy()
+    values[:, 3, 4] = -1
+    np.save(tmp_path / "a.npy", values)
+    found = read_frames(tmp_path / "a.npy", CIRCUIT)
+    assert np.isnan(found.values[:, 3, 4]).all() and np.isnan(found.values).sum() == N
+    assert f"{N} numbers of -1: taken as not read" in found.notes
