@@ -159,9 +159,9 @@ class Tare:
         one_voltage = self._one_voltage.window(mean, n + m, usual)
         self.unseen = self._one_voltage.tells
         zero = self._circuit.populated & (mean == 0.0)
-        few = max(1.0, _RESTLESS * np.count_nonzero(self._circuit.populated))
-        if not one_voltage and np.count_nonzero(zero) > few:
-            one_voltage = _zero(np.count_nonzero(zero))
+        zero &= ~(zero.all(1)[:, None] | zero.all(0))  # such a line is not connected
+        if np.count_nonzero(zero) > max(1.0, _RESTLESS * np.count_nonzero(self._circuit.populated)):
+            one_voltage = one_voltage or _zero(np.count_nonzero(zero))
         if one_voltage:
             if not self.measured:
                 self.message = one_voltage
