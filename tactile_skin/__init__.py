@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from .calibration.doctor import Finding, diagnose
     from .calibration.identify import Identified, identify
     from .calibration.rest import Rest, measure_rest
+    from .physics.adc import Adc
     from .physics.circuit import Circuit, forward
     from .physics.creep import Creep
     from .physics.curve import PressureCurve
@@ -27,12 +28,14 @@ _HOME = {
     "calibration.doctor": ("Finding", "diagnose"),
     "calibration.identify": ("Identified", "identify"),
     "calibration.rest": ("Rest", "measure_rest"),
+    "physics.adc": ("Adc",),
     "physics.circuit": ("Circuit", "forward"),
     "physics.creep": ("Creep",),
     "physics.curve": ("PressureCurve",),
     "solvers": ("Estimate", "compensate"),
 }
 __all__ = [
+    "Adc",
     "Circuit",
     "Creep",
     "Estimate",

@@ -70,7 +70,9 @@ def frames(circuit: Circuit, seed, of: int, seconds: float = 90.0, *, offset=OFF
 
 def felt(circuit: Circuit, readings, force, adc: dict) -> tuple[np.ndarray, float, dict]:
     """Ratio of felt to true force while touched; share of time in a fault stop; reasons."""
-    chain = Chain(circuit, "text", {n: adc for n in ("serial_driver", "compensation")})
+    parameters = {n: adc for n in ("serial_driver", "compensation")}
+    parameters |= {"gesture_feature": {"geometry.shape": "plane"}}
+    chain = Chain(circuit, "text", parameters)
     total = force.sum((1, 2))
     near = np.array([total[max(k - LATEST, 0) : k + LATEST + 1].min() for k in range(len(total))])
     ratio, faults, why = [], 0, {}
