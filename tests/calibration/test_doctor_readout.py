@@ -22,7 +22,7 @@ from tactile_skin.commands.doctor import touches_note
 from tactile_skin.learning import scenes
 from tactile_skin.physics.adc import Adc
 from tactile_skin.physics.circuit import forward
-from tactile_skin.physics.readouts import READOUTS
+from tactile_skin.physics.readouts import PASSIVE
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "yardsticks"))
 from doctor import KINDS as FAULTS
@@ -87,7 +87,7 @@ def test_fingers_are_no_noise_and_readings_upside_down_are_named(kind, seed):
 
 
 @pytest.mark.parametrize("seed", [41, 42, 44])
-@pytest.mark.parametrize("readout", READOUTS)
+@pytest.mark.parametrize("readout", PASSIVE)
 def test_readings_upside_down_are_named_whatever_a_skin_rests_at(readout, seed):
     """Pull-ups of 35 kohm: cells rest about the middle of the range, and a palm takes all of it."""
     given = {"r_ref": 35e3, "r_par": 25.0} if readout != "floating" else {}
@@ -161,7 +161,7 @@ def test_a_skin_that_is_never_left_alone_is_neither_upside_down_nor_damaged():
     [
         (kind, readout)
         for kind in FAULTS
-        for readout in (READOUTS[2:] if kind == "drivers" else READOUTS[1:])
+        for readout in (PASSIVE[2:] if kind == "drivers" else PASSIVE[1:])
         if kind not in ("bits", "saturation")
     ],
 )
@@ -198,7 +198,7 @@ def test_an_open_line_that_a_noisy_one_crosses_is_named():
     assert len(found) == 2
 
 
-@pytest.mark.parametrize("readout", READOUTS[1:])
+@pytest.mark.parametrize("readout", PASSIVE[1:])
 def test_a_resistor_of_another_value_is_named_with_its_ohms(readout):
     circuit, rng = Circuit(8, 12, readout=readout), np.random.default_rng(192100)
     sound = Wires.sound(circuit, 4e4)

@@ -18,7 +18,7 @@ from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Header, KeyValue
 from tactile_skin.nodes import diagnostics
 from tactile_skin.nodes.compensation import Compensation
 from tactile_skin.nodes.stop_on_push import StopOnPush
-from tactile_skin.physics.readouts import READOUTS
+from tactile_skin.physics.readouts import PASSIVE
 
 
 def decided(force, peak, unknown=None, gain=1.0, readout="floating"):
@@ -62,7 +62,7 @@ def test_a_soft_or_light_one_does_not_stop(force, peak):
     assert decided(force, peak, 65.0) == ""
 
 
-@pytest.mark.parametrize("readout", READOUTS)
+@pytest.mark.parametrize("readout", PASSIVE)
 @pytest.mark.parametrize(("newtons", "side"), [(4.0, 3), (2.25, 4), (1.44, 5)])
 def test_a_palm_counts_with_what_all_its_cells_hide(readout, newtons, side):
     """Touches of 36 N on a board whose r_par is a fifth above what is configured."""

@@ -116,12 +116,15 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     if table := converter.other(circuit, touched):
         return [circuits.converter(table)]
     fitting = readout.other(circuit, touched)
-    if fitting and any(change.circuit.r_par == circuit.r_par for change in fitting.changes):
+    named = fitting and any(c.circuit.r_par == circuit.r_par for c in fitting.changes)
+    if named and not fitting.of_own_cells:
         return [circuits.readout(circuit, fitting)]
     if bits := readings.stuck_bits(seen):
         return [texts.bit(*bit) for bit in bits]
     if leaping := readings.leaping_bit(seen):
         return [texts.leaping_bit(*leaping)]
+    if named:
+        return [circuits.readout(circuit, fitting)]
     if (votes := order.transposed(seen)) and (change := _other_way(seen, touched)):
         return [circuits.transposed(circuit, change, votes.touches, votes.share)]
     found: list[Finding] = []
@@ -197,7 +200,7 @@ def _explained(circuit: Circuit, fitting: readout.Fitting | None) -> list[Findin
     """What the touches fit instead, where nothing else was found."""
     if fitting is None:
         return []
-    tell = circuits.readout if fitting.changes else texts.no_readout
+    tell = circuits.readout if fitting.changes else circuits.no_readout
     return [tell(circuit, fitting)]
 
 

@@ -59,7 +59,7 @@ def readout(supposed: Circuit, fitting: Fitting) -> Finding:
         fitting: with one change or more.
     """
     changes, only = fitting.changes, len(fitting.changes) == 1
-    if changes[0].circuit.readout == "virtual_ground" != supposed.readout:
+    if fitting.of_own_cells and supposed.readout != "virtual_ground":
         return _virtual_ground(fitting)
     missed = (
         f"and {_wired(supposed)}, r_par = {supposed.r_par:g} ohm, as configured, to "
