@@ -111,7 +111,9 @@ def make_parser(run: dict) -> argparse.ArgumentParser:
     )
     sub.add_argument(
         "--creep",
-        action="store_true",
+        nargs="?",
+        const=True,
+        metavar="FILE",
         help="measure only by how much a load that stands grows with time: one object, two minutes",
     )
     sub.add_argument(

@@ -63,7 +63,10 @@ def _view(args) -> int:
 def _calibrate(args) -> int:
     from .commands import calibrate
 
-    return calibrate.run(args.out, args.config, args.words, args.creep, args.train)
+    words, live = args.words, args.creep is True
+    if args.creep and not live:  # creep:=FILE is one of the recordings
+        words = [*words, f"creep:={args.creep}"]
+    return calibrate.run(args.out, args.config, words, live, args.train)
 
 
 def _launch(args) -> int:

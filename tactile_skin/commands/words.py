@@ -49,8 +49,6 @@ class CommandParser(argparse.ArgumentParser):
             if action is None and not takes_any:
                 names = (key for key in options if len(key) > 1)
                 self.error(f"argument {name!r} is unknown{did_you_mean(name, names)}")
-            if action and action.nargs == 0 and mark and takes_any and text not in _BOOLS:
-                action = None  # an option and a file may have one name: --creep, creep:=FILE
             nargs = action and action.nargs  # None: one value
             if values is None:
                 most, values = {0: 0, "+": len(rest)}.get(nargs, 1), []

@@ -339,6 +339,7 @@ def test_the_scatter_of_frames_is_what_many_are_judged_by(factor):
     """Sixteen frames whose scores differ by `factor` of what noise is supposed to leave."""
     scores = factor * np.random.default_rng(170002).standard_normal((400, 16, 2))
     rest, supposed = Rest(np.zeros((1, 1)), 0.0, 1, np.ones((1, 1))), Supposed.__new__(Supposed)
+    supposed.rest, supposed.circuit = np.ones((1, 1)), Circuit(1, 1)
     supposed.by_reading = lambda by_rest: np.zeros((2, 1))
     one = np.eye(2), np.zeros((2, 1, 1)), 10.0, 10
     named = [
