@@ -40,7 +40,7 @@ _CUT_OFF = 3.0  # ADC steps from the converter's ends within which a reading's n
 _START_STEPS = 60  # of the fixed point, to one ADC step RMS
 _STEPS = 6  # of Levenberg and Marquardt, a frame and search of touched cells; the next goes on
 _SETTLED = 0.5  # gain in chi^2 of a step that is the last
-HARDEST = 0.01  # times r_ref that a cell has at least: 18 ohm on the paper's board
+HARDEST = 0.002  # times r_ref that a cell has at least: 20 ohm beside 10 kohm
 _ANY = 3.0  # standard deviation of a touched cell's log conductance: nothing is known of it
 # Times the noise, RMS: by which a frame may differ from the one before, since a touch that moves is
 # read row by row; and by which it differs from the last that was asked.

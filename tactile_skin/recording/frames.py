@@ -135,6 +135,8 @@ def _scaled(found: Frames, circuit: Circuit, full_scale: float | None) -> Frames
     Raises:
         FileError: numbers that are neither, or may be two things.
     """
+    if not found.values.size or np.isnan(found.values).all():
+        return found
     found.values, absent = without_sentinel(found.values)
     if absent:
         found.notes.append(f"{absent} numbers of -1: taken as not read")
