@@ -25,6 +25,7 @@ ROSDISTRO = {
     *("sensor_msgs", "diagnostic_msgs", "rosgraph_msgs", "ros2launch", "launch_yaml", "rviz2"),
     *("tf2_msgs", "tactile_msgs"),
     *("python3-dev", "python3-numpy", "python3-scipy", "python3-serial", "python3-yaml"),
+    "python3-ruamel.yaml",
     *("python3-pytest", "python3-hypothesis"),
 }
 

@@ -293,9 +293,9 @@ class TextParser(Parser):
         """
         if words[-1] or len(words) == 1:
             return words
-        wanted = self._cells, self._piece
-        self._trails = self._trails or len(words) - 1 in wanted
-        if len(words) in wanted and not self._trails:
+        _, wanted = self._sound
+        self._trails = self._trails or len(words) - 1 == wanted
+        if len(words) == wanted and not self._trails:
             self._empty_ends += 1
             if self._empty_ends > 1:
                 return words
