@@ -12,7 +12,7 @@ from tactile_skin.bench.textile import Textile, read
 from tactile_skin.calibration.rest import resting_conductance
 from tactile_skin.learning import network, scenes
 from tactile_skin.physics.curve import GRAM
-from tactile_skin.physics.readouts import READOUTS
+from tactile_skin.physics.readouts import PASSIVE
 from tactile_skin.solvers import score
 from tactile_skin.solvers.reading import SCAN_NOISE, check_reading
 from tactile_skin.solvers.rivals import other_r_par
@@ -60,7 +60,7 @@ def test_the_shifts_spread_covers_that_of_the_noise():
     assert np.mean([f.chi2 for f in found]) < 1.0
 
 
-@pytest.mark.parametrize("readout", READOUTS)
+@pytest.mark.parametrize("readout", PASSIVE)
 def test_light_touches_beside_a_hard_one_are_no_other_r_par(readout):
     """Held at rest, cells that are touched lightly would tell of another r_par."""
     circuit, rng, found = Circuit(readout=readout), np.random.default_rng(7), []
@@ -74,7 +74,7 @@ def test_light_touches_beside_a_hard_one_are_no_other_r_par(readout):
     assert np.median([f.chi2 for f in found]) < 1.0
 
 
-@pytest.mark.parametrize("readout", READOUTS)
+@pytest.mark.parametrize("readout", PASSIVE)
 def test_cells_that_scatter_at_rest_are_not_touched_lightly(readout):
     """Those that conduct more, taken out, would leave those that make r_par seem larger."""
     circuit, rng, found = Circuit(readout=readout), np.random.default_rng(8), []
@@ -210,7 +210,7 @@ def palm(rng):
 
 
 @pytest.mark.parametrize("noise", [None, SCAN_NOISE])
-@pytest.mark.parametrize("readout", READOUTS)
+@pytest.mark.parametrize("readout", PASSIVE)
 def test_a_palm_is_no_fault(readout, noise):
     """Its rim would be of another r_par, if its cells were at rest."""
     circuit, rng = Circuit(readout=readout), np.random.default_rng(3)
@@ -226,7 +226,7 @@ def even(rng, scatter):
 
 
 @pytest.mark.parametrize("scatter", [0.05, 0.2])
-@pytest.mark.parametrize("readout", READOUTS)
+@pytest.mark.parametrize("readout", PASSIVE)
 def test_an_even_load_on_all_cells_is_no_fault(readout, scatter):
     """The cells of its fit differ by noise, not by a load that would be too even."""
     circuit, rng = Circuit(readout=readout), np.random.default_rng(6)

@@ -113,8 +113,6 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     if finding := _silent(seen) or _at_an_end(seen):
         return [finding]
     touched = _touched(seen, _READ[0 if series else 1])
-    if table := converter.other(circuit, touched):
-        return [circuits.converter(table)]
     fitting = readout.other(circuit, touched)
     named = fitting and any(c.circuit.r_par == circuit.r_par for c in fitting.changes)
     if named and not fitting.of_own_cells:
@@ -181,7 +179,11 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
         if circuit.readout != "floating":  # where a lead is not in series with each reading
             noisy |= beside
         found += in_series(seen, unusable | noisy, quiet, wires)
-    return found or (_explained(circuit, fitting) if series else [])
+    if found or not series:
+        return found
+    if table := converter.other(circuit, touched):
+        return [circuits.converter(table)]
+    return _explained(circuit, fitting)
 
 
 def _other_way(seen: Recorded, touched: readout.Touched) -> Change | None:
