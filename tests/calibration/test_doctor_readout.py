@@ -119,7 +119,14 @@ def test_a_skin_that_is_hardly_left_alone_is_upside_down_rather_than_broken(kind
     assert finding.kind == "polarity"
 
 
-@pytest.mark.parametrize("diode", ["1N4148", "BAT85", "1N4001", "BAV99"])
+@pytest.mark.parametrize(
+    "diode",
+    [
+        "1N4148",
+        "BAT85",
+        *(pytest.param(diode, marks=pytest.mark.slow) for diode in ("1N4001", "BAV99")),
+    ],
+)
 @pytest.mark.parametrize("r_ref, supply", [(1780.0, 5.0), (10e3, 5.0), (1780.0, 3.3)])
 def test_diodes_that_are_not_configured_are_named(diode, r_ref, supply):
     """Else a hard push is felt as a fifth, in silence: any touch is explained by other cells."""

@@ -41,7 +41,13 @@ class Stranger:
         return boards.sent(self.make, [steps], k)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "kind",
+    [
+        *list(KINDS)[:2],
+        *(pytest.param(kind, marks=pytest.mark.slow) for kind in list(KINDS)[2:]),
+    ],
+)
 def test_from_an_unknown_board_to_the_right_picture(kind, tmp_path, monkeypatch, capsys):
     answers = KINDS[kind]
     assert len(answers) <= 4
