@@ -20,7 +20,7 @@ ARGUMENTS = {
     "subscribe_pressure": ["4"],
     "find_circuit": [],
     "own_node": ["4"],
-    "own_driver": ["6"],
+    "own_driver": [],
     "record_frames": ["FRAMES", "3"],
     "replay_frames": ["FRAMES"],
     "compensate_frame": [],
@@ -31,7 +31,7 @@ ARGUMENTS = {
 SAYS = {
     "compensate_frame": ["naive  sum", "auto   sum 20.0", " 0 ghosts, ok"],
     "doubt_a_frame": ["sound: ok", "broken: suspect row 9"],
-    "own_driver": [" wrenches, at most "],
+    "own_driver": ["WrenchStamped", "x=-5.9"],
     "own_node": [" levels, the largest 1.00"],
     "find_circuit": ["r_par = 3", "r_line = ", "the total of a new object will be off by "],
     "print_contacts": ["contact 1: ", "contact 2: ", " N at +0."],
