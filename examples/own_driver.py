@@ -1,4 +1,4 @@
-"""A driver of your own in place of serial_driver: `read` is where its readings come from."""
+"""A driver of your own in place of serial_driver: python examples/own_driver.py"""
 
 from pathlib import Path
 
@@ -28,7 +28,7 @@ class OwnDriver:
 
 
 def read(touched: bool) -> np.ndarray:
-    """(8, 8) ADC steps of 10 bits: nothing, or a finger of 6 N."""
+    """(8, 8) ADC steps of 10 bits, here simulated: nothing, or a finger of 6 N."""
     force = 6.0 * touched * (np.arange(64).reshape(8, 8) == 21)
     return forward(Circuit(8, 8), CURVE.resistance(force)) * 1023 + RNG.normal(0.0, 0.7, (8, 8))
 
