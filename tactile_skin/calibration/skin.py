@@ -28,10 +28,6 @@ _LIGHT, _STIRRED = 1.0 * GRAM, 3  # N on so many cells: a touch that begins, not
 _LEARNED = "cnn", "physics"  # methods that use weights: they know the circuit of their training
 _BOUNDED = "map", "auto"  # methods that take a reading as a bound, and do without one
 _RESTART_AFTER = 4  # suspect or failed frames in a row after which the last one is no start
-# Share of full scale by which a chip's readings are off the table of its kind, beside what touched
-# and untouched cells share: chosen on two chips that others measured (tests/yardsticks/esp32.py).
-# What that moves over the range passes for another r_par, which is therefore not learnt.
-_TABLE_ERROR = 0.001
 # The time limit of a frame, if none is given: so many of the board's frames, which may wait while
 # one is solved; 0.05 s is what a fit of 16 x 16 cells takes on a slow computer.
 _FRAMES = 2.0
@@ -88,9 +84,6 @@ class Skin:
         self._weights, self._warn = weights, warn
         floor, ceiling = adc.range
         self._threshold, self._floor = threshold, max(threshold, floor)
-        self._least_noise = ROUNDING_NOISE
-        if adc.table is not None:
-            self._least_noise = max(ROUNDING_NOISE, _TABLE_ERROR * self.circuit.full_scale)
         self._bounds = {"threshold": self._floor, "ceiling": ceiling, "missing": True}
         self._common = {"noise": noise}
         self._time_limit, self._interval, self._at = time_limit, 0.0, np.nan  # s; of the last frame
@@ -195,7 +188,7 @@ class Skin:
     def _compensate(self, adc: np.ndarray) -> Estimate:
         method, given = (self._method, self._given) if self.fitted else (_FAST, self._common)
         if given["noise"] is None and self._noise.each is not None:
-            given = given | {"noise": np.maximum(self._noise.each, self._least_noise)}
+            given = given | {"noise": np.maximum(self._noise.each, ROUNDING_NOISE)}
         limit = self._time_limit or min(max(_FRAMES * self._interval, _SHORTEST), _LONGEST)
         return compensate(
             adc, self.circuit, self._tare.curve, method, start=self._last, time_limit=limit, **given
