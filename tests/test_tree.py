@@ -19,10 +19,11 @@ MAY = {
     "behaviours": (),
     "learning": ("files", "physics"),
     "solvers": ("files", "physics", "learning"),
-    "calibration": ("physics", "solvers"),
+    "readings": (),
+    "calibration": ("physics", "solvers", "readings"),
     "board": ("physics",),
     "middleware": ("files", "yaml_files", "msg", "physics", "touch"),
-    "recording": ("files", "yaml_files", "msg", "physics", "middleware"),
+    "recording": ("files", "yaml_files", "msg", "physics", "middleware", "readings"),
     "view": ("msg", "physics", "solvers", "touch", "middleware", "recording"),
     "nodes": (
         "msg",
@@ -56,7 +57,7 @@ MAY = {
     "__init__": ("physics", "solvers", "calibration"),
     "__main__": ("cli",),
 }
-PURE = ("physics", "touch", "behaviours", "learning", "solvers", "calibration")
+PURE = ("physics", "readings", "touch", "behaviours", "learning", "solvers", "calibration")
 WORLD = {"serial", "socket", "socketserver", "subprocess", "yaml", "select", "asyncio", "signal"}
 # that use threads: scratch memory of each, and a hook's own
 THREADS = {"learning/network", "behaviours/hooks"}

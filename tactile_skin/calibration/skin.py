@@ -22,6 +22,7 @@ from .noise import Noise
 from .tare import Tare
 from .tracker import CircuitTracker
 from .watch.load import IDLE
+from .watch.numbers import Numbers
 from .watch.watch import Watch
 
 _LIGHT, _STIRRED = 1.0 * GRAM, 3  # N on so many cells: a touch that begins, not noise
@@ -93,7 +94,7 @@ class Skin:
             CircuitTracker(self.circuit, r_par_std),
         )
         self._noise = Noise(self.circuit.populated)
-        self._watch = Watch(adc, rest_known=not follows)
+        self._watch, self._numbers = Watch(adc, rest_known=not follows), Numbers(adc, threshold)
         self._last: Estimate | None = None  # the last frame: where the next starts from
         self._doubts = 0  # frames in a row
         self._ended = 0  # readings of the last frame at the end of the ADC's range
@@ -156,6 +157,7 @@ class Skin:
         self.status, self.message = estimate.status, estimate.message
         self.residual, self.force = estimate.residual, float(estimate.force.max())
         self.std = estimate.std
+        self._numbers.frame(t, samples)
         self._ended = np.count_nonzero(self._adc.bounds(adc) & (adc >= self._adc.range[1]))
         force = None
         if estimate.status != "failed":
@@ -201,7 +203,8 @@ class Skin:
         if unread.any():  # what the model reads there
             model = forward(self.circuit, self._tare.curve.resistance(estimate.force))
             adc = np.where(unread, model, adc)
-        if self._follows and self._tare.update(t, adc, estimate.force):
+        learns = self._follows and not self._numbers.message
+        if learns and self._tare.update(t, adc, estimate.force):
             self._last = None
 
     def _learn_circuit(self, t: float, adc: np.ndarray, touched: bool, stopped: bool) -> None:
@@ -229,7 +232,7 @@ class Skin:
 
     def reset(self) -> None:
         """Somebody has checked the skin: faults that the last frames no longer show are over."""
-        self._last = None
+        self._last, self._numbers = None, Numbers(self._adc, self._threshold)
         self._watch.reset()
 
     def tare(self) -> str:
@@ -249,12 +252,14 @@ class Skin:
     def fault(self) -> bool:
         """Whether the readings, or the circuit, are not a sound skin's."""
         unseen = self.waits and self._tare.unseen
-        return self._watch.fault or self._tracker.impossible or self._tare.half_read or unseen
+        odd = self._numbers.message or self._tracker.impossible or self._tare.half_read or unseen
+        return bool(self._watch.fault or odd)
 
     @property
     def rest_reasons(self) -> str:
         """Why the rest is not measured yet, if that is known."""
         reasons = (
+            self._numbers.message,
             self._watch.load.since_start,
             self._tare.message,
             *self._watch.odd[:1],
@@ -269,6 +274,7 @@ class Skin:
         """
         cell, contact = self._watch.odd
         reasons = (
+            self._numbers.message,
             *self._watch.certain,
             self._tare.wiring if self._tare.half_read else "",
             self.message or (self._watch.kept if past else ""),

@@ -34,6 +34,7 @@ _WANDERS = (
     "rest not measured: the readings wander from second to second: does something touch the skin, "
     "or is the supply unsteady?"
 )
+_UNRESOLVED = 0.5  # ADC steps: below, rounding leaves no reading
 _OF_CHANGES = 0.886  # standard deviation over the mean change from one to the next, normal noise
 _TOUCH = 10.0 * GRAM  # N on a cell, felt: a touch
 _WINDOW = 1.0  # s that a measurement takes
@@ -77,6 +78,7 @@ class Tare:
         self._learned = -np.inf  # s, when the rest was measured last
         self._first: np.ndarray | None = None  # (rows, cols) [S] that was measured first
         self._circuit = circuit
+        self._few = max(1.0, _RESTLESS * np.count_nonzero(circuit.populated))  # odd cells
         at_rest = curve.points[0][1]
         self._max_factor = at_rest / float(
             curve.resistance(MAX_TARED_FORCE)
@@ -158,9 +160,9 @@ class Tare:
             return followed
         one_voltage = self._one_voltage.window(mean, n + m, usual)
         self.unseen = self._one_voltage.tells
-        zero = self._circuit.populated & (mean == 0.0)
+        zero = self._circuit.populated & (mean * self._circuit.full_scale < _UNRESOLVED)
         zero &= ~(zero.all(1)[:, None] | zero.all(0))  # such a line is not connected
-        if np.count_nonzero(zero) > max(1.0, _RESTLESS * np.count_nonzero(self._circuit.populated)):
+        if np.count_nonzero(zero) > self._few:
             one_voltage = one_voltage or _zero(np.count_nonzero(zero))
         if one_voltage:
             if not self.measured:
@@ -190,8 +192,7 @@ class Tare:
         least = (_RISEN * noise / _LEVEL_FRAMES**0.5 + _RISEN_STEPS) / self._circuit.full_scale
         more = _conducts(self._circuit, adc) > self._max_factor * _conducts(self._circuit, low)
         risen = (adc - low > least) & more & self._circuit.populated
-        few = max(1.0, _RESTLESS * np.count_nonzero(self._circuit.populated))
-        if np.count_nonzero(risen) <= few:
+        if np.count_nonzero(risen) <= self._few:
             return ""
         row, col = np.unravel_index(np.where(risen, adc - low, 0.0).argmax(), adc.shape)
         return (
@@ -225,10 +226,9 @@ class Tare:
     def _still(self) -> bool:
         """Whether the parts of the measurement read alike: else it holds a touch, or its end."""
         noise = self._noise()
-        few = max(1.0, _RESTLESS * np.count_nonzero(self._circuit.populated))
         for (one, n), (other, m) in itertools.pairwise(p for p in self._parts if p[1]):
             limit = _STILL[0] * noise * (1.0 / n + 1.0 / m) ** 0.5 + _STILL[1] * one / n
-            if np.count_nonzero(np.abs(one / n - other / m) > limit) > few:
+            if np.count_nonzero(np.abs(one / n - other / m) > limit) > self._few:
                 return False
         return True
 
@@ -375,8 +375,8 @@ class Tare:
 
 def _zero(n: int) -> str:
     return (
-        f"rest not measured: {n} untouched cells read exactly 0: does the sketch subtract "
-        "an offset or a threshold, or is r_ref too small for the ADC? Send what the ADC reads"
+        f"rest not measured: {n} untouched cells read 0: does the sketch subtract an offset or a "
+        "threshold, or is r_ref too small for the ADC? Send what the ADC reads"
     )
 
 

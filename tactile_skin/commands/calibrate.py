@@ -29,6 +29,7 @@ from ..nodes.serial_driver import SerialDriver
 from ..physics.adc import Adc
 from ..physics.creep import Creep
 from ..physics.curve import PressureCurve
+from ..readings.processed import Kind, processed
 from ..recording.frames import read_frames
 from . import train
 from .words import split
@@ -39,6 +40,8 @@ _LARGEST_REFERENCE = 1 << 26  # bytes
 _RATE = 100.0  # frames a second, of files without times
 _OF_BOARD = {"port": str, "baud": int, "protocol": str}
 _GLANCE = 0.5  # s of frames that show whether the board sends what untouched cells read
+_UNRESOLVED = 0.5  # ADC steps: below, a reading says nothing of what the cell conducts
+_DECIMALS = 2  # of ADC steps, which ratios keep
 _PATIENCE = 10.0  # s without a frame after which the board is taken for absent
 
 
@@ -162,9 +165,11 @@ def from_files(skin: SkinConfig, files: dict[str, str], loads: list[tuple[str, s
 
     guide = Guide(skin.circuit, source, ask, print)
     source.open(files["rest"])
-    _check_all_is_sent(skin, source.stream(files["rest"])[0])
+    rest = source.stream(files["rest"])[0]
+    _check_all_is_sent(skin, rest)
     guide.measure_rest()
     if "touches" in files:
+        _check_all_is_sent(skin, rest, source.stream(files["touches"])[0])
         source.open(files["touches"])
         guide.identify()
     if loads and "reference" in files:
@@ -187,10 +192,20 @@ def from_files(skin: SkinConfig, files: dict[str, str], loads: list[tuple[str, s
     return guide
 
 
-def _check_all_is_sent(skin: SkinConfig, frames: np.ndarray) -> None:
-    """ValueError: the untouched cells of these frames lie below the board's threshold."""
-    threshold = skin.adc.threshold(skin.threshold)
-    check_all_is_sent(frames, skin.circuit, threshold, skin.threshold)
+def _check_all_is_sent(skin: SkinConfig, rest: np.ndarray, touches: np.ndarray | None = None):
+    """ValueError: the untouched cells read nothing, or the frames are no ADC's readings."""
+    threshold, circuit = skin.adc.threshold(skin.threshold), skin.circuit
+    check_all_is_sent(rest, circuit, threshold, skin.threshold)
+    steps = np.round((rest if touches is None else touches) * circuit.full_scale, _DECIMALS)
+    done = processed(np.where(circuit.populated, steps, np.nan), circuit.adc_bits, skin.threshold)
+    if done and done.kind is not Kind.CEILING:
+        raise ValueError(f"{done}. Send what the ADC reads")
+    usual = np.nanmedian(np.nanmean(rest, axis=0)[circuit.populated]) * circuit.full_scale
+    if usual < _UNRESOLVED:
+        raise ValueError(
+            f"untouched cells read {usual:.2g} ADC steps: an offset or a threshold is taken off, "
+            "or r_ref is too small for this fabric. Send what the ADC reads"
+        )
 
 
 def read_reference(path: str) -> tuple[np.ndarray, np.ndarray]:

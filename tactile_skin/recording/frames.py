@@ -13,10 +13,11 @@ from ..files import read_bytes
 from ..middleware.config import SkinConfig, read_skin
 from ..physics.adc import NOT_READ, Adc
 from ..physics.circuit import Circuit
+from ..readings.processed import processed
+from ..readings.scale import Kind, scale_of, without_sentinel
 from .columns import is_time_name, spread
 from .lines import read_text
 from .reader import Recording
-from .scale import Kind, scale_of, without_sentinel
 from .tables import Found, Table, frames_of
 
 _PICKLES = (".pkl", ".pickle", ".p")
@@ -78,7 +79,8 @@ class Frames:
         if top > 2**circuit.adc_bits:
             raise FileError(
                 f"{self.path}: numbers up to {top:g}, but adc_bits = {circuit.adc_bits} ends at "
-                f"{circuit.full_scale}: set adc_bits"
+                f"{circuit.full_scale}: an ADC of more bits (adc_bits), or millivolts "
+                "(full_scale:=3300 or 5000, what an input at the supply reads)?"
             )
 
 
@@ -152,6 +154,8 @@ def _scaled(found: Frames, circuit: Circuit, full_scale: float | None) -> Frames
         return found
     if refused := scale.refused():
         raise FileError(f"{found.path}: {refused}")
+    if scale.kind is Kind.STEPS and (done := processed(found.values, circuit.adc_bits)):
+        found.notes.append(str(done))
     if scale.kind is Kind.RATIOS:
         found.are_ratios = True
         found.notes.append(f"numbers up to {scale.high:.3g}: taken as ratios")

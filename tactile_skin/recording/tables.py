@@ -168,6 +168,11 @@ def _layout(table: Table, circuit: Circuit) -> _Layout:
         if 0 <= width - cells <= columns.MOST and (lines == 1 or len(table.numbers) >= lines)
     ]
     if not found:
+        if width % (rows * cols) == 0:
+            raise ValueError(
+                f"{_holds(width, circuit)}, {width // (rows * cols)} times as many: several mats "
+                "on one board? Must be a file for each"
+            )
         raise ValueError(
             f"{_holds(width, circuit)}: must be these, or {cols}, a row of the matrix a line, with "
             f"at most {columns.MOST} columns more for time, counter and label; check rows and cols"

@@ -192,7 +192,8 @@ def test_what_was_not_read_stays_so(tmp_path):
 def test_counts_beyond_the_adc_are_refused(tmp_path):
     path = tmp_path / "a.npy"
     np.save(path, FRAMES * 100.0)
-    with pytest.raises(FileError, match="adc_bits = 10 ends at 1023: set adc_bits"):
+    said = r"adc_bits = 10 ends at 1023: an ADC of more bits \(adc_bits\), or millivolts"
+    with pytest.raises(FileError, match=said):
         read_frames(path, CIRCUIT).ratio(ADC)
 
 

@@ -7,8 +7,8 @@ from strangers import sim
 from tactile_skin import Circuit
 from tactile_skin.cli import main
 from tactile_skin.errors import FileError
+from tactile_skin.readings.scale import Kind, scale_of
 from tactile_skin.recording.frames import read_frames
-from tactile_skin.recording.scale import Kind, scale_of
 
 CIRCUIT = Circuit(8, 8, r_ref=10e3, r_par=140.0)
 N = 300

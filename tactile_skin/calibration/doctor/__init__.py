@@ -23,6 +23,7 @@ import numpy as np
 
 from ...physics.circuit import Circuit
 from ...physics.readouts import DRIVEN
+from ...readings.processed import Kind, processed
 from ..rest import REST_SPAN, Rest, usual_resistance
 from . import circuits, converter, order, readings, readout, wiring
 from . import findings as texts
@@ -46,6 +47,7 @@ _MOST_NOISE = 0.01  # of full scale: what moves more is no noise
 # what the ADC reads; ADC steps that are no other reading. Sound boards have no such usual cell.
 _AT_END = 0.1
 _HALF_STEP = 0.5
+_DECIMALS = 2  # of ADC steps, which ratios of single precision keep
 
 
 def diagnose(
@@ -76,6 +78,8 @@ def diagnose(
     """
     frames = np.asarray(frames)
     seen = record(frames, circuit, rest)
+    if finding := _processed(seen):
+        return [finding]
     found = _diagnose(seen, series)
     sound = not found and len(seen.touches)
     if sound and (
@@ -256,6 +260,16 @@ def _silent(seen: Recorded) -> Finding | None:
         f"{level.mean():.1f} ADC steps throughout, within {moves:.1f}",
         "Is the matrix connected, supplied, and was it touched? Measure the ADC's input",
     )
+
+
+def _processed(seen: Recorded) -> Finding | None:
+    """Of a stream that shows what was done to it, whatever polarity is configured."""
+    cells = seen.steps[:, seen.read & seen.circuit.populated].astype(float)
+    for steps in (cells, seen.circuit.full_scale - cells):
+        done = processed(np.round(steps, _DECIMALS), seen.circuit.adc_bits)
+        if done and done.kind is not Kind.CEILING:
+            return texts.processed(done)
+    return None
 
 
 def _at_an_end(seen: Recorded) -> Finding | None:

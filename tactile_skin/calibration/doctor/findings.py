@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...physics.circuit import Circuit
+from ...readings.processed import Processed
 from . import order, wiring
 from .advice import Change
 from .recorded import Recorded, line_name
@@ -45,6 +46,16 @@ class Finding:
 
 def _line(axis: int, line: int) -> dict:
     return {("rows", "cols")[axis]: (line,)}
+
+
+def processed(done: Processed) -> Finding:
+    """Return that the readings are not what an ADC reads, by what was done to them."""
+    return Finding(
+        "zeros",
+        "all readings",
+        str(done),
+        "Send what the ADC reads; until then nothing else is told by these readings",
+    )
 
 
 def at_an_end(end: float, share: float) -> Finding:
