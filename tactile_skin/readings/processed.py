@@ -1,8 +1,8 @@
 """Tell readings that somebody processed from what an ADC reads, by a window of frames.
 
-An untouched fabric conducts, and every reading has noise. A stream in which usual cells stand at
-one smallest number was cut there: an offset or a threshold was taken off, or the ADC resolves no
-more. Which of these, its other numbers tell; where they do not, nothing is said.
+An untouched fabric conducts, and every reading has noise. A stream in which usual cells read 0 was
+cut there: an offset or a threshold was taken off, or the ADC resolves no more. Which of these, its
+other numbers tell; where they do not, nothing is said.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 _FRAMES = 400  # that are looked at, at most
-_AT_FLOOR = 0.1  # share of its frames that a usual cell stands at the smallest number, at least
-_GAP = 3.0  # ADC steps above the smallest number, between which none lies, at least
+_AT_ZERO = 0.1  # share of the frames in which a usual cell reads 0, at least
+_GAP = 3.0  # ADC steps above 0 in which no number lies, at least
 _STRAYS = 0.002  # share of the numbers that may lie in the gap
 # Above a threshold numbers set in at once: as many within a quarter of it as in the next one, but
 # for this share, and at least so many of all.
@@ -29,7 +29,7 @@ _HALF_STEP = 0.5
 _KNOWN = 1.02  # times a threshold that is known, up to which numbers set in above it
 _CALM = 0.3  # of the frames, the lowest ones, are those in which least touches
 _NOISE = 2.0  # ADC steps RMS: of less, rounding makes much the same
-# Share of its calm frames at the floor, of a cell whose mean was taken off: at least, at most.
+# Share of its calm frames in which a cell reads 0 whose mean was taken off: at least, at most.
 _CUT_LEAST = 0.25
 _CUT_MOST = 0.9
 _MEAN_OF_HALF = 0.8  # mean over standard deviation of a half normal distribution
@@ -37,7 +37,7 @@ _MEAN_OF_HALF = 0.8  # mean over standard deviation of a half normal distributio
 _PILE_CELLS = 3
 _PILE_READINGS = 5
 _BESIDE = 0.9  # of the largest number: where that tenth begins
-_ROUND = 50  # ADC steps: a ceiling that somebody chose is at least so much, and alone a multiple
+_ROUND = 50  # ADC steps: an end that somebody chose is at least so much, a ceiling a multiple
 _EACH = 0.98  # share of the frames that reach both ends, where each was normalised
 _MOVES = 0.95  # share of the frames in which one cell is at an end, at most
 _SEVERAL = 10  # frames, at least, that show it
@@ -57,14 +57,12 @@ class Processed(NamedTuple):
 
     Attributes:
         kind: the first that shows.
-        floor: the number where usual cells stand, or each frame begins [ADC steps].
-        level: below which there is none but the floor, or where each frame ends [ADC steps].
+        level: below which there is none but 0, or where each frame ends [ADC steps].
         ceiling: where many end [ADC steps]; None: nowhere.
-        share: of the readings that stand at the floor.
+        share: of the readings that are exactly 0.
     """
 
     kind: Kind
-    floor: float
     level: float
     ceiling: float | None
     share: float
@@ -72,13 +70,13 @@ class Processed(NamedTuple):
     def __str__(self) -> str:
         if self.kind is Kind.NORMALISED:
             return (
-                f"these are not ADC readings: each frame reaches from {self.floor:g} to "
+                f"these are not ADC readings: each frame reaches from 0 to "
                 f"{self.level:g}: normalised"
             )
         top = "" if self.ceiling is None else f"a ceiling at {self.ceiling:g}"
         if self.kind is Kind.CEILING:
             return f"many readings are exactly {self.ceiling:g} ADC steps, none is above: {top}?"
-        seen = f"{self.share:.0%} are exactly {self.floor:g}"
+        seen = f"{self.share:.0%} are exactly 0"
         if self.kind is Kind.THRESHOLD:
             seen += f", and none lies between that and {self.level:g}: a threshold"
         else:
@@ -105,23 +103,22 @@ def processed(
     if not live.any():
         return None
     steps = steps[:, live]
-    if (ends := _stretched(steps)) is not None:
-        return Processed(Kind.NORMALISED, *ends, None, float(np.mean(steps == ends[0])))
-    floor, top = float(steps.min()), float(steps.max())
-    at_floor = steps == floor
-    share = float(at_floor.mean())
+    if _is_stretched(steps):
+        return Processed(Kind.NORMALISED, float(steps.max()), None, float(np.mean(steps == 0.0)))
+    top, at_zero = float(steps.max()), steps == 0.0
+    share = float(at_zero.mean())
     ceiling = _ceiling(steps, adc_bits)
-    if np.median(at_floor.mean(0)) > _AT_FLOOR:
-        level = _gap(steps[~at_floor], floor)
+    if np.median(at_zero.mean(0)) > _AT_ZERO:
+        level = _gap(steps[~at_zero])
         if level is not None:
-            known = floor == 0.0 and level <= _KNOWN * threshold
-            return None if known else Processed(Kind.THRESHOLD, floor, level, ceiling, share)
-        least = _mean(steps) - floor + max(_HALF_STEP, unresolved)
-        if ceiling is not None or top - floor > _MOST_FALL * least or _is_cut(steps, unresolved):
-            return Processed(Kind.OFFSET, floor, floor, ceiling, share)
+            known = level <= _KNOWN * threshold
+            return None if known else Processed(Kind.THRESHOLD, level, ceiling, share)
+        least = _mean(steps) + max(_HALF_STEP, unresolved)
+        if ceiling is not None or top > _MOST_FALL * least or _is_cut(steps, unresolved):
+            return Processed(Kind.OFFSET, 0.0, ceiling, share)
         return None
-    if ceiling is not None and ceiling % _ROUND == 0.0:
-        return Processed(Kind.CEILING, floor, floor, ceiling, share)
+    if ceiling is not None:
+        return Processed(Kind.CEILING, 0.0, ceiling, share)
     return None
 
 
@@ -139,37 +136,33 @@ def _mean(steps: np.ndarray) -> float:
 def _is_cut(steps: np.ndarray, unresolved: float) -> bool:
     """Whether noise is cut in its middle in nearly all cells, where nothing touches."""
     calm = _calm(steps)
-    there = (calm == steps.min()).mean(0)
-    low, high = np.quantile(there, (0.1, 0.9))
-    above = calm[calm > steps.min()] - steps.min()
+    low, high = np.quantile((calm == 0.0).mean(0), (0.1, 0.9))
+    above = calm[calm > 0.0]
     if not (low > _CUT_LEAST and high < _CUT_MOST and above.size):
         return False
     return float(np.mean(above)) / _MEAN_OF_HALF > _NOISE + unresolved
 
 
-def _gap(numbers: np.ndarray, floor: float) -> float | None:
-    """Where numbers set in above the floor, if not at once; None: they do."""
-    above = np.sort(numbers) - floor
+def _gap(numbers: np.ndarray) -> float | None:
+    """Where numbers above 0 set in, if not at once; None: they do."""
+    above = np.sort(numbers)
     if len(above) < _FEWEST:
         return None
     level = above[int(_STRAYS * len(above))]
     if level < _GAP:
         return None
-    first, next_ = (
-        np.searchsorted(above, (1.0 + k * _BAND) * level)
-        - np.searchsorted(above, (1.0 + (k - 1) * _BAND) * level)
-        for k in (1, 2)
-    )
-    if first < max(_FEWEST, _NEAR * len(above)) or first < _SETS_IN * next_:
+    begin, middle, end = np.searchsorted(above, level * (1.0 + _BAND * np.arange(3)))
+    few = middle - begin < max(_FEWEST, _NEAR * len(above))
+    if few or middle - begin < _SETS_IN * (end - middle):
         return None
-    return float(floor + (above[0] if above[0] > _BESIDE * level else level))
+    return float(above[0] if above[0] > _BESIDE * level else level)
 
 
 def _ceiling(steps: np.ndarray, adc_bits: int) -> float | None:
     """Where readings of several cells end exactly, which is no end of an ADC; None: nowhere."""
     top = float(steps.max())
     ends = {(2**b - 1) << k for b in range(6, 17) for k in range(17 - b)} | {1 << adc_bits}
-    if top < _ROUND or top in ends or top != np.rint(top):
+    if top < _ROUND or top % _ROUND or top in ends:
         return None
     there = steps == top
     below = steps[(steps >= _BESIDE * top) & ~there]
@@ -178,15 +171,11 @@ def _ceiling(steps: np.ndarray, adc_bits: int) -> float | None:
     return top if piled else None
 
 
-def _stretched(steps: np.ndarray) -> tuple[float, float] | None:
-    """The ends that each frame reaches, in changing cells; None: they do not."""
-    ends = []
-    for pick in (np.min, np.max):
-        of_each = pick(steps, axis=1)
-        end = float(np.median(of_each))
-        at_end = steps == end
-        reached = len(steps) >= _SEVERAL and at_end.any(1).mean() >= _EACH
-        if not reached or at_end.mean(0).max() > _MOVES or pick(of_each) != end:
-            return None
-        ends.append(end)
-    return ends[0], ends[1]
+def _is_stretched(steps: np.ndarray) -> bool:
+    """Whether each frame reaches from 0 to one largest number, in changing cells."""
+    top = float(steps.max())
+    if len(steps) < _SEVERAL or top < _ROUND:
+        return False
+    ends = steps == 0.0, steps == top
+    reached = all(at_end.any(1).mean() >= _EACH for at_end in ends)
+    return reached and all(at_end.mean(0).max() <= _MOVES for at_end in ends)

@@ -154,7 +154,8 @@ def _scaled(found: Frames, circuit: Circuit, full_scale: float | None) -> Frames
         return found
     if refused := scale.refused():
         raise FileError(f"{found.path}: {refused}")
-    if scale.kind is Kind.STEPS and (done := processed(found.values, circuit.adc_bits)):
+    cells = np.where(circuit.populated, found.values, np.nan)
+    if scale.kind is Kind.STEPS and (done := processed(cells, circuit.adc_bits)):
         found.notes.append(str(done))
     if scale.kind is Kind.RATIOS:
         found.are_ratios = True

@@ -76,7 +76,14 @@ def dropped_line(steps):
     return steps
 
 
+def even(steps):
+    """A fabric without scatter, at rest and with few readings that move."""
+    return np.where(steps - steps[0] > 5, steps, 160 + (steps % 3 > 1))
+
+
 SOUND = {
+    "even": (even, {}),
+    "even, at rest": (lambda s: even(s)[:25], {}),
     "as it is read": (lambda s: s, {}),
     "pull-ups": (lambda s: 1023 - s, {}),
     "saturated": (lambda s: np.minimum(s * 2, 1023), {"hard": (10, 60)}),

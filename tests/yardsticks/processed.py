@@ -9,9 +9,9 @@ as many of each kind of sound board are not: coarse ADCs whose untouched cells r
 ESP32 that reads nothing below 142 mV, saturated inputs, cells that are not populated, a loose line,
 a skin that is never left alone.
 
-Prints for each kind how often it is named rightly, by another kind, and not at all; for sound
-boards how often they are named at all. What the doctor, which sees the same frames as a file,
-proposes to enter is counted, too (--doctor).
+Prints for each kind how often it is named rightly, by another kind, and not at all, and how often
+by a running skin (of what a board may send); for sound boards how often they are named at all.
+What the doctor, which sees the same frames as a file, proposes to enter is counted with --doctor.
 """
 
 from __future__ import annotations
@@ -23,10 +23,12 @@ import numpy as np
 from strangers import sim
 
 from tactile_skin import Circuit, PressureCurve, diagnose
+from tactile_skin.calibration.watch.numbers import Numbers
 from tactile_skin.middleware.threads import one_thread
+from tactile_skin.physics.adc import Adc
 from tactile_skin.readings.processed import Kind, processed
+from tactile_skin.readings.scale import VOLTS, scale_of
 from tactile_skin.readings.scale import Kind as Scale
-from tactile_skin.readings.scale import scale_of
 
 FPS = 10.0
 SECONDS = 30.0
@@ -207,16 +209,27 @@ def seen(steps, bits: int, unresolved: float = 0.0) -> Kind | Scale | None:
     return found and found.kind
 
 
+def named_live(steps, board, dead: float) -> bool:
+    """Whether a running skin, which sees frame after frame, names what was done."""
+    if (steps.dtype.kind == "f" and steps.max() <= VOLTS) or steps.min() < 0:
+        return False  # a file's numbers
+    numbers = Numbers(Adc(board.circuit, offset=dead), 0.0)
+    samples = np.rint(steps * 2.0 ** (16 - board.bits)).astype("u2")
+    for k, frame in enumerate(samples):
+        numbers.frame(k / FPS, frame)
+    return bool(numbers.message)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--n", type=int, default=40, help="streams of each kind")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--doctor", action="store_true", help="what the doctor would enter")
     args = parser.parse_args()
-    print(f"{'processed':28}{'right':>7}{'other':>7}{'silent':>7}   as what")
+    print(f"{'processed':28}{'right':>7}{'other':>7}{'silent':>7}{'live':>7}   as what")
     total = Counter()
     for k, (name, (make, right)) in enumerate(PROCESSED.items()):
-        counts, others, entered = Counter(), Counter(), 0
+        counts, others, entered, live = Counter(), Counter(), 0, 0
         for n in range(args.n):
             board = Board(np.random.default_rng([args.seed, k, n]))
             steps = make(board)
@@ -224,26 +237,29 @@ def main():
             result = "right" if kind in right else "other" if kind else "silent"
             counts[result] += 1
             others[kind.value if kind else "-"] += 1
+            live += named_live(steps, board, 0.0)
             if args.doctor and np.min(steps) >= 0 and np.max(steps) > 5.5:
                 found = diagnose(steps / board.full, board.circuit, series=False)
                 entered += any(f.change for f in found)
         total += counts
         row = "".join(f"{counts[c]:7}" for c in ("right", "other", "silent"))
         doctor = f", the doctor enters something in {entered}" if args.doctor else ""
-        print(f"{name:28}{row}   {dict(others)}{doctor}")
+        print(f"{name:28}{row}{live:7}   {dict(others)}{doctor}")
     print(f"{'all':28}" + "".join(f"{total[c]:7}" for c in ("right", "other", "silent")))
-    print(f"\n{'sound':28}{'named':>7}{'of':>7}   as what")
-    wrong = of = 0
+    print(f"\n{'sound':28}{'named':>7}{'live':>7}{'of':>7}   as what")
+    wrong = alive = of = 0
     for k, (name, (make, given)) in enumerate(SOUND.items()):
-        named = Counter()
+        named, live = Counter(), 0
         for n in range(args.n):
             board = Board(np.random.default_rng([args.seed, 100 + k, n]), **given)
             dead = ESP32_DEAD * board.full if make is esp32 else 0.0
-            if kind := seen(make(board), board.bits, dead):
+            steps = make(board)
+            live += named_live(steps, board, dead)
+            if kind := seen(steps, board.bits, dead):
                 named[kind.value] += 1
-        wrong, of = wrong + named.total(), of + args.n
-        print(f"{name:28}{named.total():7}{args.n:7}   {dict(named) or ''}")
-    print(f"{'all':28}{wrong:7}{of:7}")
+        wrong, alive, of = wrong + named.total(), alive + live, of + args.n
+        print(f"{name:28}{named.total():7}{live:7}{args.n:7}   {dict(named) or ''}")
+    print(f"{'all':28}{wrong:7}{alive:7}{of:7}")
 
 
 if __name__ == "__main__":

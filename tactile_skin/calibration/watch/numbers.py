@@ -10,11 +10,13 @@ import numpy as np
 from ...physics.adc import NOT_READ, Adc
 from ...readings.processed import Kind, processed
 
-_KEPT = 128  # frames that are looked at
-_APART = 0.05  # s between them, at least
+_KEPT = 64  # frames that are looked at
+_FEWEST = 10  # frames that show which cells move
+_APART = 0.1  # s between them, at least
 _RENEW = 0.05  # share of how often each reading is 0 that each frame renews
-_OFTEN = 0.1  # share of the frames in which the usual reading is 0, from which on frames are asked
-_EVERY = 1.0  # s after which they are asked in any case
+_OFTEN = 0.1  # share of the frames in which the usual reading is 0, from which on it is asked soon
+_SOON = 0.2  # s after which it is asked again,
+_EVERY = 2.0  # and where readings are not 0
 
 
 class Numbers:
@@ -56,7 +58,8 @@ class Numbers:
         steps = np.where(samples == NOT_READ, np.nan, samples / self._scale)
         self._frames = [*self._frames[1 - _KEPT :], np.where(self._cells, steps, np.nan)]
         often = np.median(self._at_zero[self._cells]) > _OFTEN
-        if often or not 0.0 <= t - self._asked < _EVERY:
+        due = not 0.0 <= t - self._asked < (_SOON if often else _EVERY)
+        if due and len(self._frames) >= _FEWEST:
             self._asked = t
             done = processed(np.array(self._frames), self._bits, self._known, self._unresolved)
             self.message = str(done) if done and done.kind is not Kind.CEILING else ""
