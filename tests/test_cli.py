@@ -271,9 +271,10 @@ def test_an_end_while_it_loads_is_quiet(loaded):
 
 
 @IN_TIME
-def test_the_demo(tmp_path):
+def test_the_demo(tmp_path, monkeypatch):
     """Two seconds of the whole skin on a simulated board, started in an empty folder."""
-    done = run_command("launch", "duration:=2", f"link:={tmp_path / 'skin'}", cwd=tmp_path)
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    done = run_command("launch", "duration:=2", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
     assert re.search(r"^SIMULATED .* free", done.stdout, re.MULTILINE)
@@ -318,12 +319,15 @@ def test_a_board_ends_at_a_signal(tmp_path):
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGHUP, signal.SIGTERM])
 def test_no_board_and_no_link_outlive_the_launcher(tmp_path, number):
-    link = tmp_path / "skin"
-    command = [sys.executable, "-m", "tactile_skin", "launch", f"link:={link}"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+    command = [sys.executable, "-m", "tactile_skin", "launch"]
+    given = os.environ | {"TMPDIR": str(tmp_path)}
+    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
+    with subprocess.Popen(command, **streams, env=given) as process:
         for line in process.stdout:
             if b"free" in line:
                 break
+        (link,) = tmp_path.glob("skin_*/board")
+        assert link.parent.stat().st_mode & 0o777 == 0o700
         board_open = Path(os.readlink(link))
         assert board_open.exists()
         asked = time.monotonic()
@@ -332,16 +336,30 @@ def test_no_board_and_no_link_outlive_the_launcher(tmp_path, number):
         status = process.wait()
     assert time.monotonic() - asked < 1.0
     assert status == (-number if number == signal.SIGKILL else 0)
-    assert not link.is_symlink()
+    assert not link.is_symlink() and not link.parent.exists()
 
 
-def test_a_users_link_survives_a_launch_and_its_end(tmp_path):
+def test_a_users_link_survives_a_simulated_board(tmp_path):
     link, device = tmp_path / "skin", tmp_path / "ttyUSB0"
     link.symlink_to(device)
-    done = run_command("launch", f"link:={link}", "duration:=1")
+    done = run_command("sim", "--link", link)
     assert done.returncode == 2
     assert f"{link} exists and is a link to {device}" in done.stderr
     assert os.readlink(link) == str(device)
+
+
+@pytest.mark.parametrize("place", ["/dev/ttyUSB7", "/dev/shm/skin", "../../../../../dev/skin"])
+def test_a_simulated_board_makes_no_link_among_devices(call, place):
+    """Also as root, who might."""
+    status, _, err = call("sim", "--link", place)
+    assert status == 2
+    assert "must not have a link in /dev" in err
+    assert not Path(place).is_symlink()
+
+
+def test_the_demo_takes_no_port(call):
+    status, _, err = call("launch", "demo.launch.yaml", "port:=/dev/ttyUSB7")
+    assert status == 2 and "argument 'port' is unknown" in err
 
 
 def test_the_shipped_config_says_what_the_defaults_are(tmp_path):

@@ -17,6 +17,7 @@ from serial.tools import list_ports
 
 from .frame import Frame, Parser
 from .recognise import explain, sample
+from .terminal import is_simulated
 
 try:
     from termios import error as _termios_error
@@ -119,6 +120,7 @@ class SerialReader:
         self.port, self.baud, self.watchdog = port, baud, watchdog
         self.connected_to: str | None = None
         self.reconnects = -1  # the first connection is none
+        self.simulated = False  # the port is that of a simulated board
         self.trouble = f"waiting for {port}"
         self._quiet_until = time.monotonic() + wait
         self.parser = make_parser()
@@ -182,6 +184,7 @@ class SerialReader:
         counters = self.parser.counters
         self.parser = self._make_parser()  # half a frame of before is worth nothing
         self.parser.counters = counters
+        self.simulated = is_simulated(port)
         port.reset_input_buffer()
         last_frame, heard, look_at = time.monotonic(), 0, 1
         asked = -math.inf

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import fcntl
 import math
 import os
 import select
+import struct
+import termios
 import time
 import tty
 from collections.abc import Iterator
@@ -14,6 +17,8 @@ from pathlib import Path
 
 _LEFT_FOR = 2.0  # s after which nobody opens the port again: the driver does so at once
 _DIGITS = "0123456789"
+_MARK = struct.pack("4H", 0x736B, 0x696E, 0, 0)  # a pty's window size; that of a serial port is 0
+_DEVICES = Path("/dev")
 
 
 class Terminal:
@@ -63,15 +68,25 @@ class Terminal:
 def open_terminal(link: Path) -> Iterator[Terminal]:
     """A pty whose name is the symbolic link `link`, while the context lasts.
 
+    A folder of its own, which is not there yet, is made and removed again.
+
     Raises:
-        FileNotFoundError: there is no folder for `link`.
+        ValueError: `link` is among the devices, where it would pass for a real board.
+        FileNotFoundError: there is no place for that folder.
         FileExistsError: `link` is there; only the link of a board that is gone is replaced.
     """
-    if not link.parent.is_dir():
-        raise FileNotFoundError(f"{link.parent}: no such folder for a link to a simulated board")
+    folder = link.parent.resolve()
+    if _DEVICES in (folder, *folder.parents):
+        raise ValueError(f"{link}: a simulated board must not have a link in {_DEVICES}")
+    if not folder.parent.is_dir():
+        raise FileNotFoundError(f"{folder}: no such folder for a link to a simulated board")
+    made = not folder.is_dir()
+    if made:
+        folder.mkdir(0o700)
     master, slave = os.openpty()
     try:
         tty.setraw(slave)
+        fcntl.ioctl(slave, termios.TIOCSWINSZ, _MARK)
         name = os.ttyname(slave)
         os.close(slave)  # from here on the master's end tells whether somebody has the port open
         os.set_blocking(master, False)
@@ -83,6 +98,16 @@ def open_terminal(link: Path) -> Iterator[Terminal]:
                 link.unlink()
     finally:
         os.close(master)
+        if made:
+            folder.rmdir()
+
+
+def is_simulated(port) -> bool:
+    """Return whether an open serial port is that of a simulated board, by whatever name."""
+    try:
+        return fcntl.ioctl(port.fileno(), termios.TIOCGWINSZ, bytes(len(_MARK))) == _MARK
+    except (OSError, ValueError):  # socket:// and the like have no such thing
+        return False
 
 
 def _make_link(link: Path, name: str) -> None:

@@ -57,11 +57,6 @@ class SerialDriver:
             0.0,
             60.0,
         )
-        self._simulated = value(
-            "simulated",
-            False,
-            "the port is a simulated board: said with the stop and on diagnostics",
-        )
         self.frame_id = value("frame_id", "base_link", "frame of the skin's messages")
         size = (self.circuit.rows, self.circuit.cols, self.circuit.adc_bits)
         fmt = make_format(protocol, described)  # what is wrong is an error now
@@ -192,7 +187,7 @@ class SerialDriver:
             level, message = diagnostics.WARN, self._unread
         values = {
             "port": reader.connected_to or reader.port,
-            diagnostics.SIMULATED: str(self._simulated).lower(),
+            diagnostics.SIMULATED: str(reader.simulated).lower(),
             "rate": f"{self._rate:.2f}",
             "frames": counters.frames,
             "crc_errors": counters.corrupt,

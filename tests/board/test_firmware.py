@@ -386,7 +386,7 @@ def test_a_push_on_the_simulated_chip_stops_the_robot(tmp_path):
         if stop and reason.startswith("push"):
             pushed.set()
 
-    arguments = {"board": "firmware", "link": str(tmp_path / "skin"), "monitor": "false"}
+    arguments = {"board": "firmware", "monitor": "false"}
     with launch("demo.launch.yaml", **arguments) as skin:
         skin.on_stop(hook)
         waited = 0.0

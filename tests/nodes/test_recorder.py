@@ -185,7 +185,7 @@ def test_a_killed_process_leaves_all_but_the_last_second(tmp_path):
     path = tmp_path / "a.mcap"
     command = [sys.executable, "-m", "tactile_skin", "record", path, "demo.launch.yaml"]
     process = subprocess.Popen(
-        [*map(str, command), f"link:={tmp_path / 'port'}", "monitor:=false"],
+        [*map(str, command), "monitor:=false"],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,

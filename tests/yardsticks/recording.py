@@ -28,7 +28,7 @@ LIMIT = 300_000  # bytes
 
 
 def command(folder: Path, *words: str) -> list[str]:
-    common = [f"link:={folder / 'port'}", "method:=auto"]
+    common = ["method:=auto"]
     return [sys.executable, "-m", "tactile_skin", *words, *common]
 
 

@@ -160,7 +160,6 @@ def main() -> None:
     kinds = ["no page", SHOWN] + ["no view"] * args.bare
     with tempfile.TemporaryDirectory() as folder:
         arguments = {
-            "link": str(Path(folder) / "skin"),
             "method": "auto",
             "monitor": "false",
             "view": "true",
