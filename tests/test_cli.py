@@ -14,9 +14,11 @@ from pathlib import Path
 import machine
 import numpy as np
 import pytest
+import serial
 import yaml
 
 from tactile_skin import Circuit, PressureCurve, cli
+from tactile_skin.board.terminal import is_simulated
 from tactile_skin.launch import read_skin, share_dir
 from tactile_skin.learning import network
 from tactile_skin.middleware.stdin import keys
@@ -86,7 +88,7 @@ def test_the_help_lists_the_commands(call):
 def test_the_arguments_of_a_launch_file_are_shown(call):
     status, out, _ = call("launch", "--show-args")
     assert status == 0
-    for name in ("link", "scene", "method", "duration", "config"):
+    for name in ("board", "scene", "method", "duration", "config"):
         assert re.search(rf"^{name}:=", out, re.MULTILINE)
 
 
@@ -272,9 +274,9 @@ def test_an_end_while_it_loads_is_quiet(loaded):
 
 @IN_TIME
 def test_the_demo(tmp_path, monkeypatch):
-    """Two seconds of the whole skin on a simulated board, started in an empty folder."""
+    """Three seconds of the whole skin on a simulated board, started in an empty folder."""
     monkeypatch.setenv("TMPDIR", str(tmp_path))
-    done = run_command("launch", "duration:=2", cwd=tmp_path)
+    done = run_command("launch", "duration:=3", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
     assert re.search(r"^SIMULATED .* free", done.stdout, re.MULTILINE)
@@ -293,6 +295,29 @@ def test_a_port_means_a_real_board(tmp_path):
     assert done.returncode == 2
     assert f"port {port}: does not exist" in done.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_simulated_board_is_called_so_under_any_launch_file(tmp_path):
+    """And a pseudo-terminal of somebody else, of a wireless bridge say, is not."""
+    link = tmp_path / "skin"
+    words = ("launch", "skin.launch.yaml", f"port:={link}", "duration:=1")
+    with subprocess.Popen([sys.executable, "-m", "tactile_skin", "sim", "--link", link]) as board:
+        try:
+            while not link.exists():
+                time.sleep(0.02)
+            done = run_command(*words)
+        finally:
+            board.terminate()
+    assert re.search(r"^SIMULATED ", done.stdout, re.MULTILINE), done.stdout
+    assert "summary of a simulated board" in done.stdout
+    master, slave = os.openpty()
+    link.symlink_to(os.ttyname(slave))
+    with serial.Serial(str(link)) as port:
+        assert not is_simulated(port)
+    with serial.serial_for_url("loop://") as port:
+        assert not is_simulated(port)
+    os.close(master)
+    os.close(slave)
 
 
 @IN_TIME

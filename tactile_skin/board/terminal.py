@@ -106,7 +106,7 @@ def is_simulated(port) -> bool:
     """Return whether an open serial port is that of a simulated board, by whatever name."""
     try:
         return fcntl.ioctl(port.fileno(), termios.TIOCGWINSZ, bytes(len(_MARK))) == _MARK
-    except (OSError, ValueError):  # socket:// and the like have no such thing
+    except (AttributeError, OSError, ValueError):  # socket:// and the like have no such thing
         return False
 
 

@@ -12,7 +12,7 @@ from ..errors import FileError, ParameterError, did_you_mean
 from ..files import shorten
 from ..yaml_files import read_yaml
 from .bus import Parameter
-from .package import CLASSES, share_dir
+from .package import CLASSES, COMPOSED, NODES, share_dir
 
 SHARED = ("circuit", "curve", "geometry")  # parameters that several nodes read
 
@@ -118,6 +118,8 @@ class ParameterFile:
         shared = shipped["**"]
         everyone = shared.union(*shipped.values(), names)
         known = {"*", "**", *CLASSES, *nodes}
+        if not self.own:  # ROS's: which nodes the program runs
+            known, shipped = known | {COMPOSED}, shipped | {COMPOSED: frozenset(NODES)}
         lasts = [section.rsplit("/", 1)[-1] for section in self.sections]
         foreign = not known.intersection(lasts)
         for last, (section, values) in zip(lasts, self.sections.items(), strict=True):
@@ -130,7 +132,7 @@ class ParameterFile:
             wild = last in ("*", "**")
             allowed = everyone if wild else shipped.get(last, frozenset()) | shared
             unknown = [k for k in values if k not in allowed and not k.startswith(THEIRS)]
-            for name in unknown if wild or last in CLASSES else ():
+            for name in unknown if wild or last in shipped else ():
                 of_skin = not wild or self.own or name.split(".")[0] in SHARED
                 if of_skin or _misspelt(name, allowed):
                     raise ParameterError(unknown_parameter(where, name, allowed))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 
 import numpy as np
 import pytest
@@ -199,6 +200,7 @@ def test_a_reason_longer_than_the_terminal_is_printed_whole_once(monkeypatch):
     monitor.out = Terminal()
     executor.add_node(node)
     publisher = observer.create_publisher(DiagnosticArray, STATUS_TOPIC, STATUS)
+    monitor._simulated = True
     reason = "stale: readings come every 0.12 s, but stale_after = 0.1 s: " + "set it. " * 4
     status = DiagnosticStatus(DiagnosticStatus.ERROR, "stop_on_push", reason, "tactile_skin", [])
     for _ in range(5):
@@ -210,6 +212,8 @@ def test_a_reason_longer_than_the_terminal_is_printed_whole_once(monkeypatch):
     assert lines[0] == f"\r\x1b[2K{reason}"
     assert monitor.out.getvalue().count(reason) == 1
     assert len(lines) == 2
+    live = lines[1].split("\r\x1b[2K")[-1]
+    assert len(live) < 80 and re.match(r"SIMULATED +0\.0/s  STOP stale: readings come", live)
 
 
 def test_a_warning_is_printed_whole_once():

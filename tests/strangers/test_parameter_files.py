@@ -103,7 +103,7 @@ def by_parameter(path):
 WAYS = (launched, by_ros2_launch, by_ros2_run, by_parameter)
 OF_COMMANDS = (*WAYS, read_skin)  # doctor, calibrate and replay read circuit, curve and geometry
 # What an absent section or a file that also serves other nodes may hold, where ROS hands it over.
-ROS_ALLOWS = ("of all nodes of another", "of two packages", "of the program")
+ROS_ALLOWS = ("of all nodes of another", "of two packages")
 
 
 def write(folder, text):
@@ -128,6 +128,16 @@ def test_a_file_that_is_wrong_is_an_error(case, way, tmp_path):
     with pytest.raises((ValueError, OSError)) as error:
         way(write(tmp_path, text))
     assert named in str(error.value)
+
+
+def test_a_section_of_the_program_says_which_nodes_run_and_nothing_else(tmp_path):
+    """A limit in it would be that of no node."""
+    shared = {"circuit": {"rows": 8, "cols": 8}}
+    path = write(tmp_path, nodes(all=shared, skin={"monitor": True}))
+    assert "monitor" in [handle.get_name() for handle in by_ros2_run(path)]
+    path = write(tmp_path, nodes(all=shared, skin={"threshold": 25.0}))
+    with pytest.raises(ValueError, match=r"skin: parameter 'threshold' is unknown"):
+        by_ros2_run(path)
 
 
 def documented(node: str) -> dict:

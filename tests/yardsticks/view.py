@@ -20,7 +20,6 @@ import json
 import multiprocessing
 import os
 import re
-import tempfile
 import time
 from pathlib import Path
 
@@ -158,22 +157,21 @@ def main() -> None:
     parser.add_argument("--foxglove", action="store_true", help="Foxglove's server, no pages")
     args = parser.parse_args()
     kinds = ["no page", SHOWN] + ["no view"] * args.bare
-    with tempfile.TemporaryDirectory() as folder:
-        arguments = {
-            "method": "auto",
-            "monitor": "false",
-            "view": "true",
-            "view_port": "0",
-            "foxglove": "true",
-        }
-        plan = read_plan(find("demo.launch.yaml"), arguments)
-        actions = {a.kind: a for a in plan.nodes if a.kind in ("view", FOXGLOVE)}
-        for action in actions.values():
-            plan.nodes.remove(action)
-        action = actions[FOXGLOVE if args.foxglove else "view"]
-        action.parameters.append(("port", 0))
-        with Skin(plan) as skin:
-            measure(skin, action, kinds, args)
+    arguments = {
+        "method": "auto",
+        "monitor": "false",
+        "view": "true",
+        "view_port": "0",
+        "foxglove": "true",
+    }
+    plan = read_plan(find("demo.launch.yaml"), arguments)
+    actions = {a.kind: a for a in plan.nodes if a.kind in ("view", FOXGLOVE)}
+    for action in actions.values():
+        plan.nodes.remove(action)
+    action = actions[FOXGLOVE if args.foxglove else "view"]
+    action.parameters.append(("port", 0))
+    with Skin(plan) as skin:
+        measure(skin, action, kinds, args)
 
 
 def measure(skin: Skin, action, kinds: list[str], args) -> None:

@@ -170,9 +170,9 @@ class Monitor:
         reason = self._waiting
         if self.stops and self.stops[-1][1] is None:
             reason = self.stops[-1][2]
+        rate_text = f"{'SIMULATED ' * self._simulated}{rate:5.1f}/s"
         line = (
-            f"{'SIMULATED ' * self._simulated}{rate:5.1f}/s  drops {self.drops}  "
-            f"contacts {self._contacts} {self._force:6.1f} N  "
+            f"{rate_text}  drops {self.drops}  contacts {self._contacts} {self._force:6.1f} N  "
             f"{push:<26} {'STOP ' + reason if reason else 'free'}"
         )
         if self._cmd_vel is not None:
@@ -190,7 +190,7 @@ class Monitor:
             if reason and len(line) > width:
                 if reason != self._last_reason:
                     self._write(f"{clear}{reason}\n")  # what to do stands at its end
-                line = f"{rate:5.1f}/s  STOP {reason}"
+                line = f"{rate_text}  STOP {reason}"
             self._last_reason = reason
             line = line if len(line) <= width else f"{line[: width - 1]}…"
             self._write(f"{clear}{line}")

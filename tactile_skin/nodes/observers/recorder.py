@@ -105,3 +105,4 @@ class RecorderNode:
     def close(self) -> None:
         if self._recorder is not None:
             self._recorder.close(_CLOSE)
+            self._report()  # the disk may have been full for what came last
