@@ -180,11 +180,11 @@ def test_a_ros_argument_that_is_not_understood_is_refused_by_name(words, named, 
 
 
 @pytest.mark.parametrize(
-    ("file", "port"), [("skin.launch.yaml", "port"), ("demo.launch.yaml", "link")]
+    ("file", "given"), [("skin.launch.yaml", {"port": "/dev/ttyUSB0"}), ("demo.launch.yaml", {})]
 )
-def test_a_process_gets_what_the_node_would_get_in_process(file, port):
+def test_a_process_gets_what_the_node_would_get_in_process(file, given):
     """Parameters, name, namespace and remappings survive the command line."""
-    plan = launch.read_plan(launch.find(file), {port: "/dev/ttyUSB0", "duration": "2"})
+    plan = launch.read_plan(launch.find(file), given | {"duration": "2"})
     for action in plan.nodes:
         action.namespace, action.remappings = "left", [("skin/stop", "/halt")]
         words = ros.command(action, 2)
