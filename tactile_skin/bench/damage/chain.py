@@ -39,6 +39,7 @@ class Chain:
             given.setdefault(name, {}).update(_described(circuit))
         given["serial_driver"]["protocol"] = protocol
         given["compensation"].setdefault("time_limit", _PATIENT)
+        given["gesture_feature"].setdefault("geometry.shape", "plane")
         for action in plan.nodes:
             action.parameters += list(given.get(action.executable, {}).items())
         self._driven = Driven(plan, _EPOCH)

@@ -1,0 +1,356 @@
+"""The mechanisms that doubt readings: what each watches, its null result and its lines of code."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import dataclass
+from pathlib import Path
+
+from tactile_skin import __file__ as _package
+from tactile_skin.board.liveness import _SETTLING, JITTER
+from tactile_skin.nodes.serial_driver import _DOUBTFUL
+from tactile_skin.solvers import suspect
+
+from .switchboard import Field, Limit, Result, Switchboard
+
+_NEVER = 10**9  # frames, or times: a limit that nothing reaches
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """Attributes:
+    name, watches: for tables.
+    source: files of the package, or "file:function", that exist for it.
+    parts: what to patch, see switchboard.py.
+    frame: whether it judges single frames, within `compensate`.
+    """
+
+    name: str
+    watches: str
+    source: tuple[str, ...]
+    parts: tuple
+    frame: bool = False
+
+    @property
+    def lines(self) -> int:
+        """Lines of its functions, classes and files, docstrings and comments among them."""
+        return sum(count_lines(place) for place in self.source)
+
+
+def count_lines(place: str) -> int:
+    """Return the lines of a file, or of "file:Class.function".
+
+    Raises:
+        KeyError: there is no such function.
+    """
+    path, _, name = place.partition(":")
+    text = (Path(_package).parent / path).read_text(encoding="utf-8")
+    if not name:
+        return len(text.splitlines())
+    node = ast.parse(text)
+    for part in name.split("."):
+        node = {n.name: n for n in node.body if isinstance(n, (ast.FunctionDef, ast.ClassDef))}[
+            part
+        ]
+    first = min([node.lineno, *(d.lineno for d in node.decorator_list)])
+    return node.end_lineno - first + 1
+
+
+def _says(where: str) -> Result:
+    """A function that returns why something is wrong."""
+    return Result(where, lambda found, *_: "")
+
+
+def _attribute(where: str, null) -> Field:
+    return Field(where, lambda found: null)
+
+
+def _saturation_alone(found: str, reading) -> str:
+    """Return what `suspect.by_reading` says of saturation, without its impossible readings."""
+    if not found:
+        return ""
+    rest = suspect._rest_steps(reading.circuit, reading.curve) * reading.apparent[0]
+    margin = suspect._IMPOSSIBLE * reading.noise + 1.0
+    touched = reading.noise > suspect._SPREADS and reading.steps.max() > rest.max() + margin
+    return suspect.saturation(reading, *suspect._SATURATED) if touched else ""
+
+
+def _quiet_if(start: str):
+    return lambda found, *_: "" if found.startswith(start) else found
+
+
+def _without_restarts(verdict, *_):
+    many = verdict.trouble.startswith("the board restarted")
+    return verdict._replace(trouble="") if many else verdict
+
+
+def _settled_after_start(settled: bool, delay) -> bool:
+    last = delay._last
+    return settled if last is None or last[0] - delay._since < _SETTLING else True
+
+
+_WATCH, _SOLVE = "calibration/watch", "solvers"
+MECHANISMS = (
+    # --- of single frames ---
+    Mechanism(
+        "by_residual", "misfit beyond noise", (f"{_SOLVE}/suspect.py:by_residual",),
+        (_says("solvers.suspect:by_residual"),), True,
+    ),
+    Mechanism(
+        "by_score", "pattern of a short or of another r_par in the misfit",
+        tuple(f"{_SOLVE}/score.py:{name}" for name in (
+            "by_score", "_way", "_beside_rim", "_candidates", "_r_par_text", "_equal_lines",
+        )),
+        (_says("solvers.score:by_score"),), True,
+    ),
+    Mechanism(
+        "by_cost", "a load on all cells that the level prior does not explain",
+        (f"{_SOLVE}/suspect.py:by_cost",), (_says("solvers.suspect:by_cost"),), True,
+    ),
+    Mechanism(
+        "other_r_par", "another r_par explains the frame better",
+        (f"{_SOLVE}/rivals/other_r_par.py",),
+        (Result("solvers.rivals.other_r_par:find_r_par",
+                lambda found, reading, fit, nominal: nominal),), True,
+    ),
+    Mechanism(
+        "other_readout", "another readout explains the frame better",
+        (f"{_SOLVE}/rivals/other_readout.py",), (_says("solvers.map:other_readout"),), True,
+    ),
+    Mechanism(
+        "impossible readings", "readings that no skin can give",
+        (f"{_SOLVE}/suspect.py:by_reading", f"{_SOLVE}/suspect.py:_place"),
+        (Result("solvers.suspect:by_reading", _saturation_alone),), True,
+    ),
+    Mechanism(
+        "saturation in a frame", "many equal readings at the top",
+        (f"{_SOLVE}/suspect.py:saturation",), (_says("solvers.suspect:saturation"),), True,
+    ),
+    Mechanism(
+        "aside", "readings that the others do not allow are left out",
+        (f"{_SOLVE}/rivals/aside.py",),
+        (Result("solvers.map:without_bad_contacts", lambda found, *_: None),), True,
+    ),
+    # --- of the stream: readings and circuit ---
+    Mechanism(
+        "doubt.lasting", "a fault at rest goes on under a touch",
+        (), (_attribute("calibration.watch.doubt:Doubt._lasting", False),),
+    ),
+    Mechanism(
+        "doubt.held", "a fault under a touch is kept without it",
+        (), (_attribute("calibration.watch.doubt:Doubt.held", False),),
+    ),
+    Mechanism(
+        "cells", "one cell jumps about, or never moves",
+        (f"{_WATCH}/cells.py",), (_says("calibration.watch.cells:Cells.frame"),),
+    ),
+    Mechanism(
+        "contacts", "one reading is left out again and again",
+        (f"{_WATCH}/contacts.py",),
+        (_attribute("calibration.watch.contacts:Contacts.message", ""),),
+    ),
+    Mechanism(
+        "untouched.line", "a line at rest reads as another one did",
+        (f"{_WATCH}/untouched.py:_another_line",),
+        (_says("calibration.watch.untouched:_another_line"),),
+    ),
+    Mechanism(
+        "untouched.common", "all cells at rest gain or lose at once",
+        (f"{_WATCH}/untouched.py:Untouched._common",),
+        (Result("calibration.watch.untouched:Untouched._common",
+                lambda found, *a: (0.0, True) if abs(found[0]) > a[-1] else found),),
+    ),
+    Mechanism(
+        "voltage", "cells at rest read one voltage, from the start",
+        (f"{_WATCH}/voltage.py",),
+        (_says("calibration.watch.voltage:OneVoltage.window"),
+         _attribute("calibration.watch.voltage:OneVoltage.tells", False)),
+    ),
+    Mechanism(
+        "rest picture.flat", "cells read one voltage, later on", (),
+        (Result("calibration.watch.converter:RestPicture.window", _quiet_if("all readings")),),
+    ),
+    Mechanism(
+        "rest picture.shift", "the picture at rest stands at another height",
+        (),
+        (Limit("calibration.watch.converter:_RAISED", _NEVER),
+         Result("calibration.watch.converter:RestPicture.window", _quiet_if("all cells"),
+                probe=True)),
+    ),
+    Mechanism(
+        "ceiling.frame", "the largest readings stand still while others do not",
+        (f"{_WATCH}/converter.py:Ceiling.frame",),
+        (Limit("calibration.watch.converter:_STILL", _NEVER),
+         Result("calibration.watch.converter:Ceiling.frame",
+                lambda found, ceiling, *_: "" if ceiling._present else found, probe=True)),
+    ),
+    Mechanism(
+        "ceiling.window", "touches end at one height",
+        (f"{_WATCH}/converter.py:Ceiling.window", f"{_WATCH}/converter.py:Ceiling._stands"),
+        (Result("calibration.watch.converter:Ceiling._stands",
+                lambda found, *_: (found[0], False)),),
+    ),
+    Mechanism(
+        "numbers", "the board sends numbers that its sketch has processed",
+        (f"{_WATCH}/numbers.py", "readings/processed.py"),
+        (_attribute("calibration.watch.numbers:Numbers.message", ""),),
+    ),
+    Mechanism(
+        "load", "half of the skin is loaded, from the start or for long",
+        (f"{_WATCH}/load.py",),
+        (_attribute("calibration.watch.load:Load.since_start", ""),
+         _attribute("calibration.watch.load:Load.message", "")),
+    ),
+    Mechanism(
+        "noise by cell", "noisy cells count with their own noise",
+        ("calibration/noise.py:Noise.each",),
+        (Result("calibration.noise:Noise.each", lambda found, noise: noise.rms),),
+    ),
+    Mechanism(
+        "noise message", "noisy cells are named",
+        ("calibration/noise.py:Noise.message",),
+        (_says("calibration.noise:Noise.message"),),
+    ),
+    Mechanism(
+        "twins", "two lines, or half of them, read the same at rest",
+        (f"{_WATCH}/twins.py",),
+        (Result("calibration.tare:which_are_one", lambda found, *_: ("", False)),),
+    ),
+    Mechanism(
+        "tare guards", "lines and steps that a tare would hide",
+        tuple(f"calibration/tare.py:Tare.{name}" for name in ("_wires", "_leads", "_step")),
+        tuple(_says(f"calibration.tare:Tare.{name}") for name in ("_wires", "_leads", "_step")),
+    ),
+    Mechanism(
+        "tare fabric", "cells at rest that no fabric has",
+        ("calibration/tare.py:Tare._fabric",), (_says("calibration.tare:Tare._fabric"),),
+    ),
+    Mechanism(
+        "tracker", "what lies in series is learnt from touches",
+        ("calibration/tracker.py",),
+        (Result("calibration.skin:Skin._learn_circuit", lambda found, *_: None, skip=True),
+         Result("calibration.tracker:CircuitTracker.ask", lambda found, *_: None, probe=True)),
+    ),
+    Mechanism(
+        "tracker words", "the same is said, not only used",
+        ("calibration/tracker.py:CircuitTracker._likely",
+         "calibration/tracker.py:CircuitTracker._words"),
+        (_attribute("calibration.tracker:CircuitTracker.message", ""),
+         _attribute("calibration.tracker:CircuitTracker.hint", "")),
+    ),
+    Mechanism(
+        "reserve", "a push counts with what an unknown r_par may hide",
+        ("nodes/stop_on_push.py:StopOnPush._at_most",),
+        (Result("nodes.stop_on_push:StopOnPush._at_most", lambda found, *_: 1.0),),
+    ),
+    # --- of the stream: the board and its link ---
+    Mechanism(
+        "live.frozen", "one frame repeats", (),
+        (Result("board.liveness:Repeats.frame",
+                lambda found, repeats, *_: "" if repeats._period == 1 else found),),
+    ),
+    Mechanism(
+        "live.ring", "some frames repeat", (),
+        (Result("board.liveness:Repeats.frame",
+                lambda found, repeats, *_: "" if repeats._period > 1 else found),),
+    ),
+    Mechanism(
+        "live.still", "lines stand still while others do not",
+        ("board/liveness.py:StillLines",), (_says("board.liveness:StillLines.frame"),),
+    ),
+    Mechanism(
+        "live.restarts", "the board restarts again and again", (),
+        (Limit("board.liveness:_RESTARTS_WITHIN", 0.0),
+         Result("board.liveness:Liveness.frame", _without_restarts, probe=True)),
+    ),
+    Mechanism(
+        "live.lag", "frames come late, or a queue is emptied",
+        ("board/liveness.py:Delay",),
+        (Result("board.liveness:Delay.frame",
+                lambda found, *_: (0.0, found[1]) if found[0] > JITTER else found),
+         Result("board.liveness:Delay.settled", _settled_after_start)),
+    ),
+    Mechanism(
+        "link share", "frames are damaged or lost", (),
+        (Field("nodes.serial_driver:SerialDriver._bad",
+               lambda share: 0.0 if share >= _DOUBTFUL else share),),
+    ),
+    Mechanism(
+        "absent", "crossings without a reading",
+        ("board/absent.py",), (Result("board.absent:Absent.frame", lambda found, *_: ("", False)),),
+    ),
+)  # fmt: skip
+ALL_ON = "all on"
+BUNDLES = {  # switched off together
+    "the four of a frame": ("by_score", "by_cost", "other_r_par", "other_readout"),
+    "the four, guards, impossible": (
+        "by_score", "by_cost", "other_r_par", "other_readout", "tare guards", "impossible readings",
+    ),
+    "aside + contacts": ("aside", "contacts"),
+}  # fmt: skip
+
+
+def variants(frame: bool) -> dict[str, frozenset[str]]:
+    """Return name -> mechanisms that are off: each by itself, then the bundles.
+
+    Args:
+        frame: only mechanisms of single frames, and bundles of two of them or more.
+    """
+    known = [m.name for m in MECHANISMS if m.frame or not frame]
+    found = {name: frozenset({name}) for name in known}
+    for name, members in BUNDLES.items():
+        together = frozenset(members) & frozenset(known)
+        if len(together) > 1 and together not in found.values():
+            found[name] = together
+    return found
+
+
+def sweep(board: Switchboard, play, frame: bool) -> tuple[dict, frozenset[str]]:
+    """Play one input with all mechanisms on, and with each variant off that can change anything.
+
+    What said nothing changes nothing; a bundle of which one member spoke is that one by itself,
+    unless another speaks in its place.
+
+    Args:
+        play: () -> numbers, the same for the same mechanisms.
+        frame: see `variants`.
+
+    Returns:
+        variant -> numbers, `ALL_ON` first, without those that change nothing; what spoke.
+    """
+    results, heard = {}, {}
+
+    def run(name, off=()):
+        board.switch_off(off)
+        results[name] = play()
+        heard[name] = frozenset(board.spoke)
+
+    run(ALL_ON)
+    for name, off in variants(frame).items():
+        spoke = off & heard[ALL_ON]
+        alone = next(iter(spoke), None)
+        if len(spoke) == 1 < len(off) and not off & heard[alone]:
+            results[name] = results[alone]
+        elif spoke:
+            run(name, off)
+    board.switch_off()
+    return results, heard[ALL_ON]
+
+
+def changes(results: dict[str, dict]) -> dict[str, dict]:
+    """Return variant -> numbers that differ from those with all mechanisms on, which are complete.
+
+    `numbers_of` is the way back.
+    """
+    base = results[ALL_ON]
+    found = {
+        name: {key: value for key, value in numbers.items() if value != base[key]}
+        for name, numbers in results.items()
+        if name != ALL_ON
+    }
+    return {ALL_ON: base} | {name: numbers for name, numbers in found.items() if numbers}
+
+
+def numbers_of(row: dict, variant: str) -> dict:
+    """Return the numbers of a variant in a row of results."""
+    return row["results"][ALL_ON] | row["results"].get(variant, {})
