@@ -2,12 +2,14 @@
 
     PYTHONPATH=tests python tests/yardsticks/obey.py [--boards N] [--seed S] [--kinds K ...]
 
-A board that sends lines of numbers is configured with one wrong entry. Its owner starts the skin,
-takes what the reason says, or where it points to the doctor, what the doctor says of a minute of
-touches, and `calibrate` of its rest and touches; each `set NAME: VALUE` is entered, one after the
-other, and he starts again, until nothing is said or nothing is new. Where a finding lists what it
-may be instead of a setting, he looks the entries up that it names, as on the board or its data
-sheet; r_par is printed on nothing. He exchanges two leads if he is told to.
+A board is configured with one wrong entry. Its owner starts the skin, takes what the reason says,
+or where it points to `detect`, the file that this writes from four seconds of bytes; then what the
+doctor says of a minute of touches, and `calibrate` of its rest and touches; each `set NAME: VALUE`
+is entered, one after the other, and he starts again, until nothing is said or nothing is new. He
+answers `detect` by what he believes, and counts the cells, and looks the scale up, if asked. Where
+a finding lists what it may be instead of a setting, he looks the entries up that it names, as on
+the board or its data sheet; r_par is printed on nothing. He exchanges two leads if he is told to.
+Of a format, wrong is the description of another sketch, or one with a slip.
 
 Each board is a `Circuit` with a fabric that scatters by 3 to 8 % and the shipped curve, 0.5 to 1.5
 steps of noise, 6 x 6 to 12 x 10, every readout. Scored is the end: a skin that is free while 45 N
@@ -23,148 +25,36 @@ import io
 import re
 import tempfile
 from collections import Counter, defaultdict
-from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
+from unittest import mock
 
 import numpy as np
 import yaml
-from strangers.sim import counts, fabric, finger, touches
+from strangers.sim import finger, touches
+from yardsticks.entries import KINDS, OF_CIRCUIT, OF_LINK, Board, circuit_of, draw, parser_of
 
-from tactile_skin import Circuit, PressureCurve
+from tactile_skin import Circuit
 from tactile_skin.bench.damage.chain import Chain
-from tactile_skin.commands import calibrate, doctor
+from tactile_skin.commands import calibrate, detect, doctor
 from tactile_skin.middleware.threads import one_thread
 
-RATE = 20.0  # frames a second
+RATE = 20  # frames a second, on the running skin
+RECORDED = 10  # frames a second, for doctor, calibrate and detect
 PALM = 45.0  # N
 SETTLED = 0.5  # s after the palm came in which the skin may still be free
 ROUNDS = 6  # in which the owner still obeys
+LISTENED = 4.0  # s of bytes that `detect` gets
+SILENT = 4.0  # s after which the driver says why there is no frame
+DEFAULTS = {"r_par": Circuit().r_par, "readout": "floating", "driven": "rows"}
+DEFAULTS |= {"inverted": False, "adc_full_scale": 0.0, "r_drive": 0.0}
 TEXT = {"debounce": 0.01, "lead": 0.0}  # of stop_on_push, as docs/boards.md has it for text
-SHAPES = (6, 6), (8, 8), (8, 10), (10, 8), (12, 10), (6, 9)
-OF_CIRCUIT = [
-    "rows",
-    "cols",
-    "r_ref",
-    "r_par",
-    "adc_bits",
-    "readout",
-    "driven",
-    "inverted",
-    "adc_full_scale",
-    "r_drive",
-]
 LOOKED_UP = set(OF_CIRCUIT) - {"r_par", "r_drive"}  # what an owner can read off his board
-R_REF = {  # ohm, by which a readout tells a palm
-    "floating": (1780.0, 4700.0),
-    "loaded": (1000.0, 4700.0),
-    "grounded": (200.0, 500.0),
-}
-KINDS = "rows/cols", "size", "bits", "scale", "polarity", "readout", "r_par", "order"
 
 _SET = re.compile(r"\b[Ss]et:? ((?:[\w.]+: [\w.+-]+(?:, | and )?)+)")
 _PAIR = re.compile(r"(?:[a-z_]+\.)?([a-z_]+): ([\w.+-]*\w)")
+_LINE = re.compile(r"set serial_driver\.format\.line: '(.*?)'")
 _EXCHANGE = re.compile(r"\b(rows|columns) (\d+) and (\d+): .*if they are exchanged")
-
-
-@dataclass
-class Board:
-    """What is on the bench, and what its owner entered.
-
-    Attributes:
-        right: the entries as they should be; entered: as they are.
-        order: of the columns that the board sends.
-        scale: what the supply reads, of a board that sends no ADC steps; 0: ADC steps.
-    """
-
-    kind: str
-    right: dict
-    entered: dict
-    curve: PressureCurve
-    noise: float
-    seed: int
-    order: np.ndarray = field(default=None)
-    scale: float = 0.0
-
-    @property
-    def circuit(self) -> Circuit:
-        names = set(OF_CIRCUIT) - {"inverted", "adc_full_scale"}
-        return Circuit(**{k: v for k, v in self.right.items() if k in names})
-
-    def samples(self, force: np.ndarray, rng) -> np.ndarray:
-        """Return (n, rows, cols) numbers that it sends under forces [N]."""
-        sent = np.array(
-            [
-                counts(
-                    self.circuit,
-                    self.curve,
-                    f,
-                    rng,
-                    noise=self.noise,
-                    inverted=self.right["inverted"],
-                )
-                for f in force
-            ]
-        )
-        if self.scale:
-            sent = np.rint(sent * self.scale / self.circuit.full_scale).astype(int)
-        return sent[:, :, self.order]
-
-
-def draw(seed: int, kinds=KINDS) -> Board:
-    """Return a board with one wrong entry."""
-    rng = np.random.default_rng([33, seed])
-    kind = kinds[seed % len(kinds)]
-    shapes = [s for s in SHAPES if s[0] != s[1]] if kind == "rows/cols" else SHAPES
-    rows, cols = shapes[rng.integers(len(shapes))]
-    readout = ("floating", "loaded", "grounded")[rng.integers(3)]
-    driven = "rows" if readout == "floating" else ("rows", "columns")[rng.integers(2)]
-    bits = int((10, 12)[rng.integers(2)])
-    right = {
-        "rows": rows,
-        "cols": cols,
-        "r_ref": float(R_REF[readout][rng.integers(2)]),
-        "r_par": float(rng.uniform(20, 350)) if readout == "floating" else 25.0,
-        "adc_bits": bits,
-        "readout": readout,
-        "driven": driven,
-        "inverted": bool(rng.integers(2)),
-        "adc_full_scale": 0.0,
-        "r_drive": 0.0,
-    }
-    circuit = Circuit(**{k: v for k, v in right.items() if k not in ("inverted", "adc_full_scale")})
-    curve = fabric(circuit, seed=seed, scatter=rng.uniform(0.03, 0.08))
-    board = Board(kind, right, dict(right), curve, rng.uniform(0.5, 1.5), seed)
-    board.order = np.arange(cols)
-    wrong = board.entered
-    if kind == "rows/cols":
-        wrong |= {"rows": cols, "cols": rows}
-    elif kind == "size":
-        wrong["cols"] = cols + int(rng.integers(1, 3))
-    elif kind == "bits":
-        wrong["adc_bits"] = 22 - bits
-    elif kind == "scale":
-        board.scale = float((3300, 5000)[rng.integers(2)])
-        right |= {"adc_bits": 13 if board.scale > 4095 else 12, "adc_full_scale": board.scale}
-    elif kind == "polarity":
-        wrong["inverted"] = not right["inverted"]
-    elif kind == "readout":
-        others = [
-            (r, d)
-            for r in ("floating", "loaded", "grounded")
-            for d in ("rows", "columns")
-            if (r, d) != (readout, driven)
-            and not (r == "floating" and (d == "columns" or readout == r))
-        ]
-        wrong["readout"], wrong["driven"] = others[rng.integers(len(others))]
-    elif kind == "r_par":
-        wrong["r_par"] = float((0.0, 2.0)[rng.integers(2)]) * right["r_par"]
-        if readout != "floating":
-            wrong["r_par"] = right["r_par"] + 300.0
-    else:
-        a, b = rng.permutation(cols)[:2]
-        board.order[[a, b]] = b, a
-    return board
 
 
 class Played:
@@ -186,18 +76,20 @@ class Played:
         middle = (shape[0] - 1) / 2, (shape[1] - 1) / 2
         force[palm] = finger(shape, *middle, PALM, 1.1)
         of_adc = {f"circuit.{k}": entered[k] for k in ("inverted", "adc_full_scale")}
-        given = {"serial_driver": of_adc, "compensation": of_adc, "stop_on_push": TEXT}
+        of_link = {f"format.{k}": v for k, v in entered["format"].items()}
+        given = {"serial_driver": of_adc | of_link, "compensation": of_adc, "stop_on_push": TEXT}
         self.free, self.reasons = False, []
         totals, centres, rested = [], [], []
         try:
-            chain = Chain(_circuit(entered), "text", given)
+            chain = Chain(circuit_of(entered), entered["protocol"], given)
         except ValueError as error:
             self.reasons.append(str(error))
             self.right = False
             return
         for k, sample in enumerate(board.samples(force, rng)):
-            line = ",".join(map(str, sample.ravel())) + "\r\n"
-            chain.feed(t[k] + 0.1, line.encode())
+            chain.feed(t[k] + 0.1, board.bytes_of([sample], k))
+            if t[k] > SILENT and not k % RATE:
+                _look_for_frames(chain)
             if t[k] > 4.0 and chain.reason not in self.reasons[-1:]:
                 self.reasons.append(chain.reason)
             for level, message in chain.levels.values():
@@ -218,6 +110,13 @@ class Played:
         self.seen = np.median(totals), np.median(centres), np.mean(rested)
 
 
+def _look_for_frames(chain: Chain) -> None:
+    """Let the driver say why there is no frame, as its reader's thread does."""
+    reader = chain._driver._reader
+    if not reader.parser.counters.frames:
+        reader._lost(reader._unusable(SimpleNamespace(name=reader.port), heard=1))
+
+
 def _turned(felt: np.ndarray, board: Board, entered: dict) -> np.ndarray:
     """Return the picture on the board's rows and columns, as far as it has their shape."""
     if felt.shape != board.circuit.shape:
@@ -229,11 +128,6 @@ def _centre(force: np.ndarray) -> np.ndarray:
     if not force.sum():
         return np.full(2, np.inf)
     return np.array([(np.indices(force.shape)[k] * force).sum() / force.sum() for k in (0, 1)])
-
-
-def _circuit(entered: dict) -> Circuit:
-    names = set(OF_CIRCUIT) - {"inverted", "adc_full_scale"}
-    return Circuit(**{k: v for k, v in entered.items() if k in names})
 
 
 class Owner:
@@ -248,9 +142,8 @@ class Owner:
         self.entered = dict(board.entered)
         rng = np.random.default_rng([board.seed, 2])
         shape = board.circuit.shape
-        force = touches(
-            shape, 60.0, 10.0, seed=board.seed + 1, rest=6.0, hard=(3, 45), hold=0.9, gap=0.7
-        )
+        hands = {"rest": 6.0, "hard": (3, 45), "hold": 0.9, "gap": 0.7}
+        force = touches(shape, 60.0, RECORDED, seed=board.seed + 1, **hands)
         self._recorded = {
             "touches": board.samples(force, rng),
             "rest": board.samples(force[:50], rng),
@@ -272,6 +165,9 @@ class Owner:
         said = [("launch", reason) for reason in played.reasons]
         if self._sets(said, done):
             return True
+        pointed = any("tactile-skin detect" in reason for reason in played.reasons)
+        if pointed and self._detects(done):
+            return True
         heard = [("doctor", line) for line in self.doctor().splitlines()]
         if self._sets(heard, done):
             return True
@@ -285,13 +181,18 @@ class Owner:
         for who, text in said:
             for clause in _SET.findall(text):
                 pairs = {k: yaml.safe_load(v) for k, v in _PAIR.findall(clause)}
-                pairs = {k: v for k, v in pairs.items() if k in OF_CIRCUIT}
+                pairs = {k: v for k, v in pairs.items() if k in (*OF_CIRCUIT, "protocol")}
                 key = tuple(sorted(pairs.items()))
                 if pairs and key not in done and self.entered | pairs != self.entered:
                     done.add(key)
                     self.entered |= pairs
                     self.did.append(f"{who}: set {pairs}")
                     return True
+            if (match := _LINE.search(text)) and match[0] not in done:
+                done.add(match[0])
+                self.entered["format"] = self.entered["format"] | {"line": match[1]}
+                self.did.append(f"{who}: {match[0]}")
+                return True
             if "inverted to the other value" in text and "inverted" not in done:
                 done.add("inverted")
                 self.entered["inverted"] = not self.entered["inverted"]
@@ -318,28 +219,76 @@ class Owner:
                     return True
         return False
 
+    def _detects(self, done: set) -> bool:
+        """Take the file that `detect` writes of the bytes; whether it wrote one that is new."""
+        if "detect" in done:
+            return False
+        done.add("detect")
+        data, out = self.folder / "bytes.bin", self.folder / "detected.yaml"
+        out.unlink(missing_ok=True)
+        sent = self._recorded["touches"]
+        n = int(LISTENED * RECORDED)
+        begin = int(np.random.default_rng([self.board.seed, 3]).integers(len(sent) - n))
+        data.write_bytes(self.board.bytes_of(sent[begin : begin + n], begin))
+        args = SimpleNamespace(words=[str(data), f"out:={out}"])
+        with mock.patch.object(detect, "_ask", self._answer):
+            said = _printed(lambda: detect.run(args)).splitlines()
+        if not out.exists():
+            self.did.append(f"detect: {said[-1]}")
+            return False
+        found = yaml.safe_load(out.read_text())
+        link = found["/**/serial_driver"]["ros__parameters"]
+        self.entered |= DEFAULTS | found["/**"]["ros__parameters"]["circuit"]
+        self.entered |= {k: link.get(k, {}) for k in OF_LINK}
+        self.did.append(f"detect: {said[1]}")
+        return True
+
+    def _answer(self, question: str) -> str:
+        """Return what is typed: what he believes, and what he looks up if that cannot be."""
+        entered, right = self.entered, self.board.right
+        if question.startswith("rows"):
+            fits = f"its {entered['rows'] * entered['cols']} cells" in question
+            return "{rows} x {cols}".format(**(entered if fits else right))
+        if question.startswith("wiring"):
+            return entered["readout"] + ("-pullup" if entered["inverted"] else "")
+        return str(entered["r_ref"] if question.startswith("reference") else self.board.printed)
+
     def _file(self, name: str) -> str:
         path = self.folder / f"{name}.csv"
         sent = self._recorded[name]
+        if (
+            self.entered["format"] or self.board.kind == "format"
+        ):  # as it is recorded by what is entered
+            frames = parser_of(self.entered).feed(self.board.bytes_of(sent))
+            if not frames:
+                raise ValueError("no frame is recorded")
+            sent = np.array([frame.samples for frame in frames])
+            sent = np.rint(sent / 2 ** (16 - self.entered["adc_bits"])).astype(int)
         np.savetxt(path, sent.reshape(len(sent), -1), fmt="%d", delimiter=",")
         return str(path)
 
     def _config(self) -> str:
         path = self.folder / "mine.yaml"
-        path.write_text(yaml.safe_dump({"/**": {"ros__parameters": {"circuit": self.entered}}}))
+        circuit = {k: self.entered[k] for k in OF_CIRCUIT}
+        path.write_text(yaml.safe_dump({"/**": {"ros__parameters": {"circuit": circuit}}}))
         return str(path)
 
     def doctor(self) -> str:
         """Return what `tactile-skin doctor` prints of a minute of touches."""
-        words = [self._file("touches"), f"config:={self._config()}"]
-        return _printed(lambda: doctor.run(SimpleNamespace(words=words)))
+        return _printed(
+            lambda: doctor.run(
+                SimpleNamespace(words=[self._file("touches"), f"config:={self._config()}"])
+            )
+        )
 
     def calibrate(self) -> str:
         """Return what `tactile-skin calibrate` prints of rest and touches, as it enters r_par."""
         out = self.folder / "calibrated.yaml"
-        words = [f"rest:={self._file('rest')}", f"touches:={self._file('touches')}"]
+        names = ("rest", "touches")
         config = Path(self._config())
-        said = _printed(lambda: calibrate.run(out, config, words))
+        said = _printed(
+            lambda: calibrate.run(out, config, [f"{k}:={self._file(k)}" for k in names])
+        )
         if out.exists():
             found = yaml.safe_load(out.read_text())["/**"]["ros__parameters"]["circuit"]
             if abs(found["r_par"] - self.entered["r_par"]) > 1.0:
