@@ -42,7 +42,7 @@ def make_format(protocol: str, values: dict) -> Format:
         elif name not in fields():
             raise ValueError(f"format.{name}: must be one of {', '.join(fields())}")
         elif value != fields()[name].default:
-            raise ValueError(f"format.{name} = {value!r}: is not of the protocol {protocol}")
+            raise ValueError(f"format.{name} = {value!r}: no {protocol} has it, leave it out")
     return kind(**given) if kind else None
 
 

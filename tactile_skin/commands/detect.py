@@ -35,6 +35,7 @@ options, name:=value; what is missing is asked, and Enter takes the value in bra
   out          parameter file to write (default mine.yaml); it must not exist
   rows, cols   cells, where the bytes do not say them
   readout      floating, loaded, grounded or virtual_ground: docs/boards.md has drawings
+  driven       rows or columns (default rows)
   pull_up      true: each sense line has a resistor to the supply, as with INPUT_PULLUP
   r_ref        reference resistor [ohm]
   full_scale   what is printed of an input at the supply: 1023 of 10 bits, 5.0 of volts"""
@@ -58,6 +59,7 @@ _KINDS = {
     "rows": int,
     "cols": int,
     "readout": str,
+    "driven": str,
     "pull_up": bool,
     "r_ref": float,
     "full_scale": float,
@@ -70,6 +72,17 @@ class Heard:
     def __init__(self, data: bytes, baud: int, request: str = "", shape=None):
         self.data, self.baud, self.request = data, baud, request
         self.seen: Seen = recognise(data, shape)
+
+    def fits(self, shape: tuple[int, int]) -> bool:
+        """Whether it is a board of this shape; it is recognised anew where that leads to another.
+
+        A reading whose high byte never changes looks like the head of a packet.
+        """
+        if shape[0] * shape[1] != self.seen.cells:
+            seen = recognise(self.data, shape)
+            if seen.protocol and seen.cells == shape[0] * shape[1]:
+                self.seen = seen
+        return shape[0] * shape[1] == self.seen.cells
 
     @property
     def rank(self) -> tuple:
@@ -162,7 +175,7 @@ def conclude(found: Heard, given: dict, out: Path, ask: Callable[[str], str]) ->
         return 1
     how = "sure" if seen.sure else "not sure: compare with the sketch"
     print(f"{seen.about}: {seen.protocol}, {seen.frames} frames at {found.baud} baud ({how})")
-    answers = _answers(seen, given, ask)
+    answers = _answers(found, given, ask)
     out.write_text(text_of(found, answers))
     print(f"{out} is written. See it live:")
     print(f"  tactile-skin launch port:={given.get('port', 'PORT')} config:={out}")
@@ -170,24 +183,34 @@ def conclude(found: Heard, given: dict, out: Path, ask: Callable[[str], str]) ->
     return 0
 
 
-def _answers(seen: Seen, given: dict, ask) -> dict:
+def _answers(found: Heard, given: dict, ask) -> dict:
     """What no byte tells: cells, readout, resistor and scale, as given or typed."""
     answers = dict(given)
-    shape = _shape(given) or seen.shape
-    while shape is None or shape[0] * shape[1] != seen.cells:
-        rows, cols = sides(seen.cells)
-        typed = ask(f"rows x columns of its {seen.cells} cells [{rows} x {cols}]: ")
+    shape = _shape(given) or found.seen.shape
+    while shape is None or not found.fits(shape):
+        cells = found.seen.cells
+        rows, cols = sides(cells)
+        typed = ask(f"rows x columns of its {cells} cells [{rows} x {cols}]: ")
         typed = typed or f"{rows} x {cols}"
         shape = _two(typed)
-        if shape is None or shape[0] * shape[1] != seen.cells:
+        if shape is None or not found.fits(shape):
             if not sys.stdin.isatty():
-                raise ValueError(f"{typed}: must be rows x columns, {seen.cells} cells together")
-            print(f"  {typed!r}: must be rows x columns, {seen.cells} cells together")
+                raise ValueError(f"{typed}: must be rows x columns, {cells} cells together")
+            print(f"  {typed!r}: must be rows x columns, {cells} cells together")
+    seen = found.seen
     answers["rows"], answers["cols"] = shape
     if "readout" not in answers:
-        about = f"wiring: {', '.join(READOUTS)}, with -pullup behind if readings fall [floating]: "
-        answers["readout"], _, pull_up = (ask(about) or "floating").partition("-")
-        answers.setdefault("pull_up", pull_up == "pullup")
+        about = (
+            f"wiring: {', '.join(READOUTS)}; with -columns behind if the columns are driven, "
+            "-pullup if readings fall [floating]: "
+        )
+        answers["readout"], *ends = (ask(about) or "floating").split("-")
+        if strange := set(ends) - {"columns", "pullup"}:
+            raise ValueError(f"wiring -{strange.pop()}: must be -columns or -pullup")
+        answers.setdefault("pull_up", "pullup" in ends)
+        answers.setdefault("driven", "columns" if "columns" in ends else DRIVEN[0])
+    if answers.setdefault("driven", DRIVEN[0]) not in DRIVEN:
+        raise ValueError(f"driven {answers['driven']!r}: must be one of {', '.join(DRIVEN)}")
     if answers["readout"] not in READOUTS:
         raise ValueError(f"readout {answers['readout']!r}: must be one of {', '.join(READOUTS)}")
     if "r_ref" not in answers:
@@ -263,7 +286,7 @@ def text_of(found: Heard, answers: dict) -> str:
     }
     readout = answers["readout"]
     if readout != "floating":
-        circuit |= {"readout": readout, "driven": DRIVEN[0], "r_par": _R_PAR[readout]}
+        circuit |= {"readout": readout, "driven": answers["driven"], "r_par": _R_PAR[readout]}
     if readout == "grounded":
         circuit["r_drive"] = _R_DRIVE
     if answers.get("pull_up"):

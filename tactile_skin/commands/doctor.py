@@ -156,8 +156,9 @@ def scale_note(frames: np.ndarray, circuit: Circuit) -> str:
     full = circuit.full_scale
     return (
         f"no reading exceeds {most * full:.0f} of {full} ADC steps ({most:.0%}). If some presses "
-        f"were hard, check circuit.adc_bits = {circuit.adc_bits} and adc_full_scale: with a wrong "
-        "one all forces are too small, and frames do not show it."
+        f"were hard, check circuit.adc_bits = {circuit.adc_bits}, adc_full_scale and "
+        "serial_driver.format.full_scale: with a wrong one all forces are too small, and frames do "
+        "not show it."
     )
 
 

@@ -108,6 +108,11 @@ class Board:
         return circuit_of(self.right)
 
     @property
+    def looked_up(self) -> dict:
+        """What its maker reads off the board: a sketch's scale is no width of an ADC."""
+        return self.right | ({"adc_bits": self.entered["adc_bits"]} if self.scale else {})
+
+    @property
     def printed(self) -> float:
         """What the sketch prints of an input at the supply."""
         scale = self.right["format"].get("full_scale") or self.right["adc_full_scale"]

@@ -53,7 +53,8 @@ LOOKED_UP = set(OF_CIRCUIT) - {"r_par", "r_drive"}  # what an owner can read off
 
 _SET = re.compile(r"\b[Ss]et:? ((?:[\w.]+: [\w.+-]+(?:, | and )?)+)")
 _PAIR = re.compile(r"(?:[a-z_]+\.)?([a-z_]+): ([\w.+-]*\w)")
-_LINE = re.compile(r"set serial_driver\.format\.line: '(.*?)'")
+_FORM = re.compile(r"""serial_driver\.format\.(\w+): ('(?:[^']|'')*'|".*?"|\d+)""")
+_LEFT_OUT = re.compile(r"format\.(\w+) = .* leave it out")
 _EXCHANGE = re.compile(r"\b(rows|columns) (\d+) and (\d+): .*if they are exchanged")
 
 
@@ -188,10 +189,16 @@ class Owner:
                     self.entered |= pairs
                     self.did.append(f"{who}: set {pairs}")
                     return True
-            if (match := _LINE.search(text)) and match[0] not in done:
-                done.add(match[0])
-                self.entered["format"] = self.entered["format"] | {"line": match[1]}
-                self.did.append(f"{who}: {match[0]}")
+            forms = _FORM.findall(text) if ": set serial_driver.format" in text else ()
+            form = {name: yaml.safe_load(value) for name, value in forms}
+            if form and self.entered["format"] | form != self.entered["format"]:
+                self.entered["format"] = self.entered["format"] | form
+                self.did.append(f"{who}: set format {form}")
+                return True
+            if match := _LEFT_OUT.search(text):
+                form = {k: v for k, v in self.entered["format"].items() if k != match[1]}
+                self.entered["format"] = form
+                self.did.append(f"{who}: left format.{match[1]} out")
                 return True
             if "inverted to the other value" in text and "inverted" not in done:
                 done.add("inverted")
@@ -211,13 +218,24 @@ class Owner:
 
     def _looks_up(self, said: list[tuple[str, str]]) -> bool:
         """Correct the first entry that is named and can be looked up; whether one was wrong."""
+        entered, right = self.entered, self.board.looked_up
         for who, text in said:
             for name in re.findall(r"[a-z_]+", text) if "circuit." in text else ():
-                if name in LOOKED_UP and self.entered[name] != self.board.right[name]:
-                    self.entered[name] = self.board.right[name]
-                    self.did.append(f"{who}: looked {name} up")
-                    return True
+                if name in LOOKED_UP and entered[name] != right[name]:
+                    entered[name] = right[name]
+                elif name == "full_scale" and self._supposed != self.board.printed:
+                    entered["format"] = entered["format"] | {name: self.board.printed}
+                else:
+                    continue
+                self.did.append(f"{who}: looked {name} up")
+                return True
         return False
+
+    @property
+    def _supposed(self) -> float:
+        """What is printed of an input at the supply, as it is entered."""
+        scale = self.entered["format"].get("full_scale") or self.entered["adc_full_scale"]
+        return scale or 2.0 ** self.entered["adc_bits"] - 1.0
 
     def _detects(self, done: set) -> bool:
         """Take the file that `detect` writes of the bytes; whether it wrote one that is new."""
@@ -250,7 +268,8 @@ class Owner:
             fits = f"its {entered['rows'] * entered['cols']} cells" in question
             return "{rows} x {cols}".format(**(entered if fits else right))
         if question.startswith("wiring"):
-            return entered["readout"] + ("-pullup" if entered["inverted"] else "")
+            columns = "-columns" if entered["driven"] == "columns" else ""
+            return entered["readout"] + columns + ("-pullup" if entered["inverted"] else "")
         return str(entered["r_ref"] if question.startswith("reference") else self.board.printed)
 
     def _file(self, name: str) -> str:
@@ -284,10 +303,12 @@ class Owner:
     def calibrate(self) -> str:
         """Return what `tactile-skin calibrate` prints of rest and touches, as it enters r_par."""
         out = self.folder / "calibrated.yaml"
-        names = ("rest", "touches")
+        files = [f"rate:={RECORDED}"]
         config = Path(self._config())
         said = _printed(
-            lambda: calibrate.run(out, config, [f"{k}:={self._file(k)}" for k in names])
+            lambda: calibrate.run(
+                out, config, files + [f"{k}:={self._file(k)}" for k in ("rest", "touches")]
+            )
         )
         if out.exists():
             found = yaml.safe_load(out.read_text())["/**"]["ros__parameters"]["circuit"]

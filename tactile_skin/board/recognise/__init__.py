@@ -5,7 +5,7 @@ Imports the parsers of board: what is recognised is what a parser then reads.
 
 from __future__ import annotations
 
-from dataclasses import replace
+import json
 
 from ..frame import Parser
 from ..packets import PacketParser
@@ -105,8 +105,15 @@ def _of_text(parser: TextParser, seen: Seen) -> str:
             f"{seen.about}; circuit.rows = {parser.rows} x circuit.cols = {parser.cols} are "
             f"{wanted} readings"
         )
-    if replace(seen.format, full_scale=full, request=parser.format.request) != parser.format:
-        setting = f": set serial_driver.format.line: '{seen.format.line}'" if seen.sure else ""
+    given, found = parser.format, seen.format
+    wrong = [
+        name for name in ("line", "end", "first") if getattr(given, name) != getattr(found, name)
+    ]
+    if wrong:
+        settings = [
+            f"serial_driver.format.{name}: {_typed(getattr(found, name))}" for name in wrong
+        ]
+        setting = f": set {', '.join(settings)}" if seen.sure else ""
         return f"{seen.about}, not what serial_driver.format describes{setting}"
     if full and counters.out_of_range:
         return f"numbers up to {counters.largest:g}, but format.full_scale = {full:g}"
@@ -123,6 +130,13 @@ def _of_text(parser: TextParser, seen: Seen) -> str:
             "ADC steps"
         )
     return f"{seen.about}, but not one arrives whole"
+
+
+def _typed(value: str | int) -> str:
+    """A value as it is typed into a YAML file."""
+    if isinstance(value, int):
+        return str(value)
+    return "'" + value.replace("'", "''") + "'" if value.isprintable() else json.dumps(value)
 
 
 def _beyond(seen: Seen, largest: float) -> str:

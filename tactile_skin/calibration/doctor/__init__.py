@@ -125,10 +125,11 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
         return [texts.bit(*bit) for bit in bits]
     if leaping := readings.leaping_bit(seen):
         return [texts.leaping_bit(*leaping)]
-    if named:
-        return [circuits.readout(circuit, fitting)]
-    if (votes := order.transposed(seen)) and (change := _other_way(seen, touched)):
+    votes = order.transposed(seen)
+    if votes and (change := _other_way(seen, touched)):
         return [circuits.transposed(circuit, change, votes.touches, votes.share)]
+    if named and not votes:  # touches that are torn add up to what no network reads
+        return [circuits.readout(circuit, fitting)]
     found: list[Finding] = []
     if top := readings.ceiling(seen):
         found.append(texts.ceiling(seen, *top))

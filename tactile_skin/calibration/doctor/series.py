@@ -21,6 +21,9 @@ _ASKED, _TOUCHES, _HELD = 20_000, (20, 60), 15
 # known to 1.5 % (seed 144000). Share besides, and standard deviations (what all touches share is
 # not in their scatter), by which it must be off; touches that must say so.
 _LIGHT, _SERIES, _SAYING = 0.025, (0.05, 5.0), 20
+# Share beyond which none of this reaches, and touches that suffice: where r_par is far off, the
+# hardest ones are explained by no cells, and say nothing.
+_FAR, _FAR_SAYING = 0.25, 5
 # Ohm by which r_drive must be off: 3.4 at most on 16 boards (seeds 94000 and 94100). Light touches
 # lower it no more than others, so fewer suffice.
 _DRIVE, _DRIVE_SAYING = 5.0, 8
@@ -61,7 +64,8 @@ def in_series(seen: Recorded, skip, noisy, wires: wiring.Wires) -> list[Finding]
     limit = max(_SERIES[0] * scale, _SERIES[1] * found.std["r_par"])
     limit += _LIGHT * scale if off > 0.0 else 0.0
     said = []
-    if found.frames >= _SAYING and abs(off) >= limit:
+    enough = _FAR_SAYING if abs(off) >= _FAR * scale else _SAYING
+    if found.frames >= enough and abs(off) >= limit:
         said.append(circuits.circuit(circuit, found))
     if circuit.readout == "grounded" and found.frames >= _DRIVE_SAYING:
         off = abs(found.circuit.r_drive - circuit.r_drive)
