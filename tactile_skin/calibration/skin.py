@@ -157,7 +157,7 @@ class Skin:
         self.status, self.message = estimate.status, estimate.message
         self.residual, self.force = estimate.residual, float(estimate.force.max())
         self.std = estimate.std
-        self._numbers.frame(t, samples)
+        self._numbers.frame(t, samples, self._tare.measured)
         self._ended = np.count_nonzero(self._adc.bounds(adc) & (adc >= self._adc.range[1]))
         force = None
         if estimate.status != "failed":

@@ -65,6 +65,17 @@ def test_no_rest_is_learnt_under_a_palm_that_came_after_the_start(dead, readout)
     assert not any("threshold: " in reason for reason in reasons)
 
 
+@pytest.mark.parametrize("dead", [0, 200, 400])
+@pytest.mark.parametrize("readout", ["loaded", "floating"])
+def test_who_enters_inverted_for_readings_that_are_0_at_rest_is_never_free(dead, readout):
+    """The skin reads as pressed, and under a palm over all of it as less: that is no rest."""
+    circuit, samples, pressed = minus_baseline(dead)
+    wired = circuit.read_as(readout, "rows")
+    reasons, free = played(samples, wired, pressed=pressed, inverted=True)
+    assert free == 0.0
+    assert any("these are not ADC readings" in reason for reason in reasons)
+
+
 @pytest.mark.parametrize("load", ["light", "heavy", "stays"])
 def test_what_stands_on_the_skin_at_the_start_is_the_reason_until_it_is_gone(load):
     circuit = Circuit(8, 8, r_ref=10000.0, r_par=140.0)

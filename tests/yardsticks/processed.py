@@ -216,7 +216,7 @@ def named_live(steps, board, dead: float) -> bool:
     numbers = Numbers(Adc(board.circuit, offset=dead), 0.0)
     samples = np.rint(steps * 2.0 ** (16 - board.bits)).astype("u2")
     for k, frame in enumerate(samples):
-        numbers.frame(k / FPS, frame)
+        numbers.frame(k / FPS, frame, rest_known=False)
     return bool(numbers.message)
 
 

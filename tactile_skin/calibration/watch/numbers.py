@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...physics.adc import NOT_READ, Adc
-from ...readings.processed import Kind, processed
+from ...readings.processed import Kind, Processed, processed
 
 _KEPT = 64  # frames that are looked at
 _FEWEST = 10  # frames that show which cells move
@@ -17,6 +17,11 @@ _RENEW = 0.05  # share of how often each reading is 0 that each frame renews
 _OFTEN = 0.1  # share of the frames in which the usual reading is 0, from which on it is asked soon
 _SOON = 0.2  # s after which it is asked again,
 _EVERY = 2.0  # and where readings are not 0
+# Where readings fall with pressure 0 is a short circuit. Pressed cells keep tens of ohm, behind
+# r_par: usual cells that stand there for so long [s] are none. An ADC that reads too low by more
+# than so many steps reads 0 earlier.
+_SHORTED = 0.5
+_RESOLVED = 1.0
 
 
 class Numbers:
@@ -38,19 +43,24 @@ class Numbers:
         self._known = adc.rising_count(threshold) if threshold else 0.0
         low, high = adc.range
         self._unresolved = (1.0 - high if adc.inverted else low) * adc.full_scale
+        self._zero_is_short = adc.inverted and self._unresolved < _RESOLVED
+        self._shorted_since = np.inf  # s
         self._frames: list[np.ndarray] = []
         self._at_zero = np.zeros(circuit.shape)
         self._kept = self._asked = -np.inf  # s
 
-    def frame(self, t: float, samples: np.ndarray) -> None:
+    def frame(self, t: float, samples: np.ndarray, rest_known: bool) -> None:
         """Take a frame.
 
         Args:
             t: when it was read.
             samples: (rows, cols) of skin/adc.
+            rest_known: whether these readings have shown a skin at rest.
         """
         if self.message:  # a sketch does not change its mind: until somebody has changed it
             return
+        if self._zero_is_short and not rest_known:
+            self._look_for_short(t, samples)
         self._at_zero += _RENEW * ((samples == 0) - self._at_zero)
         if 0.0 <= t - self._kept < _APART:
             return
@@ -62,4 +72,15 @@ class Numbers:
         if due and len(self._frames) >= _FEWEST:
             self._asked = t
             done = processed(np.array(self._frames), self._bits, self._known, self._unresolved)
-            self.message = str(done) if done and done.kind is not Kind.CEILING else ""
+            if done and done.kind is not Kind.CEILING:
+                self.message = str(done)
+
+    def _look_for_short(self, t: float, samples: np.ndarray) -> None:
+        """By time, not by frames: those that repeat are taken for frozen, and are not seen."""
+        short = np.median(samples[self._cells]) == 0
+        self._shorted_since = min(self._shorted_since, t if short else np.inf)
+        if t - self._shorted_since >= _SHORTED:
+            share = float(np.mean(self._at_zero[self._cells] > 0.0))  # of the cells
+            self.message = str(Processed(Kind.OFFSET, 0.0, None, share))
+        elif not short:
+            self._shorted_since = np.inf
