@@ -34,6 +34,9 @@ _DONE = 0.2  # standard deviations by which the last round moved
 # ohm, a 74HC595's 20 to 70.
 _PRIOR = {"r_par": 0.2, "r_line": 8.0, "r_drive": 50.0}
 TOLD = {"r_par": 0.03, "r_line": 4.0, "r_drive": 4.0}  # the same, below which it is told
+# What is supposed of r_par is off so evidently, by standard deviations and by the share of what is
+# found, that a rough value is better; soft rims alone make it 20 % too high.
+_EVIDENT, _FAR = 8.0, 0.5
 _FEWEST = 3  # frames; with fewer one odd touch decides
 _NOISE = 0.3  # ADC steps at least: of rounding
 _STOPPED = 4  # readings of touches at the same largest height: the converter's end
@@ -47,7 +50,8 @@ class Identified:
         circuit: with r_par and r_line as found; as given where the frames do not tell.
         std: name -> one standard deviation [ohm].
         told: name -> whether the frames tell it: its standard deviation is below 3 % of r_par (of
-            `solvers.score.series_scale`), or 4 ohm of r_line or r_drive; r_line never if loaded.
+            `solvers.score.series_scale`), or 4 ohm of r_line or r_drive; or the supposed r_par is
+            off by half of it and 8 standard deviations. r_line never if loaded.
         missing: what they do not tell, and more of them would.
         frames: how many of them say anything.
         message: for a person.
@@ -241,6 +245,8 @@ def _identified(circuit: Circuit, solution: _Solution, ended: int) -> Identified
     r_par, other = (TOLD[name] for name in names(circuit))
     limits = np.array([r_par * series_scale(circuit), other])
     told = std < limits
+    there = series_scale(shifted(circuit, off))
+    told[0] |= abs(off[0]) > max(_EVIDENT * std[0], _FAR * there)
     if ideal := circuit.readout in ("loaded", "virtual_ground"):
         told[1] = False
     # What is not told stays as it was supposed, and the other is what then explains the frames.

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from strangers.sim import counts, fabric, finger, touches
 
-from tactile_skin import Circuit, diagnose
+from tactile_skin import Circuit, diagnose, identify, measure_rest
 from tactile_skin.bench.damage.chain import Chain
 from tactile_skin.calibration.doctor.advice import Change, is_safe
 
@@ -148,6 +148,29 @@ def test_rows_and_columns_exchanged_are_named_with_what_is_driven():
     square, frames = recorded((8, 8), "loaded", inverted=False)
     (finding,) = diagnose(frames, replace(square, driven="columns"))
     assert finding.change.circuit == square
+
+
+@pytest.mark.parametrize(("shape", "seed"), [((12, 10), 2), ((6, 9), 5)])
+def test_torn_touches_are_no_virtual_ground(shape, seed):
+    """Rows and columns are exchanged: what no network reads is not each cell alone."""
+    circuit = Circuit(*shape, r_ref=4700.0, r_par=25.0, adc_bits=12, readout="loaded")
+    curve, rng = fabric(circuit, seed=seed, scatter=0.05), np.random.default_rng(seed)
+    force = touches(shape, 60.0, 10.0, seed=seed, rest=6.0, hard=(3, 45), hold=0.9, gap=0.7)
+    sent = np.array([counts(circuit, curve, f, rng) for f in force]) / circuit.full_scale
+    found = diagnose(sent.reshape(-1, *shape[::-1]), replace(circuit, rows=shape[1], cols=shape[0]))
+    assert "virtual_ground" not in str(found)
+
+
+@pytest.mark.parametrize(("seed", "supposed"), [(1, 0.0), (6, 0.0), (4, 900.0)])
+def test_an_r_par_that_is_far_off_is_found_roughly_rather_than_kept(seed, supposed):
+    """With r_par = 0 a palm is felt as a quarter of it, and no reading contradicts."""
+    circuit = Circuit(8, 8, r_ref=1780.0, r_par=342.0)
+    curve, rng = fabric(circuit, seed=seed, scatter=0.05), np.random.default_rng(seed)
+    force = touches((8, 8), 60.0, 10.0, seed=seed, rest=6.0, hard=(3, 45), hold=0.9, gap=0.7)
+    sent = np.array([counts(circuit, curve, f, rng) for f in force]) / circuit.full_scale
+    wrong = replace(circuit, r_par=supposed)
+    found = identify(sent[60::4], wrong, measure_rest(sent[:50], wrong))
+    assert found.circuit.r_par == pytest.approx(342.0, rel=0.25)
 
 
 def test_a_running_skin_names_no_setting_where_it_is_wired_otherwise():

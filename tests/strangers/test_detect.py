@@ -5,10 +5,12 @@ import re
 
 import numpy as np
 import pytest
+import yaml
 from strangers import boards, sim
 from strangers.pty_board import PtyBoard
 
 from tactile_skin import Circuit
+from tactile_skin.board.formats import make_format, make_parser
 from tactile_skin.cli import main
 from tactile_skin.launch import launch
 from tactile_skin.msg import Image, image_array
@@ -118,3 +120,31 @@ def test_an_old_file_is_not_overwritten(tmp_path, capsys):
     (tmp_path / "mine.yaml").write_text("mine")
     assert main(["detect", "port:=loop://", f"out:={tmp_path / 'mine.yaml'}"]) == 2
     assert "exists" in capsys.readouterr().err
+
+
+def test_cells_that_are_typed_are_looked_for_again_in_the_bytes(tmp_path, monkeypatch, capsys):
+    """The first reading's high byte never changes: it looks like the head."""
+    rng = np.random.default_rng(4)
+    pictures = 900 + rng.integers(0, 40, (60, 8, 8))
+    data = boards.sent(boards.words_with_an_end, pictures)
+    (tmp_path / "bytes.bin").write_bytes(data)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.stdin", io.StringIO("8 x 8\nloaded-columns-pullup\n35000\n\n"))
+    assert main(["detect", "bytes.bin"]) == 0
+    found = yaml.safe_load((tmp_path / "mine.yaml").read_text())
+    circuit = found["/**"]["ros__parameters"]["circuit"]
+    link = found["/**/serial_driver"]["ros__parameters"]
+    assert (circuit["rows"], circuit["driven"], circuit["inverted"]) == (8, "columns", True)
+    parser = make_parser("packets", 8, 8, 10, make_format("packets", link["format"]))
+    frames = parser.feed(data)  # the first packet's head is cut off
+    assert len(frames) >= len(pictures) - 2
+    np.testing.assert_array_equal(frames[0].samples, pictures[1] * 64)
+
+
+def test_an_unknown_word_behind_the_wiring_is_an_error(tmp_path, monkeypatch, capsys):
+    data = boards.sent(boards.frame_a_line, np.random.default_rng(4).integers(20, 900, (30, 6, 6)))
+    (tmp_path / "bytes.bin").write_bytes(data)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.stdin", io.StringIO("6 x 6\nloaded-rows\n\n\n"))
+    assert main(["detect", "bytes.bin"]) == 2
+    assert "wiring -rows: must be -columns or -pullup" in capsys.readouterr().err

@@ -5,7 +5,7 @@ import pytest
 from strangers import boards, sim
 
 from tactile_skin import Circuit
-from tactile_skin.board.formats import make_parser
+from tactile_skin.board.formats import make_format, make_parser
 from tactile_skin.board.recognise import explain, recognise
 
 SHAPE = 6, 8
@@ -173,3 +173,29 @@ def test_a_packet_that_lost_bytes_is_no_frame(name):
     known = {picture.tobytes() for picture in known.astype(float)}
     assert len(frames) >= 14
     assert all((frame.samples / 64).tobytes() in known for frame in frames)
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "said"),
+    [
+        ("carriage_returns", {}, 'set serial_driver.format.end: "\\r"'),
+        ("angle_brackets", {}, "set serial_driver.format.end: '>'"),
+        ("frame_a_line", {"end": ">"}, 'set serial_driver.format.end: "\\n"'),
+        ("frame_a_line", {"line": "{skip};{values}", "end": ">"}, "line: '{values}', serial_dri"),
+        (
+            "rows_with_a_number",
+            {"line": "{row},{values}", "first": 1},
+            "set serial_driver.format.fi",
+        ),
+    ],
+)
+def test_each_entry_of_a_format_that_differs_is_named_as_it_is_typed(name, given, said):
+    parser = make_parser("text", *SHAPE, BITS, make_format("text", given))
+    parser.feed(boards.sent(boards.TEXT[name], pictures()))
+    assert parser.counters.frames == 0
+    assert said in explain(parser)
+
+
+def test_an_entry_of_another_protocol_says_what_to_do():
+    with pytest.raises(ValueError, match=r"format.head = 'A0': no text has it, leave it out"):
+        make_format("text", {"head": "A0"})

@@ -54,6 +54,7 @@ LOOKED_UP = set(OF_CIRCUIT) - {"r_par", "r_drive"}  # what an owner can read off
 _SET = re.compile(r"\b[Ss]et:? ((?:[\w.]+: [\w.+-]+(?:, | and )?)+)")
 _PAIR = re.compile(r"(?:[a-z_]+\.)?([a-z_]+): ([\w.+-]*\w)")
 _FORM = re.compile(r"""serial_driver\.format\.(\w+): ('(?:[^']|'')*'|".*?"|\d+)""")
+_LEARNT = re.compile(r"by the touches (r_\w+) is (\d+) .* write it into circuit")
 _LEFT_OUT = re.compile(r"format\.(\w+) = .* leave it out")
 _EXCHANGE = re.compile(r"\b(rows|columns) (\d+) and (\d+): .*if they are exchanged")
 
@@ -163,7 +164,7 @@ class Owner:
 
     def _once(self, played: Played, done: set) -> bool:
         """Obey one piece of advice; whether there was one."""
-        said = [("launch", reason) for reason in played.reasons]
+        said = [("launch", reason) for reason in reversed(played.reasons)]  # the latest first
         if self._sets(said, done):
             return True
         pointed = any("tactile-skin detect" in reason for reason in played.reasons)
@@ -194,6 +195,11 @@ class Owner:
             if form and self.entered["format"] | form != self.entered["format"]:
                 self.entered["format"] = self.entered["format"] | form
                 self.did.append(f"{who}: set format {form}")
+                return True
+            if (match := _LEARNT.search(text)) and match[1] not in done:
+                done.add(match[1])
+                self.entered[match[1]] = float(match[2])
+                self.did.append(f"{who}: {match[1]} {match[2]} written")
                 return True
             if match := _LEFT_OUT.search(text):
                 form = {k: v for k, v in self.entered["format"].items() if k != match[1]}
