@@ -173,6 +173,17 @@ def test_an_r_par_that_is_far_off_is_found_roughly_rather_than_kept(seed, suppos
     assert found.circuit.r_par == pytest.approx(342.0, rel=0.25)
 
 
+def test_an_r_par_that_touches_only_bound_is_not_named():
+    """Less of it explains them as well, and would be felt as less."""
+    circuit = Circuit(6, 9, r_ref=1780.0, r_par=262.0)
+    curve, rng = fabric(circuit, seed=6, scatter=0.05), np.random.default_rng(6)
+    force = touches((6, 9), 60.0, 10.0, seed=7, rest=6.0, hard=(3, 45), hold=0.9, gap=0.7)
+    sent = np.array([counts(circuit, curve, f, rng) for f in force]) / circuit.full_scale
+    (finding,) = diagnose(sent, replace(circuit, r_par=523.0))
+    assert finding.change is None and "set circuit" not in str(finding).lower()
+    assert 262.0 <= float(re.search(r"r_par is (\d+) ohm or less", str(finding))[1]) < 393.0
+
+
 def test_a_running_skin_names_no_setting_where_it_is_wired_otherwise():
     circuit, frames = recorded((8, 8), "loaded", inverted=True)
     samples = np.rint(frames[:250] * circuit.full_scale).astype(int)

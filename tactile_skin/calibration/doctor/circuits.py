@@ -65,9 +65,12 @@ def readout(supposed: Circuit, fitting: Fitting) -> Finding:
         f"and {_wired(supposed)}, r_par = {supposed.r_par:g} ohm, as configured, to "
         f"{fitting.supposed:.1f} times"
     )
-    if only:
-        kind = "readout" if changes[0].circuit.r_par == supposed.r_par else "circuit"
-        kind = "bits" if changes[0].scale != 1.0 else kind
+    if only and changes[0].circuit.r_par != supposed.r_par:
+        kind, only = "circuit", False
+        most = changes[0].circuit.r_par
+        remedy = f"r_par is {most:.0f} ohm or less: `tactile-skin calibrate` finds it by touches"
+    elif only:
+        kind = "bits" if changes[0].scale != 1.0 else "readout"
         settings = changes[0].settings(supposed)
         remedy = f"Set {entered(settings)}; docs/boards.md shows how to tell by the wires"
     else:
@@ -105,7 +108,7 @@ def _read(supposed: Circuit, change: Change) -> str:
         (full,) = change.settings(supposed).items()
         return f"an ADC of another width ({full[0].removeprefix('circuit.')} {full[1]})"
     if change.circuit.r_par != supposed.r_par:
-        return f"r_par near {change.circuit.r_par:.0f} ohm"
+        return f"r_par up to {change.circuit.r_par:.0f} ohm"
     return _wired(change.circuit)
 
 

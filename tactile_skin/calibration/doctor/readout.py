@@ -34,7 +34,7 @@ _AT_REST = 3.0, 1.0  # times the noise, and ADC steps, by which a reading at res
 _TIME = 0.1  # s for a touch that no cells explain
 _LEAST_NOISE = 0.3  # ADC steps: of rounding
 _R_PAR = (0.0, 30.0, 100.0, 300.0)  # ohm that are tried at first: of drivers and multiplexers
-_ROUNDS, _FACTOR = 5, 1.7  # in which the best is refined; at first by this factor
+_ROUNDS, _FACTOR = 5, 1.7  # in which the most is refined; at first by this factor
 
 
 class Fitting(NamedTuple):
@@ -132,17 +132,23 @@ def _others(supposed: Circuit, seen: Touched) -> list[Change]:
 
 
 def _with_r_par(supposed: Circuit, seen: Touched) -> tuple[float, Change]:
-    """Return the series resistance that explains the touches best, and by how much it misses."""
+    """Return the most series resistance that explains the touches, and by how much it misses.
+
+    Of less the cells take up what is lacking, down to 0 ohm.
+    """
 
     def tried(r_par: float) -> tuple[float, float]:
         return misses(replace(supposed, r_par=r_par), seen), r_par
 
-    best = min(map(tried, _R_PAR))
+    found = [tried(r_par) for r_par in _R_PAR]
+    alike = max(_AS_GOOD * min(found)[0], _WITHIN_NOISE)
+    most = max((pair for pair in found if pair[0] <= alike), key=lambda pair: pair[1])
     factor = _FACTOR
     for _ in range(_ROUNDS):
-        best = min(best, tried(best[1] * factor), tried(best[1] / factor))
+        more = tried(most[1] * factor)
+        most = more if more[0] <= alike else most
         factor **= 0.5
-    return best[0], Change(replace(supposed, r_par=best[1]))
+    return most[0], Change(replace(supposed, r_par=most[1]))
 
 
 def misses(circuit: Circuit, seen: Touched) -> float:
