@@ -138,8 +138,9 @@ def no_readout(supposed: Circuit, fitting: Fitting) -> Finding:
         "wiring of the board",
         f"no readout explains the readings: with r_par = {supposed.r_par:g} ohm {read}, and no "
         "other readout comes near",
-        "Check circuit.r_par, r_ref, readout and driven, adc_bits, inverted, and whether the lines "
-        "are driven through diodes (circuit.diode): docs/boards.md shows how to find each",
+        "Check circuit.r_par, r_ref, readout and driven, adc_bits, adc_full_scale, inverted, "
+        "serial_driver.format.full_scale, and whether the lines are driven through diodes "
+        "(circuit.diode): docs/boards.md shows how to find each",
     )
 
 
