@@ -247,7 +247,7 @@ class SerialReader:
         shown = f' ("{self._seen[1]}")' if self._seen[1] else ""
         return (
             f"{port.name} at {self.baud} baud: bytes arrive, but no frame: {why}{shown}. More: "
-            f"tactile-skin detect port:={self.port}"
+            f"tactile-skin detect port:={self.port} [config:=FILE]"
         )
 
     @property

@@ -17,6 +17,7 @@ from ..board.recognise.lines import sides
 from ..board.recognise.seen import Seen
 from ..board.serial_port import PORT_ERRORS, check_port
 from ..files import read_bytes
+from ..middleware.config import read_skin
 from ..physics.readouts import DRIVEN, READOUTS
 from .words import split
 
@@ -33,6 +34,7 @@ options, name:=value; what is missing is asked, and Enter takes the value in bra
   baud         bits per second (default: usual ones in turn)
   seconds      to listen at each (default 4)
   out          parameter file to write (default mine.yaml); it must not exist
+  config       parameter file that knows the circuit: readout, r_ref, r_par are taken from it
   rows, cols   cells, where the bytes do not say them
   readout      floating, loaded, grounded or virtual_ground: docs/boards.md has drawings
   driven       rows or columns (default rows)
@@ -56,6 +58,7 @@ _KINDS = {
     "baud": int,
     "seconds": float,
     "out": str,
+    "config": str,
     "rows": int,
     "cols": int,
     "readout": str,
@@ -93,6 +96,7 @@ class Heard:
 def run(args) -> int:
     """Return 0 for a file that reads the board, 1 where nothing was recognised."""
     files, given = split(args.words, _KINDS)
+    given = _known(given) | given
     if len(files) > 1 or bool(files) == ("port" in given):
         raise ValueError("give port:=NAME, or one FILE of bytes")
     out = Path(given.get("out", "mine.yaml"))
@@ -104,6 +108,16 @@ def run(args) -> int:
     else:
         found = listen(given["port"], given, shape)
     return conclude(found, given, out, _ask)
+
+
+def _known(given: dict) -> dict:
+    """What a parameter file that is given says of the wiring: it is not asked, nor lost."""
+    if "config" not in given:
+        return {}
+    skin = read_skin(Path(given["config"]))
+    names = ("readout", "driven", "r_ref", "r_par", "r_drive")
+    known = {name: getattr(skin.circuit, name) for name in names}
+    return known | {"pull_up": skin.adc.inverted}
 
 
 def listen(port: str, given: dict, shape=None, opener: Callable = serial.serial_for_url) -> Heard:
@@ -289,6 +303,7 @@ def text_of(found: Heard, answers: dict) -> str:
         circuit |= {"readout": readout, "driven": answers["driven"], "r_par": _R_PAR[readout]}
     if readout == "grounded":
         circuit["r_drive"] = _R_DRIVE
+    circuit |= {name: answers[name] for name in ("r_par", "r_drive") if name in answers}
     if answers.get("pull_up"):
         circuit["inverted"] = True
     driver = {"protocol": seen.protocol, "baud": found.baud}

@@ -141,6 +141,20 @@ def test_cells_that_are_typed_are_looked_for_again_in_the_bytes(tmp_path, monkey
     np.testing.assert_array_equal(frames[0].samples, pictures[1] * 64)
 
 
+def test_what_a_parameter_file_knows_of_the_wiring_is_kept(tmp_path, monkeypatch):
+    data = boards.sent(boards.frame_a_line, np.random.default_rng(4).integers(20, 900, (30, 6, 6)))
+    (tmp_path / "bytes.bin").write_bytes(data)
+    given = {"rows": 6, "cols": 6, "r_ref": 470.0, "r_par": 12.0, "adc_bits": 12, "inverted": True}
+    given |= {"readout": "grounded", "driven": "columns", "r_drive": 7.0}
+    mine = {"/**": {"ros__parameters": {"circuit": given}}}
+    (tmp_path / "old.yaml").write_text(yaml.safe_dump(mine))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.stdin", io.StringIO("6 x 6\n1023\n"))
+    assert main(["detect", "bytes.bin", "config:=old.yaml"]) == 0
+    found = yaml.safe_load((tmp_path / "mine.yaml").read_text())["/**"]["ros__parameters"]
+    assert found["circuit"] == given | {"adc_bits": 10}
+
+
 def test_an_unknown_word_behind_the_wiring_is_an_error(tmp_path, monkeypatch, capsys):
     data = boards.sent(boards.frame_a_line, np.random.default_rng(4).integers(20, 900, (30, 6, 6)))
     (tmp_path / "bytes.bin").write_bytes(data)

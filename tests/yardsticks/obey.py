@@ -254,7 +254,7 @@ class Owner:
         n = int(LISTENED * RECORDED)
         begin = int(np.random.default_rng([self.board.seed, 3]).integers(len(sent) - n))
         data.write_bytes(self.board.bytes_of(sent[begin : begin + n], begin))
-        args = SimpleNamespace(words=[str(data), f"out:={out}"])
+        args = SimpleNamespace(words=[str(data), f"out:={out}", f"config:={self._config()}"])
         with mock.patch.object(detect, "_ask", self._answer):
             said = _printed(lambda: detect.run(args)).splitlines()
         if not out.exists():
