@@ -27,8 +27,8 @@ _LIGHTLY = 0.25  # times its conductance at rest that the first knot adds to a c
 # deviations that they have; the worst candidates are tried. At most a third can be odd.
 _ODD, _ODD_STD, _CANDIDATES, _ODD_SHARE = 1.3, 4.0, 3, 1.0 / 3.0
 # RMS error of a total on boards that scatter, creep and bend their curve; standard deviation of its
-# logarithm from one such board to the next; degrees of freedom of the left-out totals' errors, whose
-# kurtosis is 5 to 6 (tests/yardsticks/curve_fit.py, seeds 2200 to 2269 and 3100 to 3183).
+# logarithm from one such board to the next; degrees of freedom of the left-out totals' errors, of
+# which the kurtosis is 5 to 6 (tests/yardsticks/curve_fit.py, seeds 2200 to 2269 and 3100 to 3183).
 _USUAL_ERROR = 0.026
 _USUAL_SPREAD = 0.15
 _TAILS = 6.0
@@ -273,7 +273,7 @@ def _objects(weights: np.ndarray) -> np.ndarray:
 
 
 def _error(off: np.ndarray, weights: np.ndarray) -> float:
-    """Return the RMS error of a new total, by those (n,) that were left out; of a weight, their mean.
+    """Return the RMS error of a new total, by those (n,) left out; totals of one weight are one.
 
     They are Student's: an object that is harder than all others is predicted worst. Boards mostly
     err as usual, but one may differ by any factor: the prior is Cauchy's.

@@ -12,7 +12,7 @@ from ..physics.curve import PressureCurve
 from ..solvers.reading import ROUNDING_NOISE, rest_reading
 from ..solvers.score import MIN_SCALE, series_scale
 from .evidence import SOFT, Evidence, Supposed, stands_anew
-from .identify import TOLD, bounded, names, prior_of, shifted, std_of, values, without_r_par
+from .identify import bounded, names, prior_of, shifted, std_of, values, without_r_par
 from .rest import Rest
 
 _KEPT = 24  # touches: the latest, since boards warm up and connectors age
@@ -75,9 +75,9 @@ class CircuitTracker:
         """
         self.circuit, self._configured = circuit, circuit
         self._calibrated = r_par_std is not None
-        # A curve that was found with an r_par that nobody knew makes up for it: newtons are right
-        # with that r_par only.
-        self._kept = self._calibrated and r_par_std > TOLD["r_par"] * series_scale(circuit)
+        # A curve makes up for the error of the r_par that it was found with: newtons are right with
+        # that r_par only. What is further off has changed since.
+        self._made_up_for = _LIKELY * (r_par_std or 0.0)  # ohm
         by_data_sheet = float(prior_of(circuit)[0, 0] ** -0.5)
         self._known_to = [by_data_sheet if r_par_std is None else r_par_std]
         self._tells_drivers = names(circuit)[1] == "r_drive"
@@ -238,8 +238,9 @@ class CircuitTracker:
             return False
         self.impossible = self._beyond(off)
         found = shifted(self._configured, off)
-        self.message = self._words(found, relevant)
-        if self._kept:
+        kept = abs(off[0]) <= self._made_up_for
+        self.message = self._words(found, relevant, kept)
+        if kept:
             return False
         self._adopted, self.circuit = off, found
         return True
@@ -287,7 +288,7 @@ class CircuitTracker:
         # by as much less as the frames differ by more than noise
         return off, std, information * np.min(1.0 / (information.diagonal() ** 0.5 * std)) ** 2
 
-    def _words(self, circuit: Circuit, relevant: np.ndarray) -> str:
+    def _words(self, circuit: Circuit, relevant: np.ndarray, kept: bool) -> str:
         """What to say of the circuit that was found."""
         found, given = values(circuit), values(self._configured)
         words = [
@@ -303,7 +304,7 @@ class CircuitTracker:
         if self.impossible:
             return f"by the touches {text}: check r_ref, the supply and the wiring"
         text = f"by the touches {text}: "
-        if self._kept:
+        if kept:
             return f"{text}the curve was found with the latter, which is kept: calibrate again"
         if self._calibrated:
             return f"{text}it is allowed for; calibrate again"
