@@ -12,7 +12,7 @@ from ..physics.curve import PressureCurve
 from ..solvers.reading import ROUNDING_NOISE, rest_reading
 from ..solvers.score import MIN_SCALE, series_scale
 from .evidence import SOFT, Evidence, Supposed, stands_anew
-from .identify import bounded, names, prior_of, shifted, std_of, values, without_r_par
+from .identify import TOLD, bounded, names, prior_of, shifted, std_of, values, without_r_par
 from .rest import Rest
 
 _KEPT = 24  # touches: the latest, since boards warm up and connectors age
@@ -75,9 +75,10 @@ class CircuitTracker:
         """
         self.circuit, self._configured = circuit, circuit
         self._calibrated = r_par_std is not None
-        # A curve makes up for the error of the r_par that it was found with: newtons are right with
-        # that r_par only. What is further off has changed since.
-        self._made_up_for = _LIKELY * (r_par_std or 0.0)  # ohm
+        # A curve makes up for the error of the r_par that it was found with, any if nothing told
+        # it: newtons are right with that r_par only. What is further off has changed since.
+        told = (r_par_std or 0.0) <= TOLD["r_par"] * series_scale(circuit)
+        self._made_up_for = _LIKELY * (r_par_std or 0.0) if told else np.inf  # ohm
         by_data_sheet = float(prior_of(circuit)[0, 0] ** -0.5)
         self._known_to = [by_data_sheet if r_par_std is None else r_par_std]
         self._tells_drivers = names(circuit)[1] == "r_drive"
