@@ -284,7 +284,7 @@ def test_a_right_circuit_is_not_touched(board):
     assert tracker.message == ""
 
 
-@pytest.mark.parametrize(("off", "std", "kept"), [(25, 9, True), (60, 9, False), (60, 40, True)])
+@pytest.mark.parametrize(("off", "std", "kept"), [(20, 9, True), (60, 9, False), (60, 40, True)])
 def test_a_curve_keeps_the_r_par_that_it_was_found_with(board, off, std, kept):
     """It makes up for what that was wrong by; a board that has changed is followed."""
     circuit = replace(board.supposed, r_par=board.r_par - off, r_line=board.r_line)
