@@ -30,7 +30,7 @@ _ODD, _ODD_STD, _CANDIDATES, _ODD_SHARE = 1.3, 4.0, 3, 1.0 / 3.0
 # its logarithm from one such board to the next (tests/yardsticks/curve_fit.py, seeds 2200 to 2269).
 _USUAL_ERROR = 0.026
 _USUAL_SPREAD = 0.15
-_ERRORS = np.geomspace(0.005, 100.0, 1000)  # that are tried; no skin's totals are better
+_ERRORS = np.geomspace(0.005, 1.0, 500)  # that are tried: better than any skin, and useless
 _LEAST_TOTAL = 1e-3  # of the weight that is given, that others may say: odd enough
 _NARROW = 2.0  # largest over smallest weight up to which the shape is hardly told
 MAX_LAG, _LAG_STEP = 2.0, 0.01  # s that a reference may be early or late; in which it is looked for
@@ -51,6 +51,7 @@ class FittedCurve:
         error: RMS relative error to expect of the total force of a new object.
         off: (n,) relative error of each frame's total, its object left out of the fit.
         odd: frames that were not used, since their weight contradicts the others'.
+        unexplained: number of frames whose readings are not those of this circuit.
         message: for a person.
     """
 
@@ -58,6 +59,7 @@ class FittedCurve:
     error: float
     off: np.ndarray
     odd: tuple[int, ...]
+    unexplained: int
     message: str
 
 
@@ -126,7 +128,7 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
             "the wiring"
         )
     indices = tuple(np.flatnonzero(~used).tolist())
-    return FittedCurve(curve, error, off, indices, "; ".join(message))
+    return FittedCurve(curve, error, off, indices, doubts, "; ".join(message))
 
 
 def fit_reference(

@@ -255,7 +255,7 @@ def _identified(circuit: Circuit, solution: _Solution, ended: int) -> Identified
     ]
     if ideal:
         words[1], missing = f"r_line is taken as 0 if {circuit.readout}", missing[:-1]
-    message = f"{', '.join(words)} ({frames} frames of touches)"
+    message = f"{', '.join(words)} ({frames} frames tell something)"
     if ended:
         message += (
             f"; {ended} readings are at the converter's end and were left out: press less hard, "
