@@ -237,7 +237,7 @@ class Guide:
         if not stands_anew(frames[-1], frames[0], None, self._noise):
             return None, "it moves: hold it still"
         if not stands_anew(frames[-1], frames[0], last, self._noise):
-            return None, "it is the one before: press somewhere else"
+            return None, "it is counted already: press somewhere else"
         return frame, ""
 
     def _touched(self, frame: np.ndarray) -> bool:

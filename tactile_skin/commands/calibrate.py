@@ -99,10 +99,10 @@ def run(
             file=sys.stderr,
         )
     elif doubt := _doubt(guide.fitted):
-        print(f"{out} is written, but {doubt}: see what is said")
-        print(f"above, and calibrate again. To use it until then: {use}")
+        _say(f"{out} is written, but {doubt}: see what is said above, and calibrate again.")
+        print(f"To use it until then:\n  {use}")
     else:
-        print(f"{out} is written. Use it: {use}")
+        print(f"{out} is written. Use it:\n  {use}")
     if network:
         return 0 if train.enter(out, network) and not no_curve else 1
     if why := train.misfit(out):
@@ -261,8 +261,10 @@ def _ask(text: str) -> str:
     """What is typed from now on: an Enter of the step before is no answer."""
     if sys.stdin.isatty():
         termios.tcflush(sys.stdin, termios.TCIFLUSH)
+    *above, question = text.splitlines()
+    _say("\n".join(above))
     try:
-        return input(text)
+        return input(question)
     except EOFError:
         return ""
 
