@@ -26,11 +26,11 @@ _LIGHTLY = 0.25  # times its conductance at rest that the first knot adds to a c
 # An object is odd if the others say another weight by this factor, and by so many of the standard
 # deviations that they have; the worst candidates are tried. At most a third can be odd.
 _ODD, _ODD_STD, _CANDIDATES, _ODD_SHARE = 1.3, 4.0, 3, 1.0 / 3.0
-# RMS error of a total on boards that scatter, creep and bend their curve (tests/yardsticks/
-# curve_fit.py, seeds 2000 to 2147), and left-out totals that it counts for.
+# RMS error of a total on boards that scatter, creep and bend their curve, and standard deviation of
+# its logarithm from one such board to the next (tests/yardsticks/curve_fit.py, seeds 2200 to 2269).
 _USUAL_ERROR = 0.026
-_PRIOR_COUNT = 6
-_FOLDS = 10  # in which objects are left out; of so many or fewer, each alone
+_USUAL_SPREAD = 0.15
+_ERRORS = np.geomspace(0.005, 1.0, 500)  # that are tried: better than any skin, and useless
 _LEAST_TOTAL = 1e-3  # of the weight that is given, that others may say: odd enough
 _NARROW = 2.0  # largest over smallest weight up to which the shape is hardly told
 MAX_LAG, _LAG_STEP = 2.0, 0.01  # s that a reference may be early or late; in which it is looked for
@@ -51,6 +51,7 @@ class FittedCurve:
         error: RMS relative error to expect of the total force of a new object.
         off: (n,) relative error of each frame's total, its object left out of the fit.
         odd: frames that were not used, since their weight contradicts the others'.
+        unexplained: number of frames whose readings are not those of this circuit.
         message: for a person.
     """
 
@@ -58,6 +59,7 @@ class FittedCurve:
     error: float
     off: np.ndarray
     odd: tuple[int, ...]
+    unexplained: int
     message: str
 
 
@@ -96,14 +98,14 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
     fit = totals.only(used).explained()
     totals = Totals.of(ramps, weights, fit.slope)
     fit = totals.only(used).solve(fit.noise, fit.scatter, fit.step)
-    off, alike = np.empty((2, len(weights)))  # with the cells' gains, and without
-    for fold in range(_FOLDS):
-        mine = objects % _FOLDS == fold
-        if mine.any() and np.any(used & ~mine):
-            others = totals.only(used & ~mine).explained()
-            off[mine] = others.of(totals.only(mine)) - 1.0
-            alike[mine] = totals.data[mine] @ others.slope - 1.0
-    error, without = (_error(of[used], objects[used]) for of in (off, alike))
+    off, alike, std = np.empty((3, len(weights)))  # with the cells' gains, and without
+    for k in np.unique(objects):
+        mine = objects == k
+        own = totals.only(mine)
+        others = totals.only(used & ~mine).solve(fit.noise, fit.scatter, fit.step)
+        off[mine], std[mine] = others.of(own) - 1.0, others.std(own)
+        alike[mine] = own.data @ others.slope - 1.0
+    error, without = (_error(of[used], std[used], weights[used]) for of in (off, alike))
     gain = fit.gain.reshape(circuit.shape)
     curve = knots.curve(fit.slope, usual).with_gain(gain)
     hardest = float(knots.force(fit.slope, added[used].max()))
@@ -126,7 +128,7 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
             "the wiring"
         )
     indices = tuple(np.flatnonzero(~used).tolist())
-    return FittedCurve(curve, error, off, indices, "; ".join(message))
+    return FittedCurve(curve, error, off, indices, doubts, "; ".join(message))
 
 
 def fit_reference(
@@ -269,10 +271,21 @@ def _objects(weights: np.ndarray) -> np.ndarray:
     return objects if objects.any() else np.arange(len(weights))
 
 
-def _error(off: np.ndarray, objects: np.ndarray) -> float:
-    """RMS error of a new total, by those (n,) that were left out of (n,) objects, and the usual."""
-    squares = [np.square(off[objects == k]).mean() for k in np.unique(objects)]
-    return float(np.mean([*squares, *[_USUAL_ERROR**2] * _PRIOR_COUNT]) ** 0.5)
+def _error(off: np.ndarray, std: np.ndarray, weights: np.ndarray) -> float:
+    """Return the RMS error of a new total, by those (n,) left out; totals of one weight are one.
+
+    Each counts by what it was predicted with: an object that is harder than all others worst. The
+    mean of what is probable: boards mostly err as usual, one may by any factor (Cauchy's prior).
+
+    Args:
+        std: (n,) standard deviations that the others predict them with.
+    """
+    usual = np.square(off / std) * np.square(std).mean()  # if all were predicted alike
+    squares = np.array([usual[weights == w].mean() for w in np.unique(weights)])
+    log = np.log(_ERRORS / _USUAL_ERROR)
+    probable = -0.5 * squares.sum() / np.square(_ERRORS) - len(squares) * log
+    probable -= np.log1p(np.square(log / _USUAL_SPREAD))
+    return float(np.average(_ERRORS, weights=np.exp(probable - probable.max())))
 
 
 def _odd(totals: Totals, objects: np.ndarray) -> list[int]:

@@ -53,7 +53,7 @@ _SHADES = " .:-=+*#%@"
 Frames = Callable[[float], np.ndarray]  # s -> (n, rows, cols) ADC ratio, of that time from now on
 Ask = Callable[[str], str]  # what to show -> what was typed
 Say = Callable[[str], None]
-Pause = Callable[[float], None]  # s to wait for
+CountDown = Callable[[int], None]  # s to wait for, in which they are counted down
 
 
 class Guide:
@@ -65,15 +65,20 @@ class Guide:
     """
 
     def __init__(
-        self, circuit: Circuit, frames: Frames, ask: Ask, say: Say, pause: Pause | None = None
+        self,
+        circuit: Circuit,
+        frames: Frames,
+        ask: Ask,
+        say: Say,
+        count_down: CountDown = lambda seconds: None,
     ):
         """Args:
         circuit: as it is configured.
         frames, ask, say: where frames and answers come from, and words go.
-        pause: waits while seconds are counted down; None: recorded frames need none.
+        count_down: before a measurement; recorded frames need none.
         """
         self._supposed, self._frames, self._ask, self._say = circuit, frames, ask, say
-        self._pause, self._touches = pause, []
+        self._count_down, self._touches = count_down, []
         self.rest: Rest | None = None
         self.found: Identified | None = None
         self.fitted = None
@@ -98,11 +103,11 @@ class Guide:
                 return word.strip() not in _BACK
             self.identify()
 
-    def _count_down(self) -> None:
-        if self._pause is not None:
-            for left in range(_COUNTED, 0, -1):
-                self._say(f"  {left}")
-                self._pause(1.0)
+    @property
+    def learnt(self) -> list[str]:
+        """What the configuration did not say."""
+        names = [name for name, told in self.found.told.items() if told] if self.found else []
+        return names + ["curve"] * bool(self.fitted) + ["creep"] * bool(self.creep)
 
     def measure_creep(self, curve: PressureCurve) -> None:
         """Two steps of their own, for a skin whose curve is known."""
@@ -131,7 +136,7 @@ class Guide:
         """Measure the untouched skin; True: go on."""
         self._ask(f"1 of {of}. Take everything off the skin, and keep your hands off it. Enter: ")
         for left in reversed(range(_TRIES)):
-            self._count_down()
+            self._count_down(_COUNTED)
             frames = self._frames(REST)
             while len(frames) < _FEW:
                 frames = np.concatenate([frames, self._frames(REST)])
@@ -232,7 +237,7 @@ class Guide:
         if not stands_anew(frames[-1], frames[0], None, self._noise):
             return None, "it moves: hold it still"
         if not stands_anew(frames[-1], frames[0], last, self._noise):
-            return None, "it is the one before: press somewhere else"
+            return None, "it is counted already: press somewhere else"
         return frame, ""
 
     def _touched(self, frame: np.ndarray) -> bool:
@@ -279,7 +284,7 @@ class Guide:
             if weight is None:
                 self._say(f"  {word.strip()!r} is no weight and unit: write 500 g, 1.2 kg or 5 N")
                 continue
-            self._count_down()
+            self._count_down(_COUNTED)
             stood = self.rest.quiet(self._frames(OBJECT))
             frame = _mean(stood)
             if not self._touched(frame):
@@ -311,8 +316,9 @@ class Guide:
             )
         if self.fitted and self.fitted.error > _USELESS:
             self._say(
-                f"  A total would be off by {self.fitted.error:.0%}: this curve is not kept. Check "
-                "the weights that are named above, and begin anew."
+                f"  A total would be off by more than {_USELESS:.0%}: this curve is not kept. A "
+                "wrong weight may do that, or another readout or r_ref than the configured one: "
+                "check these, and begin anew."
             )
             self.fitted = None
         elif len(weights) < LEAST_OBJECTS:
@@ -350,7 +356,7 @@ class Guide:
         curve = self.fitted.curve.resting_at(at_rest)
         found = compensate(frames[-1], self.circuit, curve, "map", missing=True)
         self._say(picture(found.force))
-        self._say(f"  felt: {found.force.sum():.1f} N; told: {weights[-1]:.1f} N")
+        self._say(f"  felt: {found.force.sum():.1f} N of {weights[-1]:.1f} N")
 
 
 def newtons(text: str) -> float | None:

@@ -256,12 +256,17 @@ def _identified(circuit: Circuit, solution: _Solution, ended: int) -> Identified
     both = names(circuit)
     missing = tuple(n for n, yes in zip(both, told, strict=True) if not yes)
     words = [
-        f"{name} = {value:.1f} +- {s:.1f} ohm" if yes else f"{name}: the frames do not tell"
+        f"{name} = {value:.1f} +- {s:.1f} ohm"
         for name, value, s, yes in zip(both, values(found), std, told, strict=True)
+        if yes
     ]
     if ideal:
-        words[1], missing = f"r_line is taken as 0 if {circuit.readout}", missing[:-1]
-    message = f"{', '.join(words)} ({frames} frames of touches)"
+        missing = missing[:-1]
+    if missing:
+        words.append(f"the frames do not tell {' and '.join(missing)}")
+    if ideal:
+        words.append(f"r_line is taken as 0 if {circuit.readout}")
+    message = f"{', '.join(words)} ({frames} frames tell something)"
     if ended:
         message += (
             f"; {ended} readings are at the converter's end and were left out: press less hard, "

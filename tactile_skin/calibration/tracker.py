@@ -75,9 +75,10 @@ class CircuitTracker:
         """
         self.circuit, self._configured = circuit, circuit
         self._calibrated = r_par_std is not None
-        # A curve that was found with an r_par that nobody knew makes up for it: newtons are right
-        # with that r_par only.
-        self._kept = self._calibrated and r_par_std > TOLD["r_par"] * series_scale(circuit)
+        # A curve makes up for the error of the r_par that it was found with, any if nothing told
+        # it: newtons are right with that r_par only. What is further off has changed since.
+        told = (r_par_std or 0.0) <= TOLD["r_par"] * series_scale(circuit)
+        self._made_up_for = _LIKELY * (r_par_std or 0.0) if told else np.inf  # ohm
         by_data_sheet = float(prior_of(circuit)[0, 0] ** -0.5)
         self._known_to = [by_data_sheet if r_par_std is None else r_par_std]
         self._tells_drivers = names(circuit)[1] == "r_drive"
@@ -238,8 +239,9 @@ class CircuitTracker:
             return False
         self.impossible = self._beyond(off)
         found = shifted(self._configured, off)
-        self.message = self._words(found, relevant)
-        if self._kept:
+        kept = abs(off[0]) <= self._made_up_for
+        self.message = self._words(found, relevant, kept)
+        if kept:
             return False
         self._adopted, self.circuit = off, found
         return True
@@ -287,7 +289,7 @@ class CircuitTracker:
         # by as much less as the frames differ by more than noise
         return off, std, information * np.min(1.0 / (information.diagonal() ** 0.5 * std)) ** 2
 
-    def _words(self, circuit: Circuit, relevant: np.ndarray) -> str:
+    def _words(self, circuit: Circuit, relevant: np.ndarray, kept: bool) -> str:
         """What to say of the circuit that was found."""
         found, given = values(circuit), values(self._configured)
         words = [
@@ -303,7 +305,7 @@ class CircuitTracker:
         if self.impossible:
             return f"by the touches {text}: check r_ref, the supply and the wiring"
         text = f"by the touches {text}: "
-        if self._kept:
+        if kept:
             return f"{text}the curve was found with the latter, which is kept: calibrate again"
         if self._calibrated:
             return f"{text}it is allowed for; calibrate again"

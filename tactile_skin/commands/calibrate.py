@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import datetime
+import shutil
 import sys
 import tempfile
 import termios
+import textwrap
 import threading
 import time
 from pathlib import Path
@@ -14,7 +16,7 @@ import numpy as np
 
 from .. import __version__
 from ..calibration.creep import as_it_comes, measure_creep
-from ..calibration.curve_fit import MAX_LAG, POOR, fit_reference
+from ..calibration.curve_fit import MAX_LAG, POOR, FittedCurve, fit_reference
 from ..calibration.guide import Guide, newtons
 from ..calibration.identify import names, values
 from ..calibration.rest import check_all_is_sent, supposing
@@ -35,6 +37,7 @@ from . import train
 from .words import split
 from .written import entered, replace_file
 
+_NAME = "tactile-skin calibrate"
 _OF_FILES = "rest", "touches", "reference", "creep", "rate", "full_scale"
 _LARGEST_REFERENCE = 1 << 26  # bytes
 _RATE = 100.0  # frames a second, of files without times
@@ -63,7 +66,7 @@ def run(
 
     Returns:
         the exit status: 1 if there were weights to find the curve by and there is none, or the
-        training died.
+        training died. Without a curve, and nothing else that was learnt, no file is written.
     """
     check_writable(out)
     skin = read_skin(config)
@@ -76,31 +79,43 @@ def run(
         guide = from_files(skin, files, loads)
     else:
         live = Live(config, board_parameters(words))
-        guide = Guide(skin.circuit, live, _ask, print)
+        guide = Guide(skin.circuit, live, _ask, _say, _count_down)
         try:
             live(0.0)  # what the driver logs of the port stands above the first question
             _check_all_is_sent(skin, live(_GLANCE))
             guide.measure_creep(skin.curve) if creep else guide.run()
         finally:
             live.close()
+    no_curve, learnt = weighed and not guide.fitted, guide.learnt
+    if no_curve and not learnt:
+        print(f"{_NAME}: no curve was found: {out} is not written", file=sys.stderr)
+        return 1
     write(out, config, guide, skin)
     use = f"tactile-skin launch skin.launch.yaml config:={out}"
-    if guide.fitted and guide.fitted.error > POOR:
-        print(f"{out} is written, but totals are off by {guide.fitted.error:.0%}: see what is said")
-        print(f"above, and calibrate again. To use it until then: {use}")
-    else:
-        print(f"{out} is written. Use it: {use}")
-    no_curve = weighed and not guide.fitted
     if no_curve:
         print(
-            "tactile-skin calibrate: no curve was found: forces are those of the configured one",
+            f"{_NAME}: no curve was found: {out} is written with {' and '.join(learnt)} only, its "
+            f"forces are those of the configured curve. Weigh again: --config {out}",
             file=sys.stderr,
         )
+    elif doubt := _doubt(guide.fitted):
+        _say(f"{out} is written, but {doubt}: see what is said above, and calibrate again.")
+        print(f"To use it until then:\n  {use}")
+    else:
+        print(f"{out} is written. Use it:\n  {use}")
     if network:
         return 0 if train.enter(out, network) and not no_curve else 1
     if why := train.misfit(out):
         print(why)
     return int(no_curve)
+
+
+def _doubt(fitted: FittedCurve | None) -> str:
+    if fitted and fitted.error > POOR:
+        return f"totals are off by {fitted.error:.0%}"
+    if fitted and fitted.unexplained > fitted.off.size / 2.0:
+        return f"{fitted.unexplained} of {fitted.off.size} objects do not fit the circuit"
+    return ""
 
 
 def check_writable(out: Path) -> None:
@@ -163,7 +178,7 @@ def from_files(skin: SkinConfig, files: dict[str, str], loads: list[tuple[str, s
         source.open(path)
         return weight
 
-    guide = Guide(skin.circuit, source, ask, print)
+    guide = Guide(skin.circuit, source, ask, _say)
     source.open(files["rest"])
     rest = source.stream(files["rest"])[0]
     _check_all_is_sent(skin, rest)
@@ -246,10 +261,27 @@ def _ask(text: str) -> str:
     """What is typed from now on: an Enter of the step before is no answer."""
     if sys.stdin.isatty():
         termios.tcflush(sys.stdin, termios.TCIFLUSH)
+    *above, question = text.splitlines()
+    _say("\n".join(above))
     try:
-        return input(text)
+        return input(question)
     except EOFError:
         return ""
+
+
+def _say(text: str) -> None:
+    """Print lines that break between words, as wide as the terminal; further ones are indented."""
+    width = shutil.get_terminal_size().columns
+    for line in text.splitlines():
+        print(textwrap.fill(line, width, subsequent_indent="    ", break_on_hyphens=False))
+
+
+def _count_down(seconds: int) -> None:
+    """Wait for some seconds, and show on one line how many are left."""
+    for left in range(seconds, 0, -1):
+        print(f"\r  hands off: measured in {left} s ", end="", flush=True)
+        time.sleep(1.0)
+    print("\r  measuring                 ", flush=True)
 
 
 def write(path: Path, source: Path | None, guide: Guide, skin: SkinConfig) -> None:

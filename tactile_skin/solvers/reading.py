@@ -158,15 +158,7 @@ class Reading:
             over = np.minimum((self.threshold - adc) * full_scale - _BELOW * self.noise, 0.0)
             misfit = np.where(self.capped, over, misfit)
         if not self.all_read and self.topped.any():
-            short = self.circuit.ratio(0.0)
-            c = self.adc[self.topped].max()
-            W = __import__("os").environ.get("W")
-            if W and short > c:
-                w = short - c
-                mid = c + float(W) * w
-                under = (mid - adc) * full_scale * self.noise / (w * full_scale / 12**0.5)
-            else:
-                under = np.maximum((self.adc - adc) * full_scale + _BELOW * self.noise, 0.0)
+            under = np.maximum((self.adc - adc) * full_scale + _BELOW * self.noise, 0.0)
             misfit = np.where(self.topped, under, misfit)
         return misfit
 

@@ -52,6 +52,29 @@ def test_what_is_logged_stands_above_the_question(port, tmp_path):
     assert logged and all(line.startswith("\x1b[2KINFO") for line in logged)
 
 
+def test_a_measurement_is_counted_down(port, tmp_path):
+    """On one line, after the key; then the rest is measured, and touches are asked for."""
+    config = tmp_path / "mine.yaml"
+    config.write_text("/**: {ros__parameters: {circuit: {rows: 4, cols: 4}}}\n")
+    terminal, theirs = os.openpty()
+    command = [sys.executable, "-m", "tactile_skin", "calibrate", "--config", str(config)]
+    command += ["--out", str(tmp_path / "out.yaml"), f"port:={port}"]
+    with subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs) as process:
+        os.close(theirs)
+        said, answered, until = "", False, time.monotonic() + 60.0
+        while "2 of 3" not in said and time.monotonic() < until:
+            if select.select([terminal], [], [], 0.1)[0]:
+                said += os.read(terminal, 4096).decode()
+            if said.endswith("Enter: ") and not answered:
+                answered = bool(os.write(terminal, b"\n"))
+        process.kill()
+    os.close(terminal)
+    (line,) = (line for line in said.split("\n") if "measured in" in line)
+    assert [part.split()[-2] for part in line.split("\r") if "measured in" in part] == list("321")
+    assert line.index("measured in 1 s") < line.index("measuring")
+    assert said.index("measuring") < said.index("ohm at rest") < said.index("2 of 3")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("readout", ["floating", "loaded-rows"])
 def test_from_what_the_user_knows_to_newtons(readout):

@@ -64,6 +64,20 @@ def test_the_error_is_honest(bench, fitted):
     assert f"{fitted.error:.1%}" in fitted.message
 
 
+@pytest.mark.parametrize("scatter", [0.02, 0.25])
+def test_the_error_is_that_of_a_better_or_worse_fabric(scatter):
+    """Four boards in the geometric mean: the usual error pulls little where the weights deny it."""
+    ratio = []
+    for seed in range(60, 64):
+        board, rng = Unknown((8, 8), seed, scatter=scatter), np.random.default_rng(seed)
+        rest, circuit = measure_rest(board.at_rest(), known(board)), known(board)
+        (laid, weights), (new, truth) = (objects(n, (8, 8), rng) for n in (10, 30))
+        found = fit_curve(board.frames(laid), weights, circuit, rest)
+        off = totals(board.frames(new), circuit, found.curve, rest) / truth - 1.0
+        ratio.append(found.error / np.square(off).mean() ** 0.5)
+    assert 0.67 < np.exp(np.log(ratio).mean()) < 1.5
+
+
 @pytest.mark.parametrize("times", [1e-3, 0.2, 20.0, 56.0, 1e3])
 def test_the_same_readings_of_other_ohms_give_the_same_forces(bench, fitted, times):
     """r_ref, r_par and all cells' resistances times a number: six decades of it read alike."""

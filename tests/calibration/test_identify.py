@@ -182,9 +182,10 @@ def test_idle_frames_of_driven_lines_do_not_tell(readout):
     assert found.missing == (("r_par",) if board.r_drive == 0.0 else ("r_par", "r_drive"))
 
 
-def follow(board, circuit, touches, noise=0.6):
+def follow(board, circuit, touches, noise=0.6, r_par_std=None):
     """A tracker beside the tare of a skin that rests, then is touched: frames of each touch."""
-    tare, tracker, t = Tare(circuit, PressureCurve()), CircuitTracker(circuit), 0.0
+    tracker = CircuitTracker(circuit, r_par_std)
+    tare, t = Tare(circuit, PressureCurve()), 0.0
     for k in range(130):
         tare.update(t, board.idle[k % len(board.idle)], np.zeros(circuit.shape))
         t += 0.01
@@ -281,6 +282,15 @@ def test_a_right_circuit_is_not_touched(board):
     tracker = follow(board, circuit, standing(board, 12))
     assert tracker.circuit is circuit
     assert tracker.message == ""
+
+
+@pytest.mark.parametrize(("off", "std", "kept"), [(20, 9, True), (60, 9, False), (60, 40, True)])
+def test_a_curve_keeps_the_r_par_that_it_was_found_with(board, off, std, kept):
+    """It makes up for what that was wrong by; a board that has changed is followed."""
+    circuit = replace(board.supposed, r_par=board.r_par - off, r_line=board.r_line)
+    tracker = follow(board, circuit, standing(board, 12), r_par_std=std)
+    assert (tracker.circuit == circuit) == kept
+    assert "calibrate again" in tracker.message
 
 
 def test_few_touches_that_stand_tell_r_par():

@@ -43,7 +43,7 @@ FRACTION_BITS = 6
 SCANS_A_FRAME = 4
 QUESTION = re.compile(
     r"(?P<off>[Hh]ands off[^:]*: |hands off it. Enter: )|(?P<press>Press here)|"
-    r"(?P<lay>object \d+: its weight[^:]*: )"
+    r"(?P<on>Enter: on [^\n]*: )|(?P<lay>object \d+: its weight[^\n]*\) )"
 )
 
 

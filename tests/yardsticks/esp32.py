@@ -1,9 +1,11 @@
 """Boards with an ESP32's ADC through all nodes: force felt over the true one, time in a fault stop.
 
-    python tests/yardsticks/esp32.py [--boards 6] [--seed 1900] [--r-ref 1000 4700] [--spread]
+    python tests/yardsticks/esp32.py [--boards 6] [--seed 1900] [--r-ref 1000 4700]
+        [--exact | --spread]
 
-The boards' chips are two that others measured, not the shipped table, with --spread each with an
-offset and a gain of its own; a driven clock, 8 x 8 floating cells at 20 Hz, touches of 3 to 40 N.
+The boards' chips are two that others measured, not the shipped table; with --exact all follow that
+table, with --spread each has an offset and a gain of its own. A driven clock, 8 x 8 floating cells
+at 20 Hz, touches of 3 to 40 N.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from strangers.sim import fabric, touches
 from tactile_skin import Circuit, forward
 from tactile_skin.bench.damage.chain import Chain
 from tactile_skin.middleware.threads import one_thread
+from tactile_skin.physics.adc import TABLES
 
 SUPPLY = 3.3  # V
 # (V, reading of 12 bits) of single chips: github.com/espressif/arduino-esp32, issue 92, with the
@@ -26,8 +29,11 @@ KISEL = (
     "2.603 3065 2.701 3216 2.808 3394 2.906 3581 3.001 3785 3.055 3906 3.119 4060 3.134 4095"
 )
 CHIPS = [np.array(chip.split(), float).reshape(-1, 2) for chip in (ISSUE_92, KISEL)]
+_READING, _SHARE = np.loadtxt(TABLES["esp32"], delimiter=",").T
+EXACT = np.stack([SUPPLY * _SHARE, _READING], 1)  # the chip that follows the shipped table
 OFFSET = 0.025  # V RMS, from chip to chip
 GAIN = 0.02  # RMS, from chip to chip
+LARGEST = 4095  # reading
 NOISE = 0.0015  # V RMS of a reading
 RATE = 20.0  # Hz
 REST = 5.0  # s before the first touch
@@ -38,19 +44,20 @@ LATEST = 3  # frames of a touch that comes or goes, on either side, which are no
 class Chip:
     """One ESP32's ADC: volts -> readings."""
 
-    def __init__(self, rng: np.random.Generator, of: int, offset=0.0, gain=0.0):
-        volts, self._readings = CHIPS[of].T
+    def __init__(self, rng: np.random.Generator, of: int | None, offset=0.0, gain=0.0):
+        volts, self._readings = (EXACT if of is None else CHIPS[of]).T
         self._volts = volts * (1.0 + gain * rng.standard_normal()) + offset * rng.standard_normal()
 
     def read(self, volts: np.ndarray) -> np.ndarray:
-        return np.rint(np.interp(volts, self._volts, self._readings)).astype(int)
+        readings = np.rint(np.interp(volts, self._volts, self._readings)).astype(int)
+        return np.minimum(readings, LARGEST)
 
 
-def frames(circuit: Circuit, seed, of: int, seconds: float = 90.0, *, offset=OFFSET, gain=GAIN):
+def frames(circuit: Circuit, seed, of, seconds: float = 90.0, *, offset=OFFSET, gain=GAIN):
     """Return (n, rows, cols) readings of one board, and the forces [N].
 
     Args:
-        of: index into `CHIPS`.
+        of: index into `CHIPS`; None: the chip follows the shipped table.
         offset, gain: RMS by which its converter is off that chip's [V, share].
     """
     rng = np.random.default_rng(seed)
@@ -97,7 +104,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1900)
     parser.add_argument("--r-ref", type=float, nargs="+", default=[1000.0, 4700.0, 10000.0])
     parser.add_argument("--table", default="esp32", help="none: as without the table")
-    parser.add_argument("--spread", action="store_true", help="chips off those by OFFSET and GAIN")
+    chips = parser.add_mutually_exclusive_group()
+    chips.add_argument("--exact", action="store_true", help="chips that follow the shipped table")
+    chips.add_argument("--spread", action="store_true", help="chips off those by OFFSET and GAIN")
     parser.add_argument("--verbose", action="store_true")
     args = parser.parse_args()
     spread = {} if args.spread else {"offset": 0.0, "gain": 0.0}
@@ -107,7 +116,8 @@ def main() -> None:
             circuit = Circuit(8, 8, r_ref=r_ref, r_par=140.0, adc_bits=12)
             every, stopped = [], []
             for k in range(args.boards):
-                readings, force = frames(circuit, (args.seed, k), k % len(CHIPS), **spread)
+                of = None if args.exact else k % len(CHIPS)
+                readings, force = frames(circuit, (args.seed, k), of, **spread)
                 ratio, faults, why = felt(circuit, readings, force, adc)
                 every.append(ratio)
                 stopped.append(faults)
