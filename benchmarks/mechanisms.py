@@ -8,6 +8,7 @@ from pathlib import Path
 
 from tactile_skin import __file__ as _package
 from tactile_skin.board.liveness import _SETTLING, JITTER
+from tactile_skin.findings.finding import Kind
 from tactile_skin.nodes.serial_driver import _DOUBTFUL
 from tactile_skin.solvers import suspect
 
@@ -75,8 +76,14 @@ def _saturation_alone(found: str, reading) -> str:
     return suspect.saturation(reading, *suspect._SATURATED) if touched else ""
 
 
-def _quiet_if(start: str):
-    return lambda found, *_: "" if found.startswith(start) else found
+def _finds(where: str, *kinds: Kind) -> Result:
+    """A function that returns findings, of which those of some kinds are meant."""
+    return Result(where, lambda found, *_: [f for f in found if f.kind not in kinds])
+
+
+def _finds_one(where: str) -> Result:
+    """A function that returns a finding or None."""
+    return Result(where, lambda found, *_: None)
 
 
 def _without_restarts(verdict, *_):
@@ -89,7 +96,7 @@ def _settled_after_start(settled: bool, delay) -> bool:
     return settled if last is None or last[0] - delay._since < _SETTLING else True
 
 
-_WATCH, _SOLVE = "calibration/watch", "solvers"
+_HEALTH, _SOLVE = "health", "solvers"
 MECHANISMS = (
     # --- of single frames ---
     Mechanism(
@@ -134,72 +141,68 @@ MECHANISMS = (
     # --- of the stream: readings and circuit ---
     Mechanism(
         "doubt.lasting", "a fault at rest goes on under a touch",
-        (), (_attribute("calibration.watch.doubt:Doubt._lasting", False),),
+        (), (_attribute("health.doubt:Doubt._lasting", False),),
     ),
     Mechanism(
         "doubt.held", "a fault under a touch is kept without it",
-        (), (_attribute("calibration.watch.doubt:Doubt.held", False),),
+        (), (_attribute("health.doubt:Doubt.held", False),),
     ),
     Mechanism(
-        "cells", "one cell jumps about, or never moves",
-        (f"{_WATCH}/cells.py",), (_says("calibration.watch.cells:Cells.frame"),),
+        "odd cells", "one cell jumps about, or never moves",
+        (f"{_HEALTH}/odd_cells.py",),
+        (_finds("health.odd_cells:OddCells.findings", Kind.JUMPS, Kind.CONSTANT),),
     ),
     Mechanism(
         "contacts", "one reading is left out again and again",
-        (f"{_WATCH}/contacts.py",),
-        (_attribute("calibration.watch.contacts:Contacts.message", ""),),
+        (f"{_HEALTH}/odd_cells.py:OddCells._count_aside",),
+        (_finds("health.odd_cells:OddCells.findings", Kind.CONTACT),),
     ),
     Mechanism(
         "untouched.line", "a line at rest reads as another one did",
-        (f"{_WATCH}/untouched.py:_another_line",),
-        (_says("calibration.watch.untouched:_another_line"),),
+        (f"{_HEALTH}/untouched.py:_another_line",),
+        (_finds_one("health.untouched:_another_line"),),
     ),
     Mechanism(
         "untouched.common", "all cells at rest gain or lose at once",
-        (f"{_WATCH}/untouched.py:Untouched._common",),
-        (Result("calibration.watch.untouched:Untouched._common",
+        (f"{_HEALTH}/untouched.py:Untouched._common",),
+        (Result("health.untouched:Untouched._common",
                 lambda found, *a: (0.0, True) if abs(found[0]) > a[-1] else found),),
     ),
     Mechanism(
         "voltage", "cells at rest read one voltage, from the start",
-        (f"{_WATCH}/voltage.py",),
-        (_says("calibration.watch.voltage:OneVoltage.window"),
-         _attribute("calibration.watch.voltage:OneVoltage.tells", False)),
+        ("calibration/at_rest.py:one_voltage", "calibration/at_rest.py:_fabric_spread"),
+        (_finds_one("calibration.tare:one_voltage"),),
     ),
     Mechanism(
         "rest picture.flat", "cells read one voltage, later on", (),
-        (Result("calibration.watch.converter:RestPicture.window", _quiet_if("all readings")),),
+        (_finds("health.rest_picture:RestPicture.findings", Kind.NO_SIGNAL),),
     ),
     Mechanism(
         "rest picture.shift", "the picture at rest stands at another height",
-        (),
-        (Limit("calibration.watch.converter:_RAISED", _NEVER),
-         Result("calibration.watch.converter:RestPicture.window", _quiet_if("all cells"),
-                probe=True)),
+        (), (_finds("health.rest_picture:RestPicture.findings", Kind.STUCK_BIT),),
     ),
     Mechanism(
         "ceiling.frame", "the largest readings stand still while others do not",
-        (f"{_WATCH}/converter.py:Ceiling.frame",),
-        (Limit("calibration.watch.converter:_STILL", _NEVER),
-         Result("calibration.watch.converter:Ceiling.frame",
-                lambda found, ceiling, *_: "" if ceiling._present else found, probe=True)),
+        (f"{_HEALTH}/ceiling.py:Ceiling._look",),
+        (Limit("health.ceiling:_STILL", _NEVER),
+         Result("health.ceiling:Ceiling.findings",
+                lambda found, ceiling, *_: [] if ceiling._present else found, probe=True)),
     ),
     Mechanism(
         "ceiling.window", "touches end at one height",
-        (f"{_WATCH}/converter.py:Ceiling.window", f"{_WATCH}/converter.py:Ceiling._stands"),
-        (Result("calibration.watch.converter:Ceiling._stands",
+        (f"{_HEALTH}/ceiling.py:Ceiling._look_at_window", f"{_HEALTH}/ceiling.py:Ceiling._stands"),
+        (Result("health.ceiling:Ceiling._stands",
                 lambda found, *_: (found[0], False)),),
     ),
     Mechanism(
-        "numbers", "the board sends numbers that its sketch has processed",
-        (f"{_WATCH}/numbers.py", "readings/processed.py"),
-        (_attribute("calibration.watch.numbers:Numbers.message", ""),),
+        "sent", "the board sends numbers that its sketch has processed",
+        (f"{_HEALTH}/sent.py", "readings/processed.py"),
+        (_finds("health.sent:Sent.findings", Kind.PROCESSED),),
     ),
     Mechanism(
-        "load", "half of the skin is loaded, from the start or for long",
-        (f"{_WATCH}/load.py",),
-        (_attribute("calibration.watch.load:Load.since_start", ""),
-         _attribute("calibration.watch.load:Load.message", "")),
+        "loaded at start", "half of the skin is loaded from the start",
+        (f"{_HEALTH}/monitor.py:LoadedAtStart",),
+        (_finds("health.monitor:LoadedAtStart.findings", Kind.LOADED_AT_START),),
     ),
     Mechanism(
         "noise by cell", "noisy cells count with their own noise",
@@ -207,28 +210,29 @@ MECHANISMS = (
         (Result("calibration.noise:Noise.each", lambda found, noise: noise.rms),),
     ),
     Mechanism(
-        "noise message", "noisy cells are named",
-        ("calibration/noise.py:Noise.message",),
-        (_says("calibration.noise:Noise.message"),),
+        "noisy cells", "noisy cells are named",
+        ("calibration/noise.py:Noise.findings",),
+        (_finds("calibration.noise:Noise.findings", Kind.NOISY),),
     ),
     Mechanism(
         "twins", "two lines, or half of them, read the same at rest",
-        (f"{_WATCH}/twins.py",),
-        (Result("calibration.tare:which_are_one", lambda found, *_: ("", False)),),
+        tuple(f"calibration/at_rest.py:{name}" for name in (
+            "twins", "stuck_bits", "_Pairs", "_sides", "which_are_one",
+        )), (_finds_one("calibration.tare:which_are_one"),),
     ),
     Mechanism(
-        "tare guards", "lines and steps that a tare would hide",
-        tuple(f"calibration/tare.py:Tare.{name}" for name in ("_wires", "_leads", "_step")),
-        tuple(_says(f"calibration.tare:Tare.{name}") for name in ("_wires", "_leads", "_step")),
+        "tare guards", "lines that a tare would hide",
+        ("calibration/at_rest.py:weak_line", "calibration/at_rest.py:fading_line"),
+        (_finds_one("calibration.tare:weak_line"), _finds_one("calibration.tare:fading_line")),
     ),
     Mechanism(
-        "tare fabric", "cells at rest that no fabric has",
-        ("calibration/tare.py:Tare._fabric",), (_says("calibration.tare:Tare._fabric"),),
+        "odd cell at rest", "a cell at rest that no fabric has",
+        ("calibration/at_rest.py:odd_cell",), (_finds_one("calibration.tare:odd_cell"),),
     ),
     Mechanism(
         "tracker", "what lies in series is learnt from touches",
         ("calibration/tracker.py",),
-        (Result("calibration.skin:Skin._learn_circuit", lambda found, *_: None, skip=True),
+        (Result("health.skin:Skin._learn_circuit", lambda found, *_: None, skip=True),
          Result("calibration.tracker:CircuitTracker.ask", lambda found, *_: None, probe=True)),
     ),
     Mechanism(

@@ -29,7 +29,7 @@ from tactile_skin.bench.damage.reliability import (
 )
 from tactile_skin.bench.damage.streams import IDLE
 from tactile_skin.bench.damage.wires import ELECTRICAL
-from tactile_skin.calibration import skin
+from tactile_skin.health import skin
 from tactile_skin.physics.circuit import Circuit
 from tactile_skin.physics.curve import PressureCurve
 

@@ -157,7 +157,7 @@ def installed(mechanisms):
         board.close()
 
 
-_VALUES = bool, int, float, str, tuple, type(None)  # which are compared by value
+_VALUES = bool, int, float, str, tuple, list, type(None)  # which are compared by value
 
 
 def _differ(found, null) -> bool:

@@ -20,7 +20,9 @@ MAY = {
     "learning": ("files", "physics"),
     "solvers": ("files", "physics", "learning"),
     "readings": (),
-    "calibration": ("physics", "solvers", "readings"),
+    "findings": (),
+    "calibration": ("physics", "solvers", "readings", "findings"),
+    "health": ("physics", "solvers", "readings", "findings", "calibration"),
     "board": ("physics",),
     "middleware": ("files", "yaml_files", "msg", "physics", "touch"),
     "recording": ("files", "yaml_files", "msg", "physics", "middleware", "readings"),
@@ -32,7 +34,9 @@ MAY = {
         "behaviours",
         "learning",
         "solvers",
+        "findings",
         "calibration",
+        "health",
         "board",
         "middleware",
         "recording",
@@ -57,7 +61,17 @@ MAY = {
     "__init__": ("physics", "solvers", "calibration"),
     "__main__": ("cli",),
 }
-PURE = ("physics", "readings", "touch", "behaviours", "learning", "solvers", "calibration")
+PURE = (
+    "physics",
+    "readings",
+    "touch",
+    "behaviours",
+    "learning",
+    "solvers",
+    "findings",
+    "calibration",
+    "health",
+)
 WORLD = {"serial", "socket", "socketserver", "subprocess", "yaml", "select", "asyncio", "signal"}
 # that use threads: scratch memory of each, and a hook's own
 THREADS = {"learning/network", "behaviours/hooks"}

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..findings.finding import Finding, Kind
+
 _JUDGED = 10  # frames after which the result is taken anew
 _FRAMES = 30  # at rest before the noise counts
 _FORGET = 1.0 / 500.0  # share of a measurement that each frame renews, once it is made
@@ -85,12 +87,7 @@ class Noise:
             return self.rms
         return np.where(self.noisy, np.sqrt(self._square), self.rms)
 
-    @property
-    def message(self) -> str:
-        """Which cells are noisy; empty if none."""
-        if not self.noisy.any():  # the usual case
-            return ""
-        cells = np.argwhere(self.noisy)
-        names = " and ".join(f"row {row}, column {col}" for row, col in cells[:3])
-        more = f" and {len(cells) - 3} more" if len(cells) > 3 else ""
-        return f"{names}{more}: much noisier than the other cells: is a contact loose?"
+    def findings(self) -> list[Finding]:
+        """Return which cells are noisy."""
+        rows, cols = (tuple(k.tolist()) for k in np.nonzero(self.noisy))
+        return [Finding(Kind.NOISY, rows=rows, cols=cols)] if rows else []

@@ -3,7 +3,7 @@
 A fabric's cells differ at rest, and drift. `PressureCurve.resting_at` tells that to the solvers;
 here it is measured, in the pauses between touches. The first measurement takes whatever level a
 fabric may rest at, of readings that do not change; from then on nothing is measured during a touch,
-nor shortly after. A cell that conducts more than the median cell by what `MAX_TARED_FORCE` adds is
+nor shortly after. A cell that conducts more than the median cell by what `AT_REST` adds is
 not at rest. A line that conducts less is not the fabric's doing, and is not followed.
 """
 
@@ -13,48 +13,45 @@ import itertools
 
 import numpy as np
 
+from ..findings.finding import Finding, Kind, largest
 from ..physics.circuit import Circuit
-from ..physics.curve import GRAM, PressureCurve
+from ..physics.curve import PressureCurve
 from ..physics.readouts import apparent
 from ..solvers.reading import MAX_NOISE, SCAN_NOISE, rest_reading
+from .at_rest import fading_line, odd_cell, one_voltage, weak_line, which_are_one
 from .rest import resting_conductance
-from .watch.twins import which_are_one
-from .watch.voltage import OneVoltage
+from .touched import AT_REST, TOUCHED
 
-MAX_TARED_FORCE = 2.0 * GRAM  # N on a cell; what conducts more is a touch, and stays one
-_MAX_RESISTANCE = 4.0  # times the usual cell's at rest; a cell that conducts less is broken
 # Conductance of the usual cell over the curve's at rest, between which any fabric may lie: chosen,
 # 4.5 g on each cell of the shipped curve conduct three times as much.
-_LEVEL = 0.1, 3.0
+_LOWEST_LEVEL = 0.1
+_HIGHEST_LEVEL = 3.0
 # Standard deviations of its noise, and share, by which a reading may move between the halves of a
 # measurement and after it; share of the cells that may move more, with a bad contact.
-_STILL, _RESTLESS = (5.0, 0.01), 0.02
+_STILL = 5.0
+_STILL_SHARE = 0.01
+_RESTLESS = 0.02
 _TRIES = 5  # measurements that held a touch, or seemed to, after which to say so
-_WANDERS = (
-    "rest not measured: the readings wander from second to second: does something touch the skin, "
-    "or is the supply unsteady?"
-)
 _UNRESOLVED = 0.5  # ADC steps: below, rounding leaves no reading
 _OF_CHANGES = 0.886  # standard deviation over the mean change from one to the next, normal noise
-_TOUCH = 10.0 * GRAM  # N on a cell, felt: a touch
 _WINDOW = 1.0  # s that a measurement takes
 _MIN_FRAMES = 8  # frames that it takes
-_DRIFT_FOLLOWED = 0.3, 0.003  # s of rest after which a drift of all cells is followed; 1/s, at most
+_DRIFTS_AFTER = 0.3  # s of rest after which a drift of all cells is followed
+_DRIFT = 0.003  # 1/s, of log conductance, that is followed at most
 _DRIFT_UNSEEN = 5.0  # s for which it is made up for, after a touch that hid it
 _RECOVERY = 1.0  # s after a touch in which the fabric recovers: nothing is measured
 _QUIET_AFTER = 0.1  # s without a touch that must follow a measurement: an onset is too weak to feel
 _GAIN = 0.5  # share of the change that a later measurement adds
 _SIGNIFICANT = 4.0  # standard deviations of its noise by which a measurement differs from the rest
-# Changes of log conductance that are not a fabric's, chosen on simulated boards (tests/calibration;
-# bench faults): of a line's median, compared with the others; of all cells from what is known, and
-# besides in each second, as a robot's cover warms up; of a line since the first measurement.
-_MAX_LINE_OFFSET = 0.2
-_MAX_STEP, _MAX_DRIFT = 0.1, 0.02 / 60.0
-_MAX_LINE_FALL = 0.05
+# Log conductance by which all cells may change from what is known, and besides in each second, as a
+# robot's cover warms up; chosen on simulated boards (tests/calibration; bench faults).
+_MAX_STEP = 0.1
+_MAX_DRIFT = 0.02 / 60.0
 # Frames whose mean is a level that readings had before the first measurement, if the next such mean
 # agrees; standard deviations of its noise, and ADC steps, by which a reading above it has risen.
 _LEVEL_FRAMES = 2
-_RISEN, _RISEN_STEPS = 5.0, 1.0
+_RISEN = 5.0
+_RISEN_STEPS = 1.0
 
 
 class Tare:
@@ -62,30 +59,27 @@ class Tare:
 
     Attributes:
         curve: the given curve, with the cells' offsets once they are known.
-        message: why the last measurement could not be used; empty if it could.
+        found: why the last measurement could not be used; None: it could.
         measured: whether there was one that could.
         unseen: whether nothing shows yet that a matrix at rest is read: no second of rest has gone
             by, or all cells read alike in it, where those of a fabric would not, or conduct what
             no fabric of this curve does, or readings have risen since the start.
-        wiring: what seems wrong with the wires, by the last measurement; empty if nothing. What the
-            cells rest at is followed all the same.
-        half_read: whether that means that half of the lines are not read.
+        lines: lines that are one, by the last measurement; None: there are none. The rest is
+            followed all the same.
     """
 
     def __init__(self, circuit: Circuit, curve: PressureCurve):
-        self.curve, self.message, self.measured, self.unseen = curve, "", False, True
-        self.wiring, self.half_read = "", False
+        self.curve, self.measured, self.unseen = curve, False, True
+        self.found: Finding | None = None
+        self.lines: Finding | None = None
         self._learned = -np.inf  # s, when the rest was measured last
         self._first: np.ndarray | None = None  # (rows, cols) [S] that was measured first
         self._circuit = circuit
         self._few = max(1.0, _RESTLESS * np.count_nonzero(circuit.populated))  # odd cells
         at_rest = curve.points[0][1]
-        self._max_factor = at_rest / float(
-            curve.resistance(MAX_TARED_FORCE)
-        )  # as a factor of conductance
+        self._max_factor = at_rest / float(curve.resistance(AT_REST))  # as a factor of conductance
         self._last = -np.inf  # s, when the last frame was read
         self._restless = 0  # measurements in a row whose parts differed
-        self._one_voltage = OneVoltage(circuit)
         self._lowest = np.full(circuit.shape, np.inf)  # ADC ratio, levels before any measurement
         self._level: list[np.ndarray] = []  # the last frames
         self._begin(-np.inf)
@@ -127,14 +121,14 @@ class Tare:
             whether `curve` changed.
         """
         if t < self._last:
-            self._learned = -np.inf  # how long ago cannot be told, nor whether a pause is over
+            self._learned = -np.inf  # how long ago is unknown, and whether a pause is over
             self._quiet, self._followed, self._drifted = t, t, None
             self._begin(t + _RECOVERY)
-        elif self.measured and force.max() > _TOUCH:
+        elif self.measured and force.max() > TOUCHED:
             self._begin(t + _RECOVERY)
         elif t - self._last > _WINDOW:  # what lies between was not seen
             self._begin(t)
-        if force.max() > MAX_TARED_FORCE:
+        if force.max() > AT_REST:
             self._quiet, self._drifted = t, None
         self._last = t
         if not self.measured:
@@ -152,21 +146,22 @@ class Tare:
         self._restless = 0 if still else self._restless + 1
         if not still:
             if not self.measured:
-                self.message = _WANDERS if self._restless >= _TRIES else ""
+                self.found = Finding(Kind.UNSTEADY) if self._restless >= _TRIES else None
             return followed
         usual = self._usual(noise)
         if not self.measured and (risen := self._risen(mean, usual)):
-            self.message, self.unseen = risen, True
+            self.found, self.unseen = risen, True
             return followed
-        one_voltage = self._one_voltage.window(mean, n + m, usual)
-        self.unseen = self._one_voltage.tells
+        found = one_voltage(mean, n + m, usual, self._circuit)
+        self.unseen = found is not None and found.stops
         zero = self._circuit.populated & (mean * self._circuit.full_scale < _UNRESOLVED)
         zero &= ~(zero.all(1)[:, None] | zero.all(0))  # such a line is not connected
         if np.count_nonzero(zero) > self._few:
-            one_voltage = one_voltage or _zero(np.count_nonzero(zero))
-        if one_voltage:
+            numbers = {"count": np.count_nonzero(zero)}
+            found = found or Finding(Kind.ZERO_AT_REST, numbers=numbers)
+        if found:
             if not self.measured:
-                self.message = one_voltage
+                self.found = found
             return followed
         return self._learn(mean, usual / (n + m) ** 0.5) or followed
 
@@ -178,11 +173,11 @@ class Tare:
         one, other = (np.mean(self._level[k::2], axis=0) for k in (0, 1))
         first, last = (np.mean(part, axis=0) for part in np.split(np.array(self._level), 2))
         limit = _RISEN_STEPS / self._circuit.full_scale + _RISEN * np.abs(one - other)
-        if (np.abs(last - first) <= np.maximum(limit, _STILL[1] * first)).all():
+        if (np.abs(last - first) <= np.maximum(limit, _STILL_SHARE * first)).all():
             self._lowest = np.minimum(self._lowest, last)
 
-    def _risen(self, adc: np.ndarray, noise: float) -> str:
-        """Whether readings are far above a level that they had: something lies there by now.
+    def _risen(self, adc: np.ndarray, noise: float) -> Finding | None:
+        """Return that readings are far above a level that they had: something lies there by now.
 
         Args:
             noise: of a reading [ADC steps].
@@ -193,12 +188,9 @@ class Tare:
         more = _conducts(self._circuit, adc) > self._max_factor * _conducts(self._circuit, low)
         risen = (adc - low > least) & more & self._circuit.populated
         if np.count_nonzero(risen) <= self._few:
-            return ""
-        row, col = np.unravel_index(np.where(risen, adc - low, 0.0).argmax(), adc.shape)
-        return (
-            f"rest not measured: {np.count_nonzero(risen)} readings have risen since the start, "
-            f"most at row {row}, column {col}: does something press there? If nothing does, tare"
-        )
+            return None
+        most = largest(np.where(risen, adc - low, 0.0))
+        return Finding(Kind.RISEN, **most, numbers={"count": np.count_nonzero(risen)})
 
     def _add(self, t: float, adc: np.ndarray) -> None:
         """Take a frame into the measurement, or into what follows it."""
@@ -227,7 +219,7 @@ class Tare:
         """Whether the parts of the measurement read alike: else it holds a touch, or its end."""
         noise = self._noise()
         for (one, n), (other, m) in itertools.pairwise(p for p in self._parts if p[1]):
-            limit = _STILL[0] * noise * (1.0 / n + 1.0 / m) ** 0.5 + _STILL[1] * one / n
+            limit = _STILL * noise * (1.0 / n + 1.0 / m) ** 0.5 + _STILL_SHARE * one / n
             if np.count_nonzero(np.abs(one / n - other / m) > limit) > self._few:
                 return False
         return True
@@ -241,7 +233,7 @@ class Tare:
         matrix a little, always upwards.
         """
         if self._drifted is None:
-            if t - max(self._quiet, self._followed) >= _DRIFT_FOLLOWED[0]:
+            if t - max(self._quiet, self._followed) >= _DRIFTS_AFTER:
                 self._drifted = t, adc
             return False
         read, adc = self._drifted
@@ -256,7 +248,7 @@ class Tare:
         noise = SCAN_NOISE / (self._circuit.full_scale * np.median(adc[known]))
         if not noise < abs(common) <= _MAX_STEP:
             return False
-        common = float(np.clip(common, -_DRIFT_FOLLOWED[1] * elapsed, _DRIFT_FOLLOWED[1] * elapsed))
+        common = float(np.clip(common, -_DRIFT * elapsed, _DRIFT * elapsed))
         self.curve = self.curve.resting_at(np.exp(-common) * self.curve.rest_resistance)
         return True
 
@@ -266,118 +258,44 @@ class Tare:
         """
         full = self._circuit.full_scale
         # of a skin that rests
-        wiring, half_read = which_are_one(adc * full, noise, self._circuit.populated)
+        lines = which_are_one(adc * full, noise, self._circuit.populated)
         off = (adc - rest_reading(self._circuit, self.curve)) * full
         if np.square(off).mean() < (_SIGNIFICANT * noise) ** 2:
-            self.message, self.measured = "", True
-            self.wiring, self.half_read = wiring, half_read
+            self.found, self.measured, self.lines = None, True, lines
             return False
         cells, at_rest = self._circuit.populated, self.curve.points[0][1]
         try:
             now = resting_conductance(adc, self._circuit, noise)
             now = np.where(cells, now, 1.0 / at_rest)
         except ValueError as error:
-            self.message = f"rest not measured: {error}"
+            self.found = Finding(Kind.NO_REST, detail=str(error))
             return False
-        self.message = self._fabric(now * at_rest, cells)
-        self.unseen = not _LEVEL[0] <= np.median(now[cells]) * at_rest <= _LEVEL[1]
-        self.message = self.message or self._wires(np.log(now * at_rest), cells)
-        if self.message:
-            self.message = f"rest not measured: {self.message}"
+        level = float(np.median(now[cells])) * at_rest
+        self.unseen = not _LOWEST_LEVEL <= level <= _HIGHEST_LEVEL
+        if self.unseen:
+            numbers = {"ohm": at_rest / level, "expected": at_rest}
+            self.found = Finding(Kind.OTHER_FABRIC, numbers=numbers)
+        else:
+            self.found = odd_cell(now * at_rest / level, cells, self._max_factor)
+            self.found = self.found or weak_line(np.log(now * at_rest), cells)
+        if self.found:
             return False
-        self.measured, self.wiring, self.half_read = True, wiring, half_read
+        self.measured, self.lines = True, lines
         if self._first is None:
             self._first = now
         else:
             before = 1.0 / self.curve.rest_resistance
-            self.message = self._leads(np.log(now / self._first), cells)
-            self.message = self.message or self._step(np.log(now / before)[cells])
-            if self.message:
+            self.found = fading_line(np.log(now / self._first), cells)
+            common = float(np.median(np.log(now / before)[cells]))
+            if abs(common) > _MAX_STEP + _MAX_DRIFT * (self._last - self._learned):
+                numbers = {"share": float(np.expm1(common))}
+                self.found = self.found or Finding(Kind.ALL_CELLS, numbers=numbers)
+            if self.found:
                 return False
             now = before + _GAIN * (now - before)
         self._learned = self._last
-        rest = np.where(cells, 1.0 / now, self.curve.points[0][1])
-        self.curve = self.curve.resting_at(rest)
+        self.curve = self.curve.resting_at(np.where(cells, 1.0 / now, at_rest))
         return True
-
-    def _fabric(self, level: np.ndarray, cells: np.ndarray) -> str:
-        """What no fabric rests at; empty if nothing.
-
-        Args:
-            level: (rows, cols) conductance over the curve's at rest.
-        """
-        usual, at_rest = float(np.median(level[cells])), self.curve.points[0][1]
-        if not _LEVEL[0] <= usual <= _LEVEL[1]:
-            return (
-                f"a cell has {at_rest / usual:.0f} ohm at rest, where the curve begins with "
-                f"{at_rest:.0f}: is it loaded, another fabric, or wired otherwise?"
-            )
-        factor = np.where(cells, level / usual, 1.0)
-        for bad, end in ((factor.argmax(), factor.max()), (factor.argmin(), factor.min())):
-            if end > self._max_factor or end < 1.0 / _MAX_RESISTANCE:
-                row, col = np.unravel_index(bad, factor.shape)
-                why = "does something press there?" if end > 1.0 else "is it connected?"
-                much = f"{end:.0f}" if end >= 10.0 else f"{end:.2g}"
-                much = f"{much} times as much as the median cell"
-                return f"row {row}, column {col} conducts {much}: {why}"
-        return ""
-
-    def _wires(self, off: np.ndarray, cells: np.ndarray) -> str:
-        """What is no fabric's doing, and would be hidden by a tare; empty if nothing.
-
-        Cells scatter; all of a line are off because of the circuit.
-
-        Args:
-            off: (rows, cols) log of each cell's conductance over the curve's, at rest.
-        """
-        common = np.median(off[cells])
-        for name, lines, _ in _lines(off, cells, common):
-            worst = np.abs(lines - common).argmax()
-            if abs(lines[worst] - common) > _MAX_LINE_OFFSET:
-                much = f"{np.expm1(lines[worst] - common):+.0%}"
-                return (
-                    f"{name} {worst} conducts {much} at rest, compared with the others: a bad lead?"
-                )
-        return ""
-
-    def _step(self, change: np.ndarray) -> str:
-        """A fabric warms and ages as a whole, but slowly.
-
-        Args:
-            change: (cells,) log of each one's conductance over that known.
-        """
-        common = np.median(change)
-        if abs(common) <= _MAX_STEP + _MAX_DRIFT * (self._last - self._learned):
-            return ""
-        much = f"{np.expm1(common):+.0%}"
-        return f"all cells conduct {much} at once: did the supply or the reference change?"
-
-    def _leads(self, change: np.ndarray, cells: np.ndarray) -> str:
-        """A lead that breaks puts a resistance before its whole line, which hides most of a push.
-
-        Fabric changes cell by cell, or as a whole. A line must have fallen both by itself and
-        against the others: where a palm lay, cells conduct more for a while.
-
-        Args:
-            change: (rows, cols) log of each cell's conductance over that measured first.
-        """
-        common, spread = _middle(change[cells])
-        for name, lines, count in _lines(change, cells, common):
-            fall = np.maximum(lines, lines - common)
-            worst = fall.argmin()
-            if fall[worst] < -_MAX_LINE_FALL - 4.0 * spread / count[worst] ** 0.5:
-                much = f"{np.expm1(fall[worst]):+.0%}"
-                return (
-                    f"{name} {worst} conducts {much} compared with the start: is its lead breaking?"
-                )
-        return ""
-
-
-def _zero(n: int) -> str:
-    return (
-        f"rest not measured: {n} untouched cells read 0: does the sketch subtract an offset or a "
-        "threshold, or is r_ref too small for the ADC? Send what the ADC reads"
-    )
 
 
 def _conducts(circuit: Circuit, adc: np.ndarray) -> np.ndarray:
@@ -385,16 +303,3 @@ def _conducts(circuit: Circuit, adc: np.ndarray) -> np.ndarray:
     scale, offset = apparent(circuit, adc)
     left = scale - adc * min(offset / circuit.r_ref, 1.0)
     return adc / np.maximum(left, 1.0 / circuit.full_scale)
-
-
-def _middle(values: np.ndarray) -> tuple[float, float]:
-    """Median of (n,) values, and how far they scatter: 1.5 times the median of the deviations."""
-    middle = np.median(values)
-    return middle, 1.5 * np.median(np.abs(values - middle))
-
-
-def _lines(values: np.ndarray, cells: np.ndarray, empty: float):
-    """(name, medians, numbers of cells) of all rows, then of all columns."""
-    for name, axis in (("row", 1), ("column", 0)):
-        median = np.ma.median(np.ma.array(values, mask=~cells), axis=axis)
-        yield name, median.filled(empty), np.maximum(cells.sum(axis), 1)

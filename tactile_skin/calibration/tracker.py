@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..findings.finding import Finding, Kind, Severity
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from ..solvers.reading import ROUNDING_NOISE, rest_reading
@@ -245,6 +246,16 @@ class CircuitTracker:
             return False
         self._adopted, self.circuit = off, found
         return True
+
+    def findings(self) -> list[Finding]:
+        """Return what the configuration should say, a fault if no board is like that."""
+        found = []
+        if self.message:
+            severity = Severity.FAULT if self.impossible else Severity.WARN
+            found.append(Finding(Kind.SERIES, severity, detail=self.message))
+        if self.hint:
+            found.append(Finding(Kind.SERIES, Severity.NOTE, detail=self.hint))
+        return found
 
     @property
     def _relevant(self) -> np.ndarray:

@@ -20,8 +20,6 @@ from ..calibration.curve_fit import MAX_LAG, POOR, FittedCurve, fit_reference
 from ..calibration.guide import Guide, newtons
 from ..calibration.identify import names, values
 from ..calibration.rest import check_all_is_sent, supposing
-from ..errors import FileError
-from ..files import read_bytes, shorten
 from ..middleware.bus import Context, Node, Parameter, SingleThreadedExecutor
 from ..middleware.config import SkinConfig, adc_of, circuit_of, read_skin
 from ..middleware.parameter_file import ParameterFile
@@ -33,13 +31,13 @@ from ..physics.creep import Creep
 from ..physics.curve import PressureCurve
 from ..readings.processed import Kind, processed
 from ..recording.frames import read_frames
+from ..recording.reference import read_reference
 from . import train
 from .words import split
 from .written import entered, replace_file
 
 _NAME = "tactile-skin calibrate"
 _OF_FILES = "rest", "touches", "reference", "creep", "rate", "full_scale"
-_LARGEST_REFERENCE = 1 << 26  # bytes
 _RATE = 100.0  # frames a second, of files without times
 _OF_BOARD = {"port": str, "baud": int, "protocol": str}
 _GLANCE = 0.5  # s of frames that show whether the board sends what untouched cells read
@@ -221,32 +219,6 @@ def _check_all_is_sent(skin: SkinConfig, rest: np.ndarray, touches: np.ndarray |
             f"untouched cells read {usual:.2g} ADC steps: an offset or a threshold is taken off, "
             "or r_ref is too small for this fabric. Send what the ADC reads"
         )
-
-
-def read_reference(path: str) -> tuple[np.ndarray, np.ndarray]:
-    """(m,) times [s] and (m,) forces [N] of a scale or sensor: a CSV of two columns.
-
-    Raises:
-        FileError: a line but the first that is not two numbers, times that do not rise.
-        OSError: the file cannot be read.
-    """
-    lines = read_bytes(path, _LARGEST_REFERENCE).decode("utf-8", "replace").splitlines()
-    values = []
-    for number, line in enumerate(lines, 1):
-        words = line.replace(";", ",").split(",")
-        try:
-            t, force = (float(word) for word in words)
-        except ValueError:
-            if number == 1 or not line.strip():
-                continue
-            raise FileError(f"{path}: line {number}, {shorten(line)}: must be time,force") from None
-        if not np.isfinite([t, force]).all() or (values and t <= values[-1][0]):
-            raise FileError(f"{path}: line {number}, {shorten(line)}: times must rise [s]")
-        values.append((t, force))
-    if len(values) < 2:
-        raise FileError(f"{path}: no lines of time [s],force [N]")
-    times, force = np.array(values).T
-    return times, force
 
 
 def board_parameters(words: list[str]) -> dict:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import re
-
-from ..calibration.skin import Skin
+from ..findings.finding import BESIDE_THE_REST, Finding, Severity
+from ..health.skin import Skin
 from ..learning import network
 from ..middleware.bus import DurabilityPolicy, QoSProfile, Time
 from ..middleware.config import (
@@ -26,7 +25,6 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _MIN_LINES = 3  # rows and columns; with fewer some faults look like touches: docs/reliability.md
 _HOLD = 1.0  # s for which a reason is kept at least, while the robot is stopped for one
 _MORE = "; more: doctor"  # the command sees many frames, and says what to enter
-_NUMBER = re.compile(r"-?\d+(\.\d+)?")  # in two reasons alike but for their numbers
 # s that a reading has waited from which on the faster method takes it: less than four frames of the
 # fastest boards; and after a full fit until the next, however late: only that tests the circuit.
 _LATE, _FULL_FIT = 0.01, 0.1
@@ -109,6 +107,7 @@ class Compensation:
         self._said = -float("inf")  # s, when the message was new
         self._waiting = False  # a stop until the rest was measured
         self._level, self._message = diagnostics.OK, "ok"
+        self._finding: Finding | None = None  # that the message says
         self._others = ""  # reasons besides the worst one
         self._taken_at, self.skipped = -float("inf"), 0  # s, when the last frame was taken; frames
         self._fitted_at = -float("inf")  # s, when the last one was that the configured method took
@@ -163,39 +162,46 @@ class Compensation:
         return response
 
     def _update_level(self, *, past: bool = True) -> None:
-        skin, (message, *others) = self.skin, self.skin.reasons(past=past) or [""]
-        self._others = "; ".join(others)
+        skin, found = self.skin, self.skin.findings(past=past)
+        self._others = "; ".join(map(str, found[1:]))
         failed = skin.status == "failed"
-        message += _MORE if message and not failed else ""
-        level = diagnostics.OK if skin.status == "ok" and not message else diagnostics.WARN
+        doubted = skin.status != "ok" or any(f.severity >= Severity.WARN for f in found)
+        level = diagnostics.WARN if doubted else diagnostics.OK
         if failed or (skin.fault and self._stops):
             level = diagnostics.ERROR
-        before, self._waiting = (
-            self._waiting,
-            bool(skin.waits and level == diagnostics.ERROR and not failed),
-        )
+        before = self._waiting
+        self._waiting = skin.waits and level == diagnostics.ERROR and not failed
         if self._waiting:
-            why = skin.rest_reasons
-            message = f"measuring rest: hands off{f' ({why})' if why else ''}"
-        held = before == self._waiting and self._holds(level, message)
-        if not held and (message or level == diagnostics.OK):
-            self._message, self._said = message or "ok", self._now()
+            found = [f for f in found if f.kind not in BESIDE_THE_REST]
+        first = found[0] if found else None
+        if not (before == self._waiting and self._holds(level, first)):
+            self._say(level, first, "" if failed else _MORE)
         changed, self._level = level != self._level, level
         if changed:
             self.report()
 
-    def _holds(self, level: int, message: str) -> bool:
+    def _say(self, level: int, finding: Finding | None, more: str) -> None:
+        if self._waiting:
+            why = f" ({finding})" if finding else ""
+            message = f"measuring rest: hands off{why}"
+        elif finding:
+            message = f"{finding}{more}"
+        elif level == diagnostics.OK:
+            message = "ok"
+        else:  # a fault that the last frames do not show goes on
+            return
+        self._finding, self._message, self._said = finding, message, self._now()
+
+    def _holds(self, level: int, finding: Finding | None) -> bool:
         """Whether to keep the last reason: each new reason of a stop calls every hook."""
         if level != diagnostics.ERROR or level != self._level:
             return False
-        same = _NUMBER.sub("", message) == _NUMBER.sub("", self._message)
-        return same or self._now() - self._said < _HOLD
+        return finding == self._finding or self._now() - self._said < _HOLD
 
     def _now(self) -> float:
         return self.node.get_clock().now().nanoseconds / 1e9
 
     def on_second(self) -> None:
-        self.skin.end_second()
         self.report()
         rest = self.skin.rest_resistance
         if rest is not None:
@@ -209,6 +215,12 @@ class Compensation:
             diagnostics.UNKNOWN_SERIES: f"{self.skin.unknown_series:.1f}",
             "skipped": self.skipped,
         }
+        if self._finding:
+            values |= {
+                diagnostics.KIND: self._finding.kind.value,
+                diagnostics.ROWS: " ".join(map(str, self._finding.rows)),
+                diagnostics.COLS: " ".join(map(str, self._finding.cols)),
+            }
         if self._others:
             values["also"] = self._others
         self._diagnostics.publish(diagnostics.report(self.node, self._level, self._message, values))

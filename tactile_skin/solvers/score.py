@@ -40,7 +40,7 @@ _LIFTED = 5.0  # times its conductance at rest that a touched cell has: 8 g on t
 # and how often such cells are sought: a palm's soft rim is some cells wide.
 _Z, _SEARCHES = 3.5, 6
 # RMS of log conductance of the cells of a sound fabric at rest, where it was not measured: 0.03 to
-# 0.05 (calibration/watch/voltage.py has the least).
+# 0.05 (health/rest_picture.py has the least).
 _REST_SCATTER = 0.05
 _RIM = 1.1  # times its conductance at rest: the rim of a palm is above
 _RIM_SHARE = 0.05  # of `series_scale` by which r_par is too small beside such a rim

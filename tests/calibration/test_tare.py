@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.board import simulator
 from tactile_skin.board.protocol import BinaryParser
-from tactile_skin.calibration.tare import MAX_TARED_FORCE, Tare
+from tactile_skin.calibration.tare import Tare
+from tactile_skin.calibration.touched import AT_REST as MOST
 from tactile_skin.learning import scenes
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.solvers.reading import check_reading, r_par_pattern, rest_shift
@@ -183,7 +184,7 @@ def test_a_cut_lead_is_no_rest():
     adc[3] = 0.0
     for k in range(300):
         assert not skin.tare.update(k * 0.01, adc, IDLE)
-    assert "row 3" in skin.tare.message
+    assert "row 3" in str(skin.tare.found)
 
 
 @pytest.mark.parametrize("r_par", [293.0, 359.0])
@@ -211,7 +212,7 @@ def test_a_fabric_may_rest_at_another_level_than_the_curve(level):
     """And a touch on it is found as it is."""
     skin = Skin(level * scatter(0.05))
     skin.frames(150)
-    assert skin.tare.measured and not skin.tare.message
+    assert skin.tare.measured and skin.tare.found is None
     pressed = skin.frames(40, touch())
     assert pressed[-1].force.sum() == pytest.approx(12.0, rel=0.06)
     assert np.mean([e.status == "ok" for e in pressed[3:]]) >= 0.9
@@ -221,14 +222,14 @@ def test_a_hand_on_the_skin_from_the_start_is_no_rest():
     skin = Skin(scatter(0.05))
     skin.frames(300, touch())
     assert not skin.tare.measured
-    assert "does something press there?" in skin.tare.message
+    assert "Does something press there?" in str(skin.tare.found)
 
 
 def test_a_level_that_no_fabric_has_is_named_in_ohm():
     skin = Skin(6.0 * scatter(0.03))
     skin.frames(200)
     assert not skin.tare.measured
-    assert "the curve begins with 40000" in skin.tare.message
+    assert "the curve begins with 40000" in str(skin.tare.found)
 
 
 def test_a_short_is_not_tared_away():
@@ -241,7 +242,7 @@ def test_a_short_is_not_tared_away():
     rng = np.random.default_rng(10)
     for k in range(300):
         assert not tare.update(k * 0.01, scenes.read_out(CIRCUIT, adc, "scan", rng), IDLE)
-    assert "row 6" in tare.message or "row 7" in tare.message
+    assert "row 6" in str(tare.found) or "row 7" in str(tare.found)
 
 
 @pytest.mark.parametrize("ohm", [250.0, 400.0])
@@ -257,7 +258,7 @@ def test_a_lead_that_breaks_later_is_not_tared_away(ohm, axis):
     for k in range(600):
         reading = scenes.read_out(CIRCUIT, adc, "scan", skin.rng)
         skin.tare.update(skin.t + 0.01 * k, reading, IDLE)
-    assert skin.tare.message.startswith(("row 3", "column 3")[axis])
+    assert str(skin.tare.found).startswith(("row 3", "column 3")[axis])
     # the first measurement may hold frames of before the break
     taken = np.log(skin.tare.curve.rest_resistance / known.rest_resistance)
     assert np.median(np.moveaxis(taken, axis, 0)[3]) < 0.04
@@ -270,7 +271,7 @@ def test_where_a_palm_lay_the_tare_goes_on():
     before, skin.rest = skin.tare.curve, skin.rest.copy()
     skin.rest[:10] *= 1.06
     skin.frames(300)
-    assert skin.tare.curve is not before and skin.tare.message == ""
+    assert skin.tare.curve is not before and skin.tare.found is None
     known, skin.rest[:10] = skin.tare.curve, skin.rest[:10] / 1.03
     skin.frames(300)
     assert skin.tare.curve is not known
@@ -295,7 +296,7 @@ def test_whatever_is_read_no_more_is_tared_than_allowed(seed, spread):
         if k % 45 == 0:
             adc = forward(CIRCUIT, 1.0 / (REST * np.exp(spread * rng.standard_normal((16, 16)))))
         tare.update(0.03 * k, adc, IDLE)
-    least = CURVE.resistance(MAX_TARED_FORCE)
+    least = CURVE.resistance(MOST)
     assert np.min(tare.curve.rest_resistance) >= least * (1 - 1e-9)
 
 
@@ -303,11 +304,11 @@ def test_a_jump_of_all_cells_is_no_drift():
     """A supply that changes, or an input that reads one voltage, is not taken for rest."""
     skin = Skin(scatter(0.03))
     skin.frames(250)
-    assert skin.tare.message == ""
+    assert skin.tare.found is None
     known = skin.tare.curve
     skin.rest = 1.25 * skin.rest
     skin.frames(400)
-    assert "all cells conduct +25% at once" in skin.tare.message
+    assert "all cells conduct +25.0% at once" in str(skin.tare.found)
     assert skin.tare.curve is known
 
 
@@ -322,15 +323,15 @@ def test_one_voltage_on_all_crossings_is_no_fabric(steps):
         adc = np.full((16, 16), steps / 1023) + 0.5 / 1023 * rng.standard_normal((16, 16))
         tare.update(0.01 * k, adc, IDLE)
     assert not tare.measured
-    assert "within noise: is the matrix connected?" in tare.message
-    assert "threshold" not in tare.message
+    assert "Is the matrix connected?" in str(tare.found)
+    assert "threshold" not in str(tare.found)
 
 
 def test_a_board_whose_untouched_cells_read_0_waits():
     tare = Tare(CIRCUIT, CURVE)
     for k in range(200):
         tare.update(0.01 * k, np.zeros((16, 16)), IDLE)
-    assert "is an offset or a threshold taken off" in tare.message and tare.unseen
+    assert "Is an offset or a threshold taken off" in str(tare.found) and tare.unseen
 
 
 def fills(frames, shape, readings, seed):

@@ -5,7 +5,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from tactile_skin import Circuit, forward
-from tactile_skin.calibration.watch.twins import stuck_bits, twins
+from tactile_skin.calibration.at_rest import stuck_bits, twins
 
 NOISE = 0.06  # ADC steps, of the mean of a second
 SHAPES = [(8, 8), (8, 16), (16, 16)]
@@ -32,15 +32,15 @@ def test_a_sound_skin_has_none(shape):
 
 
 @pytest.mark.parametrize("shape", [(8, 8), (16, 16)])
-@pytest.mark.parametrize("name", ["row", "column"])
-def test_a_line_that_is_read_twice_is_named(shape, name):
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_line_that_is_read_twice_is_named(shape, axis):
     rng, cells, right = np.random.default_rng(12), np.ones(shape, bool), 0
     for _ in range(40):
         steps = rest(rng, shape)
-        lines = steps if name == "row" else steps.T
+        lines = steps if axis == 0 else steps.T
         one, other = sorted(rng.choice(len(lines), 2, replace=False).tolist())
         lines[other] = lines[one]
-        right += twins(read(rng, steps), NOISE, cells) == (name, one, other)
+        right += twins(read(rng, steps), NOISE, cells) == (axis, one, other)
     assert right >= 34
 
 
@@ -56,7 +56,7 @@ def test_cells_that_are_missing_do_not_count():
     steps[5] = steps[2]
     cells[5, :3] = False
     steps[5, :3] = 0.0
-    assert twins(read(rng, steps), NOISE, cells) == ("row", 2, 5)
+    assert twins(read(rng, steps), NOISE, cells) == (0, 2, 5)
     assert twins(steps[:1], NOISE, cells[:1]) is None
 
 
@@ -78,7 +78,7 @@ def test_a_stuck_address_bit_is_named(shape, axis):
         bit = int(rng.integers(int(np.log2(shape[axis]))))
         selected = np.arange(shape[axis]) & ~(1 << bit)
         steps = np.take(rest(rng, shape), selected, axis)
-        right += stuck_bits(read(rng, steps), NOISE, cells) == (("row", "column")[axis], (bit,))
+        right += stuck_bits(read(rng, steps), NOISE, cells) == (axis, (bit,))
     assert right >= 15
 
 
@@ -90,7 +90,7 @@ def test_two_stuck_address_bits_are_both_named(axis, bits):
     for _ in range(20):
         selected = np.arange(16) & ~sum(1 << bit for bit in bits)
         steps = np.take(rest(rng, (16, 16)), selected, axis)
-        right += stuck_bits(read(rng, steps), NOISE, cells) == (("row", "column")[axis], bits)
+        right += stuck_bits(read(rng, steps), NOISE, cells) == (axis, bits)
     assert right >= 15
 
 

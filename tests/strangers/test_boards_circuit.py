@@ -18,7 +18,8 @@ from tactile_skin import (
     identify,
     measure_rest,
 )
-from tactile_skin.calibration.skin import Skin
+from tactile_skin.findings.finding import Kind
+from tactile_skin.health.skin import Skin
 from tactile_skin.middleware.config import read_skin
 from tactile_skin.physics import readouts
 from tactile_skin.physics.adc import TABLES, Adc
@@ -136,7 +137,7 @@ def test_readings_at_the_end_of_the_range_are_said():
         force = finger((8, 8), 3, 3, 20.0) * (k > 50)
         steps = adc.count(forward(circuit, curve.resistance(force))) + rng.standard_normal((8, 8))
         skin.frame(k / 20.0, np.rint(16 * np.clip(steps, 0, 4095)).astype(np.uint16))
-    assert "readings at the end of the ADC's range" in "; ".join(skin.reasons()) and not skin.fault
+    assert any(f.kind is Kind.AT_END for f in skin.findings()) and not skin.fault
 
 
 def test_an_offset_is_no_stuck_bit():
@@ -148,7 +149,7 @@ def test_an_offset_is_no_stuck_bit():
         steps = adc.count(forward(circuit, curve.resistance(np.zeros((8, 8)))))
         steps = steps + rng.standard_normal((8, 8))
         skin.frame(k / 50.0, np.rint(16 * np.clip(steps, 0, 4095)).astype(np.uint16))
-    assert skin.reasons() == []
+    assert skin.findings() == []
 
 
 def test_untouched_cells_below_the_range_are_named():
@@ -160,7 +161,7 @@ def test_untouched_cells_below_the_range_are_named():
         volts = 3.3 * forward(circuit, curve.resistance(np.zeros((8, 8))))
         steps = esp32.Chip(rng, 0).read(volts + 0.0015 * rng.standard_normal((8, 8)))
         skin.frame(k / 20.0, (16 * steps).astype(np.uint16))
-    assert skin.waits and "is no matrix connected" in skin.rest_reasons
+    assert skin.waits and "is no matrix connected" in str(skin.findings()[0])
 
 
 @pytest.mark.parametrize(("r_ref", "chip", "sure"), [(1000.0, 1, True), (10000.0, 0, False)])

@@ -20,10 +20,11 @@ import argparse
 from collections import Counter
 
 import numpy as np
+from health.seen import seen
 from strangers import sim
 
 from tactile_skin import Circuit, PressureCurve, diagnose
-from tactile_skin.calibration.watch.numbers import Numbers
+from tactile_skin.health.sent import Sent
 from tactile_skin.middleware.threads import one_thread
 from tactile_skin.physics.adc import Adc
 from tactile_skin.readings.processed import Kind, processed
@@ -200,7 +201,7 @@ SOUND = {
 }
 
 
-def seen(steps, bits: int, unresolved: float = 0.0) -> Kind | Scale | None:
+def taken_for(steps, bits: int, unresolved: float = 0.0) -> Kind | Scale | None:
     """What a file of these numbers is taken for."""
     scale = scale_of(np.asarray(steps, float) if steps.dtype.kind == "f" else steps).kind
     if scale not in (Scale.STEPS, Scale.RATIOS):
@@ -213,11 +214,11 @@ def named_live(steps, board, dead: float) -> bool:
     """Whether a running skin, which sees frame after frame, names what was done."""
     if (steps.dtype.kind == "f" and steps.max() <= VOLTS) or steps.min() < 0:
         return False  # a file's numbers
-    numbers = Numbers(Adc(board.circuit, offset=dead), 0.0)
+    sent = Sent(Adc(board.circuit, offset=dead), 0.0)
     samples = np.rint(steps * 2.0 ** (16 - board.bits)).astype("u2")
     for k, frame in enumerate(samples):
-        numbers.frame(k / FPS, frame, rest_known=False)
-    return bool(numbers.message)
+        sent.frame(seen(k / FPS, samples=frame))
+    return bool(sent.findings())
 
 
 def main():
@@ -233,7 +234,7 @@ def main():
         for n in range(args.n):
             board = Board(np.random.default_rng([args.seed, k, n]))
             steps = make(board)
-            kind = seen(steps, board.bits)
+            kind = taken_for(steps, board.bits)
             result = "right" if kind in right else "other" if kind else "silent"
             counts[result] += 1
             others[kind.value if kind else "-"] += 1
@@ -255,7 +256,7 @@ def main():
             dead = ESP32_DEAD * board.full if make is esp32 else 0.0
             steps = make(board)
             live += named_live(steps, board, dead)
-            if kind := seen(steps, board.bits, dead):
+            if kind := taken_for(steps, board.bits, dead):
                 named[kind.value] += 1
         wrong, alive, of = wrong + named.total(), alive + live, of + args.n
         print(f"{name:28}{named.total():7}{live:7}{args.n:7}   {dict(named) or ''}")

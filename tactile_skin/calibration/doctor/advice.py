@@ -14,8 +14,7 @@ from ...physics.circuit import Circuit
 from ...physics.curve import PressureCurve
 from ...solvers import compensate
 from ..rest import resting_conductance
-from ..tare import MAX_TARED_FORCE
-from ..watch.load import IDLE
+from ..touched import AT_REST, TOUCHED
 
 _ALIKE = 4.0  # times the usual cell's conductance, either way, within which cells at rest lie
 _MAY_DIFFER = 0.34  # share of the cells that may lie beyond, as those of damaged lines do
@@ -115,7 +114,7 @@ def is_safe(change: Change, frames: np.ndarray, quiet: np.ndarray, noise: float)
     seen = order[moves[order] > _SEEN * moves.max()]
     tried = np.unique(np.r_[seen[:_TRIED], seen[:: max(1, len(seen) // _TRIED)]])
     for k in tried:
-        least = IDLE if moves[k] > _HARD * moves.max() else MAX_TARED_FORCE
+        least = TOUCHED if moves[k] > _HARD * moves.max() else AT_REST
         found = compensate(
             then[k], circuit, curve, "map", noise=max(noise, 0.3), missing=True, time_limit=_TIME
         )

@@ -5,10 +5,16 @@ Of the latter no rest is learnt: what was taken off is missing under every touch
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from ...physics.adc import NOT_READ, Adc
-from ...readings.processed import Kind, Processed, processed
+from ..findings.finding import Finding, Kind, Severity
+from ..physics.adc import NOT_READ, Adc
+from ..readings import processed as readings
+
+if TYPE_CHECKING:
+    from .monitor import Seen
 
 _KEPT = 64  # frames that are looked at
 _FEWEST = 10  # frames that show which cells move
@@ -24,11 +30,11 @@ _SHORTED = 0.5
 _RESOLVED = 1.0
 
 
-class Numbers:
+class Sent:
     """Follows what one board sends; all times are of one clock [s].
 
     Attributes:
-        message: what was done to its readings; empty if nothing shows.
+        found: what was done to its readings; None: nothing shows.
     """
 
     def __init__(self, adc: Adc, threshold: float):
@@ -37,29 +43,28 @@ class Numbers:
         threshold: ADC ratio up to which it is known to send 0 or no reading.
         """
         circuit = adc.circuit
-        self.message = ""
         self._bits, self._cells = circuit.adc_bits, circuit.populated
         self._scale = 2.0 ** (16 - circuit.adc_bits)
         self._known = adc.rising_count(threshold) if threshold else 0.0
         low, high = adc.range
         self._unresolved = (1.0 - high if adc.inverted else low) * adc.full_scale
         self._zero_is_short = adc.inverted and self._unresolved < _RESOLVED
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew: the sketch may have been changed."""
+        self.found: Finding | None = None
         self._shorted_since = np.inf  # s
         self._frames: list[np.ndarray] = []
-        self._at_zero = np.zeros(circuit.shape)
+        self._at_zero = np.zeros(self._cells.shape)
         self._kept = self._asked = -np.inf  # s
 
-    def frame(self, t: float, samples: np.ndarray, rest_known: bool) -> None:
-        """Take a frame.
-
-        Args:
-            t: when it was read.
-            samples: (rows, cols) of skin/adc.
-            rest_known: whether these readings have shown a skin at rest.
-        """
-        if self.message:  # a sketch does not change its mind: until somebody has changed it
+    def frame(self, seen: Seen) -> None:
+        """Take a frame."""
+        t, samples = seen.t, seen.samples
+        if self.found:  # a sketch does not change its mind: until somebody has changed it
             return
-        if self._zero_is_short and not rest_known:
+        if self._zero_is_short and seen.rest is None:
             self._look_for_short(t, samples)
         self._at_zero += _RENEW * ((samples == 0) - self._at_zero)
         if 0.0 <= t - self._kept < _APART:
@@ -71,9 +76,14 @@ class Numbers:
         due = not 0.0 <= t - self._asked < (_SOON if often else _EVERY)
         if due and len(self._frames) >= _FEWEST:
             self._asked = t
-            done = processed(np.array(self._frames), self._bits, self._known, self._unresolved)
-            if done and done.kind is not Kind.CEILING:
-                self.message = str(done)
+            frames = np.array(self._frames)
+            done = readings.processed(frames, self._bits, self._known, self._unresolved)
+            if done and done.kind is not readings.Kind.CEILING:
+                self._find(done)
+
+    def findings(self) -> list[Finding]:
+        """Return what was done to the readings."""
+        return [self.found] if self.found else []
 
     def _look_for_short(self, t: float, samples: np.ndarray) -> None:
         """By time, not by frames: those that repeat are taken for frozen, and are not seen."""
@@ -81,6 +91,9 @@ class Numbers:
         self._shorted_since = min(self._shorted_since, t if short else np.inf)
         if t - self._shorted_since >= _SHORTED:
             share = float(np.mean(self._at_zero[self._cells] > 0.0))  # of the cells
-            self.message = str(Processed(Kind.OFFSET, 0.0, None, share))
+            self._find(readings.Processed(readings.Kind.OFFSET, 0.0, None, share))
         elif not short:
             self._shorted_since = np.inf
+
+    def _find(self, done: readings.Processed) -> None:
+        self.found = Finding(Kind.PROCESSED, Severity.FAULT, detail=str(done))

@@ -10,33 +10,37 @@ own, and the same touch once more brings the same readings beside them.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from ...solvers.suspect import ask_what_ends
+from ..findings.finding import Finding, Kind, Severity
+from ..physics.adc import Adc
+
+if TYPE_CHECKING:
+    from .monitor import Seen
 
 _STILL = 8  # frames in which a reading that has noise moves
 _CHANCE = 1e-6  # of a sound skin's readings standing at one height, in one frame
-_PRIOR = 1.0, 1e3  # readings that stood still, of so many, before any was counted
+# Readings that stood still, of so many, before any was counted.
+_PRIOR_STOOD = 1.0
+_PRIOR_SEEN = 1e3
 _FORGET = 1e-3  # share of that count which each frame renews
 _SELDOM = 1e-8  # share of readings that stand still, at least: none stood still in the whole count
 # Share of frames that repeat the reading that does so most, up to which noise moves all readings;
 # the least that is counted on; share of it that each frame renews.
-_NOISY, _LEAST, _RENEW = 0.6, 0.4, 1.0 / 256.0
-_ABOVE = 16.0  # ADC steps over the middle reading: below, nothing presses
-_WINDOW = 10  # frames that are looked at together: 0.1 s at 100 a second
-_STOOD = 10  # windows in which nothing moves that are looked at together: noise falls to a third
+_NOISY = 0.6
+_LEAST = 0.4
+_RENEW = 1.0 / 256.0
+ABOVE = 16.0  # ADC steps over the middle reading: below, nothing presses
+WINDOW = 10  # frames that are looked at together: 0.1 s at 100 a second
 _CALM = 0.25  # of the readings are not moved by a touch
-_ROUND = 0.3  # ADC steps by which the mean of rounded readings may be off
+ROUND = 0.3  # ADC steps by which the mean of rounded readings may be off
 _SHELF = 4  # readings at one height
 _MOVES = 20.0  # times the noise by which those beside them differ when they stand there again
 _BESIDE = np.ones((3, 3))  # a cell and its neighbours
-# Times that readings at rest are further apart, which makes, and ends, a fault; readings at least;
-# share of the rest by which no fabric changes between two measurements of it.
-_ALIKE, _MANY, _RAISED = (3.0, 2.0), 8, 0.3
-_BEYOND = 5.0  # standard deviations of noise beyond which a reading is above a ceiling
+BEYOND = 5.0  # standard deviations of noise beyond which a reading is above a ceiling
 _NEAR_MOST = 0.9  # of what a short circuit would read: above, all hard touches read alike
 
 
@@ -64,7 +68,7 @@ class Windows:
     def frame(self, samples: np.ndarray) -> Window | None:
         """The window that this frame ends, if it does."""
         self._frames.append(samples)
-        if len(self._frames) < _WINDOW:
+        if len(self._frames) < WINDOW:
             return None
         steps = np.array(self._frames) / self._scale
         self._frames = []
@@ -75,57 +79,6 @@ class Windows:
         return Window(mean, spread, noise, self._low)
 
 
-class RestPicture:
-    """What becomes of the picture of an untouched skin, whose cells rest apart.
-
-    Where all readings are alike nothing of the matrix is read. Where that picture stands at another
-    height a bit of the ADC is stuck: whatever presses changes each cell by its own.
-    """
-
-    def __init__(self):
-        self._told = ""
-        self._mean, self._count = None, 0  # of windows in which nothing moved; how many
-
-    def window(self, window: Window, rest: np.ndarray) -> str:
-        """What is wrong; empty if nothing.
-
-        On a small skin noise hides for a window whether all readings are alike.
-
-        Args:
-            rest: (rows, cols) what the cells read at rest, as it was measured [ADC steps].
-        """
-        read = window.mean > 0.0
-        if np.count_nonzero(read) < _MANY:
-            self._told = ""
-            return ""
-        now, rest = self._stands(window)[read], rest[read]
-        apart, up = rest.std(), float(np.median(now - rest))
-        least = _ALIKE[1] if self._told else _ALIKE[0]
-        if least * now.std() < apart:
-            self._told = "all readings are one voltage, but for noise: is the matrix connected?"
-        elif (
-            abs(up) > max(_ABOVE, _RAISED * np.median(rest)) and least * (now - rest).std() < apart
-        ):
-            if not self._told.startswith("all cells"):  # one text for as long as it lasts
-                self._told = (
-                    f"all cells read {abs(up):.0f} ADC steps {'above' if up > 0.0 else 'below'} "
-                    "their rest, to the noise: is a bit of the ADC stuck?"
-                )
-        else:
-            self._told = ""
-        return self._told
-
-    def _stands(self, window: Window) -> np.ndarray:
-        """(rows, cols) mean of the last windows, as long as nothing moves."""
-        limit = _BEYOND * (window.noise + _ROUND) * (2.0 / _WINDOW) ** 0.5
-        if self._mean is None or (np.abs(window.mean - self._mean) > limit).any():
-            self._mean, self._count = window.mean, 1
-        else:
-            self._count = min(self._count + 1, _STOOD)
-            self._mean = self._mean + (window.mean - self._mean) / self._count
-        return self._mean
-
-
 class Ceiling:
     """Readings that stand still at the largest value: a saturated input.
 
@@ -133,33 +86,41 @@ class Ceiling:
         height: where it is [ADC steps]; None: none was seen.
     """
 
-    def __init__(self, adc_bits: int, most: float = math.inf, falls_from: float | None = None):
-        """Args:
-        most: what a short circuit would read [ADC steps], near which all hard touches read alike.
-        falls_from: of a board whose readings fall with pressure, the largest one [ADC steps];
-            what is given here is what they have fallen by.
-        """
-        self._falls_from, self._full = falls_from, 2**adc_bits - 1
-        self._scale = 1 << (16 - adc_bits)
-        self._most = _NEAR_MOST * most
+    def __init__(self, adc: Adc, threshold: float = 0.0):
+        circuit = adc.circuit
+        # what is given here is what readings have risen by
+        self._falls_from = circuit.full_scale if adc.inverted else None
+        self._scale = 1 << (16 - circuit.adc_bits)
+        # what a short circuit would read [ADC steps]
+        self._most = _NEAR_MOST * adc.rising_count(float(circuit.ratio(0.0)))
+        # the solvers know what a reading there means
+        known = adc.bounds(np.array(adc.range[1]))
+        self._known_end = circuit.full_scale * self._scale if known else math.inf
         # where readings stood still [ADC steps], and what the others read then
         self._shelf, self._picture = math.inf, None
         self.height: float | None = None
         self._noise = 0.0  # ADC steps by which a reading there may exceed it
         self._last: np.ndarray | None = None
         self._still: np.ndarray | None = None  # (rows, cols) frames since each reading moved
-        self._count = _PRIOR  # readings that stood still, and all
+        self._count = _PRIOR_STOOD, _PRIOR_SEEN  # readings that stood still, and all
         # (rows, cols) share of frames in which each repeated, and the frames that tell it
         self._repeats: np.ndarray | None = None
         self._seen: np.ndarray | None = None
         self._present = False  # the last frame shows it
 
-    def frame(self, samples: np.ndarray) -> str:
-        """What is wrong, with this frame or since an earlier one; empty if nothing."""
+    def frame(self, seen: Seen) -> None:
+        """Take a frame."""
+        if seen.rising.max() < self._known_end:
+            self._look(seen.rising)
+        if seen.window is not None:
+            self._look_at_window(seen.window)
+
+    def _look(self, samples: np.ndarray) -> None:
+        """Look for a ceiling behind the ADC, or of it."""
         if self._last is None:
             self._last, self._still = samples, np.zeros(samples.shape, np.int32)
             self._repeats, self._seen = np.ones(samples.shape), np.full(samples.shape, 1)
-            return ""
+            return
         same = samples == self._last
         self._still = np.where(same, self._still + 1, 0)
         self._last, self._present = samples, False
@@ -176,37 +137,35 @@ class Ceiling:
             keep * seen + np.count_nonzero(others),
         )
         n = np.count_nonzero(still & at_top)
-        told = n and n * math.log(max(stood / max(seen, 1.0), _SELDOM)) < math.log(_CHANCE)
+        shown = n and n * math.log(max(stood / max(seen, 1.0), _SELDOM)) < math.log(_CHANCE)
         self._seen[others] += 1
         share = np.maximum(1.0 / self._seen[others], _RENEW)
         self._repeats[others] += share * (same[others] - self._repeats[others])
-        if n and not told and others.any():
+        if n and not shown and others.any():
             # What repeats in a share q of frames has one value in at most sqrt(q) of them.
             repeats = max(self._repeats[others].max(), _LEAST)
             length = self._still[at_top].max()
-            told = repeats < _NOISY and length * 0.5 * math.log(repeats) < math.log(_CHANCE)
-        if told and top - np.median(samples) > _ABOVE * self._scale:
+            shown = repeats < _NOISY and length * 0.5 * math.log(repeats) < math.log(_CHANCE)
+        if shown and top - np.median(samples) > ABOVE * self._scale:
             self.height, self._noise = top / self._scale, 0.0
             self._present = True
-        return self._said()
 
-    def window(self, window: Window) -> str:
-        """The same, of a ceiling before the ADC, whose noise is on top of it."""
-        self._shelf, told = self._stands(window)
-        if told:
+    def _look_at_window(self, window: Window) -> None:
+        """Look for a ceiling before the ADC, whose noise is on top of it."""
+        self._shelf, shown = self._stands(window)
+        if shown:
             self.height, self._present = self._shelf, True
-            self._noise = _BEYOND * (window.noise + _ROUND)
-        return self._said()
+            self._noise = BEYOND * (window.noise + ROUND)
 
     def _stands(self, window: Window) -> tuple[float, bool]:
         """Where the largest readings stand together; whether those beside changed since."""
-        mean, spread, noise = window.mean, window.spread, window.noise + _ROUND
+        mean, spread, noise = window.mean, window.spread, window.noise + ROUND
         top = float(mean.max())
         shelf = mean > top - noise
         if (
             np.count_nonzero(shelf) < _SHELF
             or top > self._most
-            or top - np.median(window.low) < _ABOVE
+            or top - np.median(window.low) < ABOVE
             or spread[shelf].max() > 2.0 * noise
         ):
             return self._shelf, False
@@ -216,16 +175,13 @@ class Ceiling:
         moved = np.abs(mean - self._picture)[binary_dilation(shelf, _BESIDE)]
         return top, bool(moved.max() > _MOVES * noise)
 
-    def forget(self) -> str:
-        """Forget what no longer shows; what is wrong with the last frame, empty if nothing."""
+    def forget(self) -> None:
+        """Forget what no longer shows."""
         self.height = self.height if self._present else None
-        return self._said()
 
-    def _said(self) -> str:
+    def findings(self) -> list[Finding]:
+        """Return the ceiling, if the last frame or an earlier one showed it."""
         if self.height is None:
-            return ""
+            return []
         end = self.height if self._falls_from is None else self._falls_from - self.height
-        return (
-            f"readings end at {end:.0f} ADC steps and stay there while others change: "
-            f"{ask_what_ends(self.height / self._full)}"
-        )
+        return [Finding(Kind.SATURATED, Severity.FAULT, numbers={"steps": end})]

@@ -11,21 +11,20 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..calibration.creep import Standing
+from ..calibration.noise import Noise
+from ..calibration.tare import Tare
+from ..calibration.touched import STIRRED, STIRRED_CELLS, TOUCHED
+from ..calibration.tracker import CircuitTracker
+from ..findings.finding import Finding, Kind, Severity
 from ..physics.adc import Adc
 from ..physics.circuit import forward
 from ..physics.creep import Creep
-from ..physics.curve import GRAM, PressureCurve
+from ..physics.curve import PressureCurve
 from ..solvers import METHODS, Estimate, compensate
 from ..solvers.reading import ROUNDING_NOISE, SCAN_NOISE, rest_reading
-from .creep import Standing
-from .noise import Noise
-from .tare import Tare
-from .tracker import CircuitTracker
-from .watch.load import IDLE
-from .watch.numbers import Numbers
-from .watch.watch import Watch
+from .monitor import Monitor
 
-_LIGHT, _STIRRED = 1.0 * GRAM, 3  # N on so many cells: a touch that begins, not noise
 _LEARNED = "cnn", "physics"  # methods that use weights: they know the circuit of their training
 _BOUNDED = "map", "auto"  # methods that take a reading as a bound, and do without one
 _RESTART_AFTER = 4  # suspect or failed frames in a row after which the last one is no start
@@ -94,9 +93,10 @@ class Skin:
             CircuitTracker(self.circuit, r_par_std),
         )
         self._noise = Noise(self.circuit.populated)
-        self._watch, self._numbers = Watch(adc, rest_known=not follows), Numbers(adc, threshold)
+        self._monitor = Monitor(adc, threshold, rest_known=not follows)
         self._last: Estimate | None = None  # the last frame: where the next starts from
         self._doubts = 0  # frames in a row
+        self._found: list[Finding] = []  # by the monitor
         self._ended = 0  # readings of the last frame at the end of the ADC's range
         self.waits = follows
         self.status, self.message, self.residual, self.force = "ok", "", 0.0, 0.0
@@ -157,22 +157,22 @@ class Skin:
         self.status, self.message = estimate.status, estimate.message
         self.residual, self.force = estimate.residual, float(estimate.force.max())
         self.std = estimate.std
-        self._numbers.frame(t, samples, self._tare.measured)
         self._ended = np.count_nonzero(self._adc.bounds(adc) & (adc >= self._adc.range[1]))
         force = None
         if estimate.status != "failed":
             self._rest(t, adc, estimate)
             force = self._standing.update(t, estimate.force) if self._standing else estimate.force
-        touched = self.force >= IDLE
-        stirs = touched or np.count_nonzero(estimate.force > _LIGHT) >= _STIRRED
+        touched = self.force >= TOUCHED
+        stirs = touched or np.count_nonzero(estimate.force > STIRRED) >= STIRRED_CELLS
         self._noise.frame(t, adc * self.circuit.full_scale, stirs)
         rest = rest_reading(self.circuit, self._tare.curve) if self._tare.measured else None
-        self._watch.frame(t, samples, estimate, self.fitted, rest)
         noise = (self._noise.rms or SCAN_NOISE) / self.circuit.full_scale
-        self._watch.untouched.frame(t, adc, stirs, rest, noise)
+        known = {"judged": self.fitted, "stirs": stirs, "rest": rest, "noise": noise}
+        self._monitor.frame(t, samples, adc, estimate, **known)
+        self._found = self._monitor.findings()
         if self.waits and self._tare.measured:  # doubts no longer count, nor this frame's
             self.waits = False
-            self._watch.forget_doubts()
+            self._monitor.forget_doubts()
         self._learn_circuit(t, adc, touched, stopped)
         return force
 
@@ -203,7 +203,7 @@ class Skin:
         if unread.any():  # what the model reads there
             model = forward(self.circuit, self._tare.curve.resistance(estimate.force))
             adc = np.where(unread, model, adc)
-        learns = self._follows and not self._numbers.message
+        learns = self._follows and not any(f.kind is Kind.PROCESSED for f in self._found)
         if learns and self._tare.update(t, adc, estimate.force):
             self._last = None
 
@@ -221,82 +221,61 @@ class Skin:
             if self._tracker.ask(self._tare.curve, noise):
                 self._tare.suppose(self._tracker.circuit)
                 self.circuit, self._last = self._tracker.circuit, None
-                self._watch.untouched.forget()  # it is explained
+                self._monitor.explained()
         except ValueError as error:  # no skin rests so with what was found: begin anew
             self._warn(f"what lies in series was not found: {error}")
             self._tracker = CircuitTracker(self.circuit)
 
-    def end_second(self) -> None:
-        """What is judged once a second."""
-        self._watch.contacts.end_second()
-
     def reset(self) -> None:
         """Somebody has checked the skin: faults that the last frames no longer show are over."""
-        self._last, self._numbers = None, Numbers(self._adc, self._threshold)
-        self._watch.reset()
+        self._last = None
+        self._monitor.reset()
+        self._found = self._monitor.findings()
 
     def tare(self) -> str:
         """Measure the rest anew, as at the start; why not, empty if it is done."""
         if not self._follows:
             return "the tare is off: see `tare` and `threshold`"
-        if self.force >= IDLE:
+        if self.force >= TOUCHED:
             return f"something presses with {self.force:.2g} N on a cell"
-        if self._watch.held:
-            return f"a fault is kept ({self._watch.held}): reset first"
+        if self._monitor.held:
+            return f"a fault is kept ({self._monitor.held}): reset first"
         self._tare = Tare(self.circuit, self._curve)
         self.waits, self._last = True, None
-        self._watch.begin_anew()
+        self._monitor.begin_anew()
+        self._found = []
         return ""
 
     @property
     def fault(self) -> bool:
         """Whether the readings, or the circuit, are not a sound skin's."""
         unseen = self.waits and self._tare.unseen
-        odd = self._numbers.message or self._tracker.impossible or self._tare.half_read or unseen
-        return bool(self._watch.fault or odd)
+        return unseen or self._monitor.doubtful or any(f.stops for f in self.findings())
 
-    @property
-    def rest_reasons(self) -> str:
-        """Why the rest is not measured yet, if that is known."""
-        reasons = (
-            self._numbers.message,
-            self._watch.load.since_start,
-            self._tare.message,
-            *self._watch.odd[:1],
-        )
-        return next(filter(None, reasons), "")
-
-    def reasons(self, *, past: bool = True) -> list[str]:
+    def findings(self, *, past: bool = True) -> list[Finding]:
         """Return all that is wrong, the worst first.
 
         Args:
             past: with faults that the last frame no longer shows.
         """
-        cell, contact = self._watch.odd
-        reasons = (
-            self._numbers.message,
-            *self._watch.certain,
-            self._tare.wiring if self._tare.half_read else "",
-            self.message or (self._watch.kept if past else ""),
-            self._tracker.message,
-            self._tracker.hint,
-            self._at_end,
-            self._tare.message,
-            "" if self._tare.half_read else self._tare.wiring,
-            self._noise.message or cell,
-            contact,
-        )
-        return list(filter(None, reasons))
+        if self.status == "failed":
+            frame = [Finding(Kind.NO_PICTURE, Severity.FAULT, detail=self.message)]
+        else:
+            frame = self._monitor.misfit(self.message, past=past)
+        found = [
+            *filter(None, [self._tare.lines, self._tare.found]),
+            *self._found,
+            *frame,
+            *self._tracker.findings(),
+            *self._at_end(),
+            *self._noise.findings(),
+        ]
+        return sorted(found, key=lambda finding: finding.rank)
 
-    @property
-    def _at_end(self) -> str:
-        """What readings at the end of the ADC's range mean; empty if there are none."""
-        if not self._ended:
-            return ""
-        return (
-            f"{self._ended} readings at the end of the ADC's range: more force there is not felt, "
-            "a smaller r_ref leaves room"
-        )
+    def _at_end(self) -> list[Finding]:
+        """Return that readings are at the end of the ADC's range."""
+        numbers = {"count": self._ended}
+        return [Finding(Kind.AT_END, numbers=numbers)] if self._ended else []
 
     @property
     def rest_resistance(self) -> np.ndarray | None:
@@ -312,10 +291,8 @@ class Skin:
     def values(self) -> dict[str, str]:
         """For diagnostics."""
         values = {"residual": f"{self.residual:.3f}"}
-        values["tare"] = self._tare.message or ("ok" if self._follows else "off")
+        values["tare"] = str(self._tare.found or ("ok" if self._follows else "off"))
         if self._noise.rms is not None:
             values["noise"] = f"{self._noise.rms:.2f}"
         values |= self._tracker.values()
-        if self._watch.contacts.summary:
-            values["set_aside"] = self._watch.contacts.summary
         return values | {f"frames_{name}": str(n) for name, n in self.taken.items()}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_skin import Circuit, PressureCurve, forward
-from tactile_skin.calibration.skin import Skin
+from tactile_skin.health.skin import Skin
 from tactile_skin.learning import scenes
 from tactile_skin.physics.adc import Adc
 from tactile_skin.physics.creep import Creep
@@ -56,7 +56,7 @@ def test_it_measures_its_rest_and_finds_the_force():
     assert not board.skin.waits
     assert board.skin.rest_resistance == pytest.approx(board.rest * 40000.0, rel=0.02)
     assert board.feel(PUSH, 5).sum() == pytest.approx(PUSH.sum(), rel=0.05)
-    assert not board.skin.fault and board.skin.reasons() == [] and not board.warnings
+    assert not board.skin.fault and board.skin.findings() == [] and not board.warnings
 
 
 def test_once_its_rest_is_measured_nothing_of_before_is_a_fault():
@@ -64,7 +64,7 @@ def test_once_its_rest_is_measured_nothing_of_before_is_a_fault():
     board = Board()
     for _ in range(150):
         board.feel(NOTHING)
-        assert board.skin.waits or not board.skin.fault, board.skin.reasons()
+        assert board.skin.waits or not board.skin.fault, board.skin.findings()
 
 
 @pytest.mark.parametrize("off", [0.0, 0.3])
@@ -76,7 +76,7 @@ def test_one_voltage_from_the_start_is_a_fault_at_once_and_for_as_long_as_it_las
     for k in range(400):
         board.feel(NOTHING)
         assert board.skin.fault, k
-    assert "is the matrix connected?" in board.skin.rest_reasons
+    assert "Is the matrix connected?" in str(board.skin.findings()[0])
     board.rest = sound  # it is plugged in
     board.feel(NOTHING, 400)
     assert not board.skin.fault
@@ -105,7 +105,7 @@ def test_a_late_frame_is_taken_by_the_fast_method_if_the_user_asked_for_none():
 def test_a_frame_of_which_nothing_can_be_made_fails_and_the_next_does_not(shape, late):
     board = Board()
     assert board.skin.frame(0.0, np.full(shape, 640, np.uint16), late=late) is None
-    assert board.skin.status == "failed" and f"shape {shape}" in board.skin.reasons()[0]
+    assert board.skin.status == "failed" and f"shape {shape}" in str(board.skin.findings()[0])
     assert board.feel(PUSH) is not None
     assert board.skin.status == "ok"
 
@@ -114,20 +114,20 @@ def test_a_frame_of_which_nothing_can_be_made_fails_and_the_next_does_not(shape,
 def test_a_frame_of_floats_is_refused(reading):
     board = Board()
     assert board.skin.frame(0.0, np.full(CIRCUIT.shape, reading, np.float32)) is None
-    assert board.skin.reasons() == ["reading is of float32: must be uint16"]
+    assert [str(f) for f in board.skin.findings()] == ["reading is of float32: must be uint16"]
 
 
 def test_an_open_row_is_a_fault_until_a_reset_finds_it_gone():
     board = Board()
     board.feel(NOTHING, 150)
     board.feel(PUSH, 20, broken=True)
-    assert board.skin.fault and "row 3 is open" in board.skin.reasons()[0]
+    assert board.skin.fault and "row 3 is open" in str(board.skin.findings()[0])
     board.skin.reset()
     assert board.skin.fault, "it is there still"
     board.feel(PUSH, 20)
-    assert board.skin.fault and "kept until" in board.skin.reasons()[0]
+    assert board.skin.fault and "kept until" in str(board.skin.findings()[0])
     board.skin.reset()
-    assert not board.skin.fault and board.skin.reasons(past=False) == []
+    assert not board.skin.fault and board.skin.findings(past=False) == []
 
 
 def test_the_rest_is_measured_anew_on_request_unless_something_presses():
@@ -153,5 +153,5 @@ def test_a_sound_fabric_whose_cells_read_alike_does_not_wait_for_ever():
     curve = PressureCurve((0.0, 1.0, 10.0), (1e6, 5e4, 5e3))
     board = Board(curve=curve)
     board.feel(NOTHING, 150)
-    assert "is the matrix connected?" in board.skin.reasons()[0] and not board.skin.fault
+    assert "Is the matrix connected?" in str(board.skin.findings()[0]) and not board.skin.fault
     assert board.feel(PUSH, 5).sum() == pytest.approx(PUSH.sum(), rel=0.1)

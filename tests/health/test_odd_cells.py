@@ -1,9 +1,12 @@
-"""A cell that jumps about, or never moves, is named; touches are not."""
+"""A cell that jumps about, never moves, or is often set aside is named; touches are not."""
 
 import numpy as np
 import pytest
+from health.seen import said, seen
 
-from tactile_skin.calibration.watch.cells import Cells
+from tactile_skin import Circuit
+from tactile_skin.health.odd_cells import OddCells
+from tactile_skin.physics.adc import Adc
 
 SHAPE, FRAME = (8, 8), 0.01  # s
 AT = 2, 5
@@ -27,9 +30,16 @@ def finger(rng, n, width, newtons=4.0, at=(3.3, 4.1)):
     return newtons * picture * (rise * tremor(rng, n))[:, None, None]
 
 
+def odd_cells():
+    return OddCells(Adc(Circuit(*SHAPE)))
+
+
 def watch(frames, cells=None, start=0.0):
-    cells = cells or Cells(SHAPE)
-    return [cells.frame(start + k * FRAME, frame) for k, frame in enumerate(frames)]
+    cells, texts = cells or odd_cells(), []
+    for k, frame in enumerate(frames):
+        cells.frame(seen(start + k * FRAME, force=frame))
+        texts.append(said(cells))
+    return texts
 
 
 def one_cell(force):
@@ -63,7 +73,7 @@ def test_it_is_named_beside_a_finger_too(rng):
 
 
 def test_it_is_over_once_the_cell_is_calm(rng):
-    cells = Cells(SHAPE)
+    cells = odd_cells()
     watch(one_cell(3.0 * np.exp(0.4 * rng.standard_normal(100))), cells)
     assert watch(np.zeros((300, *SHAPE)), cells, 1.0)[-1] == ""
 
@@ -76,7 +86,7 @@ def test_a_cell_that_stands_still_alone_is_named(rng):
 
 
 def test_it_stays_named_when_something_touches_beside_it(rng):
-    cells, frames = Cells(SHAPE), one_cell(np.full(150, 5.0))
+    cells, frames = odd_cells(), one_cell(np.full(150, 5.0))
     assert watch(frames, cells)[-1]
     touched = frames + finger(rng, 150, 0.8, at=(2.0, 4.0))
     touched[:, AT[0], AT[1]] = 5.2
@@ -91,7 +101,42 @@ def test_an_object_on_several_cells_is_not(rng):
 
 
 def test_a_gap_in_time_begins_anew(rng):
-    cells = Cells(SHAPE)
+    cells = odd_cells()
     frames = one_cell(np.full(80, 5.0))
     assert not any(watch(frames, cells))
     assert not any(watch(frames, cells, 100.0))
+
+
+# --- readings that are set aside ---
+
+
+def set_aside(cells, frames, start=0.0):
+    """Whether a contact is named after frames in which these cells are set aside (None: none)."""
+    for k, at in enumerate(frames):
+        aside = np.zeros(SHAPE, bool)
+        if at is not None:
+            aside[at] = True
+        cells.frame(seen(start + k * FRAME, force=np.zeros(SHAPE), aside=aside))
+    return said(cells)
+
+
+def test_a_reading_that_is_set_aside_in_half_of_the_frames_is_named_soon():
+    cells = odd_cells()
+    assert set_aside(cells, [AT, None] * 25).startswith(f"row {AT[0]}, column {AT[1]} reads less")
+    assert not set_aside(cells, [None] * 3000, 0.5), "it is over"
+
+
+def test_one_of_a_few_frames_is_named_in_time():
+    cells = odd_cells()
+    assert not set_aside(cells, [AT, *[None] * 24] * 4)
+    assert set_aside(cells, [AT, *[None] * 24] * 20, 1.0)
+
+
+def test_what_a_touch_sets_aside_as_it_comes_is_not():
+    cells = odd_cells()
+    for col in range(8):  # each touch elsewhere
+        assert not set_aside(cells, [(2, col)] * 6 + [None] * 94, float(col))
+
+
+def test_several_at_once_are_not_added_up():
+    assert not set_aside(odd_cells(), [(k % 8, k % 7) for k in range(100)])

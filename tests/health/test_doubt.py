@@ -2,7 +2,7 @@
 
 import pytest
 
-from tactile_skin.calibration.watch.doubt import Doubt
+from tactile_skin.health.doubt import Doubt
 
 FRAME = 0.01  # s
 

@@ -8,47 +8,53 @@ multiplexer or leads that were exchanged.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from ...physics import readouts
-from ...physics.circuit import Circuit
-from ..rest import resting_conductance
+from ..calibration.rest import resting_conductance
+from ..findings.finding import Finding, Kind, Severity, line
+from ..physics import readouts
+from ..physics.adc import Adc
 
-# Frames whose mean is looked at, at least, and time that they take [s]: a board's low-pass leaves
-# alike what follows within less, and a look may take as long as some frames.
-_FRAMES, _TAKE = 20, 0.18
+if TYPE_CHECKING:
+    from .monitor import Seen
+
+_FRAMES = 20  # whose mean is looked at, at least: a board's low-pass leaves fewer alike
+_TAKE = 0.18  # s that they take, at least
 # Log conductance by which all cells change at once, and besides for each second since rest was seen
-# last: what the tare follows of a drift. Time for which that adds up [s].
-_AT_ONCE, _A_SECOND, _UNSEEN = 0.004, 0.003, 5.0
-# Of the cells may have changed by less than half of that: those that still recover from a touch;
-# standard deviations that a normal distribution's quartile lies off.
-_SHARE, _QUARTILE = 0.25, 0.674
-# Log conductance lost from which on a push may be hidden: it stops, if all cells have lost as much,
-# but for this share.
-_FALL, _EVEN = 0.05, 0.1
+# last: what the tare follows of a drift; time [s] for which that adds up.
+_AT_ONCE = 0.004
+_A_SECOND = 0.003
+_UNSEEN = 5.0
+_SHARE = 0.25  # of the cells may have changed by less than half of that: they recover from a touch
+_QUARTILE = 0.674  # standard deviations that a normal distribution's quartile lies off
+_FALL = 0.05  # log conductance lost from which on a push may be hidden: it stops,
+_EVEN = 0.1  # if all cells have lost as much, but for this share
 _KEPT = 60.0  # s: by then touches have told another r_par, and a drift has been followed
 _CELLS = 4  # of a line, at least, by which lines are compared
-# Sum of squares, in standard deviations of noise, by which it differs from its own line, without
-# this share of its cells: those that a touch has left behind. Standard deviations of chi^2 up to
-# which it is the other line, and up to which no third one may be: on even fabric lines are alike,
-# and one that something lay on at the tare reads as all others once that is gone.
-_OWN, _LEFT_BEHIND = 40.0, 0.25
-_OTHER, _ALIKE = 4.0, 10.0
-# ADC steps that a mean may be off at least: the rest is measured anew only from such a difference
-# on (tare.py); and where a reading has less noise than averages its rounding away.
-_LEAST, _ROUNDED, _DITHER = 0.1, 0.3, 0.4
+_OWN = (
+    40.0  # sum of squares, in standard deviations of noise, by which it differs from its own line
+)
+_LEFT_BEHIND = 0.25  # share of its cells that a touch may have left behind: they do not count
+_OTHER = 4.0  # standard deviations of chi^2 up to which it is the other line
+# The same, up to which no third one may be: on even fabric lines are alike, and one that something
+# lay on at the tare reads as all others once that is gone.
+_ALIKE = 10.0
+_LEAST = 0.1  # ADC steps that a mean may be off: the rest is measured anew only from there on
+_ROUNDED = 0.3  # the same, where a reading has less noise than averages its rounding away,
+_DITHER = 0.4  # ADC steps RMS
 
 
 class Untouched:
     """Follows the picture of one skin at rest; all times are of one clock [s].
 
     Attributes:
-        message: what is wrong; empty if nothing is.
-        fault: whether readings tell too little of what presses: a stop.
+        found: what is wrong, a fault if readings tell too little of what presses; None: nothing.
     """
 
-    def __init__(self, circuit: Circuit):
-        self._circuit = circuit
+    def __init__(self, adc: Adc, threshold: float = 0.0):
+        self._circuit = adc.circuit
         self._looked = -np.inf  # s
         self._asked = self._conductance = None  # (rows, cols) rest, and what its cells conduct [S]
         self._before: np.ndarray | None = None  # what the last look saw
@@ -56,32 +62,28 @@ class Untouched:
 
     def forget(self) -> None:
         """What is read now is right: somebody has checked the skin, or it is explained."""
-        self.message, self.fault = "", False
-        self._line = ""  # that reads as another one; of `message`
-        self._rest: np.ndarray | None = None  # before what `message` says
-        self._told_at = -np.inf  # s
+        self.found: Finding | None = None
+        self._rest: np.ndarray | None = None  # before what was found
+        self._found_at = -np.inf  # s
         self._begin()
 
     def _begin(self) -> None:
         self._sum, self._count = np.zeros(self._circuit.shape), 0
         self._since = np.inf  # s, the first of them
 
-    def frame(
-        self, t: float, adc: np.ndarray, touched: bool, rest: np.ndarray | None, noise: float
-    ):
-        """Take a frame.
+    def findings(self) -> list[Finding]:
+        """Return what is wrong with the skin at rest."""
+        return [self.found] if self.found else []
 
-        Args:
-            t: when it was read.
-            adc: (rows, cols) ADC ratio; NaN where a crossing was not read.
-            touched: whether anything touches the skin.
-            rest: (rows, cols) ADC ratio at rest, as it was measured; None: it was not yet, and each
-                look is compared with the one before: what falls by then would be tared away.
-            noise: RMS of a reading, as ADC ratio.
+    def frame(self, seen: Seen) -> None:
+        """Take a frame. Before the rest was measured each look is compared with the one before.
+
+        What falls by then would be tared away.
         """
-        if touched or t < self._since < np.inf:  # or the clock was set back
+        t, adc, rest, noise = seen.t, seen.adc, seen.rest, seen.noise
+        if seen.stirs or t < self._since < np.inf:  # or the clock was set back
             self._begin()
-        if touched:
+        if seen.stirs:
             return
         self._since = min(self._since, t)
         self._sum, self._count = self._sum + adc, self._count + 1
@@ -101,30 +103,24 @@ class Untouched:
             self._look(t, now, rest, noise / _FRAMES**0.5, least, known)
 
     def _look(self, t: float, now, rest, noise: float, least: float, known) -> None:
-        line = _another_line(now, rest, max(noise, least), known)
+        exchanged = _another_line(now, rest, max(noise, least), known)
         elapsed = min(max(t - self._looked, 0.0), _UNSEEN)
         limit = _AT_ONCE + _A_SECOND * (elapsed if self._rest is None else 0.0)
         limit += 4.0 * noise / (np.median(rest[known]) * np.count_nonzero(known) ** 0.5)
-        self._looked, self._told_at = t, min(self._told_at, t)  # the clock may be set back
+        self._looked, self._found_at = t, min(self._found_at, t)  # the clock may be set back
         change, even = self._common(now, rest, noise, known, limit)
-        if line:
-            self._rest, self._line, self._told_at, self.fault = rest, line, t, True
-            self.message = (
-                f"{line}: does the multiplexer select another line, or were leads exchanged?"
-            )
-        elif abs(change) > limit and not self._line and not (self.fault and change > 0.0):
+        before, stopped = self.found, self.found is not None and self.found.stops
+        was_line = before is not None and before.kind is Kind.EXCHANGED
+        if exchanged:
+            self._rest, self._found_at, self.found = rest, t, exchanged
+        elif abs(change) > limit and not was_line and not (stopped and change > 0.0):
             fell = even and change < -_FALL
-            if not self.message or fell > self.fault:
-                self._rest, self._told_at, self.fault = rest, t, fell
-                much = f"{100.0 * abs(np.expm1(change)):.1f} %"
-                fewer = change < 0.0
-                self.message = (
-                    f"all cells conduct {much} {'less' if fewer else 'more'} at once: did the "
-                    "supply, the reference or r_par change, or "
-                    f"{'was something taken off' if fewer else 'does something lie on'} all of the "
-                    "skin?"
-                )
-            elif not self.fault and t - self._told_at > _KEPT:
+            if before is None or fell > stopped:
+                self._rest, self._found_at = rest, t
+                severity = Severity.FAULT if fell else Severity.WARN
+                numbers = {"share": float(np.expm1(change))}
+                self.found = Finding(Kind.ALL_CELLS, severity, numbers=numbers)
+            elif not stopped and t - self._found_at > _KEPT:
                 self.forget()
         else:
             self.forget()
@@ -140,8 +136,8 @@ class Untouched:
         change = np.log(a / (1.0 - a) * (1.0 - b) / b)
         spread = noise / np.median(b * (1.0 - b))  # of one reading's change
         middle = float(np.median(change))
-        # what is told already need not be found again, unless it grows into a fault
-        news = not self.message or (middle < -_FALL and not self.fault)
+        # what is known already need not be found again, unless it grows into a fault
+        news = self.found is None or (middle < -_FALL and not self.found.stops)
         if news and abs(middle) > limit and known[self._circuit.populated].all():
             try:
                 before = self._conducted(rest)
@@ -164,8 +160,10 @@ class Untouched:
         return self._conductance
 
 
-def _another_line(now: np.ndarray, rest: np.ndarray, noise: float, known: np.ndarray) -> str:
-    """Which line reads as another one did; empty if none does.
+def _another_line(
+    now: np.ndarray, rest: np.ndarray, noise: float, known: np.ndarray
+) -> Finding | None:
+    """Return which line reads as another one did; None: none does.
 
     Lines are compared by how their cells differ from each other: their level may drift.
 
@@ -173,7 +171,7 @@ def _another_line(now: np.ndarray, rest: np.ndarray, noise: float, known: np.nda
         noise: RMS of each of `now`, as ADC ratio.
     """
     now, rest = (np.where(known, adc, 0.0) for adc in (now, rest))
-    for name, a, b, there in (("row", now, rest, known), ("column", now.T, rest.T, known.T)):
+    for axis, a, b, there in ((0, now, rest, known), (1, now.T, rest.T, known.T)):
         both = (there[:, None] & there[None]).astype(float)  # (lines, lines, cells of a line)
         n = np.maximum(both.sum(2), 1.0)
         off = (a[:, None] - b[None]) * both
@@ -189,5 +187,6 @@ def _another_line(now: np.ndarray, rest: np.ndarray, noise: float, known: np.nda
         found = (beyond.min(1) < _OTHER) & (alike == 1) & (own > _OWN)
         if found.any():
             k = int(found.argmax())
-            return f"{name} {k} reads at rest as {name} {beyond[k].argmin()} did, cell for cell"
-    return ""
+            numbers = {"other": float(beyond[k].argmin())}
+            return Finding(Kind.EXCHANGED, Severity.FAULT, **line(axis, k), numbers=numbers)
+    return None

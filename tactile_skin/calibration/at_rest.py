@@ -1,0 +1,253 @@
+"""What a second of rest shows: no matrix, lines that are one, a cell or a line that is no fabric's.
+
+The cells of a fabric differ at rest, by 3 % and more, and with them what any two lines read. Lines
+that read alike cell for cell, to the noise, while other pairs are apart, are one line. How alike
+two sound ones may be by chance follows from the number of cells that they are compared by: with
+four a measurement is seldom fine enough to tell. A fabric may vary smoothly: how much, the lines
+across tell, which lie side by side.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import gammainccinv, gammaincinv
+
+from ..findings.finding import Finding, Kind, Severity, largest, line
+from ..physics.circuit import Circuit, forward
+from .rest import usual_resistance
+
+# RMS by which readings of one voltage differ at most: as channels may [ADC steps]; by chance, once
+# in so many seconds; and times the noise of a mean, as a low-pass before it leaves more.
+_CHANNELS = 0.2
+_CHANCE = 1e-4
+_LOW_PASS = 1.3
+_LEAST_STEPS = 3.0  # ADC steps below which the board may take something off
+_LEAST_SCATTER = 0.03  # RMS of log resistance of a good fabric's cells at rest, chosen
+_MAX_RESISTANCE = 4.0  # times the usual cell's at rest; a cell that conducts less is broken
+# Changes of log conductance that are no fabric's, chosen on simulated boards (tests/calibration;
+# bench faults): of a line's median, compared with the others; of a line since the start.
+_MAX_LINE_OFFSET = 0.2
+_MAX_LINE_FALL = 0.05
+_PAIR_CHANCE = 1e-4  # of a sound skin's having such a pair
+_FEWEST = 4  # cells that two lines are compared by
+_SHORTEST = 2  # the same, of lines of which many pairs are compared
+_ALIKE = 0.1  # squared difference over the usual one, at most
+_NOISE = 3.0  # times what noise explains of a squared difference
+_PAIRS = 2  # of lines, at least, that an address bit makes one
+_NEAR_WHOLE = 0.01  # ADC steps off a whole one,
+_WHOLE = 0.3  # and share of readings that may be so near to it
+
+
+def twins(steps: np.ndarray, noise: float, cells: np.ndarray) -> tuple[int, int, int] | None:
+    """Return the pair of lines that are one, as (axis, k, l); None: there is none.
+
+    Args:
+        steps: (rows, cols) mean reading of an untouched skin [ADC steps].
+        noise: RMS of each [ADC steps].
+        cells: (rows, cols) bool, those that exist.
+    """
+    for axis, pairs in _sides(steps, cells, _FEWEST):
+        if not pairs.differ(noise):
+            continue
+        apart, n = pairs.square / pairs.count, pairs.count
+        most = np.minimum(pairs.alike(n), _NOISE * 2.0 * noise**2)
+        k = int((apart - most).argmin())
+        if apart[k] < most[k]:
+            return axis, int(pairs.one[k]), int(pairs.other[k])
+    return None
+
+
+def stuck_bits(
+    steps: np.ndarray, noise: float, cells: np.ndarray
+) -> tuple[int, tuple[int, ...]] | None:
+    """Return the address bits, as (axis, bits), without which all lines are read.
+
+    Lines that differ in these bits only read alike; together they tell more surely than each pair.
+    Other lines as near to one another, or nearer, must be apart: those of a smooth fabric are not.
+
+    Args:
+        as of `twins`.
+    """
+    for axis, pairs in _sides(steps, cells, _SHORTEST):
+        if not pairs.differ(noise):
+            continue
+        bits, distance = pairs.one ^ pairs.other, pairs.other - pairs.one
+        for mask in range((1 << int(pairs.other.max()).bit_length()) - 2, 0, -1):
+            group = bits & ~mask == 0
+            others = (distance <= distance[group].max(initial=0)) & ~group
+            if np.count_nonzero(group) < _PAIRS or not others.any():
+                continue
+            n = pairs.count[group].sum()
+            apart = pairs.square[group].sum() / n
+            near = np.median((pairs.square / pairs.count)[others])
+            most = min(pairs.alike(n), _ALIKE * near, _NOISE * 2.0 * noise**2)
+            if apart < most:
+                return axis, tuple(k for k in range(mask.bit_length()) if mask >> k & 1)
+    return None
+
+
+class _Pairs(NamedTuple):
+    """All pairs of rows, or of columns, that have cells to be compared by.
+
+    Attributes:
+        one, other: (pairs,) lines.
+        square: (pairs,) squared differences, summed [ADC steps squared]; count: of so many.
+        across: mean squared difference of neighbours along the lines [ADC steps squared].
+    """
+
+    one: np.ndarray
+    other: np.ndarray
+    square: np.ndarray
+    count: np.ndarray
+    across: float
+
+    @property
+    def usual(self) -> float:
+        return float(np.median(self.square / self.count))
+
+    def differ(self, noise: float) -> bool:
+        """Whether lines differ by more than noise: those of a simulated fabric may not."""
+        return self.usual * _ALIKE >= 2.0 * noise**2
+
+    def alike(self, n):
+        """Mean squared difference of n cells, below which it is no chance."""
+        # the smoother the fabric, the fewer of its cells are independent of those beside them
+        free = 0.5 * n * min(1.0, self.across / max(self.usual, 1e-300))
+        # of normal differences the sum of n squares is chi^2, whose small values are rare
+        alike = gammaincinv(free, _PAIR_CHANCE / (2.0 * self.count.size)) / free
+        return np.minimum(alike, _ALIKE) * self.usual
+
+
+def _sides(steps: np.ndarray, cells: np.ndarray, fewest: int):
+    """Yield (axis, _Pairs with so many cells or more) of both, if they can be compared."""
+    if not cells.any() or np.mean(np.abs(steps - np.rint(steps))[cells] < _NEAR_WHOLE) > _WHOLE:
+        return  # rounded without noise that would average it away: many read alike
+    for axis, values, there in ((0, steps, cells), (1, steps.T, cells.T)):
+        one, other = np.triu_indices(len(values), 1)
+        both = there[one] & there[other]  # (pairs, cells of a line)
+        n = both.sum(1)
+        one, other, both, n = (of[n >= fewest] for of in (one, other, both, n))
+        beside = there[:, 1:] & there[:, :-1]  # of the other lines, next to one another
+        if n.size and beside.any():
+            square = (np.square(values[one] - values[other]) * both).sum(1)
+            across = np.square(np.diff(values, axis=1))[beside].mean()
+            yield axis, _Pairs(one, other, square, n, float(across))
+
+
+def which_are_one(steps: np.ndarray, noise: float, cells: np.ndarray) -> Finding | None:
+    """Return lines that are one, a fault if half of all are; None: there are none.
+
+    Args:
+        as of `twins`.
+    """
+    if found := stuck_bits(steps, noise, cells):
+        axis, bits = found
+        lines = line(axis, 0, *(1 << bit for bit in bits))
+        return Finding(Kind.ADDRESS_BIT, Severity.FAULT, **lines)
+    if found := twins(steps, noise, cells):
+        axis, *pair = found
+        return Finding(Kind.ONE_LINE, **line(axis, *pair))
+    return None
+
+
+def one_voltage(mean: np.ndarray, frames: int, noise: float, circuit: Circuit) -> Finding | None:
+    """Return that a second of rest shows no matrix; None: its cells differ.
+
+    Args:
+        mean: (rows, cols) of so many frames, ADC ratio.
+        noise: of a reading [ADC steps].
+    """
+    cells, n = circuit.populated, np.count_nonzero(circuit.populated)
+    if n == 1:  # there is nothing to compare it with
+        return None
+    half = 0.5 * (n - 1)
+    by_chance = _LOW_PASS * (gammainccinv(half, _CHANCE) / half) ** 0.5
+    at_most = max(_CHANNELS, by_chance * noise / frames**0.5)
+    if mean[cells].std() * circuit.full_scale > at_most:
+        return None
+    numbers = {"steps": float(mean[cells].mean()) * circuit.full_scale}
+    if numbers["steps"] < _LEAST_STEPS:  # whatever presses there would look like all that there is
+        return Finding(Kind.NO_SIGNAL_OR_OFFSET, Severity.FAULT, numbers=numbers)
+    tells = _fabric_spread(mean, circuit) > _CHANNELS
+    return Finding(Kind.NO_SIGNAL, Severity.FAULT if tells else Severity.WARN, numbers=numbers)
+
+
+def _fabric_spread(mean: np.ndarray, circuit: Circuit) -> float:
+    """Return the RMS by which cells of a good fabric that reads so on average differ [ADC steps].
+
+    Those of a megohm differ by less than channels do.
+    """
+    cells = circuit.populated
+    usual = usual_resistance(mean, cells, circuit)
+    if not 0.0 < usual < np.inf:
+        return np.inf
+    scatter = np.random.default_rng(0).standard_normal(mean.shape)
+    adc = forward(circuit, usual * np.exp(_LEAST_SCATTER * scatter))
+    return float(adc[cells].std()) * circuit.full_scale
+
+
+def odd_cell(times: np.ndarray, cells: np.ndarray, most: float) -> Finding | None:
+    """Return a cell that is not at rest, or not connected.
+
+    Args:
+        times: (rows, cols) conductance over the median cell's.
+        cells: (rows, cols) bool, those that exist.
+        most: what a cell at rest conducts at most, over the median cell.
+    """
+    times = np.where(cells, times, 1.0)
+    if times.max() > most:
+        return Finding(Kind.PRESSED_AT_REST, **largest(times), numbers={"times": times.max()})
+    if times.min() < 1.0 / _MAX_RESISTANCE:
+        return Finding(Kind.OPEN_AT_REST, **largest(-times), numbers={"times": times.min()})
+    return None
+
+
+def weak_line(off: np.ndarray, cells: np.ndarray) -> Finding | None:
+    """Return what is no fabric's doing, and would be hidden by a tare.
+
+    Cells scatter; all of a line are off because of the circuit.
+
+    Args:
+        off: (rows, cols) log of each cell's conductance over the curve's, at rest.
+    """
+    common = np.median(off[cells])
+    for axis, lines, _ in _lines(off, cells, common):
+        worst = np.abs(lines - common).argmax()
+        if abs(lines[worst] - common) > _MAX_LINE_OFFSET:
+            numbers = {"share": float(np.expm1(lines[worst] - common))}
+            return Finding(Kind.WEAK_LINE, **line(axis, worst), numbers=numbers)
+    return None
+
+
+def fading_line(change: np.ndarray, cells: np.ndarray) -> Finding | None:
+    """Return a line whose lead breaks: a resistance before it, which hides most of a push.
+
+    Fabric changes cell by cell, or as a whole. A line must have fallen both by itself and against
+    the others: where a palm lay, cells conduct more for a while.
+
+    Args:
+        change: (rows, cols) log of each cell's conductance over that measured first.
+    """
+    common, spread = _middle(change[cells])
+    for axis, lines, count in _lines(change, cells, common):
+        fall = np.maximum(lines, lines - common)
+        worst = fall.argmin()
+        if fall[worst] < -_MAX_LINE_FALL - 4.0 * spread / count[worst] ** 0.5:
+            numbers = {"share": float(np.expm1(fall[worst]))}
+            return Finding(Kind.FADING_LINE, **line(axis, worst), numbers=numbers)
+    return None
+
+
+def _middle(values: np.ndarray) -> tuple[float, float]:
+    """Median of (n,) values, and how far they scatter: 1.5 times the median of the deviations."""
+    middle = np.median(values)
+    return middle, 1.5 * np.median(np.abs(values - middle))
+
+
+def _lines(values: np.ndarray, cells: np.ndarray, empty: float):
+    """Yield (axis, medians, numbers of cells) of all rows, then of all columns."""
+    for axis, across in ((0, 1), (1, 0)):
+        median = np.ma.median(np.ma.array(values, mask=~cells), axis=across)
+        yield axis, median.filled(empty), np.maximum(cells.sum(across), 1)
