@@ -180,7 +180,7 @@ def learn(idle, touches, circuit: Circuit, curve: PressureCurve) -> Learnt:
     for k, frame in enumerate(idle):
         tare.update(k / _RATE, frame, np.zeros(circuit.shape))
     if not tare.measured:
-        return Learnt(circuit, curve, None, None, tare.message)
+        return Learnt(circuit, curve, None, None, str(tare.found or ""))
     try:
         rest = measure_rest(idle, circuit)
     except ValueError as error:

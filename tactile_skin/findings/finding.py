@@ -34,6 +34,7 @@ class Kind(str, Enum):
     ADDRESS_BIT = "address bit"
     # the circuit
     MISFIT = "misfit"
+    MISFIT_KEPT = "misfit that is kept"
     ALL_CELLS = "all cells at once"
     SERIES = "circuit"
     AT_END = "end of the range"
@@ -58,6 +59,7 @@ class Kind(str, Enum):
 BESIDE_THE_REST = {
     Kind.NO_PICTURE,
     Kind.MISFIT,
+    Kind.MISFIT_KEPT,
     Kind.SERIES,
     Kind.AT_END,
     Kind.NOISY,

@@ -98,6 +98,7 @@ WORDS = {
     ),
     Kind.NO_PICTURE: Words("{detail}", ""),
     Kind.MISFIT: Words("{detail}", ""),
+    Kind.MISFIT_KEPT: Words("{detail}", ""),
     Kind.SERIES: Words("{detail}", ""),
     Kind.NOISY: Words("{at}: much noisier than the other cells", "Is a contact loose?"),
     Kind.JUMPS: Words("{at} jumps between high and low force", "Is its contact loose?"),

@@ -150,10 +150,13 @@ class Monitor:
             message: of the last frame; empty if it is not in doubt.
             past: with doubts that the last frame no longer shows.
         """
-        if not message and past and self._doubt.kept:
-            message = f"{self._why} ({self._doubt.kept})"
         severity = Severity.FAULT if self._doubtful else Severity.WARN
-        return [Finding(Kind.MISFIT, severity, detail=message)] if message else []
+        if message:
+            return [Finding(Kind.MISFIT, severity, detail=message)]
+        if past and self._doubt.kept:
+            why = f"{self._why} ({self._doubt.kept})"
+            return [Finding(Kind.MISFIT_KEPT, severity, detail=why)]
+        return []
 
     def findings(self) -> list[Finding]:
         """Return what the checks find."""

@@ -309,7 +309,7 @@ def test_a_running_skin_refuses_the_rest_of_a_board_with_an_open_lead():
     small, rng = Circuit(8, 8), np.random.default_rng(3)
     board = Board(Textile(noise=1.0, rest=0.03, open=1), small, CURVE, 4)
     found = stability.learn(board.at_rest(125, rng), [], small, CURVE)
-    assert "is it connected?" in found.refused
+    assert "Is it connected?" in found.refused
 
 
 def test_what_stays_silent_is_listed_worst_first_with_its_reason():

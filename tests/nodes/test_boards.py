@@ -11,6 +11,7 @@ import pytest
 from tactile_skin import Circuit, PressureCurve, forward
 from tactile_skin.board.simulator import fabric
 from tactile_skin.calibration.tracker import CircuitTracker
+from tactile_skin.findings.finding import Kind
 from tactile_skin.middleware.bus import (
     Context,
     ManualClock,
@@ -126,7 +127,7 @@ def test_a_crossing_that_is_not_read_adds_no_force(how):
     fed = Fed(Adc(CIRCUIT), **given)
     fed.absent, fed.printed = absent, 0 if how == "named" else NOT_READ
     fed.feel(np.zeros(CIRCUIT.shape), 60)
-    assert fed.node.skin._tare.message == ""
+    assert fed.node.skin._tare.found is None
     fed.feel(touch(), 5)
     assert fed.node._level == DiagnosticStatus.OK, fed.node._message
     assert fed.force.sum() == pytest.approx(touch().sum(), rel=0.05)
@@ -156,10 +157,10 @@ def test_a_bad_contact_is_named_and_does_not_stop_the_robot(bad):
         fed.absent[bad], fed.printed = k % 3 == 0, 12_000  # of 65535; at rest 24,000
         fed.feel(touch() if k % 50 < 25 else np.zeros(CIRCUIT.shape))
         said += fed.node._message
-    assert f"row {bad[0]}, column {bad[1]}: reads less than the others allow" in said
+    assert f"row {bad[0]}, column {bad[1]} reads less than" in said
     assert all(r.level != DiagnosticStatus.ERROR for r in fed.reports)
-    named = fed.node.skin._watch.contacts.message
-    assert named == "" or f"row {bad[0]}, column {bad[1]}" in named
+    named = [f for f in fed.node.skin.findings() if f.kind is Kind.CONTACT]
+    assert all((f.rows, f.cols) == ((bad[0],), (bad[1],)) for f in named)
 
 
 def test_a_circuit_that_no_skin_rests_with_is_not_taken_over(monkeypatch, caplog):

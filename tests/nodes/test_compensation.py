@@ -238,7 +238,7 @@ def test_an_r_par_that_changes_is_a_warning_that_a_tare_ends(skin):
     skin.steps = forward(other, skin.rest) * CIRCUIT.full_scale
     skin.play(1.5)
     assert skin.status.level == DiagnosticStatus.WARN
-    assert "less at once" in skin.status.message
+    assert "all cells conduct -" in skin.status.message
     assert skin.ask("tare").success
     skin.play(3.0)
     assert skin.status.level == DiagnosticStatus.OK

@@ -458,7 +458,7 @@ def test_a_fault_seen_at_rest_is_not_healed_by_a_touch_that_hides_it(monkeypatch
 
     def feel(frames, force, status):
         found = Estimate(force, 0.1 + 0.0 * force, 0.0, status, status.strip("ok"), "naive", 0)
-        monkeypatch.setattr("tactile_skin.calibration.skin.compensate", lambda *a, **k: found)
+        monkeypatch.setattr("tactile_skin.health.skin.compensate", lambda *a, **k: found)
         for _ in range(frames):
             chain.clock.advance(FRAME)
             chain.publish(np.full((16, 16), 16_000, np.uint16))
@@ -477,7 +477,7 @@ def test_a_fault_seen_at_rest_is_not_healed_by_a_touch_that_hides_it(monkeypatch
 def feels(monkeypatch, force, status) -> None:
     """From here on each frame is found so."""
     found = Estimate(force, 0.1 + 0.0 * force, 0.0, status, status.strip("ok"), "naive", 0)
-    monkeypatch.setattr("tactile_skin.calibration.skin.compensate", lambda *a, **k: found)
+    monkeypatch.setattr("tactile_skin.health.skin.compensate", lambda *a, **k: found)
 
 
 def test_a_reset_forgets_what_was_under_a_touch_and_says_so_at_once(monkeypatch):

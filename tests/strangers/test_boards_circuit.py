@@ -366,7 +366,7 @@ def test_a_fit_that_ran_out_of_time_says_so():
 
 @pytest.mark.parametrize(("rate", "limit"), [(100.0, 0.05), (8.0, 0.25), (0.5, 0.5)])
 def test_the_time_limit_follows_the_boards_rate(monkeypatch, rate, limit):
-    from tactile_skin.calibration import skin as module
+    from tactile_skin.health import skin as module
 
     given = []
 
