@@ -32,6 +32,7 @@ from .diode import unknown_diode
 from .findings import Finding
 from .recorded import Recorded, record
 from .series import in_series, touches_of
+from .unrested import unrested
 
 _AGREEING = 24  # hardest touches that must agree where the lines may be driven through diodes
 _LOOSE = 0.25  # of all lines at most come and go: more are touches on a skin that never rests
@@ -80,6 +81,9 @@ def diagnose(
     seen = record(frames, circuit, rest)
     if finding := _processed(seen):
         return [finding]
+    if rest is None and not _at_an_end(seen) and (finding := unrested(seen)):
+        turned = record(1.0 - frames, circuit, None)  # upside down, the calmest are the hardest
+        return (not unrested(turned) and _upside_down(seen, turned, inverted)) or [finding]
     found = _diagnose(seen, series)
     sound = not found and len(seen.touches)
     if sound and (
@@ -269,6 +273,10 @@ def _processed(seen: Recorded) -> Finding | None:
     for steps in (cells, seen.circuit.full_scale - cells):
         done = processed(np.round(steps, _DECIMALS), seen.circuit.adc_bits)
         if done and done.kind is not Kind.CEILING:
+            return texts.processed(done)
+        # a threshold, below which a reading is what an offset makes of 0
+        done = processed(np.round(steps - steps.min(), _DECIMALS), seen.circuit.adc_bits)
+        if done and done.kind is Kind.THRESHOLD:
             return texts.processed(done)
     return None
 

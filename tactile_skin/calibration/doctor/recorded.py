@@ -38,6 +38,7 @@ class Recorded:
     base: (rows, cols) reading of the untouched skin [ADC steps].
     quiet: (n,) bool, frames in which nothing touches it.
     noise: (rows, cols) RMS of a reading in the quiet frames [ADC steps].
+    flicker: the same by what changes from one of them to the next: without what moves slowly.
     anew: frames that differ from the one before of them: a hand that stands still says nothing new.
     peaks: frames in which touches are strongest.
     touches: those of them that differ from the one before: one for each touch.
@@ -52,6 +53,7 @@ class Recorded:
     base: np.ndarray
     quiet: np.ndarray
     noise: np.ndarray
+    flicker: np.ndarray
     anew: np.ndarray
     peaks: np.ndarray
     touches: np.ndarray
@@ -110,12 +112,17 @@ def record(frames, circuit: Circuit, rest: Rest | None) -> Recorded:
     base = mean if rest is None else rest.adc * circuit.full_scale
     base = np.where(np.isfinite(base), base, 0.0)
     noise = np.sqrt((np.square(calm - mean) * (~absent)[quiet]).sum(0) / n)
+    pairs = np.flatnonzero(quiet[1:] & quiet[:-1])
+    changes = np.square(steps[pairs + 1] - steps[pairs])
+    flicker = np.sqrt(0.5 * changes.mean(0)) if pairs.size else noise
     cells = read & circuit.populated
     limit = _ANEW * np.maximum(noise, max(np.median(noise[cells]), _LEAST_NOISE))[cells]
     anew = _anew(steps[:, cells], limit, range(len(steps)))
     peaks = _peaks(level, len(frames), float(np.median(level[quiet])))
     touches = _anew(steps[:, cells], limit, peaks)
-    return Recorded(circuit, steps, read, base, quiet, noise, anew, peaks, touches, closed, fell)
+    return Recorded(
+        circuit, steps, read, base, quiet, noise, flicker, anew, peaks, touches, closed, fell
+    )
 
 
 def _anew(steps: np.ndarray, limit: np.ndarray, frames) -> np.ndarray:

@@ -1,0 +1,72 @@
+"""Whether a recording shows the skin at rest; if not, little can be said of it."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import label
+
+from ..rest import resting_conductance
+from .findings import Finding
+from .recorded import Recorded, line_name, loose
+
+# A cell moves where its calm readings differ by so many times what they change from frame to frame,
+# and so many ADC steps besides: noise does not, nor does a bad contact. So many cells do.
+_SLOWLY = 4.0
+_LEAST = 1.0
+_MOVING = 3
+# A load that stands: cells that conduct so many times as much as the usual one, at least so many in
+# one piece of several rows and columns, and no more than this share of a line: that is a bad line.
+_LOADED = 1.6
+_PIECE = 4
+_OF_A_LINE = 0.9
+_REMEDY = (
+    "Nothing else is judged without a rest: take off what lies there, leave the skin alone for a "
+    "third of the time and press everywhere between, or give rest:=FILE of the untouched skin"
+)
+
+
+def unrested(seen: Recorded) -> Finding | None:
+    """Return that the calmest frames are none of an untouched skin; None: they may be."""
+    cells = seen.read & seen.circuit.populated
+    for axis in (0, 1):
+        seen.turned(axis, cells)[loose(seen.closed[axis])] = False
+    moving = cells & (seen.noise > _SLOWLY * seen.flicker + _LEAST)
+    if np.count_nonzero(moving) >= _MOVING:
+        return Finding(
+            "too little seen",
+            "rest",
+            f"{np.count_nonzero(moving)} of {np.count_nonzero(cells)} cells move while least "
+            "touches the skin: it was never left alone",
+            _REMEDY,
+        )
+    standing = _standing(seen, cells)
+    if not standing.any():
+        return None
+    rows, cols = np.nonzero(standing)
+    middle = f"{line_name(0, int(rows.mean()))}, {line_name(1, int(cols.mean()))}"
+    return Finding(
+        "too little seen",
+        "rest",
+        f"something lies on {rows.size} cells in all frames, about {middle}",
+        _REMEDY,
+    )
+
+
+def _standing(seen: Recorded, cells: np.ndarray) -> np.ndarray:
+    """Return (rows, cols) bool: the largest load that is there while least touches the skin."""
+    circuit, none = seen.circuit, np.zeros(cells.shape, bool)
+    if not cells.any():
+        return none
+    try:
+        g = resting_conductance(seen.base / circuit.full_scale, circuit, seen.usual_noise)
+    except ValueError:  # no skin rests so: wires, or what is configured, are wrong
+        return none
+    pieces, n = label(cells & (g > _LOADED * np.median(g[cells])))
+    best = none
+    for k in range(1, n + 1):
+        piece = pieces == k
+        spans = min(np.count_nonzero(piece.any(axis)) for axis in (0, 1))
+        fills = max(piece.mean(axis).max() for axis in (0, 1))
+        if spans > 1 and fills <= _OF_A_LINE and piece.sum() >= max(_PIECE, best.sum() + 1):
+            best = piece
+    return best
