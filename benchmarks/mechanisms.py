@@ -8,7 +8,6 @@ from pathlib import Path
 
 from tactile_skin import __file__ as _package
 from tactile_skin.board.liveness import _SETTLING, JITTER
-from tactile_skin.findings.finding import Kind
 from tactile_skin.nodes.serial_driver import _DOUBTFUL
 from tactile_skin.solvers import suspect
 
@@ -76,9 +75,9 @@ def _saturation_alone(found: str, reading) -> str:
     return suspect.saturation(reading, *suspect._SATURATED) if touched else ""
 
 
-def _finds(where: str, *kinds: Kind) -> Result:
-    """A function that returns findings, of which those of some kinds are meant."""
-    return Result(where, lambda found, *_: [f for f in found if f.kind not in kinds])
+def _finds(where: str, *forms: str) -> Result:
+    """A function that returns findings, of which those of some forms are meant; all, if none is."""
+    return Result(where, lambda found, *_: [f for f in found if forms and f.form not in forms])
 
 
 def _finds_one(where: str) -> Result:
@@ -150,12 +149,12 @@ MECHANISMS = (
     Mechanism(
         "odd cells", "one cell jumps about, or never moves",
         (f"{_HEALTH}/odd_cells.py",),
-        (_finds("health.odd_cells:OddCells.findings", Kind.JUMPS, Kind.CONSTANT),),
+        (_finds("health.odd_cells:OddCells.findings", "jumps", "constant"),),
     ),
     Mechanism(
         "contacts", "one reading is left out again and again",
         (f"{_HEALTH}/odd_cells.py:OddCells._count_aside",),
-        (_finds("health.odd_cells:OddCells.findings", Kind.CONTACT),),
+        (_finds("health.odd_cells:OddCells.findings", "set aside"),),
     ),
     Mechanism(
         "untouched.line", "a line at rest reads as another one did",
@@ -175,11 +174,11 @@ MECHANISMS = (
     ),
     Mechanism(
         "rest picture.flat", "cells read one voltage, later on", (),
-        (_finds("health.rest_picture:RestPicture.findings", Kind.NO_SIGNAL),),
+        (_finds("health.rest_picture:RestPicture.findings", ""),),
     ),
     Mechanism(
         "rest picture.shift", "the picture at rest stands at another height",
-        (), (_finds("health.rest_picture:RestPicture.findings", Kind.STUCK_BIT),),
+        (), (_finds("health.rest_picture:RestPicture.findings", "shift"),),
     ),
     Mechanism(
         "ceiling.frame", "the largest readings stand still while others do not",
@@ -197,12 +196,12 @@ MECHANISMS = (
     Mechanism(
         "sent", "the board sends numbers that its sketch has processed",
         (f"{_HEALTH}/sent.py", "readings/processed.py"),
-        (_finds("health.sent:Sent.findings", Kind.PROCESSED),),
+        (_finds("health.sent:Sent.findings"),),
     ),
     Mechanism(
         "loaded at start", "half of the skin is loaded from the start",
         (f"{_HEALTH}/monitor.py:LoadedAtStart",),
-        (_finds("health.monitor:LoadedAtStart.findings", Kind.LOADED_AT_START),),
+        (_finds("health.monitor:LoadedAtStart.findings"),),
     ),
     Mechanism(
         "noise by cell", "noisy cells count with their own noise",
@@ -212,7 +211,7 @@ MECHANISMS = (
     Mechanism(
         "noisy cells", "noisy cells are named",
         ("calibration/noise.py:Noise.findings",),
-        (_finds("calibration.noise:Noise.findings", Kind.NOISY),),
+        (_finds("calibration.noise:Noise.findings"),),
     ),
     Mechanism(
         "twins", "two lines, or half of them, read the same at rest",

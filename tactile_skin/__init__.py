@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from .calibration.creep import measure_creep
     from .calibration.curve_fit import FittedCurve, fit_curve, fit_reference
-    from .calibration.doctor import Finding, diagnose
     from .calibration.identify import Identified, identify
     from .calibration.rest import Rest, measure_rest
+    from .health.doctor import Finding, diagnose
     from .physics.adc import Adc
     from .physics.circuit import Circuit, forward
     from .physics.creep import Creep
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 _HOME = {
     "calibration.creep": ("measure_creep",),
     "calibration.curve_fit": ("FittedCurve", "fit_curve", "fit_reference"),
-    "calibration.doctor": ("Finding", "diagnose"),
+    "health.doctor": ("Finding", "diagnose"),
     "calibration.identify": ("Identified", "identify"),
     "calibration.rest": ("Rest", "measure_rest"),
     "physics.adc": ("Adc",),

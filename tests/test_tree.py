@@ -50,6 +50,7 @@ MAY = {
         "physics",
         "solvers",
         "calibration",
+        "health",
         "recording",
         "nodes",
         "launch",
@@ -58,7 +59,7 @@ MAY = {
     "commands": None,  # so do these
     "arguments": None,
     "cli": None,
-    "__init__": ("physics", "solvers", "calibration"),
+    "__init__": ("physics", "solvers", "calibration", "findings", "health"),
     "__main__": ("cli",),
 }
 PURE = (

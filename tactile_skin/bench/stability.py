@@ -20,10 +20,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..calibration.doctor import diagnose
 from ..calibration.identify import identify
 from ..calibration.rest import Rest, measure_rest, supposing
 from ..calibration.tare import Tare
+from ..health.doctor import diagnose
 from ..learning import scenes
 from ..middleware.threads import one_thread
 from ..physics.circuit import Circuit

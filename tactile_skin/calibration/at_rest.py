@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import gammainccinv, gammaincinv
 
-from ..findings.finding import Finding, Kind, Severity, largest, line
+from ..findings.finding import Finding, Kind, Severity, largest, lines
 from ..physics.circuit import Circuit, forward
 from .rest import usual_resistance
 
@@ -144,11 +144,11 @@ def which_are_one(steps: np.ndarray, noise: float, cells: np.ndarray) -> Finding
     """
     if found := stuck_bits(steps, noise, cells):
         axis, bits = found
-        lines = line(axis, 0, *(1 << bit for bit in bits))
-        return Finding(Kind.ADDRESS_BIT, Severity.FAULT, **lines)
+        of = lines(axis, 0, *(1 << bit for bit in bits))
+        return Finding(Kind.DOUBLED, "address bits", severity=Severity.FAULT, **of)
     if found := twins(steps, noise, cells):
         axis, *pair = found
-        return Finding(Kind.ONE_LINE, **line(axis, *pair))
+        return Finding(Kind.DOUBLED, "live", **lines(axis, *pair))
     return None
 
 
@@ -169,9 +169,11 @@ def one_voltage(mean: np.ndarray, frames: int, noise: float, circuit: Circuit) -
         return None
     numbers = {"steps": float(mean[cells].mean()) * circuit.full_scale}
     if numbers["steps"] < _LEAST_STEPS:  # whatever presses there would look like all that there is
-        return Finding(Kind.NO_SIGNAL_OR_OFFSET, Severity.FAULT, numbers=numbers)
+        return Finding(Kind.NO_SIGNAL, "offset", severity=Severity.FAULT, numbers=numbers)
     tells = _fabric_spread(mean, circuit) > _CHANNELS
-    return Finding(Kind.NO_SIGNAL, Severity.FAULT if tells else Severity.WARN, numbers=numbers)
+    return Finding(
+        Kind.NO_SIGNAL, severity=Severity.FAULT if tells else Severity.WARN, numbers=numbers
+    )
 
 
 def _fabric_spread(mean: np.ndarray, circuit: Circuit) -> float:
@@ -198,9 +200,9 @@ def odd_cell(times: np.ndarray, cells: np.ndarray, most: float) -> Finding | Non
     """
     times = np.where(cells, times, 1.0)
     if times.max() > most:
-        return Finding(Kind.PRESSED_AT_REST, **largest(times), numbers={"times": times.max()})
+        return Finding(Kind.STUCK, "rest", **largest(times), numbers={"times": times.max()})
     if times.min() < 1.0 / _MAX_RESISTANCE:
-        return Finding(Kind.OPEN_AT_REST, **largest(-times), numbers={"times": times.min()})
+        return Finding(Kind.DEAD, "rest", **largest(-times), numbers={"times": times.min()})
     return None
 
 
@@ -213,11 +215,11 @@ def weak_line(off: np.ndarray, cells: np.ndarray) -> Finding | None:
         off: (rows, cols) log of each cell's conductance over the curve's, at rest.
     """
     common = np.median(off[cells])
-    for axis, lines, _ in _lines(off, cells, common):
-        worst = np.abs(lines - common).argmax()
-        if abs(lines[worst] - common) > _MAX_LINE_OFFSET:
-            numbers = {"share": float(np.expm1(lines[worst] - common))}
-            return Finding(Kind.WEAK_LINE, **line(axis, worst), numbers=numbers)
+    for axis, medians, _ in _medians(off, cells, common):
+        worst = np.abs(medians - common).argmax()
+        if abs(medians[worst] - common) > _MAX_LINE_OFFSET:
+            numbers = {"share": float(np.expm1(medians[worst] - common))}
+            return Finding(Kind.LEAD, "rest", **lines(axis, worst), numbers=numbers)
     return None
 
 
@@ -231,12 +233,12 @@ def fading_line(change: np.ndarray, cells: np.ndarray) -> Finding | None:
         change: (rows, cols) log of each cell's conductance over that measured first.
     """
     common, spread = _middle(change[cells])
-    for axis, lines, count in _lines(change, cells, common):
-        fall = np.maximum(lines, lines - common)
+    for axis, medians, count in _medians(change, cells, common):
+        fall = np.maximum(medians, medians - common)
         worst = fall.argmin()
         if fall[worst] < -_MAX_LINE_FALL - 4.0 * spread / count[worst] ** 0.5:
             numbers = {"share": float(np.expm1(fall[worst]))}
-            return Finding(Kind.FADING_LINE, **line(axis, worst), numbers=numbers)
+            return Finding(Kind.LEAD, "fading", **lines(axis, worst), numbers=numbers)
     return None
 
 
@@ -246,7 +248,7 @@ def _middle(values: np.ndarray) -> tuple[float, float]:
     return middle, 1.5 * np.median(np.abs(values - middle))
 
 
-def _lines(values: np.ndarray, cells: np.ndarray, empty: float):
+def _medians(values: np.ndarray, cells: np.ndarray, empty: float):
     """Yield (axis, medians, numbers of cells) of all rows, then of all columns."""
     for axis, across in ((0, 1), (1, 0)):
         median = np.ma.median(np.ma.array(values, mask=~cells), axis=across)

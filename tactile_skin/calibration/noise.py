@@ -90,4 +90,4 @@ class Noise:
     def findings(self) -> list[Finding]:
         """Return which cells are noisy."""
         rows, cols = (tuple(k.tolist()) for k in np.nonzero(self.noisy))
-        return [Finding(Kind.NOISY, rows=rows, cols=cols)] if rows else []
+        return [Finding(Kind.NOISY, "live", rows=rows, cols=cols)] if rows else []

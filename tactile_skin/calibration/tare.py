@@ -158,7 +158,7 @@ class Tare:
         zero &= ~(zero.all(1)[:, None] | zero.all(0))  # such a line is not connected
         if np.count_nonzero(zero) > self._few:
             numbers = {"count": np.count_nonzero(zero)}
-            found = found or Finding(Kind.ZERO_AT_REST, numbers=numbers)
+            found = found or Finding(Kind.ZEROS, "cells", numbers=numbers)
         if found:
             if not self.measured:
                 self.found = found
@@ -190,7 +190,7 @@ class Tare:
         if np.count_nonzero(risen) <= self._few:
             return None
         most = largest(np.where(risen, adc - low, 0.0))
-        return Finding(Kind.RISEN, **most, numbers={"count": np.count_nonzero(risen)})
+        return Finding(Kind.LOADED, "risen", **most, numbers={"count": np.count_nonzero(risen)})
 
     def _add(self, t: float, adc: np.ndarray) -> None:
         """Take a frame into the measurement, or into what follows it."""
@@ -268,13 +268,13 @@ class Tare:
             now = resting_conductance(adc, self._circuit, noise)
             now = np.where(cells, now, 1.0 / at_rest)
         except ValueError as error:
-            self.found = Finding(Kind.NO_REST, detail=str(error))
+            self.found = Finding(Kind.FABRIC, "none", detail=str(error))
             return False
         level = float(np.median(now[cells])) * at_rest
         self.unseen = not _LOWEST_LEVEL <= level <= _HIGHEST_LEVEL
         if self.unseen:
             numbers = {"ohm": at_rest / level, "expected": at_rest}
-            self.found = Finding(Kind.OTHER_FABRIC, numbers=numbers)
+            self.found = Finding(Kind.FABRIC, numbers=numbers)
         else:
             self.found = odd_cell(now * at_rest / level, cells, self._max_factor)
             self.found = self.found or weak_line(np.log(now * at_rest), cells)

@@ -252,9 +252,9 @@ class CircuitTracker:
         found = []
         if self.message:
             severity = Severity.FAULT if self.impossible else Severity.WARN
-            found.append(Finding(Kind.SERIES, severity, detail=self.message))
+            found.append(Finding(Kind.CIRCUIT, "live", severity=severity, detail=self.message))
         if self.hint:
-            found.append(Finding(Kind.SERIES, Severity.NOTE, detail=self.hint))
+            found.append(Finding(Kind.CIRCUIT, "live", severity=Severity.NOTE, detail=self.hint))
         return found
 
     @property

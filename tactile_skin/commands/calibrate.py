@@ -17,7 +17,6 @@ import numpy as np
 from .. import __version__
 from ..calibration.creep import as_it_comes, measure_creep
 from ..calibration.curve_fit import MAX_LAG, POOR, FittedCurve, fit_reference
-from ..calibration.guide import Guide, newtons
 from ..calibration.identify import names, values
 from ..calibration.rest import check_all_is_sent, supposing
 from ..middleware.bus import Context, Node, Parameter, SingleThreadedExecutor
@@ -33,6 +32,7 @@ from ..readings.processed import Kind, processed
 from ..recording.frames import read_frames
 from ..recording.reference import read_reference
 from . import train
+from .guide import Guide, newtons
 from .words import split
 from .written import entered, replace_file
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..calibration.doctor import Finding, diagnose
-from ..calibration.doctor.recorded import record
 from ..calibration.rest import Rest, check_all_is_sent, measure_rest
+from ..health.doctor import Finding, diagnose
+from ..health.doctor.recorded import record
 from ..middleware.config import SkinConfig, read_skin
 from ..middleware.parameter_file import ParameterFile
 from ..physics.adc import Adc

@@ -8,6 +8,8 @@ from enum import Enum, IntEnum
 
 import numpy as np
 
+from . import say
+
 
 class Severity(IntEnum):
     """What a finding does to the robot."""
@@ -18,57 +20,45 @@ class Severity(IntEnum):
 
 
 class Kind(str, Enum):
-    """What may be wrong, in the order in which it is said; its words stand in words.py."""
+    """What may be wrong."""
 
     # what the board sends
-    NO_PICTURE = "no picture"
-    PROCESSED = "zeros"
-    LOADED_AT_START = "loaded at the start"
-    RISEN = "risen since the start"
+    ZEROS = "zeros"
     NO_SIGNAL = "no signal"
-    NO_SIGNAL_OR_OFFSET = "no signal, or an offset taken off"
-    STUCK_BIT = "bits"
-    SATURATED = "saturation"
-    # lines
-    EXCHANGED = "swapped"
-    ADDRESS_BIT = "address bit"
+    BITS = "bits"
+    SATURATION = "saturation"
+    POLARITY = "polarity"
+    NO_PICTURE = "no picture"
     # the circuit
     MISFIT = "misfit"
-    MISFIT_KEPT = "misfit that is kept"
-    ALL_CELLS = "all cells at once"
-    SERIES = "circuit"
-    AT_END = "end of the range"
-    # the rest
-    UNSTEADY = "unsteady at rest"
-    ZERO_AT_REST = "zero at rest"
-    NO_REST = "no rest fits"
-    OTHER_FABRIC = "other fabric"
-    PRESSED_AT_REST = "stuck"
-    OPEN_AT_REST = "dead"
-    WEAK_LINE = "lead"
-    FADING_LINE = "fading lead"
-    ONE_LINE = "doubled"
-    # single cells
+    READOUT = "readout"
+    CIRCUIT = "circuit"
+    ALL_CELLS = "all cells"
+    # the order of lines and samples
+    TRANSPOSED = "transposed"
+    SHIFTED = "shifted"
+    SWAPPED = "swapped"
+    DOUBLED = "doubled"
+    # lines
+    OPEN = "open"
+    BROKEN = "broken"
+    LEAD = "lead"
+    RESISTOR = "resistor"
+    SHORT = "short"
+    # cells
+    DEAD = "dead"
+    STUCK = "stuck"
     NOISY = "noisy"
-    JUMPS = "jumps"
-    CONSTANT = "constant"
     CONTACT = "contact"
+    # the rest
+    LOADED = "loaded"
+    FABRIC = "fabric"
+    UNSTEADY = "unsteady"
+    TOO_LITTLE_SEEN = "too little seen"
 
 
 # What may be found as well while no rest is measured, and is not why.
-BESIDE_THE_REST = {
-    Kind.NO_PICTURE,
-    Kind.MISFIT,
-    Kind.MISFIT_KEPT,
-    Kind.SERIES,
-    Kind.AT_END,
-    Kind.NOISY,
-    Kind.CONTACT,
-    Kind.ALL_CELLS,
-}
-
-
-_ORDER = {kind: k for k, kind in enumerate(Kind)}
+BESIDE_THE_REST = {Kind.NO_PICTURE, Kind.MISFIT, Kind.CIRCUIT, Kind.ALL_CELLS}
 
 
 @dataclass(frozen=True)
@@ -77,32 +67,56 @@ class Finding:
 
     Attributes:
         kind: what is wrong.
+        form: how it shows; kind and form have their words in words.py.
         severity: what it does to the robot.
         rows, cols: that it is about; one of each: their crossing.
         numbers: name -> value that its words mention.
-        detail: what a solver or a node said, where it has words of its own.
+        detail: a part of its words that somebody else worked out, as an error's text.
+        change: what to enter, where the frames leave no other explanation; None: nothing.
     """
 
     kind: Kind
+    form: str = ""
     severity: Severity = Severity.WARN
     rows: tuple[int, ...] = ()
     cols: tuple[int, ...] = ()
     numbers: Mapping[str, float] = field(default_factory=dict, compare=False)
     detail: str = field(default="", compare=False)
+    change: object | None = field(default=None, compare=False)
+
+    def __post_init__(self):
+        say.of(self)  # there are some
 
     @property
     def stops(self) -> bool:
+        """Whether it stops the robot."""
         return self.severity is Severity.FAULT
 
     @property
     def rank(self) -> tuple[int, int]:
         """Sorts findings, the worst first."""
-        return -self.severity, _ORDER[self.kind]
+        return -self.severity, say.rank(self)
+
+    @property
+    def where(self) -> str:
+        """The place, for a person; empty if it is about no place."""
+        return say.fill(self, say.of(self).where)
+
+    @property
+    def evidence(self) -> str:
+        """What shows it."""
+        return say.fill(self, say.of(self).evidence)
+
+    @property
+    def remedy(self) -> str:
+        """What to do about it."""
+        return say.fill(self, say.of(self).remedy)
 
     def __str__(self) -> str:
-        from .words import say  # which knows this class
-
-        return say(self)
+        text = f"{self.where}: {self.evidence}" if self.where else self.evidence
+        if not (remedy := self.remedy):
+            return text
+        return f"{text}. {remedy}" if remedy.endswith("?") else f"{text}. {remedy}."
 
 
 def at(cell: Iterable[int]) -> dict[str, tuple[int, ...]]:
@@ -116,6 +130,6 @@ def largest(picture: np.ndarray) -> dict[str, tuple[int, ...]]:
     return at(np.unravel_index(np.argmax(picture), picture.shape))
 
 
-def line(axis: int, *lines: int) -> dict[str, tuple[int, ...]]:
+def lines(axis: int, *of: int) -> dict[str, tuple[int, ...]]:
     """Return rows (axis 0) or cols (axis 1) of these lines, as `Finding` takes them."""
-    return {("rows", "cols")[axis]: tuple(int(k) for k in lines)}
+    return {("rows", "cols")[axis]: tuple(int(k) for k in of)}

@@ -184,4 +184,4 @@ class Ceiling:
         if self.height is None:
             return []
         end = self.height if self._falls_from is None else self._falls_from - self.height
-        return [Finding(Kind.SATURATED, Severity.FAULT, numbers={"steps": end})]
+        return [Finding(Kind.SATURATION, "live", severity=Severity.FAULT, numbers={"steps": end})]

@@ -75,7 +75,11 @@ class LoadedAtStart:
         self._let_go = self._let_go or bool(force.max() < TOUCHED)
         loaded = 2 * np.count_nonzero(force >= TOUCHED) > self._cells and not self._let_go
         at = largest(force)
-        self._found = [Finding(Kind.LOADED_AT_START, Severity.FAULT, **at)] if loaded else []
+        self._found = (
+            [Finding(Kind.LOADED, "since the start", severity=Severity.FAULT, **at)]
+            if loaded
+            else []
+        )
 
     def findings(self) -> list[Finding]:
         return self._found
@@ -152,10 +156,10 @@ class Monitor:
         """
         severity = Severity.FAULT if self._doubtful else Severity.WARN
         if message:
-            return [Finding(Kind.MISFIT, severity, detail=message)]
+            return [Finding(Kind.MISFIT, severity=severity, detail=message)]
         if past and self._doubt.kept:
             why = f"{self._why} ({self._doubt.kept})"
-            return [Finding(Kind.MISFIT_KEPT, severity, detail=why)]
+            return [Finding(Kind.MISFIT, "kept", severity=severity, detail=why)]
         return []
 
     def findings(self) -> list[Finding]:

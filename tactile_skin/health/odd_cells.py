@@ -83,13 +83,13 @@ class OddCells:
         """Return which cells are odd by now; one of each kind, the worst."""
         found = []
         if self._jumps.any():
-            found.append(Finding(Kind.JUMPS, **largest(self._reversals)))
+            found.append(Finding(Kind.CONTACT, "jumps", **largest(self._reversals)))
         elif self._stuck.any():
             cell = np.argwhere(self._stuck)[0]
             numbers = {"force": float(self._last[tuple(cell)]), "seconds": _STANDS}
-            found.append(Finding(Kind.CONSTANT, **at(cell), numbers=numbers))
+            found.append(Finding(Kind.STUCK, "constant", **at(cell), numbers=numbers))
         if self._bad.any():
-            found.append(Finding(Kind.CONTACT, **largest(self._aside)))
+            found.append(Finding(Kind.CONTACT, "set aside", **largest(self._aside)))
         return found
 
     def forget(self) -> None:

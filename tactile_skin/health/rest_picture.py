@@ -45,12 +45,12 @@ class RestPicture:
         least = _ALIKE if before is None else _STILL_ALIKE
         apart, up = rest.std(), float(np.median(now - rest))
         if least * now.std() < apart:
-            kind, numbers = Kind.NO_SIGNAL, {"steps": float(now.mean())}
+            kind, form, numbers = Kind.NO_SIGNAL, "", {"steps": float(now.mean())}
         elif abs(up) > max(ABOVE, _RAISED * np.median(rest)) and least * (now - rest).std() < apart:
-            kind, numbers = Kind.STUCK_BIT, {"steps": up}
+            kind, form, numbers = Kind.BITS, "shift", {"steps": up}
         else:
             return
-        self._found = Finding(kind, Severity.FAULT, numbers=numbers)
+        self._found = Finding(kind, form, severity=Severity.FAULT, numbers=numbers)
 
     def findings(self) -> list[Finding]:
         """Return what the last window showed."""

@@ -96,4 +96,4 @@ class Sent:
             self._shorted_since = np.inf
 
     def _find(self, done: readings.Processed) -> None:
-        self.found = Finding(Kind.PROCESSED, Severity.FAULT, detail=str(done))
+        self.found = Finding(Kind.ZEROS, severity=Severity.FAULT, detail=str(done))

@@ -203,7 +203,7 @@ class Skin:
         if unread.any():  # what the model reads there
             model = forward(self.circuit, self._tare.curve.resistance(estimate.force))
             adc = np.where(unread, model, adc)
-        learns = self._follows and not any(f.kind is Kind.PROCESSED for f in self._found)
+        learns = self._follows and not any(f.kind is Kind.ZEROS for f in self._found)
         if learns and self._tare.update(t, adc, estimate.force):
             self._last = None
 
@@ -259,7 +259,7 @@ class Skin:
             past: with faults that the last frame no longer shows.
         """
         if self.status == "failed":
-            frame = [Finding(Kind.NO_PICTURE, Severity.FAULT, detail=self.message)]
+            frame = [Finding(Kind.NO_PICTURE, severity=Severity.FAULT, detail=self.message)]
         else:
             frame = self._monitor.misfit(self.message, past=past)
         found = [
@@ -275,7 +275,7 @@ class Skin:
     def _at_end(self) -> list[Finding]:
         """Return that readings are at the end of the ADC's range."""
         numbers = {"count": self._ended}
-        return [Finding(Kind.AT_END, numbers=numbers)] if self._ended else []
+        return [Finding(Kind.SATURATION, "range", numbers=numbers)] if self._ended else []
 
     @property
     def rest_resistance(self) -> np.ndarray | None:

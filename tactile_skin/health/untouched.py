@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..calibration.rest import resting_conductance
-from ..findings.finding import Finding, Kind, Severity, line
+from ..findings.finding import Finding, Kind, Severity, lines
 from ..physics import readouts
 from ..physics.adc import Adc
 
@@ -110,7 +110,7 @@ class Untouched:
         self._looked, self._found_at = t, min(self._found_at, t)  # the clock may be set back
         change, even = self._common(now, rest, noise, known, limit)
         before, stopped = self.found, self.found is not None and self.found.stops
-        was_line = before is not None and before.kind is Kind.EXCHANGED
+        was_line = before is not None and before.kind is Kind.SWAPPED
         if exchanged:
             self._rest, self._found_at, self.found = rest, t, exchanged
         elif abs(change) > limit and not was_line and not (stopped and change > 0.0):
@@ -119,7 +119,7 @@ class Untouched:
                 self._rest, self._found_at = rest, t
                 severity = Severity.FAULT if fell else Severity.WARN
                 numbers = {"share": float(np.expm1(change))}
-                self.found = Finding(Kind.ALL_CELLS, severity, numbers=numbers)
+                self.found = Finding(Kind.ALL_CELLS, severity=severity, numbers=numbers)
             elif not stopped and t - self._found_at > _KEPT:
                 self.forget()
         else:
@@ -188,5 +188,7 @@ def _another_line(
         if found.any():
             k = int(found.argmax())
             numbers = {"other": float(beyond[k].argmin())}
-            return Finding(Kind.EXCHANGED, Severity.FAULT, **line(axis, k), numbers=numbers)
+            return Finding(
+                Kind.SWAPPED, "live", severity=Severity.FAULT, **lines(axis, k), numbers=numbers
+            )
     return None

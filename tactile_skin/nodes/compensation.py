@@ -185,7 +185,7 @@ class Compensation:
             why = f" ({finding})" if finding else ""
             message = f"measuring rest: hands off{why}"
         elif finding:
-            message = f"{finding}{more}"
+            message = f"{str(finding).removesuffix('.')}{more}"
         elif level == diagnostics.OK:
             message = "ok"
         else:  # a fault that the last frames do not show goes on

@@ -6,8 +6,8 @@ import time
 
 import numpy as np
 
-from ..calibration.doctor import recorded
 from ..calibration.rest import measure_rest
+from ..health.doctor import recorded
 from ..middleware.config import read_skin
 from ..physics.circuit import Circuit
 from ..physics.curve import GRAM, PressureCurve

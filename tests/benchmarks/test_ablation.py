@@ -31,7 +31,7 @@ def equal_rows():
 
 def test_a_mechanism_that_is_off_says_nothing_and_one_that_is_on_is_heard(board):
     found = tare.which_are_one(equal_rows(), NOISE, CELLS)
-    assert (found.kind, found.rows) == (Kind.ONE_LINE, (1, 2))
+    assert (found.kind, found.rows) == (Kind.DOUBLED, (1, 2))
     assert board.spoke == {"twins"}
     board.switch_off({"twins"})
     assert tare.which_are_one(equal_rows(), NOISE, CELLS) is None

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tactile_skin import Circuit, PressureCurve, cli, diagnose, forward
-from tactile_skin.calibration.doctor.wiring import Wires, search
 from tactile_skin.commands import doctor as command
+from tactile_skin.health.doctor.wiring import Wires, search
 from tactile_skin.middleware.config import SkinConfig
 from tactile_skin.physics.adc import Adc
 from tactile_skin.physics.readouts import DRIVEN, READOUTS

@@ -15,10 +15,10 @@ from tactile_skin.bench.damage import streams
 from tactile_skin.bench.damage.board import KNOTS, FaultBoard
 from tactile_skin.board import simulator
 from tactile_skin.board.protocol import BinaryParser
-from tactile_skin.calibration.doctor import ignored_diode
-from tactile_skin.calibration.doctor.recorded import record
-from tactile_skin.calibration.doctor.wiring import Damage, Wires, search
 from tactile_skin.commands.doctor import touches_note
+from tactile_skin.health.doctor import ignored_diode
+from tactile_skin.health.doctor.recorded import record
+from tactile_skin.health.doctor.wiring import Damage, Wires, search
 from tactile_skin.learning import scenes
 from tactile_skin.physics.adc import Adc
 from tactile_skin.physics.circuit import forward

@@ -14,8 +14,8 @@ from yardsticks.rest import noisy_cells
 
 from tactile_skin import compensate
 from tactile_skin.calibration.creep import LAID
-from tactile_skin.calibration.guide import Guide, newtons, picture
 from tactile_skin.commands import calibrate, written
+from tactile_skin.commands.guide import Guide, newtons, picture
 from tactile_skin.middleware.config import read_skin
 from tactile_skin.physics.curve import GRAM, PressureCurve
 

@@ -63,7 +63,7 @@ def test_taps_are_not_odd(rng):
 
 def test_a_cell_that_jumps_is_named_within_a_second(rng):
     said = watch(one_cell(3.0 * np.exp(0.4 * rng.standard_normal(100))))
-    assert said[-1].startswith(f"row {AT[0]}, column {AT[1]} jumps between high and low force")
+    assert said[-1].startswith(f"row {AT[0]}, column {AT[1]}: jumps between high and low force")
 
 
 def test_it_is_named_beside_a_finger_too(rng):
@@ -82,7 +82,7 @@ def test_a_cell_that_stands_still_alone_is_named(rng):
     said = watch(one_cell(5.0 * (1.0 + 0.01 * rng.standard_normal(300))))
     first = next(k for k, text in enumerate(said) if text)
     assert first == pytest.approx(100, abs=6)
-    assert said[-1].startswith(f"row {AT[0]}, column {AT[1]} alone has read a constant ")
+    assert said[-1].startswith(f"row {AT[0]}, column {AT[1]}: alone has read a constant ")
 
 
 def test_it_stays_named_when_something_touches_beside_it(rng):
@@ -122,7 +122,7 @@ def set_aside(cells, frames, start=0.0):
 
 def test_a_reading_that_is_set_aside_in_half_of_the_frames_is_named_soon():
     cells = odd_cells()
-    assert set_aside(cells, [AT, None] * 25).startswith(f"row {AT[0]}, column {AT[1]} reads less")
+    assert set_aside(cells, [AT, None] * 25).startswith(f"row {AT[0]}, column {AT[1]}: reads less")
     assert not set_aside(cells, [None] * 3000, 0.5), "it is over"
 
 

@@ -41,7 +41,7 @@ def test_one_voltage_is_told_at_whatever_height(level):
 def test_a_bit_that_is_stuck_lifts_the_picture_as_it_is(bit):
     said = windows_of(lambda rest, k: rest + (k >= 100) * 2**bit, 0.5)
     assert not any(said[:10])
-    assert all(text.startswith(f"all cells read +{2**bit} ADC steps") for text in said[10:])
+    assert all(text.startswith(f"all readings: +{2**bit} ADC steps") for text in said[10:])
 
 
 @pytest.mark.parametrize("share", [1.1, 1.25])

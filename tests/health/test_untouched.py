@@ -70,7 +70,7 @@ def test_lines_that_are_exchanged_are_named_and_stop(shape):
     order = [2, 1, 0, *range(3, shape[1])]
     found = skin.run(skin.rest[:, order])
     assert found.found.stops
-    named = [f"column {a} reads at rest as column {b} did" for a, b in ((0, 2), (2, 0))]
+    named = [f"column {a}: reads at rest as column {b} did" for a, b in ((0, 2), (2, 0))]
     assert said(found).split(",")[0] in named
     assert not said(skin.run(skin.rest)), "they are put right"
 
@@ -85,7 +85,7 @@ def test_crossings_that_are_not_read_hide_no_other_line():
 def test_it_is_told_under_a_drift_too():
     skin = Skin((8, 8))
     warm = forward(skin.circuit, 0.98 * skin.resistance)
-    assert "row 1 reads at rest as row 0 did" in said(skin.run(warm[[0, 0, *range(2, 8)]]))
+    assert "row 1: reads at rest as row 0 did" in said(skin.run(warm[[0, 0, *range(2, 8)]]))
 
 
 def test_what_a_touch_leaves_behind_is_no_other_line():

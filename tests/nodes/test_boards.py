@@ -157,7 +157,7 @@ def test_a_bad_contact_is_named_and_does_not_stop_the_robot(bad):
         fed.absent[bad], fed.printed = k % 3 == 0, 12_000  # of 65535; at rest 24,000
         fed.feel(touch() if k % 50 < 25 else np.zeros(CIRCUIT.shape))
         said += fed.node._message
-    assert f"row {bad[0]}, column {bad[1]} reads less than" in said
+    assert f"row {bad[0]}, column {bad[1]}: reads less than" in said
     assert all(r.level != DiagnosticStatus.ERROR for r in fed.reports)
     named = [f for f in fed.node.skin.findings() if f.kind is Kind.CONTACT]
     assert all((f.rows, f.cols) == ((bad[0],), (bad[1],)) for f in named)

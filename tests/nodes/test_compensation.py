@@ -208,14 +208,14 @@ def test_a_line_that_is_read_twice_is_a_warning_that_names_it(skin):
     skin.steps[6] = skin.steps[2]
     skin.play(3.5)
     assert skin.status.level == DiagnosticStatus.WARN
-    assert skin.status.message.startswith("rows 2 and 6 read the same, cell for cell")
+    assert skin.status.message.startswith("rows 2 and 6: read the same, cell for cell")
 
 
 def test_a_stuck_address_bit_stops(skin):
     skin.steps = skin.steps[np.arange(8) & ~2]
     skin.play(3.5)
     assert skin.status.level == DiagnosticStatus.ERROR
-    assert "address bit 1 of the rows' multiplexer is stuck" in skin.status.message
+    assert "address bit 1 of the rows: stuck" in skin.status.message
 
 
 def test_lines_that_are_exchanged_while_it_runs_stop_until_they_are_put_right(skin):

@@ -10,7 +10,7 @@ from strangers.sim import counts, fabric, finger, touches
 
 from tactile_skin import Circuit, diagnose, identify, measure_rest
 from tactile_skin.bench.damage.chain import Chain
-from tactile_skin.calibration.doctor.advice import Change, is_safe
+from tactile_skin.health.doctor.advice import Change, is_safe
 
 PALM = 45.0  # N
 RATE = 20.0  # frames a second

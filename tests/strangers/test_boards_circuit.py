@@ -18,7 +18,6 @@ from tactile_skin import (
     identify,
     measure_rest,
 )
-from tactile_skin.findings.finding import Kind
 from tactile_skin.health.skin import Skin
 from tactile_skin.middleware.config import read_skin
 from tactile_skin.physics import readouts
@@ -137,7 +136,7 @@ def test_readings_at_the_end_of_the_range_are_said():
         force = finger((8, 8), 3, 3, 20.0) * (k > 50)
         steps = adc.count(forward(circuit, curve.resistance(force))) + rng.standard_normal((8, 8))
         skin.frame(k / 20.0, np.rint(16 * np.clip(steps, 0, 4095)).astype(np.uint16))
-    assert any(f.kind is Kind.AT_END for f in skin.findings()) and not skin.fault
+    assert any(f.form == "range" for f in skin.findings()) and not skin.fault
 
 
 def test_an_offset_is_no_stuck_bit():

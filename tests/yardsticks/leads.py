@@ -14,10 +14,9 @@ import argparse
 import numpy as np
 from yardsticks.doctor import Case
 
-from tactile_skin import diagnose, identify
-from tactile_skin.calibration.doctor import recorded
-from tactile_skin.calibration.doctor.findings import Finding
+from tactile_skin import Finding, diagnose, identify
 from tactile_skin.calibration.rest import measure_rest
+from tactile_skin.health.doctor import recorded
 
 HELD = 60  # touches that identify is given, at most
 

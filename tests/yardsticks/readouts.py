@@ -34,8 +34,8 @@ from tactile_skin import (
 from tactile_skin.bench.damage import streams as touches
 from tactile_skin.bench.damage.board import KNOTS, FaultBoard
 from tactile_skin.bench.measure import Clock, frames
-from tactile_skin.calibration.doctor import other_readout
 from tactile_skin.calibration.rest import resting_conductance
+from tactile_skin.health.doctor import other_readout
 from tactile_skin.learning import scenes
 from tactile_skin.physics import readouts
 from tactile_skin.physics.adc import Adc

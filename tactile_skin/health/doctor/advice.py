@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...calibration.rest import resting_conductance
+from ...calibration.touched import AT_REST, TOUCHED
 from ...physics.circuit import Circuit
 from ...physics.curve import PressureCurve
 from ...solvers import compensate
-from ..rest import resting_conductance
-from ..touched import AT_REST, TOUCHED
 
 _ALIKE = 4.0  # times the usual cell's conductance, either way, within which cells at rest lie
 _MAY_DIFFER = 0.34  # share of the cells that may lie beyond, as those of damaged lines do

@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...calibration.rest import REST_SPAN, resting_conductance
 from ...physics.circuit import Circuit
 from ...physics.curve import PressureCurve
 from ...physics.readouts import DRIVEN, PASSIVE
 from ...solvers import compensate
-from ..rest import REST_SPAN, resting_conductance
 from .advice import Change, is_safe, of_other_scale
 
 _EXPLAINED = 2.0  # times noise and model error up to which the configured readout may miss touches

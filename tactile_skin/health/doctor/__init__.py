@@ -1,6 +1,7 @@
 """What is wrong with a board, from a recording of its ordinary use: which wire, which cell.
 
-findings.py   each fault in words; circuits.py those of the circuit
+circuits.py   findings of the circuit; damaged.py of wires and cells. Words: findings/words.py
+unrested.py   whether the recording shows the skin at rest
 advice.py     what to enter, tried on the frames before it is proposed
 recorded.py   rest, noise and touches of the recording
 readout.py    another readout than the configured one
@@ -21,15 +22,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...calibration.rest import REST_SPAN, Rest, usual_resistance
+from ...findings.finding import Finding, Kind, lines
 from ...physics.circuit import Circuit
 from ...physics.readouts import DRIVEN
-from ...readings.processed import Kind, processed
-from ..rest import REST_SPAN, Rest, usual_resistance
-from . import circuits, converter, order, readings, readout, wiring
-from . import findings as texts
+from ...readings.processed import Kind as Done
+from ...readings.processed import processed
+from . import circuits, converter, damaged, order, readings, readout, wiring
 from .advice import Change, is_safe
 from .diode import unknown_diode
-from .findings import Finding
 from .recorded import Recorded, record
 from .series import in_series, touches_of
 from .unrested import unrested
@@ -81,7 +82,8 @@ def diagnose(
     seen = record(frames, circuit, rest)
     if finding := _processed(seen):
         return [finding]
-    if rest is None and not _at_an_end(seen) and (finding := unrested(seen)):
+    judged = rest is not None or _at_an_end(seen) or readings.leaping_bit(seen)
+    if not judged and (finding := unrested(seen)):
         turned = record(1.0 - frames, circuit, None)  # upside down, the calmest are the hardest
         return (not unrested(turned) and _upside_down(seen, turned, inverted)) or [finding]
     found = _diagnose(seen, series)
@@ -103,7 +105,7 @@ def _upside_down(seen: Recorded, turned: Recorded, inverted: bool) -> list[Findi
     if not len(touched.touches):
         return []
     found = _diagnose(turned, series=False)
-    of_other = [f for f in found[:1] if f.kind == "readout" and f.change]
+    of_other = [f for f in found[:1] if f.kind is Kind.READOUT and f.change]
     if not of_other and (found or readout.misses(circuit, touched) >= readout.FITS):
         falls = seen.fell > _FALLS or not len(seen.touches)
         if not (falls and turned.fell < _RISES and turned.returns >= _FALLING):
@@ -126,9 +128,14 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     if named and not fitting.of_own_cells:
         return [circuits.readout(circuit, fitting)]
     if bits := readings.stuck_bits(seen):
-        return [texts.bit(*bit) for bit in bits]
+        names = "bit", "kept", "share"
+        return [
+            Finding(Kind.BITS, "gap", numbers=dict(zip(names, bit, strict=True))) for bit in bits
+        ]
     if leaping := readings.leaping_bit(seen):
-        return [texts.leaping_bit(*leaping)]
+        bit, kept, noise = leaping
+        numbers = {"bit": bit, "kept": kept, "noise": noise, "width": 1 << bit}
+        return [Finding(Kind.BITS, "leaps", numbers=numbers)]
     votes = order.transposed(seen)
     if votes and (change := _other_way(seen, touched)):
         return [circuits.transposed(circuit, change, votes.touches, votes.share)]
@@ -136,19 +143,30 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
         return [circuits.readout(circuit, fitting)]
     found: list[Finding] = []
     if top := readings.ceiling(seen):
-        found.append(texts.ceiling(seen, *top))
+        height, count, of_cells = top
+        most = circuit.ratio(0.0) * circuit.full_scale
+        numbers = {"count": count, "cells": of_cells, "steps": height, "most": most}
+        found.append(Finding(Kind.SATURATION, numbers=numbers))
     unusable = set()  # (axis, line) whose readings say nothing of the fabric
     for axis, line, high, usual in readings.open_lines(seen):
-        found.append(texts.open_line(seen, axis, line, high, usual))
+        count = np.count_nonzero(seen.turned(axis, seen.read)[line])
+        numbers = {"count": count, "most": high, "usual": usual}
+        found.append(Finding(Kind.OPEN, **lines(axis, line), numbers=numbers))
         unusable.add((axis, line))
     loose = readings.loose_lines(seen)
     for axis, line, share in loose if len(loose) <= _LOOSE * sum(circuit.shape) else ():
         if (axis, line) not in unusable:
-            found.append(texts.contact(axis, line, share))
+            numbers = {"share": share}
+            found.append(Finding(Kind.CONTACT, "line", **lines(axis, line), numbers=numbers))
             unusable.add((axis, line))
     noisy_lines, noisy_cells = readings.noisy(seen, unusable)
-    found += [texts.noisy_line(seen, *line) for line in noisy_lines]
-    found += [texts.noisy_cell(seen, *cell) for cell in noisy_cells]
+    usual = seen.usual_noise
+    for axis, line, noise in noisy_lines:
+        numbers = {"noise": noise, "usual": usual}
+        found.append(Finding(Kind.NOISY, "line", **lines(axis, line), numbers=numbers))
+    for row, col, noise in noisy_cells:
+        numbers = {"noise": noise, "usual": usual}
+        found.append(Finding(Kind.NOISY, "cell", rows=(row,), cols=(col,), numbers=numbers))
     wires, rho, known = _wires(seen, unusable, found)
     if not known.any():
         return found
@@ -166,13 +184,17 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     for damage in damages:
         if damage.kind != "cell" or (damage.line, damage.at) not in quiet:
             ends = top is not None and readings.at_ceiling(seen, top[0])[damage.line, damage.at]
-            found.append(texts.damage(circuit, damage, wires.cell, damage.kind == "cell" and ends))
+            found.append(damaged.damage(circuit, damage, wires.cell, ends))
     odd = {(d.axis, d.line) for d in damages if d.kind != "cell"}
     pressed = {(d.line, d.at) for d in damages if d.kind == "cell" and d.size > 1.0}
     if top:  # beside such a cell, touches that end there are all alike
         odd |= {line for row, col in pressed for line in ((0, row), (1, col))}
     moved = order.misplaced(seen, unusable | odd, _cells(damages) | quiet, pressed)
-    found += [texts.misplaced(m) for m in moved]
+    for m in moved:
+        numbers = {"touches": m.touches, "share": m.share}
+        late = m.lines == (-1, -1)
+        of = {} if late else lines(m.axis, *m.lines)
+        found.append(Finding(Kind.SHIFTED if late else Kind.SWAPPED, **of, numbers=numbers))
     # With stripes that are cut or are not read it is another network.
     unread = len(pairs) > len(wires.joined) or wires.cut
     unread = unread or (wires.joined and circuit.readout != "floating")
@@ -259,12 +281,8 @@ def _silent(seen: Recorded) -> Finding | None:
     spread, moves = float(np.std(level)), float(np.ptp(seen.steps[:, cells], axis=0).max())
     if moves > 8.0 * noise + 4.0 or spread > _ONE_VOLTAGE * noise:
         return None
-    return Finding(
-        "no signal",
-        "all readings",
-        f"{level.mean():.1f} ADC steps throughout, within {moves:.1f}",
-        "Is the matrix connected, supplied, and was it touched? Measure the ADC's input",
-    )
+    numbers = {"steps": float(level.mean()), "moves": moves}
+    return Finding(Kind.NO_SIGNAL, "throughout", numbers=numbers)
 
 
 def _processed(seen: Recorded) -> Finding | None:
@@ -272,12 +290,12 @@ def _processed(seen: Recorded) -> Finding | None:
     cells = seen.steps[:, seen.read & seen.circuit.populated].astype(float)
     for steps in (cells, seen.circuit.full_scale - cells):
         done = processed(np.round(steps, _DECIMALS), seen.circuit.adc_bits)
-        if done and done.kind is not Kind.CEILING:
-            return texts.processed(done)
+        if done and done.kind is not Done.CEILING:
+            return Finding(Kind.ZEROS, detail=str(done))
         # a threshold, below which a reading is what an offset makes of 0
         done = processed(np.round(steps - steps.min(), _DECIMALS), seen.circuit.adc_bits)
-        if done and done.kind is Kind.THRESHOLD:
-            return texts.processed(done)
+        if done and done.kind is Done.THRESHOLD:
+            return Finding(Kind.ZEROS, detail=str(done))
     return None
 
 
@@ -288,7 +306,8 @@ def _at_an_end(seen: Recorded) -> Finding | None:
     for end in (0.0, full):
         at_end = np.abs(cells - end) < _HALF_STEP
         if np.median(at_end.mean(0)) > _AT_END:
-            return texts.at_an_end(end, float(at_end.mean()))
+            numbers = {"share": float(at_end.mean()), "steps": end}
+            return Finding(Kind.ZEROS, "at an end", numbers=numbers)
     return None
 
 
@@ -303,9 +322,9 @@ def _wires(seen: Recorded, unusable, found) -> tuple[wiring.Wires, np.ndarray, n
         seen.circuit, usual if 0.0 < usual < np.inf else _USUAL * seen.circuit.r_ref
     )
     for finding in found:
-        if finding.kind == "open":
-            for axis, lines in enumerate((finding.rows, finding.cols)):
-                for line in lines:
+        if finding.kind is Kind.OPEN:
+            for axis, of in enumerate((finding.rows, finding.cols)):
+                for line in of:
                     wires = wires.reading(axis, line, -1)
     return wires, wiring.measured_resistance(seen.circuit, adc), known
 
@@ -324,23 +343,23 @@ def _joined(seen: Recorded, wires: wiring.Wires, rho, known, pairs, found: list)
     for axis, a, b in pairs:
         touching = replace(wires, joined=[*wires.joined, (axis, a, b)])
         twice = wires.reading(axis, b, a)
-        lines = seen.turned(axis, known)[a]
+        read = seen.turned(axis, known)[a]
         off, short, double = (
-            seen.turned(axis, picture)[a, lines]
+            seen.turned(axis, picture)[a, read]
             for picture in (
                 log,
                 np.log(touching.resistance() / alone),
                 np.log(twice.resistance() / alone),
             )
         )
-        if lines.any() and abs(np.median(off - short)) < abs(np.median(off - double)):
+        if read.any() and abs(np.median(off - short)) < abs(np.median(off - double)):
             wires = touching
-            found.append(texts.short(seen, axis, a, b))
+            found.append(Finding(Kind.SHORT, "lines", **lines(axis, a, b)))
         else:
             wires = twice
             doubled[axis].append((a, b))
         taken.add((axis, b))
         seen.turned(axis, known)[b] = False
     for axis in (0, 1):
-        found += texts.doubled(seen, axis, doubled[axis])
+        found += damaged.doubled(axis, seen.circuit.shape[axis], doubled[axis])
     return wires, taken

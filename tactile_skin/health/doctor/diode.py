@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...calibration.evidence import SOFT, Supposed
+from ...calibration.rest import Rest, resting_conductance
 from ...physics.adc import Adc
 from ...physics.circuit import Circuit
 from ...solvers.score import series_scale
-from ..evidence import SOFT, Supposed
-from ..rest import Rest, resting_conductance
 from .readout import Touched
 
 _SUPPLY = 5.0  # V that is supposed: with another supply the same share of it is found

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import label
 
-from ..rest import resting_conductance
-from .findings import Finding
-from .recorded import Recorded, line_name, loose
+from ...calibration.rest import resting_conductance
+from ...findings.finding import Finding, Kind, at
+from .recorded import Recorded, loose
 
 # A cell moves where its calm readings differ by so many times what they change from frame to frame,
 # and so many ADC steps besides: noise does not, nor does a bad contact. So many cells do.
@@ -19,10 +19,6 @@ _MOVING = 3
 _LOADED = 1.6
 _PIECE = 4
 _OF_A_LINE = 0.9
-_REMEDY = (
-    "Nothing else is judged without a rest: take off what lies there, leave the skin alone for a "
-    "third of the time and press everywhere between, or give rest:=FILE of the untouched skin"
-)
 
 
 def unrested(seen: Recorded) -> Finding | None:
@@ -32,23 +28,14 @@ def unrested(seen: Recorded) -> Finding | None:
         seen.turned(axis, cells)[loose(seen.closed[axis])] = False
     moving = cells & (seen.noise > _SLOWLY * seen.flicker + _LEAST)
     if np.count_nonzero(moving) >= _MOVING:
-        return Finding(
-            "too little seen",
-            "rest",
-            f"{np.count_nonzero(moving)} of {np.count_nonzero(cells)} cells move while least "
-            "touches the skin: it was never left alone",
-            _REMEDY,
-        )
+        numbers = {"count": np.count_nonzero(moving), "cells": np.count_nonzero(cells)}
+        return Finding(Kind.TOO_LITTLE_SEEN, "moves", numbers=numbers)
     standing = _standing(seen, cells)
     if not standing.any():
         return None
-    rows, cols = np.nonzero(standing)
-    middle = f"{line_name(0, int(rows.mean()))}, {line_name(1, int(cols.mean()))}"
+    middle = at(np.argwhere(standing).mean(0))
     return Finding(
-        "too little seen",
-        "rest",
-        f"something lies on {rows.size} cells in all frames, about {middle}",
-        _REMEDY,
+        Kind.TOO_LITTLE_SEEN, "lies", **middle, numbers={"count": np.count_nonzero(standing)}
     )
 
 

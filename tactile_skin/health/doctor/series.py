@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...calibration.identify import identify
+from ...calibration.rest import Rest, resting_conductance
+from ...findings.finding import Finding
 from ...physics.circuit import Circuit
 from ...solvers.score import series_scale
-from ..identify import identify
-from ..rest import Rest, resting_conductance
 from . import circuits, wiring
-from .findings import Finding
 from .recorded import Recorded
 
 # Cells, in all touches together, that identify is asked about: it takes 0.1 s for 256. At least

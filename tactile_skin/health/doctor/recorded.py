@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
+from ...calibration.rest import Rest, check_frames
 from ...physics.circuit import Circuit
 from ...physics.readouts import apparent
-from ..rest import Rest, check_frames
 
 _QUIET = 0.15  # share of the frames, the calmest ones, that count as untouched
 _FEWEST = 20  # frames that a recording has at least

@@ -1,0 +1,79 @@
+"""Fills the words of findings in: places, numbers, and the table of all words."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from .words import WORDS, Words
+
+if TYPE_CHECKING:
+    from .finding import Finding
+
+_NAMED = 4  # lines, or cells, that are named one by one
+_ORDER = {key: k for k, key in enumerate(WORDS)}
+_FIELD = re.compile(r"\{[^}]*\}")
+
+
+def _key(finding: Finding) -> tuple[str, str]:
+    return finding.kind.value, finding.form
+
+
+def of(finding: Finding) -> Words:
+    """Return the words of a finding's kind and form.
+
+    Raises:
+        KeyError: there are none.
+    """
+    return WORDS[_key(finding)]
+
+
+def rank(finding: Finding) -> int:
+    """Return its place in the order in which findings are said."""
+    return _ORDER[_key(finding)]
+
+
+def fill(finding: Finding, template: str) -> str:
+    """Return a template with a finding's place, numbers and detail."""
+    rows, cols = finding.rows, finding.cols
+    return template.format(
+        at=place(rows, cols),
+        line="row" if rows else "column",
+        across="column" if rows else "row",
+        bits=_bits(rows or cols),
+        detail=finding.detail,
+        **finding.numbers,
+    )
+
+
+def place(rows: tuple[int, ...], cols: tuple[int, ...]) -> str:
+    """Return the name of lines, or of cells if there are as many rows as columns."""
+    if rows and cols:
+        return _list([f"row {r}, column {c}" for r, c in zip(rows, cols, strict=True)])
+    name, lines = ("row", rows) if rows else ("column", cols)
+    if len(lines) == 1:
+        return f"{name} {lines[0]}"
+    return f"{name}s {_list([str(k) for k in lines])}"
+
+
+def _list(names: list[str]) -> str:
+    if len(names) > _NAMED:
+        names = [*names[: _NAMED - 1], f"{len(names) - _NAMED + 1} more"]
+    return " and ".join(names)
+
+
+def _bits(lines: tuple[int, ...]) -> str:
+    """Return which address bits: lines that differ in one of them only are the first and 2^bit."""
+    bits = [str(k.bit_length() - 1) for k in lines[1:]]
+    return f"bit{'s' if bits[1:] else ''} {_list(bits)}"
+
+
+def table() -> str:
+    """Return all words as a table of Markdown, for docs/troubleshooting.md."""
+    rows = ["| what is said | what to do |", "|---|---|"]
+    for where, evidence, remedy in WORDS.values():
+        said = f"{where}: {evidence}" if where else evidence
+        if not _FIELD.sub("", said).strip(": ."):  # all of it is worked out elsewhere
+            continue
+        rows.append(f"| `{_FIELD.sub('...', said)}` | {_FIELD.sub('...', remedy)} |")
+    return "\n".join(rows)

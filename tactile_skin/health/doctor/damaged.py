@@ -1,0 +1,70 @@
+"""Findings of damaged wires and cells."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...findings.finding import Finding, Kind, lines
+from ...physics.circuit import Circuit
+from .recorded import line_name
+from .wiring import Damage
+
+# Ohm of a crossing, below which it is no pressed cell but a short: one of 1 ohm seems to have up to
+# 40 where r_ref or r_par is 10 % off.
+_SHORT = 60.0
+
+
+def doubled(axis: int, count: int, pairs: list[tuple[int, int]]) -> list[Finding]:
+    """Return address bits that are stuck, or the pairs of lines of which one is read twice.
+
+    Args:
+        count: of lines.
+    """
+    found = []
+    for bit in range((count - 1).bit_length()):
+        apart = 1 << bit
+        expected = {(k, k | apart) for k in range(count) if not k & apart and k | apart < count}
+        if len(pairs) > 1 and expected <= set(pairs):
+            name = ("rows", "columns")[axis]
+            alike = f"{name} {', '.join(f'{a} and {b}' for a, b in sorted(expected))}"
+            of = lines(axis, *range(count))
+            found.append(
+                Finding(Kind.DOUBLED, "address bit", **of, numbers={"bit": bit}, detail=alike)
+            )
+    return found or [Finding(Kind.DOUBLED, **lines(axis, *pair)) for pair in pairs]
+
+
+def damage(circuit: Circuit, damage: Damage, cell: float, ends: bool = False) -> Finding:
+    """Return the finding of a damage.
+
+    Args:
+        cell: resistance of an untouched cell [ohm].
+        ends: whether the cell's reading is at the ceiling, so that it may conduct more.
+    """
+    if damage.kind == "cell":
+        return _cell(circuit, damage, cell, ends)
+    of = lines(damage.axis, damage.line)
+    if damage.kind == "lead":
+        return Finding(Kind.LEAD, **of, numbers={"ohm": damage.size, "std": damage.std})
+    if damage.kind == "broken":
+        return Finding(Kind.BROKEN, **of, numbers={"before": damage.at, "last": damage.at - 1})
+    if not np.isfinite(damage.size):
+        return Finding(Kind.RESISTOR, "missing", **of)
+    return Finding(Kind.RESISTOR, **of, numbers={"ohm": damage.size, "supposed": circuit.r_ref})
+
+
+def _cell(circuit: Circuit, damage: Damage, cell: float, ends: bool) -> Finding:
+    row, col = damage.line, damage.at
+    of = {"rows": (row,), "cols": (col,)}
+    ohm = cell / max(damage.size, 1e-9)
+    if damage.size == 0.0:
+        last = [
+            f"; {line_name(axis, line)} may be cut before it"
+            for axis, line, at, end in ((0, row, col, circuit.cols), (1, col, row, circuit.rows))
+            if at == end - 1
+        ]
+        return Finding(Kind.DEAD, **of, numbers={"usual": cell}, detail="".join(last))
+    kind, form = (Kind.STUCK, "at the end" if ends else "")
+    if ohm < _SHORT:
+        kind, form = Kind.SHORT, "cell"
+    return Finding(kind, form, **of, numbers={"ohm": ohm, "usual": cell})
