@@ -12,7 +12,9 @@ if TYPE_CHECKING:
 
 _NAMED = 4  # lines, or cells, that are named one by one
 _ORDER = {key: k for k, key in enumerate(WORDS)}
-_FIELD = re.compile(r"\{[^}]*\}")
+_FIELD = re.compile(r"\{(\w+)[^}]*\}")
+_EXAMPLES = {"at": "row 2", "line": "row", "across": "column", "bits": "bit 1", "detail": "..."}
+_EXAMPLES |= {"settings": "..."}
 
 
 def _key(finding: Finding) -> tuple[str, str]:
@@ -70,10 +72,16 @@ def _bits(lines: tuple[int, ...]) -> str:
 
 def table() -> str:
     """Return all words as a table of Markdown, for docs/troubleshooting.md."""
-    rows = ["| what is said | what to do |", "|---|---|"]
+    remedies: dict[str, list[str]] = {}
     for where, evidence, remedy in WORDS.values():
         said = f"{where}: {evidence}" if where else evidence
-        if not _FIELD.sub("", said).strip(": ."):  # all of it is worked out elsewhere
+        if said == "{detail}":  # all of it is worked out elsewhere
             continue
-        rows.append(f"| `{_FIELD.sub('...', said)}` | {_FIELD.sub('...', remedy)} |")
-    return "\n".join(rows)
+        remedies.setdefault(_example(said), []).append(_example(remedy))
+    rows = [f"| `{said}` | {' Or: '.join(dict.fromkeys(of))} |" for said, of in remedies.items()]
+    return "\n".join(["| what is said | what to do |", "|---|---|", *rows])
+
+
+def _example(template: str) -> str:
+    """Return a template with examples of places, and N for each number."""
+    return _FIELD.sub(lambda field: _EXAMPLES.get(field[1], "N"), template)

@@ -36,7 +36,6 @@ from .series import in_series, touches_of
 from .unrested import unrested
 
 _AGREEING = 24  # hardest touches that must agree where the lines may be driven through diodes
-_LOOSE = 0.25  # of all lines at most come and go: more are touches on a skin that never rests
 _USUAL = 22.5  # times r_ref that a cell has, where the readings tell none: the paper's
 _READ = 12, 4  # hardest touches that the readout is judged by, without `series`
 _FELL = 0.5  # share of all change that is a fall from which on readings may be upside down
@@ -147,26 +146,12 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
         most = circuit.ratio(0.0) * circuit.full_scale
         numbers = {"count": count, "cells": of_cells, "steps": height, "most": most}
         found.append(Finding(Kind.SATURATION, numbers=numbers))
-    unusable = set()  # (axis, line) whose readings say nothing of the fabric
-    for axis, line, high, usual in readings.open_lines(seen):
-        count = np.count_nonzero(seen.turned(axis, seen.read)[line])
-        numbers = {"count": count, "most": high, "usual": usual}
-        found.append(Finding(Kind.OPEN, **lines(axis, line), numbers=numbers))
-        unusable.add((axis, line))
-    loose = readings.loose_lines(seen)
-    for axis, line, share in loose if len(loose) <= _LOOSE * sum(circuit.shape) else ():
-        if (axis, line) not in unusable:
-            numbers = {"share": share}
-            found.append(Finding(Kind.CONTACT, "line", **lines(axis, line), numbers=numbers))
-            unusable.add((axis, line))
-    noisy_lines, noisy_cells = readings.noisy(seen, unusable)
-    usual = seen.usual_noise
-    for axis, line, noise in noisy_lines:
-        numbers = {"noise": noise, "usual": usual}
-        found.append(Finding(Kind.NOISY, "line", **lines(axis, line), numbers=numbers))
-    for row, col, noise in noisy_cells:
-        numbers = {"noise": noise, "usual": usual}
-        found.append(Finding(Kind.NOISY, "cell", rows=(row,), cols=(col,), numbers=numbers))
+    unusable: set[tuple[int, int]] = set()  # (axis, line) whose readings say nothing of the fabric
+    for check in damaged.CHECKS:
+        new = check(seen, unusable)
+        found += new
+        unusable |= {at for f in new if f.kind is not Kind.NOISY for at in damaged.whole_lines(f)}
+    noisy = [f for f in found if f.kind is Kind.NOISY]
     wires, rho, known = _wires(seen, unusable, found)
     if not known.any():
         return found
@@ -177,7 +162,7 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     except np.linalg.LinAlgError:  # whatever the cells, this circuit does not read so
         return found or _explained(circuit, fitting)
     unusable |= pairs
-    quiet = {(row, col) for row, col, _ in noisy_cells}
+    quiet = {(f.rows[0], f.cols[0]) for f in noisy if f.rows and f.cols}
     for axis, a, b in wires.joined:  # a cell of lines that touch may be on either
         swap = {a: b, b: a}
         quiet |= {(swap.get(r, r), c) if axis == 0 else (r, swap.get(c, c)) for r, c in quiet}
@@ -206,10 +191,10 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
         if share := unknown_diode(circuit, touched, int(np.count_nonzero(seen.quiet))):
             return [circuits.diode(share)]
     if series and not (unread or top or wires.cells.max() > REST_SPAN):
-        noisy = {line[:2] for line in noisy_lines}
+        skip = unusable | {at for f in noisy for at in damaged.whole_lines(f)}
         if circuit.readout != "floating":  # where a lead is not in series with each reading
-            noisy |= beside
-        found += in_series(seen, unusable | noisy, quiet, wires)
+            skip |= beside
+        found += in_series(seen, skip, quiet, wires)
     if found or not series:
         return found
     if table := converter.other(circuit, touched):

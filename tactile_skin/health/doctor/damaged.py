@@ -1,17 +1,69 @@
-"""Findings of damaged wires and cells."""
+"""Findings of damaged wires and cells.
+
+A check of a recording is a function in `CHECKS`: what is recorded, and (axis, line) of lines that
+earlier ones found unusable -> findings. Its words stand in findings/words.py.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
 from ...findings.finding import Finding, Kind, lines
 from ...physics.circuit import Circuit
-from .recorded import line_name
+from . import readings
+from .recorded import Recorded, line_name
 from .wiring import Damage
 
 # Ohm of a crossing, below which it is no pressed cell but a short: one of 1 ohm seems to have up to
 # 40 where r_ref or r_par is 10 % off.
 _SHORT = 60.0
+_LOOSE = 0.25  # of all lines at most come and go: more are touches on a skin that never rests
+
+
+def open_lines(seen: Recorded, skip: set) -> list[Finding]:
+    """Return lines of which no reading rises."""
+    found = []
+    for axis, line, high, usual in readings.open_lines(seen):
+        count = np.count_nonzero(seen.turned(axis, seen.read)[line])
+        numbers = {"count": count, "most": high, "usual": usual}
+        found.append(Finding(Kind.OPEN, **lines(axis, line), numbers=numbers))
+    return found
+
+
+def loose_lines(seen: Recorded, skip: set) -> list[Finding]:
+    """Return lines that are open in some frames."""
+    loose = readings.loose_lines(seen)
+    if len(loose) > _LOOSE * sum(seen.circuit.shape):
+        return []
+    return [
+        Finding(Kind.CONTACT, "line", **lines(axis, line), numbers={"share": share})
+        for axis, line, share in loose
+        if (axis, line) not in skip
+    ]
+
+
+def noisy(seen: Recorded, skip: set) -> list[Finding]:
+    """Return lines and cells with much more noise than the others."""
+    in_lines, in_cells = readings.noisy(seen, skip)
+    places = [("line", lines(axis, line), noise) for axis, line, noise in in_lines]
+    places += [("cell", {"rows": (r,), "cols": (c,)}, noise) for r, c, noise in in_cells]
+    return [
+        Finding(Kind.NOISY, form, **of, numbers={"noise": noise, "usual": seen.usual_noise})
+        for form, of, noise in places
+    ]
+
+
+Check = Callable[[Recorded, set[tuple[int, int]]], list[Finding]]
+CHECKS: list[Check] = [open_lines, loose_lines, noisy]
+
+
+def whole_lines(finding: Finding) -> set[tuple[int, int]]:
+    """Return (axis, line) of each line that a finding is about; none if it is about a cell."""
+    if finding.rows and finding.cols:
+        return set()
+    return {(0, k) for k in finding.rows} | {(1, k) for k in finding.cols}
 
 
 def doubled(axis: int, count: int, pairs: list[tuple[int, int]]) -> list[Finding]:
