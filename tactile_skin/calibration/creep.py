@@ -27,7 +27,8 @@ _STEPS = 20  # frames a decade of time, means of those that were read
 _LOADED = 0.1  # of the most loaded cell, from which on a cell is used
 _STOOD = 0.7  # of the usual reading, above which the object is there
 _TIMES = 10.0 ** np.arange(-1.0, 1.01, 0.1)  # s that are tried as `Creep.time`
-_USUAL, _SPREAD = 1.0, 0.5  # s, and standard deviation of its log10, before anything is measured
+_USUAL = 1.0  # s, of `Creep.time`, before anything is measured
+_SPREAD = 0.5  # standard deviation of its log10
 _ERROR = 5e-4  # share of the conductance by which a mean frame errs at least
 
 

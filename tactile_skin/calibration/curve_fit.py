@@ -23,9 +23,10 @@ from .totals import Totals
 
 _FEWEST = 3  # weights
 _LIGHTLY = 0.25  # times its conductance at rest that the first knot adds to a cell
-# An object is odd if the others say another weight by this factor, and by so many of the standard
-# deviations that they have; the worst candidates are tried. At most a third can be odd.
-_ODD, _ODD_STD, _CANDIDATES, _ODD_SHARE = 1.3, 4.0, 3, 1.0 / 3.0
+_ODD = 1.3  # factor by which the others say another weight of an odd object,
+_ODD_STD = 4.0  # and standard deviations that they have
+_CANDIDATES = 3  # for the odd ones, the worst, that are tried
+_ODD_SHARE = 1.0 / 3.0  # of the objects at most can be odd
 # RMS error of a total on boards that scatter, creep and bend their curve, and standard deviation of
 # its logarithm from one such board to the next (tests/yardsticks/curve_fit.py, seeds 2200 to 2269).
 _USUAL_ERROR = 0.026
@@ -33,10 +34,12 @@ _USUAL_SPREAD = 0.15
 _ERRORS = np.geomspace(0.005, 1.0, 500)  # that are tried: better than any skin, and useless
 _LEAST_TOTAL = 1e-3  # of the weight that is given, that others may say: odd enough
 _NARROW = 2.0  # largest over smallest weight up to which the shape is hardly told
-MAX_LAG, _LAG_STEP = 2.0, 0.01  # s that a reference may be early or late; in which it is looked for
+MAX_LAG = 2.0  # s that a reference may be early or late,
+_LAG_STEP = 0.01  # s, in steps of which that is looked for
 _FOLLOWS = 0.5  # correlation of its root, which a sum of readings is like, with the skin, at least
 _TOUCHED = 8.0  # times the noise from which on a reading is touched
-_LIGHTEST, _MOST_FRAMES = 0.02, 100  # of its largest force, from which on frames are used; so many
+_LIGHTEST = 0.02  # of a reference's largest force, from which on frames are used,
+_MOST_FRAMES = 100  # at most so many
 _SHORTEST = 3.0  # s of it
 POOR = 0.1  # error from which on a word is due
 

@@ -23,19 +23,22 @@ _EVIDENT = 20.0
 # The same, of a cell whose neighbours are unknown, too: fabric and cover carry 0.5 % of a touch to
 # them (paper section IV), which is 5 % of their rest. And where touches have soft rims: with those
 # of fingers held at rest, r_par would be found 1 % too high.
-HARD, SOFT = 10.0, 2.0
+HARD = 10.0
+SOFT = 2.0
 _FULL = 0.75  # share of touched cells from which on too few readings are left to ask
 # Standard deviations by which a cell that is held at rest must want to conduct more to be touched,
 # and how often such cells are sought. Noise must not choose them: a limit on a noisy estimate frees
 # cells that read too high; those left, which read too low, make r_par seem 1 % too small.
-_Z, _SEARCHES = 3.5, 3
+_Z = 3.5
+_SEARCHES = 3
 _HIDDEN = 1e-3  # share of a cell's squared pattern below which the others can take it
 # chi^2 a reading, that no other r_par or r_line takes, beyond which a frame is of no use.
 _EXPLAINED = 30.0
 # Share of a reading by which the circuit's model misses a sound skin's beyond the noise (creep,
 # scans in turn), and standard deviations from which a misfit counts less than its square: that of a
 # bad contact, say.
-_MODEL, _ODD = 0.0005, 3.0
+_MODEL = 0.0005
+_ODD = 3.0
 _CUT_OFF = 3.0  # ADC steps from the converter's ends within which a reading's noise is cut off
 _START_STEPS = 60  # of the fixed point, to one ADC step RMS
 _STEPS = 6  # of Levenberg and Marquardt, a frame and search of touched cells; the next goes on
@@ -44,7 +47,8 @@ HARDEST = 0.002  # times r_ref that a cell has at least: 20 ohm beside 10 kohm
 _ANY = 3.0  # standard deviation of a touched cell's log conductance: nothing is known of it
 # Times the noise, RMS: by which a frame may differ from the one before, since a touch that moves is
 # read row by row; and by which it differs from the last that was asked.
-_STANDS, _NEW = 2.5, 4.0
+_STANDS = 2.5
+_NEW = 4.0
 
 
 def stands_anew(adc, before, last, noise: float) -> bool:

@@ -36,7 +36,8 @@ _PRIOR = {"r_par": 0.2, "r_line": 8.0, "r_drive": 50.0}
 TOLD = {"r_par": 0.03, "r_line": 4.0, "r_drive": 4.0}  # the same, below which it is told
 # What is supposed of r_par is off so evidently, by standard deviations and by the share of what is
 # found, that a rough value is better; soft rims alone make it 20 % too high.
-_EVIDENT, _FAR = 8.0, 0.5
+_EVIDENT = 8.0
+_FAR = 0.5
 _FEWEST = 3  # frames; with fewer one odd touch decides
 _NOISE = 0.3  # ADC steps at least: of rounding
 _STOPPED = 4  # readings of touches at the same largest height: the converter's end

@@ -14,15 +14,21 @@ from ..solvers.reading import MAX_NOISE
 
 REST_SPAN = 500.0  # times the usual cell's resistance, either way, that a cell at rest may have
 # (one that stays pressed, or is dead)
-_STILL = 8.0, 0.02  # times the noise, and share of a reading, by which a reading may stray
-_NOISY = 4.0, 2.0  # times the usual noise, and ADC steps, beyond which a reading is noisy
+_STILL = 8.0  # times the noise by which a reading may stray, and
+_STILL_SHARE = 0.02  # share of the reading
+_NOISY = 4.0  # times the usual noise beyond which a reading is noisy, and
+_NOISY_STEPS = 2.0  # ADC steps
 _DRIFT = 7.0  # times the noise of a third of the frames, from the first third to the last
 _COMMON = 0.03  # of a reading, the same of all cells
-_MOST = 3, 0.05  # readings, or share of the cells if that is more, that may be noisy
+_MOST = 3  # readings that may be noisy, or
+_MOST_SHARE = 0.05  # of the cells, if that is more
 # Share of what a cell's change would change in its row and column, from which on it is a cell that
-# changed, not its reading alone. A loose one comes and goes by so much of the usual cell's
-# conductance, and so many times; what touches changes more.
-_CARRIED, _LOOSE, _TIMES = 0.3, 1.2, 4
+# changed, not its reading alone.
+_CARRIED = 0.3
+# A loose one comes and goes by so much of the usual cell's conductance, and so many times; what
+# touches changes more.
+_LOOSE = 1.2
+_TIMES = 4
 _TOGETHER = 0.7  # correlation from which on two neighbours move together
 _STD_OVER_MEAN = 3.08  # standard deviation over the mean of the smaller half, normal distribution
 _ROUNDS = 3  # in which the readings of noisy cells are put in place
@@ -119,7 +125,7 @@ def _noisy_cells(off: np.ndarray, middle: np.ndarray, circuit: Circuit) -> tuple
     """
     _check_drift(off, middle, circuit)
     noise, left = _noise(off[:, circuit.populated]), off.copy()
-    most = max(_MOST[0], int(_MOST[1] * np.count_nonzero(circuit.populated)))
+    most = max(_MOST, int(_MOST_SHARE * np.count_nonzero(circuit.populated)))
     found: list[tuple[int, int]] = []
     while (strays := _strays(left, middle * circuit.full_scale, noise, found)).any():
         power = np.where(strays, np.square(left).sum(0), -1.0)
@@ -179,10 +185,10 @@ def _drift(off: np.ndarray) -> np.ndarray:
 
 def _strays(off: np.ndarray, steps: np.ndarray, noise: float, found: list) -> np.ndarray:
     """(rows, cols) bool, readings that scatter, leave the others, or drift, but for those found."""
-    strays = np.abs(off).max(0) > _STILL[0] * max(noise, 1.0) + _STILL[1] * steps
-    strays |= np.square(off).mean(0) ** 0.5 > max(_NOISY[0] * noise, _NOISY[1])
-    strays |= np.abs(_drift(off)) > _DRIFT * noise / (len(off) / 3) ** 0.5 + _NOISY[1] + (
-        _STILL[1] * steps
+    strays = np.abs(off).max(0) > _STILL * max(noise, 1.0) + _STILL_SHARE * steps
+    strays |= np.square(off).mean(0) ** 0.5 > max(_NOISY * noise, _NOISY_STEPS)
+    strays |= np.abs(_drift(off)) > _DRIFT * noise / (len(off) / 3) ** 0.5 + _NOISY_STEPS + (
+        _STILL_SHARE * steps
     )
     return strays & ~_mask(found, steps.shape)
 

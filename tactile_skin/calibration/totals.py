@@ -15,9 +15,11 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 # The slope of each ramp over that of the one before is 1 to within a step; how far the cells' gains
 # scatter; relative noise of a total besides. What is tried, and the most probable taken.
 _STEPS = 0.03, 0.06, 0.12, 0.25, 0.5
-_SCATTERS, _NOISES = (0.02, 0.04, 0.08, 0.16, 0.32), (0.005, 0.01, 0.02, 0.04, 0.08)
-_USUAL_SCATTER, _USUAL_NOISE = 0.1, 0.012  # and standard deviation of the logarithm of both:
-_SPREAD = 0.7
+_SCATTERS = 0.02, 0.04, 0.08, 0.16, 0.32
+_NOISES = 0.005, 0.01, 0.02, 0.04, 0.08
+_USUAL_SCATTER = 0.1
+_USUAL_NOISE = 0.012
+_SPREAD = 0.7  # standard deviation of the logarithm of both
 _LEVEL = 0.5  # standard deviation of the first slope over the median level
 _LEAST = 0.02  # times the median level that a slope has at least: the curve must rise
 _LEAST_GAIN = 0.2  # of a cell that conducts at all

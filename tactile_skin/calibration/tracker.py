@@ -19,15 +19,17 @@ from .rest import Rest
 _KEPT = 24  # touches: the latest, since boards warm up and connectors age
 _ENOUGH = 3  # touches that may change what is known
 _LATEST = 6  # of them that may overrule it
-# s that a stretch waits for a pause between touches; and for more of it, while a stop gives time
-_PATIENCE, _STOPPED = 2.0, 0.15
+_PATIENCE = 2.0  # s that a stretch waits for a pause between touches,
+_STOPPED = 0.15  # and for more of it, while a stop gives time
 _KNOWN = 0.06  # of `series_scale`: standard deviation from which on r_par is known
 # Standard deviations by which the configuration must be wrong; and what was learnt since.
-_SURE, _REFINED = 5.0, 2.0
+_SURE = 5.0
+_REFINED = 2.0
 # The same, from which on it is said: single touches of sound boards (8 x 8 to 16 x 16, seed 33301)
 # were off by 2.2 at most.
 _LIKELY = 3.0
-_RELEVANT = 0.02, 1.5  # of `series_scale`, and ohm of the other: less changes no picture
+_RELEVANT = 0.02  # of `series_scale`: less changes no picture,
+_RELEVANT_OTHER = 1.5  # ohm, of r_line and r_drive
 _EXPLAINED = 3.0  # chi^2 a reading, in the median frame, beyond which there is another fault
 # Beside the configured r_par, as share of it, or of `MIN_SCALE` r_ref, if that is more: of a loaded
 # matrix, where r_ref changes nothing of it, only above; ohm of the others: a multiplexer that
@@ -35,7 +37,8 @@ _EXPLAINED = 3.0  # chi^2 a reading, in the median frame, beyond which there is 
 _POSSIBLE = {"r_par": 0.5, "r_line": 60.0, "r_drive": 1050.0}
 # Ohm by which r_drive may exceed what is configured as long as nothing tells: that of an Arduino's
 # pin (data sheet of the ATmega328P); what `identify` tells it to, where the skin was calibrated.
-_DRIVE, _DRIVE_CALIBRATED = 25.0, 4.0
+_DRIVE = 25.0
+_DRIVE_CALIBRATED = 4.0
 _REST_FRAMES = 40  # that a measurement of the rest takes, see tare.py
 
 
@@ -260,7 +263,7 @@ class CircuitTracker:
     @property
     def _relevant(self) -> np.ndarray:
         """(2,) [ohm]"""
-        return np.array([_RELEVANT[0] * series_scale(self._configured), _RELEVANT[1]])
+        return np.array([_RELEVANT * series_scale(self._configured), _RELEVANT_OTHER])
 
     def _beyond(self, off: np.ndarray) -> bool:
         """Whether no board is (2,) ohm off beside the configuration."""

@@ -33,9 +33,7 @@ _FALL = 0.05  # log conductance lost from which on a push may be hidden: it stop
 _EVEN = 0.1  # if all cells have lost as much, but for this share
 _KEPT = 60.0  # s: by then touches have told another r_par, and a drift has been followed
 _CELLS = 4  # of a line, at least, by which lines are compared
-_OWN = (
-    40.0  # sum of squares, in standard deviations of noise, by which it differs from its own line
-)
+_OWN = 40.0  # sum of squares [noise squared] by which it differs from its own line
 _LEFT_BEHIND = 0.25  # share of its cells that a touch may have left behind: they do not count
 _OTHER = 4.0  # standard deviations of chi^2 up to which it is the other line
 # The same, up to which no third one may be: on even fabric lines are alike, and one that something

@@ -37,11 +37,14 @@ from .unrested import unrested
 
 _AGREEING = 24  # hardest touches that must agree where the lines may be driven through diodes
 _USUAL = 22.5  # times r_ref that a cell has, where the readings tell none: the paper's
-_READ = 12, 4  # hardest touches that the readout is judged by, without `series`
+_READ = 12  # hardest touches that the readout is judged by,
+_READ_SHORTLY = 4  # without `series`
 _FELL = 0.5  # share of all change that is a fall from which on readings may be upside down
 # Where no circuit tells, they are if so much of it is one, so little the other way round, and so
 # many touches say so: on sound boards hardly any change is a fall.
-_FALLS, _RISES, _FALLING = 0.8, 0.2, 3
+_FALLS = 0.8
+_RISES = 0.2
+_FALLING = 3
 _ONE_VOLTAGE = 4.0  # times the noise within which all readings are one voltage
 _MOST_NOISE = 0.01  # of full scale: what moves more is no noise
 # Share of the usual cell's readings that stand at one end of the range, from which on they are not
@@ -88,7 +91,7 @@ def diagnose(
     found = _diagnose(seen, series)
     sound = not found and len(seen.touches)
     if sound and (
-        seen.fell < _FELL or readout.misses(circuit, _touched(seen, _READ[1])) < readout.FITS
+        seen.fell < _FELL or readout.misses(circuit, _touched(seen, _READ_SHORTLY)) < readout.FITS
     ):
         return found
     return _upside_down(seen, record(1.0 - frames, circuit, None), inverted) or found
@@ -100,7 +103,7 @@ def _upside_down(seen: Recorded, turned: Recorded, inverted: bool) -> list[Findi
     Args:
         turned: of 1 minus the readings.
     """
-    circuit, touched = seen.circuit, _touched(turned, _READ[1])
+    circuit, touched = seen.circuit, _touched(turned, _READ_SHORTLY)
     if not len(touched.touches):
         return []
     found = _diagnose(turned, series=False)
@@ -121,7 +124,7 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     circuit = seen.circuit
     if finding := _silent(seen) or _at_an_end(seen):
         return [finding]
-    touched = _touched(seen, _READ[0 if series else 1])
+    touched = _touched(seen, _READ if series else _READ_SHORTLY)
     fitting = readout.other(circuit, touched)
     named = fitting and any(c.circuit.r_par == circuit.r_par for c in fitting.changes)
     if named and not fitting.of_own_cells:

@@ -21,11 +21,13 @@ from .readout import Touched
 _SUPPLY = 5.0  # V that is supposed: with another supply the same share of it is found
 # V at 1 mA, of that supply, which are tried: from Schottky diodes to silicon ones at 3.3 V. What is
 # found is right to half of the last step.
-_VOLTS, _STEPS = np.arange(0.06, 0.96, 0.06), (0.03, 0.015)
+_VOLTS = np.arange(0.06, 0.96, 0.06)
+_STEPS = 0.03, 0.015
 # Touches agree if the r_par that each asks for scatters (in squared standard deviations), and
 # differs from the configured one (as share of `series_scale`), by no more: on 8 boards (seeds 21
 # and 22) by 2.3 and 0.06 at most where the diode is known, by 3.5 or 0.18 at least where it is not.
-_AGREE, _OFF = 3.0, 0.1
+_AGREE = 3.0
+_OFF = 0.1
 _FEWEST = 6  # touches; with 8 one of five boards of 8 x 8 (seeds 51 to 57) was not told
 _R_PAR_STEPS = 3  # to the r_par that touches ask for
 _ALL = 0.9  # share of the touches that any diode explains, that the right one does

@@ -14,16 +14,20 @@ import numpy as np
 from .recorded import Recorded
 
 # RMS by which two lines that read alike differ at rest: times the noise of a mean, and ADC steps.
-_EQUAL, _ROUNDING = 4.0, 0.15
+_EQUAL = 4.0
+_ROUNDING = 0.15
 _DIRECTLY = 0.25  # share of the most raised line's rise: less comes through the others
 _TOUCHED = 8.0  # times the noise by which a touch raises a line
 # Touches that it takes: where the rest shows that the two are one, and where it is too noisy for
-# that, as of a short recording: a palm raises two lines alike. Share of the usual pair's
-# difference at rest that shows it.
-_TOUCHES, _ONE = (3, 8), 0.3
+# that, as of a short recording: a palm raises two lines alike.
+_TOUCHES = 3
+_TOUCHES_ALONE = 8
+_ONE = 0.3  # of the usual pair's difference at rest, which shows that two are one
 # Largest difference under a touch, as share of what it raises (lines are read in turn), and times
 # the noise; share of the touches in which it is below that.
-_ALIKE, _APART, _ALWAYS = 0.03, 5.0, 0.8
+_ALIKE = 0.03
+_APART = 5.0
+_ALWAYS = 0.8
 # Share saved by the exchange of a line one of whose cells conducts at rest: it carries to one line
 # what touches the other. Up to 0.03 with nothing exchanged, 0.14 or more with that line (seeds
 # 175000 to 175223).
@@ -60,7 +64,7 @@ def equal_lines(seen: Recorded, skip) -> list[tuple[int, int, int]]:
             when = touched[:, a] | touched[:, b]
             apart = np.abs(raised[when, a] - raised[when, b]).max(1)
             alike = apart < _ALIKE * touch[when][:, [a, b]].max(1) + _APART * seen.usual_noise
-            if when.sum() >= _TOUCHES[0 if shown else 1] and alike.mean() > _ALWAYS:
+            if when.sum() >= (_TOUCHES if shown else _TOUCHES_ALONE) and alike.mean() > _ALWAYS:
                 found.append((axis, a, b))
     return found
 

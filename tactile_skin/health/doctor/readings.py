@@ -18,23 +18,33 @@ _HIGH_GAP_SHARE = 0.25  # of higher bits
 # Times the noise by which a reading that stands changes at most, steps from frame to frame while
 # it stands, and the share of such readings in a gap: a stuck bit leaps across it, so that less than
 # 0.01 stand there, also of means over some scans. Hard fingers on sound boards leave 0.05 or more.
-_STANDS, _STANDING, _STANDING_SHARE = 6.0, 3, 0.03
+_STANDS = 6.0
+_STANDING = 3
+_STANDING_SHARE = 0.03
 _GAP_READINGS = 200  # on either side of the gaps, at least; of frames that say anything new
 _ONCE = 2.0  # times the share of those, in which touches that come and go have more weight
-_AT_REST = 48, 8  # ADC steps about its rest in which a reading does not count: at most, and besides
+_AT_REST = 48  # ADC steps about its rest in which a reading does not count, at most,
+_AT_REST_BESIDES = 8  # and besides
 _BELOW = 0.5  # of its reading at rest that no sound cell falls below, and
-_BELOW_READINGS, _BELOW_CELLS = 30, 3  # readings and cells that do with a wrong bit
+_BELOW_READINGS = 30  # readings that do with a wrong bit, of so many
+_BELOW_CELLS = 3  # cells
 _NO_REST = 0.02  # of the readings may lie in the gap of a top bit
 _NOISE_WIDTH = 6.0  # times the noise: a ceiling before the ADC has its noise on top
 _PILE = 3.0  # times as many readings at a ceiling as in the same width below
-_PILE_READINGS, _PILE_CELLS = 30, 3
+_PILE_READINGS = 30  # at a ceiling, of so many
+_PILE_CELLS = 3  # cells
 # A wrong bit about whose edge untouched cells rest, where a reading is the mean of some samples:
 # share of the variance of their noise that it explains, cells there, ADC steps RMS of noise that it
 # makes, at least; one over the number of samples, and its error.
-_EXPLAINED, _LEAPING, _LEAP, _SAMPLES = 0.9, 8, 2.0, (1 / 64, 1.2)
+_EXPLAINED = 0.9
+_LEAPING = 8
+_LEAP = 2.0
+_FEWEST_SAMPLES = 1 / 64
+_MOST_SAMPLES = 1.2
 _NEAR_SHORT = 0.97  # of what a short circuit reads: above, hard touches read alike
 _AT_TOP = 0.5  # share of the frames that a cell which only touches take to the ceiling is there
-_NOISY, _LEAST_NOISE = 4.0, 2.0  # times the usual noise, and ADC steps, of a noisy cell
+_NOISY = 4.0  # times the usual noise that a noisy cell has, and
+_LEAST_NOISE = 2.0  # ADC steps
 _EVEN = 0.6  # median over largest noise of a line, where all its readings are noisy
 _OPEN_STEPS = 3.0  # ADC steps that an open line reads at most
 _OPEN = 0.1  # the same, of the usual reading
@@ -94,7 +104,7 @@ def leaping_bit(seen: Recorded) -> tuple[int, int, float] | None:
                 continue
             (share, _), left = nnls(np.stack([leaps, np.ones_like(leaps)], 1), variance)
             most = share * leaps.max()
-            if _SAMPLES[0] < share < _SAMPLES[1] and most > _LEAP**2 and left**2 < least:
+            if _FEWEST_SAMPLES < share < _MOST_SAMPLES and most > _LEAP**2 and left**2 < least:
                 bit, noise, least = k, most**0.5, left**2
     if bit < 0:
         return None
@@ -120,7 +130,7 @@ class _Gap(NamedTuple):
 def _gaps(steps: np.ndarray, base: np.ndarray, bit: int, bits: int) -> list[_Gap]:
     """For a bit that is always 0, and for one that is always 1."""
     # At rest all readings are in one place, which may be the edge of a gap.
-    moved = steps[np.abs(steps - base) > min(1 << bit, _AT_REST[0]) + _AT_REST[1]]
+    moved = steps[np.abs(steps - base) > min(1 << bit, _AT_REST) + _AT_REST_BESIDES]
     counts = np.clip(np.rint(moved), 0, (1 << bits) - 1).astype(np.int32)
     histogram = np.bincount(counts, minlength=1 << bits).astype(float)
     margin = min((1 << bit) // 4, 4)  # noise at a block's ends

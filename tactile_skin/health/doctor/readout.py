@@ -19,10 +19,12 @@ from ...solvers import compensate
 from .advice import Change, is_safe, of_other_scale
 
 _EXPLAINED = 2.0  # times noise and model error up to which the configured readout may miss touches
-_BETTER, FITS = 0.5, 4.0  # times what the configured one misses, and times the noise, of another
+_BETTER = 0.5  # times what the configured readout misses, that another one may,
+FITS = 4.0  # and times the noise
 # Explanations between which touches do not decide: times what the best one misses, and times the
 # noise, that they miss at most.
-_AS_GOOD, _WITHIN_NOISE = 2.0, 1.5
+_AS_GOOD = 2.0
+_WITHIN_NOISE = 1.5
 _MODEL = 0.003  # of a reading, that real skins are off the circuit's model (solvers/suspect.py)
 # What no passive network reads, all three. Boards with a virtual ground (seeds 3 and 4, r_ref 100
 # to 1000 ohm) were missed by 34 at least, added up to 1.4 and left 0 to 0.66 unmoved.
@@ -30,11 +32,13 @@ _NEVER = 20.0  # times the noise by which all of them miss the touches, with r_p
 _ADDS_UP = 1.2  # full scales, along a row and along a column
 _UNMOVED = 0.02  # share of the crossings on the lines of a touch that read as at rest
 _RISEN = 0.2  # of full scale: a touched crossing
-_AT_REST = 3.0, 1.0  # times the noise, and ADC steps, by which a reading at rest may stray
+_AT_REST = 3.0  # times the noise by which a reading at rest may stray, and
+_AT_REST_STEPS = 1.0  # ADC steps
 _TIME = 0.1  # s for a touch that no cells explain
 _LEAST_NOISE = 0.3  # ADC steps: of rounding
 _R_PAR = (0.0, 30.0, 100.0, 300.0)  # ohm that are tried at first: of drivers and multiplexers
-_ROUNDS, _FACTOR = 5, 1.7  # in which the most is refined; at first by this factor
+_ROUNDS = 5  # in which the most is refined,
+_FACTOR = 1.7  # at first by this factor
 
 
 class Fitting(NamedTuple):
@@ -107,7 +111,7 @@ def _separate(seen: Touched, full: int) -> float:
     0: they do not, or other readings move with it.
     """
     sums, unmoved = [], []
-    limit = (_AT_REST[0] * max(seen.noise, _LEAST_NOISE) + _AT_REST[1]) / full
+    limit = (_AT_REST * max(seen.noise, _LEAST_NOISE) + _AT_REST_STEPS) / full
     for touch in np.nan_to_num(seen.touches):
         risen = touch > np.nan_to_num(seen.rest) + _RISEN
         beside = (risen.any(1)[:, None] | risen.any(0)) & ~np.isnan(seen.rest)

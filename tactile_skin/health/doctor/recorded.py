@@ -17,11 +17,13 @@ _APART = 0.003  # share of the frames by which two touches are apart, and
 _LEAST_APART = 10  # frames at least
 _TOUCH = 8.0  # times the noise of a line's mean by which a touch raises it
 _ANEW = 8.0  # times its noise by which a reading differs where a frame says anything new
-_LINE_OPEN, _LINE_CLOSED = 0.1, 0.6  # of the usual reading: a line is not, or is, connected
+_LINE_OPEN = 0.1  # of the usual reading, below which a line is not connected,
+_LINE_CLOSED = 0.6  # and above which it is
 _NEITHER = 0.3  # the same of one that does not tell
 _LEFT = 0.1  # share of a reading that a touch leaves, below which it tells nothing of its line
 _LEAST_NOISE = 0.1  # ADC steps
-_GONE = 0.2, 0.5  # of the largest change: below, a touch is gone; above, it is there
+_GONE = 0.2  # of the largest change, below which a touch is gone,
+_THERE = 0.5  # and above which it is there
 _NAMES = ("row", "column")
 
 
@@ -70,8 +72,8 @@ class Recorded:
         """How often the skin was touched and left alone again."""
         cells = self.read & self.circuit.populated
         moved = np.abs(self.steps - self.base)[:, cells].max(1)
-        moved = moved[(moved > _GONE[1] * moved.max()) | (moved < _GONE[0] * moved.max())]
-        there = moved > _GONE[1] * moved.max(initial=0.0)
+        moved = moved[(moved > _THERE * moved.max()) | (moved < _GONE * moved.max())]
+        there = moved > _THERE * moved.max(initial=0.0)
         return int(np.count_nonzero(there[:-1] & ~there[1:]))
 
     @property

@@ -14,19 +14,26 @@ from ...solvers.score import series_scale
 from . import circuits, wiring
 from .recorded import Recorded
 
-# Cells, in all touches together, that identify is asked about: it takes 0.1 s for 256. At least
-# and at most so many touches, each looked for within so many frames of its peak.
-_ASKED, _TOUCHES, _HELD = 20_000, (20, 60), 15
+_ASKED = 20_000  # cells, in all touches together, for identify: it takes 0.1 s for 256
+_LEAST_TOUCHES = 20
+_MOST_TOUCHES = 60
+_HELD = 15  # frames about its peak within which a touch is looked for
 # Share by which light touches make r_par seem larger: 0 to 5 % on 50 sound boards, where it is
-# known to 1.5 % (seed 144000). Share besides, and standard deviations (what all touches share is
-# not in their scatter), by which it must be off; touches that must say so.
-_LIGHT, _SERIES, _SAYING = 0.025, (0.05, 5.0), 20
+# known to 1.5 % (seed 144000).
+_LIGHT = 0.025
+# Share besides, and standard deviations (what all touches share is not in their scatter), by which
+# it must be off; touches that must say so.
+_SERIES = 0.05
+_SERIES_STD = 5.0
+_SAYING = 20
 # Share beyond which none of this reaches, and touches that suffice: where r_par is far off, the
 # hardest ones are explained by no cells, and say nothing.
-_FAR, _FAR_SAYING = 0.25, 5
+_FAR = 0.25
+_FAR_SAYING = 5
 # Ohm by which r_drive must be off: 3.4 at most on 16 boards (seeds 94000 and 94100). Light touches
 # lower it no more than others, so fewer suffice.
-_DRIVE, _DRIVE_SAYING = 5.0, 8
+_DRIVE = 5.0
+_DRIVE_SAYING = 8
 
 
 def in_series(seen: Recorded, skip, noisy, wires: wiring.Wires) -> list[Finding]:
@@ -61,7 +68,7 @@ def in_series(seen: Recorded, skip, noisy, wires: wiring.Wires) -> list[Finding]
         return []
     scale = series_scale(circuit)
     off = found.circuit.r_par - circuit.r_par
-    limit = max(_SERIES[0] * scale, _SERIES[1] * found.std["r_par"])
+    limit = max(_SERIES * scale, _SERIES_STD * found.std["r_par"])
     limit += _LIGHT * scale if off > 0.0 else 0.0
     said = []
     enough = _FAR_SAYING if abs(off) >= _FAR * scale else _SAYING
@@ -69,7 +76,7 @@ def in_series(seen: Recorded, skip, noisy, wires: wiring.Wires) -> list[Finding]
         said.append(circuits.circuit(circuit, found))
     if circuit.readout == "grounded" and found.frames >= _DRIVE_SAYING:
         off = abs(found.circuit.r_drive - circuit.r_drive)
-        if off > max(_DRIVE, _SERIES[1] * found.std["r_drive"]):
+        if off > max(_DRIVE, _SERIES_STD * found.std["r_drive"]):
             said.append(circuits.drivers(circuit, found))
     return said
 
@@ -100,7 +107,9 @@ def _without(lead: np.ndarray, adc: np.ndarray, circuit: Circuit) -> np.ndarray:
 
 def touches_of(seen: Recorded, n: int | None = None) -> np.ndarray:
     """(n, rows, cols) ADC ratio of the hardest touches, each where it moves least."""
-    n = n or int(np.clip(_ASKED / np.count_nonzero(seen.circuit.populated), *_TOUCHES))
+    n = n or int(
+        np.clip(_ASKED / np.count_nonzero(seen.circuit.populated), _LEAST_TOUCHES, _MOST_TOUCHES)
+    )
     hardest = np.argsort(-seen.steps[seen.peaks].max((1, 2)))
     picked = np.sort(seen.peaks[hardest[:n]])
     found = []

@@ -22,12 +22,14 @@ _GAIN = 60.0  # chi^2 that a damage explains at least
 _LIKELY = 0.5  # share of a line's, or a cell's, misfit that it explains at least
 _LEAST_LEAD = 0.03  # share of the usual resistance that a bad lead adds at least
 _OF_MEDIAN = 1.25  # standard deviation of a median over that of a mean
-_DEAD, _PRESSED = 0.35, 4.0  # times the usual cell's conductance, below and above
+_DEAD = 0.35  # times the usual cell's conductance, below which a cell is dead,
+_PRESSED = 4.0  # and above which it is pressed
 _SHORTED = 1000.0  # times the same, of a crossing that is shorted
 _LARGEST = 1e4  # the same, of what may be told
 _OHM = 100.0  # ohm of a lead by which readings are tried
 _MISSING = 0.05  # share of its conductance up to which a resistor is missing
-_LEVEL, _ROUNDS = 1e-4, 12  # log of the usual cell's resistance, to which it is found, and at most
+_LEVEL = 1e-4  # log of the usual cell's resistance, to which it is found,
+_ROUNDS = 12  # at most
 _MOST = 6  # damages that are looked for
 _TRIED = 4  # lines, and cells, that are looked at in each turn
 
