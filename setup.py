@@ -49,6 +49,7 @@ setup(
             "learning/weights/*",
             "learning/pictures/*",
             "physics/adc_tables/*",
+            "findings/words.csv",
             "board/firmware/*.c",
             "board/firmware/*.h",
             "view/page/*",

@@ -56,23 +56,18 @@ def count_lines(place: str) -> int:
     return node.end_lineno - first + 1
 
 
-def _says(where: str) -> Result:
-    """A function that returns why something is wrong."""
-    return Result(where, lambda found, *_: "")
-
-
 def _attribute(where: str, null) -> Field:
     return Field(where, lambda found: null)
 
 
-def _saturation_alone(found: str, reading) -> str:
+def _saturation_alone(found, reading):
     """Return what `suspect.by_reading` says of saturation, without its impossible readings."""
     if not found:
-        return ""
+        return None
     rest = suspect._rest_steps(reading.circuit, reading.curve) * reading.apparent[0]
     margin = suspect._IMPOSSIBLE * reading.noise + 1.0
     touched = reading.noise > suspect._SPREADS and reading.steps.max() > rest.max() + margin
-    return suspect.saturation(reading, *suspect._SATURATED) if touched else ""
+    return suspect.saturation(reading, *suspect._SATURATED) if touched else None
 
 
 def _finds(where: str, *forms: str) -> Result:
@@ -100,18 +95,18 @@ MECHANISMS = (
     # --- of single frames ---
     Mechanism(
         "by_residual", "misfit beyond noise", (f"{_SOLVE}/suspect.py:by_residual",),
-        (_says("solvers.suspect:by_residual"),), True,
+        (_finds_one("solvers.suspect:by_residual"),), True,
     ),
     Mechanism(
         "by_score", "pattern of a short or of another r_par in the misfit",
         tuple(f"{_SOLVE}/score.py:{name}" for name in (
-            "by_score", "_way", "_beside_rim", "_candidates", "_r_par_text", "_equal_lines",
+            "by_score", "_way", "_beside_rim", "_candidates", "_wrong_r_par", "_equal_lines",
         )),
-        (_says("solvers.score:by_score"),), True,
+        (_finds_one("solvers.score:by_score"),), True,
     ),
     Mechanism(
         "by_cost", "a load on all cells that the level prior does not explain",
-        (f"{_SOLVE}/suspect.py:by_cost",), (_says("solvers.suspect:by_cost"),), True,
+        (f"{_SOLVE}/suspect.py:by_cost",), (_finds_one("solvers.suspect:by_cost"),), True,
     ),
     Mechanism(
         "other_r_par", "another r_par explains the frame better",
@@ -121,7 +116,7 @@ MECHANISMS = (
     ),
     Mechanism(
         "other_readout", "another readout explains the frame better",
-        (f"{_SOLVE}/rivals/other_readout.py",), (_says("solvers.map:other_readout"),), True,
+        (f"{_SOLVE}/rivals/other_readout.py",), (_finds_one("solvers.map:other_readout"),), True,
     ),
     Mechanism(
         "impossible readings", "readings that no skin can give",
@@ -130,7 +125,7 @@ MECHANISMS = (
     ),
     Mechanism(
         "saturation in a frame", "many equal readings at the top",
-        (f"{_SOLVE}/suspect.py:saturation",), (_says("solvers.suspect:saturation"),), True,
+        (f"{_SOLVE}/suspect.py:saturation",), (_finds_one("solvers.suspect:saturation"),), True,
     ),
     Mechanism(
         "aside", "readings that the others do not allow are left out",
@@ -259,7 +254,7 @@ MECHANISMS = (
     ),
     Mechanism(
         "live.still", "lines stand still while others do not",
-        ("board/liveness.py:StillLines",), (_says("board.liveness:StillLines.frame"),),
+        ("board/liveness.py:StillLines",), (_finds_one("board.liveness:StillLines.frame"),),
     ),
     Mechanism(
         "live.restarts", "the board restarts again and again", (),

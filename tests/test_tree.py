@@ -18,7 +18,7 @@ MAY = {
     "touch": ("files",),
     "behaviours": (),
     "learning": ("files", "physics"),
-    "solvers": ("files", "physics", "learning"),
+    "solvers": ("files", "physics", "learning", "findings"),
     "readings": (),
     "findings": (),
     "calibration": ("physics", "solvers", "readings", "findings"),

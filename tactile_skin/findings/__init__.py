@@ -1,1 +1,1 @@
-"""What was found wrong, as a value (finding.py), and its words (words.py, say.py)."""
+"""What was found wrong, as a value (finding.py), and its words (words.py, words.csv)."""

@@ -8,7 +8,7 @@ from enum import Enum, IntEnum
 
 import numpy as np
 
-from . import say
+from . import words
 
 
 class Severity(IntEnum):
@@ -67,7 +67,7 @@ class Finding:
 
     Attributes:
         kind: what is wrong.
-        form: how it shows; kind and form have their words in words.py.
+        form: how it shows; kind and form have their words in words.csv.
         severity: what it does to the robot.
         rows, cols: that it is about; one of each: their crossing.
         numbers: name -> value that its words mention.
@@ -85,7 +85,7 @@ class Finding:
     change: object | None = field(default=None, compare=False)
 
     def __post_init__(self):
-        say.of(self)  # there are some
+        words.of(self)  # there are some
 
     @property
     def stops(self) -> bool:
@@ -95,22 +95,22 @@ class Finding:
     @property
     def rank(self) -> tuple[int, int]:
         """Sorts findings, the worst first."""
-        return -self.severity, say.rank(self)
+        return -self.severity, words.rank(self)
 
     @property
     def where(self) -> str:
         """The place, for a person; empty if it is about no place."""
-        return say.fill(self, say.of(self).where)
+        return words.fill(self, words.of(self).where)
 
     @property
     def evidence(self) -> str:
         """What shows it."""
-        return say.fill(self, say.of(self).evidence)
+        return words.fill(self, words.of(self).evidence)
 
     @property
     def remedy(self) -> str:
         """What to do about it."""
-        return say.fill(self, say.of(self).remedy)
+        return words.fill(self, words.of(self).remedy)
 
     def __str__(self) -> str:
         text = f"{self.where}: {self.evidence}" if self.where else self.evidence

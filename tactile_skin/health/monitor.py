@@ -1,11 +1,12 @@
 """What is watched on one running skin: each check takes each frame, and says what it finds.
 
 A check is a class with `frame(seen)`, `findings()` and `forget()`. To add one takes a line in
-`CHECKS`, a kind in finding.py and its words in words.py.
+`CHECKS`, a kind in finding.py and its words in words.csv.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -147,16 +148,16 @@ class Monitor:
         for check in self._checks:
             check.frame(seen)
 
-    def misfit(self, message: str, *, past: bool = True) -> list[Finding]:
+    def misfit(self, finding: Finding | None, *, past: bool = True) -> list[Finding]:
         """Return the doubt of the frames; a fault if it lasts.
 
         Args:
-            message: of the last frame; empty if it is not in doubt.
+            finding: of the last frame; None: it is not in doubt.
             past: with doubts that the last frame no longer shows.
         """
         severity = Severity.FAULT if self._doubtful else Severity.WARN
-        if message:
-            return [Finding(Kind.MISFIT, severity=severity, detail=message)]
+        if finding:
+            return [replace(finding, severity=severity)]
         if past and self._doubt.kept:
             why = f"{self._why} ({self._doubt.kept})"
             return [Finding(Kind.MISFIT, "kept", severity=severity, detail=why)]

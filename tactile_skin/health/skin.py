@@ -100,6 +100,7 @@ class Skin:
         self._ended = 0  # readings of the last frame at the end of the ADC's range
         self.waits = follows
         self.status, self.message, self.residual, self.force = "ok", "", 0.0, 0.0
+        self._doubt: Finding | None = None  # of the last frame
         self.std = np.zeros(self.circuit.shape)
         self.taken: Counter[str] = Counter()
         self.fitted = True
@@ -154,7 +155,7 @@ class Skin:
         self._doubts = self._doubts + 1 if in_doubt else 0
         self._last = estimate if self._doubts < _RESTART_AFTER else None
         self.taken[estimate.method] += 1
-        self.status, self.message = estimate.status, estimate.message
+        self.status, self.message, self._doubt = estimate.status, estimate.message, estimate.finding
         self.residual, self.force = estimate.residual, float(estimate.force.max())
         self.std = estimate.std
         self._ended = np.count_nonzero(self._adc.bounds(adc) & (adc >= self._adc.range[1]))
@@ -178,7 +179,7 @@ class Skin:
 
     def refuse(self, why: str) -> None:
         """A frame of which nothing can be made."""
-        self.status, self.message = "failed", why
+        self.status, self.message, self._doubt = "failed", why, None
 
     def _hurries(self, adc: np.ndarray) -> bool:
         """Whether the fast method may stand for the one in use: it needs a value of each cell."""
@@ -261,7 +262,7 @@ class Skin:
         if self.status == "failed":
             frame = [Finding(Kind.NO_PICTURE, severity=Severity.FAULT, detail=self.message)]
         else:
-            frame = self._monitor.misfit(self.message, past=past)
+            frame = self._monitor.misfit(self._doubt, past=past)
         found = [
             *filter(None, [self._tare.lines, self._tare.found]),
             *self._found,

@@ -165,7 +165,7 @@ def _of_ideal_stripes(reading: Reading, method: str, given: dict) -> Estimate:
     estimate = METHODS[method](reading, **given)
     if estimate.status == "ok" and method in _NOT_FITTED and reading.all_cells_read:
         # The misfit of these methods proves nothing: the exact inverse decides.
-        message = saturation(reading)
-        if message and not fits_circuit(reading):
-            return replace(estimate, status="suspect", message=message)
+        finding = saturation(reading)
+        if finding and not fits_circuit(reading):
+            return estimate.doubted(finding)
     return estimate

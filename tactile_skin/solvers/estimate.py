@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+
+from ..findings.finding import Finding
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -26,6 +28,7 @@ class Estimate:
         noise: RMS of a reading that was supposed, or measured in the frame [ADC steps].
         aside: (rows, cols) bool, readings that were set aside since a bad contact, and no cell,
             explains them; None: there are none.
+        finding: what is doubted, of a suspect frame; None: nothing. Of a batch a list of them.
     """
 
     force: np.ndarray
@@ -38,6 +41,11 @@ class Estimate:
     r_par: float | np.ndarray | None = None
     noise: float | np.ndarray = 0.0
     aside: np.ndarray | None = None
+    finding: Finding | list[Finding | None] | None = None
+
+    def doubted(self, finding: Finding) -> Estimate:
+        """Return the same as a suspect one, for this reason."""
+        return replace(self, status="suspect", message=str(finding), finding=finding)
 
     def __post_init__(self):
         # Frames share pictures: an idle skin's are kept, and a frame like the last has that one's.
@@ -77,6 +85,7 @@ def batch_of(estimates: list[Estimate], shape: tuple[int, int]) -> Estimate:
     found = {name: np.array([getattr(e, name) for e in estimates], kinds[name]) for name in kinds}
     none = np.zeros(shape, bool)
     found["aside"] = np.array([none if e.aside is None else e.aside for e in estimates], bool)
+    found["finding"] = [e.finding for e in estimates]
     for name in ("force", "std", "aside"):
         found[name] = found[name].reshape(-1, *shape)  # of no frames, too
     return Estimate(**found)

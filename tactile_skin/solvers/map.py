@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import lapack
 
+from ..findings.finding import Finding, Kind
 from ..physics.conjugate_gradients import conjugate_gradients
 from ..physics.grounded import BOUND
 from ..physics.quadratic import inverse_diagonal, solve_in_box
@@ -55,7 +56,7 @@ def map_estimate(reading: Reading, start: Estimate | None = None, prior=None) ->
     found = _map_estimate(reading, start, prior)
     if found.status != "suspect" or not reading.late() or suspect.by_reading(reading):
         return found
-    return replace(found, message="the time limit (time_limit) was reached before an explanation")
+    return found.doubted(Finding(Kind.MISFIT, "late"))
 
 
 def _map_estimate(reading: Reading, start: Estimate | None, prior) -> Estimate:
@@ -91,10 +92,9 @@ def _map_estimate(reading: Reading, start: Estimate | None, prior) -> Estimate:
         return estimate
     if estimate.status == "suspect" and not reading.late():
         estimate = without_bad_contacts(reading, fit, estimate) or estimate
-    if estimate.status == "ok" and prior is None:
-        message = other_readout(reading, estimate, start, _touches)
-        if message:
-            return replace(estimate, status="suspect", message=message)
+    asks = estimate.status == "ok" and prior is None
+    if asks and (finding := other_readout(reading, estimate, start, _touches)):
+        return estimate.doubted(finding)
     if estimate.aside is not None or (warm and estimate.status != "ok"):
         return estimate
     return other_r_par.find_r_par(reading, fit, estimate)
@@ -166,17 +166,16 @@ def _fit(
         more = np.maximum(reading.curve.max_force - force, 0.0) / 3**0.5
         std = np.where(reading.topped, np.maximum(std, more), std)
     residual = reading.residual(adc)
-    message = suspect.by_reading(reading)
-    message = message or suspect.by_residual(reading, point.model.adc, ROUNDING_NOISE)
-    if not message and step.equations is not None:
-        message = _by_score(reading, point, step.equations, std_x, broad, prior)
-    status = "suspect" if message else "ok"
+    finding = suspect.by_reading(reading)
+    finding = finding or suspect.by_residual(reading, point.model.adc, ROUNDING_NOISE)
+    if not finding and step.equations is not None:
+        finding = _by_score(reading, point, step.equations, std_x, broad, prior)
+    status, message = ("suspect", str(finding)) if finding else ("ok", "")
     if not converged:
         why = "" if step.solved else ": the step exceeds single precision"
         status, message = "failed", suspect.no_convergence(reading, iterations) + why
-    return Estimate(
-        force, std, residual, status, message, "map", steps + iterations, noise=reading.noise
-    )
+    given = {"noise": reading.noise, "finding": finding}
+    return Estimate(force, std, residual, status, message, "map", steps + iterations, **given)
 
 
 def _converge(
@@ -242,18 +241,20 @@ def _noise_left(reading: Reading, point: _Point, step: _Step) -> float:
     return float(((square + usual) / (left + _USUAL_COUNT)) ** 0.5)
 
 
-def _by_score(reading: Reading, point: _Point, equations, std_x, broad: bool, prior) -> str:
-    """What the tests of the whole frame find; empty if nothing."""
+def _by_score(
+    reading: Reading, point: _Point, equations, std_x, broad: bool, prior
+) -> Finding | None:
+    """Return what the tests of the whole frame find."""
     if not reading.circuit.has_cross_talk:
-        return ""
+        return None
     # The fit may stop short of its minimum, for which the tests are.
     pull = _downhill(point).flat[equations.unknowns]
     rough = broad and _rough(reading, point)
     if rough and prior is None and reading.noise_given:  # the cost is one of known noise
         ahead = lapack.spotrs(equations.factor.T, pull, lower=1)[0]
-        message = suspect.by_cost(reading, point.cost - 0.5 * pull @ ahead, point.model.g, std_x)
-        if message:
-            return message
+        cost = point.cost - 0.5 * pull @ ahead
+        if finding := suspect.by_cost(reading, cost, point.model.g, std_x):
+            return finding
     return score.by_score(reading, point.model, equations, pull, broad, rough)
 
 

@@ -14,6 +14,8 @@ import numpy as np
 from scipy.linalg import get_lapack_funcs, lapack
 from scipy.ndimage import binary_dilation
 
+from ..findings.finding import Finding, Kind
+from ..findings.finding import lines as lines_of
 from ..physics.circuit import Circuit
 from .reading import Linearised, Reading, r_par_pattern, rest_reading
 from .suspect import NormalEquations, model_variance, rounded
@@ -196,10 +198,10 @@ def by_score(
     pull: np.ndarray,
     broad: bool = False,
     rough: bool = False,
-) -> str:
-    """What the scores of a short between neighbouring lines and of a wrong r_par tell of a fit.
+) -> Finding | None:
+    """Return what the scores of a short of two lines and of a wrong r_par tell of a fit.
 
-    Empty: nothing. A palm presses less and less towards its rim. A prior that prefers touches with
+    A palm presses less and less towards its rim. A prior that prefers touches with
     an edge then leaves misfits that look like a short, or like another r_par. So what a score with
     the prior finds, the readings around the touch must confirm without it.
 
@@ -211,21 +213,21 @@ def by_score(
     """
     found = _candidates(reading, model, equations, pull)
     if broad:  # the level prior pulls a fit along r_par's pattern on a valid board too
-        found = [(text, way) for text, way in found if not way]
+        found = [(finding, way) for finding, way in found if not way]
     if rough or not found:
-        return found[0][0] if found else ""
+        return found[0][0] if found else None
     around = r_par_shift(reading, model.g)
     if around is None or around.chi2 > _CHI2_REST:
-        too_small = next((text for text, way in found if way > 0), "")
-        return too_small if too_small and _beside_rim(reading, model.g, 1) else ""
-    for text, way in found:
+        too_small = next((finding for finding, way in found if way > 0), None)
+        return too_small if too_small and _beside_rim(reading, model.g, 1) else None
+    for finding, way in found:
         # a fit hides another r_par along neighbouring lines, which looks like a short
         off = _way(reading, model.g, around, alone=way != 0)
         if off and way in (0, off):
-            return _r_par_text(reading, off)
+            return _wrong_r_par(reading, off)
         if not way and around.at_rest >= FEW:
-            return text
-    return ""
+            return finding
+    return None
 
 
 def _way(reading: Reading, g: np.ndarray, around: RParShift, alone: bool) -> int:
@@ -258,7 +260,7 @@ def _beside_rim(reading: Reading, g: np.ndarray, way: int) -> bool:
 
 def _candidates(
     reading: Reading, model: Linearised, equations: NormalEquations, pull: np.ndarray
-) -> list[tuple[str, int]]:
+) -> list[tuple[Finding, int]]:
     """What may be wrong by the scores of a fit with its prior, the likelier first.
 
     Each with which way r_par would have to move: 1 larger, -1 smaller, 0 if it is not about r_par.
@@ -291,18 +293,19 @@ def _candidates(
     limit = (_SHORT_LIMIT**2 + 2.0 * np.log(max(pairs.size, 1))) ** 0.5
     if pairs.size and score[:-1].max() > limit:
         line = pairs[score[:-1].argmax()]
-        name, i = ("rows", line) if line < rows - 1 else ("columns", line - rows)
-        text = f"{name} {i} and {i + 1} have equal readings: are they shorted?"
-        found.append((score[:-1].max() / limit, text, 0))
+        axis, i = (0, line) if line < rows - 1 else (1, line - rows)
+        short = Finding(Kind.SHORT, "frame", **lines_of(axis, i, i + 1))
+        found.append((score[:-1].max() / limit, short, 0))
     if abs(score[-1]) > R_PAR_LIMIT:
         way = 1 if score[-1] < 0 else -1
-        found.append((abs(score[-1]) / R_PAR_LIMIT, _r_par_text(reading, way), way))
-    return [(text, way) for _, text, way in sorted(found, reverse=True)]
+        found.append((abs(score[-1]) / R_PAR_LIMIT, _wrong_r_par(reading, way), way))
+    found.sort(key=lambda of: -of[0])
+    return [(finding, way) for _, finding, way in found]
 
 
-def _r_par_text(reading: Reading, way: int) -> str:
-    word = "low" if way > 0 else "high"
-    return f"r_par = {reading.circuit.r_par:g} ohm is too {word} for this reading: measure it"
+def _wrong_r_par(reading: Reading, way: int) -> Finding:
+    form = "r_par too low" if way > 0 else "r_par too high"
+    return Finding(Kind.CIRCUIT, form, numbers={"r_par": reading.circuit.r_par})
 
 
 def _equal_lines(reading: Reading, steps: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import lapack
 
+from ..findings.finding import Finding, Kind, at, lines
 from ..physics import readouts
 from .estimate import Estimate
 from .reading import ROUNDING_NOISE, Reading, rest_reading
@@ -34,14 +35,16 @@ _DIFFER = 1.25
 # A saturated input (docs/derivation.md, "When to doubt", 4). The ceiling is this thick, and the gap
 # below it as wide [ADC steps]; readings at it, and others in the gap for each of them, that a flat
 # touch may have too, and that noise leaves of no flat touch; noise [ADC steps] that does that.
-_CEILING, _GAP = 1.01, 3.03
-_FLAT, _SATURATED = (8, 0.5), (30, 0.25)
+_CEILING = 1.01
+_GAP = 3.03
+_FLAT = 8
+_FLAT_OTHERS = 0.5
+_SATURATED = 30, 0.25
 _SPREADS = 0.4
-_NEAR_END = 0.7  # of the ADC's range, above which its input may be saturated: 3.3 of 5 V are 0.66
 
 
-def by_reading(reading: Reading) -> str:
-    """Readings that no skin can give, whatever presses on it; for methods that fit nothing too.
+def by_reading(reading: Reading) -> Finding | None:
+    """Return readings that no skin can give, whatever presses on it.
 
     A load only raises a reading, from that at rest to that of a short circuit behind r_par. Where
     lines are driven it may lower others, all of a line alike. Noise keeps even a flat touch's
@@ -53,23 +56,22 @@ def by_reading(reading: Reading) -> str:
     short_circuit = circuit.ratio(0.0) * circuit.full_scale
     low = known & (steps < _OPEN * rest - margin)
     if np.count_nonzero(low):
-        line, where, bad = _place(low, known)
-        remedy = "Check the lead"
-        if not line and np.count_nonzero(low) > _UPSIDE_DOWN * np.count_nonzero(known):
-            remedy = "Is it wired, or read, as it is configured?"
-        return (
-            f"{line + ' is open: ' if line else ''}{where} are at most {steps[bad].max():.0f} ADC "
-            f"steps (an untouched cell reads {np.median(rest[bad]):.0f}). {remedy}"
-        )
+        line, numbers, bad = _place(low, known)
+        numbers |= {"most": steps[bad].max(), "usual": np.median(rest[bad])}
+        if line:
+            return Finding(Kind.OPEN, "frame", **line, numbers=numbers)
+        many = np.count_nonzero(low) > _UPSIDE_DOWN * np.count_nonzero(known)
+        form = "mostly low" if many else "low"
+        return Finding(Kind.MISFIT, form, **at(np.argwhere(bad)[0]), numbers=numbers)
     most = steps.max()  # of a crossing that was not read 0
+    high = steps > short_circuit + margin
     if most > short_circuit + margin:
-        line, where, _ = _place(steps > short_circuit + margin, known)
-        return (
-            f"{line + ': ' if line else ''}{where} exceed {short_circuit:.0f} ADC steps, the most "
-            f"that r_ref = {circuit.r_ref:g} and r_par = {circuit.r_par:g} ohm allow. Check both"
-        )
+        line, numbers, bad = _place(high, known)
+        numbers |= {"most": short_circuit, "r_ref": circuit.r_ref, "r_par": circuit.r_par}
+        where = line or at(np.argwhere(bad)[0])
+        return Finding(Kind.MISFIT, "high" if line else "high cells", **where, numbers=numbers)
     touched = reading.noise > _SPREADS and most > rest.max() + margin
-    return saturation(reading, *_SATURATED) if touched else ""
+    return saturation(reading, *_SATURATED) if touched else None
 
 
 @lru_cache(maxsize=16)
@@ -79,52 +81,45 @@ def _rest_steps(circuit, curve) -> np.ndarray:
     return rest * circuit.full_scale / readouts.apparent(circuit, rest)[0]
 
 
-def _place(bad: np.ndarray, known: np.ndarray) -> tuple[str, str, np.ndarray]:
-    """The line that most of the bad readings are on, if any; their number; which are meant."""
+def _place(bad: np.ndarray, known: np.ndarray) -> tuple[dict, dict, np.ndarray]:
+    """Return the line that most of the bad readings are on, as `Finding` takes it, empty if there
+    is none; count, of: of so many readings; (rows, cols) bool, which are meant.
+    """
     count = int(np.count_nonzero(bad))
-    for name, axis in (("row", 1), ("column", 0)):
-        lines, n = bad.sum(axis), known.sum(axis)
-        k = int(lines.argmax())
-        if 2 * lines[k] > count and lines[k] > 1 and 2 * lines[k] > n[k]:
+    for axis, turned, there in ((0, bad, known), (1, bad.T, known.T)):
+        on, n = turned.sum(1), there.sum(1)
+        k = int(on.argmax())
+        if 2 * on[k] > count and on[k] > 1 and 2 * on[k] > n[k]:
             mine = np.zeros(bad.shape, bool)
-            np.moveaxis(mine, axis, 1)[k] = True
-            return f"{name} {k}", f"{lines[k]} of its {n[k]} readings", bad & mine
-    row, col = np.argwhere(bad)[0]
-    return "", f"{count} of {known.sum()} readings (first row {row}, column {col})", bad
+            np.moveaxis(mine, axis, 0)[k] = True
+            return lines(axis, k), {"count": on[k], "of": n[k]}, bad & mine
+    return {}, {"count": count, "of": known.sum()}, bad
 
 
-def saturation(reading: Reading, minimum: int = _FLAT[0], others: float = _FLAT[1]) -> str:
-    """Whether the largest readings lie at one value, with few below: a saturated input?
+def saturation(
+    reading: Reading, minimum: int = _FLAT, others: float = _FLAT_OTHERS
+) -> Finding | None:
+    """Return that the largest readings lie at one value, with few below: a saturated input?
 
     A flat touch reads like that too: only the circuit shows whether there are cells that read so.
     """
     top = reading.steps.max()
     circuit = reading.circuit
     if reading.topped.any():  # it ends there, and what that means is known
-        return ""
+        return None
     if top >= circuit.ratio(np.max(reading.curve.least_resistance)) * circuit.full_scale:
-        return ""  # cells at the curve's end read alike
+        return None  # cells at the curve's end read alike
     below = (top - reading.steps)[reading.known]
     at_top = np.count_nonzero(below < _CEILING)
     if at_top < minimum or np.count_nonzero(below < _GAP) > (1.0 + others) * at_top:
-        return ""
-    return (
-        f"{at_top} readings are equal, {top:.0f} ADC steps, the largest: "
-        f"{ask_what_ends(top / circuit.full_scale)}"
-    )
-
-
-def ask_what_ends(share: float) -> str:
-    """Return the question after what ends readings at this share of the ADC's range."""
-    if share < _NEAR_END:
-        return "does something limit them, an amplifier or the sketch?"
-    return "is the input saturated?"
+        return None
+    return Finding(Kind.SATURATION, "frame", numbers={"count": at_top, "steps": top})
 
 
 def by_residual(
     reading: Reading, adc: np.ndarray, floor: float = EXACT_NOISE, slack: float = 1.0
-) -> str:
-    """Why the misfit to the model's ADC ratio (rows, cols) is beyond noise; empty if it is not.
+) -> Finding | None:
+    """Return that the misfit to the model's ADC ratio (rows, cols) is beyond noise.
 
     Args:
         floor: noise [ADC steps] that the method assumes at least.
@@ -140,20 +135,17 @@ def by_residual(
     chi2 = (square / variance).sum() / n
     if chi2 <= 1.0 + _CHI2_LIMIT * (2.0 / n) ** 0.5:
         if reading.noise_given or abs(misfit.sum()) <= _MEAN_LIMIT * np.sqrt(variance.sum()):
-            return ""
-        side = "above" if misfit.sum() > 0.0 else "below"
-        return (
-            f"the readings are {abs(misfit.sum()) / n:.2f} ADC steps {side} the circuit model on "
-            "average. Are r_ref, r_par and the ADC's offset right?"
-        )
-    residual = (square.sum() / n) ** 0.5
-    most = {"row": square.sum(1), "column": square.sum(0)}
-    lines = [f"{k} {v.argmax()}" for k, v in most.items() if v.max() > 0.5 * square.sum()]
-    why = f"most of it is in {', '.join(lines)}" if lines else saturation(reading)
-    if not why and reading.curve.offset is None:
-        why = "the rest of the cells is the curve's, not measured: fabrics differ from it"
-    text = f"residual of {residual:.2f} ADC steps, {chi2**0.5:.2f} times what noise explains"
-    return f"{text}; {why}" if why else text
+            return None
+        return Finding(Kind.MISFIT, "mean", numbers={"steps": misfit.sum() / n})
+    numbers = {"residual": (square.sum() / n) ** 0.5, "times": chi2**0.5}
+    most = {"rows": square.sum(1), "cols": square.sum(0)}
+    where = {k: (int(v.argmax()),) for k, v in most.items() if v.max() > 0.5 * square.sum()}
+    if where:
+        return Finding(Kind.MISFIT, "in lines", **where, numbers=numbers)
+    if ends := saturation(reading):
+        return Finding(Kind.MISFIT, "", numbers=numbers, detail=f"; {ends}")
+    form = "fabric" if reading.curve.offset is None else ""
+    return Finding(Kind.MISFIT, form, numbers=numbers)
 
 
 def model_variance(reading: Reading) -> np.ndarray:
@@ -164,8 +156,8 @@ def model_variance(reading: Reading) -> np.ndarray:
     return np.square(_MODEL_ERROR * reading.steps) if reading.noise else np.zeros(reading.adc.shape)
 
 
-def by_cost(reading: Reading, cost: float, g: np.ndarray, std_x: np.ndarray) -> str:
-    """A load on the whole skin whose variation the level prior does not explain.
+def by_cost(reading: Reading, cost: float, g: np.ndarray, std_x: np.ndarray) -> Finding | None:
+    """Return a load on the whole skin whose variation the level prior does not explain.
 
     With that prior, which is Gaussian, twice the cost follows chi^2 with one degree of freedom a
     reading on a valid frame. A series resistance that the circuit does not have, of all faults,
@@ -179,14 +171,11 @@ def by_cost(reading: Reading, cost: float, g: np.ndarray, std_x: np.ndarray) -> 
     n, cells = reading.n_informative, reading.circuit.populated
     even = 2.0 * cost < n
     if abs(2.0 * cost / n - 1.0) <= _CHI2_LIMIT * (2.0 / n) ** 0.5:
-        return ""
+        return None
     if even and np.log(g[cells]).std() < _DIFFER * np.square(std_x[cells]).mean() ** 0.5:
-        return ""
-    kind = "evenly" if even else "unevenly"
-    return (
-        f"the whole skin is loaded, more {kind} than any load on a valid circuit: is r_par = "
-        f"{reading.circuit.r_par:g} ohm right?"
-    )
+        return None
+    numbers = {"r_par": reading.circuit.r_par}
+    return Finding(Kind.CIRCUIT, "even" if even else "uneven", numbers=numbers)
 
 
 class NormalEquations(NamedTuple):
@@ -255,16 +244,18 @@ def estimate_from_force(
     # both ends at once: half the time
     ends = curve.force_at(_SIGNS * np.minimum(shift, 50.0) + log_g)
     std = 0.5 * (ends[0] - ends[1])
-    message = by_reading(reading)
-    if slack and not message:
-        message = by_residual(reading, model.adc, slack=slack)
-    status = "suspect" if message else "ok"
+    finding = by_reading(reading)
+    if slack and not finding:
+        finding = by_residual(reading, model.adc, slack=slack)
+    status, message = ("suspect", str(finding)) if finding else ("ok", "")
     if not converged:
         status, message = "failed", no_convergence(reading, iterations)
     if circuit.mask is not None:
         std *= circuit.populated
     residual, noise = reading.rms(misfit), reading.noise
-    return Estimate(force, std, residual, status, message, method, iterations, noise=noise)
+    return Estimate(
+        force, std, residual, status, message, method, iterations, noise=noise, finding=finding
+    )
 
 
 def no_convergence(reading: Reading, iterations: int) -> str:

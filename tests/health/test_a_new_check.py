@@ -5,9 +5,8 @@ import pytest
 from yardsticks.doctor import Case
 
 from tactile_skin import diagnose
-from tactile_skin.findings import say
 from tactile_skin.findings.finding import Finding, Kind, at
-from tactile_skin.findings.words import WORDS, Words
+from tactile_skin.findings.words import WORDS, Words, table
 from tactile_skin.health import monitor
 from tactile_skin.health.doctor import damaged
 from tactile_skin.middleware.bus import Context, ManualClock, Node
@@ -36,7 +35,6 @@ def added(monkeypatch):
     new = [*damaged.CHECKS, lambda seen, skip: Corner(None, 0).findings()]
     monkeypatch.setattr(damaged, "CHECKS", new)
     monkeypatch.setitem(WORDS, ("contact", "new"), Words("{at}", "is new", "Look there"))
-    monkeypatch.setattr(say, "_ORDER", {key: k for k, key in enumerate(WORDS)})
 
 
 SAID = "row 1, column 2: is new. Look there"
@@ -53,4 +51,4 @@ def test_it_is_said_everywhere(added):
     assert (marked["rows"], marked["cols"]) == ([1], [2])
     case = Case(7, (), 40.0, shape=(8, 8))
     assert [str(f) for f in diagnose(case.frames, case.circuit, series=False)] == [f"{SAID}."]
-    assert "| `row 2: is new` | Look there |" in say.table()
+    assert "| `row 2: is new` | Look there |" in table()

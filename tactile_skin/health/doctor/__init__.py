@@ -1,6 +1,6 @@
 """What is wrong with a board, from a recording of its ordinary use: which wire, which cell.
 
-circuits.py   findings of the circuit; damaged.py of wires and cells. Words: findings/words.py
+circuits.py   findings of the circuit; damaged.py of wires and cells. Words: findings/words.csv
 unrested.py   whether the recording shows the skin at rest
 advice.py     what to enter, tried on the frames before it is proposed
 recorded.py   rest, noise and touches of the recording

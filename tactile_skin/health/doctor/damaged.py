@@ -1,7 +1,7 @@
 """Findings of damaged wires and cells.
 
 A check of a recording is a function in `CHECKS`: what is recorded, and (axis, line) of lines that
-earlier ones found unusable -> findings. Its words stand in findings/words.py.
+earlier ones found unusable -> findings. Its words stand in findings/words.csv.
 """
 
 from __future__ import annotations

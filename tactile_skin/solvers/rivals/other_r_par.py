@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...findings.finding import Finding, Kind
 from ..estimate import Estimate
 from ..fixed_point import last_guess
 from ..reading import Reading, rest_shift
@@ -111,13 +112,14 @@ def _with_r_par(reading: Reading, r_par: float) -> Reading:
 def report_r_par(estimate: Estimate, reading: Reading) -> Estimate:
     """An estimate with an r_par other than the circuit's, as a suspect one that says so."""
     circuit = reading.circuit
-    message = f"r_par = {circuit.r_par:g} ohm: the readings fit {estimate.r_par:.0f} ohm better"
-    return replace(
-        estimate,
-        residual=reading.residual(reading.model(last_guess(reading, estimate))),
-        status="suspect",
-        message="; ".join(filter(None, (message, estimate.message))),
+    finding = Finding(
+        Kind.CIRCUIT,
+        "fits better",
+        numbers={"r_par": circuit.r_par, "better": estimate.r_par},
+        detail=f"; {estimate.message}" if estimate.message else "",
     )
+    residual = reading.residual(reading.model(last_guess(reading, estimate)))
+    return replace(estimate, residual=residual).doubted(finding)
 
 
 def guess_r_par(reading: Reading, g: np.ndarray) -> float | None:

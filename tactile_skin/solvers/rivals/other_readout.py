@@ -12,6 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from ...findings.finding import Finding, Kind
 from ...physics.circuit import Circuit
 from ...physics.curve import PressureCurve
 from ...physics.readouts import DRIVEN, PASSIVE
@@ -43,8 +44,10 @@ _STEPS, _FAR = 8, 20.0  # of the fixed point, and 1/2 chi^2 a cell that rule a r
 Fit = Callable[[Reading, np.ndarray], np.ndarray]
 
 
-def other_readout(reading: Reading, estimate: Estimate, start: Estimate | None, fit: Fit) -> str:
-    """Why a frame that is explained is rather that of another readout; empty if it is not.
+def other_readout(
+    reading: Reading, estimate: Estimate, start: Estimate | None, fit: Fit
+) -> Finding | None:
+    """Return that a frame that is explained is rather that of another readout.
 
     Args:
         start: the last frame's estimate, None: there is none. A frame that is one of a touch for
@@ -56,7 +59,7 @@ def other_readout(reading: Reading, estimate: Estimate, start: Estimate | None, 
     least = _COVERED if floating else _ASK
     known = start is not None and start.status == "ok" and _touched(reading, start)[1] >= least
     if share < least or known or reading.late():
-        return ""
+        return None
     mine = None
     for circuit, curve in _others(own, reading.curve):
         less = PASSIVE.index(own.readout) < PASSIVE.index(circuit.readout)
@@ -80,12 +83,9 @@ def other_readout(reading: Reading, estimate: Estimate, start: Estimate | None, 
             theirs = _Touches(other, fit(other, guess))
             found = theirs.unlikely(mine) < mine.unlikely(mine) - _BETTER
         if found:
-            return (
-                f"the readings fit readout = {circuit.readout}, driven = {circuit.driven} better "
-                f"than {own.readout}{'' if floating else ', ' + own.driven}: docs/boards.md shows "
-                "how to tell"
-            )
-    return ""
+            better = f"readout = {circuit.readout}, driven = {circuit.driven}"
+            return Finding(Kind.READOUT, "frame" if floating else "frame, driven", detail=better)
+    return None
 
 
 def _touched(reading: Reading, estimate: Estimate) -> tuple[np.ndarray, float]:
