@@ -22,6 +22,7 @@ from tactile_skin.behaviours.admittance import ANGULAR, AdmittanceConfig
 from tactile_skin.behaviours.gate import GateConfig
 from tactile_skin.behaviours.hooks import EventHook
 from tactile_skin.board import simulator
+from tactile_skin.findings.finding import Finding, Kind
 from tactile_skin.launch import (
     LaunchError,
     Skin,
@@ -1061,7 +1062,7 @@ def test_a_reset_first_ends_a_fault_that_is_kept_from_an_earlier_touch(write, la
         (service,) = [s for s in handle._services if s.srv_name.endswith("/reset")]
         compensation.skin.waits = False  # rest was measured
         compensation.skin._monitor._doubtful = True  # as a doubt that is held
-        compensation.skin.message = "it was under each touch"
+        compensation.skin._doubt = Finding(Kind.MISFIT, "kept", detail="it was under each touch")
         handle.create_timer(0.01, compensation._update_level)
         fault = "fault: compensation: it was under each touch; more: doctor"
         heard.wait_for((True, f"{fault} + latched: {fault}" if latched else fault))

@@ -17,6 +17,7 @@ from scipy.ndimage import binary_dilation
 
 from ..findings.finding import Finding, Kind, Severity
 from ..physics.adc import Adc
+from ..solvers.suspect import near_end
 
 if TYPE_CHECKING:
     from .monitor import Seen
@@ -90,7 +91,7 @@ class Ceiling:
         circuit = adc.circuit
         # what is given here is what readings have risen by
         self._falls_from = circuit.full_scale if adc.inverted else None
-        self._scale = 1 << (16 - circuit.adc_bits)
+        self._scale, self._full = 1 << (16 - circuit.adc_bits), circuit.full_scale
         # what a short circuit would read [ADC steps]
         self._most = _NEAR_MOST * adc.rising_count(float(circuit.ratio(0.0)))
         # the solvers know what a reading there means
@@ -184,4 +185,5 @@ class Ceiling:
         if self.height is None:
             return []
         end = self.height if self._falls_from is None else self._falls_from - self.height
-        return [Finding(Kind.SATURATION, "live", severity=Severity.FAULT, numbers={"steps": end})]
+        form = "live" if near_end(self.height / self._full) else "live, limited"
+        return [Finding(Kind.SATURATION, form, severity=Severity.FAULT, numbers={"steps": end})]

@@ -1,7 +1,6 @@
 """The noise-aware inverse: least squares in ADC steps, force >= 0, and a prior.
 
     minimise  1/2 sum ((reading - u(x)) / noise)^2 + prior(x),   x = log g between its bounds
-
 by projected Gauss-Newton. The Jacobian is analytic, d u_a / d x_b = u_a^2 / R_ref * t_ab^2 g_b
 (docs/derivation.md).
 """

@@ -41,6 +41,7 @@ _FLAT = 8
 _FLAT_OTHERS = 0.5
 _SATURATED = 30, 0.25
 _SPREADS = 0.4
+_NEAR_END = 0.7  # of the ADC's range, above which its input may be saturated: 3.3 of 5 V are 0.66
 
 
 def by_reading(reading: Reading) -> Finding | None:
@@ -113,7 +114,13 @@ def saturation(
     at_top = np.count_nonzero(below < _CEILING)
     if at_top < minimum or np.count_nonzero(below < _GAP) > (1.0 + others) * at_top:
         return None
-    return Finding(Kind.SATURATION, "frame", numbers={"count": at_top, "steps": top})
+    form = "frame" if near_end(top / circuit.full_scale) else "frame, limited"
+    return Finding(Kind.SATURATION, form, numbers={"count": at_top, "steps": top})
+
+
+def near_end(share: float) -> bool:
+    """Return whether readings that end at this share of the ADC's range may saturate its input."""
+    return share >= _NEAR_END
 
 
 def by_residual(

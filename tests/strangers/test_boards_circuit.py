@@ -400,6 +400,6 @@ def test_a_limit_in_mid_range_is_no_saturated_input(top, saturated):
     steps = counts(circuit, CURVE, finger((8, 8), 3, 3, 60.0, 2.5), np.random.default_rng(1))
     assert (steps > top).sum() > 8
     found = compensate(np.minimum(steps, top) / 4095.0, circuit, CURVE, "newton", noise=1.0)
-    assert ("is the input saturated?" in found.message) == saturated
+    assert ("Is the input saturated?" in found.message) == saturated
     if not saturated:
-        assert "does something limit them" in found.message
+        assert "Does something limit them" in found.message
