@@ -19,6 +19,8 @@ from .seen import Seen
 
 FEW = 4  # whole frames, at least, in a sample that makes sure
 _KINDS_SOUND = 0.9  # share of the blocks of lines that have the same size
+_NEGATIVE = 0.1  # share of the lines that hold a negative number: fewer are damaged
+_FEWEST_CELLS = 4  # of a frame that is sure: what a damaged stream leaves seems to have fewer
 _STEADY = 0.95  # share of the steps of a counter that go up, or on by one
 _LONGEST_CYCLE = 4096  # cells of a frame
 # A row is so much more like that of the frame before than like the next row: where another kind of
@@ -249,10 +251,10 @@ def _structure(lines, kind: tuple, end: bytes, shape: tuple[int, int] | None) ->
 
     def seen(about: str, shape=None, protocol="text", sure=sure) -> Seen:
         count = shape[0] * shape[1] if shape else width * (size[0] if size else 1)
-        known = {"shape": shape, "cells": count, "sure": sure}
+        known = {"shape": shape, "cells": count, "sure": sure and count >= _FEWEST_CELLS}
         return Seen(protocol, about, b"", fmt if protocol else None, **known, **_scale(values))
 
-    if np.nanmin(values, initial=0.0) < 0.0:
+    if np.mean((values < 0.0).any(1)) >= _NEGATIVE:
         return seen("negative numbers: print what the ADC reads, nothing subtracted", None, "")
     if len(size) == 2:
         return seen("a reading a line, with its row and column", size)

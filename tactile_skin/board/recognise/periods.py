@@ -23,7 +23,7 @@ _MARKS = 24  # pairs of bytes that are tried as a head
 _SMOOTH = 0.1  # of the words' range, by which a reading may differ from that of the packet before
 _HEAD = 8  # bytes, at most, between a head's constant ones and the readings
 _CHECK_FRAMES = 4  # packets that a check must fit
-_STEADY = 0.95  # share of the steps of a counter that are alike
+_STEADY = 0.7  # share of the steps of a counter that are its usual one: lost packets make others
 _HIGH_BYTE = 1 << 15  # words above it have their bytes in the other order, or are none
 _EVEN = 0.5  # rows over columns of most boards, at least
 
@@ -104,15 +104,17 @@ def _described(packets: np.ndarray, shape: tuple[int, int] | None) -> Seen | Non
         return None
     for name, (size, _, _) in sorted(CHECKS.items(), key=lambda item: -item[1][0]):
         for tail in range(3):
-            behind = period - tail
+            end = period - tail - size
             for unchecked in range(min(fixed, 4) + 1):
-                if all(
-                    bytes(p[behind - size : behind])
-                    == check_of(name, bytes(p[unchecked : behind - size]))
-                    for p in packets[:_CHECK_FRAMES]
-                ):
+
+                def fits(packet, name=name, size=size, end=end, unchecked=unchecked) -> bool:
+                    check = check_of(name, bytes(packet[unchecked:end]))
+                    return bytes(packet[end : end + size]) == check
+
+                if all(map(fits, packets[:_CHECK_FRAMES])):
+                    sound = packets[[fits(packet) for packet in packets]]
                     rest = (name, unchecked, tail, True)
-                    return _words(packets[:, : behind - size], packets, fixed, rest, cells)
+                    return _words(sound[:, :end], sound, fixed, rest, cells)
     return _words(packets, packets, fixed, ("", 0, 0, False), cells)
 
 
