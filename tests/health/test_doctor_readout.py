@@ -184,26 +184,11 @@ def test_a_fault_is_named_with_its_line_or_cell(kind, readout):
     assert str(found[0]).startswith(found[0].where)
 
 
-@pytest.mark.parametrize("seed, kind", [(193125, "open"), (193131, "open"), (193005, "lead")])
-def test_touches_on_a_driven_line_that_is_not_read_name_no_r_par(seed, kind):
-    """Of cells whose own readings are missing `identify` begins where their neighbours are."""
-    case = Case(seed, (kind,), 40.0, readouts=("loaded",))
-    assert [finding.kind for finding in diagnose(case.frames, case.circuit)] == [kind]
-
-
 def test_readings_that_other_touches_lower_lack_no_bit():
     """A grounded board that is taken for a floating one: 0.06 % of its readings exceed 512."""
     case = Case(99101, (), 40.0, readouts=("grounded",), r_ref=1e4, r_par=0.0)
     (finding,) = diagnose(case.frames, Circuit(*case.circuit.shape))
     assert finding.where == "wiring of the board"
-
-
-def test_an_open_line_that_a_noisy_one_crosses_is_named():
-    case = Case(190005, ("noisy line", "open"), 40.0, (16, 16), readouts=("loaded",))
-    found = diagnose(case.frames, case.circuit, series=False)
-    for fault in case.faults:
-        assert any(explains(f, *fault, case.cut) for f in found), (fault, found)
-    assert len(found) == 2
 
 
 @pytest.mark.parametrize("readout", PASSIVE[1:])

@@ -28,12 +28,6 @@ def test_a_sound_board_has_no_fault(seed):
     assert diagnose(case.frames, case.circuit) == []
 
 
-def test_light_touches_are_no_other_r_par():
-    """They make it seem 5 % larger on this board, by five standard deviations."""
-    case = Case(142080, (), 60.0)
-    assert diagnose(case.frames, case.circuit) == []
-
-
 @pytest.mark.parametrize("kind", [k for k in KINDS if k not in ("resistor", "drivers")])
 def test_a_fault_is_named_with_its_line_or_cell(kind):
     case = Case(7, (kind,), SECONDS, SHAPE)
@@ -42,17 +36,6 @@ def test_a_fault_is_named_with_its_line_or_cell(kind):
     assert [explains(f, kind, name, rows, cols, case.cut) for f in found] == [True], found
     assert found[0].evidence and found[0].remedy
     assert str(found[0]).startswith(found[0].where)
-
-
-@pytest.mark.parametrize("seed", [171012, 171025])
-def test_a_wrong_bit_at_whose_edge_the_cells_rest_is_named(seed):
-    """Samples leap across its gap, and their means fill it."""
-    case = Case(seed, ("bits",), 20.0)
-    assert case.board.readout == "low-pass"
-    (finding,) = diagnose(case.frames, case.circuit, series=False)
-    assert finding.kind == "bits" and "RMS of noise" in finding.evidence
-    bit, value = re.fullmatch(r"bit (.) stuck at (.)", case.faults[0][1]).groups()
-    assert finding.where == f"ADC bit {bit}" and finding.evidence.startswith(f"always {value}: ")
 
 
 @pytest.mark.parametrize("shape", [(10, 12), (8, 16), (12, 5)])
@@ -76,55 +59,6 @@ def test_two_faults_are_both_named():
     assert sorted(f.kind for f in diagnose(case.frames, case.circuit)) == ["dead", "open"]
 
 
-@pytest.mark.parametrize("seed", [49002, 49012])
-def test_a_dead_cell_on_a_swapped_line_hides_no_swap(seed):
-    case = Case(seed, ("swapped", "dead"), SECONDS, (12, 12))
-    found = diagnose(case.frames, case.circuit, series=False)
-    for fault in case.faults:
-        assert any(explains(f, *fault, case.cut) for f in found), (fault, found)
-    assert len(found) == 2
-
-
-@pytest.mark.parametrize(("seed", "shape"), [(175006, (8, 12)), (175014, (12, 16))])
-def test_a_stuck_cell_on_a_swapped_line_hides_no_swap(seed, shape):
-    """Nor makes another pair of lines seem exchanged."""
-    case = Case(seed, ("swapped", "stuck"), SECONDS, shape)
-    found = diagnose(case.frames, case.circuit, series=False)
-    for fault in case.faults:
-        assert any(explains(f, *fault, case.cut) for f in found), (fault, found)
-    assert len(found) == 2
-
-
-@pytest.mark.parametrize(("kind", "seed"), [("stuck", 175115), ("short at a crossing", 175210)])
-def test_a_cell_that_conducts_at_rest_makes_no_lines_seem_exchanged(kind, seed):
-    """It carries to its column what touches its row."""
-    case = Case(seed, (kind,), SECONDS, (12, 16) if kind == "stuck" else (8, 8))
-    (finding,) = diagnose(case.frames, case.circuit, series=False)
-    assert explains(finding, *case.faults[0], case.cut)
-
-
-@pytest.mark.parametrize("seed", [146000, 146002])
-def test_noise_on_top_of_a_ceiling_hides_none(seed):
-    """Nor is the pile at the ceiling the edge of a gap that a stuck bit leaves."""
-    case = Case(seed, ("noisy line", "saturation"), SECONDS, SHAPE)
-    found = diagnose(case.frames, case.circuit, series=False)
-    for fault in case.faults:
-        assert any(explains(f, *fault, case.cut) for f in found), (fault, found)
-    assert len(found) == 2
-
-
-@pytest.mark.parametrize(("kind", "seed"), [("short at a crossing", 171024), ("stuck", 171024)])
-def test_a_cell_above_the_ceiling_is_said_to_be_shorted_or_pressed(kind, seed):
-    """Above the height at which readings end, both read alike."""
-    case = Case(seed, (kind, "saturation"), SECONDS, (8, 8))
-    found = diagnose(case.frames, case.circuit, series=False)
-    ((_, _, rows, cols), _) = case.faults
-    (cell,) = (f for f in found if f.kind == "stuck")
-    assert (set(cell.rows), set(cell.cols)) == (rows, cols)
-    assert "ohm or less" in cell.evidence and "shorted, or something presses" in cell.remedy
-    assert sorted(f.kind for f in found) == ["saturation", "stuck"]
-
-
 @pytest.mark.parametrize("seed", [3, 4])
 def test_a_bad_lead_has_its_ohms(seed):
     """1 kohm, with the standard deviation that the fabric leaves."""
@@ -135,14 +69,42 @@ def test_a_bad_lead_has_its_ohms(seed):
     assert abs(size - 1000.0) < 3.0 * std
 
 
-@pytest.mark.parametrize(("faults", "seed"), [(2, 155001), (2, 155007), (1, 155007)])
-def test_another_r_par_is_named_beside_a_short(faults, seed):
-    """Two lines that touch are one line of another network, which tells it as well."""
-    case = Case(seed, ("short of neighbours", "circuit")[:faults], 60.0, (8, 12))
-    found = diagnose(case.frames, case.circuit)
-    for fault in case.faults:
-        assert any(explains(f, *fault, case.cut) for f in found), (fault, found)
-    assert len(found) == faults
+# Faults that may hide one another: (kinds, shape or any, readout, whether r_par is judged, boards
+# of BOARDS on which each is named, and nothing else, at least).
+BOARDS, SEED = 12, 211000
+TOGETHER = {
+    "a wrong bit": (("bits",), None, "floating", False, 10),
+    "a dead cell on a swapped line": (("swapped", "dead"), (12, 12), "floating", False, 9),
+    "a stuck cell on a swapped line": (("swapped", "stuck"), (12, 16), "floating", False, 9),
+    "a stuck cell alone": (("stuck",), (12, 16), "floating", False, 11),
+    "a shorted crossing alone": (("short at a crossing",), (8, 8), "floating", False, 11),
+    "noise above a ceiling": (("noisy line", "saturation"), SHAPE, "floating", False, 9),
+    "a cell above the ceiling": (("stuck", "saturation"), (8, 8), "floating", False, 9),
+    "another r_par beside a short": (
+        ("short of neighbours", "circuit"), (8, 12), "floating", True, 7,
+    ),
+    "an open line that a noisy one crosses": (
+        ("noisy line", "open"), (16, 16), "loaded", False, 10,
+    ),
+    "an open line, and no r_par": (("open",), None, "loaded", True, 11),
+    "a bad lead, and no r_par": (("lead",), None, "loaded", True, 10),
+    "light touches, and no r_par": ((), None, "floating", True, 11),
+}  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TOGETHER)
+def test_faults_that_may_hide_one_another_are_named_on_most_boards(name):
+    kinds, shape, readout, series, least = TOGETHER[name]
+    named = 0
+    for seed in range(SEED, SEED + BOARDS):
+        case = Case(seed, kinds, SECONDS, shape, (readout,))
+        found = diagnose(case.frames, case.circuit, series=series)
+        faults = [fault for fault in case.faults if fault[0] not in case.hidden]
+        all_named = all(any(explains(f, *fault, case.cut) for f in found) for fault in faults)
+        named += all_named and len(found) <= len(kinds)
+    print(f"\n{name}: {named} of {BOARDS}")
+    assert named >= least
 
 
 @pytest.mark.parametrize("off", [-200.0, 0.0, 200.0])
