@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tactile_skin import __file__ as _package
+from tactile_skin.board.absent import Unread
 from tactile_skin.board.liveness import _SETTLING, JITTER
 from tactile_skin.nodes.serial_driver import _DOUBTFUL
 from tactile_skin.solvers import suspect
@@ -275,7 +276,7 @@ MECHANISMS = (
     ),
     Mechanism(
         "absent", "crossings without a reading",
-        ("board/absent.py",), (Result("board.absent:Absent.frame", lambda found, *_: ("", False)),),
+        ("board/absent.py",), (Result("board.absent:Absent.frame", lambda found, *_: Unread()),),
     ),
 )  # fmt: skip
 ALL_ON = "all on"

@@ -2,12 +2,29 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 _FRAMES = 30  # in which a crossing has read nothing but 0, since the first one
 _FEW = 0.25  # of the crossings: if more of them read 0, the ADC is too coarse for the fabric
 _MANY = 0.25  # of the crossings without a reading: the rest does not tell the picture
 _SAY = 4  # crossings that are named
+
+
+class Unread(NamedTuple):
+    """Crossings without a reading that the configuration does not name.
+
+    Attributes:
+        text: what to say; empty if there are none.
+        blind: whether the picture cannot be trusted without them.
+        rows, cols: a line, or crossings one by one.
+    """
+
+    text: str = ""
+    blind: bool = False
+    rows: tuple[int, ...] = ()
+    cols: tuple[int, ...] = ()
 
 
 class Absent:
@@ -28,14 +45,14 @@ class Absent:
         self._looking = True  # whether any of these is left
         self._frames = 0
 
-    def frame(self, samples: np.ndarray, unread: np.ndarray | None) -> tuple[str, bool]:
-        """What to say of the crossings after this frame, and whether the picture cannot be trusted.
+    def frame(self, samples: np.ndarray, unread: np.ndarray | None) -> Unread:
+        """Return what the crossings are after this frame.
 
         Args:
             unread: (rows, cols) bool, what the board itself says that it did not read.
         """
         if unread is None and not self._looking:
-            return "", False
+            return Unread()
         unnamed = np.zeros(self._named.shape, bool) if unread is None else unread & ~self._named
         self._frames += 1
         self._zero &= (samples == 0) & ~unnamed
@@ -46,9 +63,11 @@ class Absent:
                 blind = cells.any(axis) & ~(cells & ~unnamed).any(axis)
                 if blind.any():
                     line = int(blind.argmax())
-                    return f"{name} {line}: the board reads none of its crossings", True
+                    where = {"rows" if axis else "cols": (line,)}
+                    text = f"{name} {line}: the board reads none of its crossings"
+                    return Unread(text, True, **where)
             if unnamed[self._populated].mean() > _MANY:
-                return f"more than {_MANY:.0%} of the crossings are not read", True
+                return Unread(f"more than {_MANY:.0%} of the crossings are not read", True)
         if self._frames < _FRAMES:
             silent = unnamed
         else:
@@ -57,12 +76,13 @@ class Absent:
             silent = unnamed | (zero & alone)
         silent &= self._populated
         if not silent.any():
-            return "", False
+            return Unread()
         names = [f"row {i}, column {j}" for i, j in np.argwhere(silent).tolist()]
         more = f" and {len(names) - _SAY} more" if len(names) > _SAY else ""
         ask = "" if unnamed.any() else "is it connected, or below a threshold of the board's? "
-        return (
+        text = (
             f"no reading at {'; '.join(names[:_SAY])}{more}: {ask}repair it, or exclude it "
-            "in circuit.scanned (in circuit.mask, if no cell is there)",
-            False,
+            "in circuit.scanned (in circuit.mask, if no cell is there)"
         )
+        rows, cols = (tuple(k.tolist()) for k in np.nonzero(silent))
+        return Unread(text, False, rows, cols)

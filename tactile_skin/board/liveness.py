@@ -115,6 +115,7 @@ _STILL_FOR, _STILL_FRAMES = 0.2, 20  # s, and frames, in which a cell with noise
 _MOVING = 0.9  # of the cells must do so, or the board is too quiet to tell a line that does not
 # Cells at least of a line that is judged, and of the others: fewer stand still by chance together.
 _LINE, _OTHERS = 3, 8
+_RARE = math.log(_CHANCE)
 _STILL = 0.02  # of a sound board's cells may stay still in that time, at least
 
 
@@ -171,9 +172,14 @@ class StillLines:
     by itself, since one that reads the middle of an ADC step moves less. Lines of which each cell
     stands still are left out of that, and are frozen when chance would make them all stand so long
     once in 1e9.
+
+    Attributes:
+        rows, cols: lines that are frozen by the last frame.
     """
 
     def __init__(self, shape: tuple[int, int], full_scale: int):
+        self.rows: tuple[int, ...] = ()
+        self.cols: tuple[int, ...] = ()
         self._full_scale = full_scale
         self._last: np.ndarray | None = None
         self._since = np.zeros(shape)  # s, when each cell moved last, and
@@ -183,6 +189,7 @@ class StillLines:
 
     def frame(self, t: float, samples: np.ndarray) -> str:
         """What is wrong with the frame that arrived at t [s]; empty if nothing."""
+        self.rows = self.cols = ()
         moved = samples != self._last if self._last is not None else np.ones(samples.shape, bool)
         self._last = samples
         self._since[moved] = t
@@ -209,11 +216,12 @@ class StillLines:
             return ""
         chance = np.log(np.maximum(self._own, max(usual, _STILL))) * known / _STILL_FRAMES
         frames = np.where(known, self._frames, np.iinfo(np.int32).max)
-        names = []
+        names, still = [], []
         for name, axis, lines in (("row", 1, dead[0]), ("column", 0, dead[1])):
             alone = (chance.sum(axis) * frames.min(axis))[lines]
-            if alone.sum() < math.log(_CHANCE):
-                names += [f"{name} {k}" for k in np.flatnonzero(lines).tolist()]
+            still.append(tuple(np.flatnonzero(lines).tolist()) if alone.sum() < _RARE else ())
+            names += [f"{name} {k}" for k in still[-1]]
+        self.rows, self.cols = still
         if not names:
             return ""
         more = "" if len(names) <= 4 else f" and {len(names) - 4} more"
@@ -233,11 +241,14 @@ class Verdict(NamedTuple):
         lag: how long it was on its way [s]; 0 for one that did not wait.
         settled: whether frames come at the board's own pace; until then they may be old.
         trouble: why the frames are no measurement; empty if they are.
+        rows, cols: lines that are frozen.
     """
 
     lag: float
     settled: bool
     trouble: str
+    rows: tuple[int, ...] = ()
+    cols: tuple[int, ...] = ()
 
 
 class Liveness:
@@ -266,7 +277,7 @@ class Liveness:
             self._restarts.append(t)
             if not backward:
                 self._delay.restart(t)
-        trouble = ""
+        trouble, where = "", ((), ())
         if len(self._restarts) == _RESTARTS and t - self._restarts[0] < _RESTARTS_WITHIN:
             trouble = (
                 f"the board restarted {_RESTARTS} times within {_RESTARTS_WITHIN:g} s: "
@@ -277,4 +288,5 @@ class Liveness:
                 self._lines = StillLines(self._shape, (1 << 16) - (1 << 16 - frame.adc_bits))
             repeats = self._repeats.frame(t, frame.samples)
             trouble = trouble or repeats or self._lines.frame(t, frame.samples)
-        return Verdict(lag, self._delay.settled, trouble)
+            where = self._lines.rows, self._lines.cols
+        return Verdict(lag, self._delay.settled, trouble, *where)

@@ -248,6 +248,11 @@ class Skin:
         return ""
 
     @property
+    def unrested(self) -> Finding | None:
+        """Why the rest is not measured yet; None: it is, or nothing keeps it from being."""
+        return None if self._tare.measured else self._tare.found
+
+    @property
     def fault(self) -> bool:
         """Whether the readings, or the circuit, are not a sound skin's."""
         unseen = self.waits and self._tare.unseen

@@ -216,11 +216,10 @@ class Compensation:
             "skipped": self.skipped,
         }
         if self._finding:
-            values |= {
-                diagnostics.KIND: self._finding.kind.value,
-                diagnostics.ROWS: " ".join(map(str, self._finding.rows)),
-                diagnostics.COLS: " ".join(map(str, self._finding.cols)),
-            }
+            finding = self._finding
+            values[diagnostics.KIND] = finding.kind.value
+            if finding != self.skin.unrested:  # a touch, and no fault
+                values |= diagnostics.places(finding.rows, finding.cols)
         if self._others:
             values["also"] = self._others
         self._diagnostics.publish(diagnostics.report(self.node, self._level, self._message, values))

@@ -21,6 +21,11 @@ KIND, ROWS, COLS = "kind", "rows", "cols"
 SIMULATED = "simulated"  # key of a value, true or false: the readings are of a simulated board
 
 
+def places(rows, cols) -> dict[str, str]:
+    """Return lines as values of a status."""
+    return {ROWS: " ".join(map(str, rows)), COLS: " ".join(map(str, cols))}
+
+
 def report(node, level: int, message: str, values: dict, header: Header | None = None):
     """A DiagnosticArray of one status, named after the node, its namespace included."""
     values = values | {"dropped": node.dropped, "callback_errors": node.callback_errors}

@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from ..board.absent import Absent
+from ..board.absent import Absent, Unread
 from ..board.formats import fields, make_format, make_parser
 from ..board.frame import Frame
 from ..board.liveness import JITTER, Liveness, Verdict
@@ -36,7 +36,7 @@ class SerialDriver:
         self._adc_of_board = adc_of(node, self.circuit)
         scanned = self._adc_of_board.scanned
         self._named = np.zeros(self.circuit.shape, bool) if scanned is None else ~scanned
-        self._absent, self._unread = self._new_absent(), ""
+        self._absent, self._unread = self._new_absent(), Unread()
 
         def value(name, default, *bounds):
             return node.declare_parameter(name, default, describe(*bounds)).value
@@ -96,9 +96,8 @@ class SerialDriver:
         trouble = self._refuse(frame)
         if not trouble:
             self._verdict = self._check_liveness(self._monotonic(), frame)
-            unread, blind = self._absent.frame(frame.samples, frame.unread)
-            trouble = self._verdict.trouble or (unread if blind else "")
-            self._unread = "" if blind else unread
+            self._unread = self._absent.frame(frame.samples, frame.unread)
+            trouble = self._verdict.trouble or (self._unread.text if self._unread.blind else "")
         changed, self._trouble = trouble != self._trouble, trouble
         if changed:
             self._report()  # a stop need not wait for the next second
@@ -155,7 +154,7 @@ class SerialDriver:
 
     def _on_link(self, text: str) -> None:
         """In the reader's thread: the connection came or went."""
-        self._trouble, self._verdict, self._unread = "", _NEW, ""  # of another connection
+        self._trouble, self._verdict, self._unread = "", _NEW, Unread()  # of another connection
         self._report()  # first: a log handler may raise
         self.node.get_logger().info(text)
 
@@ -183,8 +182,8 @@ class SerialDriver:
             )
         elif reader.slow:
             level, message = diagnostics.WARN, reader.slow
-        elif self._unread:
-            level, message = diagnostics.WARN, self._unread
+        elif self._unread.text:
+            level, message = diagnostics.WARN, self._unread.text
         values = {
             "port": reader.connected_to or reader.port,
             diagnostics.SIMULATED: str(reader.simulated).lower(),
@@ -200,6 +199,8 @@ class SerialDriver:
             "restarts": counters.restarts,
             "reconnects": max(0, reader.reconnects),
         }
+        if where := next((w for w in (self._verdict, self._unread) if w.rows or w.cols), None):
+            values |= diagnostics.places(where.rows, where.cols)
         self._diagnostics.publish(diagnostics.report(self.node, level, message, values))
 
     def _now(self) -> int:

@@ -23,8 +23,6 @@ _CELL = 0.2  # N: a contact has a cell with more, as of gesture_feature's cell_t
 _CELLS = 4096  # of which is kept how the mat lies there
 _TIME_LIMIT = 0.05  # s for a frame, as of compensation's time_limit
 _NUMBER = re.compile(r"-?\d+(\.\d+)?")
-_LINES = re.compile(r"\b(row|column)s? (\d+(?:(?:, | and )\d+)*)")  # "columns 3, 4 and 5"
-_CELL_NAME = re.compile(r"\brow (\d+), column (\d+)")
 MISSING = ("map", "auto")  # methods that do without the readings that are missing
 
 
@@ -225,25 +223,25 @@ def _reports(snapshot: Snapshot) -> list[tuple[str, int, str]]:
 
 
 def findings(snapshot: Snapshot) -> list[dict]:
-    """What is wrong with which lines, as the nodes' messages name them."""
-    texts: list[str] = []
-    for _, status in sorted(snapshot.nodes.items()):
-        if status.level:  # what keeps the rest from being measured is a touch, and no fault
-            unrested = status.values.get("tare", "")
-            said = f"{status.message}; {status.values.get('also', '')}"
-            texts += said.replace(unrested or "\0", "").split("; ")
+    """Return what is wrong with which lines: the worst that each node found."""
     found = []
-    for text in dict.fromkeys(texts):
-        lines = {"row": [], "column": []}
-        where = text.partition(":")[0]  # the lines that are meant stand first
-        if cells := _CELL_NAME.findall(where):
-            found += [{"text": text, "rows": [int(r)], "cols": [int(c)]} for r, c in cells]
+    for _, status in sorted(snapshot.nodes.items()):
+        rows, cols = (_lines(status.values.get(name, "")) for name in ("rows", "cols"))
+        if not status.level or not (rows or cols):
             continue
-        for match in _LINES.finditer(where if _LINES.search(where) else text):
-            lines[match[1]] += map(int, re.findall(r"\d+", match[2]))
-        if lines["row"] or lines["column"]:
-            found.append({"text": text, "rows": lines["row"], "cols": lines["column"]})
+        text = status.message
+        if rows and len(rows) == len(cols):  # cells
+            cells = zip(rows, cols, strict=True)
+            found += [{"text": text, "rows": [r], "cols": [c]} for r, c in cells]
+        else:
+            found.append({"text": text, "rows": rows, "cols": cols})
     return found
+
+
+def _lines(text: str) -> list[int]:
+    """Return the numbers of lines that a value holds; none if it is of another make."""
+    words = text.split()
+    return [int(word) for word in words] if all(map(str.isdecimal, words)) else []
 
 
 def _slope(at: np.ndarray, k: int, axis: int) -> np.ndarray:

@@ -11,6 +11,7 @@ from tactile_skin.health import monitor
 from tactile_skin.health.doctor import damaged
 from tactile_skin.middleware.bus import Context, ManualClock, Node
 from tactile_skin.msg import Header, Time, image
+from tactile_skin.nodes import diagnostics
 from tactile_skin.nodes.compensation import Compensation
 from tactile_skin.view.pictures import findings
 from tactile_skin.view.snapshot import NodeStatus, Snapshot
@@ -46,7 +47,7 @@ def test_it_is_said_everywhere(added):
     samples = np.full((16, 16), 2624, np.uint16)
     skin.on_adc(image(samples, "16UC1", Header(Time(0, 1))))
     assert any(str(f) == f"{SAID}." for f in skin.skin.findings())
-    status = NodeStatus(1, SAID, {})
+    status = NodeStatus(1, SAID, diagnostics.places((1,), (2,)))
     (marked,) = findings(Snapshot(nodes={"compensation": status}))
     assert (marked["rows"], marked["cols"]) == ([1], [2])
     case = Case(7, (), 40.0, shape=(8, 8))

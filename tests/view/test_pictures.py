@@ -187,28 +187,18 @@ def test_contacts_and_push_are_where_they_press():
 
 
 @pytest.mark.parametrize(
-    ("said", "rows", "cols"),
+    ("rows", "cols", "marked"),
     [
-        ("column 5 is open: 8 of its 8 readings are at most 3 ADC steps", [], [5]),
-        ("rows 2 and 15 read the same, cell for cell", [2, 15], []),
-        ("row 3, column 7: much noisier than the other cells", [3], [7]),
-        ("columns 1, 2 and 4 are open", [], [1, 2, 4]),
+        ("", "5", [([], [5])]),
+        ("2 15", "", [([2, 15], [])]),
+        ("2 5", "7 3", [([2], [7]), ([5], [3])]),  # cells, one by one
+        ("", "", []),
+        ("two", "5", [([], [5])]),  # another node's own value
     ],
 )
-def test_lines_that_a_message_names_are_marked(said, rows, cols):
-    found = findings(Snapshot(nodes={"compensation": NodeStatus(1, said)}))
-    assert [(f["rows"], f["cols"]) for f in found] == [(rows, cols)]
-    assert findings(Snapshot(nodes={"compensation": NodeStatus(0, said)})) == []
-
-
-def test_a_touch_that_keeps_the_rest_from_being_measured_is_no_fault():
-    why = "rest not measured: row 6, column 10 conducts 35 times as much: does something press?"
-    both = NodeStatus(1, f"{why}; column 3 is open", {"tare": why})
-    (found,) = findings(Snapshot(nodes={"compensation": both}))
-    assert found["cols"] == [3] and found["rows"] == []
-
-
-def test_cells_that_a_message_names_are_marked_one_by_one():
-    said = "row 2, column 7 and row 5, column 3: much noisier than the other cells: a contact?"
-    found = findings(Snapshot(nodes={"compensation": NodeStatus(1, said)}))
-    assert [(f["rows"], f["cols"]) for f in found] == [([2], [7]), ([5], [3])]
+def test_lines_that_a_node_found_are_marked(rows, cols, marked):
+    values = {"rows": rows, "cols": cols}
+    found = findings(Snapshot(nodes={"compensation": NodeStatus(1, "why", values)}))
+    assert [(f["rows"], f["cols"]) for f in found] == marked
+    assert all(f["text"] == "why" for f in found)
+    assert findings(Snapshot(nodes={"compensation": NodeStatus(0, "why", values)})) == []
