@@ -29,11 +29,6 @@ _PRIOR_STOOD = 1.0
 _PRIOR_SEEN = 1e3
 _FORGET = 1e-3  # share of that count which each frame renews
 _SELDOM = 1e-8  # share of readings that stand still, at least: none stood still in the whole count
-# Share of frames that repeat the reading that does so most, up to which noise moves all readings;
-# the least that is counted on; share of it that each frame renews.
-_NOISY = 0.6
-_LEAST = 0.4
-_RENEW = 1.0 / 256.0
 ABOVE = 16.0  # ADC steps over the middle reading: below, nothing presses
 WINDOW = 10  # frames that are looked at together: 0.1 s at 100 a second
 _CALM = 0.25  # of the readings are not moved by a touch
@@ -104,9 +99,6 @@ class Ceiling:
         self._last: np.ndarray | None = None
         self._still: np.ndarray | None = None  # (rows, cols) frames since each reading moved
         self._count = _PRIOR_STOOD, _PRIOR_SEEN  # readings that stood still, and all
-        # (rows, cols) share of frames in which each repeated, and the frames that tell it
-        self._repeats: np.ndarray | None = None
-        self._seen: np.ndarray | None = None
         self._present = False  # the last frame shows it
 
     def frame(self, seen: Seen) -> None:
@@ -120,7 +112,6 @@ class Ceiling:
         """Look for a ceiling behind the ADC, or of it."""
         if self._last is None:
             self._last, self._still = samples, np.zeros(samples.shape, np.int32)
-            self._repeats, self._seen = np.ones(samples.shape), np.full(samples.shape, 1)
             return
         same = samples == self._last
         self._still = np.where(same, self._still + 1, 0)
@@ -139,14 +130,6 @@ class Ceiling:
         )
         n = np.count_nonzero(still & at_top)
         shown = n and n * math.log(max(stood / max(seen, 1.0), _SELDOM)) < math.log(_CHANCE)
-        self._seen[others] += 1
-        share = np.maximum(1.0 / self._seen[others], _RENEW)
-        self._repeats[others] += share * (same[others] - self._repeats[others])
-        if n and not shown and others.any():
-            # What repeats in a share q of frames has one value in at most sqrt(q) of them.
-            repeats = max(self._repeats[others].max(), _LEAST)
-            length = self._still[at_top].max()
-            shown = repeats < _NOISY and length * 0.5 * math.log(repeats) < math.log(_CHANCE)
         if shown and top - np.median(samples) > ABOVE * self._scale:
             self.height, self._noise = top / self._scale, 0.0
             self._present = True

@@ -58,14 +58,6 @@ def test_readings_that_stand_at_one_height_are_told_soon(cells, before):
     assert all(board.frames(500)), "the ceiling is there when nothing touches it, too"
 
 
-@pytest.mark.parametrize("noise", [0.6, 1.0])
-def test_one_reading_is_told_by_how_long_it_stands_where_noise_moves_all_others(noise):
-    board = Board(noise, whole=True, ceiling=614.0)
-    board.frames(300)
-    said = board.frames(80, 800.0, np.s_[5:6, 5:6])
-    assert 25 <= next(k for k, text in enumerate(said) if text) <= 75
-
-
 @pytest.mark.parametrize("side", [3, 8])
 @pytest.mark.parametrize("noise", [0.2, 0.3, 0.4, 0.5, 0.6])
 def test_one_hard_press_that_stands_for_long_is_no_ceiling(side, noise):
