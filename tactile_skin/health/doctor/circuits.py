@@ -15,6 +15,7 @@ from .readout import Fitting
 
 # Percent up to which an r_ref that is off is worth a word: parts are sold at 1 to 20.
 _PARTS_OFF = 50.0
+_NONE = 5.0  # ohm: touches that ask for less than any driver has may be read on another scale
 
 
 def polarity(level: float, change: Change, inverted: bool) -> Finding:
@@ -56,8 +57,9 @@ def readout(supposed: Circuit, fitting: Fitting) -> Finding:
     numbers = {"supposed": fitting.supposed}
     kind, form = Kind.CIRCUIT, "one of"
     if only and changes[0].circuit.r_par != supposed.r_par:
-        form, only = "r_par at most", False
-        numbers["r_par"] = changes[0].circuit.r_par
+        most, only = changes[0].circuit.r_par, False
+        form = "r_par at most" if most > _NONE else "r_par 0 or scale"
+        numbers["r_par"] = most
     elif only:
         scaled = changes[0].scale != 1.0
         kind, form = (Kind.BITS, "width") if scaled else (Kind.READOUT, "")
