@@ -75,7 +75,8 @@ def diagnose(
 
     Returns:
         The faults, an empty list for a sound board. Readings upside down, another readout than the
-        circuit's, a wrong bit, and rows and columns that are exchanged hide all else.
+        circuit's, a wrong bit, and rows and columns that are exchanged hide all else. Of frames
+        that show no rest, without `rest`: that alone, of kind "too little seen".
 
     Raises:
         ValueError: another shape, values outside [0, 1], or fewer than 20 frames.
