@@ -31,6 +31,7 @@ _HIGHEST_LEVEL = 3.0
 _STILL = 5.0
 _STILL_SHARE = 0.01
 _RESTLESS = 0.02
+_ALIKE_FRAMES = 1000  # that are looked at together while they are alike
 _TRIES = 5  # measurements that held a touch, or seemed to, after which to say so
 _UNRESOLVED = 0.5  # ADC steps: below, rounding leaves no reading
 _OF_CHANGES = 0.886  # standard deviation over the mean change from one to the next, normal noise
@@ -80,6 +81,7 @@ class Tare:
         self._max_factor = at_rest / float(curve.resistance(AT_REST))  # as a factor of conductance
         self._last = -np.inf  # s, when the last frame was read
         self._restless = 0  # measurements in a row whose parts differed
+        self._alike = np.zeros(circuit.shape), 0  # sum and frames of seconds that read alike
         self._lowest = np.full(circuit.shape, np.inf)  # ADC ratio, levels before any measurement
         self._level: list[np.ndarray] = []  # the last frames
         self._begin(-np.inf)
@@ -152,7 +154,7 @@ class Tare:
         if not self.measured and (risen := self._risen(mean, usual)):
             self.found, self.unseen = risen, True
             return followed
-        found = one_voltage(mean, n + m, usual, self._circuit)
+        found = self._one_voltage(mean, n + m, usual)
         self.unseen = found is not None and found.stops
         zero = self._circuit.populated & (mean * self._circuit.full_scale < _UNRESOLVED)
         zero &= ~(zero.all(1)[:, None] | zero.all(0))  # such a line is not connected
@@ -164,6 +166,19 @@ class Tare:
                 self.found = found
             return followed
         return self._learn(mean, usual / (n + m) ** 0.5) or followed
+
+    def _one_voltage(self, mean: np.ndarray, frames: int, noise: float) -> Finding | None:
+        """Return that no matrix is read; together seconds that are alike have less noise."""
+        total, count = self._alike
+        total, count = total + frames * mean, count + frames
+        for seen, n in ((mean, frames), (total / count, count)):
+            found = one_voltage(seen, n, noise, self._circuit)
+            if not found:
+                self._alike = np.zeros(mean.shape), 0
+                return None
+        kept = min(count, _ALIKE_FRAMES)
+        self._alike = total * (kept / count), kept
+        return found
 
     def _note_level(self, adc: np.ndarray) -> None:
         """Take a frame into the levels that the readings have had."""

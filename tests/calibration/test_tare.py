@@ -419,3 +419,16 @@ def test_the_onset_of_touches_is_no_drift(grams):
             skin.frame(share * press)
         skin.frames(4, press)
     np.testing.assert_allclose(skin.tare.curve.rest_resistance / known.rest_resistance, 1.0, 3e-4)
+
+
+def test_cells_that_differ_by_less_than_a_seconds_noise_are_no_one_voltage_for_long():
+    """Of a grounded matrix with a small r_ref untouched cells read 10 steps, 0.3 apart."""
+    rng = np.random.default_rng(6641)
+    circuit = Circuit(6, 9, r_ref=500.0, r_par=25.0, readout="grounded")
+    curve = CURVE.resting_at(CURVE.rest_resistance * np.exp(0.03 * rng.standard_normal((6, 9))))
+    adc, tare, t = forward(circuit, curve.rest_resistance), Tare(circuit, CURVE), 0.0
+    while not tare.measured and t < 12.0:
+        steps = np.rint(adc * 1023 + 1.5 * rng.standard_normal((6, 9)))
+        tare.update(t, steps / 1023, np.zeros((6, 9)))
+        t += 0.05
+    assert tare.measured, tare.found
