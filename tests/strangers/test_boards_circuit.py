@@ -403,3 +403,21 @@ def test_a_limit_in_mid_range_is_no_saturated_input(top, saturated):
     assert ("Is the input saturated?" in found.message) == saturated
     if not saturated:
         assert "Does something limit them" in found.message
+
+
+def test_readings_of_12_bits_that_are_stretched_to_16_are_read():
+    """A Pico's `read_u16`: v << 4 | v >> 8, so that the supply reads 65535."""
+    wired = {"r_ref": 10000.0, "r_par": 0.0, "r_drive": 25.0, "readout": "grounded"}
+    circuits = [Circuit(8, 8, adc_bits=bits, driven="columns", **wired) for bits in (12, 16)]
+    skins, curve = [skin_of(Adc(c)) for c in circuits], fabric(circuits[0])
+    rng, felt = np.random.default_rng(5), []
+    for k in range(120):
+        force = finger((8, 8), 3.5, 3.5, 8.0, 1.3) * (k > 80)
+        steps = counts(circuits[0], curve, force, rng, noise=1.0)
+        sent = (steps << 4), (steps << 4 | steps >> 8)
+        found = [s.frame(k / 20.0, f.astype(np.uint16)) for s, f in zip(skins, sent, strict=True)]
+        felt.append([f.sum() for f in found])
+    assert not skins[1].fault, skins[1].findings()
+    plain, stretched = np.median(felt[90:], axis=0)
+    assert np.max(felt[60:80]) < 1.0
+    assert stretched == pytest.approx(plain, rel=0.02) and stretched == pytest.approx(8.0, rel=0.1)
