@@ -99,21 +99,9 @@ MECHANISMS = (
         (_finds_one("solvers.suspect:by_residual"),), True,
     ),
     Mechanism(
-        "by_score", "pattern of a short or of another r_par in the misfit",
-        tuple(f"{_SOLVE}/score.py:{name}" for name in (
-            "by_score", "_way", "_beside_rim", "_candidates", "_wrong_r_par", "_equal_lines",
-        )),
-        (_finds_one("solvers.score:by_score"),), True,
-    ),
-    Mechanism(
-        "by_cost", "a load on all cells that the level prior does not explain",
-        (f"{_SOLVE}/suspect.py:by_cost",), (_finds_one("solvers.suspect:by_cost"),), True,
-    ),
-    Mechanism(
         "other_r_par", "another r_par explains the frame better",
         (f"{_SOLVE}/rivals/other_r_par.py",),
-        (Result("solvers.rivals.other_r_par:find_r_par",
-                lambda found, reading, fit, nominal: nominal),), True,
+        (_finds_one("solvers.map:with_other_r_par"),), True,
     ),
     Mechanism(
         "other_readout", "another readout explains the frame better",
@@ -281,9 +269,9 @@ MECHANISMS = (
 )  # fmt: skip
 ALL_ON = "all on"
 BUNDLES = {  # switched off together
-    "the four of a frame": ("by_score", "by_cost", "other_r_par", "other_readout"),
-    "the four, guards, impossible": (
-        "by_score", "by_cost", "other_r_par", "other_readout", "tare guards", "impossible readings",
+    "both rivals": ("other_r_par", "other_readout"),
+    "rivals, guards, impossible": (
+        "other_r_par", "other_readout", "tare guards", "impossible readings",
     ),
     "aside + contacts": ("aside", "contacts"),
 }  # fmt: skip

@@ -17,7 +17,7 @@ from scipy.ndimage import binary_dilation
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from ..solvers import compensate
-from .evidence import HARDEST, stands_anew
+from ..solvers.evidence import HARDEST, stands_anew
 from .rest import Rest, check_frames, supposing
 from .totals import Totals
 

@@ -20,9 +20,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..physics.circuit import Circuit
-from ..solvers.score import series_scale
-from .evidence import HARD, SOFT, Evidence, Supposed
-from .rest import Rest, check_frames
+from ..solvers.evidence import HARD, SOFT, Evidence, Supposed, series_scale
+from .rest import Rest, check_frames, supposing
 
 # Standard deviations between what is found with HARD and with SOFT from which on rims are soft: 2.5
 # at most on 40 boards that bodies touch (seed 143000), 20 at least on 20 that fingers do (143500).
@@ -51,8 +50,8 @@ class Identified:
         circuit: with r_par and r_line as found; as given where the frames do not tell.
         std: name -> one standard deviation [ohm].
         told: name -> whether the frames tell it: its standard deviation is below 3 % of r_par (of
-            `solvers.score.series_scale`), or 4 ohm of r_line or r_drive; or the supposed r_par is
-            off by half of it and 8 standard deviations. r_line never if loaded.
+            `evidence.series_scale`), or 4 ohm of r_line or r_drive; or the supposed r_par is off by
+            half of it and 8 standard deviations. r_line never if loaded.
         missing: what they do not tell, and more of them would.
         frames: how many of them say anything.
         message: for a person.
@@ -137,7 +136,8 @@ def _solve_frames(
     noise = max(rest.noise, _NOISE)
     prior, rounds = prior_of(circuit), []
     for _ in range(_ROUNDS):
-        supposed = Supposed(shifted(circuit, off), rest, hard, exact=True, end=end)
+        now = shifted(circuit, off)
+        supposed = Supposed(now, supposing(rest, now).conductance, hard, exact=True, end=end)
         each = (supposed.evidence(adc, noise) for adc in frames)
         found = [evidence for evidence in each if evidence is not None]
         if len(found) < _FEWEST:

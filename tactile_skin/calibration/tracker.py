@@ -10,11 +10,10 @@ import numpy as np
 from ..findings.finding import Finding, Kind, Severity
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
+from ..solvers.evidence import MIN_SCALE, SOFT, Evidence, Supposed, series_scale, stands_anew
 from ..solvers.reading import ROUNDING_NOISE, rest_reading
-from ..solvers.score import MIN_SCALE, series_scale
-from .evidence import SOFT, Evidence, Supposed, stands_anew
 from .identify import TOLD, bounded, names, prior_of, shifted, std_of, values, without_r_par
-from .rest import Rest
+from .rest import Rest, supposing
 
 _KEPT = 24  # touches: the latest, since boards warm up and connectors age
 _ENOUGH = 3  # touches that may change what is known
@@ -204,15 +203,16 @@ class CircuitTracker:
             self._rest, self._supposed = Rest(adc, noise, _REST_FRAMES, conductance), None
         circuit = shifted(self._configured, self._off)
         if self._supposed is None or self._supposed.circuit != circuit:
-            self._supposed = Supposed(circuit, self._rest, SOFT)
+            self._supposed = self._of(circuit)
+
+    def _of(self, circuit: Circuit) -> Supposed:
+        return Supposed(circuit, supposing(self._rest, circuit).conductance, SOFT)
 
     def _take(self, adc: np.ndarray, noise: float) -> None:
         at, evidence = self._off, self._supposed.evidence(adc, noise)
         if evidence is None and self._configured.readout == "loaded":
             at = without_r_par(self._configured)
-            evidence = Supposed(shifted(self._configured, at), self._rest, SOFT).evidence(
-                adc, noise
-            )
+            evidence = self._of(shifted(self._configured, at)).evidence(adc, noise)
         if evidence is not None:
             self._asked.append(_Asked(adc, noise, at, evidence))
 

@@ -5,8 +5,8 @@ checks.py       the other arguments
 naive.py        the paper's naive method    learned.py    the networks
 fixed_point.py  the literature's iteration  newton.py     the exact inverse
 map.py          noise-aware, with prior.py  auto.py       the cheapest that the frame allows
-rivals/         bad contacts; readouts      suspect.py    tests of the circuit model
-score.py        a short or another r_par, past what the cells can take; the fit with that r_par
+suspect.py      tests of the circuit model  evidence.py   of what lies in series
+rivals/         what else explains a frame: bad contacts, another r_par, another readout
 """
 
 from __future__ import annotations

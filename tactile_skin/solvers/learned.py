@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -11,7 +10,6 @@ from ..learning import network
 from ..physics.kernel import connected_rho
 from .estimate import Estimate
 from .reading import Reading
-from .rivals import other_r_par
 from .suspect import estimate_from_force, network_of
 
 _OWN_SHARE = 0.95  # of the current at a crossing, from which on its cell is found alone: chosen
@@ -23,11 +21,7 @@ def cnn(reading: Reading, weights=None) -> Estimate:
 
 
 def physics(reading: Reading, weights=None) -> Estimate:
-    """A network of the same size, fed with a few steps of the fixed point.
-
-    If its answer shows that the board's r_par is not the circuit's, the frame is corrected for that
-    and evaluated again.
-    """
+    """A network of the same size, fed with a few steps of the fixed point."""
     return _learned(reading, weights, "physics", "physics")
 
 
@@ -41,16 +35,8 @@ def _learned(reading: Reading, weights, method: str, kind: str) -> Estimate:
         raise ValueError(f"weights {weights.path}: of a {weights.kind} network, not for {method!r}")
     weights.check(reading.circuit, reading.curve)
     force, there = _analyse_frame(reading, weights)
-    r_par = other_r_par.guess_r_par(reading, there[1]) if kind == "physics" else None
-    corrected = reading
-    if r_par is not None:
-        corrected = reading.behind(r_par - reading.circuit.r_par)
-        force, there = _analyse_frame(corrected, weights)
-    force, there = _with_single_cells(force, there, corrected)
-    estimate = estimate_from_force(force, reading, method, network=there)
-    if r_par is None:
-        return estimate
-    return other_r_par.report_r_par(replace(estimate, r_par=r_par), reading)
+    force, there = _with_single_cells(force, there, reading)
+    return estimate_from_force(force, reading, method, network=there)
 
 
 def _analyse_frame(reading: Reading, weights) -> tuple[np.ndarray, tuple]:

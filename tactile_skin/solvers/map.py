@@ -11,19 +11,18 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import lapack
 
 from ..findings.finding import Finding, Kind
 from ..physics.conjugate_gradients import conjugate_gradients
 from ..physics.grounded import BOUND
 from ..physics.quadratic import inverse_diagonal, solve_in_box
 from . import prior as prior_terms
-from . import score, suspect
+from . import suspect
 from .estimate import Estimate, spread
 from .fixed_point import fill, first_guess, iterate, last_guess
 from .reading import ROUNDING_NOISE, Linearised, Reading, noise_at_rest
-from .rivals import other_r_par
 from .rivals.aside import without_bad_contacts
+from .rivals.other_r_par import with_other_r_par
 from .rivals.other_readout import other_readout
 from .suspect import NormalEquations
 
@@ -41,7 +40,6 @@ _CG_STEPS = 100
 _UNCHANGED = 2.2  # standard deviations of chi^2 up to which a frame is that of the same load
 _NEAR_REST = 1.5  # times the conductance at rest: a starting cell below it starts at rest
 _WIDEN = 1.2  # what the measured coverage requires
-_HARD = 0.5  # of `series_scale`, median rho of a hard load: an r_par 10 % off moves every cell
 # Noise that is measured in the frame (docs/derivation.md): fits that may be made, factor within
 # which two agree, standard deviations beyond which a reading is an outlier; the noise that boards
 # usually have [ADC steps], and for how many readings that counts.
@@ -77,10 +75,6 @@ def _map_estimate(reading: Reading, start: Estimate | None, prior) -> Estimate:
     def fit(reading, g, warm=True):
         return _fit(reading, g, prior, warm)
 
-    if warm and start.r_par is not None:
-        found = other_r_par.fit_r_par(reading, fit, g, start.r_par)
-        if found is not None and found.status == "ok":
-            return other_r_par.report_r_par(found, reading)
     estimate = fit(reading, g, warm)
     if warm and estimate.status != "ok" and not reading.late():
         again = fit(reading, first_guess(reading), False)
@@ -94,9 +88,10 @@ def _map_estimate(reading: Reading, start: Estimate | None, prior) -> Estimate:
     asks = estimate.status == "ok" and prior is None
     if asks and (finding := other_readout(reading, estimate, start, _touches)):
         return estimate.doubted(finding)
-    if estimate.aside is not None or (warm and estimate.status != "ok"):
+    known = warm and start.r_par is None  # a stream was asked when it began
+    if known or estimate.aside is not None or estimate.status == "failed":
         return estimate
-    return other_r_par.find_r_par(reading, fit, estimate)
+    return with_other_r_par(reading, fit, estimate) or estimate
 
 
 def _unchanged(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | None:
@@ -167,8 +162,6 @@ def _fit(
     residual = reading.residual(adc)
     finding = suspect.by_reading(reading)
     finding = finding or suspect.by_residual(reading, point.model.adc, ROUNDING_NOISE)
-    if not finding and step.equations is not None:
-        finding = _by_score(reading, point, step.equations, std_x, broad, prior)
     status, message = ("suspect", str(finding)) if finding else ("ok", "")
     if not converged:
         why = "" if step.solved else ": the step exceeds single precision"
@@ -238,35 +231,6 @@ def _noise_left(reading: Reading, point: _Point, step: _Step) -> float:
     square = np.minimum(np.square(misfit), _OUTLIER**2).sum() * reading.fitted_noise**2
     usual = _USUAL_COUNT * _USUAL_NOISE**2
     return float(((square + usual) / (left + _USUAL_COUNT)) ** 0.5)
-
-
-def _by_score(
-    reading: Reading, point: _Point, equations, std_x, broad: bool, prior
-) -> Finding | None:
-    """Return what the tests of the whole frame find."""
-    if not reading.circuit.has_cross_talk:
-        return None
-    # The fit may stop short of its minimum, for which the tests are.
-    pull = _downhill(point).flat[equations.unknowns]
-    rough = broad and _rough(reading, point)
-    if rough and prior is None and reading.noise_given:  # the cost is one of known noise
-        ahead = lapack.spotrs(equations.factor.T, pull, lower=1)[0]
-        cost = point.cost - 0.5 * pull @ ahead
-        if finding := suspect.by_cost(reading, cost, point.model.g, std_x):
-            return finding
-    return score.by_score(reading, point.model, equations, pull, broad, rough)
-
-
-def _rough(reading: Reading, point: _Point) -> bool:
-    """Whether the whole skin is loaded hard and each cell independently, as the level prior says.
-
-    Only then is a misfit of that prior evidence against the circuit: a palm is smooth.
-    """
-    cells = reading.circuit.populated
-    rho = reading.rho_of(point.model.network)
-    if np.median(rho[cells]) >= _HARD * score.series_scale(reading.circuit):
-        return False
-    return prior_terms.is_rough(reading.circuit, point.model.g)
 
 
 class _Point(NamedTuple):

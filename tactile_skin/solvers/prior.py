@@ -22,9 +22,6 @@ from .suspect import NormalEquations
 _STEP, _SPREAD = 1.0, 0.3
 _REST = 1.0, 0.3  # of x, one-sided: at rest unless the reading says otherwise
 _BROAD = 0.1  # share of the cells at rest below which the whole skin is loaded
-# Spread of log g above that of a flat load on a fabric's scatter; squared difference of neighbours
-# over that of any two cells, nearer to 1 (independent) than 0 (a palm).
-_UNEVEN, _INDEPENDENT = 0.25, 0.5
 _LEVEL = 5.0  # times the mean force, which no cell of an even load on the whole skin reaches
 # The last step, `with_neighbours`.
 _STEPS = 3  # at most; one nearly always
@@ -151,17 +148,6 @@ def is_level(reading: Reading, g: np.ndarray) -> bool:
     """Whether g may be of a load spread as the level prior says: no cell far above the mean."""
     force = force_of(reading, g)[0][reading.circuit.populated]
     return bool(force.max() < _LEVEL * force.mean())
-
-
-def is_rough(circuit, g: np.ndarray) -> bool:
-    """Whether all cells are loaded, each independently of its neighbours, by conductance [S]."""
-    cells = circuit.populated
-    x = np.where(cells, np.log(np.where(cells, g, 1.0)), np.nan)
-    apart = [np.square(np.diff(x, axis=axis)).ravel() for axis in (0, 1)]
-    spread = np.nanvar(x)
-    return bool(
-        spread > _UNEVEN**2 and np.nanmean(np.concatenate(apart)) > _INDEPENDENT * 2.0 * spread
-    )
 
 
 def add(one: Quadratic, other: Quadratic) -> Quadratic:

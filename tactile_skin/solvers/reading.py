@@ -330,28 +330,3 @@ def rest_reading(circuit: Circuit, curve: PressureCurve) -> np.ndarray:
     adc = forward(circuit, np.broadcast_to(curve.rest_resistance, circuit.shape))
     adc.setflags(write=False)
     return adc
-
-
-def r_par_pattern(reading: Reading, model: Linearised) -> np.ndarray:
-    """(rows, cols) - d model / d r_par [1/ohm] of a frame whose touched cells stay as they are.
-
-    Where their rest was measured, it was measured with the r_par that was supposed, and falls as
-    that rises: an untouched skin reads the same whatever r_par is.
-    """
-    falls = -model.network.by_r_par
-    if reading.curve.offset is not None:
-        falls -= model.network.change(rest_shift(reading.circuit, reading.curve))
-    return model.weight * falls
-
-
-@lru_cache(maxsize=16)
-def rest_shift(circuit: Circuit, curve: PressureCurve) -> np.ndarray:
-    """(rows, cols) [S/ohm] by which the cells at rest conduct more for each ohm of r_par.
-
-    So that what an untouched skin reads stays: if floating, the sum of t_ab^2 d g_b is 1 for each
-    crossing.
-    """
-    network = readouts.solve(circuit, circuit.populated / curve.rest_resistance)
-    shift = network.cells_for(np.flatnonzero(circuit.populated), -network.by_r_par)
-    shift.setflags(write=False)
-    return shift

@@ -9,12 +9,12 @@ from yardsticks.identify import Unknown, UnknownDriven, bodies
 from yardsticks.tracker import run
 
 from tactile_skin import Circuit, PressureCurve, identify, measure_rest
-from tactile_skin.calibration import evidence
-from tactile_skin.calibration.evidence import HARD, Evidence, Supposed
 from tactile_skin.calibration.identify import std_of
-from tactile_skin.calibration.rest import Rest, resting_conductance
+from tactile_skin.calibration.rest import Rest, resting_conductance, supposing
 from tactile_skin.calibration.tare import Tare
 from tactile_skin.calibration.tracker import CircuitTracker
+from tactile_skin.solvers import evidence
+from tactile_skin.solvers.evidence import HARD, Evidence, Supposed
 
 SHAPE = 12, 12
 
@@ -49,7 +49,7 @@ def test_noise_alone_makes_no_resistance():
         board = Unknown(SHAPE, seed, noise=2.0, lateral=0.0)
         rest = measure_rest(board.at_rest(), board.supposed)
         true = replace(board.supposed, r_par=board.r_par, r_line=board.r_line)
-        supposed = Supposed(true, rest, HARD)
+        supposed = Supposed(true, supposing(rest, true).conductance, HARD)
         touched = board.frames(bodies(16, SHAPE, np.random.default_rng(seed)))
         found = [e for e in (supposed.evidence(adc, rest.noise) for adc in touched) if e]
         information = sum(e.information for e in found)

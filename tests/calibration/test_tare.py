@@ -12,7 +12,8 @@ from tactile_skin.calibration.tare import Tare
 from tactile_skin.calibration.touched import AT_REST as MOST
 from tactile_skin.learning import scenes
 from tactile_skin.physics.curve import GRAM
-from tactile_skin.solvers.reading import check_reading, r_par_pattern, rest_shift
+from tactile_skin.solvers.evidence import SOFT, Supposed
+from tactile_skin.solvers.reading import check_reading
 
 CIRCUIT, CURVE = Circuit(), PressureCurve()
 IDLE = np.zeros((16, 16))
@@ -196,13 +197,13 @@ def test_at_rest_a_wrong_circuit_looks_like_another_fabric(r_par):
     assert skin.tare.measured
     curve = skin.tare.curve
     at_rest = check_reading(forward(CIRCUIT, curve.resistance(IDLE)), CIRCUIT, curve)
-    model = at_rest.linearised(1.0 / curve.rest_resistance, 1.0)
+    g = 1.0 / curve.rest_resistance
+    model, supposed = at_rest.linearised(g, 1.0), Supposed(CIRCUIT, g, SOFT)
     alone = -model.weight * model.network.by_r_par
-    assert np.abs(r_par_pattern(at_rest, model) / alone).max() < 1e-3
+    assert np.abs(supposed._patterns(model)[0] / alone).max() < 1e-3
     # to first order: another r_par, and a rest that goes with it, read the same
     other = Circuit(r_par=CIRCUIT.r_par + 1.0)
-    g = 1.0 / curve.rest_resistance
-    same = forward(other, 1.0 / (g + rest_shift(CIRCUIT, curve))) - forward(CIRCUIT, 1.0 / g)
+    same = forward(other, 1.0 / (g + supposed.shifts[0])) - forward(CIRCUIT, 1.0 / g)
     alone = forward(other, 1.0 / g) - forward(CIRCUIT, 1.0 / g)
     assert np.abs(same).max() < 1e-3 * np.abs(alone).max()
 

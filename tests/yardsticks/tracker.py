@@ -25,7 +25,7 @@ from tactile_skin.middleware.bus import Context, ManualClock, Node, Parameter
 from tactile_skin.middleware.threads import one_thread
 from tactile_skin.msg import Header, image
 from tactile_skin.nodes.compensation import Compensation
-from tactile_skin.solvers.score import series_scale
+from tactile_skin.solvers.evidence import series_scale
 
 KNOWN, DRIVE = 0.03, 3.0  # ohm of r_drive
 EVERY = 4  # frames for one that the node is given, to save time: 25 a second

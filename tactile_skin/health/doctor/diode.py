@@ -11,11 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...calibration.evidence import SOFT, Supposed
-from ...calibration.rest import Rest, resting_conductance
+from ...calibration.rest import resting_conductance
 from ...physics.adc import Adc
 from ...physics.circuit import Circuit
-from ...solvers.score import series_scale
+from ...solvers.evidence import SOFT, Supposed, series_scale
 from .readout import Touched
 
 _SUPPLY = 5.0  # V that is supposed: with another supply the same share of it is found
@@ -106,7 +105,7 @@ def _agreement(circuit: Circuit, seen: Touched, quiet: int) -> Agreement:
     noise = max(seen.noise, 0.3)
     try:
         conductance = resting_conductance(seen.rest, circuit, noise / quiet**0.5)
-        supposed = Supposed(circuit, Rest(seen.rest, noise, quiet, conductance), SOFT)
+        supposed = Supposed(circuit, conductance, SOFT)
         each = [supposed.evidence(touch, noise) for touch in seen.touches]
     except ValueError:  # no cells read so
         return Agreement(0, np.inf, np.inf)

@@ -10,7 +10,7 @@ from ...calibration.identify import identify
 from ...calibration.rest import Rest, resting_conductance
 from ...findings.finding import Finding
 from ...physics.circuit import Circuit
-from ...solvers.score import series_scale
+from ...solvers.evidence import series_scale
 from . import circuits, wiring
 from .recorded import Recorded
 

@@ -1,4 +1,9 @@
-"""What one frame says of the circuit that is supposed (docs/derivation.md)."""
+"""What one frame says of the resistances that lie in series (docs/derivation.md).
+
+Untouched cells conduct what they did at rest, touched ones anything. An ohm more of r_par changes
+the readings by a pattern; what the touched cells can take of it is projected out of it, and out of
+the misfit. What is left of both gives a score and its information, which add up over frames.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +12,14 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import get_lapack_funcs
 from scipy.ndimage import binary_dilation
 
 from ..physics import lines, readouts
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
-from ..solvers.fixed_point import fill, first_guess, iterate
-from ..solvers.reading import Linearised, check_reading
-from ..solvers.score import BESIDE, past, solve
-from .rest import Rest, supposing
+from .fixed_point import fill, first_guess, iterate
+from .reading import Linearised, Reading, check_reading
 
 # Times its conductance at rest from which on a cell is evidently touched: noise is far below, even
 # in the shadow of a hard touch. What else is touched is found by `_Z`.
@@ -39,6 +43,10 @@ _EXPLAINED = 30.0
 # bad contact, say.
 _MODEL = 0.0005
 _ODD = 3.0
+BESIDE = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], bool)
+MIN_SCALE = 0.15  # of r_ref: what a board's r_par may be where none is configured
+_MOST_PARTS = 300.0  # ohm, the same whatever r_ref is: two CD4051 have 250 at 5 V, and more below
+_RIDGE = 1e-5  # of the touched cells' precision: the readings may not determine all of them
 _CUT_OFF = 3.0  # ADC steps from the converter's ends within which a reading's noise is cut off
 _START_STEPS = 60  # of the fixed point, to one ADC step RMS
 _STEPS = 6  # of Levenberg and Marquardt, a frame and search of touched cells; the next goes on
@@ -49,6 +57,33 @@ _ANY = 3.0  # standard deviation of a touched cell's log conductance: nothing is
 # read row by row; and by which it differs from the last that was asked.
 _STANDS = 2.5
 _NEW = 4.0
+
+
+def series_scale(circuit: Circuit) -> float:
+    """Return the series resistance that errors of r_par are compared with [ohm]: r_par may be 0."""
+    scale = MIN_SCALE * circuit.r_ref
+    if circuit.readout != "grounded":  # whose readings tell only the sum of both, to a share
+        scale = min(scale, _MOST_PARTS)
+    return max(circuit.r_par, scale)
+
+
+def past(columns: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
+    """Return what unknowns leave of changes of the readings, (readings, k) in standard deviations.
+
+    Args:
+        columns: (readings, k).
+        jacobian: (readings, n) d model / d x of the unknowns, x = log of a conductance.
+    """
+    precision = jacobian.T @ jacobian
+    precision.reshape(-1)[:: len(precision) + 1] *= 1.0 + _RIDGE
+    return columns - jacobian @ solve(precision, jacobian.T @ columns)
+
+
+def solve(precision: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return precision^-1 b, of a matrix that is positive definite, or hardly."""
+    (posv,) = get_lapack_funcs(("posv",), (precision,))
+    _, x, bad = posv(precision, b)
+    return np.linalg.lstsq(precision, b, rcond=None)[0] if bad else x
 
 
 def stands_anew(adc, before, last, noise: float) -> bool:
@@ -90,9 +125,10 @@ class Evidence(NamedTuple):
 
 
 class Supposed:
-    """A circuit, and the rest as it was measured if the circuit is that.
+    """A circuit, and what its cells conduct at rest.
 
     Args:
+        rest: (rows, cols) conductance of each cell at rest [S], as it is measured with the circuit.
         hard: HARD or SOFT.
         exact: whether stripes are taken beyond first order; the time is that of the literal network
             for each frame.
@@ -100,10 +136,16 @@ class Supposed:
     """
 
     def __init__(
-        self, circuit: Circuit, rest: Rest, hard: float, *, exact: bool = False, end: float = 1.0
+        self,
+        circuit: Circuit,
+        rest: np.ndarray,
+        hard: float,
+        *,
+        exact: bool = False,
+        end: float = 1.0,
     ):
         self.circuit, self._hard, self._exact, self._end = circuit, hard, exact, end
-        self.rest = supposing(rest, circuit).conductance
+        self.rest = rest
         self._cells = np.flatnonzero(circuit.populated).astype(np.int32)
         self._unit = np.ones(circuit.rows), np.ones(circuit.cols)
         # of any cell: between half of its own rest and the hardest
@@ -117,7 +159,7 @@ class Supposed:
         return self._network(self.rest, np.zeros(self.circuit.shape))
 
     @cached_property
-    def _shifts(self) -> list[np.ndarray]:
+    def shifts(self) -> list[np.ndarray]:
         """(rows, cols) [S/ohm] by which a cell at rest conducts more for each ohm more of r_par,
         and of r_line or r_drive: so that the untouched skin reads what it read."""
         changes = self._changes(self._resting, self.rest)
@@ -153,12 +195,15 @@ class Supposed:
         by_line = lines.added_resistance(network.inverse.k, g, *self._unit)
         return [network.by_r_par, network.by_r_par * by_line]
 
-    def evidence(self, adc: np.ndarray, noise: float) -> Evidence | None:
+    def evidence(
+        self, adc: np.ndarray, noise: float, g: np.ndarray | None = None
+    ) -> Evidence | None:
         """Fit the touched cells of a frame, and see what is left.
 
         Args:
             adc: (rows, cols) ADC ratio; NaN where a crossing was not read.
             noise: RMS of a reading [ADC steps].
+            g: (rows, cols) conductance [S] to begin with; None: it is guessed.
 
         Returns:
             None: nothing touches, or so much that the rest cannot be checked, or nothing explains
@@ -166,9 +211,14 @@ class Supposed:
         """
         circuit = self.circuit
         reading = check_reading(adc, circuit, self._curve, missing=True, noise=noise)
-        solved = circuit.has_ideal_drivers  # the first guess is the solution
-        g = first_guess(reading) if solved else iterate(reading, self.rest, _START_STEPS, 1.0)[0]
-        g = fill(reading, g)
+        if g is None:
+            solved = circuit.has_ideal_drivers  # the first guess is the solution
+            g = (
+                first_guess(reading)
+                if solved
+                else iterate(reading, self.rest, _START_STEPS, 1.0)[0]
+            )
+            g = fill(reading, g)
         further = self._beyond_first_order(g)
         touched = circuit.populated & (g > _EVIDENT * self.rest)
         if not touched.any():
@@ -211,23 +261,46 @@ class Supposed:
         score, information = -weighed @ past.misfit, weighed @ past.patterns
         return Evidence(score, information, np.array(by_rest), chi2, count)
 
+    def glance(self, reading: Reading, g: np.ndarray, noise: float) -> float:
+        """Return the standard deviations by which r_par seems too large, by a fit with a prior.
+
+        Args:
+            g: (rows, cols) of that fit [S].
+            noise: RMS of a reading [ADC steps].
+        """
+        touched = binary_dilation(g > self._hard * self.rest, BESIDE) & self.circuit.populated
+        cells = np.flatnonzero(touched)
+        if not cells.size or cells.size > _FULL * reading.n_informative:
+            return 0.0
+        model = reading.linearised(
+            np.where(touched, g, self.rest), np.hypot(noise, _MODEL * reading.steps)
+        )
+        columns = np.stack([self._patterns(model)[0].ravel(), model.misfit.ravel()], 1)
+        p, misfit = past(columns.astype(np.float32), _jacobian(model, cells)).T
+        return float(p @ misfit / max(p @ p, _HIDDEN) ** 0.5)
+
+    def _patterns(self, model: Linearised, further=None) -> list[np.ndarray]:
+        """(rows, cols) d misfit / d r_par, and / d r_line or r_drive [1/ohm]; cells stay."""
+        changes, network = self._changes(model.network, model.g), model.network
+        if further is not None and further.any():  # it grows with the square of r_line
+            more = network.by_r_par * 2.0 * further / np.max(self.circuit.r_line)
+            changes[1] = changes[1] + more
+        return [
+            -model.weight * (change + network.change(shift))
+            for change, shift in zip(changes, self.shifts, strict=True)
+        ]
+
     def _past_touched(self, model: Linearised, touched: np.ndarray, further) -> _Past:
         """What is left past what the touched cells can take, and held cells that are touched."""
-        changes, network = self._changes(model.network, model.g), model.network
-        if further.any():  # it grows with the square of r_line
-            changes[1] = changes[1] + network.by_r_par * 2.0 * further / np.max(self.circuit.r_line)
         jacobian = _jacobian(model, self._cells)
         free = touched.flat[self._cells]
-        columns = [
-            -model.weight * (change + network.change(shift))
-            for change, shift in zip(changes, self._shifts, strict=True)
-        ]
-        columns = np.stack([c.ravel() for c in (*columns, model.misfit)], 1)
+        columns = (*self._patterns(model, further), model.misfit)
+        columns = np.stack([c.ravel() for c in columns], 1)
         columns = np.concatenate([columns, jacobian[:, ~free]], 1)
         size = np.square(columns[:, 3:]).sum(0)
-        left = past(columns, jacobian[:, free])[0]
+        left = past(columns, jacobian[:, free])
         p, misfit = left[:, :2], left[:, 2]
-        held = past(left[:, 2:], p)[0]  # whatever the circuit is
+        held = past(left[:, 2:], p)  # whatever the circuit is
         misfit_past, held = held[:, 0], held[:, 1:]
         spread = np.sqrt(np.maximum(np.square(held).sum(0), _HIDDEN * size))
         more = self._cells[~free][held.T @ misfit_past > _Z * spread]
@@ -257,7 +330,7 @@ class _Past(NamedTuple):
 def _jacobian(model: Linearised, cells: np.ndarray) -> np.ndarray:
     """(readings, cells) d model / d log g, in standard deviations."""
     readings = np.arange(model.g.size, dtype=np.int32)
-    return model.jacobian(readings, cells) * model.g.flat[cells]
+    return model.jacobian(readings, cells) * model.g.flat[cells].astype(np.float32)
 
 
 def _fit(at, g: np.ndarray, unknown: np.ndarray, most: float) -> Linearised:

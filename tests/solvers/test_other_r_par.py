@@ -10,10 +10,9 @@ from tactile_skin.bench.damage import reliability, streams
 from tactile_skin.bench.damage.board import FaultBoard
 from tactile_skin.bench.textile import Textile, read
 from tactile_skin.calibration.rest import resting_conductance
-from tactile_skin.learning import network, scenes
+from tactile_skin.learning import scenes
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.physics.readouts import PASSIVE
-from tactile_skin.solvers import score
 from tactile_skin.solvers.reading import SCAN_NOISE, check_reading
 from tactile_skin.solvers.rivals import other_r_par
 
@@ -34,59 +33,97 @@ def read_by(circuit, force, rng, readout="scan"):
         return scenes.read_out(circuit, forward(circuit, 1.0 / g), readout, rng)
 
 
-@pytest.mark.parametrize("off", [-2.0, -0.5, 0.5, 2.0])
-def test_the_shift_is_newtons_step(off):
-    """Linear in r_par, where the touched cells are known."""
-    other = dataclasses.replace(CIRCUIT, r_par=CIRCUIT.r_par + off)
-    reading = check_reading(forward(other, CURVE.resistance(block())), CIRCUIT, CURVE)
-    found = score.r_par_shift(reading, 1.0 / CURVE.resistance(block()))
-    assert found.shift == pytest.approx(off, rel=0.05)
-    assert found.chi2 < 0.01
+def rested(board, rng, scatter=0.03, supposed=CIRCUIT):
+    """A fabric whose cells scatter at rest, as it is, and as it is measured by another circuit."""
+    cells = CURVE.rest_resistance * np.exp(scatter * rng.standard_normal(board.shape))
+    g = resting_conductance(forward(board, cells), supposed, 0.1)
+    return CURVE.resting_at(cells), CURVE.resting_at(1.0 / np.where(g > 0.0, g, 1e-5))
 
 
-def test_the_shifts_spread_covers_that_of_the_noise():
-    """It has room for what a real skin reads off the model."""
-    rng = np.random.default_rng(0)
-    g = 1.0 / CURVE.resistance(block())
-    found = [
-        score.r_par_shift(
-            check_reading(read_by(CIRCUIT, block(), rng), CIRCUIT, CURVE, noise=SCAN_NOISE), g
-        )
-        for _ in range(150)
-    ]
-    shifts = np.array([f.shift / f.std for f in found])
-    assert abs(shifts.mean()) < 0.3
-    assert 0.4 < shifts.std() < 1.0
-    assert np.mean([f.chi2 for f in found]) < 1.0
+@pytest.mark.parametrize("share", [0.7, 1.3])
+def test_r_par_is_found_by_one_frame(share):
+    board, rng = dataclasses.replace(CIRCUIT, r_par=share * CIRCUIT.r_par), np.random.default_rng(0)
+    fabric, curve = rested(board, rng)
+    adc = scenes.read_out(board, forward(board, fabric.resistance(block())), "scan", rng)
+    reading = check_reading(adc, CIRCUIT, curve, noise=SCAN_NOISE)
+    found = other_r_par.other_r_par(reading, 1.0 / curve.resistance(block()))
+    assert found.r_par == pytest.approx(board.r_par, abs=3.0 * found.std)
+    assert found.std < 20.0
 
 
 @pytest.mark.parametrize("readout", PASSIVE)
-def test_light_touches_beside_a_hard_one_are_no_other_r_par(readout):
+def test_the_std_covers_noise_and_lightly_touched_cells(readout):
     """Held at rest, cells that are touched lightly would tell of another r_par."""
-    circuit, rng, found = Circuit(readout=readout), np.random.default_rng(7), []
-    for _ in range(20):
+    circuit, rng, off = Circuit(readout=readout), np.random.default_rng(7), []
+    for _ in range(40):
         force = block()
         lightly = rng.integers(10, 16, 20), rng.integers(0, 16, 20)
         force[lightly] = rng.uniform(3.0, 7.0, 20) * GRAM
-        reading = check_reading(read_by(circuit, force, rng), circuit, CURVE, noise=SCAN_NOISE)
-        found.append(score.r_par_shift(reading.above_cut_off(), 1.0 / CURVE.resistance(force)))
-    assert np.mean([f.exceeds(score.SETTLED) for f in found]) <= 0.05
-    assert np.median([f.chi2 for f in found]) < 1.0
+        fabric, curve = rested(circuit, rng, supposed=circuit)
+        reading = check_reading(
+            scenes.read_out(circuit, forward(circuit, fabric.resistance(force)), "scan", rng),
+            circuit, curve, noise=SCAN_NOISE,
+        ).above_cut_off()  # fmt: skip
+        g = 1.0 / curve.resistance(force)
+        assert other_r_par.other_r_par(reading, g) is None
+        adc = np.where(reading.known, reading.adc, np.nan)
+        evidence = other_r_par._supposed(circuit, curve).evidence(adc, SCAN_NOISE, g)
+        off.append(evidence.score[0] / evidence.information[0, 0] ** 0.5)
+    assert abs(np.mean(off)) < 0.5
+    assert 0.5 < np.std(off) < 1.4
 
 
-@pytest.mark.parametrize("readout", PASSIVE)
-def test_cells_that_scatter_at_rest_are_not_touched_lightly(readout):
-    """Those that conduct more, taken out, would leave those that make r_par seem larger."""
-    circuit, rng, found = Circuit(readout=readout), np.random.default_rng(8), []
-    force = block()
+def test_of_a_rest_that_was_not_measured_little_is_told():
+    """Cells that scatter read as another r_par would."""
+    rng = np.random.default_rng(8)
+    found = []
     for _ in range(20):
-        rest = np.exp(0.03 * rng.standard_normal(circuit.shape))
-        g = 1.0 / CURVE.resistance(force)
-        adc = forward(circuit, 1.0 / np.where(force > 0.0, g, g * rest))
-        adc = scenes.read_out(circuit, adc, "scan", rng)
-        reading = check_reading(adc, circuit, CURVE, noise=SCAN_NOISE)
-        found.append(score.r_par_shift(reading.above_cut_off(), g).shift)
-    assert abs(np.mean(found)) < 2.0 * np.std(found) / len(found) ** 0.5 + 2.0
+        fabric, _ = rested(CIRCUIT, rng, 0.05)
+        adc = scenes.read_out(CIRCUIT, forward(CIRCUIT, fabric.resistance(block())), "scan", rng)
+        reading = check_reading(adc, CIRCUIT, CURVE, noise=SCAN_NOISE)
+        found.append(other_r_par.other_r_par(reading, 1.0 / CURVE.resistance(block())))
+    assert sum(f is not None for f in found) <= 1
+
+
+def test_where_everything_is_touched_r_par_is_not_determined():
+    rng = np.random.default_rng(2)
+    force = scenes.sample("random", 1, 16, 16, rng)[0] + 20 * GRAM
+    board = dataclasses.replace(CIRCUIT, r_par=1.1 * CIRCUIT.r_par)
+    reading = check_reading(read_by(board, force, rng), CIRCUIT, CURVE)
+    assert other_r_par.other_r_par(reading, 1.0 / CURVE.resistance(force)) is None
+
+
+@pytest.mark.parametrize("share", [0.9, 1.1])
+def test_a_wrong_r_par_is_told_and_the_force_is_that_of_the_right_one(share):
+    board, rng = dataclasses.replace(CIRCUIT, r_par=share * CIRCUIT.r_par), np.random.default_rng(8)
+    errors, trusting, found = [], [], []
+    for force in np.minimum(scenes.sample("rects", 30, 16, 16, rng), CURVE.max_force):
+        fabric, curve = rested(board, rng)
+        adc = scenes.read_out(board, forward(board, fabric.resistance(force)), "scan", rng)
+        estimate = compensate(adc, CIRCUIT, curve, "map", noise=SCAN_NOISE)
+        if estimate.r_par is not None:
+            assert estimate.status == "suspect" and f"{estimate.r_par:.0f}" in estimate.message
+            found.append(estimate.r_par)
+            errors.append(np.abs(estimate.force - force).mean())
+            exact = compensate(adc, CIRCUIT, curve, "newton").force
+            trusting.append(np.abs(exact - force).mean())
+    assert len(found) >= 8
+    assert np.median(np.abs(np.subtract(found, board.r_par))) < 8.0  # ohm
+    assert np.mean(errors) < 0.5 * np.mean(trusting)
+
+
+def test_a_stream_goes_on_with_the_r_par_that_was_found():
+    """And lets go of it where the circuit's own explains the reading."""
+    board, rng, last = dataclasses.replace(CIRCUIT, r_par=250.0), np.random.default_rng(9), None
+    fabric, curve = rested(board, rng)
+    for k in range(5):
+        force = (1.0 + 0.02 * k) * block()
+        adc = scenes.read_out(board, forward(board, fabric.resistance(force)), "scan", rng)
+        last = compensate(adc, CIRCUIT, curve, "auto", start=last)
+        assert last.r_par == pytest.approx(board.r_par, abs=40.0)
+    adc = scenes.read_out(CIRCUIT, forward(CIRCUIT, curve.resistance(block())), "scan", rng)
+    sound = compensate(adc, CIRCUIT, curve, "auto", start=last)
+    assert (sound.status, sound.r_par) == ("ok", None)
 
 
 def test_readings_next_to_the_cut_off_err_to_neither_side():
@@ -98,36 +135,17 @@ def test_readings_next_to_the_cut_off_err_to_neither_side():
     assert abs(reading.misfit(true).mean()) < 0.05 * SCAN_NOISE
 
 
-@pytest.mark.parametrize("share", [0.88, 1.12])
-def test_another_r_par_is_not_called_a_short(share):
-    """A fit raises cells to hide it, along neighbouring lines: the readings around tell."""
-    board, rng = dataclasses.replace(CIRCUIT, r_par=share * CIRCUIT.r_par), np.random.default_rng(5)
-    said = [
-        compensate(read_by(board, force, rng), CIRCUIT, CURVE, "map", noise=SCAN_NOISE).message
-        for force in np.minimum(scenes.sample("blobs", 30, 16, 16, rng), CURVE.max_force)
-    ]
-    assert sum("shorted" in words for words in said) <= 1
-    assert sum("r_par" in words for words in said) >= 20
-
-
-def test_where_everything_is_touched_r_par_is_not_determined():
-    force = scenes.sample("random", 1, 16, 16, np.random.default_rng(1))[0] + 20 * GRAM
-    reading = check_reading(read_by(CIRCUIT, force, np.random.default_rng(2)), CIRCUIT, CURVE)
-    assert score.r_par_shift(reading, 1.0 / CURVE.resistance(force)) is None
-
-
-@pytest.mark.parametrize("share", [0.92, 1.08])
+@pytest.mark.parametrize("share", [0.8, 1.25])
 def test_a_skin_with_gaps_and_lost_readings_finds_it_too(share):
     mask = np.ones((16, 16), bool)
     mask[::5, 1::4] = False
-    circuit = Circuit(mask=mask)
+    circuit, rng = Circuit(mask=mask), np.random.default_rng(3)
     other = dataclasses.replace(circuit, r_par=share * circuit.r_par)
-    rng = np.random.default_rng(3)
+    _, curve = rested(other, rng, 0.0, circuit)
     adc = np.where(rng.random((16, 16)) < 0.05, np.nan, read_by(other, block(circuit=other), rng))
-    found = compensate(adc, circuit, CURVE, "map", missing=True, noise=0.52)
-    assert found.r_par == pytest.approx(other.r_par, abs=6.0)
+    found = compensate(adc, circuit, curve, "map", missing=True, noise=0.52)
+    assert found.r_par == pytest.approx(other.r_par, abs=40.0)
     assert (found.status, found.force[~mask].max()) == ("suspect", 0.0)
-    assert np.abs(found.force - block(circuit=other)).max() < 60 * GRAM
 
 
 def soft_hand(rng):
@@ -162,45 +180,6 @@ def test_another_fault_is_not_taken_for_it(fault):
         assert compensate(adc, CIRCUIT, CURVE, "map", noise=SCAN_NOISE).r_par is None
 
 
-def test_a_board_far_off_is_another_fault():
-    """Half of r_par is no tolerance; and of a circuit without r_par none is sought."""
-    half = dataclasses.replace(CIRCUIT, r_par=0.5 * CIRCUIT.r_par)
-    adc = forward(half, CURVE.resistance(block()))
-    found = compensate(adc, CIRCUIT, CURVE, "map")
-    assert (found.status, found.r_par) == ("suspect", None)
-    none = Circuit(r_par=0.0)
-    found = compensate(forward(CIRCUIT, CURVE.resistance(block())), none, CURVE, "map")
-    assert (found.status, found.r_par) == ("suspect", None)
-
-
-def test_the_network_evaluates_the_frame_again_with_the_r_par_that_it_shows():
-    """Boards 5 % off: half the error; sound ones as before."""
-    rng = np.random.default_rng(6)
-    force = np.minimum(scenes.sample("blobs", 80, 16, 16, rng), CURVE.max_force)
-    errors, alone, sound = [], [], 0
-    for truth in force:
-        board = Textile(noise=1.0, r_par=rng.choice((0.95, 1.05)))
-        adc = read(board, CIRCUIT, CURVE, truth, rng)
-        found = compensate(adc, CIRCUIT, CURVE, "physics")
-        errors.append(np.abs(found.force - truth).mean())
-        assert (found.r_par is None) == (found.status == "ok")
-        alone.append(np.abs(network.shipped("physics").predict(adc) - truth).mean())
-        sound += compensate(read_by(CIRCUIT, truth, rng), CIRCUIT, CURVE, "physics").r_par is None
-    assert np.mean(errors) < 0.6 * np.mean(alone)
-    assert sound >= 78
-
-
-def test_a_cell_that_rests_near_the_curves_end_is_no_error():
-    """A short, say: with another r_par it would conduct more than any pressed cell."""
-    rest = np.full(CIRCUIT.shape, CURVE.rest_resistance)
-    rest[3, 4] = 1.02 * CURVE.points[-1][1]
-    curve = CURVE.resting_at(rest)
-    reading = check_reading(forward(CIRCUIT, curve.resistance(block())), CIRCUIT, curve)
-    for r_par in (0.5 * CIRCUIT.r_par, 1.5 * CIRCUIT.r_par):
-        supposed = other_r_par._with_r_par(reading, r_par).curve
-        assert (supposed.resistance(np.zeros(CIRCUIT.shape)) > CURVE.points[-1][1]).all()
-
-
 def palm(rng):
     """(16, 16) [N]: a broad load, softer and softer towards its rim."""
     row, col = np.mgrid[:16, :16]
@@ -233,16 +212,6 @@ def test_an_even_load_on_all_cells_is_no_fault(readout, scatter):
     frames = [read_by(circuit, even(rng, scatter), rng) for _ in range(40)]
     found = compensate(np.array(frames), circuit, CURVE, "map", noise=SCAN_NOISE)
     assert np.count_nonzero(found.status != "ok") <= 2
-
-
-def test_uneven_loads_that_an_r_par_makes_even_are_one():
-    board = dataclasses.replace(CIRCUIT, r_par=1.2 * CIRCUIT.r_par)
-    rng = np.random.default_rng(7)
-    force = scenes.sample("random", 40, 16, 16, rng)
-    force = np.minimum(force[force.mean((1, 2)) > 1.0], CURVE.max_force)
-    frames = np.array([read_by(board, one, rng) for one in force])
-    found = compensate(frames, CIRCUIT, CURVE, "map", noise=SCAN_NOISE)
-    assert np.mean(found.status != "ok") > 0.6
 
 
 def test_a_palm_with_a_soft_rim_is_no_other_r_par():
