@@ -188,16 +188,6 @@ MECHANISMS = (
         (_finds("health.monitor:LoadedAtStart.findings"),),
     ),
     Mechanism(
-        "noise by cell", "noisy cells count with their own noise",
-        ("calibration/noise.py:Noise.each",),
-        (Result("calibration.noise:Noise.each", lambda found, noise: noise.rms),),
-    ),
-    Mechanism(
-        "noisy cells", "noisy cells are named",
-        ("calibration/noise.py:Noise.findings",),
-        (_finds("calibration.noise:Noise.findings"),),
-    ),
-    Mechanism(
         "twins", "two lines, or half of them, read the same at rest",
         tuple(f"calibration/at_rest.py:{name}" for name in (
             "twins", "stuck_bits", "_Pairs", "_sides", "which_are_one",

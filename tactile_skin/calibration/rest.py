@@ -25,6 +25,7 @@ _MOST_SHARE = 0.05  # of the cells, if that is more
 # Share of what a cell's change would change in its row and column, from which on it is a cell that
 # changed, not its reading alone.
 _CARRIED = 0.3
+_MOVED = 0.01  # the same, that is looked at
 # A loose one comes and goes by so much of the usual cell's conductance, and so many times; what
 # touches changes more.
 _LOOSE = 1.2
@@ -194,38 +195,15 @@ def _strays(off: np.ndarray, steps: np.ndarray, noise: float, found: list) -> np
 
 
 def _carried(off, middle, circuit: Circuit, row: int, col: int):
-    """Cells (m,) of a cell's row and column, and (n, m) [ADC steps] by which their readings change
-    if the cell's own does because of the cell.
-
-    What a cell conducts besides changes its two-terminal resistance, and those of its row and
-    column by a share of that change (docs/derivation.md).
-    """
-    if circuit.readout != "floating":
-        return _carried_when_driven(off, middle, circuit, row, col)
-    least = 0.5 / circuit.full_scale
-    rho = circuit.two_terminal(np.maximum(middle, least))
-    share = np.zeros(circuit.shape)
-    rows, cols = circuit.shape
-    share[row], share[:, col] = (np.square((n - 1) / (rows + cols - 1)) for n in (rows, cols))
-    share[row, col] = 0.0
-    share[~circuit.populated] = 0.0
-    beside = np.flatnonzero(share)
-    here = np.maximum(middle[row, col] + off[:, row, col] / circuit.full_scale, least)
-    change = circuit.two_terminal(here) - rho[row, col]
-    after = np.maximum(rho.flat[beside] + share.flat[beside] * change[:, None], 0.0)
-    expected = circuit.ratio(after) - circuit.ratio(rho.flat[beside])
-    return beside, expected * circuit.full_scale
-
-
-def _carried_when_driven(off, middle, circuit: Circuit, row: int, col: int):
-    """As `_carried`, to first order, of a skin of equal cells."""
+    """Other readings (m,) that a cell moves, and (n, m) [ADC steps] by which they move if its own
+    moves because of the cell: to first order, of a skin of equal cells."""
     usual = usual_resistance(middle, circuit.populated, circuit)
     changed = np.zeros(circuit.shape)
     changed[row, col] = 1.0
     share = readouts.solve(circuit, circuit.populated / usual).change(changed)
     share /= share[row, col]
     share[~circuit.populated] = share[row, col] = 0.0
-    beside = np.flatnonzero(np.abs(share) > 0.01)
+    beside = np.flatnonzero(np.abs(share) > _MOVED)
     return beside, share.flat[beside] * off[:, row, col, None]
 
 

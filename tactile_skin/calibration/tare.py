@@ -43,6 +43,7 @@ _DRIFT_UNSEEN = 5.0  # s for which it is made up for, after a touch that hid it
 _RECOVERY = 1.0  # s after a touch in which the fabric recovers: nothing is measured
 _QUIET_AFTER = 0.1  # s without a touch that must follow a measurement: an onset is too weak to feel
 _GAIN = 0.5  # share of the change that a later measurement adds
+_RENEWED = 0.3  # share of the noise that a measurement renews
 _SIGNIFICANT = 4.0  # standard deviations of its noise by which a measurement differs from the rest
 # Log conductance by which all cells may change from what is known, and besides in each second, as a
 # robot's cover warms up; chosen on simulated boards (tests/calibration; bench faults).
@@ -65,6 +66,7 @@ class Tare:
         unseen: whether nothing shows yet that a matrix at rest is read: no second of rest has gone
             by, or all cells read alike in it, where those of a fabric would not, or conduct what
             no fabric of this curve does, or readings have risen since the start.
+        noise: RMS of a usual reading at rest [ADC steps]; None: not measured yet.
         lines: lines that are one, by the last measurement; None: there are none. The rest is
             followed all the same.
     """
@@ -73,6 +75,7 @@ class Tare:
         self.curve, self.measured, self.unseen = curve, False, True
         self.found: Finding | None = None
         self.lines: Finding | None = None
+        self.noise: float | None = None
         self._learned = -np.inf  # s, when the rest was measured last
         self._first: np.ndarray | None = None  # (rows, cols) [S] that was measured first
         self._circuit = circuit
@@ -107,6 +110,7 @@ class Tare:
         self._after, self._since, self._until = after, np.inf, np.inf
         # sum and frames of the first half, of the second, and of what follows
         self._parts = [(np.zeros(self._circuit.shape), 0)] * 3
+        self._squares = [np.zeros(self._circuit.shape)] * 3  # sums of squares of the same
         self._adc: np.ndarray | None = None  # the last frame
         # sizes of the changes from frame to frame, summed, and the largest: it may be a touch
         self._changes = self._jump = np.zeros(self._circuit.shape)
@@ -144,6 +148,8 @@ class Tare:
             return followed
         (one, n), (other, m), _ = self._parts
         mean, noise, still = (one + other) / (n + m), self._noise(), self._still()
+        if still:
+            self._measure_noise()
         self._begin(t)
         self._restless = 0 if still else self._restless + 1
         if not still:
@@ -217,6 +223,7 @@ class Tare:
         part = 2 if self._until < np.inf else int(half)
         total, n = self._parts[part]
         self._parts[part] = total + adc, n + 1
+        self._squares[part] = self._squares[part] + np.square(adc)
         if t - self._since >= _WINDOW and self._parts[1][1] >= _MIN_FRAMES // 2:
             self._until = min(self._until, t)
 
@@ -225,6 +232,16 @@ class Tare:
         changes = sum(n for _, n in self._parts) - 1
         noise = _OF_CHANGES * (self._changes - self._jump) / max(changes - 1, 1)
         return np.maximum(noise, SCAN_NOISE / self._circuit.full_scale)
+
+    def _measure_noise(self) -> None:
+        """Take the spread within both halves: a board's low-pass makes successive frames alike."""
+        halves = zip(self._parts[:2], self._squares[:2], strict=True)
+        variance = [(square - total**2 / n) / (n - 1) for (total, n), square in halves]
+        usual = float(np.median(np.mean(variance, axis=0)[self._circuit.populated]))
+        now = max(usual, 0.0) ** 0.5 * self._circuit.full_scale
+        if now > 0.0:  # readings that never move are below a threshold, or averaged away
+            before = now if self.noise is None else self.noise
+            self.noise = before + _RENEWED * (now - before)
 
     def _usual(self, noise: np.ndarray) -> float:
         """That of the usual cell [ADC steps]."""

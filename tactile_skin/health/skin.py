@@ -12,7 +12,6 @@ from collections.abc import Callable
 import numpy as np
 
 from ..calibration.creep import Standing
-from ..calibration.noise import Noise
 from ..calibration.tare import Tare
 from ..calibration.touched import STIRRED, STIRRED_CELLS, TOUCHED
 from ..calibration.tracker import CircuitTracker
@@ -92,7 +91,6 @@ class Skin:
             Tare(self.circuit, curve),
             CircuitTracker(self.circuit, r_par_std),
         )
-        self._noise = Noise(self.circuit.populated)
         self._monitor = Monitor(adc, threshold, rest_known=not follows)
         self._last: Estimate | None = None  # the last frame: where the next starts from
         self._doubts = 0  # frames in a row
@@ -165,9 +163,8 @@ class Skin:
             force = self._standing.update(t, estimate.force) if self._standing else estimate.force
         touched = self.force >= TOUCHED
         stirs = touched or np.count_nonzero(estimate.force > STIRRED) >= STIRRED_CELLS
-        self._noise.frame(t, adc * self.circuit.full_scale, stirs)
         rest = rest_reading(self.circuit, self._tare.curve) if self._tare.measured else None
-        noise = (self._noise.rms or SCAN_NOISE) / self.circuit.full_scale
+        noise = (self._tare.noise or SCAN_NOISE) / self.circuit.full_scale
         known = {"judged": self.fitted, "stirs": stirs, "rest": rest, "noise": noise}
         self._monitor.frame(t, samples, adc, estimate, **known)
         self._found = self._monitor.findings()
@@ -190,8 +187,8 @@ class Skin:
 
     def _compensate(self, adc: np.ndarray) -> Estimate:
         method, given = (self._method, self._given) if self.fitted else (_FAST, self._common)
-        if given["noise"] is None and self._noise.each is not None:
-            given = given | {"noise": np.maximum(self._noise.each, ROUNDING_NOISE)}
+        if given["noise"] is None and self._tare.noise is not None:
+            given = given | {"noise": max(self._tare.noise, ROUNDING_NOISE)}
         limit = self._time_limit or min(max(_FRAMES * self._interval, _SHORTEST), _LONGEST)
         return compensate(
             adc, self.circuit, self._tare.curve, method, start=self._last, time_limit=limit, **given
@@ -213,7 +210,7 @@ class Skin:
         known = self._follows and self._tare.measured and self._adc.table is None
         if not known or self._method in _LEARNED:
             return
-        noise = max(self._noise.rms or SCAN_NOISE, ROUNDING_NOISE)
+        noise = max(self._tare.noise or SCAN_NOISE, ROUNDING_NOISE)
         if touched and not self._adc.bounds(adc).any():
             self._tracker.offer(t, adc, noise)
         if touched and not self._tracker.overdue(t, stopped):
@@ -274,7 +271,6 @@ class Skin:
             *frame,
             *self._tracker.findings(),
             *self._at_end(),
-            *self._noise.findings(),
         ]
         return sorted(found, key=lambda finding: finding.rank)
 
@@ -298,7 +294,7 @@ class Skin:
         """For diagnostics."""
         values = {"residual": f"{self.residual:.3f}"}
         values["tare"] = str(self._tare.found or ("ok" if self._follows else "off"))
-        if self._noise.rms is not None:
-            values["noise"] = f"{self._noise.rms:.2f}"
+        if self._tare.noise is not None:
+            values["noise"] = f"{self._tare.noise:.2f}"
         values |= self._tracker.values()
         return values | {f"frames_{name}": str(n) for name, n in self.taken.items()}

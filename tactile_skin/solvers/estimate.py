@@ -17,8 +17,8 @@ class Estimate:
     Attributes:
         force: (rows, cols) force on each cell [N]; of a batch (n, rows, cols).
         std: as `force`, one standard deviation of it [N].
-        residual: RMS misfit between the reading and the circuit model of `force`, in ADC steps;
-            of a batch (n,), as is all below.
+        residual: RMS misfit between the reading and the circuit's model of the best fit, in ADC
+            steps; of a batch (n,), as is all below.
         status: "ok", "suspect" (the circuit model does not explain the reading) or "failed".
         message: why, for a person; empty when ok.
         method: the method that was used ("auto" names its choice).

@@ -433,3 +433,16 @@ def test_cells_that_differ_by_less_than_a_seconds_noise_are_no_one_voltage_for_l
         tare.update(t, steps / 1023, np.zeros((6, 9)))
         t += 0.05
     assert tare.measured, tare.found
+
+
+@pytest.mark.parametrize("rms", [0.3, 1.0, 3.0])
+@pytest.mark.parametrize("low_pass", [1.0, 0.2])
+def test_the_noise_at_rest_is_measured(rms, low_pass):
+    """A low-pass on the board, which makes successive frames alike, does not hide it."""
+    rng, tare = np.random.default_rng(3), Tare(CIRCUIT, CURVE)
+    at_rest = 1023.0 * forward(CIRCUIT, 1.0 / scatter(0.03))
+    steps, left = at_rest, rms * (low_pass / (2.0 - low_pass)) ** 0.5
+    for k in range(600):
+        steps = steps + low_pass * (at_rest + rms * rng.standard_normal(steps.shape) - steps)
+        tare.update(0.01 * k, np.maximum(steps, 0.0) / 1023.0, IDLE)
+    assert tare.noise == pytest.approx(left, rel=0.1)

@@ -22,6 +22,7 @@ from ..suspect import rounded
 # simulated boards (benchmarks/single_frames.py, seed 77), scored on others.
 _SURE = 3.5
 _RELEVANT = 0.025  # less moves hard touches by 8 (blobs) to 25 g (rects) a cell
+_TOLERANCE = 0.5  # the same, beyond which it is another fault
 _GLANCE = 2.0  # the same, by the fit that a frame has already, from which on it is fitted again
 _POSSIBLE = 3.5  # standard deviations that r_par may seem to be below 0
 # RMS of log conductance of the cells of a sound fabric at rest, where it was not measured: 0.03 to
@@ -55,7 +56,8 @@ def with_other_r_par(reading: Reading, fit: Fit, estimate: Estimate) -> Estimate
         return None
     numbers = {"r_par": reading.circuit.r_par, "better": found.r_par, "std": found.std}
     iterations = estimate.iterations + better.iterations
-    better = replace(better, r_par=found.r_par, iterations=iterations, noise=estimate.noise)
+    residual = estimate.residual  # of the circuit as it is given
+    better = replace(better, r_par=found.r_par, residual=residual, iterations=iterations)
     return better.doubted(Finding(Kind.CIRCUIT, "fits better", numbers=numbers))
 
 
@@ -94,7 +96,8 @@ def other_r_par(reading: Reading, g: np.ndarray) -> OtherRPar | None:
         of_rest *= noise / _REST_FRAMES**0.5
     slack = _ROUNDED if rounded(reading) else 1.0
     std = np.hypot(slack * max(found.chi2 / found.count, 1.0) ** 0.5 * information**-0.5, of_rest)
-    relevant = abs(shift) > max(_SURE * std, _RELEVANT * series_scale(circuit))
+    scale = series_scale(circuit)
+    relevant = max(_SURE * std, _RELEVANT * scale) < abs(shift) < _TOLERANCE * scale
     if not relevant or circuit.r_par + shift + _POSSIBLE * std < 0.0:
         return None
     r_par = max(circuit.r_par + shift, 0.0)
