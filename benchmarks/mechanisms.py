@@ -210,10 +210,9 @@ MECHANISMS = (
     ),
     Mechanism(
         "tracker words", "the same is said, not only used",
-        ("calibration/tracker.py:CircuitTracker._likely",
-         "calibration/tracker.py:CircuitTracker._words"),
-        (_attribute("calibration.tracker:CircuitTracker.message", ""),
-         _attribute("calibration.tracker:CircuitTracker.hint", "")),
+        ("calibration/tracker.py:CircuitTracker._suggested",
+         "calibration/tracker.py:CircuitTracker._differing"),
+        (_finds("calibration.tracker:CircuitTracker.findings"),),
     ),
     Mechanism(
         "reserve", "a push counts with what an unknown r_par may hide",

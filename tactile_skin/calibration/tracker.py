@@ -65,9 +65,6 @@ class CircuitTracker:
     Attributes:
         circuit: what is known of it; the configured one until touches tell another.
         std: (2,) of `identify.names` [ohm]; infinite as long as nothing is known.
-        message: what the configuration should say; empty if it does.
-        hint: what the touches so far make likely, and is not sure enough to be used.
-        impossible: whether no board is like that.
     """
 
     def __init__(self, circuit: Circuit, r_par_std: float | None = None):
@@ -88,7 +85,8 @@ class CircuitTracker:
         if self._tells_drivers:
             self._known_to.append(_DRIVE if r_par_std is None else _DRIVE_CALIBRATED)
         self.std = np.full(2, np.inf)
-        self.message, self.hint, self.impossible = "", "", False
+        self._learnt: list[Finding] = []
+        self._likely: list[Finding] = []
         self._off = np.zeros(2)  # beside the configured [ohm]: the best guess
         self._adopted = np.zeros(2)  # the same, of `circuit`
         self._asked: deque[_Asked] = deque(maxlen=_KEPT)
@@ -167,34 +165,37 @@ class CircuitTracker:
             old = self._asked.popleft()
             self._take(old.adc, old.noise)  # anew, by what is known now
         changed = len(self._asked) >= _ENOUGH and self._conclude()
-        self.hint = self._likely()
+        self._likely = self._suggested()
         return changed
 
-    def _likely(self) -> str:
+    def _suggested(self) -> list[Finding]:
         """One touch tells r_par to 5 to 50 ohm: not enough to use it, but to doubt the other."""
         if not self._asked:
-            return ""
+            return []
         off, std, _ = self._solve(list(self._asked))
         least = np.maximum(_LIKELY * std, self._relevant)
-        likely = [
-            f"{name} is {given + more:.0f} +- {s:.0f} ohm, not {used:.0f}"
-            for name, given, more, s, used, there in zip(
-                names(self.circuit),
-                values(self._configured),
-                off,
-                std,
-                values(self.circuit),
-                np.abs(off - self._adopted) >= least,
-                strict=True,
+        least[1] = least[1] if self._tells_drivers else np.inf
+        return self._differing("likely", off, self._adopted, std, least, Severity.NOTE)
+
+    def _differing(self, form: str, off, beside, std, least, severity: Severity) -> list[Finding]:
+        """Return the resistances that are off and not `beside` the configured, all (2,) [ohm]."""
+        found = []
+        for k, (name, given) in enumerate(
+            zip(names(self._configured), values(self._configured), strict=True)
+        ):
+            if abs(off[k] - beside[k]) <= least[k]:
+                continue
+            value, before = given + off[k], given + beside[k]
+            numbers = {"value": value, "std": std[k], "given": before}
+            # Readings tell resistances as multiples of r_ref: they fit its configured value as well.
+            alike = before / value - 1.0 if k == 0 and value > 0.0 else np.inf
+            or_r_ref = form == "learnt" and abs(alike) <= _POSSIBLE["r_par"]
+            how = f"{form}, or r_ref" if or_r_ref else form
+            numbers |= {"alike": alike}
+            found.append(
+                Finding(Kind.CIRCUIT, how, severity=severity, numbers=numbers, detail=name)
             )
-            if there and name != "r_line"
-        ]
-        if not likely:
-            return ""
-        return (
-            f"the touches so far suggest that {' and '.join(likely)}: until more of them tell, "
-            "hard touches may be felt wrong"
-        )
+        return found
 
     def _suppose(self, curve: PressureCurve, noise: float) -> None:
         adc = rest_reading(self.circuit, curve)  # what it was measured by
@@ -241,24 +242,19 @@ class CircuitTracker:
             return False
         if np.median([self._chi2(a, off) for a in self._asked]) > _EXPLAINED:
             return False
-        self.impossible = self._beyond(off)
-        found = shifted(self._configured, off)
-        kept = abs(off[0]) <= self._made_up_for
-        self.message = self._words(found, relevant, kept)
+        impossible, kept = self._beyond(off), abs(off[0]) <= self._made_up_for
+        form = "learnt, calibrated" if self._calibrated else "learnt"
+        form = "impossible" if impossible else "kept" if kept else form
+        severity = Severity.FAULT if impossible else Severity.WARN
+        self._learnt = self._differing(form, off, (0.0, 0.0), self.std, relevant, severity)
         if kept:
             return False
-        self._adopted, self.circuit = off, found
+        self._adopted, self.circuit = off, shifted(self._configured, off)
         return True
 
     def findings(self) -> list[Finding]:
         """Return what the configuration should say, a fault if no board is like that."""
-        found = []
-        if self.message:
-            severity = Severity.FAULT if self.impossible else Severity.WARN
-            found.append(Finding(Kind.CIRCUIT, "live", severity=severity, detail=self.message))
-        if self.hint:
-            found.append(Finding(Kind.CIRCUIT, "live", severity=Severity.NOTE, detail=self.hint))
-        return found
+        return self._learnt + self._likely
 
     @property
     def _relevant(self) -> np.ndarray:
@@ -302,30 +298,3 @@ class CircuitTracker:
         std = std_of(here, information, self._rest, self._supposed)
         # by as much less as the frames differ by more than noise
         return off, std, information * np.min(1.0 / (information.diagonal() ** 0.5 * std)) ** 2
-
-    def _words(self, circuit: Circuit, relevant: np.ndarray, kept: bool) -> str:
-        """What to say of the circuit that was found."""
-        found, given = values(circuit), values(self._configured)
-        words = [
-            f"{name} is {value:.0f} +- {std:.0f} ohm, configured as {was:g}"
-            for name, value, std, was, least in zip(
-                names(circuit), found, self.std, given, relevant, strict=True
-            )
-            if abs(value - was) > least
-        ]
-        if not words:
-            return ""
-        text = " and ".join(words)
-        if self.impossible:
-            return f"by the touches {text}: check r_ref, the supply and the wiring"
-        text = f"by the touches {text}: "
-        if kept:
-            return f"{text}the curve was found with the latter, which is kept: calibrate again"
-        if self._calibrated:
-            return f"{text}it is allowed for; calibrate again"
-        text += "it is allowed for; write it into circuit"
-        # Readings tell resistances as multiples of r_ref: they fit its configured value as well.
-        off = given[0] / found[0] - 1.0 if found[0] else np.inf
-        if abs(found[0] - given[0]) <= relevant[0] or abs(off) > _POSSIBLE["r_par"]:
-            return text
-        return f"{text}, unless r_ref is {100 * off:+.0f} % off, which reads the same: measure it"

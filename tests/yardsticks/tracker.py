@@ -90,7 +90,7 @@ def run(seed: int, factor: float, seconds: float, shapes, readout="floating", r_
         known,
         off,
         tracker.std,
-        tracker.message,
+        "; ".join(f"{f}" for f in tracker.findings() if f.form != "likely"),
         (spent[0] / len(frames), spent[1]),
         circuit.shape,
     )
