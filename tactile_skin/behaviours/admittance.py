@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .gate import Motion, zero
-from .stop import MAX_AHEAD, PUSH, Decision, StopMessage
+from .stop import MAX_AHEAD, StopMessage
 
 _REST = 1e-3  # m/s, rad/s: slower than this, and not pushed, is at rest
 
@@ -120,9 +120,9 @@ class Admittance:
         self._t: float | None = None  # of the last step
         self._velocity = np.zeros(3)  # (3,) along x, y [m/s] and about z [rad/s]
 
-    def stop(self, t: float, message: Decision | StopMessage) -> None:
+    def stop(self, t: float, message: StopMessage) -> None:
         """A message of the stop."""
-        self._stop = t, StopMessage(*message)
+        self._stop = t, message
 
     def touch(self, stamp: float, total: float, force, torque) -> None:
         """What a reading says of the touch, in the base frame.
@@ -156,7 +156,7 @@ class Admittance:
         reason = ""
         if not 0.0 <= t - heard <= config.stop_timeout:
             reason = "no message from the stop"
-        elif decision.stop and decision.reason != PUSH:
+        elif decision.stop and not decision.for_push_alone:
             reason = decision.reason or "stop"
         elif not -MAX_AHEAD <= t - self._seen <= config.touch_timeout:
             reason = "no reading"

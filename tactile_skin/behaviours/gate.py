@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .stop import MAX_AHEAD, PUSH, Decision, StopMessage
+from .stop import MAX_AHEAD, StopMessage
 
 _EDGE = math.sin(0.1)  # sine of the angle into the contact at which a motion is blocked
 
@@ -76,9 +76,9 @@ class Gate:
         """A velocity is asked for: (3,) [m/s] and (3,) [rad/s], in the base frame."""
         self._command = t, np.asarray(linear, float), np.asarray(angular, float)
 
-    def stop(self, t: float, message: Decision | StopMessage) -> None:
+    def stop(self, t: float, message: StopMessage) -> None:
         """A message of the stop."""
-        self._stop = t, StopMessage(*message)
+        self._stop = t, message
         self._forget_what_is_over()
 
     def touch(self, stamp: float, total: float, force, places) -> None:
@@ -114,7 +114,7 @@ class Gate:
         decision = message.at(t)
         if not 0.0 <= t - heard <= self.config.stop_timeout:
             return zero("no message from the stop")
-        if decision.stop and decision.reason != PUSH:
+        if decision.stop and not decision.for_push_alone:
             return zero(decision.reason or "stop")
         if not 0.0 <= t - since <= self.config.command_timeout:
             return zero("no command")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from enum import Enum
 from typing import NamedTuple
 
 from .pace import Pace
@@ -18,15 +19,44 @@ _ROUNDING = 1e-6  # s, of the difference of two stamps
 MAX_AHEAD = 0.02  # s that a reading's stamp may lie ahead of the clock
 TRANSPORT = 0.02  # s that a message of the stop may take to its subscribers: threads, a network
 OUT_OF_DATE = "stale: the stop's last 'free' is based on an old reading"
-PUSH = "push"  # the complete reason of a stop for a push alone
-_WAITING = "waiting"  # begins the reason of a stage that is not ready yet
+
+
+class Cause(str, Enum):
+    """What stops the robot."""
+
+    PUSH = "push"
+    STALE = "stale"  # readings are old, stay away, or came back just now
+    WAITING = "waiting"  # a stage is not ready yet
+    FAULT = "fault"  # a stage reports itself as wrong
+    LATCHED = "latched"  # one of these did, and was not reset
+
+
+class Reason(NamedTuple):
+    """A cause, and its words for a person."""
+
+    cause: Cause
+    words: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.cause.value}: {self.words}" if self.words else self.cause.value
 
 
 class Decision(NamedTuple):
+    """Whether the robot must stop.
+
+    Attributes:
+        reason: for a person, the reasons joined by " + "; empty while free to move.
+        causes: of these reasons.
+    """
+
     stop: bool
-    # "push", "stale: ...", "waiting: ...", "fault: ...", "latched: the first of these", joined by
-    # " + "; empty while free to move
     reason: str
+    causes: tuple[Cause, ...] = ()
+
+    @property
+    def for_push_alone(self) -> bool:
+        """Whether only a push stops it: it may then move away from what pushes."""
+        return self.stop and self.causes == (Cause.PUSH,)
 
 
 class StopMessage(NamedTuple):
@@ -35,12 +65,13 @@ class StopMessage(NamedTuple):
     stop: bool
     reason: str
     until: float = math.inf  # when a "free" expires [s]; a stop never does
+    causes: tuple[Cause, ...] = ()
 
     def at(self, t: float) -> Decision:
         """The decision at t: a "free" that has expired is a stop."""
         if self.stop or t <= self.until:
-            return Decision(self.stop, self.reason)
-        return Decision(True, OUT_OF_DATE)
+            return Decision(self.stop, self.reason, self.causes)
+        return Decision(True, OUT_OF_DATE, (Cause.STALE,))
 
 
 @dataclass(frozen=True)
@@ -104,9 +135,9 @@ class StopPolicy:
         self._late = -math.inf  # stamp of the last one that was
         self._above_since: float | None = None
         self._held_until: float | None = None  # a push is on while this is set
-        self._faults: dict[str, str] = {}
+        self._faults: dict[str, Reason] = {}
         self._was_free = False
-        self._latched = ""  # the reason of the stop that waits for a reset
+        self._latched: Reason | None = None  # of the stop that waits for a reset
 
     def configure(self, config: StopConfig) -> None:
         """Go on with other limits; a push that is on, a fault and what is latched stay."""
@@ -173,8 +204,8 @@ class StopPolicy:
             waiting: it is not wrong, but not ready yet.
         """
         if message:
-            kind = _WAITING if waiting else "fault"
-            self._faults[source] = f"{kind}: {source}: {message}"
+            cause = Cause.WAITING if waiting else Cause.FAULT
+            self._faults[source] = Reason(cause, f"{source}: {message}")
             self._latch(self._faults[source])  # it may be gone before the next decision
         else:
             self._faults.pop(source, None)
@@ -205,27 +236,29 @@ class StopPolicy:
         for reason in reasons:
             self._latch(reason)
         if self._latched:
-            reasons.append(f"latched: {self._latched}")
-        return Decision(bool(reasons), " + ".join(reasons))
+            reasons.append(Reason(Cause.LATCHED, str(self._latched)))
+        causes = tuple(reason.cause for reason in reasons)
+        return Decision(bool(reasons), _joined(reasons), causes)
 
     def reset(self, t: float) -> str:
         """Free a latched stop; while a cause of it lasts it stays, and the causes are returned."""
         causes = self._causes(t)
         if not causes:
-            self._latched = ""
-        return " + ".join(causes)
+            self._latched = None
+        return _joined(causes)
 
-    def _latch(self, reason: str) -> None:
-        counts = reason == PUSH or (self._was_free and not reason.startswith(_WAITING))
+    def _latch(self, reason: Reason) -> None:
+        cause = reason.cause
+        counts = cause is Cause.PUSH or (self._was_free and cause is not Cause.WAITING)
         if self.config.latch and not self._latched and counts:
             self._latched = reason
 
-    def _causes(self, t: float) -> list[str]:
-        reasons = [PUSH] if self.pushed else []
-        reasons += [text for _, text in sorted(self._faults.items())]
+    def _causes(self, t: float) -> list[Reason]:
+        reasons = [Reason(Cause.PUSH)] if self.pushed else []
+        reasons += [reason for _, reason in sorted(self._faults.items())]
         fresh = -MAX_AHEAD <= t - self._newest <= self.stale_after
         if not (fresh and self._steady):
-            reasons.append(f"stale: {self._stale(t, fresh)}")
+            reasons.append(Reason(Cause.STALE, self._stale(t, fresh)))
         return reasons
 
     def _stale(self, t: float, fresh: bool) -> str:
@@ -240,3 +273,7 @@ class StopPolicy:
             return "readings have only just resumed"
         here = 0.0 <= t - self._old_at <= self.stale_after
         return f"readings {'are already old when they arrive' if here else 'no longer arrive'}"
+
+
+def _joined(reasons: list[Reason]) -> str:
+    return " + ".join(map(str, reasons))

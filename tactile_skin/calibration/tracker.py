@@ -187,7 +187,7 @@ class CircuitTracker:
                 continue
             value, before = given + off[k], given + beside[k]
             numbers = {"value": value, "std": std[k], "given": before}
-            # Readings tell resistances as multiples of r_ref: they fit its configured value as well.
+            # readings tell resistances as multiples of r_ref: they fit its own value as well
             alike = before / value - 1.0 if k == 0 and value > 0.0 else np.inf
             or_r_ref = form == "learnt" and abs(alike) <= _POSSIBLE["r_par"]
             how = f"{form}, or r_ref" if or_r_ref else form

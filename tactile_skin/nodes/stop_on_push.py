@@ -11,8 +11,8 @@ import numpy as np
 
 from ..behaviours.stop import (
     MAX_AHEAD,
-    PUSH,
     TRANSPORT,
+    Cause,
     Decision,
     StopConfig,
     StopMessage,
@@ -36,6 +36,7 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 STATUS_TOPIC = "skin/stop_status"
 # deep enough for a stop that lasts one decision not to be pushed out by the next
 STATUS = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+CAUSES = "causes"  # key of a value: what stops the robot, separated by spaces
 HEARTBEAT = 0.02  # s, between decisions when no reading comes
 _END = 0.95  # of the curve's last force, which noise keeps a cell from reading quite
 
@@ -47,7 +48,7 @@ def stop_message_of(msg: DiagnosticArray, t: float) -> StopMessage:
     """
     status = msg.status[0]
     if status.level != DiagnosticStatus.OK:
-        return StopMessage(True, status.message)
+        return StopMessage(True, status.message, causes=causes_of(status))
     stamp = Time.from_msg(msg.header.stamp).nanoseconds / 1e9
     try:
         good_for = float({pair.key: pair.value for pair in status.values}["good_for"])
@@ -56,6 +57,15 @@ def stop_message_of(msg: DiagnosticArray, t: float) -> StopMessage:
     return StopMessage(
         False, "", stamp + good_for + TRANSPORT if stamp <= t + MAX_AHEAD else -math.inf
     )
+
+
+def causes_of(status: DiagnosticStatus) -> tuple[Cause, ...]:
+    """Return what stops the robot; a fault where that is not said."""
+    said = next((pair.value for pair in status.values if pair.key == CAUSES), "")
+    try:
+        return tuple(Cause(cause) for cause in said.split())
+    except ValueError:  # of another version
+        return (Cause.FAULT,)
 
 
 class StopOnPush:
@@ -207,7 +217,7 @@ class StopOnPush:
         """Report once a second and when the reason changes; a stop is no fault of this node."""
         said = self._said
         level = diagnostics.ERROR if said.stop else diagnostics.OK
-        if said.reason == PUSH:
+        if said.for_push_alone:
             level = diagnostics.WARN
         self._to_all.publish(diagnostics.report(self.node, level, said.reason or "free", {}))
         self._to_skin.publish(diagnostics.report(self.node, diagnostics.OK, "running", {}))
@@ -228,6 +238,7 @@ class StopOnPush:
             "force": f"{self._force:.2f}",
             "counts_as": f"{self._most:.2f}",
             "push": str(self.policy.pushed).lower(),
+            CAUSES: " ".join(cause.value for cause in decision.causes),
             diagnostics.SIMULATED: str(self._simulated).lower(),
             "good_for": f"{self.policy.stale_after:g}",
             "interval": "unknown" if interval is None else f"{interval:.4f}",

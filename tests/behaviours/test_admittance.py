@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tactile_skin.behaviours.admittance import ANGULAR, LINEAR, Admittance, AdmittanceConfig, Axis
-from tactile_skin.behaviours.stop import Decision
+from tactile_skin.behaviours.stop import Cause, StopMessage
 
-FREE, PUSH = Decision(False, ""), Decision(True, "push")
+FREE, PUSH = StopMessage(False, ""), StopMessage(True, "push", causes=(Cause.PUSH,))
 UNLIMITED = Axis(mass=20.0, damping=80.0, dead_band=5.0, max_speed=1e6, max_acceleration=1e6)
 DT = 0.01
 
@@ -203,11 +203,11 @@ def test_how_far_it_rolls_on_when_the_hand_is_taken_away():
 @pytest.mark.parametrize(
     "word",
     [
-        Decision(True, "stale: readings no longer arrive"),
-        Decision(True, "push + fault: compensation: open line"),
-        Decision(True, "push + latched: push"),
-        Decision(True, "latched: push"),
-        Decision(True, ""),
+        StopMessage(True, "stale: readings no longer arrive"),
+        StopMessage(True, "push + fault: compensation: open line"),
+        StopMessage(True, "push + latched: push"),
+        StopMessage(True, "latched: push"),
+        StopMessage(True, ""),
     ],
 )
 def test_every_stop_but_a_push_alone_is_zero_at_once(word):
@@ -225,7 +225,7 @@ def test_below_the_stops_threshold_it_is_led_as_well():
 def test_after_a_stop_it_starts_from_rest():
     led = Led()
     fast = led.hold(2.0, (40.0, 0.0, 0.0)).linear[0]
-    led.push((40.0, 0.0, 0.0), word=Decision(True, "fault: x"))
+    led.push((40.0, 0.0, 0.0), word=StopMessage(True, "fault: x"))
     assert led.push((40.0, 0.0, 0.0)).linear[0] <= 1.0 * DT < fast
 
 

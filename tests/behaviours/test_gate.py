@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tactile_skin.behaviours.gate import Gate, GateConfig
-from tactile_skin.behaviours.stop import OUT_OF_DATE, Decision, StopMessage
+from tactile_skin.behaviours.stop import OUT_OF_DATE, Cause, StopMessage
 
-FREE, PUSH = Decision(False, ""), Decision(True, "push")
+FREE, PUSH = StopMessage(False, ""), StopMessage(True, "push", causes=(Cause.PUSH,))
 CONFIG = GateConfig()
 RADIUS = 0.15  # m
 EIGHT = np.arange(8) * math.pi / 4
@@ -178,7 +178,7 @@ def test_without_a_stop_the_command_passes_whole():
 )
 def test_every_stop_but_a_push_alone_is_zero_whatever_the_course(reason):
     gate = pushed(0.0)
-    gate.stop(10.0, Decision(True, reason))
+    gate.stop(10.0, StopMessage(True, reason))
     for course in EIGHT:
         motion = ask(gate, unit(course))
         assert is_zero(motion)

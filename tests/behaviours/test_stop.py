@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactile_skin.behaviours.stop import StopConfig, StopPolicy
+from tactile_skin.behaviours.stop import Cause, StopConfig, StopPolicy
 
 CONFIG = StopConfig(threshold=10.0, release=6.0, debounce=0.02, lead=0.0)
 
@@ -26,7 +26,7 @@ def test_before_the_first_reading_it_stops():
 
 
 def test_an_idle_skin_is_free():
-    assert feed(StopPolicy(CONFIG), 0.0, 1.0, 0.0) == (False, "")
+    assert feed(StopPolicy(CONFIG), 0.0, 1.0, 0.0)[:2] == (False, "")
 
 
 def test_a_push_stops_after_the_debounce_and_not_before():
@@ -47,7 +47,7 @@ def test_a_single_spike_is_no_push():
 def test_without_debounce_one_reading_is_enough():
     policy = StopPolicy(StopConfig(threshold=10.0, release=6.0, debounce=0.0))
     feed(policy, 0.0, 0.1, 0.0)
-    assert policy.reading(0.1, 10.0) == (True, "push")
+    assert policy.reading(0.1, 10.0)[:2] == (True, "push")
 
 
 def test_hysteresis_keeps_the_stop_between_the_thresholds():
@@ -62,8 +62,8 @@ def test_readings_that_stay_away_stop():
     policy = StopPolicy(CONFIG)
     feed(policy, 0.0, 0.5, 0.0)
     assert not policy.decide(0.58).stop
-    assert policy.decide(0.60) == (True, "stale: readings no longer arrive")
-    assert policy.reading(0.7, 0.0) == (True, "stale: readings have only just resumed")
+    assert policy.decide(0.60)[:2] == (True, "stale: readings no longer arrive")
+    assert policy.reading(0.7, 0.0)[:2] == (True, "stale: readings have only just resumed")
     assert feed(policy, 0.71, 0.02, 0.0).stop
     assert not policy.reading(0.73, 0.0).stop
 
@@ -104,12 +104,12 @@ def test_old_readings_and_repeated_ones_do_not_keep_the_robot_moving():
     feed(policy, 0.0, 0.5, 0.0)
     for k in range(50):
         late = policy.reading(0.5 + k / 100, 0.0, stamp=0.5 + k / 100 - 0.2)
-    assert late == (True, "stale: readings are already old when they arrive")
+    assert late[:2] == (True, "stale: readings are already old when they arrive")
     policy = StopPolicy(CONFIG)
     feed(policy, 0.0, 0.5, 0.0)
     for k in range(50):
         repeated = policy.reading(0.5 + k / 100, 0.0, stamp=0.49)
-    assert repeated == (True, "stale: readings are already old when they arrive")
+    assert repeated[:2] == (True, "stale: readings are already old when they arrive")
 
 
 def test_a_clock_that_is_set_back_stops_and_begins_anew():
@@ -117,12 +117,12 @@ def test_a_clock_that_is_set_back_stops_and_begins_anew():
     policy = StopPolicy(StopConfig())
     feed(policy, 5000.0, 1.0, 0.0)
     assert not policy.decide(5001.0).stop
-    assert policy.decide(1400.0) == (True, "stale: readings no longer arrive")
-    assert policy.reading(1400.01, 0.0) == (True, "stale: readings have only just resumed")
+    assert policy.decide(1400.0)[:2] == (True, "stale: readings no longer arrive")
+    assert policy.reading(1400.01, 0.0)[:2] == (True, "stale: readings have only just resumed")
     feed(policy, 1400.02, 0.1, 0.0)
     assert not policy.decide(1400.12).stop
     feed(policy, 1400.13, 0.1, 40.0)
-    assert policy.decide(1400.23) == (True, "push")
+    assert policy.decide(1400.23)[:2] == (True, "push")
 
 
 def test_a_stamp_from_the_future_proves_nothing():
@@ -146,14 +146,14 @@ def test_a_hard_edge_on_one_cell_is_a_push():
     feed(policy, 0.0, 0.5, 0.0)
     for k in range(3):
         decision = policy.reading(0.5 + k / 100, 9.5, peak=9.5)
-    assert decision == (True, "push")
+    assert decision[:2] == (True, "push")
 
 
 def test_a_fault_stops_until_it_is_taken_back():
     policy = StopPolicy(CONFIG)
     feed(policy, 0.0, 0.1, 0.0)
     policy.fault("compensation", "open line")
-    assert policy.decide(0.1) == (True, "fault: compensation: open line")
+    assert policy.decide(0.1)[:2] == (True, "fault: compensation: open line")
     policy.fault("compensation", "")
     assert not policy.decide(0.1).stop
 
@@ -223,7 +223,7 @@ def free(config=LATCHING, until=0.5):
 def test_a_latched_push_lasts_until_the_reset():
     policy = free()
     assert feed(policy, 0.5, 0.1, 20.0).reason == "push + latched: push"
-    assert feed(policy, 0.6, 5.0, 0.0) == (True, "latched: push")
+    assert feed(policy, 0.6, 5.0, 0.0)[:2] == (True, "latched: push")
     assert policy.reset(5.6) == ""
     assert not policy.decide(5.6).stop
     assert not feed(policy, 5.6, 1.0, 0.0).stop
@@ -236,7 +236,7 @@ def test_a_reset_is_refused_while_the_cause_lasts_and_says_why():
     assert policy.reset(0.6) == "push"
     feed(policy, 0.6, 0.2, 0.0)
     assert policy.reset(0.8) == "push", "held"
-    assert feed(policy, 0.8, 1.0, 0.0) == (True, "latched: push")
+    assert feed(policy, 0.8, 1.0, 0.0)[:2] == (True, "latched: push")
     policy.fault("compensation", "open line")
     assert policy.reset(1.8) == "fault: compensation: open line"
     policy.fault("compensation", "")
@@ -255,7 +255,7 @@ def test_a_latched_stop_names_its_first_cause():
 def test_a_stream_that_came_back_stays_stopped_when_latched():
     policy = free()
     policy.decide(0.7)
-    assert feed(policy, 0.8, 1.0, 0.0) == (True, "latched: stale: readings no longer arrive")
+    assert feed(policy, 0.8, 1.0, 0.0)[:2] == (True, "latched: stale: readings no longer arrive")
 
 
 def test_a_gap_that_no_timer_saw_latches_too():
@@ -267,7 +267,7 @@ def test_a_fault_shorter_than_the_timer_latches_too():
     policy = free()
     policy.fault("serial_driver", "unplugged")
     policy.fault("serial_driver", "")
-    assert policy.reading(0.5, 0.0) == (True, "latched: fault: serial_driver: unplugged")
+    assert policy.reading(0.5, 0.0)[:2] == (True, "latched: fault: serial_driver: unplugged")
 
 
 def test_what_stops_a_robot_before_it_was_free_does_not_latch_but_a_push_does():
@@ -279,7 +279,7 @@ def test_what_stops_a_robot_before_it_was_free_does_not_latch_but_a_push_does():
     assert not feed(policy, 0.2, 0.5, 0.0).stop
     policy = StopPolicy(LATCHING)
     feed(policy, 0.0, 0.5, 20.0)
-    assert feed(policy, 0.5, 1.0, 0.0) == (True, "latched: push")
+    assert feed(policy, 0.5, 1.0, 0.0)[:2] == (True, "latched: push")
 
 
 def test_what_is_waited_for_does_not_latch():
@@ -302,7 +302,7 @@ def test_a_reset_without_a_latch_frees_nothing_early():
     policy = free(CONFIG)
     feed(policy, 0.5, 0.1, 20.0)
     assert policy.reset(0.6) == "push"
-    assert policy.reading(0.6, 0.0) == (True, "push")
+    assert policy.reading(0.6, 0.0)[:2] == (True, "push")
 
 
 @given(
@@ -344,8 +344,8 @@ def reasons_of(policy, rate, seconds, start=0.0, jitter=0.0):
     ]
     for t, force in sorted(times, key=lambda pair: pair[0]):
         decision = policy.decide(t) if force is None else policy.reading(t, force)
-        if not said or said[-1][1:] != decision:
-            said.append((t, *decision))
+        if not said or said[-1][1:] != decision[:2]:
+            said.append((t, *decision[:2]))
     return said
 
 
@@ -442,4 +442,15 @@ def test_a_board_that_gets_faster_is_held_to_it():
 def test_a_push_is_felt_at_8_a_second_too():
     policy = StopPolicy(StopConfig())
     reasons_of(policy, 8, 5.0)
-    assert policy.reading(5.0, 40.0) == (True, "push")
+    assert policy.reading(5.0, 40.0)[:2] == (True, "push")
+
+
+def test_a_decision_names_its_causes():
+    """What only a push stops may move away from it: words decide nothing."""
+    policy = StopPolicy(CONFIG)
+    assert feed(policy, 0.0, 1.0, 0.0).causes == ()
+    pushed = feed(policy, 1.0, 1.1, 40.0)
+    assert pushed.causes == (Cause.PUSH,) and pushed.for_push_alone
+    policy.fault("push", "push")
+    both = policy.decide(2.1)
+    assert both.causes == (Cause.PUSH, Cause.FAULT) and not both.for_push_alone

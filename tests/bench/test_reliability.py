@@ -52,6 +52,7 @@ class Stub:
 
     stop = property(lambda self: self._stop(self.t))
     reason = property(lambda self: self._reason if self.stop else "")
+    for_push_alone = property(lambda self: self.reason == "push")
 
     def feed(self, t, data):
         self.t = t

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...behaviours.stop import Cause
 from ...launch import find, read_plan
 from ...msg import DiagnosticArray, Image, image_array
 from ...nodes import diagnostics
-from ...nodes.stop_on_push import STATUS, STATUS_TOPIC
+from ...nodes.stop_on_push import STATUS, STATUS_TOPIC, causes_of
 from ...physics.circuit import Circuit
 from ...replay.driven import Driven
 
@@ -28,6 +29,7 @@ class Chain:
     Attributes:
         force: (rows, cols) [N], the picture published last; zero before the first.
         stop, reason: what the stop says.
+        for_push_alone: whether only a push stops it.
         levels: node name -> (level, message) that it reported last on diagnostics.
     """
 
@@ -46,7 +48,7 @@ class Chain:
         self._driver = self._driven.nodes["serial_driver"]
         self._area = self._driven.nodes["gesture_feature"].geometry.cell_area
         self.force = np.zeros(circuit.shape)
-        self.stop, self.reason = True, "no decision yet"
+        self.stop, self.reason, self.for_push_alone = True, "no decision yet", False
         self.levels: dict[str, tuple[int, str]] = {}
         for topic, kind, callback, depth in (
             ("skin/pressure", Image, self._on_pressure, 10),
@@ -95,6 +97,7 @@ class Chain:
     def _on_status(self, message: DiagnosticArray) -> None:
         status = message.status[0]
         self.stop, self.reason = status.level != diagnostics.OK, status.message
+        self.for_push_alone = causes_of(status) == (Cause.PUSH,)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:

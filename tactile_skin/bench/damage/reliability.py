@@ -17,7 +17,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...behaviours.stop import PUSH as PUSH_REASON
 from ...middleware.threads import one_thread
 from ...physics.circuit import Circuit
 from ...physics.curve import GRAM, PressureCurve
@@ -126,7 +125,7 @@ def play(chain, arriving, force: np.ndarray, start: int = 0) -> Record:
             chain.feed(at, data)
         chain.until(t)
         found[k] = chain.force
-        faulted = chain.stop and chain.reason != PUSH_REASON
+        faulted = chain.stop and not chain.for_push_alone
         if faulted and not (k and flags[1, k - 1]):
             reasons.append(chain.reason)
         flags[:, k] = chain.stop, faulted, chain.doubts
