@@ -136,12 +136,14 @@ class CircuitTracker:
         return float(more + np.hypot.reduce(np.minimum(self.std[:n], self._known_to)))
 
     def values(self) -> dict[str, str]:
-        """For diagnostics; empty as long as nothing is known."""
+        """For diagnostics [ohm]; empty as long as nothing is known."""
         if not np.isfinite(self.std).all():
             return {}
         std = np.hypot(self.std, self._off - self._adopted)
-        known = names(self.circuit), values(self.circuit), std
-        return {name: f"{v:.1f} +- {std:.1f} ohm" for name, v, std in zip(*known, strict=True)}
+        found = {}
+        for name, value, spread in zip(names(self.circuit), values(self.circuit), std, strict=True):
+            found |= {name: f"{value:.1f}", f"{name}_std": f"{spread:.1f}"}
+        return found
 
     def ask(self, curve: PressureCurve, noise: float) -> bool:
         """Take the stretch that waits; some milliseconds.

@@ -160,7 +160,7 @@ class SerialDriver:
 
     def _report(self) -> None:
         reader, counters = self._reader, self._reader.parser.counters
-        level, message = diagnostics.OK, f"frames from {reader.connected_to}"
+        level, message, kind = diagnostics.OK, f"frames from {reader.connected_to}", ""
         lag = self._verdict.lag
         if self._trouble:
             level, message = diagnostics.ERROR, self._trouble
@@ -168,22 +168,22 @@ class SerialDriver:
             level, message = diagnostics.ERROR, reader.trouble
         elif self._bad >= _DOUBTFUL:
             level = diagnostics.ERROR if self._bad >= _BAD else diagnostics.WARN
+            kind = "damaged"
             # the share is among the values: each other text would be another reason to stop
             share = "half or more" if self._bad >= _BAD else "some"
             message = f"{share} of the last second's frames were damaged or lost"
             if why := self._beyond[0]:
                 message += f": {why}"
         elif not self._verdict.settled:
-            level, message = diagnostics.WARN, "frames do not arrive at the board's own rate yet"
+            level, kind = diagnostics.WARN, "unsettled"
+            message = "frames do not arrive at the board's own rate yet"
         elif lag > _SLOW:
-            level, message = (
-                diagnostics.WARN,
-                f"frames arrive {lag:.2f} s late: is the link too slow?",
-            )
+            level, kind = diagnostics.WARN, "late"
+            message = f"frames arrive {lag:.2f} s late: is the link too slow?"
         elif reader.slow:
-            level, message = diagnostics.WARN, reader.slow
+            level, message, kind = diagnostics.WARN, reader.slow, "slow"
         elif self._unread.text:
-            level, message = diagnostics.WARN, self._unread.text
+            level, message, kind = diagnostics.WARN, self._unread.text, "unread"
         values = {
             "port": reader.connected_to or reader.port,
             diagnostics.SIMULATED: str(reader.simulated).lower(),
@@ -199,6 +199,8 @@ class SerialDriver:
             "restarts": counters.restarts,
             "reconnects": max(0, reader.reconnects),
         }
+        if kind:
+            values[diagnostics.KIND] = kind
         if where := next((w for w in (self._verdict, self._unread) if w.rows or w.cols), None):
             values |= diagnostics.places(where.rows, where.cols)
         self._diagnostics.publish(diagnostics.report(self.node, level, message, values))

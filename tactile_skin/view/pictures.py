@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import replace
 from functools import lru_cache
 
@@ -22,7 +21,6 @@ _DEFAULT = "auto"  # method of compensation, until it says which it takes
 _CELL = 0.2  # N: a contact has a cell with more, as of gesture_feature's cell_threshold
 _CELLS = 4096  # of which is kept how the mat lies there
 _TIME_LIMIT = 0.05  # s for a frame, as of compensation's time_limit
-_NUMBER = re.compile(r"-?\d+(\.\d+)?")
 MISSING = ("map", "auto")  # methods that do without the readings that are missing
 
 
@@ -263,9 +261,11 @@ def _method(snapshot: Snapshot) -> str:
 
 
 def _number(text: str | None) -> float | None:
-    """The number that a value begins with: "404.0 +- 5.0 ohm"."""
-    match = _NUMBER.match(text or "")
-    return float(match[0]) if match else None
+    """The number of a value; None: it has none, or another one."""
+    try:
+        return float(text or "")
+    except ValueError:
+        return None
 
 
 def _count(text: str | None) -> int:

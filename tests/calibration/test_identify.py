@@ -220,7 +220,7 @@ def test_a_running_skin_learns_its_circuit(board):
     assert tracker.circuit.r_line == pytest.approx(board.r_line, abs=6.0)
     assert "r_par is" in said(tracker)
     assert not any(finding.stops for finding in tracker.findings())
-    assert set(tracker.values()) == {"r_par", "r_line"}
+    assert set(tracker.values()) == {"r_par", "r_par_std", "r_line", "r_line_std"}
 
 
 @pytest.mark.parametrize("off", [-10, 10])

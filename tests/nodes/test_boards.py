@@ -24,6 +24,7 @@ from tactile_skin.msg import (
     DiagnosticStatus,
     Header,
     Image,
+    KeyValue,
     PointCloud2,
     cloud,
     image,
@@ -227,8 +228,9 @@ def test_a_warning_is_printed_whole_once():
     executor.add_node(node)
     publisher = observer.create_publisher(DiagnosticArray, "skin/diagnostics", 10)
 
-    def say(level, text):
-        status = DiagnosticStatus(level, "compensation", text, "tactile_skin", [])
+    def say(level, text, kind="lead", rows=""):
+        values = [KeyValue("kind", kind), KeyValue("rows", rows)]
+        status = DiagnosticStatus(level, "compensation", text, "tactile_skin", values)
         publisher.publish(DiagnosticArray(Header(clock.now().to_msg(), ""), [status]))
         executor.spin_some()
         begun = len(monitor.out.getvalue())
@@ -236,11 +238,12 @@ def test_a_warning_is_printed_whole_once():
         return monitor.out.getvalue()[begun:].splitlines()
 
     warning = DiagnosticStatus.WARN
-    first, line = say(warning, "row 4 conducts 111 times as much")
+    first, line = say(warning, "row 4 conducts 111 times as much", rows="4")
     assert first == "compensation warns: row 4 conducts 111 times as much"
     assert line.endswith("  warned: compensation")
-    assert len(say(warning, "row 5 conducts 112 times as much")) == 1
-    assert len(say(warning, "column 3 is open")) == 2
+    assert len(say(warning, "row 4 conducts 112 times as much", rows="4")) == 1
+    assert len(say(warning, "row 5 conducts 112 times as much", rows="5")) == 2
+    assert len(say(warning, "row 5 is open", "open", "5")) == 2
     (line,) = say(DiagnosticStatus.OK, "ok")
     assert "warned" not in line
 

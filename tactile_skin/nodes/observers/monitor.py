@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import shutil
 import sys
 from collections import deque
@@ -30,7 +29,6 @@ from ..touch import xyz
 
 _FIRST_FRAME_WITHIN = 20.0  # s, before a run of limited duration gives up
 _KEPT = 200_000  # latencies
-_NUMBER = re.compile(r"-?\d+(\.\d+)?")  # in two warnings alike but for their numbers
 _EVERY_DECISION = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -59,7 +57,8 @@ class Monitor:
         self._driver: dict[str, str] = {}
         self._simulated = False
         self._warnings: dict[str, str] = {}  # node -> its message
-        self._warned: dict[str, str] = {}  # the same without numbers, of those that were printed
+        self._kinds: dict[str, tuple] = {}  # node -> kind of that, and its lines
+        self._warned: dict[str, tuple] = {}  # the same of those that were printed
         self._contacts, self._force = 0, 0.0
         self._direction = (0.0, 0.0, 0.0)
         self._cmd_vel: Twist | None = None  # while a node of the skin moves the robot
@@ -139,6 +138,8 @@ class Monitor:
                 self._simulated = values.get(diagnostics.SIMULATED) == "true"
             if status.level == DiagnosticStatus.WARN:  # an ERROR shows as the stop's reason
                 self._warnings[status.name] = status.message
+                keys = diagnostics.KIND, diagnostics.ROWS, diagnostics.COLS
+                self._kinds[status.name] = tuple(values.get(key, "") for key in keys)
             else:
                 self._warnings.pop(status.name, None)
 
@@ -208,9 +209,9 @@ class Monitor:
             self.node.context.try_shutdown()
 
     def _new_warnings(self) -> list[str]:
-        """Those that say something else than before; each is printed once, and whole."""
-        now = {name: _NUMBER.sub("", text) for name, text in self._warnings.items()}
-        new = [name for name, text in now.items() if self._warned.get(name) != text]
+        """Return those of another kind than before; each is printed once, and in full."""
+        now = {name: self._kinds[name] for name in self._warnings}
+        new = [name for name, kind in now.items() if self._warned.get(name) != kind]
         self._warned |= now
         return [f"{name} warns: {self._warnings[name]}" for name in new]
 
