@@ -276,7 +276,8 @@ class Supposed:
             np.where(touched, g, self.rest), np.hypot(noise, _MODEL * reading.steps)
         )
         columns = np.stack([self._patterns(model)[0].ravel(), model.misfit.ravel()], 1)
-        p, misfit = past(columns.astype(np.float32), _jacobian(model, cells)).T
+        jacobian = _jacobian(model, cells).astype(np.float32)
+        p, misfit = past(columns.astype(np.float32), jacobian).T
         return float(p @ misfit / max(p @ p, _HIDDEN) ** 0.5)
 
     def _patterns(self, model: Linearised, further=None) -> list[np.ndarray]:
@@ -330,7 +331,7 @@ class _Past(NamedTuple):
 def _jacobian(model: Linearised, cells: np.ndarray) -> np.ndarray:
     """(readings, cells) d model / d log g, in standard deviations."""
     readings = np.arange(model.g.size, dtype=np.int32)
-    return model.jacobian(readings, cells) * model.g.flat[cells].astype(np.float32)
+    return model.jacobian(readings, cells) * model.g.flat[cells]
 
 
 def _fit(at, g: np.ndarray, unknown: np.ndarray, most: float) -> Linearised:

@@ -28,6 +28,7 @@ _MEASURED_NOISE = 1.1  # times noise that was measured in the same frame, and is
 _MEAN_LIMIT = 6.0  # standard deviations of the mean misfit, where the noise was measured
 _IMPOSSIBLE = 5.0  # standard deviations of noise past what any skin can read: 1 in 3 million
 _OPEN = 0.5  # times the reading at rest: fabrics differ from the curve by less
+_NOTHING = 0.1  # the same, of an open line
 _UPSIDE_DOWN = 0.1  # of the readings that are too low, on no one line: more than some bad contacts
 EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
 # A saturated input (docs/derivation.md, "When to doubt", 4). The ceiling is this thick, and the gap
@@ -57,7 +58,7 @@ def by_reading(reading: Reading) -> Finding | None:
     if np.count_nonzero(low):
         line, numbers, bad = _place(low, known)
         numbers |= {"most": steps[bad].max(), "usual": np.median(rest[bad])}
-        if line:
+        if line and numbers["most"] <= _NOTHING * numbers["usual"] + margin:
             return Finding(Kind.OPEN, "frame", **line, numbers=numbers)
         many = np.count_nonzero(low) > _UPSIDE_DOWN * np.count_nonzero(known)
         form = "mostly low" if many else "low"
