@@ -68,7 +68,11 @@ def _saturation_alone(found, reading):
     rest = suspect._rest_steps(reading.circuit, reading.curve) * reading.apparent[0]
     margin = suspect._IMPOSSIBLE * reading.noise + 1.0
     touched = reading.noise > suspect._SPREADS and reading.steps.max() > rest.max() + margin
-    return suspect.saturation(reading, *suspect._SATURATED) if touched else None
+    return (
+        suspect.saturation(reading, suspect._SATURATED, suspect._SATURATED_OTHERS)
+        if touched
+        else None
+    )
 
 
 def _finds(where: str, *forms: str) -> Result:

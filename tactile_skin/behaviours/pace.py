@@ -11,9 +11,11 @@ from __future__ import annotations
 import math
 from collections import deque
 
-MIN_STALE_AFTER, MAX_STALE_AFTER = 0.1, 0.5  # s, of what is measured: see above
+MIN_STALE_AFTER = 0.1  # s, of what is measured: see above
+MAX_STALE_AFTER = 0.5  # s, the same
 _INTERVALS = 2.5  # usual ones for which a reading is good
-_KEPT, _ENOUGH = 16, 4  # last intervals that are averaged; at least, else the minimum holds
+_KEPT = 16  # last intervals that are averaged
+_ENOUGH = 4  # of them at least, else the minimum holds
 _LATELY = 5  # last intervals that the message is based on
 _NEWS = 1.25  # factor by which a number must change before the text does: each text calls the hooks
 _ADVISED = 3.0  # usual intervals that the message advises

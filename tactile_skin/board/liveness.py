@@ -25,7 +25,8 @@ _SETTLING = 0.2  # s in which frames must come at the board's own pace before th
 _DRAINING = 0.015  # s by which the lag may fall in that time; more, and a queue is being emptied
 _GAP = 3.0  # usual intervals without a frame after which text frames may have been queued
 _HURRY = 1.25  # times the usual pace, from which on a queue is being emptied
-_INTERVALS, _FEW = 64, 3  # intervals that the usual one is taken from; at least
+_INTERVALS = 64  # that the usual one is taken from
+_FEW = 3  # of them, at least
 _HALF_WRAP = 1 << 31  # us; a larger step of the board's clock is one backward
 
 
@@ -111,10 +112,11 @@ _RARELY = 0.02  # share of frames by which a working board repeats itself, until
 _FORGET = 1.0 / 300.0  # share of that measurement which each frame renews
 _LONGEST = 2.0  # s after which repeated frames are frozen, however often the board repeats itself
 _REMEMBERED = 4096  # frames, 40 s at 100 a second, among which a frame is looked for again
-_STILL_FOR, _STILL_FRAMES = 0.2, 20  # s, and frames, in which a cell with noise moves
+_STILL_FOR = 0.2  # s in which a cell with noise moves,
+_STILL_FRAMES = 20  # and frames
 _MOVING = 0.9  # of the cells must do so, or the board is too quiet to tell a line that does not
-# Cells at least of a line that is judged, and of the others: fewer stand still by chance together.
-_LINE, _OTHERS = 3, 8
+_LINE = 3  # cells at least of a line that is judged: fewer stand still by chance together
+_OTHERS = 8  # cells at least of the others
 _RARE = math.log(_CHANCE)
 _STILL = 0.02  # of a sound board's cells may stay still in that time, at least
 

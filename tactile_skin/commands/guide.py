@@ -27,13 +27,15 @@ from ..solvers.evidence import stands_anew
 REST = 3.0  # s that the skin rests
 OBJECT = 1.0  # s for which an object stands
 STANDS = 120.0  # s for which it stands to tell how much it gains
-_LOOK, _TELL = 0.25, 10.0  # s of which each frame of it is the mean; after which a word is said
+_LOOK = 0.25  # s of which each frame of it is the mean
+_TELL = 10.0  # s after which a word is said
 _TRIES = 5  # to measure the rest
 _FEW = 20  # frames that a rest takes at least, at any rate
 TOUCHES = 30  # that are asked for at most
 _EVERY = 5  # touches after which the circuit is looked for
 _HARDEST = 12  # of them that the readout is judged by
-OBJECTS, LEAST_OBJECTS = 10, 3  # that are asked for; with fewer there is no curve
+OBJECTS = 10  # that are asked for
+LEAST_OBJECTS = 3  # with fewer there is no curve
 ENOUGH = 0.05  # error of a total, left out in turn, at which the objects suffice
 _USELESS = 0.5  # the same, from which on the shipped curve is as good
 _TOUCHED = 8.0  # times the noise by which a reading rises where something touches

@@ -26,11 +26,11 @@ _MIN_LINES = 3  # rows and columns; with fewer some faults look like touches: do
 _HOLD = 1.0  # s for which a reason is kept at least, while the robot is stopped for one
 _MORE = "; more: doctor"  # the command sees many frames, and says what to enter
 # s that a reading has waited from which on the faster method takes it: less than four frames of the
-# fastest boards; and after a full fit until the next, however late: only that tests the circuit.
-_LATE, _FULL_FIT = 0.01, 0.1
-# s from which on a reading is old news, and apart that old ones are taken: half of `stale_after`,
-# and often enough for the stop to know that there are readings
-_OLD, _APART = 0.05, 0.02
+# fastest boards.
+_LATE = 0.01
+_FULL_FIT = 0.1  # s after a full fit until the next, however late: only that tests the circuit
+_OLD = 0.05  # s from which on a reading is old news: half of `stale_after`
+_APART = 0.02  # s apart that old ones are taken, for the stop to know that there are readings
 
 
 class Compensation:

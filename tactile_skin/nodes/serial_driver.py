@@ -17,7 +17,8 @@ from ..middleware.config import adc_of, circuit_of, describe
 from ..msg import Header, Image, image
 from . import diagnostics
 
-_DOUBTFUL, _BAD = 0.05, 0.5  # of a second's frames damaged or lost: a warning; a stop
+_DOUBTFUL = 0.05  # of a second's frames damaged or lost: a warning
+_BAD = 0.5  # the same: a stop
 _TICK = 1000  # ns that stamps are apart at least
 _SLOW = 0.1  # s on their way from which on frames are worth a warning
 _NEW = Verdict(0.0, True, "")  # before the first frame

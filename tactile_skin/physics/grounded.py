@@ -11,9 +11,9 @@ from . import readouts
 from .circuit import Circuit
 
 BOUND = 1.0 + 1e-9  # factor within which a conductance is on a bound, but for rounding
-# Share of the supply by which the voltage of a driven line may be off: a quarter of a step of 10
-# bits; so little that no cell is off by 1e-3 g.
-FAST, EXACT = 2.5e-4, 1e-9
+# Share of the supply by which the voltage of a driven line may be off:
+FAST = 2.5e-4  # a quarter of a step of 10 bits
+EXACT = 1e-9  # so little that no cell is off by 1e-3 g
 _STEPS = 60  # for drivers that are not ideal; 5 to 20 are usual at 25 ohm
 _CONVERGED = 1e-3  # share of the supply, of the best step, from which on the residual decides
 _PATIENCE = 4  # steps that move it no less: a cell that comes to its bound moves others by a little

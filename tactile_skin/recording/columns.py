@@ -36,17 +36,20 @@ _DAY = re.compile(r"(\d{4})[-/.](\d\d?)[-/.](\d\d?)|(\d\d?)[-/.](\d\d?)[-/.](\d{
 _CLOCK = re.compile(r"(\d\d?):(\d\d)(?::(\d\d(?:[.,]\d*)?))?\s*([ap]m)?", re.IGNORECASE)
 _ZONE = re.compile(r"^[\sT_,]*(?:Z|UTC|GMT|[+-]\d\d:?\d\d)?\s*$")
 _DAY_SECONDS = 86400.0
-# Seconds since 1970 of the years 2000 and 2100, by which a stamp is known; between two frames, at
-# least and at most.
-_EPOCH_FROM, _EPOCH_TO = 9.4e8, 4.1e9
-_SHORTEST, _LONGEST = 1e-5, 100.0
+_EPOCH_FROM = 9.4e8  # s since 1970 of the year 2000, by which a stamp is known
+_EPOCH_TO = 4.1e9  # the same of 2100
+_SHORTEST = 1e-5  # s between two frames
+_LONGEST = 100.0  # the same
 _MOSTLY = 0.9  # share of a column's lines that show what it does
 _RISES = 0.95  # the same of a time, which may be set back
 _CLASSES = 20  # different values of a label
 _LARGEST_LABEL = 50
 _SELDOM = 0.1  # share of the lines in which a label changes
 _BELOW_CELLS = 4.0  # times that the cells read at least what a label reaches
-_NAMED, _LIKELY, _CONSTANT = 2.0, 1.0, 0.5  # weight of what shows that a column is no cell
+# Weight of what shows that a column is no cell.
+_NAMED = 2.0
+_LIKELY = 1.0
+_CONSTANT = 0.5
 _REPEATED = 0.2  # share of a time's steps that are 0 where its clock is coarser than the frames
 
 

@@ -44,8 +44,10 @@ METHODS = {
 # whatever its method.
 _TAKES = {name: tuple(inspect.signature(m).parameters)[1:] for name, m in METHODS.items()}
 _GUESS = 4, 8  # steps of the fixed point by which what the stripes add is first guessed
-_SHARE = 0.1, 2.0  # of a change, that is taken
-_ROUNDS, _CLOSE = 20, 0.3  # fits at most; standard deviations by which it may still change
+_LEAST_SHARE = 0.1  # of a change, that is taken,
+_MOST_SHARE = 2.0  # and at most
+_ROUNDS = 20  # fits at most
+_CLOSE = 0.3  # standard deviations by which what the stripes add may still change
 _NOT_FITTED = "naive", "fixed_point", "cnn", "physics"
 
 __all__ = ["METHODS", "Estimate", "check_reading", "compensate"]
@@ -156,7 +158,9 @@ def _one(reading: Reading, method: str, given: dict) -> Estimate:
         off = now - added
         if last is not None:  # Aitken: cells that their readings hardly determine swing
             turn = off - last
-            share = np.clip(-share * (last * turn).sum() / np.square(turn).sum(), *_SHARE)
+            share = np.clip(
+                -share * (last * turn).sum() / np.square(turn).sum(), _LEAST_SHARE, _MOST_SHARE
+            )
         added, last = np.maximum(added + share * off, 0.0), off
     return estimate
 

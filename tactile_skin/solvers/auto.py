@@ -14,8 +14,9 @@ from .reading import Reading, check_reading, rest_reading, robust_std
 from .suspect import by_residual, estimate_from_force
 
 # By how much the readings of an untouched skin may differ from rest: standard deviations of noise,
-# which one reading in 150,000 exceeds by chance; ADC steps of an exact reading.
-_IDLE_PEAK, _EXACT_IDLE_PEAK = 4.5, 1e-9
+# which one reading in 150,000 exceeds by chance.
+_IDLE_PEAK = 4.5
+_EXACT_IDLE_PEAK = 1e-9  # the same of exact readings [ADC steps]
 
 
 def auto(reading: Reading, start: Estimate | None = None, prior=None) -> Estimate:

@@ -8,8 +8,9 @@ from ..files import shorten
 from ..physics.circuit import Circuit
 from .estimate import Estimate
 
-# N, of a prior: no cell feels more, none is known better; the squares of both stay numbers.
-_MAX_PRIOR_MEAN, _MIN_PRIOR_STD = 1e6, 1e-6
+# Of a prior [N]; the squares of both stay numbers.
+_MAX_PRIOR_MEAN = 1e6  # no cell feels more
+_MIN_PRIOR_STD = 1e-6  # none is known better
 
 
 def check_start(start: Estimate, circuit: Circuit) -> None:

@@ -31,21 +31,22 @@ START_STEPS = 10  # of the fixed point: a step costs a twentieth of a Gauss-Newt
 WARM_STEPS = 12  # the same from the last frame: the rim of a touch that moved misfits by far
 _NEAR = 1.2  # residual over noise at which the fixed point has done its part
 _SETTLED = 4.0  # gain in units of 1/2 chi^2 below which a step is the last
-# chi^2 that a cell at rest must gain alone to become an unknown (noise gains it in 1 of 70 cells),
-# and share of the best cell's gain.
-_JOIN_CHI2, _JOIN_SHARE = 6.0, 0.03
+# chi^2 that a cell at rest must gain alone to become an unknown; noise gains it in 1 of 70 cells.
+_JOIN_CHI2 = 6.0
+_JOIN_SHARE = 0.03  # of the best cell's gain, that it must gain as well
 _MEMORY = 4  # last costs, of which a step must not exceed the largest: a bound met costs at first
 _DENSE = 600  # unknowns up to which a Cholesky factor is faster than conjugate gradients
 _CG_STEPS = 100
 _UNCHANGED = 2.2  # standard deviations of chi^2 up to which a frame is that of the same load
 _NEAR_REST = 1.5  # times the conductance at rest: a starting cell below it starts at rest
 _WIDEN = 1.2  # what the measured coverage requires
-# Noise that is measured in the frame (docs/derivation.md): fits that may be made, factor within
-# which two agree, standard deviations beyond which a reading is an outlier; the noise that boards
-# usually have [ADC steps], and for how many readings that counts.
-_MAX_FITS, _AGREE, _OUTLIER = 6, 1.15, 3.0
+# Noise that is measured in the frame (docs/derivation.md).
+_MAX_FITS = 6  # that may be made
+_AGREE = 1.15  # factor within which two agree
+_OUTLIER = 3.0  # standard deviations beyond which a reading is one
 _LOUD = 2.0  # times the usual noise: a fit that did not know of it is no start for another
-_USUAL_NOISE, _USUAL_COUNT = 0.6, 3.0
+_USUAL_NOISE = 0.6  # ADC steps that boards usually have,
+_USUAL_COUNT = 3.0  # which counts as so many readings
 
 
 def map_estimate(reading: Reading, start: Estimate | None = None, prior=None) -> Estimate:

@@ -28,13 +28,14 @@ START_STEPS = 8  # of the fixed point: a step costs a sixth of a Newton step
 WARM_STEPS = 4  # the same from the last frame: the rim of a touch that moved misfits by far
 _DONE = 1e-7  # relative step of g; a thousandth of a gram is 6e-7 at full load
 # Relative rise of a cell's conductance from rest that its own reading asks for and that makes it an
-# unknown: at first, and once the others are settled.
-_JOIN, _JOIN_LAST = 0.2, 1e-8
+# unknown at first.
+_JOIN = 0.2
+_JOIN_LAST = 1e-8  # the same, once the others are settled
 # Times its noise by which a valid reading is missed: where a bound acts, this is the best fit in
 # another measure than ADC steps. 2 in 1,000 exceed 2, 1 in 10,000 exceeds 2.5.
 _SLACK = 2.2
-# Steps of the fixed point, and residual over noise, that show that cells explain a reading.
-_FIT_STEPS, _FIT_RESIDUAL = 40, 1.3
+_FIT_STEPS = 40  # of the fixed point, that show whether cells explain a reading,
+_FIT_RESIDUAL = 1.3  # by the residual over noise that they leave
 _DENSE = 400  # unknowns up to which a Cholesky factor is faster than conjugate gradients
 
 

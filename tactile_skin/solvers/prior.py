@@ -17,16 +17,18 @@ from ..physics.quadratic import inverse_diagonal, solve_in_box
 from .reading import Linearised, Reading
 from .suspect import NormalEquations
 
-# Of the differences x_i - x_j between direct neighbours: their weight, and the spread below which
-# they are drawn together. Chosen on bodies of many sizes and textures (tests/yardsticks/prior.py).
-_STEP, _SPREAD = 1.0, 0.3
-_REST = 1.0, 0.3  # of x, one-sided: at rest unless the reading says otherwise
+# Chosen on bodies of many sizes and textures (tests/yardsticks/prior.py).
+_STEP = 1.0  # weight of the differences x_i - x_j between direct neighbours
+_SPREAD = 0.3  # of these, below which they are drawn together
+_REST = 1.0  # weight of x, one-sided: at rest unless the reading says otherwise
+_REST_SPREAD = 0.3  # of x
 _BROAD = 0.1  # share of the cells at rest below which the whole skin is loaded
 _LEVEL = 5.0  # times the mean force, which no cell of an even load on the whole skin reaches
 # The last step, `with_neighbours`.
 _STEPS = 3  # at most; one nearly always
 _RISE = 3.0  # standard deviations by which chi^2 may rise: more is the step's curvature
-_SHARE = -0.9, 3.0  # of a cell's conductance, by which a step may change it
+_MOST_FALL = -0.9  # of a cell's conductance, by which a step may change it
+_MOST_RISE = 3.0  # the same
 
 
 class Differences:
@@ -81,10 +83,9 @@ def touches(x: np.ndarray, between: Differences) -> Quadratic:
         x: (rows, cols), 0 at rest and where there is no cell.
     """
     value, gradient, diagonal, entries = kernel.roughness(x, between.weight, _SPREAD**2)
-    weight, spread = _REST
-    above = x / spread + 1.0
-    value += weight * float(np.log(above).sum())
-    gradient += (weight / spread) / above
+    above = x / _REST_SPREAD + 1.0
+    value += _REST * float(np.log(above).sum())
+    gradient += (_REST / _REST_SPREAD) / above
     return Quadratic(value, gradient, diagonal, entries)
 
 
@@ -228,7 +229,7 @@ def with_neighbours(
             return None
         # in g: the readings are closer to linear in g than in log g
         g = model.g.copy()
-        g.flat[free] = np.clip(here + np.clip(dx, *_SHARE) * change, low, high)
+        g.flat[free] = np.clip(here + np.clip(dx, _MOST_FALL, _MOST_RISE) * change, low, high)
         adc = reading.model(g)
         if np.square(reading.misfit(adc) / reading.spread).sum() <= limit:
             std_x = std_x.copy()

@@ -17,9 +17,10 @@ from .checks import uneven_noise
 SCAN_NOISE = 0.52  # ADC steps RMS: mean of 4 samples with 1 step of noise, each rounded
 MAX_NOISE = 3.5  # ADC steps RMS, above that of any board of tests/yardsticks/boards.py (3 steps)
 ROUNDING_NOISE = 12**-0.5  # ADC steps RMS of rounding to whole steps
-# Share of the smallest magnitudes that a standard deviation is estimated from, and its ratio to
-# their mean for a normal distribution. A median would jump with the steps of an ADC.
-_KEPT, _STD_OVER_MEAN = 0.8, 1.790
+# Share of the smallest magnitudes that a standard deviation is estimated from. A median would jump
+# with the steps of an ADC.
+_KEPT = 0.8
+_STD_OVER_MEAN = 1.790  # standard deviation over the mean of these, for a normal distribution
 # ADC steps below which noise of single scans is cut off at 0, so that their mean is too high.
 _CUT_OFF = 2.0
 # Standard deviations below a threshold from which on a capped reading contradicts the model. Those

@@ -31,15 +31,14 @@ _OPEN = 0.5  # times the reading at rest: fabrics differ from the curve by less
 _NOTHING = 0.1  # the same, of an open line
 _UPSIDE_DOWN = 0.1  # of the readings that are too low, on no one line: more than some bad contacts
 EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
-# A saturated input (docs/derivation.md, "When to doubt", 4). The ceiling is this thick, and the gap
-# below it as wide [ADC steps]; readings at it, and others in the gap for each of them, that a flat
-# touch may have too, and that noise leaves of no flat touch; noise [ADC steps] that does that.
-_CEILING = 1.01
-_GAP = 3.03
-_FLAT = 8
-_FLAT_OTHERS = 0.5
-_SATURATED = 30, 0.25
-_SPREADS = 0.4
+# A saturated input (docs/derivation.md, "When to doubt", 3).
+_CEILING = 1.01  # ADC steps that it is thick
+_GAP = 3.03  # ADC steps below it that are nearly empty
+_FLAT = 8  # readings at it that a flat touch may have, too,
+_FLAT_OTHERS = 0.5  # and others in the gap for each of them
+_SATURATED = 30  # the same, that noise leaves of no flat touch,
+_SATURATED_OTHERS = 0.25  # and others for each
+_SPREADS = 0.4  # ADC steps of noise that does that
 _NEAR_END = 0.7  # of the ADC's range, above which its input may be saturated: 3.3 of 5 V are 0.66
 
 
@@ -71,7 +70,7 @@ def by_reading(reading: Reading) -> Finding | None:
         where = line or at(np.argwhere(bad)[0])
         return Finding(Kind.MISFIT, "high" if line else "high cells", **where, numbers=numbers)
     touched = reading.noise > _SPREADS and most > rest.max() + margin
-    return saturation(reading, *_SATURATED) if touched else None
+    return saturation(reading, _SATURATED, _SATURATED_OTHERS) if touched else None
 
 
 @lru_cache(maxsize=16)

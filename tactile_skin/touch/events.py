@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-_STROKE_BEGINS, _STROKE_ENDS = 0.8, 0.4  # confidence, 0..1: chosen, with hysteresis
+_STROKE_BEGINS = 0.8  # confidence, 0..1: chosen, with hysteresis
+_STROKE_ENDS = 0.4  # the same
 
 
 class Pushed(NamedTuple):

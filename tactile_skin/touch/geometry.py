@@ -160,7 +160,8 @@ _SURFACES = {"plane": _plane, "cylinder": _cylinder, "sphere": _sphere, UNKNOWN:
 
 _NEEDED = ("row", "col", "x", "y", "z", "nx", "ny", "nz")
 _TABLE_BYTES = 1024 * 1024  # the 4,096 cells of the largest skin at 256 characters each
-_FAR, _WIDE = 100.0, 1.0  # m, m^2: as in the parameters' ranges; beyond lie tables in millimetres
+_FAR = 100.0  # m, as in the parameters' ranges; beyond lie tables in millimetres
+_WIDE = 1.0  # m^2, the same
 
 
 def read_table(path, cells: np.ndarray, cell_area: float = CELL_AREA):

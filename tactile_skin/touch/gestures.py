@@ -18,7 +18,8 @@ from .geometry import Geometry
 from .tracking import RELEASED, Touch
 
 _STEP = 0.001  # m: the RMS error of a centre; shorter steps would add up to a path
-_RISEN, _FALLEN = 0.5, 0.4  # of the largest force so far: where a peak begins, and ends: chosen
+_RISEN = 0.5  # of the largest force so far: where a peak begins: chosen
+_FALLEN = 0.4  # the same, where it ends
 
 
 class Gesture(NamedTuple):

@@ -24,10 +24,8 @@ STATES = (NEW, HELD, RELEASED)
 _WINDOW = 0.15  # s of places to which a touch's line of motion is fitted
 _MIN_PLACES = 4  # that determine a line
 _NOISE = 0.001  # m, RMS error of the centre of a touch that does not move
-_REACH, _MAX_SPEED = (
-    1.5,
-    2.0,
-)  # pitches, and m/s, from its predicted place, within which it is found
+_REACH = 1.5  # pitches from its predicted place within which it is found,
+_MAX_SPEED = 2.0  # and m/s
 _MAX_ABSENCE = 0.05  # s that a touch may be missing before it is released
 _PREDICTED = 0.3  # s for which the motion of a touch that has joined another is extrapolated
 _MIN_DISTANCE = 1.5  # pitches between two touches

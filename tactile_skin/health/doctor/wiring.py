@@ -17,7 +17,8 @@ from ...physics.readouts import of_network
 
 _TIE = 1e3  # times a cell's conductance, between two stripes that touch: more than a line has
 _INSULATION = 1e-7  # of a cell's conductance, between parts that nothing connects
-_LEAST_SCATTER = 0.002, 0.003  # log of a reading's resistance, at least: of cells, of lines
+_LEAST_SCATTER = 0.002  # log of a reading's resistance, at least, of cells
+_LEAST_OF_LINES = 0.003  # the same, of lines
 _GAIN = 60.0  # chi^2 that a damage explains at least
 _LIKELY = 0.5  # share of a line's, or a cell's, misfit that it explains at least
 _LEAST_LEAD = 0.03  # share of the usual resistance that a bad lead adds at least
@@ -190,9 +191,9 @@ class _Fit:
         self.known, self.measured = known, rho
         self.wires, self.model, self.off = wires.fitted(rho, known)
         self.row, self.col, self.left = _polished(self.off)
-        self.scatter = max(1.48 * np.nanmedian(np.abs(self.left)), _LEAST_SCATTER[0])
+        self.scatter = max(1.48 * np.nanmedian(np.abs(self.left)), _LEAST_SCATTER)
         self.of_lines = [
-            max(1.48 * float(np.nanmedian(np.abs(e - np.nanmedian(e)))), _LEAST_SCATTER[1])
+            max(1.48 * float(np.nanmedian(np.abs(e - np.nanmedian(e)))), _LEAST_OF_LINES)
             for e in (self.row, self.col)
         ]
 

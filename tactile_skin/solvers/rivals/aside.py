@@ -26,9 +26,9 @@ _MOST = 0.1
 # rows are read in turn has left: at least half, where that errs above 30 g (16 x 16 and 8 x 12,
 # seeds 11 and 12); the insoles' frames have at most 0.2.
 _LEFT = 0.45
-# Of the readings of a line from which on its contact is bad throughout, share of the whole force
-# that may then press on it, and of its readings that may be set aside at all.
-_LINE, _LIGHT, _OPEN = 0.5, 0.18, 0.9
+_LINE = 0.5  # of the readings of a line, from which on its contact is bad throughout
+_LIGHT = 0.18  # share of all force that may then press on it
+_OPEN = 0.9  # of its readings that may be set aside at all
 _OFF = 4.0  # standard deviations below the model
 _AT_REST = 1.05  # times its conductance at rest: such a cell cannot explain less
 _CHI = 2.2  # of a reading that carries a value, on average, without those that are set aside

@@ -25,21 +25,23 @@ from ..reading import Reading, check_reading, rest_reading
 _SPAN = 1e3  # times the curve's rest, up and down, within which another readout's cells may rest
 _REST_ERROR = 0.05  # ADC steps by which these may miss the untouched skin's readings
 _LIFTED = 1.02  # times its conductance at rest from which on a cell counts as touched
-# Shares of the cells that are touched: from which on the misfit may tell nothing; up to which
-# another network may be compared by cost; from which on a floating matrix' light load may be the
-# hard one of a driven matrix.
-_ASK, _HALF, _COVERED = 0.2, 0.5, 0.75
-# By how much the fit of another must be likelier, in units of 1/2 chi^2; and the least spread of
-# neighbours' log conductance that is looked for. Chosen on pictures, bodies, rects, random loads
+# Shares of the cells that are touched:
+_ASK = 0.2  # from which on the misfit may tell nothing
+_HALF = 0.5  # up to which another network may be compared by cost
+_COVERED = 0.75  # from which on a floating matrix' light load may be the hard one of a driven one
+# By how much the fit of another must be likelier, in units of 1/2 chi^2. Chosen on pictures, bodies, rects, random loads
 # and whole lines on right and exchanged readouts (seeds 57221 to 57251), scored on others
 # (tests/yardsticks/readouts.py, wrong).
-_BETTER, _EVEN = 15.0, 0.03
+_BETTER = 15.0
+_EVEN = 0.03  # least spread of neighbours' log conductance that is looked for
 _NO_LEVEL = 0.02  # level of a picture that nothing touches
 # Times nearer to the curve's rest that cells must be by a rival's explanation of a light load as a
-# hard one, and times harder that this must be. Chosen on even loads (8 x 8, seed 9) on fabrics that
-# rest as the curve says; of those that rest 0.7 to 2.2 times so none was suspect.
-_NEARER, _HARDER = {"floating": 2.0, "loaded": 1.1}, {"floating": 1.0, "loaded": 10.0}
-_STEPS, _FAR = 8, 20.0  # of the fixed point, and 1/2 chi^2 a cell that rule a readout out
+# hard one. Chosen on even loads (8 x 8, seed 9) on fabrics that rest as the curve says; of those
+# that rest 0.7 to 2.2 times so none was suspect.
+_NEARER = {"floating": 2.0, "loaded": 1.1}
+_HARDER = {"floating": 1.0, "loaded": 10.0}  # times harder that this must be
+_STEPS = 8  # of the fixed point, by which a readout may be ruled out,
+_FAR = 20.0  # by 1/2 chi^2 a cell that they leave
 
 Fit = Callable[[Reading, np.ndarray], np.ndarray]
 
