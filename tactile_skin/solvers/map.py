@@ -39,7 +39,7 @@ _DENSE = 600  # unknowns up to which a Cholesky factor is faster than conjugate 
 _CG_STEPS = 100
 _UNCHANGED = 2.2  # standard deviations of chi^2 up to which a frame is that of the same load
 _NEAR_REST = 1.5  # times the conductance at rest: a starting cell below it starts at rest
-_WIDEN = 1.2  # what the measured coverage requires
+_WIDEN = 1.2  # what the measured coverage requires; not of loads on all cells
 # Noise that is measured in the frame (docs/derivation.md).
 _MAX_FITS = 6  # that may be made
 _AGREE = 1.15  # factor within which two agree
@@ -156,7 +156,8 @@ def _fit(
         g, std_x, adc = found or (g, std_x, adc)
     with np.errstate(divide="ignore"):
         force = reading.curve.force(1.0 / g) * circuit.populated
-    std = spread(reading.curve, force, np.minimum(_WIDEN * std_x, 10.0)) * circuit.populated
+    std_x = std_x if broad and independent else _WIDEN * std_x
+    std = spread(reading.curve, force, np.minimum(std_x, 10.0)) * circuit.populated
     if reading.topped.any():  # up to the curve's end all is as likely
         more = np.maximum(reading.curve.max_force - force, 0.0) / 3**0.5
         std = np.where(reading.topped, np.maximum(std, more), std)
