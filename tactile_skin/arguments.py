@@ -1,283 +1,112 @@
-"""The commands of `tactile-skin` and their arguments."""
+"""Command lines: `--name value`, `--name=value` and `name:=value` say the same in every command."""
 
 from __future__ import annotations
 
 import argparse
-import os
+from collections import deque
 from pathlib import Path
 
-from . import __version__
-from .commands import detect, doctor, flash, replay, sim, view
-from .commands.words import CommandParser
-from .learning import scenes
+from .errors import did_you_mean
+
+_BOOLS = {"true": True, "false": False}
 
 
-def make_parser(run: dict) -> argparse.ArgumentParser:
-    """Args:
-    run: name of a command -> what carries it out, given its arguments.
+class CommandParser(argparse.ArgumentParser):
+    """Parse the words of one command, each argument in either style, files anywhere among them.
+
+    An argument that the parser does not declare becomes NAME:=VALUE in `words`, if the command has
+    such: it is for a launch file, or for `split`.
     """
-    parser = argparse.ArgumentParser(
-        prog="tactile-skin",
-        description="A robot's skin from a low-cost resistive pressure matrix.",
-    )
-    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
-    commands = parser.add_subparsers(
-        dest="command", required=True, metavar="COMMAND", parser_class=CommandParser
-    )
 
-    def command(name, text, **kwargs):
-        sub = commands.add_parser(
-            name,
-            help=text,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-            description=text,
-            **kwargs,
-        )
-        sub.set_defaults(run=run[name])
-        return sub
+    def parse_known_args(self, args=None, namespace=None):
+        return super().parse_known_args(self._in_one_style(args or []), namespace)
 
-    sub = command(
-        "launch",
-        "start the skin that a launch file describes; without one, the demo on a simulated board",
-        epilog="examples:\n"
-        "  tactile-skin launch duration:=20\n"
-        "  tactile-skin launch skin.launch.yaml port:=/dev/ttyUSB0\n"
-        "  tactile-skin launch scene:=two_fingers method:=naive\n"
-        "  tactile-skin launch --show-args skin.launch.yaml\n"
-        "On a terminal, r and Enter reset a latched stop.",
-    )
-    sub.add_argument(
-        "words", nargs="*", metavar="FILE | NAME:=VALUE", help="launch file; arguments"
-    )
-    sub.add_argument(
-        "--ros",
-        type=int,
-        choices=(1, 2),
-        help="each node in a process of its own, on ROS 1 or 2 (default: all in this one, no ROS)",
-    )
-    sub.add_argument("-s", "--show-args", action="store_true", help="print its arguments and end")
+    def error(self, message: str):
+        """End with one line, as all mistakes do."""
+        self.exit(2, f"{self.prog}: error: {message}\n")
 
-    sub = command("view", view.ABOUT, epilog=view.EXAMPLES)
-    sub.add_argument(
-        "words", nargs="*", metavar="FILE | NAME:=VALUE", help="recording or launch file; arguments"
-    )
+    def _in_one_style(self, args: list[str]) -> list[str]:
+        """Return files, then NAME:=VALUE, then the options that argparse knows."""
+        options = {s.strip("-"): a for s, a in self._option_string_actions.items()}
+        options = {name.replace("-", "_"): action for name, action in options.items()}
+        takes_any = any(action.dest == "words" for action in self._actions)
+        files, words, given, seen, rest = [], [], [], set(), deque(args)
+        while rest:
+            word = rest.popleft()
+            name, mark, text = word.partition(":=")
+            if not (mark or _is_option(word)):
+                files.append(word)
+                continue
+            values = [text]
+            if mark:
+                name = name.removeprefix("--")
+            else:
+                name, mark, text = word.lstrip("-").partition("=")
+                name, values = name.replace("-", "_"), [text] if mark else None
+            action = options.get(name)
+            if action and name in seen:  # of the others `split` says it
+                self.error(f"argument {name!r} is given twice")
+            seen.add(name)
+            if action is None and not takes_any:
+                names = (key for key in options if len(key) > 1)
+                self.error(f"argument {name!r} is unknown{did_you_mean(name, names)}")
+            nargs = action and action.nargs  # None: one value
+            if values is None:
+                most, values = {0: 0, "+": len(rest)}.get(nargs, 1), []
+                while rest and len(values) < most and not (_is_option(rest[0]) or ":=" in rest[0]):
+                    values.append(rest.popleft())
+            elif nargs == 0:
+                if values[0] not in _BOOLS:
+                    self.error(f"argument {name}:={values[0]}: must be true or false")
+                if not _BOOLS[values.pop()]:
+                    continue
+            elif nargs == "+":
+                values = values[0].split(",")
+            if action is None:
+                words.append(f"{name}:={values[0] if values else 'true'}")
+            elif values and nargs is None:
+                given.append(f"{action.option_strings[-1]}={values[0]}")
+            else:
+                given += [action.option_strings[-1], *values]
+        return files + words + given
 
-    sub = command("sim", sim.ABOUT, epilog=sim.EXAMPLES)
-    sub.add_argument(
-        "--board", choices=sim.BOARDS, default="model", help="what is simulated (default model)"
-    )
-    sub.add_argument(
-        "--link", type=Path, required=True, help="symbolic link to make, the port to open"
-    )
-    sub.add_argument("--once", action="store_true", help="end when whoever read the port has left")
-    sub.add_argument(
-        "--scene", default="demo", help=f"what it feels: {', '.join(scenes.SCRIPTS)} (default demo)"
-    )
-    sub.add_argument("--config", type=Path, help="parameter file with circuit, curve and protocol")
-    sub.add_argument(
-        "--noise", type=float, default=1.0, help="RMS of a sample, in ADC steps (default 1)"
-    )
-    sub.add_argument("--rate", type=float, default=100.0, help="frames a second (default 100)")
-    sub.add_argument(
-        "--baud", type=int, help="pace of the bytes (default: the parameter file's, 1000000)"
-    )
-    sub.add_argument("--seed", type=int, default=0, help="of fabric and noise (default 0)")
 
-    sub = command("detect", detect.ABOUT, epilog=detect.EXAMPLES)
-    sub.add_argument(
-        "words", nargs="*", metavar="FILE | NAME:=VALUE", help="file of bytes, or port; options"
-    )
+def _is_option(word: str) -> bool:
+    """Whether a word is -x or --name, and no negative number."""
+    return len(word) > 1 and word[0] == "-" and not (word[1].isdecimal() or word[1] == ".")
 
-    sub = command("flash", flash.ABOUT, epilog=flash.EXAMPLES)
-    sub.add_argument("words", nargs="*", metavar="NAME:=VALUE", help="port, and options")
 
-    sub = command(
-        "calibrate",
-        "find your board's circuit from touches and its newtons from a few weights, step by step",
-        epilog="You need ten minutes, the board, and up to ten things that a kitchen scale has "
-        "weighed.\nexamples:\n"
-        "  tactile-skin calibrate --config mine.yaml --out calibrated.yaml\n"
-        "  tactile-skin calibrate --config mine.yaml --out mine.yaml port:=/dev/ttyUSB0\n"
-        "  tactile-skin calibrate --config calibrated.yaml --out calibrated.yaml --creep\n"
-        "from recordings (.mcap, .npy, .npz, .csv; rate:=60 if they have no times), one for each "
-        "weight:\n"
-        "  tactile-skin calibrate --config mine.yaml rest:=rest.mcap touches:=touches.mcap \\\n"
-        "    500g:=bottle.mcap 1.2kg:=books.mcap 3kg:=bag.mcap\n"
-        "with a scale in place of weights (lines of time [s],force [N]), and a load\n"
-        "that stands for two minutes:\n"
-        "  tactile-skin calibrate --config mine.yaml rest:=rest.mcap touches:=touches.mcap \\\n"
-        "    reference:=scale.csv creep:=standing.mcap\n"
-        "then:\n  tactile-skin launch skin.launch.yaml config:=calibrated.yaml",
-    )
-    sub.add_argument(
-        "--creep",
-        nargs="?",
-        const=True,
-        metavar="FILE",
-        help="measure only by how much a load that stands grows with time: one object, two minutes",
-    )
-    sub.add_argument(
-        "words",
-        nargs="*",
-        metavar="NAME:=VALUE",
-        help="port, baud or protocol, instead of the parameter file's; or recordings",
-    )
-    sub.add_argument(
-        "--train",
-        choices=("paper", "physics"),
-        help="then train this network for the board, and enter its weights in the file",
-    )
-    sub.add_argument("--config", type=Path, help="parameter file with what you know of the board")
-    sub.add_argument(
-        "--out",
-        type=Path,
-        default=Path("calibrated.yaml"),
-        help="parameter file to write; one that is there is kept as NAME.bak "
-        "(default calibrated.yaml)",
-    )
+def split(words: list[str], kinds: dict[str, type] | None = None) -> tuple[list[str], dict]:
+    """Return files, and name -> value of the right type.
 
-    sub = command("doctor", doctor.ABOUT, epilog=doctor.EXAMPLES)
-    sub.add_argument("words", nargs="*", metavar="FILE | NAME:=VALUE", help="frames; options")
+    Args:
+        kinds: name -> its type: str, int, float or bool; None: any name, as text.
 
-    sub = command(
-        "record",
-        "start the skin and record all that it publishes, with its configuration (MCAP, ROS 2)",
-        epilog="The same as launch with record:=OUT. A recording that is killed keeps all but its "
-        "last second.\nexamples:\n"
-        "  tactile-skin record touches.mcap port:=/dev/ttyUSB0 config:=mine.yaml duration:=60\n"
-        "  tactile-skin record demo.mcap demo.launch.yaml duration:=20\n"
-        "  tactile-skin record stops/ port:=/dev/ttyUSB0 --last 120\n"
-        "On ROS: ros2 bag record -a -s mcap",
-    )
-    sub.add_argument(
-        "out", metavar="OUT", help="file to make (.mcap), or folder/ for files named by time"
-    )
-    sub.add_argument(
-        "words",
-        nargs="*",
-        metavar="FILE | NAME:=VALUE",
-        help="launch file (default skin.launch.yaml); its arguments",
-    )
-    sub.add_argument(
-        "--last",
-        type=float,
-        metavar="S",
-        help="keep only so long before each stop, and 2 s after it, each in a file of its own",
-    )
-    sub.add_argument("--max-duration", type=float, metavar="S", help="ends after so long")
-    sub.add_argument("--max-size", type=float, metavar="MB", help="ends at that (default 2000)")
+    Raises:
+        ValueError: an unknown name, one that is given twice, or a value of another type.
+    """
+    files, given = [], {}
+    for word in words:
+        name, mark, text = word.partition(":=")
+        if not mark:
+            if "=" in word and (kinds is None or word.partition("=")[0] in kinds):
+                raise ValueError(f"{word!r}: arguments are written name:=value, or --name value")
+            files.append(word)
+            continue
+        kind = str if kinds is None else kinds.get(name)
+        if kind is None:
+            raise ValueError(f"argument {name!r} is unknown{did_you_mean(name, kinds)}")
+        if name in given:
+            raise ValueError(f"argument {name!r} is given twice")
+        try:
+            given[name] = _BOOLS[text] if kind is bool else kind(text)
+        except (ValueError, KeyError):
+            what = {int: "a whole number", bool: "true or false"}.get(kind, "a number")
+            raise ValueError(f"{name}:={text}: must be {what}") from None
+    return files, given
 
-    sub = command("replay", replay.ABOUT, epilog=replay.EXAMPLES)
-    sub.add_argument("words", nargs="*", metavar="FILE | NAME:=VALUE", help="recording; options")
-    sub.add_argument(
-        "--speed", type=float, help="times real time (default: as fast as possible)", metavar="X"
-    )
-    sub.add_argument("--step", action="store_true", help="one reading at each Enter")
-    sub.add_argument(
-        "--compare", nargs="+", metavar="METHOD", help="these methods side by side, as a table"
-    )
-    sub.add_argument(
-        "--picture",
-        type=Path,
-        default=Path("compared.png"),
-        help="of --compare (default compared.png)",
-    )
-    sub.add_argument("--out", type=Path, help="recording to make of what the nodes publish (.mcap)")
-    sub.add_argument(
-        "--export", type=Path, help="write the readings to .npy, .npz or .csv, and end"
-    )
-    sub.add_argument(
-        "--jobs",
-        type=int,
-        default=1,
-        help="processes, each a part (default 1: to the bit as on the robot)",
-    )
 
-    sub = command(
-        "train",
-        "train a network for your board: its circuit and curve from a parameter file",
-        epilog="A run that was stopped goes on when started again with the same --out.\n"
-        "examples:\n"
-        "  tactile-skin train --config mine.yaml --out my_weights\n"
-        "  tactile-skin train --config mine.yaml --out my_weights "
-        "--network physics --readout board\n"
-        "  tactile-skin train --config mine.yaml --out my_weights --start paper --rate 0.003 "
-        "--epochs 20\n"
-        "then, with `weights: my_weights/physics.npz` under compensation in mine.yaml:\n"
-        "  tactile-skin launch skin.launch.yaml config:=mine.yaml method:=physics",
-    )
-    sub.add_argument("--config", type=Path, help="parameter file with circuit and curve")
-    sub.add_argument("--out", type=Path, default=Path("weights"), help="folder (default weights)")
-    sub.add_argument("--restart", action="store_true", help="ignore the checkpoint in --out")
-    sub.add_argument(
-        "--threads", type=int, default=os.cpu_count(), help="of the processor (default: all)"
-    )
-    import dataclasses
-
-    from .learning.dataset import CHOICES, TrainingConfig
-
-    about = {
-        "pairs": "readings to learn from",
-        "validation": "readings to pick the best epoch by",
-        "epochs": "passes over the pairs",
-        "batch": "pairs a step",
-        "rate": "highest learning rate",
-        "readout": "what the readings are like",
-        "seed": "of scenes, weights and order",
-        "start": "weights to go on from: a file, paper or physics",
-    }
-    for item in dataclasses.fields(TrainingConfig):
-        kind = {"int": int, "float": float, "str": str}[item.type]
-        allowed = CHOICES.get(item.name)
-        choice = f"one of {', '.join(allowed)}" if allowed else ""
-        default = "new ones" if item.default == "" else item.default
-        words = about.get(item.name, ""), choice, f"default {default}"
-        sub.add_argument(
-            f"--{item.name}",
-            type=kind,
-            default=item.default,
-            choices=allowed,
-            help="; ".join(filter(None, words)),
-            metavar=item.name.upper(),
-        )
-
-    sub = command(
-        "export",
-        "write a trained network as ONNX, for a runtime without Python",
-        epilog="examples:\n"
-        "  tactile-skin export my_weights/paper.npz skin.onnx\n"
-        "  tactile-skin export paper skin.onnx",
-    )
-    sub.add_argument("weights", help="file that `train` made, or the shipped ones: paper, physics")
-    sub.add_argument("out", type=Path, help="file to write")
-
-    sub = command(
-        "bench",
-        "measure every method and draw it: speed against accuracy, and where each method fails",
-        epilog="Each picture NAME.png stands beside NAME.json, which holds the numbers drawn.\n"
-        "parts: speed, cases, stability, growth, way (bytes in to stop hook), touch_to_stop; all\n"
-        "of them take 20 minutes, with --quick two. Times are best read on an idle machine.\n"
-        "Only on request: faults, damaged boards through the whole chain, which takes an hour on\n"
-        "two cores, with --quick one minute; recorded, every method on frames of your own board.\n"
-        "examples:\n  tactile-skin bench --quick\n  tactile-skin bench speed growth --out figures\n"
-        "  tactile-skin bench faults --shapes 4x4 16x16 --minutes 10\n"
-        "  tactile-skin bench recorded --frames touches.csv --config mine.yaml",
-    )
-    sub.add_argument("parts", nargs="*", metavar="PART", help="what to measure (default: all)")
-    sub.add_argument("--quick", action="store_true", help="few frames, for a look")
-    sub.add_argument("--seed", type=int, default=1, help="of scenes and noise (default 1)")
-    sub.add_argument(
-        "--out", type=Path, default=Path("bench"), help="folder for the pictures (default bench)"
-    )
-    recorded = sub.add_argument_group("recorded")
-    recorded.add_argument("--frames", metavar="FILE", help="frames: .mcap, .npy, .npz or .csv")
-    recorded.add_argument("--config", help="parameter file (default: as recorded)")
-    faults = sub.add_argument_group("faults")
-    faults.add_argument("--shapes", nargs="+", metavar="SHAPE", help="such as 4x4 (default: all)")
-    faults.add_argument(
-        "--faults", nargs="+", metavar="NAME", help="names, or dead or electrical (default: all)"
-    )
-    faults.add_argument("--minutes", type=float, help="of sound streams, in all (default 60)")
-    faults.add_argument("--streams", type=int, help="of each fault and begin (default 1)")
-    faults.add_argument("--jobs", type=int, help="processes (default: one a core)")
-    return parser
+def check_folder(out: Path) -> None:
+    """Refuse, with ValueError, an --out that cannot be a folder, before long work."""
+    if out.exists() and not out.is_dir():
+        raise ValueError(f"--out {out}: must be a folder")

@@ -255,7 +255,7 @@ def test_a_mistake_in_a_process_of_its_own(tmp_path):
     assert "port /dev/ttyNONE0: does not exist" in done.stderr
 
 
-@pytest.mark.parametrize("loaded", ["numpy", "scipy.linalg._fblas", "tactile_skin.commands.view"])
+@pytest.mark.parametrize("loaded", ["numpy", "scipy.linalg._fblas", "tactile_skin.launch"])
 def test_an_end_while_it_loads_is_quiet(loaded):
     """Ctrl-C before anything runs, whatever module is being loaded."""
     words = [sys.executable, "-X", "importtime", "-m", "tactile_skin", "launch"]

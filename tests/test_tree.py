@@ -56,9 +56,11 @@ MAY = {
         "launch",
     ),
     "bench": None,  # everything but the command line
+    "guide": ("physics", "solvers", "findings", "calibration", "health"),
+    "arguments": (),
+    "extras": (),
     "commands": None,  # so do these
-    "arguments": None,
-    "cli": None,
+    "cli": ("arguments", "files", "middleware", "commands"),
     "__init__": ("physics", "solvers", "calibration", "findings", "health"),
     "__main__": ("cli",),
 }

@@ -8,45 +8,95 @@ import sys
 import tempfile
 import termios
 import textwrap
-import threading
 import time
 from pathlib import Path
 
 import numpy as np
 
 from .. import __version__
+from ..arguments import split
 from ..calibration.creep import as_it_comes, measure_creep
 from ..calibration.curve_fit import MAX_LAG, POOR, FittedCurve, fit_reference
 from ..calibration.identify import names, values
 from ..calibration.rest import check_all_is_sent, supposing
-from ..middleware.bus import Context, Node, Parameter, SingleThreadedExecutor
-from ..middleware.config import SkinConfig, adc_of, circuit_of, read_skin
+from ..guide import Guide, newtons
+from ..middleware.config import SkinConfig, read_skin
 from ..middleware.parameter_file import ParameterFile
-from ..msg import Image, image_array
-from ..nodes import QUEUE
-from ..nodes.serial_driver import SerialDriver
-from ..physics.adc import Adc
+from ..middleware.written import entered, replace_file
 from ..physics.creep import Creep
 from ..physics.curve import PressureCurve
 from ..readings.processed import Kind, processed
-from ..recording.frames import read_frames
 from ..recording.reference import read_reference
+from ..replay.sources import Live, Recorded
 from . import train
-from .guide import Guide, newtons
-from .words import split
-from .written import entered, replace_file
 
 _NAME = "tactile-skin calibrate"
 _OF_FILES = "rest", "touches", "reference", "creep", "rate", "full_scale"
-_RATE = 100.0  # frames a second, of files without times
 _OF_BOARD = {"port": str, "baud": int, "protocol": str}
 _GLANCE = 0.5  # s of frames that show whether the board sends what untouched cells read
 _UNRESOLVED = 0.5  # ADC steps: below, a reading says nothing of what the cell conducts
 _DECIMALS = 2  # of ADC steps, which ratios keep
-_PATIENCE = 10.0  # s without a frame after which the board is taken for absent
+
+EXAMPLES = (
+    "You need ten minutes, the board, and up to ten things that a kitchen scale has "
+    "weighed.\nexamples:\n"
+    "  tactile-skin calibrate --config mine.yaml --out calibrated.yaml\n"
+    "  tactile-skin calibrate --config mine.yaml --out mine.yaml port:=/dev/ttyUSB0\n"
+    "  tactile-skin calibrate --config calibrated.yaml --out calibrated.yaml --creep\n"
+    "from recordings (.mcap, .npy, .npz, .csv; rate:=60 if they have no times), one for each "
+    "weight:\n"
+    "  tactile-skin calibrate --config mine.yaml rest:=rest.mcap touches:=touches.mcap \\\n"
+    "    500g:=bottle.mcap 1.2kg:=books.mcap 3kg:=bag.mcap\n"
+    "with a scale in place of weights (lines of time [s],force [N]), and a load\n"
+    "that stands for two minutes:\n"
+    "  tactile-skin calibrate --config mine.yaml rest:=rest.mcap touches:=touches.mcap \\\n"
+    "    reference:=scale.csv creep:=standing.mcap\n"
+    "then:\n  tactile-skin launch skin.launch.yaml config:=calibrated.yaml"
+)
 
 
-def run(
+def register(parser) -> None:
+    """Declare the arguments."""
+    parser.epilog = EXAMPLES
+    parser.add_argument(
+        "--creep",
+        nargs="?",
+        const=True,
+        metavar="FILE",
+        help="measure only by how much a load that stands grows with time: one object, two minutes",
+    )
+    parser.add_argument(
+        "words",
+        nargs="*",
+        metavar="NAME:=VALUE",
+        help="port, baud or protocol, instead of the parameter file's; or recordings",
+    )
+    parser.add_argument(
+        "--train",
+        choices=("paper", "physics"),
+        help="then train this network for the board, and enter its weights in the file",
+    )
+    parser.add_argument(
+        "--config", type=Path, help="parameter file with what you know of the board"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("calibrated.yaml"),
+        help="parameter file to write; one that is there is kept as NAME.bak "
+        "(default calibrated.yaml)",
+    )
+
+
+def run(args) -> int:
+    """Calibrate as the arguments say."""
+    words, live = args.words, args.creep is True
+    if args.creep and not live:  # creep:=FILE is one of the recordings
+        words = [*words, f"creep:={args.creep}"]
+    return calibrate(args.out, args.config, words, live, args.train)
+
+
+def calibrate(
     out: Path,
     config: Path | None,
     words: list[str],
@@ -311,80 +361,3 @@ def _points(curve: PressureCurve) -> dict:
         "force": [round(float(v), 5) for v in described["force"]],
         "resistance": [round(float(v), 2) for v in described["resistance"]],
     } | ({} if curve.gain is None else {"gain": curve.gain.round(3).ravel().tolist()})
-
-
-# --- a live board, or files -----------------------------------------------------------------------
-
-
-class Recorded:
-    """Frames of a file, as if its board were there: each call takes those that come next."""
-
-    def __init__(self, adc: Adc, rate: float | None, full_scale: float | None = None):
-        self._adc, self._default, self._given = adc, rate or _RATE, (rate, full_scale)
-
-    def open(self, path: str) -> None:
-        """
-        Raises:
-            FileError, OSError: as read_frames.
-        """
-        rate, full_scale = self._given
-        found = read_frames(path, self._adc.circuit, rate=rate, full_scale=full_scale)
-        for note in found.notes:
-            print(f"  {path}: {note}")
-        self._frames, self._at, times = found.ratio(self._adc), 0, found.times
-        self._rate, self._times = self._default, times
-        if times is not None and len(times) > 1:
-            self._rate = 1.0 / float(np.median(np.diff(times)))
-
-    def stream(self, path: str) -> tuple[np.ndarray, np.ndarray]:
-        """(n, rows, cols) ADC ratio of a whole file, and (n,) times [s]."""
-        if not path:
-            raise ValueError("reference:= needs touches:=FILE, the frames of the same time")
-        self.open(path)
-        times = np.arange(len(self._frames)) / self._rate if self._times is None else self._times
-        return self._frames, times
-
-    def __call__(self, seconds: float) -> np.ndarray:
-        """At the end of the file its last frames, again and again."""
-        n = min(max(2, round(seconds * self._rate)), len(self._frames))
-        self._at = min(self._at + n, len(self._frames))
-        return self._frames[self._at - n : self._at]
-
-
-class Live:
-    """Frames of a board, through the same driver node as on the robot."""
-
-    def __init__(self, source: Path | None, overrides: dict):
-        self._executor, self._context = SingleThreadedExecutor(), Context()
-        parameters = ParameterFile(source).overrides("/serial_driver") if source else []
-        parameters += [Parameter(name, value) for name, value in overrides.items()]
-        node = Node("serial_driver", context=self._context, parameter_overrides=parameters)
-        self._driver = SerialDriver(node)
-        listener = Node("calibrate", context=self._context, parameter_overrides=parameters)
-        self._adc = adc_of(listener, circuit_of(listener))
-        self._frames: list[np.ndarray] = []
-        listener.create_subscription(Image, "skin/adc", self._on_adc, QUEUE)
-        for each in (node, listener):
-            self._executor.add_node(each)
-        self._thread = threading.Thread(target=self._executor.spin, daemon=True)
-        self._thread.start()
-
-    def _on_adc(self, msg: Image) -> None:
-        self._frames.append(self._adc.ratio_of(image_array(msg)))
-
-    def __call__(self, seconds: float) -> np.ndarray:
-        """ValueError after 10 s without a frame."""
-        self._frames.clear()
-        until, patience = time.monotonic() + seconds, time.monotonic() + seconds + _PATIENCE
-        while time.monotonic() < until or not self._frames:
-            if time.monotonic() > patience:
-                raise ValueError(
-                    "no frame for 10 s: is the board connected, are port, baud and protocol right? "
-                    "`tactile-skin launch` names what arrives"
-                )
-            time.sleep(0.02)
-        return np.array(self._frames)
-
-    def close(self) -> None:
-        self._executor.shutdown()
-        self._driver.close()

@@ -11,6 +11,7 @@ from pathlib import Path
 import serial
 import yaml
 
+from ..arguments import split
 from ..board.formats import Format
 from ..board.recognise import recognise, shown
 from ..board.recognise.lines import sides
@@ -19,9 +20,7 @@ from ..board.serial_port import PORT_ERRORS, check_port
 from ..files import read_bytes
 from ..middleware.config import read_skin
 from ..physics.readouts import DRIVEN, READOUTS
-from .words import split
 
-ABOUT = "find out what a board sends, at which baud rate, and write a parameter file that reads it"
 EXAMPLES = """\
 Listens to the port at one baud rate after the other, shows what arrives, says what it is, asks what
 no byte can tell, and writes a parameter file. FILE holds bytes as they came from a port.
@@ -91,6 +90,14 @@ class Heard:
     def rank(self) -> tuple:
         """The higher, the better it is understood."""
         return self.seen.sure, bool(self.seen.protocol), self.seen.text, self.seen.frames
+
+
+def register(parser) -> None:
+    """Declare the arguments."""
+    parser.epilog = EXAMPLES
+    parser.add_argument(
+        "words", nargs="*", metavar="FILE | NAME:=VALUE", help="file of bytes, or port; options"
+    )
 
 
 def run(args) -> int:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..arguments import split
 from ..calibration.rest import Rest, check_all_is_sent, measure_rest
 from ..health.doctor import Finding, diagnose
 from ..health.doctor.recorded import record
@@ -15,9 +16,7 @@ from ..middleware.parameter_file import ParameterFile
 from ..physics.adc import Adc
 from ..physics.circuit import Circuit
 from ..recording.frames import read_frames, recorded_skin
-from .words import split
 
-ABOUT = "which wire or cell is bad: from recorded frames, or from the live board"
 EXAMPLES = """\
 Hands off for some seconds, then press everywhere with fingers and palm, twenty touches or more,
 some of them hard, with pauses: a minute of it. FILE holds frames in order, ADC counts or ratios
@@ -75,6 +74,12 @@ _CORRUPT, _LOST = 0.005, 0.05  # shares of the frames from which on the link is 
 _LOW = 0.3
 _FEW_TOUCHES = 5
 _CONNECT = 10.0  # s to wait for the first frame
+
+
+def register(parser) -> None:
+    """Declare the arguments."""
+    parser.epilog = EXAMPLES
+    parser.add_argument("words", nargs="*", metavar="FILE | NAME:=VALUE", help="frames; options")
 
 
 def run(args) -> int:

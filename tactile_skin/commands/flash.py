@@ -5,12 +5,11 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
+from ..arguments import split
 from ..board.firmware import build, flash
 from ..board.serial_port import check_port
 from ..middleware.config import read_skin
-from .words import split
 
-ABOUT = "put the firmware on an Arduino Nano or Uno (ATmega328P) that is wired as in docs/board.md"
 EXAMPLES = """\
 Its present program is overwritten. The chip's signature is read first, and another chip is left
 as it is.
@@ -23,6 +22,12 @@ options, name:=value:
   config    parameter file with circuit.rows and circuit.cols (default: 16 x 16)
   adc_mhz   clock of the ADC, 2 or 1: docs/board.md (default 2)"""
 _KINDS = {"port": str, "config": str, "adc_mhz": int}
+
+
+def register(parser) -> None:
+    """Declare the arguments."""
+    parser.epilog = EXAMPLES
+    parser.add_argument("words", nargs="*", metavar="NAME:=VALUE", help="port, and options")
 
 
 def run(args) -> int:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..arguments import split
 from ..bench.chart import prepare
 from ..middleware.config import SkinConfig, read_skin
 from ..middleware.threads import one_thread
@@ -20,9 +21,7 @@ from ..replay.compare import compare, draw, table
 from ..replay.replay import Replay, Step
 from ..replay.results import STATUS, Job, Results, collect
 from ..solvers import METHODS
-from .words import split
 
-ABOUT = "recorded readings through the same nodes again, or to NumPy and CSV"
 EXAMPLES = """\
 FILE is a recording (.mcap), or frames of any board: .npy, .npz of (n, rows, cols), or .csv, a frame
 a line, with its time in front or not; ADC counts, or ratios from 0 to 1.
@@ -45,6 +44,37 @@ _KINDS = {"method": str, "config": str, "namespace": str, "rate": float, "full_s
 _RATE = 100.0  # frames a second
 _SHOWN = 20  # stops that the summary lists
 _LINE = 0.1  # s between two live lines
+
+
+def register(parser) -> None:
+    """Declare the arguments."""
+    parser.epilog = EXAMPLES
+    parser.add_argument("words", nargs="*", metavar="FILE | NAME:=VALUE", help="recording; options")
+    parser.add_argument(
+        "--speed", type=float, help="times real time (default: as fast as possible)", metavar="X"
+    )
+    parser.add_argument("--step", action="store_true", help="one reading at each Enter")
+    parser.add_argument(
+        "--compare", nargs="+", metavar="METHOD", help="these methods side by side, as a table"
+    )
+    parser.add_argument(
+        "--picture",
+        type=Path,
+        default=Path("compared.png"),
+        help="of --compare (default compared.png)",
+    )
+    parser.add_argument(
+        "--out", type=Path, help="recording to make of what the nodes publish (.mcap)"
+    )
+    parser.add_argument(
+        "--export", type=Path, help="write the readings to .npy, .npz or .csv, and end"
+    )
+    parser.add_argument(
+        "--jobs",
+        type=int,
+        default=1,
+        help="processes, each a part (default 1: to the bit as on the robot)",
+    )
 
 
 def run(args) -> int:

@@ -8,6 +8,7 @@ import stat
 import sys
 import threading
 from collections.abc import Callable
+from pathlib import Path
 
 from ..board.simulator import BAUD
 from ..learning import scenes
@@ -16,7 +17,6 @@ from ..middleware.parameter_file import ParameterFile
 from ..middleware.processes import LAUNCHED
 from ..middleware.stdin import at_the_end_of_stdin
 
-ABOUT = "a simulated board: the real bytes on a pseudo-terminal that any serial program can open"
 EXAMPLES = """\
 boards:
   model     the electronics in Python
@@ -27,6 +27,34 @@ examples:
   tactile-skin sim --link /tmp/skin --board firmware
   tactile-skin sim --link /tmp/skin --config my_skin.yaml     # text, if that says so"""
 BOARDS = ("model", "firmware")
+
+
+def register(parser) -> None:
+    """Declare the arguments."""
+    parser.epilog = EXAMPLES
+    parser.add_argument(
+        "--board", choices=BOARDS, default="model", help="what is simulated (default model)"
+    )
+    parser.add_argument(
+        "--link", type=Path, required=True, help="symbolic link to make, the port to open"
+    )
+    parser.add_argument(
+        "--once", action="store_true", help="end when whoever read the port has left"
+    )
+    parser.add_argument(
+        "--scene", default="demo", help=f"what it feels: {', '.join(scenes.SCRIPTS)} (default demo)"
+    )
+    parser.add_argument(
+        "--config", type=Path, help="parameter file with circuit, curve and protocol"
+    )
+    parser.add_argument(
+        "--noise", type=float, default=1.0, help="RMS of a sample, in ADC steps (default 1)"
+    )
+    parser.add_argument("--rate", type=float, default=100.0, help="frames a second (default 100)")
+    parser.add_argument(
+        "--baud", type=int, help="pace of the bytes (default: the parameter file's, 1000000)"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of fabric and noise (default 0)")
 
 
 def run(args) -> int:

@@ -10,24 +10,74 @@ from pathlib import Path
 
 import numpy as np
 
+from .. import extras
+from ..arguments import check_folder
 from ..bench import measure
 from ..errors import TrainingDied
 from ..learning import network
-from ..learning.dataset import TrainingConfig
+from ..learning.dataset import CHOICES, TrainingConfig
 from ..middleware.config import SkinConfig, read_skin
 from ..middleware.parameter_file import ParameterFile
-from . import extras
-from .written import entered, replace_file
+from ..middleware.written import entered, replace_file
 
 NETWORK_OF = {"cnn": "paper", "physics": "physics"}  # method -> its network
 _AGAIN = {"epochs": 20, "rate": 3e-3}  # from weights of a skin like it (docs/training.md)
-_SCORED, _SEED = (
-    300,
-    2,
-)  # frames that new weights are compared on; unlike training's and validation's
+_SCORED = 300  # frames that new weights are compared on
+_SEED = 2  # of these: unlike training's and validation's
+
+EXAMPLES = (
+    "A run that was stopped goes on when started again with the same --out.\n"
+    "examples:\n"
+    "  tactile-skin train --config mine.yaml --out my_weights\n"
+    "  tactile-skin train --config mine.yaml --out my_weights "
+    "--network physics --readout board\n"
+    "  tactile-skin train --config mine.yaml --out my_weights --start paper --rate 0.003 "
+    "--epochs 20\n"
+    "then, with `weights: my_weights/physics.npz` under compensation in mine.yaml:\n"
+    "  tactile-skin launch skin.launch.yaml config:=mine.yaml method:=physics"
+)
+
+
+def register(parser) -> None:
+    """Declare the arguments."""
+    parser.epilog = EXAMPLES
+    parser.add_argument("--config", type=Path, help="parameter file with circuit and curve")
+    parser.add_argument(
+        "--out", type=Path, default=Path("weights"), help="folder (default weights)"
+    )
+    parser.add_argument("--restart", action="store_true", help="ignore the checkpoint in --out")
+    parser.add_argument(
+        "--threads", type=int, default=os.cpu_count(), help="of the processor (default: all)"
+    )
+    about = {
+        "pairs": "readings to learn from",
+        "validation": "readings to pick the best epoch by",
+        "epochs": "passes over the pairs",
+        "batch": "pairs a step",
+        "rate": "highest learning rate",
+        "readout": "what the readings are like",
+        "seed": "of scenes, weights and order",
+        "start": "weights to go on from: a file, paper or physics",
+    }
+    for item in dataclasses.fields(TrainingConfig):
+        kind = {"int": int, "float": float, "str": str}[item.type]
+        allowed = CHOICES.get(item.name)
+        choice = f"one of {', '.join(allowed)}" if allowed else ""
+        default = "new ones" if item.default == "" else item.default
+        words = about.get(item.name, ""), choice, f"default {default}"
+        parser.add_argument(
+            f"--{item.name}",
+            type=kind,
+            default=item.default,
+            choices=allowed,
+            help="; ".join(filter(None, words)),
+            metavar=item.name.upper(),
+        )
 
 
 def run(args) -> int:
+    """Train, and say where the weights are."""
+    check_folder(args.out)
     if args.threads < 1:
         raise ValueError(f"--threads = {args.threads}: must be 1 or more")
     names = [item.name for item in dataclasses.fields(TrainingConfig)]

@@ -6,9 +6,8 @@ import asyncio
 import contextlib
 from collections.abc import Callable
 
-from .words import split
+from ..arguments import split
 
-ABOUT = "a recording in the browser; without one, the skin of a launch file"
 EXAMPLES = """\
 FILE is what `launch record:=FILE` made. Without one, or with a launch file, this is `tactile-skin
 launch ... view:=true`. Open the address that is printed. The page compares two methods, and of a
@@ -27,13 +26,33 @@ _KINDS = {"view_host": str, "view_port": int, "config": str, "namespace": str}
 _PORTS = range(65536)
 
 
+def run(args) -> int:
+    """Show a recording, or start a skin with its page."""
+    if is_recording(args.words):
+        from .. import extras
+
+        return show(args.words, extras.tqdm())
+    from . import launch
+
+    args.words, args.show_args, args.ros = [*args.words, "view:=true"], False, None
+    return launch.run(args)
+
+
 def is_recording(words: list[str]) -> bool:
     """Whether the words name a recording, and no launch file."""
     files = [word for word in words if ":=" not in word]
     return bool(files) and not files[0].endswith((".yaml", ".yml"))
 
 
-def run(words: list[str], tqdm: Callable) -> int:
+def register(parser) -> None:
+    """Declare the arguments."""
+    parser.epilog = EXAMPLES
+    parser.add_argument(
+        "words", nargs="*", metavar="FILE | NAME:=VALUE", help="recording or launch file; arguments"
+    )
+
+
+def show(words: list[str], tqdm: Callable) -> int:
     """Show the recording that the words name until Ctrl-C.
 
     Raises:

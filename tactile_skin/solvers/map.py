@@ -89,8 +89,9 @@ def _map_estimate(reading: Reading, start: Estimate | None, prior) -> Estimate:
     asks = estimate.status == "ok" and prior is None
     if asks and (finding := other_readout(reading, estimate, start, _touches)):
         return estimate.doubted(finding)
-    known = warm and start.r_par is None  # a stream was asked when it began
-    if known or estimate.aside is not None or estimate.status == "failed":
+    if estimate.aside is not None or estimate.status == "failed":
+        return estimate
+    if warm and estimate.status == "suspect":  # a touch that comes or goes is, for some frames
         return estimate
     return with_other_r_par(reading, fit, estimate) or estimate
 

@@ -14,8 +14,9 @@ from yardsticks.rest import noisy_cells
 
 from tactile_skin import compensate
 from tactile_skin.calibration.creep import LAID
-from tactile_skin.commands import calibrate, written
-from tactile_skin.commands.guide import Guide, newtons, picture
+from tactile_skin.commands import calibrate
+from tactile_skin.guide import Guide, newtons, picture
+from tactile_skin.middleware import written
 from tactile_skin.middleware.config import read_skin
 from tactile_skin.physics.curve import GRAM, PressureCurve
 
@@ -231,7 +232,7 @@ def test_a_picture_of_text():
 )
 def test_a_file_that_cannot_be_written_is_told_before_the_work(path, why):
     with pytest.raises(ValueError, match=f"--out.*{why}"):
-        calibrate.run(Path(path), None, {})
+        calibrate.calibrate(Path(path), None, {})
 
 
 @pytest.mark.parametrize("word", ["port", "speed:=3", "baud:=fast"])

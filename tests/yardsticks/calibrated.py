@@ -22,7 +22,7 @@ from yardsticks.curve_fit import objects
 from yardsticks.identify import Unknown, bodies
 
 from tactile_skin.commands import calibrate
-from tactile_skin.commands.guide import OBJECTS, Guide
+from tactile_skin.guide import OBJECTS, Guide
 from tactile_skin.middleware.bus import Context, ManualClock, Node
 from tactile_skin.middleware.config import read_skin
 from tactile_skin.middleware.parameter_file import ParameterFile

@@ -17,7 +17,7 @@ from yardsticks.curve_fit import known, objects, totals
 from yardsticks.identify import Unknown
 
 from tactile_skin import measure_rest
-from tactile_skin.commands.guide import Guide
+from tactile_skin.guide import Guide
 
 SHAPES, NOISES = ((8, 8), (12, 12), (16, 16)), (0.3, 1.0, 3.0)
 FRAMES, STEPS, OBJECTS = 30, 6, 6

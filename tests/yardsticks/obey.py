@@ -312,7 +312,7 @@ class Owner:
         files = [f"rate:={RECORDED}"]
         config = Path(self._config())
         said = _printed(
-            lambda: calibrate.run(
+            lambda: calibrate.calibrate(
                 out, config, files + [f"{k}:={self._file(k)}" for k in ("rest", "touches")]
             )
         )

@@ -1,0 +1,71 @@
+"""`tactile-skin launch`: the skin of a launch file."""
+
+from __future__ import annotations
+
+import contextlib
+
+from ..arguments import split
+
+EXAMPLES = (
+    "examples:\n"
+    "  tactile-skin launch duration:=20\n"
+    "  tactile-skin launch skin.launch.yaml port:=/dev/ttyUSB0\n"
+    "  tactile-skin launch scene:=two_fingers method:=naive\n"
+    "  tactile-skin launch --show-args skin.launch.yaml\n"
+    "On a terminal, r and Enter reset a latched stop."
+)
+
+
+def register(parser) -> None:
+    """Declare the arguments."""
+    parser.epilog = EXAMPLES
+    parser.add_argument(
+        "words", nargs="*", metavar="FILE | NAME:=VALUE", help="launch file; arguments"
+    )
+    parser.add_argument(
+        "--ros",
+        type=int,
+        choices=(1, 2),
+        help="each node in a process of its own, on ROS 1 or 2 (default: all in this one, no ROS)",
+    )
+    parser.add_argument(
+        "-s", "--show-args", action="store_true", help="print its arguments and end"
+    )
+
+
+def run(args) -> int:
+    """Start it, and wait for its end."""
+    from .. import launch
+
+    plan, file = plan_of(args.words, in_process=not args.ros)
+    if args.show_args:
+        for argument in plan.arguments.values():
+            print(f"{argument.name}:={argument.default}\n    {argument.description}")
+        return 0
+    if not plan.nodes and not plan.commands:
+        raise ValueError(f"{file}: starts nothing: must have a node or an executable")
+    if args.ros:
+        from .. import ros
+
+        return ros.launch_processes(plan, ros.choose(args.ros))
+    return spin(launch.Skin(plan))
+
+
+def plan_of(words: list[str], default: str = "", in_process: bool = True, **given: str):
+    """Return the plan of a launch file, or of the default one, with its arguments; and the file."""
+    from .. import launch
+
+    files, arguments = split(words)
+    if len(files) > 1:
+        raise ValueError(f"one launch file, not {len(files)}: {' '.join(files)}")
+    file = files[0] if files else default or launch.default_file(arguments)
+    return launch.read_plan(launch.find(file), arguments | given, in_process), file
+
+
+def spin(skin) -> int:
+    """Run a skin until it ends, and return the exit status."""
+    from ..middleware.stdin import keys
+
+    with skin, contextlib.suppress(KeyboardInterrupt), keys(skin.reset_stop):
+        skin.spin()
+    return 1 if skin.failed else 0

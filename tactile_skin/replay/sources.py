@@ -1,0 +1,95 @@
+"""Frames of a board, from the board or from a file as if the board were there."""
+
+from __future__ import annotations
+
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+
+from ..middleware.bus import Context, Node, Parameter, SingleThreadedExecutor
+from ..middleware.config import adc_of, circuit_of
+from ..middleware.parameter_file import ParameterFile
+from ..msg import Image, image_array
+from ..nodes import QUEUE
+from ..nodes.serial_driver import SerialDriver
+from ..physics.adc import Adc
+from ..recording.frames import read_frames
+
+_RATE = 100.0  # frames a second, of files without times
+_PATIENCE = 10.0  # s without a frame after which the board is taken for absent
+
+
+class Recorded:
+    """Frames of a file, as if its board were there: each call takes those that come next."""
+
+    def __init__(self, adc: Adc, rate: float | None, full_scale: float | None = None):
+        self._adc, self._default, self._given = adc, rate or _RATE, (rate, full_scale)
+
+    def open(self, path: str) -> None:
+        """
+        Raises:
+            FileError, OSError: as read_frames.
+        """
+        rate, full_scale = self._given
+        found = read_frames(path, self._adc.circuit, rate=rate, full_scale=full_scale)
+        for note in found.notes:
+            print(f"  {path}: {note}")
+        self._frames, self._at, times = found.ratio(self._adc), 0, found.times
+        self._rate, self._times = self._default, times
+        if times is not None and len(times) > 1:
+            self._rate = 1.0 / float(np.median(np.diff(times)))
+
+    def stream(self, path: str) -> tuple[np.ndarray, np.ndarray]:
+        """(n, rows, cols) ADC ratio of a whole file, and (n,) times [s]."""
+        if not path:
+            raise ValueError("reference:= needs touches:=FILE, the frames of the same time")
+        self.open(path)
+        times = np.arange(len(self._frames)) / self._rate if self._times is None else self._times
+        return self._frames, times
+
+    def __call__(self, seconds: float) -> np.ndarray:
+        """At the end of the file its last frames, again and again."""
+        n = min(max(2, round(seconds * self._rate)), len(self._frames))
+        self._at = min(self._at + n, len(self._frames))
+        return self._frames[self._at - n : self._at]
+
+
+class Live:
+    """Frames of a board, through the same driver node as on the robot."""
+
+    def __init__(self, source: Path | None, overrides: dict):
+        self._executor, self._context = SingleThreadedExecutor(), Context()
+        parameters = ParameterFile(source).overrides("/serial_driver") if source else []
+        parameters += [Parameter(name, value) for name, value in overrides.items()]
+        node = Node("serial_driver", context=self._context, parameter_overrides=parameters)
+        self._driver = SerialDriver(node)
+        listener = Node("calibrate", context=self._context, parameter_overrides=parameters)
+        self._adc = adc_of(listener, circuit_of(listener))
+        self._frames: list[np.ndarray] = []
+        listener.create_subscription(Image, "skin/adc", self._on_adc, QUEUE)
+        for each in (node, listener):
+            self._executor.add_node(each)
+        self._thread = threading.Thread(target=self._executor.spin, daemon=True)
+        self._thread.start()
+
+    def _on_adc(self, msg: Image) -> None:
+        self._frames.append(self._adc.ratio_of(image_array(msg)))
+
+    def __call__(self, seconds: float) -> np.ndarray:
+        """ValueError after 10 s without a frame."""
+        self._frames.clear()
+        until, patience = time.monotonic() + seconds, time.monotonic() + seconds + _PATIENCE
+        while time.monotonic() < until or not self._frames:
+            if time.monotonic() > patience:
+                raise ValueError(
+                    "no frame for 10 s: is the board connected, are port, baud and protocol right? "
+                    "`tactile-skin launch` names what arrives"
+                )
+            time.sleep(0.02)
+        return np.array(self._frames)
+
+    def close(self) -> None:
+        self._executor.shutdown()
+        self._driver.close()
