@@ -86,9 +86,11 @@ setup(
         "view": ["websockets>=14.0", "tqdm>=4.66"],
         "foxglove": ["foxglove-sdk>=0.14", "rosbags>=0.10", "mcap>=1.6"],
         "charts": ["matplotlib>=3.8"],
+        "completion": ["argcomplete>=3.0"],  # of the command, in a shell
         # of trained networks, to be run elsewhere
         "onnx": ["torch>=2.1", "onnx>=1.16", "onnxscript>=0.2"],
         "test": [
+            "argcomplete>=3.0",
             "foxglove-sdk>=0.14",
             "hypothesis>=6.100",
             "mcap>=1.6",

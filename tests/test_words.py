@@ -1,6 +1,9 @@
 """`--name value`, `--name=value` and `name:=value` say the same in every command."""
 
 import itertools
+import os
+import subprocess
+import sys
 
 import pytest
 
@@ -89,3 +92,32 @@ def test_a_file_whose_name_holds_an_equals_sign_is_a_file():
     assert split(["run=3.csv"], {"rows": int}) == (["run=3.csv"], {})
     with pytest.raises(ValueError, match="'rows=3': arguments are written"):
         split(["rows=3"], {"rows": int})
+
+
+def test_help_loads_no_command():
+    """It lists what each does, and takes no longer than argparse."""
+    code = (
+        "import sys; from tactile_skin import cli\n"
+        "try: cli.main(['--help'])\n"
+        "except SystemExit: pass\n"
+        "print(*sorted(m for m in sys.modules if m.startswith(('tactile_skin.', 'numpy'))))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    *said, loaded = done.stdout.splitlines()
+    assert all(any(name in line for line in said) for name in COMMANDS)
+    assert set(loaded.split()) <= {
+        f"tactile_skin.{name}" for name in ("arguments", "cli", "errors", "files")
+    }
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"), [("tactile-skin do", "doctor"), ("tactile-skin replay --sp", "--speed")]
+)
+def test_a_shell_completes_commands_and_options(line, expected):
+    """As argcomplete asks for it: the answer comes on file 8."""
+    given = {"_ARGCOMPLETE": "1", "COMP_LINE": line, "COMP_POINT": str(len(line))}
+    done = subprocess.run(
+        ["sh", "-c", f"'{sys.executable}' -m tactile_skin 8>&1 9>&2"],
+        env=os.environ | given, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.stdout.strip() == expected

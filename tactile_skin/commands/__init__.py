@@ -1,4 +1,4 @@
-"""Commands of `tactile-skin` that are too long for cli.py, one a file.
+"""Commands of `tactile-skin`, one a file, with `register(parser)` and `run(args)`.
 
 Imports everything but the command line.
 """
