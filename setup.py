@@ -95,6 +95,7 @@ setup(
             "hypothesis>=6.100",
             "mcap>=1.6",
             "mcap-ros2-support>=0.5",  # reads recordings independently
+            "mypy>=1.10",
             "pytest>=8.0",
             "pytest-rerunfailures>=16.7",
             "rosbags>=0.10",

@@ -100,7 +100,7 @@ class _Pairs(NamedTuple):
     one: np.ndarray
     other: np.ndarray
     square: np.ndarray
-    count: np.ndarray
+    count: np.ndarray  # type: ignore[assignment]  # a tuple has a method of this name
     across: float
 
     @property
@@ -146,9 +146,8 @@ def which_are_one(steps: np.ndarray, noise: float, cells: np.ndarray) -> Finding
         axis, bits = found
         of = lines(axis, 0, *(1 << bit for bit in bits))
         return Finding(Kind.DOUBLED, "address bits", severity=Severity.FAULT, **of)
-    if found := twins(steps, noise, cells):
-        axis, *pair = found
-        return Finding(Kind.DOUBLED, "live", **lines(axis, *pair))
+    if pair := twins(steps, noise, cells):
+        return Finding(Kind.DOUBLED, "live", **lines(*pair))
     return None
 
 

@@ -165,8 +165,8 @@ class Standing:
         slow = creep.time * 10.0 ** (np.arange(_DECADES) - 0.5)
         self._slow = slow[:, None, None]  # (decades, 1, 1) [s]
         self._weight = creep.share * np.exp(-creep.time / self._slow)
-        self._load: np.ndarray | None = None  # (rows, cols) [S] of the last frame
-        self._remembered: np.ndarray | None = None  # (decades, rows, cols) [S]
+        self._load = np.zeros(())  # (rows, cols) [S] of the last frame
+        self._remembered = np.zeros(())  # (decades, rows, cols) [S]
 
     def update(self, t: float, force: np.ndarray) -> np.ndarray:
         """(rows, cols) [N] of a load that had just come.

@@ -176,7 +176,7 @@ def fit_reference(
     for k in np.flatnonzero(known & touched & (force > _LIGHTEST * force.max())):
         last = frames[taken[-1]] if taken else None
         if touched[k - 1] and stands_anew(frames[k], frames[k - 1], last, noise):
-            taken.append(k)
+            taken.append(int(k))
     if len(taken) < _FEWEST:
         raise ValueError(f"{len(taken)} touches stand: {_FEWEST} or more are needed, 30 are good")
     every = -(-len(taken) // _MOST_FRAMES)

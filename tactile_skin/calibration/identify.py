@@ -164,7 +164,8 @@ def names(circuit: Circuit) -> tuple[str, str]:
 
 def values(circuit: Circuit) -> tuple[float, float]:
     """Of these [ohm]; the mean of r_line."""
-    return tuple(float(np.mean(getattr(circuit, name))) for name in names(circuit))
+    one, other = (float(np.mean(getattr(circuit, name))) for name in names(circuit))
+    return one, other
 
 
 def prior_of(circuit: Circuit) -> np.ndarray:
@@ -219,8 +220,9 @@ def std_of(
     of_frames = sum(e.information for e in found)
     spread = (spread + _FEWEST * max(chi, 1.0) * of_frames) / (n - 1 + _FEWEST)
     noise = rest.noise / rest.frames**0.5
-    shared = supposed.by_reading(sum(e.by_rest for e in found)) * noise  # (2, readings)
-    unknown = _unknown_rest(rest, supposed) * sum(e.by_rest for e in found).reshape(2, -1)
+    by_rest = np.sum([e.by_rest for e in found], axis=0)
+    shared = supposed.by_reading(by_rest) * noise  # (2, readings)
+    unknown = _unknown_rest(rest, supposed) * by_rest.reshape(2, -1)
     spread += shared @ shared.T + unknown @ unknown.T + information - of_frames
     inverse = np.linalg.inv(information)
     return np.sqrt((inverse @ spread @ inverse).diagonal())

@@ -162,7 +162,7 @@ class Tare:
             return followed
         found = self._one_voltage(mean, n + m, usual)
         self.unseen = found is not None and found.stops
-        zero = self._circuit.populated & (mean * self._circuit.full_scale < _UNRESOLVED)
+        zero = np.asarray(mean * self._circuit.full_scale < _UNRESOLVED) & self._circuit.populated
         zero &= ~(zero.all(1)[:, None] | zero.all(0))  # such a line is not connected
         if np.count_nonzero(zero) > self._few:
             numbers = {"count": np.count_nonzero(zero)}

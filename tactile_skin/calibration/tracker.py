@@ -90,7 +90,7 @@ class CircuitTracker:
         self._off = np.zeros(2)  # beside the configured [ohm]: the best guess
         self._adopted = np.zeros(2)  # the same, of `circuit`
         self._asked: deque[_Asked] = deque(maxlen=_KEPT)
-        self._supposed: Supposed | None = None
+        self._supposed: Supposed | None = None  # with what the last touch was asked
         self._rest: Rest | None = None
         self._waiting: _Stretch | None = None  # the longest since the last that was asked
         self._standing: _Stretch | None = None
@@ -140,7 +140,7 @@ class CircuitTracker:
         if not np.isfinite(self.std).all():
             return {}
         std = np.hypot(self.std, self._off - self._adopted)
-        found = {}
+        found: dict[str, str] = {}
         for name, value, spread in zip(names(self.circuit), values(self.circuit), std, strict=True):
             found |= {name: f"{value:.1f}", f"{name}_std": f"{spread:.1f}"}
         return found
@@ -209,9 +209,11 @@ class CircuitTracker:
             self._supposed = self._of(circuit)
 
     def _of(self, circuit: Circuit) -> Supposed:
+        assert self._rest is not None
         return Supposed(circuit, supposing(self._rest, circuit).conductance, SOFT)
 
     def _take(self, adc: np.ndarray, noise: float) -> None:
+        assert self._supposed is not None
         at, evidence = self._off, self._supposed.evidence(adc, noise)
         if evidence is None and self._configured.readout == "loaded":
             at = without_r_par(self._configured)
@@ -297,6 +299,7 @@ class CircuitTracker:
             e._replace(score=e.score + e.information @ (a.at - off))
             for e, a in zip(evidence, asked, strict=True)
         ]
+        assert self._rest is not None and self._supposed is not None
         std = std_of(here, information, self._rest, self._supposed)
         # by as much less as the frames differ by more than noise
         return off, std, information * np.min(1.0 / (information.diagonal() ** 0.5 * std)) ** 2

@@ -9,7 +9,8 @@ import numpy as np
 
 from ..arguments import split
 from ..calibration.rest import Rest, check_all_is_sent, measure_rest
-from ..health.doctor import Finding, diagnose
+from ..findings.finding import Finding, Kind
+from ..health.doctor import diagnose
 from ..health.doctor.recorded import record
 from ..middleware.config import SkinConfig, read_skin
 from ..middleware.parameter_file import ParameterFile
@@ -279,16 +280,9 @@ def _listen(adc: Adc, given: dict) -> tuple[np.ndarray, list[Finding]]:
 
 
 def _link(counters, frames: int, reconnects: int) -> list[Finding]:
+    """Return that frames were damaged or lost on their way."""
     corrupt, lost = counters.corrupt / frames, counters.lost / frames
     if corrupt < _CORRUPT and lost < _LOST and not reconnects:
         return []
-    return [
-        Finding(
-            "link",
-            "serial link",
-            f"of {frames} frames {100 * corrupt:.1f} % more came damaged and {100 * lost:.1f} % "
-            f"were lost; {reconnects} reconnections",
-            "Check the USB cable and its length, the baud rate, and the ground between board and "
-            "computer",
-        )
-    ]
+    numbers = {"frames": frames, "corrupt": corrupt, "lost": lost, "reconnects": reconnects}
+    return [Finding(Kind.LINK, numbers=numbers)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
+from typing import Any, SupportsFloat, TypedDict
 
 import numpy as np
 
@@ -23,6 +24,7 @@ class Kind(str, Enum):
     """What may be wrong."""
 
     # what the board sends
+    LINK = "link"
     ZEROS = "zeros"
     NO_SIGNAL = "no signal"
     BITS = "bits"
@@ -80,9 +82,9 @@ class Finding:
     severity: Severity = Severity.WARN
     rows: tuple[int, ...] = ()
     cols: tuple[int, ...] = ()
-    numbers: Mapping[str, float] = field(default_factory=dict, compare=False)
+    numbers: Mapping[str, SupportsFloat | str] = field(default_factory=dict, compare=False)
     detail: str = field(default="", compare=False)
-    change: object | None = field(default=None, compare=False)
+    change: Any = field(default=None, compare=False)
 
     def __post_init__(self):
         words.of(self)  # there are some
@@ -119,17 +121,25 @@ class Finding:
         return f"{text}. {remedy}" if remedy.endswith("?") else f"{text}. {remedy}."
 
 
-def at(cell: Iterable[int]) -> dict[str, tuple[int, ...]]:
+class Where(TypedDict, total=False):
+    """Holds the lines that a finding is about, as `Finding` takes them."""
+
+    rows: tuple[int, ...]
+    cols: tuple[int, ...]
+
+
+def at(cell: Iterable[int]) -> Where:
     """Return rows and cols of one cell, as `Finding` takes them."""
     row, col = (int(k) for k in cell)
     return {"rows": (row,), "cols": (col,)}
 
 
-def largest(picture: np.ndarray) -> dict[str, tuple[int, ...]]:
+def largest(picture: np.ndarray) -> Where:
     """Return rows and cols of the largest value of a (rows, cols) picture."""
-    return at(np.unravel_index(np.argmax(picture), picture.shape))
+    return at(int(k) for k in np.unravel_index(np.argmax(picture), picture.shape))
 
 
-def lines(axis: int, *of: int) -> dict[str, tuple[int, ...]]:
+def lines(axis: int, *of: int) -> Where:
     """Return rows (axis 0) or cols (axis 1) of these lines, as `Finding` takes them."""
-    return {("rows", "cols")[axis]: tuple(int(k) for k in of)}
+    found = tuple(int(k) for k in of)
+    return {"cols": found} if axis else {"rows": found}

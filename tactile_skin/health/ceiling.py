@@ -93,11 +93,12 @@ class Ceiling:
         known = adc.bounds(np.array(adc.range[1]))
         self._known_end = circuit.full_scale * self._scale if known else math.inf
         # where readings stood still [ADC steps], and what the others read then
-        self._shelf, self._picture = math.inf, None
+        self._shelf = math.inf
+        self._picture: np.ndarray | None = None
         self.height: float | None = None
         self._noise = 0.0  # ADC steps by which a reading there may exceed it
         self._last: np.ndarray | None = None
-        self._still: np.ndarray | None = None  # (rows, cols) frames since each reading moved
+        self._still = np.zeros((), np.int32)  # (rows, cols) frames since each reading moved
         self._count = _PRIOR_STOOD, _PRIOR_SEEN  # readings that stood still, and all
         self._present = False  # the last frame shows it
 

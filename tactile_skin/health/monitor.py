@@ -54,6 +54,8 @@ class Check(Protocol):
     [ADC ratio].
     """
 
+    def __init__(self, adc: Adc, threshold: float): ...
+
     def frame(self, seen: Seen) -> None:
         """Take a frame."""
 
@@ -69,7 +71,8 @@ class LoadedAtStart:
 
     def __init__(self, adc: Adc, threshold: float):
         self._cells = np.count_nonzero(adc.circuit.populated)
-        self._let_go, self._found = False, []
+        self._let_go = False
+        self._found: list[Finding] = []
 
     def frame(self, seen: Seen) -> None:
         force = seen.estimate.force
@@ -141,7 +144,7 @@ class Monitor:
         if suspect or judged:
             touched = bool(estimate.force.max() >= TOUCHED)
             self._doubtful = self._doubt.frame(t, suspect, touched)
-        self._why = estimate.message if suspect else self._why
+        self._why = str(estimate.message) if suspect else self._why
         rising = self._adc.rising(samples)
         window = self._windows.frame(rising)
         seen = Seen(t, samples, rising, adc, estimate, stirs, rest, noise, window)

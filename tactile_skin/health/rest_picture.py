@@ -30,7 +30,8 @@ class RestPicture:
     def __init__(self, adc: Adc, threshold: float = 0.0):
         self._adc = adc
         self._found: Finding | None = None
-        self._mean, self._count = None, 0  # of windows in which nothing moved; how many
+        self._mean: np.ndarray | None = None  # of windows in which nothing moved;
+        self._count = 0  # how many
 
     def frame(self, seen: Seen) -> None:
         """Take a frame. On a small skin noise hides in a window whether all readings are alike."""
@@ -62,9 +63,11 @@ class RestPicture:
     def _stands(self, window: Window) -> np.ndarray:
         """(rows, cols) mean of the last windows, as long as nothing moves."""
         limit = BEYOND * (window.noise + ROUND) * (2.0 / WINDOW) ** 0.5
-        if self._mean is None or (np.abs(window.mean - self._mean) > limit).any():
-            self._mean, self._count = window.mean, 1
+        mean = self._mean
+        if mean is None or (np.abs(window.mean - mean) > limit).any():
+            mean, self._count = window.mean, 1
         else:
             self._count = min(self._count + 1, _STOOD)
-            self._mean = self._mean + (window.mean - self._mean) / self._count
-        return self._mean
+            mean = mean + (window.mean - mean) / self._count
+        self._mean = mean
+        return mean

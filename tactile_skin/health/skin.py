@@ -137,26 +137,31 @@ class Skin:
             self._interval += _FOLLOW * (since - self._interval)
         shape = self.circuit.shape
         if samples.shape != shape:
-            return self.refuse(f"reading has shape {samples.shape}: the circuit is {shape}")
+            self.refuse(f"reading has shape {samples.shape}: the circuit is {shape}")
+            return None
         if samples.dtype.kind != "u":
-            return self.refuse(f"reading is of {samples.dtype}: must be uint16")
+            self.refuse(f"reading is of {samples.dtype}: must be uint16")
+            return None
         try:
             adc = self._adc.ratio_of(samples)
             self.fitted = not (late and self._hurries(adc))
             estimate = self._compensate(adc)
         except ValueError as error:
-            return self.refuse(str(error))
+            self.refuse(str(error))
+            return None
         # A touch that comes or goes leaves a few suspect frames, as the board's low-pass mixes
         # scans: they are close to the truth. More in a row may be a bad local fit: start anew,
         # unless the fault is known.
         in_doubt = estimate.status != "ok" and estimate.r_par is None and self.fitted
         self._doubts = self._doubts + 1 if in_doubt else 0
         self._last = estimate if self._doubts < _RESTART_AFTER else None
-        self.taken[estimate.method] += 1
-        self.status, self.message, self._doubt = estimate.status, estimate.message, estimate.finding
-        self.residual, self.force = estimate.residual, float(estimate.force.max())
+        self.taken[str(estimate.method)] += 1
+        self.status, self.message = str(estimate.status), str(estimate.message)
+        self._doubt = estimate.finding if isinstance(estimate.finding, Finding) else None
+        self.residual, self.force = float(estimate.residual), float(estimate.force.max())
         self.std = estimate.std
-        self._ended = np.count_nonzero(self._adc.bounds(adc) & (adc >= self._adc.range[1]))
+        at_end = self._adc.bounds(adc) & (adc >= self._adc.range[1])
+        self._ended = int(np.count_nonzero(at_end))
         force = None
         if estimate.status != "failed":
             self._rest(t, adc, estimate)

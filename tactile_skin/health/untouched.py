@@ -54,7 +54,8 @@ class Untouched:
     def __init__(self, adc: Adc, threshold: float = 0.0):
         self._circuit = adc.circuit
         self._looked = -np.inf  # s
-        self._asked = self._conductance = None  # (rows, cols) rest, and what its cells conduct [S]
+        self._asked: np.ndarray | None = None  # (rows, cols) rest,
+        self._conductance = np.zeros(())  # and what its cells conduct [S]
         self._before: np.ndarray | None = None  # what the last look saw
         self.forget()
 

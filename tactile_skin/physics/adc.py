@@ -171,12 +171,14 @@ class Adc:
         """Return the inverse of `_share_of` [ADC steps]."""
         if self.table is None:
             return share * self.full_scale - self.offset
-        reading = np.interp(share * self.full_scale / self.circuit.full_scale, *self.table.T[::-1])
+        at, share_there = np.asarray(self.table).T
+        share = share * self.full_scale / self.circuit.full_scale
+        reading = np.interp(share, share_there, at)
         return reading - self.offset
 
     @cached_property
     def _to_share(self) -> Table:
-        return Table(*self.table.T)
+        return Table(*np.asarray(self.table).T)
 
     @cached_property
     def range(self) -> tuple[float, float]:

@@ -239,6 +239,7 @@ def forward(circuit: Circuit, resistance) -> np.ndarray:
     if circuit.readout != "floating":
         adc = np.array([readouts.solve(circuit, g).adc for g in frames])
         return np.minimum(adc.reshape(resistance.shape), 1.0)  # an amplifier ends there
+    assert circuit.stripes is not None
     rho = np.array([lines.solve(g, *circuit.stripes).rho for g in frames])
     return circuit.ratio(rho.reshape(resistance.shape))
 
@@ -280,16 +281,16 @@ def jacobian(circuit: Circuit, resistance) -> np.ndarray:
     g = np.where(circuit.populated, 1.0 / resistance, 0.0)
     if circuit.readout != "floating":
         network = readouts.solve(circuit, g)
-        cells = [network.change(cell) for cell in np.eye(g.size).reshape(-1, *g.shape)]
+        cells = np.array([network.change(cell) for cell in np.eye(g.size).reshape(-1, *g.shape)])
         return -np.moveaxis(cells, 0, -1).reshape(*g.shape, *g.shape) * g**2
     if circuit.stripes is None:
-        network = laplacian.solve(g)
-        transfer = laplacian.transfer_resistance(network)
+        ideal = laplacian.solve(g)
+        rho, transfer = ideal.rho, laplacian.transfer_resistance(ideal)
     else:
-        network = lines.solve(g, *circuit.stripes)
-        row, col = np.split(np.moveaxis(network.across, 2, 0), [circuit.rows])
-        transfer = row[:, None] - col
-    adc = circuit.ratio(network.rho)
+        behind = lines.solve(g, *circuit.stripes)
+        row, col = np.split(np.moveaxis(behind.across, 2, 0), [circuit.rows])
+        rho, transfer = behind.rho, row[:, None] - col
+    adc = circuit.ratio(rho)
     d_rho = transfer**2 * g**2  # (rows, cols, rows, cols), by R
     return -(adc**2 / circuit.r_ref)[:, :, None, None] * d_rho
 
@@ -306,7 +307,7 @@ def _row_reach(present: np.ndarray) -> np.ndarray:
 
 def _connected(present: np.ndarray) -> np.ndarray:
     """(n,) bool: whether the cells of each (rows, cols) picture connect all its lines."""
-    return _row_reach(present).all((-2, -1)) & present.any(-2).all(-1)
+    return np.asarray(_row_reach(present).all((-2, -1)) & present.any(-2).all(-1))
 
 
 def _rho_in_parts(g: np.ndarray) -> np.ndarray:

@@ -69,7 +69,8 @@ def within_bounds(
     """
     divider, axis = circuit.r_ref + circuit.r_par, circuit.sense_axis
     v = adc * (divider / circuit.r_ref)
-    free, held, ground = circuit.populated, 0.0, 1.0 / divider
+    free, held = circuit.populated, np.zeros(circuit.shape)
+    ground: np.ndarray | float = 1.0 / divider
     while True:  # each round holds more cells
         left = np.maximum(1.0 - (v * free).sum(axis, keepdims=True), readouts.LEAST_SCALE)
         g = np.where(free, v * ground / left, held)

@@ -21,7 +21,7 @@ from . import numpy_kernel
 from .numpy_kernel import Network
 
 try:
-    from . import _kernel
+    from . import _kernel  # type: ignore[attr-defined]  # compiled where there is a compiler
 except ImportError:
     _kernel = None
 

@@ -56,7 +56,8 @@ def reduced_root(g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     # Singular to rounding: conductances many decades apart.
     values, vectors = np.linalg.eigh(schur)
     half = vectors / np.sqrt(np.maximum(values, 1e-15 * values[-1]))
-    return np.linalg.qr(half.T, mode="r").T, scaled, col_sum
+    _, upper = np.linalg.qr(half.T)
+    return upper.T, scaled, col_sum
 
 
 def two_point(rows: np.ndarray, between: np.ndarray, cols: np.ndarray) -> np.ndarray:
@@ -165,7 +166,7 @@ def fixed_point(
     adc = r_ref / (r_ref + r_par + measured)
     d_misfit = np.empty((_HISTORY, x.size))
     d_image = np.empty((_HISTORY, x.size))
-    last_misfit, last_image = None, None
+    last_misfit = last_image = np.zeros(x.size)  # of no step yet
     for step in range(steps):
         rho = (read or connected_rho)(g).ravel()[cells]
         error = r_ref / (r_ref + r_par + rho) - adc

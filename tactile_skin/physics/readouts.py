@@ -50,8 +50,11 @@ class Floating:
     """All follows from two-terminal resistances rho: d rho_a / d g_b = -t_ab^2."""
 
     def __init__(self, circuit, g: np.ndarray, derivatives: bool):
-        self.inverse = kernel.solve(g) if derivatives else None
-        self.rho = self.inverse.rho if derivatives else kernel.connected_rho(g)
+        if derivatives:
+            self.inverse = kernel.solve(g)
+            self.rho = self.inverse.rho
+        else:
+            self.rho = kernel.connected_rho(g)
         self.adc = circuit.ratio(self.rho)
         self._circuit = circuit
 
@@ -130,13 +133,14 @@ class Driven:
         self._load = circuit.r_ref if loaded else circuit.r_ref + circuit.r_par
         self._s, self._at_drive = circuit.r_ref / self._load, None
         self._c = self._back = np.zeros((rows, 1))  # ohm; _back: K_ji
+        self._held: np.ndarray | float = 1.0  # P_ii
         if circuit.has_ideal_drivers:
             self._at_sense = 1.0 / (1.0 / self._load + g.sum(0))  # ohm, K_jj
-            self._v, self._held = g * self._at_sense, 1.0  # P_ij, P_ii
+            self._v = g * self._at_sense  # P_ij
         else:
             k = self._inverse(g, 0.0 if loaded else 1.0 / circuit.r_drive)
             self._at_sense, self._back = k.diagonal()[rows:], k[:rows, rows:]
-            drive = circuit.r_drive  # ohm
+            drive: np.ndarray | float = circuit.r_drive  # ohm
             if loaded:
                 drive = self._at_drive = k.diagonal()[:rows, None] + circuit.r_par
                 self._c = self._back
@@ -268,7 +272,10 @@ class Separate:
     readings_for = cells_for
 
 
-def solve(circuit, g: np.ndarray, derivatives: bool = True) -> Floating | Driven:
+Network = Floating | Driven | Separate
+
+
+def solve(circuit, g: np.ndarray, derivatives: bool = True) -> Network:
     """The network of cells g (rows, cols) [S], 0 where there is none.
 
     Args:

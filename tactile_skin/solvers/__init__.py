@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import inspect
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -114,7 +115,7 @@ def compensate(
         given["prior"] = check_prior(prior, circuit)
     given["start"] = start
     given = {name: given[name] for name in _TAKES[method]}
-    checks = {"missing": missing, "threshold": threshold, "ceiling": ceiling}
+    checks: dict[str, Any] = {"missing": missing, "threshold": threshold, "ceiling": ceiling}
     checks |= {"noise": noise, "time_limit": time_limit}
     adc = np.asarray(adc, dtype=float)
     if adc.ndim != 3:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -80,9 +81,12 @@ class Estimate:
 
 def batch_of(estimates: list[Estimate], shape: tuple[int, int]) -> Estimate:
     """Frames of (rows, cols) = `shape` as one estimate with a leading axis."""
-    kinds = dict.fromkeys(("force", "std", "residual", "r_par", "noise"), float)  # None: NaN
-    kinds |= dict.fromkeys(("status", "message", "method"), str) | {"iterations": int}
-    found = {name: np.array([getattr(e, name) for e in estimates], kinds[name]) for name in kinds}
+    kinds: dict[str, type] = {"iterations": int}
+    kinds |= dict.fromkeys(("force", "std", "residual", "r_par", "noise"), float)  # None: NaN
+    kinds |= dict.fromkeys(("status", "message", "method"), str)
+    found: dict[str, Any] = {
+        name: np.array([getattr(e, name) for e in estimates], kinds[name]) for name in kinds
+    }
     none = np.zeros(shape, bool)
     found["aside"] = np.array([none if e.aside is None else e.aside for e in estimates], bool)
     found["finding"] = [e.finding for e in estimates]

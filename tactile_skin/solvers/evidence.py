@@ -121,7 +121,7 @@ class Evidence(NamedTuple):
     information: np.ndarray
     by_rest: np.ndarray
     chi2: float
-    count: int
+    count: int  # type: ignore[assignment]  # a tuple has a method of this name
 
 
 class Supposed:
@@ -155,7 +155,7 @@ class Supposed:
         self._curve = PressureCurve((0.0, 1.0), (softest.max(), hardest)).resting_at(softest)
 
     @cached_property
-    def _resting(self) -> readouts.Floating | readouts.Driven:
+    def _resting(self) -> readouts.Network:
         return self._network(self.rest, np.zeros(self.circuit.shape))
 
     @cached_property
@@ -174,14 +174,14 @@ class Supposed:
         found = [self._resting.readings_for(self._cells, b).ravel() for b in by_rest]
         return np.array(found) / self.circuit.full_scale
 
-    def _network(self, g: np.ndarray, further: np.ndarray) -> readouts.Floating | readouts.Driven:
+    def _network(self, g: np.ndarray, further: np.ndarray) -> readouts.Network:
         """Of cells g [S], behind stripes.
 
         Args:
             further: (rows, cols) [ohm] that the stripes add beyond first order.
         """
         network = readouts.solve(self.circuit, g)
-        if self.circuit.stripes is None:
+        if self.circuit.stripes is None or not isinstance(network, readouts.Floating):
             return network
         added = lines.added_resistance(network.inverse.k, g, *self.circuit.stripes)
         return network.behind(added + further)
@@ -190,7 +190,7 @@ class Supposed:
         """(rows, cols) d adc / d r_par, and / d r_line or r_drive, of cells g [1/ohm]."""
         if self.circuit.readout == "grounded":
             return [network.by_r_par, network.by_r_drive]
-        if self.circuit.readout != "floating":
+        if not isinstance(network, readouts.Floating):
             return [network.by_r_par, np.zeros(g.shape)]
         by_line = lines.added_resistance(network.inverse.k, g, *self._unit)
         return [network.by_r_par, network.by_r_par * by_line]
@@ -248,7 +248,7 @@ class Supposed:
             if not more.size:
                 break
             touched.flat[more] = True
-        count = max(reading.n_informative - np.count_nonzero(touched), 1)
+        count = max(reading.n_informative - int(np.count_nonzero(touched)), 1)
         chi2 = float(np.square(past.misfit).sum())
         unexplained = float(np.square(past.by_no_circuit).sum()) / count
         if unexplained > _EXPLAINED:
@@ -295,8 +295,8 @@ class Supposed:
         """What is left past what the touched cells can take, and held cells that are touched."""
         jacobian = _jacobian(model, self._cells)
         free = touched.flat[self._cells]
-        columns = (*self._patterns(model, further), model.misfit)
-        columns = np.stack([c.ravel() for c in columns], 1)
+        whole = (*self._patterns(model, further), model.misfit)
+        columns = np.stack([c.ravel() for c in whole], 1)
         columns = np.concatenate([columns, jacobian[:, ~free]], 1)
         size = np.square(columns[:, 3:]).sum(0)
         left = past(columns, jacobian[:, free])
@@ -310,9 +310,9 @@ class Supposed:
     def _beyond_first_order(self, g: np.ndarray) -> np.ndarray:
         """(rows, cols) [ohm] that stripes add to cells g beyond first order."""
         stripes = self.circuit.stripes
-        if not self._exact or stripes is None:
-            return np.zeros(g.shape)
         network = readouts.solve(self.circuit, g)
+        if not self._exact or stripes is None or not isinstance(network, readouts.Floating):
+            return np.zeros(g.shape)
         added = lines.solve(g, *stripes).rho - network.rho
         return np.where(
             self.circuit.populated & np.isfinite(added),

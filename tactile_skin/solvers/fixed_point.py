@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ..physics import grounded, kernel, numpy_kernel, readouts
@@ -86,7 +88,7 @@ def iterate(reading: Reading, g, steps: int, target: float) -> tuple[np.ndarray,
     cells = np.flatnonzero(circuit.populated & reading.known).astype(np.int32)  # others stay
     low, high = (np.log(bound.ravel()[cells]) for bound in reading.bounds)
     rho, goal = reading.rho.ravel()[cells], cells.size * (target / circuit.full_scale) ** 2
-    given = {"goal": goal, "steps": steps, "deadline": reading.deadline}
+    given: dict[str, Any] = {"goal": goal, "steps": steps, "deadline": reading.deadline}
     if circuit.readout == "floating":
         given |= {"r_ref": circuit.r_ref, "r_par": circuit.r_par}
         return kernel.fixed_point(g, cells, rho, low, high, **given)

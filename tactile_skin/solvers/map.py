@@ -60,17 +60,18 @@ def map_estimate(reading: Reading, start: Estimate | None = None, prior=None) ->
 def _map_estimate(reading: Reading, start: Estimate | None, prior) -> Estimate:
     """Most probable force, from `start` or from a few steps of the fixed point.
 
-    A start may lead to a bad local fit, so a suspect frame is solved again without it. Another
-    r_par, which takes a few times as long, is sought only for a suspect frame without a start: in a
-    stream, a touch that comes or goes is suspect for a few frames, too.
+    A start may lead to a bad local fit, so a suspect frame is solved again without it. A frame that
+    is suspect in a stream is not asked for another r_par: a touch that comes or goes is, for some
+    frames.
 
     Args:
         prior: (mean, std), two (rows, cols) arrays or numbers [N], joined to the built-in prior as
             independent knowledge of each cell.
     """
     reading, warm = reading.above_cut_off(), start is not None
-    g = last_guess(reading, start) if warm else first_guess(reading)
-    if warm and prior is None and (same := _unchanged(reading, start, g)) is not None:
+    g = first_guess(reading) if start is None else last_guess(reading, start)
+    same = None if start is None or prior is not None else _unchanged(reading, start, g)
+    if same is not None:
         return same
 
     def fit(reading, g, warm=True):
@@ -151,10 +152,10 @@ def _fit(
     # deviation tells the network nothing: it then trusts neighbours too much.
     independent = circuit.readout != "grounded"
     if converged and not broad and independent and step.equations is not None:
-        found = prior_terms.with_neighbours(
+        smoothed = prior_terms.with_neighbours(
             reading, point.model, point.gx, point.x, step.equations, std_x, prior
         )
-        g, std_x, adc = found or (g, std_x, adc)
+        g, std_x, adc = smoothed or (g, std_x, adc)
     with np.errstate(divide="ignore"):
         force = reading.curve.force(1.0 / g) * circuit.populated
     std_x = std_x if broad and independent else _WIDEN * std_x
@@ -169,8 +170,17 @@ def _fit(
     if not converged:
         why = "" if step.solved else ": the step exceeds single precision"
         status, message = "failed", suspect.no_convergence(reading, iterations) + why
-    given = {"noise": reading.noise, "finding": finding}
-    return Estimate(force, std, residual, status, message, "map", steps + iterations, **given)
+    return Estimate(
+        force,
+        std,
+        residual,
+        status,
+        message,
+        "map",
+        steps + iterations,
+        noise=reading.noise,
+        finding=finding,
+    )
 
 
 def _converge(
@@ -249,13 +259,13 @@ class _Point(NamedTuple):
     def at(cls, reading: Reading, g: np.ndarray, broad: bool, extra) -> _Point:
         model, (gx, x) = reading.linearised(g, reading.spread), prior_terms.pressed(reading, g)
         cells = reading.circuit.populated
-        force = prior_terms.force_of(reading, g) if broad or extra is not None else ()
         if broad:
-            terms = prior_terms.level(*force, cells)
+            terms = prior_terms.level(*prior_terms.force_of(reading, g), cells)
         else:
             terms = prior_terms.touches(x, prior_terms.differences(reading.circuit))
         if extra is not None:
-            terms = prior_terms.add(terms, prior_terms.known(*force, *extra, cells))
+            (force, slope), (mean, std) = prior_terms.force_of(reading, g), extra
+            terms = prior_terms.add(terms, prior_terms.known(force, slope, mean, std, cells))
         flat = model.misfit.ravel()
         cost = 0.5 * (flat @ flat) + terms.value
         return cls(model, gx, x, terms, float(cost))

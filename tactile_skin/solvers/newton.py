@@ -84,7 +84,7 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
     low, high = reading.bounds
     rho_measured = reading.rho
     network = readouts.solve(reading.circuit, g)
-    free, solve, last, join = None, None, np.inf, _JOIN
+    free, solve, last, join = np.zeros(0, int), None, np.inf, _JOIN
     for iteration in range(MAX_STEPS):
         rho = reading.rho_of(network)
         gradient = np.where(cells, rho - rho_measured, 0.0)

@@ -142,7 +142,7 @@ def pressed(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def is_broad(circuit, at_rest: np.ndarray) -> bool:
     """Whether nearly all cells are loaded, by (rows, cols) which are at rest."""
     cells = circuit.populated
-    return np.count_nonzero(at_rest & cells) < _BROAD * np.count_nonzero(cells)
+    return bool(np.count_nonzero(at_rest & cells) < _BROAD * np.count_nonzero(cells))
 
 
 def is_level(reading: Reading, g: np.ndarray) -> bool:
@@ -161,7 +161,7 @@ def precision(jacobian, prior: Quadratic, between: Differences | None, free: np.
     """(n, n) of the cost over the n free cells, upper triangle: J^T J and the prior's."""
     total = blas.ssyrk(1.0, jacobian.T, lower=1).T
     total.reshape(-1)[:: free.size + 1] += prior.diagonal.ravel()[free]
-    if prior.entries is None:
+    if prior.entries is None or between is None:
         return total
     place = np.full(prior.diagonal.size, -1, np.int32)
     place[free] = np.arange(free.size)
@@ -218,7 +218,8 @@ def with_neighbours(
     for _ in range(_STEPS):
         terms = known(x, 1.0, mean, std, unknown)
         if extra is not None:
-            terms = add(terms, known(*force_of(reading, model.g), *extra, unknown))
+            (force, slope), (at, to) = force_of(reading, model.g), extra
+            terms = add(terms, known(force, slope, at, to, unknown))
         misfit = model.misfit.ravel()[equations.readings].astype(np.float32)
         b = misfit @ jacobian - terms.gradient.ravel()[free]
         here, change = model.g.ravel()[free], gx.ravel()[free]

@@ -100,7 +100,7 @@ class Reading:
         """Number of readings that carry a value or an upper limit."""
         if self.all_read:
             return self.known.size
-        return np.count_nonzero(self.known | self.capped | self.topped)
+        return int(np.count_nonzero(self.known | self.capped | self.topped))
 
     @property
     def fitted_noise(self) -> float:
@@ -133,9 +133,11 @@ class Reading:
             rho = self.circuit.r_ref * scale / adc - offset
         return np.minimum(np.maximum(rho, 1e-3), 1e12)
 
-    def rho_of(self, network: readouts.Floating | readouts.Driven) -> np.ndarray:
+    def rho_of(self, network: readouts.Network) -> np.ndarray:
         """(rows, cols) the same of a model [ohm]: equal if the readings are."""
-        return network.rho if self.circuit.readout == "floating" else self._rho_at(network.adc)
+        if isinstance(network, readouts.Floating):
+            return network.rho
+        return self._rho_at(network.adc)
 
     def model(self, g: np.ndarray) -> np.ndarray:
         """(rows, cols) ADC ratio of cells that conduct g (rows, cols) [S]."""
@@ -203,7 +205,7 @@ class Linearised(NamedTuple):
     """
 
     g: np.ndarray  # S, the cells' conductance
-    network: readouts.Floating | readouts.Driven
+    network: readouts.Network
     adc: np.ndarray  # ratio
     misfit: np.ndarray  # reading - model
     weight: np.ndarray  # of an ADC ratio of 1; 0 for readings that are not informative

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import lapack
 
-from ..findings.finding import Finding, Kind, at, lines
+from ..findings.finding import Finding, Kind, Where, at, lines
 from ..physics import readouts
 from .estimate import Estimate
 from .reading import ROUNDING_NOISE, Reading, rest_reading
@@ -80,7 +80,7 @@ def _rest_steps(circuit, curve) -> np.ndarray:
     return rest * circuit.full_scale / readouts.apparent(circuit, rest)[0]
 
 
-def _place(bad: np.ndarray, known: np.ndarray) -> tuple[dict, dict, np.ndarray]:
+def _place(bad: np.ndarray, known: np.ndarray) -> tuple[Where, dict, np.ndarray]:
     """Return the line that most of the bad readings are on, as `Finding` takes it, empty if there
     is none; count, of: of so many readings; (rows, cols) bool, which are meant.
     """
@@ -113,7 +113,7 @@ def saturation(
     if at_top < minimum or np.count_nonzero(below < _GAP) > (1.0 + others) * at_top:
         return None
     form = "frame" if near_end(top / circuit.full_scale) else "frame, limited"
-    return Finding(Kind.SATURATION, form, numbers={"count": at_top, "steps": top})
+    return Finding(Kind.SATURATION, form, numbers={"count": int(at_top), "steps": top})
 
 
 def near_end(share: float) -> bool:
@@ -143,8 +143,10 @@ def by_residual(
             return None
         return Finding(Kind.MISFIT, "mean", numbers={"steps": misfit.sum() / n})
     numbers = {"residual": (square.sum() / n) ** 0.5, "times": chi2**0.5}
-    most = {"rows": square.sum(1), "cols": square.sum(0)}
-    where = {k: (int(v.argmax()),) for k, v in most.items() if v.max() > 0.5 * square.sum()}
+    where: Where = {}
+    for axis, of_lines in enumerate((square.sum(1), square.sum(0))):
+        if of_lines.max() > 0.5 * square.sum():
+            where |= lines(axis, int(of_lines.argmax()))
     if where:
         return Finding(Kind.MISFIT, "in lines", **where, numbers=numbers)
     if ends := saturation(reading):

@@ -58,14 +58,17 @@ class PushEvents:
             self._since = None
         return events
 
-    def _here(self) -> bool:
-        return self._touch is not None and self._since is not None and self._touch[0] >= self._since
+    def _here(self) -> Pushed | None:
+        """Return where it is pushed, by a touch of this push; None: by none yet."""
+        if self._touch is None or self._since is None or self._touch[0] < self._since:
+            return None
+        return self._touch[1]
 
     def _begin(self) -> list[Pushed | Released]:
         if self._reported:
             return []
         self._reported = True
-        return [self._touch[1] if self._here() else Pushed(np.zeros(3), np.zeros(3))]
+        return [self._here() or Pushed(np.zeros(3), np.zeros(3))]
 
 
 class StrokeEvents:

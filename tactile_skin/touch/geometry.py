@@ -205,9 +205,10 @@ def read_table(path, cells: np.ndarray, cell_area: float = CELL_AREA):
         if len(words) != len(names):
             raise FileError(f"{where}: {len(words)} values: must be {len(names)}")
         values = dict(zip(names, words, strict=True))
-        cell = tuple(
-            _index(values[name], name, n, where)
-            for name, n in zip(("row", "col"), cells.shape, strict=True)
+        rows, cols = cells.shape
+        cell = (
+            _index(values["row"], "row", rows, where),
+            _index(values["col"], "col", cols, where),
         )
         if cell in line_of:
             raise FileError(

@@ -48,7 +48,8 @@ class Gestures:
         self._courses: dict[int, _Course] = {}
         # Of the last frame: force [N] on the cells, their contacts and the touches that these were.
         self._force = np.zeros(geometry.cell_area.shape)
-        self._labels, self._ids = np.zeros(geometry.cell_area.shape, int), []
+        self._labels = np.zeros(geometry.cell_area.shape, int)
+        self._ids: list[int] = []
 
     def update(self, t: float, frame: Frame, touches: list[Touch]) -> list[Gesture]:
         """A gesture for each of `tracking.Tracker.update`'s touches, in their order.

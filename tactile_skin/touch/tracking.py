@@ -53,6 +53,8 @@ class Touch(NamedTuple):
 class _Track:
     """What is known of one touch."""
 
+    contact: Contact  # its last one
+
     def __init__(self, number: int, t: float):
         self.id, self.born = number, t
         self.members = [self]  # the touches that are one contact, this, the oldest, first
@@ -145,7 +147,8 @@ class Tracker:
     def __init__(self, pitch: float):
         self.pitch = pitch
         self._tracks: list[_Track] = []
-        self._on = None  # (rows, cols) int, 1 + place in `_tracks` at the last frame
+        # (rows, cols) 1 + place in `_tracks` at the last frame
+        self._on = np.zeros((0, 0), int)
         self._t = -np.inf
         self._ids = 0
 

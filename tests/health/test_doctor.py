@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tactile_skin import Circuit, PressureCurve, cli, diagnose, forward
+from tactile_skin.board.frame import Counters
 from tactile_skin.commands import doctor as command
 from tactile_skin.health.doctor.wiring import Wires, search
 from tactile_skin.middleware.config import SkinConfig
@@ -270,3 +271,11 @@ def test_the_picture_marks_cells_and_lines():
     text = command.picture(diagnose(case.frames, case.circuit), case.circuit)
     assert "X" in text and ("-" in text or "|" in text)
     assert len(text.splitlines()) >= SHAPE[0] + 2
+
+
+def test_a_link_that_damages_or_loses_frames_is_a_finding():
+    assert command._link(Counters(), 1000, 0) == []
+    (finding,) = command._link(Counters(corrupt=50, lost=20), 1000, 1)
+    assert finding.where == "serial link"
+    assert "5.0% more came damaged and 2.0% were lost; 1 reconnections" in finding.evidence
+    assert "baud rate" in finding.remedy

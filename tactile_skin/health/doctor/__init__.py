@@ -128,7 +128,7 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     touched = _touched(seen, _READ if series else _READ_SHORTLY)
     fitting = readout.other(circuit, touched)
     named = fitting and any(c.circuit.r_par == circuit.r_par for c in fitting.changes)
-    if named and not fitting.of_own_cells:
+    if fitting and named and not fitting.of_own_cells:
         return [circuits.readout(circuit, fitting)]
     if bits := readings.stuck_bits(seen):
         names = "bit", "kept", "share"
@@ -142,7 +142,7 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     votes = order.transposed(seen)
     if votes and (change := _other_way(seen, touched)):
         return [circuits.transposed(circuit, change, votes.touches, votes.share)]
-    if named and not votes:  # touches that are torn add up to what no network reads
+    if fitting and named and not votes:  # touches that are torn add up to what no network reads
         return [circuits.readout(circuit, fitting)]
     found: list[Finding] = []
     if top := readings.ceiling(seen):
@@ -237,7 +237,7 @@ def other_readout(circuit: Circuit, at_rest, noise: float, touches) -> Finding |
     fitting = readout.other(circuit, readout.Touched(at_rest, noise, touches))
     wired = {(c.circuit.readout, c.circuit.driven) for c in (fitting.changes if fitting else ())}
     others = wired - {(circuit.readout, circuit.driven)}
-    return circuits.readout(circuit, fitting) if others else None
+    return circuits.readout(circuit, fitting) if fitting and others else None
 
 
 def ignored_diode(circuit: Circuit, rest: Rest, touches) -> Finding | None:
@@ -328,7 +328,7 @@ def _joined(seen: Recorded, wires: wiring.Wires, rho, known, pairs, found: list)
     """
     wires, alone, log = wires.fitted(rho, known)
     taken = set()
-    doubled = {0: [], 1: []}
+    doubled: dict[int, list[tuple[int, int]]] = {0: [], 1: []}
     for axis, a, b in pairs:
         touching = replace(wires, joined=[*wires.joined, (axis, a, b)])
         twice = wires.reading(axis, b, a)

@@ -54,7 +54,7 @@ def readout(supposed: Circuit, fitting: Fitting) -> Finding:
     changes, only = fitting.changes, len(fitting.changes) == 1
     if fitting.of_own_cells and supposed.readout != "virtual_ground":
         return Finding(Kind.READOUT, "virtual ground", numbers={"left": fitting.left})
-    numbers = {"supposed": fitting.supposed}
+    numbers: dict[str, float | str] = {"supposed": fitting.supposed}
     kind, form = Kind.CIRCUIT, "one of"
     if only and changes[0].circuit.r_par != supposed.r_par:
         most, only = changes[0].circuit.r_par, False

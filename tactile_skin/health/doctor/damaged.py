@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ...findings.finding import Finding, Kind, lines
+from ...findings.finding import Finding, Kind, at, lines
 from ...physics.circuit import Circuit
 from . import readings
 from .recorded import Recorded, line_name
@@ -27,7 +27,7 @@ def open_lines(seen: Recorded, skip: set) -> list[Finding]:
     found = []
     for axis, line, high, usual in readings.open_lines(seen):
         count = np.count_nonzero(seen.turned(axis, seen.read)[line])
-        numbers = {"count": count, "most": high, "usual": usual}
+        numbers = {"count": int(count), "most": high, "usual": usual}
         found.append(Finding(Kind.OPEN, **lines(axis, line), numbers=numbers))
     return found
 
@@ -107,13 +107,13 @@ def damage(circuit: Circuit, damage: Damage, cell: float, ends: bool = False) ->
 
 def _cell(circuit: Circuit, damage: Damage, cell: float, ends: bool) -> Finding:
     row, col = damage.line, damage.at
-    of = {"rows": (row,), "cols": (col,)}
+    of = at((row, col))
     ohm = cell / max(damage.size, 1e-9)
     if damage.size == 0.0:
         last = [
             f"; {line_name(axis, line)} may be cut before it"
-            for axis, line, at, end in ((0, row, col, circuit.cols), (1, col, row, circuit.rows))
-            if at == end - 1
+            for axis, line, k, end in ((0, row, col, circuit.cols), (1, col, row, circuit.rows))
+            if k == end - 1
         ]
         return Finding(Kind.DEAD, **of, numbers={"usual": cell}, detail="".join(last))
     kind, form = (Kind.STUCK, "at the end" if ends else "")

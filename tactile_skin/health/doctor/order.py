@@ -105,7 +105,8 @@ def misplaced(seen: Recorded, skip, cells=(), pressed=()) -> list[Misplaced]:
         if shifted and (best is None or shifted.share > best[1].share):
             found.append(shifted)
         elif best is not None:
-            pair, votes = tuple(int(used[k]) for k in best[0]), best[1]
+            (a, b), votes = best
+            pair = int(used[a]), int(used[b])
             if votes.share > _PRESSED_GAIN or not {cell[axis] for cell in pressed} & {*pair}:
                 found.append(Misplaced(axis, pair, votes.touches, votes.share))
     return sorted(found, key=lambda f: -f.share)[:1]

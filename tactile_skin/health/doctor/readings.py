@@ -163,7 +163,7 @@ def ceiling(seen: Recorded) -> tuple[float, int, int] | None:
         every, steps = every[:, ~stays], steps[:, ~stays]
         top = float(steps.max())
     below = np.count_nonzero((steps > top - 3.0 * width) & ~(steps > top - width)) / 2.0
-    n, cells = np.count_nonzero(at_top), np.count_nonzero(at_top.any(0))
+    n, cells = int(np.count_nonzero(at_top)), int(np.count_nonzero(at_top.any(0)))
     if top > limit or n < _PILE_READINGS or cells < _PILE_CELLS or n < _PILE * below:
         return None
     return float(np.median(steps[steps > top - width])), n, cells

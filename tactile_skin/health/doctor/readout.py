@@ -117,7 +117,7 @@ def _separate(seen: Touched, full: int) -> float:
         beside = (risen.any(1)[:, None] | risen.any(0)) & ~np.isnan(seen.rest)
         still = beside & (np.abs(touch - seen.rest) < limit)
         sums.append(min(touch.sum(0).max(), touch.sum(1).max()))
-        unmoved.append(np.count_nonzero(still) / max(np.count_nonzero(beside), 1))
+        unmoved.append(np.count_nonzero(still) / max(int(np.count_nonzero(beside)), 1))
     adds_up = np.median(sums) > _ADDS_UP and np.median(unmoved) > _UNMOVED
     return float(np.median(sums)) if adds_up else 0.0
 

@@ -101,7 +101,7 @@ def record(frames, circuit: Circuit, rest: Rest | None) -> Recorded:
         raise ValueError("no crossing was ever read")
     usual = np.where(read, np.nanmedian(np.where(read, steps, 0.0), axis=0), 0.0)
     steps = np.where(absent, usual, steps)
-    closed = tuple(_closed(axis, steps, usual, circuit) for axis in (0, 1))
+    closed = _closed(0, steps, usual, circuit), _closed(1, steps, usual, circuit)
     change = steps - usual
     rows, cols = (~loose(share) for share in closed)
     power = np.square(change) * rows[:, None] * cols

@@ -114,9 +114,9 @@ class Wires:
         """(rows, cols) [ohm] that a divider of r_ref and r_par would read so: the two-terminal one
         of a floating matrix."""
         rows, cols = self.cells.shape
-        on_row, on_col = np.indices(self.cells.shape)
+        indices = np.indices(self.cells.shape)
         nodes = rows + cols
-        on_col = on_col + rows
+        on_row, on_col = indices[0], indices[1] + rows
         for axis, line, at in self.cut:
             part = on_row[line, at:] if axis == 0 else on_col[at:, line]
             part[:] = nodes
