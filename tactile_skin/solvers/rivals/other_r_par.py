@@ -23,7 +23,7 @@ from ..suspect import rounded
 _SURE = 3.5
 _RELEVANT = 0.025  # less moves hard touches by 8 (blobs) to 25 g (rects) a cell
 _TOLERANCE = 0.5  # the same, beyond which it is another fault
-_GLANCE = 2.0  # the same, by the fit that a frame has already, from which on it is fitted again
+_GLANCE = 3.0  # the same, by the fit that a frame has already, from which on it is fitted again
 _POSSIBLE = 3.5  # standard deviations that r_par may seem to be below 0
 # RMS of log conductance of the cells of a sound fabric at rest, where it was not measured: 0.03 to
 # 0.05 (health/rest_picture.py has the least).
