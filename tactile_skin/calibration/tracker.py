@@ -193,7 +193,7 @@ class CircuitTracker:
             alike = before / value - 1.0 if k == 0 and value > 0.0 else np.inf
             or_r_ref = form == "learnt" and abs(alike) <= _POSSIBLE["r_par"]
             how = f"{form}, or r_ref" if or_r_ref else form
-            numbers |= {"alike": alike}
+            numbers |= {"alike": 100.0 * alike}  # %
             found.append(
                 Finding(Kind.CIRCUIT, how, severity=severity, numbers=numbers, detail=name)
             )

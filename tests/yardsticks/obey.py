@@ -54,7 +54,7 @@ LOOKED_UP = set(OF_CIRCUIT) - {"r_par", "r_drive"}  # what an owner can read off
 _SET = re.compile(r"\b[Ss]et:? ((?:[\w.]+: [\w.+-]+(?:, | and )?)+)")
 _PAIR = re.compile(r"(?:[a-z_]+\.)?([a-z_]+): ([\w.+-]*\w)")
 _FORM = re.compile(r"""serial_driver\.format\.(\w+): ('(?:[^']|'')*'|".*?"|\d+)""")
-_LEARNT = re.compile(r"by the touches (r_\w+) is (\d+) .* Write it into circuit")
+_LEARNT = re.compile(r"by the touches (r_\w+) is (\d+) .* write it into circuit")
 _LEFT_OUT = re.compile(r"format\.(\w+) = .* leave it out")
 _EXCHANGE = re.compile(r"\b(rows|columns) (\d+) and (\d+): .*if they are exchanged")
 

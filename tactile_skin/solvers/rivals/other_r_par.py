@@ -22,8 +22,8 @@ from ..suspect import rounded
 # simulated boards (benchmarks/single_frames.py, seed 77), scored on others.
 _SURE = 3.5
 _RELEVANT = 0.025  # less moves hard touches by 8 (blobs) to 25 g (rects) a cell
-_TOLERANCE = 0.5  # the same, beyond which it is another fault
-_GLANCE = 3.0  # the same, by the fit that a frame has already, from which on it is fitted again
+_TOLERANCE = 0.5  # of `series_scale`, beyond which it is another fault
+_GLANCE = 3.0  # standard deviations, by the fit that there is, from which on a frame is fitted anew
 _POSSIBLE = 3.5  # standard deviations that r_par may seem to be below 0
 # RMS of log conductance of the cells of a sound fabric at rest, where it was not measured: 0.03 to
 # 0.05 (health/rest_picture.py has the least).
