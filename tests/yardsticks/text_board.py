@@ -21,7 +21,7 @@ import numpy as np
 from simulated import TextBoard, serving
 
 from tactile_skin import PressureCurve
-from tactile_skin.behaviours.stop import PUSH
+from tactile_skin.behaviours.stop import Cause
 from tactile_skin.bench.damage import streams
 from tactile_skin.bench.damage.board import KNOTS
 from tactile_skin.bench.damage.chain import Chain
@@ -77,7 +77,7 @@ class Tally:
         self.seconds, self.stops, self._before = 0.0, 0, False
 
     def add(self, seconds: float, stop: bool, reason: str) -> None:
-        fault = stop and reason != PUSH
+        fault = stop and reason != Cause.PUSH.value
         self.seconds += seconds
         self.stops += fault and not self._before
         self._before = fault
@@ -101,7 +101,7 @@ def driven(seconds: float, seed: int, rate: float) -> tuple[Tally, bool, str]:
                 chain.feed(t + len(data) * 10 / TextBoard.BAUD, data)
             if START <= t < board.off_at:
                 tally.add(1.0 / SCANS_PER_SECOND, chain.stop, chain.reason)
-            elif t >= board.off_at and chain.stop and chain.reason != PUSH:
+            elif t >= board.off_at and chain.stop and not chain.for_push_alone:
                 told = told or f"after {t - board.off_at:.2f} s: {chain.reason[:110]}"
     finally:
         chain.close()
@@ -134,7 +134,11 @@ def live(seconds: float, seed: int, rate: float) -> tuple[Tally, bool, str]:
                 stop, reason, since = state
                 if START <= now - began < board.off_at:
                     tally.add(now - since, stop, reason)
-                elif now - began > board.off_at + 0.3 and status.level and status.message != PUSH:
+                elif (
+                    now - began > board.off_at + 0.3
+                    and status.level
+                    and status.message != Cause.PUSH.value
+                ):
                     told.append(status.message)
                 state[:] = status.level != b"\0" and status.level != 0, status.message, now
 
