@@ -96,5 +96,5 @@ def main(argv: list[str] | None = None) -> int:
         sys.stdout = None
         return 0
     except (ValueError, OSError, ModuleNotFoundError) as error:
-        print(f"tactile-skin {args.command}: error: {one_line(error)}", file=sys.stderr)
+        print(f"tactile-skin {name}: error: {one_line(error)}", file=sys.stderr)
         return 2

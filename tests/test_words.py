@@ -121,3 +121,19 @@ def test_a_shell_completes_commands_and_options(line, expected):
         env=os.environ | given, capture_output=True, text=True,
     )  # fmt: skip
     assert done.stdout.strip() == expected
+
+
+def test_help_of_each_command_needs_no_extra():
+    """A robot's install has none: what lacks is said by a command that needs it."""
+    code = """
+import sys
+class Missing:
+    def find_spec(name, path=None, target=None):
+        if name in ("torch", "tqdm", "matplotlib", "mcap", "rosbags", "websockets", "onnx"):
+            raise ModuleNotFoundError(name)
+sys.meta_path.insert(0, Missing)
+from tactile_skin.cli import COMMANDS, make_parser
+make_parser(*COMMANDS)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr

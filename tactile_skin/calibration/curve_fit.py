@@ -17,9 +17,10 @@ from scipy.ndimage import binary_dilation
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from ..solvers import compensate
-from ..solvers.evidence import HARDEST, stands_anew
+from ..solvers.evidence import HARDEST
 from .rest import Rest, check_frames, supposing
 from .totals import Totals
+from .touched import stands_anew
 
 _FEWEST = 3  # weights
 _LIGHTLY = 0.25  # times its conductance at rest that the first knot adds to a cell

@@ -1,6 +1,8 @@
-"""What counts as touched: three levels of the force on a cell, defined here and nowhere else."""
+"""What counts as touched: three levels of the force on a cell, and when a touch stands."""
 
 from __future__ import annotations
+
+import numpy as np
 
 from ..physics.curve import GRAM
 
@@ -9,3 +11,25 @@ TOUCHED = 15.0 * GRAM  # N: a touch; lines that are shorted at rest read as 13 g
 # N on so many cells: a touch that begins, not noise
 STIRRED = 1.0 * GRAM
 STIRRED_CELLS = 3
+# Times the noise, RMS: by which a frame may differ from the one before, since a touch that moves is
+# read row by row; and by which it differs from the last that was asked.
+_STANDS = 2.5
+_NEW = 4.0
+
+
+def stands_anew(adc, before, last, noise: float) -> bool:
+    """Whether a touch stands, and is another one than the last that was asked.
+
+    Args:
+        adc: (rows, cols) ADC ratio; NaN where a crossing was not read.
+        before: a frame shortly before it; None: there is none.
+        last: the last that was asked; None: there is none.
+        noise: RMS of a reading, as ADC ratio.
+    """
+    if before is None or _rms(adc - before) > _STANDS * noise:
+        return False
+    return last is None or _rms(adc - last) > _NEW * noise
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.nan_to_num(np.square(values)).mean() ** 0.5)

@@ -10,10 +10,11 @@ import numpy as np
 from ..findings.finding import Finding, Kind, Severity
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
-from ..solvers.evidence import MIN_SCALE, SOFT, Evidence, Supposed, series_scale, stands_anew
+from ..solvers.evidence import MIN_SCALE, SOFT, Evidence, Supposed, series_scale
 from ..solvers.reading import ROUNDING_NOISE, rest_reading
 from .identify import TOLD, bounded, names, prior_of, shifted, std_of, values, without_r_par
 from .rest import Rest, supposing
+from .touched import stands_anew
 
 _KEPT = 24  # touches: the latest, since boards warm up and connectors age
 _ENOUGH = 3  # touches that may change what is known

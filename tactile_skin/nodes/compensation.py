@@ -218,6 +218,7 @@ class Compensation:
         if self._finding:
             finding = self._finding
             values[diagnostics.KIND] = finding.kind.value
+            values[diagnostics.FORM] = finding.form
             if finding != self.skin.unrested:  # a touch, and no fault
                 values |= diagnostics.places(finding.rows, finding.cols)
         if self._others:

@@ -63,9 +63,10 @@ def causes_of(status: DiagnosticStatus) -> tuple[Cause, ...]:
     """Return what stops the robot; a fault where that is not said."""
     said = next((pair.value for pair in status.values if pair.key == CAUSES), "")
     try:
-        return tuple(Cause(cause) for cause in said.split())
+        causes = tuple(Cause(cause) for cause in said.split())
     except ValueError:  # of another version
-        return (Cause.FAULT,)
+        causes = ()
+    return causes or (Cause.FAULT,)
 
 
 class StopOnPush:

@@ -43,7 +43,7 @@ _EXPLAINED = 30.0
 # bad contact, say.
 _MODEL = 0.0005
 _ODD = 3.0
-BESIDE = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], bool)
+_BESIDE = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], bool)
 MIN_SCALE = 0.15  # of r_ref: what a board's r_par may be where none is configured
 _MOST_PARTS = 300.0  # ohm, the same whatever r_ref is: two CD4051 have 250 at 5 V, and more below
 _RIDGE = 1e-5  # of the touched cells' precision: the readings may not determine all of them
@@ -53,10 +53,6 @@ _STEPS = 6  # of Levenberg and Marquardt, a frame and search of touched cells; t
 _SETTLED = 0.5  # gain in chi^2 of a step that is the last
 HARDEST = 0.002  # times r_ref that a cell has at least: 20 ohm beside 10 kohm
 _ANY = 3.0  # standard deviation of a touched cell's log conductance: nothing is known of it
-# Times the noise, RMS: by which a frame may differ from the one before, since a touch that moves is
-# read row by row; and by which it differs from the last that was asked.
-_STANDS = 2.5
-_NEW = 4.0
 
 
 def series_scale(circuit: Circuit) -> float:
@@ -84,24 +80,6 @@ def solve(precision: np.ndarray, b: np.ndarray) -> np.ndarray:
     (posv,) = get_lapack_funcs(("posv",), (precision,))
     _, x, bad = posv(precision, b)
     return np.linalg.lstsq(precision, b, rcond=None)[0] if bad else x
-
-
-def stands_anew(adc, before, last, noise: float) -> bool:
-    """Whether a touch stands, and is another one than the last that was asked.
-
-    Args:
-        adc: (rows, cols) ADC ratio; NaN where a crossing was not read.
-        before: a frame shortly before it; None: there is none.
-        last: the last that was asked; None: there is none.
-        noise: RMS of a reading, as ADC ratio.
-    """
-    if before is None or _rms(adc - before) > _STANDS * noise:
-        return False
-    return last is None or _rms(adc - last) > _NEW * noise
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.nan_to_num(np.square(values)).mean() ** 0.5)
 
 
 class Evidence(NamedTuple):
@@ -159,11 +137,16 @@ class Supposed:
         return self._network(self.rest, np.zeros(self.circuit.shape))
 
     @cached_property
-    def shifts(self) -> list[np.ndarray]:
-        """(rows, cols) [S/ohm] by which a cell at rest conducts more for each ohm more of r_par,
-        and of r_line or r_drive: so that the untouched skin reads what it read."""
-        changes = self._changes(self._resting, self.rest)
-        return [self._resting.cells_for(self._cells, -change) for change in changes]
+    def shift(self) -> np.ndarray:
+        """(rows, cols) [S/ohm] by which a cell at rest conducts more for each ohm more of r_par: so
+        that the untouched skin reads what it read."""
+        return self._resting.cells_for(self._cells, -self._resting.by_r_par)
+
+    @cached_property
+    def _other_shift(self) -> np.ndarray:
+        """(rows, cols) the same for each ohm more of r_line or r_drive."""
+        change = self._changes(self._resting, self.rest)[1]
+        return self._resting.cells_for(self._cells, -change) if change.any() else change
 
     def by_reading(self, by_rest: np.ndarray) -> np.ndarray:
         """(2, readings) by how much a score changes with each reading of the rest [1/ohm/ADC step].
@@ -212,19 +195,16 @@ class Supposed:
         circuit = self.circuit
         reading = check_reading(adc, circuit, self._curve, missing=True, noise=noise)
         if g is None:
-            solved = circuit.has_ideal_drivers  # the first guess is the solution
-            g = (
-                first_guess(reading)
-                if solved
-                else iterate(reading, self.rest, _START_STEPS, 1.0)[0]
-            )
+            g = first_guess(reading)
+            if not circuit.has_ideal_drivers:  # else it is the solution
+                g, _ = iterate(reading, self.rest, _START_STEPS, 1.0)
             g = fill(reading, g)
         further = self._beyond_first_order(g)
         touched = circuit.populated & (g > _EVIDENT * self.rest)
         if not touched.any():
             return None
         touched = circuit.populated & (
-            touched | binary_dilation(g > self._hard * self.rest, BESIDE)
+            touched | binary_dilation(g > self._hard * self.rest, _BESIDE)
         )
         expected = self._network(np.where(touched, g, self.rest), further).adc
         width = _CUT_OFF / circuit.full_scale
@@ -268,35 +248,39 @@ class Supposed:
             g: (rows, cols) of that fit [S].
             noise: RMS of a reading [ADC steps].
         """
-        touched = binary_dilation(g > self._hard * self.rest, BESIDE) & self.circuit.populated
+        touched = binary_dilation(g > self._hard * self.rest, _BESIDE) & self.circuit.populated
         cells = np.flatnonzero(touched)
         if not cells.size or cells.size > _FULL * reading.n_informative:
             return 0.0
         model = reading.linearised(
             np.where(touched, g, self.rest), np.hypot(noise, _MODEL * reading.steps)
         )
-        columns = np.stack([self._patterns(model)[0].ravel(), model.misfit.ravel()], 1)
+        pattern = self._pattern(model, model.network.by_r_par, self.shift)
+        columns = np.stack([pattern.ravel(), model.misfit.ravel()], 1)
         jacobian = _jacobian(model, cells).astype(np.float32)
         p, misfit = past(columns.astype(np.float32), jacobian).T
         return float(p @ misfit / max(p @ p, _HIDDEN) ** 0.5)
 
-    def _patterns(self, model: Linearised, further=None) -> list[np.ndarray]:
-        """(rows, cols) d misfit / d r_par, and / d r_line or r_drive [1/ohm]; cells stay."""
+    @staticmethod
+    def _pattern(model: Linearised, change: np.ndarray, shift: np.ndarray) -> np.ndarray:
+        """(rows, cols) d misfit / d a resistance [1/ohm], which changes readings and cells so."""
+        return -model.weight * (change + model.network.change(shift))
+
+    def _patterns(self, model: Linearised, further: np.ndarray) -> list[np.ndarray]:
+        """(rows, cols) d misfit / d r_par, and / d r_line or r_drive [1/ohm]."""
         changes, network = self._changes(model.network, model.g), model.network
-        if further is not None and further.any():  # it grows with the square of r_line
+        if further.any():  # it grows with the square of r_line
             more = network.by_r_par * 2.0 * further / np.max(self.circuit.r_line)
             changes[1] = changes[1] + more
-        return [
-            -model.weight * (change + network.change(shift))
-            for change, shift in zip(changes, self.shifts, strict=True)
-        ]
+        shifts = self.shift, self._other_shift
+        return [self._pattern(model, *pair) for pair in zip(changes, shifts, strict=True)]
 
     def _past_touched(self, model: Linearised, touched: np.ndarray, further) -> _Past:
         """What is left past what the touched cells can take, and held cells that are touched."""
         jacobian = _jacobian(model, self._cells)
         free = touched.flat[self._cells]
-        whole = (*self._patterns(model, further), model.misfit)
-        columns = np.stack([c.ravel() for c in whole], 1)
+        pictures = (*self._patterns(model, further), model.misfit)
+        columns = np.stack([picture.ravel() for picture in pictures], 1)
         columns = np.concatenate([columns, jacobian[:, ~free]], 1)
         size = np.square(columns[:, 3:]).sum(0)
         left = past(columns, jacobian[:, free])
@@ -309,10 +293,12 @@ class Supposed:
 
     def _beyond_first_order(self, g: np.ndarray) -> np.ndarray:
         """(rows, cols) [ohm] that stripes add to cells g beyond first order."""
-        stripes = self.circuit.stripes
+        stripes, nothing = self.circuit.stripes, np.zeros(g.shape)
+        if not self._exact or stripes is None:
+            return nothing
         network = readouts.solve(self.circuit, g)
-        if not self._exact or stripes is None or not isinstance(network, readouts.Floating):
-            return np.zeros(g.shape)
+        if not isinstance(network, readouts.Floating):
+            return nothing
         added = lines.solve(g, *stripes).rho - network.rho
         return np.where(
             self.circuit.populated & np.isfinite(added),

@@ -90,9 +90,8 @@ def _map_estimate(reading: Reading, start: Estimate | None, prior) -> Estimate:
     asks = estimate.status == "ok" and prior is None
     if asks and (finding := other_readout(reading, estimate, start, _touches)):
         return estimate.doubted(finding)
-    if estimate.aside is not None or estimate.status == "failed":
-        return estimate
-    if warm and estimate.status == "suspect":  # a touch that comes or goes is, for some frames
+    explained = estimate.status == "ok" or (estimate.status == "suspect" and not warm)
+    if estimate.aside is not None or not explained:
         return estimate
     return with_other_r_par(reading, fit, estimate) or estimate
 

@@ -261,11 +261,12 @@ def _method(snapshot: Snapshot) -> str:
 
 
 def _number(text: str | None) -> float | None:
-    """The number of a value; None: it has none, or another one."""
+    """Return a value as a number; None: it is none that is finite."""
     try:
-        return float(text or "")
+        number = float(text or "")
     except ValueError:
         return None
+    return number if math.isfinite(number) else None
 
 
 def _count(text: str | None) -> int:

@@ -228,8 +228,9 @@ def test_a_warning_is_printed_whole_once():
     executor.add_node(node)
     publisher = observer.create_publisher(DiagnosticArray, "skin/diagnostics", 10)
 
-    def say(level, text, kind="lead", rows=""):
-        values = [KeyValue("kind", kind), KeyValue("rows", rows)]
+    def say(level, text, kind="lead", rows="", form=""):
+        given = {"kind": kind, "form": form, "rows": rows}
+        values = [KeyValue(key, value) for key, value in given.items()]
         status = DiagnosticStatus(level, "compensation", text, "tactile_skin", values)
         publisher.publish(DiagnosticArray(Header(clock.now().to_msg(), ""), [status]))
         executor.spin_some()
@@ -244,6 +245,9 @@ def test_a_warning_is_printed_whole_once():
     assert len(say(warning, "row 4 conducts 112 times as much", rows="4")) == 1
     assert len(say(warning, "row 5 conducts 112 times as much", rows="5")) == 2
     assert len(say(warning, "row 5 is open", "open", "5")) == 2
+    assert len(say(warning, "row 5 is open, too", "open", "5", "frame")) == 2
+    assert len(say(warning, "a node of somebody else warns", "")) == 2
+    assert len(say(warning, "it warns of something else", "")) == 2
     (line,) = say(DiagnosticStatus.OK, "ok")
     assert "warned" not in line
 
@@ -280,3 +284,15 @@ def test_free_is_valid_for_the_time_in_force_and_no_longer(rate, at_most):
         assert stops or t - newest <= at_most
         assert not stops or not 3.0 < t < 5.0
     assert free
+
+
+@pytest.mark.parametrize(
+    ("causes", "alone"),
+    [("push", True), ("push fault", False), ("", False), (None, False), ("shove", False)],
+)
+def test_only_a_stop_that_names_a_push_alone_is_one_for_it(causes, alone):
+    """Whatever its words are: a robot may move away from what pushes it."""
+    values = [] if causes is None else [KeyValue("causes", causes)]
+    status = DiagnosticStatus(DiagnosticStatus.ERROR, "stop_on_push", "push", "", values)
+    message = stop_message_of(DiagnosticArray(Header(), [status]), 0.0)
+    assert message.stop and message.at(0.0).for_push_alone == alone

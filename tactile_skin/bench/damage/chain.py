@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...behaviours.stop import Cause
+from ...behaviours.stop import Decision
 from ...launch import find, read_plan
 from ...msg import DiagnosticArray, Image, image_array
 from ...nodes import diagnostics
@@ -97,7 +97,8 @@ class Chain:
     def _on_status(self, message: DiagnosticArray) -> None:
         status = message.status[0]
         self.stop, self.reason = status.level != diagnostics.OK, status.message
-        self.for_push_alone = causes_of(status) == (Cause.PUSH,)
+        decision = Decision(self.stop, self.reason, causes_of(status))
+        self.for_push_alone = decision.for_push_alone
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:

@@ -57,7 +57,7 @@ class Monitor:
         self._driver: dict[str, str] = {}
         self._simulated = False
         self._warnings: dict[str, str] = {}  # node -> its message
-        self._kinds: dict[str, tuple] = {}  # node -> kind of that, and its lines
+        self._kinds: dict[str, tuple] = {}  # node -> kind of that and its lines; or its words
         self._warned: dict[str, tuple] = {}  # the same of those that were printed
         self._contacts, self._force = 0, 0.0
         self._direction = (0.0, 0.0, 0.0)
@@ -138,8 +138,9 @@ class Monitor:
                 self._simulated = values.get(diagnostics.SIMULATED) == "true"
             if status.level == DiagnosticStatus.WARN:  # an ERROR shows as the stop's reason
                 self._warnings[status.name] = status.message
-                keys = diagnostics.KIND, diagnostics.ROWS, diagnostics.COLS
-                self._kinds[status.name] = tuple(values.get(key, "") for key in keys)
+                keys = diagnostics.KIND, diagnostics.FORM, diagnostics.ROWS, diagnostics.COLS
+                kind = tuple(values.get(key, "") for key in keys)
+                self._kinds[status.name] = kind if any(kind) else (status.message,)
             else:
                 self._warnings.pop(status.name, None)
 

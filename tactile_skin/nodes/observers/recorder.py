@@ -95,6 +95,8 @@ class RecorderNode:
         message = trouble or "recording"
         if recorder.dropped and not trouble:
             message = f"the disk is too slow: {recorder.dropped} messages are not recorded"
+        if level != diagnostics.OK:
+            values[diagnostics.KIND] = "disk"
         self._diagnostics.publish(diagnostics.report(self.node, level, message, values))
 
     @property

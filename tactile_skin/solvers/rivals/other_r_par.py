@@ -19,7 +19,7 @@ from ..reading import Reading
 from ..suspect import rounded
 
 # Of one frame: standard deviations, and share of `series_scale`, by which r_par is off. Chosen on
-# simulated boards (benchmarks/single_frames.py, seed 77), scored on others.
+# frames as of benchmarks/single_frames.py, seeds 77 and 99; scored on others.
 _SURE = 3.5
 _RELEVANT = 0.025  # less moves hard touches by 8 (blobs) to 25 g (rects) a cell
 _TOLERANCE = 0.5  # of `series_scale`, beyond which it is another fault
@@ -102,7 +102,7 @@ def other_r_par(reading: Reading, g: np.ndarray) -> OtherRPar | None:
         return None
     r_par = max(circuit.r_par + shift, 0.0)
     if curve.offset is not None:
-        rest = supposed.rest + (r_par - circuit.r_par) * supposed.shifts[0]
+        rest = supposed.rest + (r_par - circuit.r_par) * supposed.shift
         ends = 0.1 * supposed.rest, _BELOW_PRESSED / curve.points[-1][1]  # to first order
         rest = np.where(circuit.populated, np.clip(rest, *ends), 1.0 / curve.points[0][1])
         curve = curve.resting_at(1.0 / rest)
