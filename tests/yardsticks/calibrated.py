@@ -132,8 +132,6 @@ class Running:
             found = self.skin.frame(self.frames / RATE, np.rint(adc * scale).astype(np.uint16))
             self.felt = np.nan if found is None else float(found.sum())
             self.stopped += self.skin.fault
-            if self.frames % RATE == 0:
-                self.skin.end_second()
 
 
 def run(seed: int, path: Path, light: bool = False):
