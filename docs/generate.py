@@ -81,7 +81,8 @@ def _entry(name: str, thing: object, level: str = "##") -> str:
 def _signature(thing) -> str:
     """Return the arguments, a long list one a line."""
     found = inspect.signature(thing)
-    given = [_plain(p) for name, p in found.parameters.items() if name != "self"]
+    given = [p for name, p in found.parameters.items() if name != "self"]
+    given = [_plain(p.replace(default=_as_list(p.default))) for p in given]
     result = "" if inspect.isclass(thing) else _plain(found).rpartition(")")[2]
     line = f"({', '.join(given)}){result}"
     if len(line) < _WIDTH:
@@ -89,10 +90,15 @@ def _signature(thing) -> str:
     return "(\n" + "".join(f"    {p},\n" for p in given) + f"){result}"
 
 
+def _as_list(default: object) -> object:
+    """Return an array as the list that it is written as."""
+    return default.tolist() if hasattr(default, "tolist") else default
+
+
 def _plain(signature) -> str:
     """Return a signature, or a part of it, with annotations and members as they are written."""
     text = re.sub(r"(: |-> )'([^']*)'", r"\1\2", str(signature))
-    return re.sub(r"<(\w+\.\w+): [^>]*>", r"\1", text).replace("<factory>", "{}")
+    return re.sub(r"<(\w+\.\w+): [^>]*>", r"\1", text).replace("<factory>", "{}").replace("'", '"')
 
 
 def _markdown(thing: object) -> str:

@@ -15,6 +15,7 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").r
 _FENCED = re.compile(r"^( *)(```|~~~).*?^\1\2", re.DOTALL | re.MULTILINE)
 _LINK = re.compile(r"\[[^\]]*\]\(([^()\s]+)\)")
 _PATH = re.compile(r"`((?:tests|docs|launch|config|examples|tactile_skin)/[\w./-]+\.\w+)`")
+_LOADED = re.compile(r'<(?:script|img|link rel="stylesheet")[^>]*(?:src|href)="([^"]*)"')
 GUIDE_WORDS = 14_000  # Start and How to together: what a user reads
 
 
@@ -58,7 +59,7 @@ def test_every_path_that_is_named_exists(page):
 
 
 def test_every_page_that_the_code_names_exists():
-    """Messages and docstrings name pages as docs/PAGE.md."""
+    """In messages and docstrings."""
     files = [*ROOT.glob("tactile_skin/**/*.py"), *ROOT.glob("tactile_skin/**/*.csv")]
     files += [*ROOT.glob("config/*.yaml"), *ROOT.glob("tests/**/*.py"), *ROOT.glob("examples/*")]
     for file in files:
@@ -106,6 +107,6 @@ def test_the_site_is_built_without_a_warning_and_needs_no_network(tmp_path):
     assert done.returncode == 0, done.stderr
     for page in tmp_path.rglob("*.html"):
         html = page.read_text(encoding="utf-8")
-        loaded = re.findall(r'<(?:script|img|link rel="stylesheet")[^>]*(?:src|href)="([^"]*)"', html)
+        loaded = re.findall(_LOADED, html)
         assert not [address for address in loaded if address.startswith(("http", "//"))], page
     assert (tmp_path / "source" / "config" / "skin.yaml.txt").exists()
