@@ -25,7 +25,8 @@ def commands() -> str:
     parts = [
         f"# Commands\n\n{_MADE}\n",
         "`tactile-skin COMMAND --help` prints the same. `name:=value`, `--name value` and "
-        "`--name=value` are equal.\n",
+        "`--name=value` are equal. Completion in your shell: `pip install argcomplete && eval "
+        '"$(register-python-argcomplete tactile-skin)"`.\n',
         "| command | what it does |\n|---|---|",
         *(f"| [`{name}`](#{name}) | {text} |" for name, text in COMMANDS.items()),
     ]
