@@ -9,6 +9,7 @@ from pathlib import Path
 from setuptools import Extension, find_packages, setup
 
 package_name = "tactile_skin"
+home = "https://example.org/tactile_skin"  # as maintainer_email: until there is a public one
 # `colcon build --symlink-install` runs a link to this file, in a folder without README
 readme = Path(__file__).resolve().with_name("README.md")
 
@@ -39,6 +40,24 @@ setup(
     long_description=readme.read_text(encoding="utf-8"),
     long_description_content_type="text/markdown",
     license="Apache-2.0",
+    keywords="robotics ros2 tactile sensor skin textile pressure matrix cross-talk compensation",
+    project_urls={
+        "Documentation": f"{home}/docs",
+        "Changelog": f"{home}/blob/main/CHANGELOG.rst",
+        "Source": home,
+    },
+    classifiers=[
+        "Development Status :: 4 - Beta",
+        "Intended Audience :: Developers",
+        "Intended Audience :: Science/Research",
+        "Operating System :: POSIX :: Linux",
+        "Programming Language :: C",
+        "Programming Language :: Python :: 3",
+        *(f"Programming Language :: Python :: 3.{minor}" for minor in range(10, 14)),
+        "Topic :: Scientific/Engineering",
+        "Topic :: System :: Hardware :: Hardware Drivers",
+        "Typing :: Typed",
+    ],
     maintainer="The tactile_skin developers",
     maintainer_email="tactile_skin@example.org",
     python_requires=">=3.10",
@@ -86,6 +105,7 @@ setup(
         "view": ["websockets>=14.0", "tqdm>=4.66"],
         "foxglove": ["foxglove-sdk>=0.14", "rosbags>=0.10", "mcap>=1.6"],
         "charts": ["matplotlib>=3.8"],
+        "docs": ["mkdocs>=1.6,<2", "mkdocs-material>=9.5"],
         "completion": ["argcomplete>=3.0"],  # of the command, in a shell
         # of trained networks, to be run elsewhere
         "onnx": ["torch>=2.1", "onnx>=1.16", "onnxscript>=0.2"],

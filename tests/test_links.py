@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
-_FENCED = re.compile(r"^(```|~~~).*?^\1", re.DOTALL | re.MULTILINE)
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+_FENCED = re.compile(r"^( *)(```|~~~).*?^\1\2", re.DOTALL | re.MULTILINE)
 _LINK = re.compile(r"\[[^\]]*\]\(([^()\s]+)\)")
 _PATH = re.compile(r"`((?:tests|docs|launch|config|examples|tactile_skin)/[\w./-]+\.\w+)`")
 
@@ -30,7 +30,11 @@ def anchors(page: Path) -> set[str]:
     return found
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def named(page: Path) -> str:
+    return str(page.relative_to(ROOT))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
 def test_every_link_points_to_something(page):
     for link in _LINK.findall(text_of(page)):
         if re.match(r"[a-z]+:", link):
@@ -42,10 +46,19 @@ def test_every_link_points_to_something(page):
             assert anchor in anchors(target), f"{page.name}: {link}"
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+@pytest.mark.parametrize("page", PAGES, ids=named)
 def test_every_path_that_is_named_exists(page):
     for path in _PATH.findall(text_of(page)):
         assert (ROOT / path).exists(), f"{page.name}: {path}"
+
+
+def test_every_page_that_the_code_names_exists():
+    """In messages and docstrings."""
+    files = [*ROOT.glob("tactile_skin/**/*.py"), *ROOT.glob("tactile_skin/**/*.csv")]
+    files += [*ROOT.glob("config/*.yaml"), *ROOT.glob("tests/**/*.py"), *ROOT.glob("examples/*")]
+    for file in files:
+        for page in re.findall(r"\bdocs/[\w/]+\.md\b", file.read_text(encoding="utf-8")):
+            assert (ROOT / page).exists(), f"{named(file)}: {page}"
 
 
 def test_an_anchor_is_made_as_on_github(tmp_path):

@@ -1,8 +1,8 @@
 """A run in words, with its numbers: what to choose when, and what fails unreported.
 
-docs/accuracy.md and docs/bench.md hold these lines for the run whose pictures they show:
+docs/lab/accuracy.md and docs/lab/bench.md hold these lines for the run whose pictures they show:
 
-    python -m tactile_skin.bench.choose docs/bench docs/accuracy.md docs/bench.md
+    python -m tactile_skin.bench.choose docs/bench docs/lab/accuracy.md docs/lab/bench.md
 
 puts them there, between comments that name them; a test says when they are old.
 """

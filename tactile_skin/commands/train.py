@@ -21,7 +21,7 @@ from ..middleware.parameter_file import ParameterFile
 from ..middleware.written import entered, replace_file
 
 NETWORK_OF = {"cnn": "paper", "physics": "physics"}  # method -> its network
-_AGAIN = {"epochs": 20, "rate": 3e-3}  # from weights of a skin like it (docs/training.md)
+_AGAIN = {"epochs": 20, "rate": 3e-3}  # from weights of a skin like it (docs/lab/training.md)
 _SCORED = 300  # frames that new weights are compared on
 _SEED = 2  # of these: unlike training's and validation's
 

@@ -2,7 +2,7 @@
 
 SOAP (Vyas et al., "SOAP: Improving and Stabilizing Shampoo using Adam", 2024). Adam scales each
 weight on its own; where the taps of a layer see much the same, as they do here, it takes several
-times the steps (docs/training.md).
+times the steps (docs/lab/training.md).
 """
 
 from __future__ import annotations

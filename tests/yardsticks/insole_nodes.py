@@ -2,7 +2,7 @@
 
     python tests/yardsticks/insole_nodes.py FOLDER [--rate 8 30] [--recording walking] [--live]
 
-On a driven clock, or with --live in real time over a pty. The recordings are docs/insole.md's.
+On a driven clock, or with --live in real time over a pty. The recordings are docs/lab/insole.md's.
 """
 
 from __future__ import annotations

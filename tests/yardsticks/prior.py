@@ -1,6 +1,6 @@
 """What the prior of `map` is worth: each family of touches, tuned on and not.
 
-    python tests/yardsticks/prior.py [--frames 300] [--seed S] [--write docs/accuracy.md]
+    python tests/yardsticks/prior.py [--frames 300] [--seed S] [--write docs/lab/accuracy.md]
     python tests/yardsticks/prior.py --stream
 
 Error of newton, of map under the built-in prior alone and of map, on the same frames, `scan`, on

@@ -1,7 +1,7 @@
 """Makes the weights of the paper's network: `python tests/yardsticks/train_paper.py FOLDER`.
 
 Ten minutes of one core. A run from nothing on exact readings, from there a short one on noisy
-scans, and the mean of both (docs/training.md says why). Interrupted, it goes on where it was.
+scans, and the mean of both (docs/lab/training.md says why). Interrupted, it goes on where it was.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ def table(data: dict) -> str:
 
 
 def listing(faults) -> str:
-    """A Markdown table of faults: what docs/reliability.md holds."""
+    """A Markdown table of faults: what docs/lab/reliability.md holds."""
     lines = [_line("fault", "what happens", "must stop", "on"), "|---|---|---|---|"]
     for fault in faults:
         stop = "until it ends" if fault.live_again else "yes"
