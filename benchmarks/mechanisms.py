@@ -199,8 +199,8 @@ MECHANISMS = (
     ),
     Mechanism(
         "tare guards", "lines that a tare would hide",
-        ("calibration/at_rest.py:weak_line", "calibration/at_rest.py:fading_line"),
-        (_finds_one("calibration.tare:weak_line"), _finds_one("calibration.tare:fading_line")),
+        ("calibration/at_rest.py:weak_line",),
+        (_finds_one("calibration.tare:weak_line"),),
     ),
     Mechanism(
         "odd cell at rest", "a cell at rest that no fabric has",

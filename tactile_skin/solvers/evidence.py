@@ -18,7 +18,7 @@ from scipy.ndimage import binary_dilation
 from ..physics import lines, readouts
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
-from .fixed_point import fill, first_guess, iterate
+from .fixed_point import MAX_STEPS, fill, first_guess, iterate
 from .reading import Linearised, Reading, check_reading
 
 # Times its conductance at rest from which on a cell is evidently touched: noise is far below, even
@@ -48,9 +48,9 @@ MIN_SCALE = 0.15  # of r_ref: what a board's r_par may be where none is configur
 _MOST_PARTS = 300.0  # ohm, the same whatever r_ref is: two CD4051 have 250 at 5 V, and more below
 _RIDGE = 1e-5  # of the touched cells' precision: the readings may not determine all of them
 _CUT_OFF = 3.0  # ADC steps from the converter's ends within which a reading's noise is cut off
-_START_STEPS = 60  # of the fixed point, to one ADC step RMS
 _STEPS = 6  # of Levenberg and Marquardt, a frame and search of touched cells; the next goes on
 _SETTLED = 0.5  # gain in chi^2 of a step that is the last
+REST_FRAMES = 40  # whose mean the rest of a running skin is taken for
 HARDEST = 0.002  # times r_ref that a cell has at least: 20 ohm beside 10 kohm
 _ANY = 3.0  # standard deviation of a touched cell's log conductance: nothing is known of it
 
@@ -197,7 +197,7 @@ class Supposed:
         if g is None:
             g = first_guess(reading)
             if not circuit.has_ideal_drivers:  # else it is the solution
-                g, _ = iterate(reading, self.rest, _START_STEPS, 1.0)
+                g, _ = iterate(reading, self.rest, MAX_STEPS, 1.0)
             g = fill(reading, g)
         further = self._beyond_first_order(g)
         touched = circuit.populated & (g > _EVIDENT * self.rest)

@@ -20,7 +20,7 @@ from . import prior as prior_terms
 from . import suspect
 from .estimate import Estimate, spread
 from .fixed_point import fill, first_guess, iterate, last_guess
-from .reading import ROUNDING_NOISE, Linearised, Reading, noise_at_rest
+from .reading import NEAR_REST, ROUNDING_NOISE, Linearised, Reading, noise_at_rest
 from .rivals.aside import without_bad_contacts
 from .rivals.other_r_par import with_other_r_par
 from .rivals.other_readout import other_readout
@@ -38,7 +38,6 @@ _MEMORY = 4  # last costs, of which a step must not exceed the largest: a bound 
 _DENSE = 600  # unknowns up to which a Cholesky factor is faster than conjugate gradients
 _CG_STEPS = 100
 _UNCHANGED = 2.2  # standard deviations of chi^2 up to which a frame is that of the same load
-_NEAR_REST = 1.5  # times the conductance at rest: a starting cell below it starts at rest
 _WIDEN = 1.2  # what the measured coverage requires; not of loads on all cells
 # Noise that is measured in the frame (docs/derivation.md).
 _MAX_FITS = 6  # that may be made
@@ -88,7 +87,7 @@ def _map_estimate(reading: Reading, start: Estimate | None, prior) -> Estimate:
     if estimate.status == "suspect" and not reading.late():
         estimate = without_bad_contacts(reading, fit, estimate) or estimate
     asks = estimate.status == "ok" and prior is None
-    if asks and (finding := other_readout(reading, estimate, start, _touches)):
+    if asks and (finding := other_readout(reading, estimate, start)):
         return estimate.doubted(finding)
     explained = estimate.status == "ok" or (estimate.status == "suspect" and not warm)
     if estimate.aside is not None or not explained:
@@ -125,7 +124,7 @@ def _fit(
     if not reading.noise_given and fits == _MAX_FITS:
         reading = _with_noise_at_rest(reading, g)
     low = reading.bounds[0]
-    at_rest = circuit.populated & (g < _NEAR_REST * low)
+    at_rest = circuit.populated & (g < NEAR_REST * low)
     broad = level and prior_terms.is_broad(circuit, at_rest) and prior_terms.is_level(reading, g)
     g = np.where(at_rest, low, g)
     point, step, iterations, settled = _converge(
@@ -210,22 +209,14 @@ def _leaves_level(reading: Reading, point: _Point) -> bool:
     The first guess lifts cells beside a hard touch, which that prior lets go. Noise does the same
     to an even load, so it must be known.
     """
-    at_rest = point.model.g < _NEAR_REST * reading.bounds[0]
+    at_rest = point.model.g < NEAR_REST * reading.bounds[0]
     return reading.noise_given and not prior_terms.is_broad(reading.circuit, at_rest)
-
-
-def _touches(reading: Reading, g: np.ndarray) -> np.ndarray:
-    """(rows, cols) conductance [S] of the likeliest touches near g: no load on the whole skin."""
-    low = reading.bounds[0]
-    g = np.where(g < _NEAR_REST * low, low, g) * reading.circuit.populated
-    point = _Point.at(reading, g, False, None)
-    return _converge(reading, point, False, None, False)[0].model.g
 
 
 def _with_noise_at_rest(reading: Reading, g: np.ndarray) -> Reading:
     """The reading with the noise of those cells that the first guess g [S] has at rest."""
     low = reading.bounds[0]
-    at_rest = reading.known & reading.circuit.populated & (g < _NEAR_REST * low)
+    at_rest = reading.known & reading.circuit.populated & (g < NEAR_REST * low)
     adc = reading.model(np.where(at_rest, low, g))
     noise = noise_at_rest(reading.misfit(adc)[at_rest])
     return reading.with_noise(_USUAL_NOISE if noise is None else noise)

@@ -13,7 +13,7 @@ from ...findings.finding import Finding, Kind
 from ...physics.circuit import Circuit
 from ...physics.curve import PressureCurve
 from ..estimate import Estimate
-from ..evidence import SOFT, Supposed, series_scale
+from ..evidence import REST_FRAMES, SOFT, Supposed, series_scale
 from ..fixed_point import last_guess
 from ..reading import Reading
 from ..suspect import rounded
@@ -32,7 +32,6 @@ _REST_SCATTER = 0.05
 # which the standard deviation is larger.
 _ROUNDED = 2.8
 _BELOW_PRESSED = 0.9  # of the conductance at the curve's end, that a cell at rest keeps below
-_REST_FRAMES = 40  # whose mean a measured rest is taken for
 
 Fit = Callable[[Reading, np.ndarray], Estimate]
 
@@ -93,7 +92,7 @@ def other_r_par(reading: Reading, g: np.ndarray) -> OtherRPar | None:
         of_rest = _REST_SCATTER * np.square(by_rest[0] * supposed.rest).sum() ** 0.5
     else:
         of_rest = np.square(supposed.by_reading(by_rest)[0]).sum() ** 0.5
-        of_rest *= noise / _REST_FRAMES**0.5
+        of_rest *= noise / REST_FRAMES**0.5
     slack = _ROUNDED if rounded(reading) else 1.0
     std = np.hypot(slack * max(found.chi2 / found.count, 1.0) ** 0.5 * information**-0.5, of_rest)
     scale = series_scale(circuit)
