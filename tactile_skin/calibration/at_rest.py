@@ -26,6 +26,10 @@ _LOW_PASS = 1.3
 _LEAST_STEPS = 3.0  # ADC steps below which the board may take something off
 _LEAST_SCATTER = 0.03  # RMS of log resistance of a good fabric's cells at rest, chosen
 _MAX_RESISTANCE = 4.0  # times the usual cell's at rest; a cell that conducts less is broken
+# Changes of log conductance that are no fabric's, chosen on simulated boards (tests/calibration;
+# bench faults): of a line beside the others; of a line since the start.
+_MAX_LINE_OFFSET = 0.2
+_MAX_LINE_FALL = 0.05
 # Times the median deviation of its cells, over the root of their number, by which a line's median
 # may differ: four standard deviations.
 _MOST_DEVIATIONS = 6.0
@@ -195,24 +199,27 @@ def odd_cell(times: np.ndarray, cells: np.ndarray, most: float) -> Finding | Non
     return None
 
 
-def weak_line(change: np.ndarray, cells: np.ndarray, most: float, form: str) -> Finding | None:
+def weak_line(change: np.ndarray, cells: np.ndarray, *, first: bool) -> Finding | None:
     """Return a line whose lead breaks: a resistance before it, which hides most of a push.
 
-    Fabric scatters cell by cell, or changes as a whole. A line must have fallen both by itself and
-    against the others: where a palm lay, cells conduct more for a while.
+    Fabric scatters cell by cell, or changes as a whole; all of a line are off because of the
+    circuit. Later it must have fallen both by itself and against the others: where a palm lay,
+    cells conduct more for a while.
 
     Args:
-        change: (rows, cols) log of each cell's conductance over what it should be.
-        most: by which a line may differ beyond what its cells' scatter explains.
+        change: (rows, cols) log of each cell's conductance over the curve's, or the first one.
+        first: whether it is the first that is measured.
     """
+    form, most = ("rest", _MAX_LINE_OFFSET) if first else ("fading", _MAX_LINE_FALL)
     common = np.median(change[cells])
     deviation = np.median(np.abs(change[cells] - common))
     for axis, across in ((0, 1), (1, 0)):
         median = np.ma.median(np.ma.array(change, mask=~cells), axis=across).filled(common)
-        fall = np.maximum(median, median - common)
+        off = median - common
+        fall = -np.abs(off) if first else np.maximum(median, off)
         fall += _MOST_DEVIATIONS * deviation / np.maximum(cells.sum(across), 1) ** 0.5
         worst = int(fall.argmin())
         if fall[worst] < -most:
-            numbers = {"share": float(np.expm1(median[worst] - common))}
+            numbers = {"share": float(np.expm1(off[worst]))}
             return Finding(Kind.LEAD, form, **lines(axis, worst), numbers=numbers)
     return None

@@ -18,11 +18,11 @@ from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from ..solvers import compensate
 from ..solvers.evidence import HARDEST
+from .identify import FEWEST
 from .rest import Rest, check_frames, supposing
 from .totals import Totals
 from .touched import stands_anew
 
-_FEWEST = 3  # weights
 _LIGHTLY = 0.25  # times its conductance at rest that the first knot adds to a cell
 _ODD = 1.3  # factor by which the others say another weight of an odd object,
 _ODD_STD = 4.0  # and standard deviations that they have
@@ -178,8 +178,8 @@ def fit_reference(
         last = frames[taken[-1]] if taken else None
         if touched[k - 1] and stands_anew(frames[k], frames[k - 1], last, noise):
             taken.append(int(k))
-    if len(taken) < _FEWEST:
-        raise ValueError(f"{len(taken)} touches stand: {_FEWEST} or more are needed, 30 are good")
+    if len(taken) < FEWEST:
+        raise ValueError(f"{len(taken)} touches stand: {FEWEST} or more are needed, 30 are good")
     every = -(-len(taken) // _MOST_FRAMES)
     return fit_curve(frames[taken[::every]], force[taken[::every]], circuit, rest), late
 
@@ -217,8 +217,8 @@ def _check_weights(weights, n: int) -> np.ndarray:
     weights = np.asarray(weights, dtype=float)
     if weights.shape != (n,):
         raise ValueError(f"weights have shape {weights.shape}: must be one for each of {n} frames")
-    if n < _FEWEST:
-        raise ValueError(f"{n} weights: {_FEWEST} or more are needed, 10 are good")
+    if n < FEWEST:
+        raise ValueError(f"{n} weights: {FEWEST} or more are needed, 10 are good")
     bad = np.flatnonzero(~((weights > 0.0) & (weights < np.inf)))
     if bad.size:
         raise ValueError(f"weight {bad[0]} = {weights[bad[0]]:g} N: must be above 0 and finite")

@@ -22,8 +22,7 @@ import numpy as np
 from ..physics.circuit import Circuit
 from ..solvers.evidence import HARD, SOFT, Evidence, Supposed, series_scale
 from ..solvers.reading import ROUNDING_NOISE
-from ..solvers.resting import mask_of
-from .rest import Rest, check_frames, supposing
+from .rest import Rest, check_frames, mask_of, supposing
 
 # Standard deviations between what is found with HARD and with SOFT from which on rims are soft: 2.5
 # at most on 40 boards that bodies touch (seed 143000), 20 at least on 20 that fingers do (143500).
@@ -148,7 +147,7 @@ class Solution(NamedTuple):
             e._replace(score=e.score + e.information @ (a - off))
             for e, a in zip(found, at, strict=True)
         ]
-        std = _std_of(here, information, rest, supposed)
+        std = std_of(here, information, rest, supposed)
         return cls(off, information, std, len(found))
 
 
@@ -226,7 +225,7 @@ def shifted(circuit: Circuit, off: np.ndarray) -> Circuit:
     return replace(circuit, **{n: np.maximum(getattr(circuit, n) + more, 0.0) for n, more in given})
 
 
-def _std_of(
+def std_of(
     found: list[Evidence], information: np.ndarray, rest: Rest, supposed: Supposed
 ) -> np.ndarray:
     """(2,) [ohm]: by how much the frames' scores differ.

@@ -42,10 +42,8 @@ _MIN_FRAMES = 8  # frames that it takes
 _RECOVERY = 1.0  # s after a touch in which the fabric recovers: nothing is measured
 _GAIN = 0.5  # share of the change, of the rest and of its noise, that a later measurement adds
 # Changes of log conductance that are no fabric's, chosen on simulated boards (tests/calibration;
-# bench faults): of a line beside the others; of a line since the start; of all cells from what is
-# known, and besides in each second, as a robot's cover warms up.
-_MAX_LINE_OFFSET = 0.2
-_MAX_LINE_FALL = 0.05
+# bench faults): of all cells from what is known, and besides in each second, as a robot's cover
+# warms up.
 _MAX_STEP = 0.1
 _MAX_DRIFT = 0.02 / 60.0
 _DRIFTS_AFTER = 0.3  # s of rest after which a drift of all cells is followed
@@ -253,8 +251,7 @@ class Tare:
             self.found = Finding(Kind.FABRIC, numbers=numbers)
         else:
             self.found = odd_cell(now * at_rest / level, cells, self._max_factor)
-            change = np.log(now * at_rest)
-            self.found = self.found or weak_line(change, cells, _MAX_LINE_OFFSET, "rest")
+            self.found = self.found or weak_line(np.log(now * at_rest), cells, first=True)
         if self.found:
             return False
         self.measured, self.lines = True, lines
@@ -262,8 +259,7 @@ class Tare:
             self._first = now
         else:
             before = 1.0 / self.curve.rest_resistance
-            change = np.log(now / self._first)
-            self.found = weak_line(change, cells, _MAX_LINE_FALL, "fading")
+            self.found = weak_line(np.log(now / self._first), cells, first=False)
             common = float(np.median(np.log(now / before)[cells]))
             if abs(common) > _MAX_STEP + _MAX_DRIFT * (self._last - self._learned):
                 numbers = {"share": float(np.expm1(common))}

@@ -10,7 +10,15 @@ import numpy as np
 from ..findings.finding import Finding, Kind, Severity
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
-from ..solvers.evidence import MIN_SCALE, REST_FRAMES, SOFT, Evidence, Supposed, series_scale
+from ..solvers.evidence import (
+    MIN_SCALE,
+    RELEVANT,
+    REST_FRAMES,
+    SOFT,
+    Evidence,
+    Supposed,
+    series_scale,
+)
 from ..solvers.reading import ROUNDING_NOISE, rest_reading
 from .identify import (
     CONTRADICTION,
@@ -33,8 +41,7 @@ _STOPPED = 0.15  # and for more of it, while a stop gives time
 # Standard deviations by which the configuration must be wrong; and what was learnt since.
 _SURE = 5.0
 _REFINED = 2.0
-_RELEVANT = 0.02  # of `series_scale`: less changes no picture,
-_RELEVANT_OTHER = 1.5  # ohm, of r_line and r_drive
+_RELEVANT_OTHER = 1.5  # ohm, of r_line and r_drive: less changes no picture
 _EXPLAINED = 3.0  # chi^2 a reading, in the median frame, beyond which there is another fault
 # Beside the configured r_par, as share of it, or of `MIN_SCALE` r_ref, if that is more: of a loaded
 # matrix, where r_ref changes nothing of it, only above; ohm of the others: a multiplexer that
@@ -267,7 +274,7 @@ class CircuitTracker:
     @property
     def _relevant(self) -> np.ndarray:
         """(2,) [ohm]"""
-        return np.array([_RELEVANT * series_scale(self._configured), _RELEVANT_OTHER])
+        return np.array([RELEVANT * series_scale(self._configured), _RELEVANT_OTHER])
 
     def _beyond(self, off: np.ndarray) -> bool:
         """Whether no board is (2,) ohm off beside the configuration."""

@@ -19,16 +19,14 @@ from ..physics.quadratic import inverse_diagonal, solve_in_box
 from . import prior as prior_terms
 from . import suspect
 from .estimate import Estimate, spread
-from .fixed_point import fill, first_guess, iterate, last_guess
-from .reading import NEAR_REST, ROUNDING_NOISE, Linearised, Reading, noise_at_rest
+from .fixed_point import START_STEPS, fill, first_guess, iterate, last_guess
+from .reading import NEAR_REST, OUTLIER, ROUNDING_NOISE, Linearised, Reading, noise_at_rest
 from .rivals.aside import without_bad_contacts
 from .rivals.other_r_par import with_other_r_par
 from .rivals.other_readout import other_readout
 from .suspect import NormalEquations
 
 MAX_STEPS = 12  # of Gauss-Newton; bounds the time of readings that no circuit explains
-START_STEPS = 10  # of the fixed point: a step costs a twentieth of a Gauss-Newton step
-WARM_STEPS = 12  # the same from the last frame: the rim of a touch that moved misfits by far
 _NEAR = 1.2  # residual over noise at which the fixed point has done its part
 _SETTLED = 4.0  # gain in units of 1/2 chi^2 below which a step is the last
 # chi^2 that a cell at rest must gain alone to become an unknown; noise gains it in 1 of 70 cells.
@@ -42,7 +40,6 @@ _WIDEN = 1.2  # what the measured coverage requires; not of loads on all cells
 # Noise that is measured in the frame (docs/derivation.md).
 _MAX_FITS = 6  # that may be made
 _AGREE = 1.15  # factor within which two agree
-_OUTLIER = 3.0  # standard deviations beyond which a reading is one
 _LOUD = 2.0  # times the usual noise: a fit that did not know of it is no start for another
 _USUAL_NOISE = 0.6  # ADC steps that boards usually have,
 _USUAL_COUNT = 3.0  # which counts as so many readings
@@ -118,8 +115,8 @@ def _fit(
     fits: that may be made to measure the noise, where it was not given.
     level: whether the load may be one of the level prior.
     """
-    circuit, begin, start_steps = reading.circuit, g, WARM_STEPS if warm else START_STEPS
-    g, steps = iterate(reading, g, start_steps, _NEAR * reading.fitted_noise)
+    circuit, begin = reading.circuit, g
+    g, steps = iterate(reading, g, START_STEPS, _NEAR * reading.fitted_noise)
     g = fill(reading, g)
     if not reading.noise_given and fits == _MAX_FITS:
         reading = _with_noise_at_rest(reading, g)
@@ -231,7 +228,7 @@ def _noise_left(reading: Reading, point: _Point, step: _Step) -> float:
     absorbed = 0.0 if step.equations is None else step.equations.absorbed()
     left = reading.n_informative - absorbed
     misfit = suspect.beside_sums(reading, point.model.misfit)
-    square = np.minimum(np.square(misfit), _OUTLIER**2).sum() * reading.fitted_noise**2
+    square = np.minimum(np.square(misfit), OUTLIER**2).sum() * reading.fitted_noise**2
     usual = _USUAL_COUNT * _USUAL_NOISE**2
     return float(((square + usual) / (left + _USUAL_COUNT)) ** 0.5)
 

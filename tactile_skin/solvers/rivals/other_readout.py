@@ -7,6 +7,7 @@ show the wrong readout by their misfit (docs/derivation.md, "When to doubt").
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import replace
 from functools import lru_cache
 
@@ -19,15 +20,15 @@ from ...physics.readouts import DRIVEN, PASSIVE
 from ..estimate import Estimate
 from ..fixed_point import last_guess
 from ..newton import newton
-from ..reading import NEAR_REST, Reading, rest_reading
-from ..resting import resting_conductance
+from ..reading import NEAR_REST, Reading, check_reading, rest_reading
 
 _COVERED = 0.75  # share of the cells that are touched from which on the misfit may tell nothing
 # Times nearer to the curve's rest that cells must be by a driven readout. Chosen on even loads
 # (8 x 8, seed 9) on fabrics that rest as the curve says; of those that rest 0.7 to 2.2 times so
 # none was suspect.
 _NEARER = 2.0
-_REST_NOISE = 0.05  # ADC steps by which the untouched skin's readings may be missed
+_SPAN = 1e3  # times the curve's rest, up and down, within which another readout's cells may rest
+_REST_ERROR = 0.05  # ADC steps by which these may miss the untouched skin's readings
 
 
 def other_readout(reading: Reading, estimate: Estimate, start: Estimate | None) -> Finding | None:
@@ -67,14 +68,14 @@ def _off(curve: PressureCurve) -> float:
 @lru_cache(maxsize=16)
 def _others(circuit: Circuit, curve: PressureCurve) -> list[tuple[Circuit, PressureCurve]]:
     """Driven readouts with which a skin can read at rest what this one does, and its curve then."""
-    found, rest = [], rest_reading(circuit, curve)
+    found, rest, usual = [], rest_reading(circuit, curve), curve.points[0][1]
+    wide = PressureCurve((0.0, 1.0), (usual * _SPAN, usual / _SPAN))
     for readout in PASSIVE[1:]:
         for driven in DRIVEN:
             other = circuit.read_as(readout, driven)
-            try:
-                conducts = resting_conductance(rest, other, _REST_NOISE)
-                resistance = 1.0 / np.where(circuit.populated, conducts, 1.0)
-                found.append((other, curve.resting_at(resistance)))
-            except ValueError:  # no cells read so, or one would rest as one that is pressed
+            fit = newton(check_reading(rest, other, wide, noise=0.0))
+            if fit.residual > _REST_ERROR:
                 continue
+            with contextlib.suppress(ValueError):  # a cell would rest as one that is pressed
+                found.append((other, curve.resting_at(wide.resistance(fit.force))))
     return found
