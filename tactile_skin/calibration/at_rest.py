@@ -33,8 +33,7 @@ _MAX_LINE_FALL = 0.05
 # Times the median deviation of its cells, over the root of their number, by which a line's median
 # may differ: four standard deviations.
 _MOST_DEVIATIONS = 6.0
-_FEWEST = 4  # cells that two lines are compared by
-_SHORTEST = 2  # the same, of lines of which many pairs are compared
+_FEWEST = 2  # cells that two lines are compared by: how few tell, `_CHANCE` says
 _ALIKE = 0.1  # squared difference over the usual one, at most
 _NOISE = 3.0  # times what noise explains of a squared difference
 _NEAR_WHOLE = 0.01  # ADC steps off a whole one,
@@ -49,7 +48,7 @@ def twins(steps: np.ndarray, noise: float, cells: np.ndarray) -> tuple[int, int,
         noise: RMS of each [ADC steps].
         cells: (rows, cols) bool, those that exist.
     """
-    for axis, pairs in _sides(steps, noise, cells, _FEWEST):
+    for axis, pairs in _sides(steps, noise, cells):
         below = pairs.square / pairs.count - pairs.alike(pairs.count)
         if below.min() < 0.0:
             k = int(below.argmin())
@@ -68,7 +67,7 @@ def stuck_bits(
     Args:
         as of `twins`.
     """
-    for axis, pairs in _sides(steps, noise, cells, _SHORTEST):
+    for axis, pairs in _sides(steps, noise, cells):
         bits, distance = pairs.one ^ pairs.other, pairs.other - pairs.one
         for mask in range((1 << int(pairs.other.max()).bit_length()) - 2, 0, -1):
             group = bits & ~mask == 0
@@ -112,15 +111,15 @@ class _Pairs(NamedTuple):
         return np.minimum(np.minimum(alike, _ALIKE) * self.usual, _NOISE * self.noise)
 
 
-def _sides(steps: np.ndarray, noise: float, cells: np.ndarray, fewest: int):
-    """Yield (axis, _Pairs with so many cells or more) of both, if they can be compared."""
+def _sides(steps: np.ndarray, noise: float, cells: np.ndarray):
+    """Yield (axis, _Pairs) of both, if they can be compared."""
     if not cells.any() or np.mean(np.abs(steps - np.rint(steps))[cells] < _NEAR_WHOLE) > _WHOLE:
         return  # rounded without noise that would average it away: many read alike
     for axis, values, there in ((0, steps, cells), (1, steps.T, cells.T)):
         one, other = np.triu_indices(len(values), 1)
         both = there[one] & there[other]  # (pairs, cells of a line)
         n = both.sum(1)
-        one, other, both, n = (of[n >= fewest] for of in (one, other, both, n))
+        one, other, both, n = (of[n >= _FEWEST] for of in (one, other, both, n))
         beside = there[:, 1:] & there[:, :-1]  # of the other lines, next to one another
         if n.size and beside.any():
             square = (np.square(values[one] - values[other]) * both).sum(1)
