@@ -62,10 +62,17 @@ def newton(reading: Reading, start: Estimate | None = None) -> Estimate:
     )
 
 
-def fits_circuit(reading: Reading) -> bool:
-    """Whether cells explain the reading within its noise. The fixed point mostly finds some."""
-    steps = iterate(reading, first_guess(reading), MAX_STEPS, _FIT_RESIDUAL * reading.noise)[1]
-    return steps < MAX_STEPS or newton(reading).status != "suspect"
+def cells_that_fit(reading: Reading) -> np.ndarray | None:
+    """Return conductances (rows, cols) [S] that explain the reading within its noise.
+
+    None: there are none. The fixed point mostly finds some.
+    """
+    target = _FIT_RESIDUAL * reading.noise
+    g, _ = iterate(reading, first_guess(reading), MAX_STEPS, target)
+    if reading.residual(reading.model(g)) <= target:
+        return g
+    found = newton(reading) if reading.all_cells_read else None
+    return last_guess(reading, found) if found and found.status != "suspect" else None
 
 
 def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:

@@ -19,7 +19,8 @@ from ...physics.curve import PressureCurve
 from ...physics.readouts import DRIVEN, PASSIVE
 from ..estimate import Estimate
 from ..fixed_point import last_guess
-from ..newton import newton
+from ..newton import cells_that_fit, newton
+from ..prior import force_of
 from ..reading import NEAR_REST, Reading, check_reading, rest_reading
 
 _COVERED = 0.75  # share of the cells that are touched from which on the misfit may tell nothing
@@ -46,8 +47,9 @@ def other_readout(reading: Reading, estimate: Estimate, start: Estimate | None) 
     for circuit, curve in _others(reading.circuit, reading.curve):
         if _off(reading.curve) < _NEARER * _off(curve):
             continue  # light loads alone are those of either
-        found = newton(replace(reading, circuit=circuit, curve=curve))
-        if found.status == "ok" and found.force.sum() > estimate.force.sum():
+        other = replace(reading, circuit=circuit, curve=curve).above_cut_off()
+        hard = cells_that_fit(other)
+        if hard is not None and force_of(other, hard)[0].sum() > estimate.force.sum():
             better = f"readout = {circuit.readout}, driven = {circuit.driven}"
             return Finding(Kind.READOUT, "frame", detail=better)
     return None
