@@ -133,7 +133,8 @@ def _noisy_cells(off: np.ndarray, middle: np.ndarray, circuit: Circuit) -> tuple
         )
     while (strays := _strays(left, middle, noise, circuit) & ~mask_of(found, circuit.shape)).any():
         power = np.where(strays, np.square(left).sum(0), -1.0)
-        row, col = cell = tuple(int(k) for k in np.unravel_index(power.argmax(), power.shape))
+        row, col = (int(k) for k in np.unravel_index(power.argmax(), power.shape))
+        cell = row, col
         own = left[:, row, col].copy()
         carried = equal.change(mask_of([cell], circuit.shape) * 1.0)
         carried = np.where(circuit.populated, carried / carried[cell], 0.0)
