@@ -104,7 +104,9 @@ class Tare:
 
     def _begin(self, after: float) -> None:
         """Measure anew, from `after` [s] on."""
-        self._after, self._times, self._frames = after, [], []
+        self._after = after
+        self._times: list[float] = []
+        self._frames: list[np.ndarray] = []
 
     def update(self, t: float, adc: np.ndarray, force: np.ndarray) -> bool:
         """Take a frame.
@@ -133,7 +135,7 @@ class Tare:
             if len(self._level) == _LEVEL_FRAMES:
                 self._lowest = np.minimum(self._lowest, np.max(self._level, axis=0))
         followed = self.measured and self._follow(t, adc)
-        if t >= self._after:
+        if t >= self._after and t not in self._times[-1:]:  # a clock may stand still
             self._times.append(t)
             self._frames.append(adc)
             many = len(self._times) > _MIN_FRAMES

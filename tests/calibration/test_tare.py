@@ -430,3 +430,11 @@ def test_the_noise_at_rest_is_measured(rms, low_pass):
         steps = steps + low_pass * (at_rest + rms * rng.standard_normal(steps.shape) - steps)
         tare.update(0.01 * k, np.maximum(steps, 0.0) / 1023.0, IDLE)
     assert tare.noise == pytest.approx(left, rel=0.1)
+
+
+def test_a_clock_that_stands_still_gathers_nothing():
+    """As that of a simulation that is paused: frames go on coming."""
+    tare, adc = Tare(CIRCUIT, CURVE), forward(CIRCUIT, 1.0 / scatter(0.03))
+    for _ in range(300):
+        tare.update(5.0, adc, IDLE)
+    assert not tare.measured and len(tare._frames) == 1
