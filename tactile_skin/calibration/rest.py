@@ -141,7 +141,7 @@ def _noisy_cells(off: np.ndarray, middle: np.ndarray, circuit: Circuit) -> tuple
         beside = np.abs(carried) > _MOVED
         beside[cell] = False
         follows = np.tensordot(own, left, 1) / (own @ own)
-        moves = beside.any() and np.median((follows / carried)[beside]) > _CARRIED
+        moves = beside.any() and np.median(follows[beside] / carried[beside]) > _CARRIED
         if moves:  # the cell changes, not its reading alone
             left -= own[:, None, None] * np.where(beside, carried, 0.0)
         near = [c for c in found if max(abs(c[0] - row), abs(c[1] - col)) == 1]

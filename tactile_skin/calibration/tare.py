@@ -140,7 +140,7 @@ class Tare:
             self._frames.append(adc)
             many = len(self._times) > _MIN_FRAMES
             if many and t - self._times[0] >= _WINDOW + _QUIET_AFTER:
-                after = np.count_nonzero(np.array(self._times) > t - _QUIET_AFTER)
+                after = int(np.count_nonzero(np.array(self._times) > t - _QUIET_AFTER))
                 window = _Window(np.array(self._frames), after, self._circuit)
                 self._begin(t)
                 return self._measure(window) or followed
