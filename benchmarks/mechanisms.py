@@ -67,7 +67,8 @@ def _saturation_alone(found, reading):
         return None
     rest = suspect._rest_steps(reading.circuit, reading.curve) * reading.apparent[0]
     margin = suspect._IMPOSSIBLE * reading.noise + 1.0
-    touched = reading.noise > suspect._SPREADS and reading.steps.max() > rest.max() + margin
+    spreads = reading.noise > 0.0 and not suspect.rounded(reading)
+    touched = spreads and reading.steps.max() > rest.max() + margin
     return (
         suspect.saturation(reading, suspect._SATURATED, suspect._SATURATED_OTHERS)
         if touched
@@ -199,8 +200,8 @@ MECHANISMS = (
     ),
     Mechanism(
         "tare guards", "lines that a tare would hide",
-        ("calibration/at_rest.py:weak_line", "calibration/at_rest.py:fading_line"),
-        (_finds_one("calibration.tare:weak_line"), _finds_one("calibration.tare:fading_line")),
+        ("calibration/at_rest.py:weak_line",),
+        (_finds_one("calibration.tare:weak_line"),),
     ),
     Mechanism(
         "odd cell at rest", "a cell at rest that no fabric has",

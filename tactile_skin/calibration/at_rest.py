@@ -27,15 +27,15 @@ _LEAST_STEPS = 3.0  # ADC steps below which the board may take something off
 _LEAST_SCATTER = 0.03  # RMS of log resistance of a good fabric's cells at rest, chosen
 _MAX_RESISTANCE = 4.0  # times the usual cell's at rest; a cell that conducts less is broken
 # Changes of log conductance that are no fabric's, chosen on simulated boards (tests/calibration;
-# bench faults): of a line's median, compared with the others; of a line since the start.
+# bench faults): of a line beside the others; of a line since the start.
 _MAX_LINE_OFFSET = 0.2
 _MAX_LINE_FALL = 0.05
-_PAIR_CHANCE = 1e-4  # of a sound skin's having such a pair
-_FEWEST = 4  # cells that two lines are compared by
-_SHORTEST = 2  # the same, of lines of which many pairs are compared
+# Times the median deviation of its cells, over the root of their number, by which a line's median
+# may differ: four standard deviations.
+_MOST_DEVIATIONS = 6.0
+_FEWEST = 2  # cells that two lines are compared by: how few tell, `_CHANCE` says
 _ALIKE = 0.1  # squared difference over the usual one, at most
 _NOISE = 3.0  # times what noise explains of a squared difference
-_PAIRS = 2  # of lines, at least, that an address bit makes one
 _NEAR_WHOLE = 0.01  # ADC steps off a whole one,
 _WHOLE = 0.3  # and share of readings that may be so near to it
 
@@ -48,13 +48,10 @@ def twins(steps: np.ndarray, noise: float, cells: np.ndarray) -> tuple[int, int,
         noise: RMS of each [ADC steps].
         cells: (rows, cols) bool, those that exist.
     """
-    for axis, pairs in _sides(steps, cells, _FEWEST):
-        if not pairs.differ(noise):
-            continue
-        apart, n = pairs.square / pairs.count, pairs.count
-        most = np.minimum(pairs.alike(n), _NOISE * 2.0 * noise**2)
-        k = int((apart - most).argmin())
-        if apart[k] < most[k]:
+    for axis, pairs in _sides(steps, noise, cells):
+        below = pairs.square / pairs.count - pairs.alike(pairs.count)
+        if below.min() < 0.0:
+            k = int(below.argmin())
             return axis, int(pairs.one[k]), int(pairs.other[k])
     return None
 
@@ -70,20 +67,16 @@ def stuck_bits(
     Args:
         as of `twins`.
     """
-    for axis, pairs in _sides(steps, cells, _SHORTEST):
-        if not pairs.differ(noise):
-            continue
+    for axis, pairs in _sides(steps, noise, cells):
         bits, distance = pairs.one ^ pairs.other, pairs.other - pairs.one
         for mask in range((1 << int(pairs.other.max()).bit_length()) - 2, 0, -1):
             group = bits & ~mask == 0
             others = (distance <= distance[group].max(initial=0)) & ~group
-            if np.count_nonzero(group) < _PAIRS or not others.any():
+            if np.count_nonzero(group) < 2 or not others.any():
                 continue
             n = pairs.count[group].sum()
-            apart = pairs.square[group].sum() / n
             near = np.median((pairs.square / pairs.count)[others])
-            most = min(pairs.alike(n), _ALIKE * near, _NOISE * 2.0 * noise**2)
-            if apart < most:
+            if pairs.square[group].sum() / n < min(pairs.alike(n), _ALIKE * near):
                 return axis, tuple(k for k in range(mask.bit_length()) if mask >> k & 1)
     return None
 
@@ -95,6 +88,7 @@ class _Pairs(NamedTuple):
         one, other: (pairs,) lines.
         square: (pairs,) squared differences, summed [ADC steps squared]; count: of so many.
         across: mean squared difference of neighbours along the lines [ADC steps squared].
+        noise: what noise explains of a squared difference [ADC steps squared].
     """
 
     one: np.ndarray
@@ -102,38 +96,37 @@ class _Pairs(NamedTuple):
     square: np.ndarray
     count: np.ndarray  # type: ignore[assignment]  # a tuple has a method of this name
     across: float
+    noise: float
 
     @property
     def usual(self) -> float:
         return float(np.median(self.square / self.count))
 
-    def differ(self, noise: float) -> bool:
-        """Whether lines differ by more than noise: those of a simulated fabric may not."""
-        return self.usual * _ALIKE >= 2.0 * noise**2
-
     def alike(self, n):
-        """Mean squared difference of n cells, below which it is no chance."""
+        """Mean squared difference of n cells, below which it is noise, and no chance."""
         # the smoother the fabric, the fewer of its cells are independent of those beside them
         free = 0.5 * n * min(1.0, self.across / max(self.usual, 1e-300))
         # of normal differences the sum of n squares is chi^2, whose small values are rare
-        alike = gammaincinv(free, _PAIR_CHANCE / (2.0 * self.count.size)) / free
-        return np.minimum(alike, _ALIKE) * self.usual
+        alike = gammaincinv(free, _CHANCE / (2.0 * self.count.size)) / free
+        return np.minimum(np.minimum(alike, _ALIKE) * self.usual, _NOISE * self.noise)
 
 
-def _sides(steps: np.ndarray, cells: np.ndarray, fewest: int):
-    """Yield (axis, _Pairs with so many cells or more) of both, if they can be compared."""
+def _sides(steps: np.ndarray, noise: float, cells: np.ndarray):
+    """Yield (axis, _Pairs) of both, if they can be compared."""
     if not cells.any() or np.mean(np.abs(steps - np.rint(steps))[cells] < _NEAR_WHOLE) > _WHOLE:
         return  # rounded without noise that would average it away: many read alike
     for axis, values, there in ((0, steps, cells), (1, steps.T, cells.T)):
         one, other = np.triu_indices(len(values), 1)
         both = there[one] & there[other]  # (pairs, cells of a line)
         n = both.sum(1)
-        one, other, both, n = (of[n >= fewest] for of in (one, other, both, n))
+        one, other, both, n = (of[n >= _FEWEST] for of in (one, other, both, n))
         beside = there[:, 1:] & there[:, :-1]  # of the other lines, next to one another
         if n.size and beside.any():
             square = (np.square(values[one] - values[other]) * both).sum(1)
             across = np.square(np.diff(values, axis=1))[beside].mean()
-            yield axis, _Pairs(one, other, square, n, float(across))
+            pairs = _Pairs(one, other, square, n, float(across), 2.0 * noise**2)
+            if pairs.usual * _ALIKE >= pairs.noise:  # those of a simulated fabric may not differ
+                yield axis, pairs
 
 
 def which_are_one(steps: np.ndarray, noise: float, cells: np.ndarray) -> Finding | None:
@@ -205,50 +198,27 @@ def odd_cell(times: np.ndarray, cells: np.ndarray, most: float) -> Finding | Non
     return None
 
 
-def weak_line(off: np.ndarray, cells: np.ndarray) -> Finding | None:
-    """Return what is no fabric's doing, and would be hidden by a tare.
-
-    Cells scatter; all of a line are off because of the circuit.
-
-    Args:
-        off: (rows, cols) log of each cell's conductance over the curve's, at rest.
-    """
-    common = np.median(off[cells])
-    for axis, medians, _ in _medians(off, cells, common):
-        worst = np.abs(medians - common).argmax()
-        if abs(medians[worst] - common) > _MAX_LINE_OFFSET:
-            numbers = {"share": float(np.expm1(medians[worst] - common))}
-            return Finding(Kind.LEAD, "rest", **lines(axis, worst), numbers=numbers)
-    return None
-
-
-def fading_line(change: np.ndarray, cells: np.ndarray) -> Finding | None:
+def weak_line(change: np.ndarray, cells: np.ndarray, *, first: bool) -> Finding | None:
     """Return a line whose lead breaks: a resistance before it, which hides most of a push.
 
-    Fabric changes cell by cell, or as a whole. A line must have fallen both by itself and against
-    the others: where a palm lay, cells conduct more for a while.
+    Fabric scatters cell by cell, or changes as a whole; all of a line are off because of the
+    circuit. Later it must have fallen both by itself and against the others: where a palm lay,
+    cells conduct more for a while.
 
     Args:
-        change: (rows, cols) log of each cell's conductance over that measured first.
+        change: (rows, cols) log of each cell's conductance over the curve's, or the first one.
+        first: whether it is the first that is measured.
     """
-    common, spread = _middle(change[cells])
-    for axis, medians, count in _medians(change, cells, common):
-        fall = np.maximum(medians, medians - common)
-        worst = fall.argmin()
-        if fall[worst] < -_MAX_LINE_FALL - 4.0 * spread / count[worst] ** 0.5:
-            numbers = {"share": float(np.expm1(fall[worst]))}
-            return Finding(Kind.LEAD, "fading", **lines(axis, worst), numbers=numbers)
-    return None
-
-
-def _middle(values: np.ndarray) -> tuple[float, float]:
-    """Median of (n,) values, and how far they scatter: 1.5 times the median of the deviations."""
-    middle = np.median(values)
-    return middle, 1.5 * np.median(np.abs(values - middle))
-
-
-def _medians(values: np.ndarray, cells: np.ndarray, empty: float):
-    """Yield (axis, medians, numbers of cells) of all rows, then of all columns."""
+    form, most = ("rest", _MAX_LINE_OFFSET) if first else ("fading", _MAX_LINE_FALL)
+    common = np.median(change[cells])
+    deviation = np.median(np.abs(change[cells] - common))
     for axis, across in ((0, 1), (1, 0)):
-        median = np.ma.median(np.ma.array(values, mask=~cells), axis=across)
-        yield axis, median.filled(empty), np.maximum(cells.sum(across), 1)
+        median = np.ma.median(np.ma.array(change, mask=~cells), axis=across).filled(common)
+        off = median - common
+        fall = -np.abs(off) if first else np.maximum(median, off)
+        fall += _MOST_DEVIATIONS * deviation / np.maximum(cells.sum(across), 1) ** 0.5
+        worst = int(fall.argmin())
+        if fall[worst] < -most:
+            numbers = {"share": float(np.expm1(off[worst]))}
+            return Finding(Kind.LEAD, form, **lines(axis, worst), numbers=numbers)
+    return None

@@ -27,8 +27,7 @@ _STEPS = 20  # frames a decade of time, means of those that were read
 _LOADED = 0.1  # of the most loaded cell, from which on a cell is used
 _STOOD = 0.7  # of the usual reading, above which the object is there
 _TIMES = 10.0 ** np.arange(-1.0, 1.01, 0.1)  # s that are tried as `Creep.time`
-_USUAL = 1.0  # s, of `Creep.time`, before anything is measured
-_SPREAD = 0.5  # standard deviation of its log10
+_SPREAD = 0.5  # standard deviation of its log10, about the usual one
 _ERROR = 5e-4  # share of the conductance by which a mean frame errs at least
 
 
@@ -130,7 +129,7 @@ def _fit(t: np.ndarray, conducts: np.ndarray) -> Creep:
         found.append((slope / first, np.square(error).sum(), decades))
     share, square, decades = map(np.array, zip(*found, strict=True))
     variance = max(square.min() / max(t.size - 3, 1), _ERROR**2)
-    usual = np.square(np.log10(_TIMES / _USUAL) / _SPREAD)
+    usual = np.square(np.log10(_TIMES / Creep.time) / _SPREAD)
     weight = np.exp(-0.5 * (square / variance + usual - (square / variance + usual).min()))
     weight /= weight.sum()
     best = float(weight @ share)

@@ -18,11 +18,11 @@ from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from ..solvers import compensate
 from ..solvers.evidence import HARDEST
+from .identify import FEWEST
 from .rest import Rest, check_frames, supposing
 from .totals import Totals
-from .touched import stands_anew
+from .touched import RAISED, stands_anew
 
-_FEWEST = 3  # weights
 _LIGHTLY = 0.25  # times its conductance at rest that the first knot adds to a cell
 _ODD = 1.3  # factor by which the others say another weight of an odd object,
 _ODD_STD = 4.0  # and standard deviations that they have
@@ -38,7 +38,6 @@ _NARROW = 2.0  # largest over smallest weight up to which the shape is hardly to
 MAX_LAG = 2.0  # s that a reference may be early or late,
 _LAG_STEP = 0.01  # s, in steps of which that is looked for
 _FOLLOWS = 0.5  # correlation of its root, which a sum of readings is like, with the skin, at least
-_TOUCHED = 8.0  # times the noise from which on a reading is touched
 _LIGHTEST = 0.02  # of a reference's largest force, from which on frames are used,
 _MOST_FRAMES = 100  # at most so many
 _SHORTEST = 3.0  # s of it
@@ -168,7 +167,7 @@ def fit_reference(
     late = _lag(times, rise, at, reference)
     known = (times + late >= at[0]) & (times + late <= at[-1])
     force = np.interp(times + late, at, reference)
-    touched = np.nanmax(frames - rest.adc, axis=(1, 2)) > _TOUCHED * noise
+    touched = np.nanmax(frames - rest.adc, axis=(1, 2)) > RAISED * noise
     quiet = known & ~binary_dilation(touched, iterations=max(int(len(times) * 0.005), 1))
     if not quiet.any():
         raise ValueError("the skin never rests in these frames: the reference's zero is unknown")
@@ -178,8 +177,8 @@ def fit_reference(
         last = frames[taken[-1]] if taken else None
         if touched[k - 1] and stands_anew(frames[k], frames[k - 1], last, noise):
             taken.append(int(k))
-    if len(taken) < _FEWEST:
-        raise ValueError(f"{len(taken)} touches stand: {_FEWEST} or more are needed, 30 are good")
+    if len(taken) < FEWEST:
+        raise ValueError(f"{len(taken)} touches stand: {FEWEST} or more are needed, 30 are good")
     every = -(-len(taken) // _MOST_FRAMES)
     return fit_curve(frames[taken[::every]], force[taken[::every]], circuit, rest), late
 
@@ -217,8 +216,8 @@ def _check_weights(weights, n: int) -> np.ndarray:
     weights = np.asarray(weights, dtype=float)
     if weights.shape != (n,):
         raise ValueError(f"weights have shape {weights.shape}: must be one for each of {n} frames")
-    if n < _FEWEST:
-        raise ValueError(f"{n} weights: {_FEWEST} or more are needed, 10 are good")
+    if n < FEWEST:
+        raise ValueError(f"{n} weights: {FEWEST} or more are needed, 10 are good")
     bad = np.flatnonzero(~((weights > 0.0) & (weights < np.inf)))
     if bad.size:
         raise ValueError(f"weight {bad[0]} = {weights[bad[0]]:g} N: must be above 0 and finite")

@@ -21,12 +21,13 @@ import numpy as np
 
 from ..physics.circuit import Circuit
 from ..solvers.evidence import HARD, SOFT, Evidence, Supposed, series_scale
-from .rest import Rest, check_frames, supposing
+from ..solvers.reading import ROUNDING_NOISE
+from .rest import Rest, check_frames, mask_of, supposing
 
 # Standard deviations between what is found with HARD and with SOFT from which on rims are soft: 2.5
 # at most on 40 boards that bodies touch (seed 143000), 20 at least on 20 that fingers do (143500).
 # SOFT tells less: a limit of 1.5 made one sound board in three a soft one.
-_CONTRADICTION = 3.0
+CONTRADICTION = 3.0
 _ROUNDS = 8  # over all frames, at most
 _DONE = 0.2  # standard deviations by which the last round moved
 # Standard deviations: of r_par, as share of `series_scale`; of others [ohm]. Arduinos' pins have 25
@@ -37,8 +38,7 @@ TOLD = {"r_par": 0.03, "r_line": 4.0, "r_drive": 4.0}  # the same, below which i
 # found, that a rough value is better; soft rims alone make it 20 % too high.
 _EVIDENT = 8.0
 _FAR = 0.5
-_FEWEST = 3  # frames; with fewer one odd touch decides
-_NOISE = 0.3  # ADC steps at least: of rounding
+FEWEST = 3  # frames; with fewer one odd touch decides
 _STOPPED = 4  # readings of touches at the same largest height: the converter's end
 
 
@@ -87,7 +87,7 @@ def identify(frames, circuit: Circuit, rest: Rest, *, soft: bool | None = None) 
     first = next((found for found in tries if found is not None), None)
     if first is None:
         prior = prior_of(circuit)
-        nothing = _Solution(np.zeros(2), prior, np.sqrt(1.0 / prior.diagonal()), 0)
+        nothing = Solution(np.zeros(2), prior, np.sqrt(1.0 / prior.diagonal()), 0)
         return _identified(circuit, nothing, ended)
     found = first if soft is not None else _the_cautious(frames, circuit, rest, first, end)
     return _identified(circuit, found, ended)
@@ -105,56 +105,80 @@ def _converter_end(frames, circuit: Circuit) -> tuple[float, int]:
     return float(top), int(np.count_nonzero(stopped))
 
 
-def _the_cautious(frames, circuit: Circuit, rest: Rest, sharp: _Solution, end: float) -> _Solution:
+def _the_cautious(frames, circuit: Circuit, rest: Rest, sharp: Solution, end: float) -> Solution:
     """What is found with soft rims supposed, if it contradicts what is found without."""
     soft = _solve_frames(frames, circuit, rest, sharp.off, SOFT, end)
     if soft is None:
         return sharp
     # of two estimates of which one uses all that the other does (Hausman)
     variance = np.maximum(np.square(soft.std) - np.square(sharp.std), (0.3 * soft.std) ** 2)
-    differ = np.abs(soft.off - sharp.off) > _CONTRADICTION * np.sqrt(variance)
+    differ = np.abs(soft.off - sharp.off) > CONTRADICTION * np.sqrt(variance)
     return soft if differ.any() else sharp
 
 
-class _Solution(NamedTuple):
-    off: np.ndarray  # (2,) of `names` from what was supposed [ohm]
-    information: np.ndarray  # (2, 2) [1/ohm^2]
-    std: np.ndarray  # (2,) [ohm]
+class Solution(NamedTuple):
+    """What frames say together.
+
+    Attributes:
+        off: (2,) of `names` from what was supposed [ohm].
+        information: (2, 2) of the frames, and of what was supposed before [1/ohm^2].
+        std: (2,) [ohm].
+        frames: that say anything.
+    """
+
+    off: np.ndarray
+    information: np.ndarray
+    std: np.ndarray
     frames: int
+
+    @classmethod
+    def of(cls, found: list[Evidence], at, circuit: Circuit, rest: Rest, supposed: Supposed):
+        """Solve for what explains all frames best, to first order.
+
+        Args:
+            at: (n, 2) ohm beside the circuit's at which each was asked.
+            circuit: as it was supposed before the frames.
+            supposed: with which the last was asked.
+        """
+        information = sum(e.information for e in found) + prior_of(circuit)
+        pull = sum(e.score + e.information @ a for e, a in zip(found, at, strict=True))
+        off = _bounded(np.linalg.solve(information, pull), information, circuit)
+        here = [
+            e._replace(score=e.score + e.information @ (a - off))
+            for e, a in zip(found, at, strict=True)
+        ]
+        std = std_of(here, information, rest, supposed)
+        return cls(off, information, std, len(found))
 
 
 def _solve_frames(
     frames, circuit: Circuit, rest: Rest, off, hard: float, end: float
-) -> _Solution | None:
-    """What all frames say together; None: fewer than `_FEWEST` say anything.
+) -> Solution | None:
+    """Return what all frames say together; None: fewer than `FEWEST` say anything.
 
     Args:
         off: to begin with.
         hard: HARD or SOFT.
         end: ADC ratio at which the converter ends.
     """
-    noise = max(rest.noise, _NOISE)
-    prior, rounds = prior_of(circuit), []
+    noise, rounds = max(rest.noise, ROUNDING_NOISE), []
     for _ in range(_ROUNDS):
         now = shifted(circuit, off)
         supposed = Supposed(now, supposing(rest, now).conductance, hard, exact=True, end=end)
         each = (supposed.evidence(adc, noise) for adc in frames)
         found = [evidence for evidence in each if evidence is not None]
-        if len(found) < _FEWEST:
+        if len(found) < FEWEST:
             return None
-        information = sum(e.information for e in found) + prior
-        score = sum(e.score for e in found) - prior @ off
-        step = np.linalg.solve(information, score)
-        moved = np.abs(step * np.sqrt(information.diagonal())).max()
-        off = bounded(off + step, information, circuit)
+        solution = Solution.of(found, [off] * len(found), circuit, rest, supposed)
+        moved = np.abs((solution.off - off) * np.sqrt(solution.information.diagonal())).max()
+        off = solution.off
         rounds.append(off)
         if moved < _DONE:
-            break
-    std = std_of(found, information, rest, supposed)
-    if moved >= _DONE:  # each round takes other cells for touched ones, and leads elsewhere
-        last = np.array(rounds[_ROUNDS // 2 :])
-        off, std = last.mean(0), np.hypot(std, last.std(0, ddof=1))
-    return _Solution(off, information, std, len(found))
+            return solution
+    # each round takes other cells for touched ones, and leads elsewhere
+    last = np.array(rounds[_ROUNDS // 2 :])
+    std = np.hypot(solution.std, last.std(0, ddof=1))
+    return solution._replace(off=last.mean(0), std=std)
 
 
 def names(circuit: Circuit) -> tuple[str, str]:
@@ -183,7 +207,7 @@ def without_r_par(circuit: Circuit) -> np.ndarray:
     return np.array([-circuit.r_par, 0.0])
 
 
-def bounded(off: np.ndarray, information: np.ndarray, circuit: Circuit) -> np.ndarray:
+def _bounded(off: np.ndarray, information: np.ndarray, circuit: Circuit) -> np.ndarray:
     """(2,) ohm more that explain the frames best with neither resistance below 0."""
     least = -np.array([np.min(getattr(circuit, name)) for name in names(circuit)])
     for k in (1, 0):
@@ -207,7 +231,7 @@ def std_of(
     """(2,) [ohm]: by how much the frames' scores differ.
 
     With n frames that is known to a share of (2 n)^-0.5 only, so what noise and the model's error
-    are supposed to leave counts as `_FEWEST` frames more. All share one measurement of the rest,
+    are supposed to leave counts as `FEWEST` frames more. All share one measurement of the rest,
     whose noise no scatter between them shows, and what was supposed before.
 
     Args:
@@ -218,7 +242,7 @@ def std_of(
     spread = n * (scores - scores.mean(0)).T @ (scores - scores.mean(0))
     chi = sum(e.chi2 for e in found) / sum(e.count for e in found)
     of_frames = sum(e.information for e in found)
-    spread = (spread + _FEWEST * max(chi, 1.0) * of_frames) / (n - 1 + _FEWEST)
+    spread = (spread + FEWEST * max(chi, 1.0) * of_frames) / (n - 1 + FEWEST)
     noise = rest.noise / rest.frames**0.5
     by_rest = np.sum([e.by_rest for e in found], axis=0)
     shared = supposed.by_reading(by_rest) * noise  # (2, readings)
@@ -233,13 +257,12 @@ def _unknown_rest(rest: Rest, supposed: Supposed) -> np.ndarray:
 
     They are taken for the usual cell: what the others differ by, they do.
     """
-    conductance, noisy = supposed.rest, np.zeros(supposed.rest.shape, bool)
-    noisy[tuple(np.array(rest.noisy, int).reshape(-1, 2).T)] = True
-    quiet = conductance[supposed.circuit.populated & ~noisy]
+    noisy = mask_of(rest.noisy, supposed.rest.shape)
+    quiet = supposed.rest[supposed.circuit.populated & ~noisy]
     return (noisy * quiet.std()).ravel()
 
 
-def _identified(circuit: Circuit, solution: _Solution, ended: int) -> Identified:
+def _identified(circuit: Circuit, solution: Solution, ended: int) -> Identified:
     """
     Args:
         ended: readings that are at the converter's end.

@@ -10,16 +10,17 @@ from ..physics import readouts
 from ..physics.circuit import Circuit, forward
 from ..physics.curve import PressureCurve
 from ..solvers import compensate
-from ..solvers.reading import MAX_NOISE
+from ..solvers.reading import MAX_NOISE, robust_std
 
 REST_SPAN = 500.0  # times the usual cell's resistance, either way, that a cell at rest may have
 # (one that stays pressed, or is dead)
-_STILL = 8.0  # times the noise by which a reading may stray, and
+_LEAST_NOISE = 1e-3  # ADC steps of a mean reading: rounding alone leaves more
+_ROUNDS = 3  # in which the readings of noisy cells are put in place
+_STILL = 8.0  # times the noise by which a reading may stray, or drift, and
 _STILL_SHARE = 0.02  # share of the reading
 _NOISY = 4.0  # times the usual noise beyond which a reading is noisy, and
 _NOISY_STEPS = 2.0  # ADC steps
-_DRIFT = 7.0  # times the noise of a third of the frames, from the first third to the last
-_COMMON = 0.03  # of a reading, the same of all cells
+_COMMON = 0.03  # share of a reading by which all may drift
 _MOST = 3  # readings that may be noisy, or
 _MOST_SHARE = 0.05  # of the cells, if that is more
 # Share of what a cell's change would change in its row and column, from which on it is a cell that
@@ -31,10 +32,7 @@ _MOVED = 0.01  # the same, that is looked at
 _LOOSE = 1.2
 _TIMES = 4
 _TOGETHER = 0.7  # correlation from which on two neighbours move together
-_STD_OVER_MEAN = 3.08  # standard deviation over the mean of the smaller half, normal distribution
-_ROUNDS = 3  # in which the readings of noisy cells are put in place
 _SILENT = 0.05  # of the cells may stay below the board's threshold: dead ones
-_LEAST_NOISE = 1e-3  # ADC steps of a mean reading: rounding alone leaves more
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +56,7 @@ class Rest:
 
     def quiet(self, frames: np.ndarray) -> np.ndarray:
         """(..., rows, cols) readings with those of noisy cells not read: NaN."""
-        if not self.noisy:
-            return frames
-        return np.where(_mask(self.noisy, frames.shape[-2:]), np.nan, frames)
+        return np.where(mask_of(self.noisy, frames.shape[-2:]), np.nan, frames)
 
 
 def measure_rest(frames, circuit: Circuit) -> Rest:
@@ -87,7 +83,7 @@ def measure_rest(frames, circuit: Circuit) -> Rest:
     middle = np.nanmedian(frames, axis=0)
     off = np.nan_to_num(frames - middle) * circuit.full_scale  # ADC steps
     noisy = _noisy_cells(off, middle, circuit)
-    usual = circuit.populated & ~_mask(noisy, circuit.shape)
+    usual = circuit.populated & ~mask_of(noisy, circuit.shape)
     spread = np.sqrt(np.square(off).mean(0) * len(frames) / (len(frames) - 1))
     noise = float(np.median(spread[usual]))
     adc = np.where(usual, np.nanmean(frames, axis=0), middle)
@@ -115,7 +111,7 @@ def check_all_is_sent(frames: np.ndarray, circuit: Circuit, threshold: float, st
 
 
 def _noisy_cells(off: np.ndarray, middle: np.ndarray, circuit: Circuit) -> tuple:
-    """(row, column) of cells that scatter by themselves.
+    """Return (row, column) of cells that scatter by themselves, the strongest stray first judged.
 
     Args:
         off: (n, rows, cols) from the median [ADC steps].
@@ -124,133 +120,83 @@ def _noisy_cells(off: np.ndarray, middle: np.ndarray, circuit: Circuit) -> tuple
     Raises:
         ValueError: something touches the skin.
     """
-    _check_drift(off, middle, circuit)
+    usual = usual_resistance(middle, circuit.populated, circuit)
+    equal = readouts.solve(circuit, circuit.populated / usual)  # a skin of equal cells
     noise, left = _noise(off[:, circuit.populated]), off.copy()
     most = max(_MOST, int(_MOST_SHARE * np.count_nonzero(circuit.populated)))
     found: list[tuple[int, int]] = []
-    while (strays := _strays(left, middle * circuit.full_scale, noise, found)).any():
+    drift = _drift(off) / np.maximum(middle * circuit.full_scale, 1.0)
+    if abs(common := float(np.median(drift[circuit.populated]))) > _COMMON:
+        raise ValueError(
+            f"all readings drift by {common:+.0%} in these frames: does something touch the skin, "
+            "or has it just been taken off?"
+        )
+    while (strays := _strays(left, middle, noise, circuit) & ~mask_of(found, circuit.shape)).any():
         power = np.where(strays, np.square(left).sum(0), -1.0)
         row, col = (int(k) for k in np.unravel_index(power.argmax(), power.shape))
-        beside, expected = _carried(left, middle, circuit, row, col)
-        own = left[:, row, col]
-        together = np.array(
-            [_correlation(own, left[:, r, c]) for r, c in found if _near((r, c), (row, col))]
-            or [0.0]
-        )
-        seen = left.reshape(len(left), -1)[:, beside]
-        share = (
-            np.median((expected * seen).sum(0) / np.square(expected).sum(0)) if beside.size else 0
-        )
-        touched = len(found) == most or together.max() > _TOGETHER
-        if share > _CARRIED:  # the cell changes, not its reading alone
-            touched = touched or not _loose(own, middle, circuit, row, col)
-            left.reshape(len(left), -1)[:, beside] -= expected
-        if touched:
+        cell = row, col
+        own = left[:, row, col].copy()
+        carried = equal.change(mask_of([cell], circuit.shape) * 1.0)
+        carried = np.where(circuit.populated, carried / carried[cell], 0.0)
+        beside = np.abs(carried) > _MOVED
+        beside[cell] = False
+        follows = np.tensordot(own, left, 1) / (own @ own)
+        moves = beside.any() and np.median(follows[beside] / carried[beside]) > _CARRIED
+        if moves:  # the cell changes, not its reading alone
+            left -= own[:, None, None] * np.where(beside, carried, 0.0)
+        near = [c for c in found if max(abs(c[0] - row), abs(c[1] - col)) == 1]
+        together = any(np.corrcoef(own, left[(slice(None), *c)])[0, 1] > _TOGETHER for c in near)
+        touched = moves and not _loose(own, middle[cell], usual, circuit)
+        if touched or together or len(found) == most:
             k = np.abs(off[:, row, col]).argmax()
             raise ValueError(
                 f"frame {k}, row {row}, column {col} reads {off[k, row, col]:+.0f} ADC steps off "
                 f"the median, noise is {noise:.1f}: does something touch the skin, or is a contact "
                 "loose?"
             )
-        found.append((row, col))
+        found.append(cell)
     return tuple(sorted(found))
 
 
 def _noise(off: np.ndarray) -> float:
-    """RMS of a usual reading [ADC steps], of (n, cells) from their medians.
+    """Return the RMS of a usual reading [ADC steps], of (n, cells) from their medians.
 
     All cells of a small skin move under a touch, but seldom from each frame to the next. Noise may
     be slow, too, a hum: the usual spread counts, up to that of the noisiest board.
     """
-    change = np.sort(np.abs(np.diff(off, axis=0)).ravel())
-    quick = _STD_OVER_MEAN * change[: change.size // 2].mean() / 2**0.5
-    return max(float(quick), min(float(np.median(off.std(0))), MAX_NOISE))
+    quick = robust_std(np.abs(np.diff(off, axis=0))) / 2**0.5
+    return max(quick, min(float(np.median(off.std(0))), MAX_NOISE))
 
 
-def _check_drift(off: np.ndarray, middle: np.ndarray, circuit: Circuit) -> None:
-    """ValueError: all cells drift, as a fabric does that recovers."""
-    drift = _drift(off) / np.maximum(middle * circuit.full_scale, 1.0)
-    common = float(np.median(drift[circuit.populated]))
-    if abs(common) > _COMMON:
-        raise ValueError(
-            f"all readings drift by {common:+.0%} in these frames: does something touch the skin, "
-            "or has it just been taken off?"
-        )
+def _strays(off: np.ndarray, middle: np.ndarray, noise: float, circuit: Circuit) -> np.ndarray:
+    """Return (rows, cols) bool, readings that scatter, leave the others, or drift."""
+    share = _STILL_SHARE * middle * circuit.full_scale
+    strays = np.abs(off).max(0) > _STILL * max(noise, 1.0) + share
+    strays |= np.square(off).mean(0) ** 0.5 > max(_NOISY * noise, _NOISY_STEPS)
+    slow = _STILL * noise / (len(off) / 3) ** 0.5 + _NOISY_STEPS + share
+    return strays | (np.abs(_drift(off)) > slow)
 
 
 def _drift(off: np.ndarray) -> np.ndarray:
-    """(rows, cols) from the first third of the frames to the last [ADC steps]."""
+    """Return (rows, cols) from the first third of the frames to the last [ADC steps]."""
     third = max(len(off) // 3, 1)
     return off[-third:].mean(0) - off[:third].mean(0)
 
 
-def _strays(off: np.ndarray, steps: np.ndarray, noise: float, found: list) -> np.ndarray:
-    """(rows, cols) bool, readings that scatter, leave the others, or drift, but for those found."""
-    strays = np.abs(off).max(0) > _STILL * max(noise, 1.0) + _STILL_SHARE * steps
-    strays |= np.square(off).mean(0) ** 0.5 > max(_NOISY * noise, _NOISY_STEPS)
-    strays |= np.abs(_drift(off)) > _DRIFT * noise / (len(off) / 3) ** 0.5 + _NOISY_STEPS + (
-        _STILL_SHARE * steps
-    )
-    return strays & ~_mask(found, steps.shape)
-
-
-def _carried(off, middle, circuit: Circuit, row: int, col: int):
-    """Other readings (m,) that a cell moves, and (n, m) [ADC steps] by which they move if its own
-    moves because of the cell: to first order, of a skin of equal cells."""
-    usual = usual_resistance(middle, circuit.populated, circuit)
-    changed = np.zeros(circuit.shape)
-    changed[row, col] = 1.0
-    share = readouts.solve(circuit, circuit.populated / usual).change(changed)
-    share /= share[row, col]
-    share[~circuit.populated] = share[row, col] = 0.0
-    beside = np.flatnonzero(np.abs(share) > _MOVED)
-    return beside, share.flat[beside] * off[:, row, col, None]
-
-
-def _loose(own: np.ndarray, middle: np.ndarray, circuit: Circuit, row: int, col: int) -> bool:
-    """Whether a cell comes and goes as one with a loose contact does, and no touch.
+def _loose(own: np.ndarray, middle: float, usual: float, circuit: Circuit) -> bool:
+    """Return whether a cell comes and goes as one with a loose contact does, and no touch.
 
     Args:
         own: (n,) reading from its median [ADC steps].
+        middle: that median, ADC ratio.
+        usual: resistance of the usual cell [ohm].
     """
     least = 0.5 / circuit.full_scale
-    rho = circuit.two_terminal(np.maximum(middle[row, col] + own / circuit.full_scale, least))
+    rho = circuit.two_terminal(np.maximum(middle + own / circuit.full_scale, least))
     conducts = 1.0 / np.maximum(rho, least * circuit.r_ref)
-    usual = 1.0 / usual_resistance(middle, circuit.populated, circuit)
     high = own > (own.max() + own.min()) / 2
     times = np.count_nonzero(high[1:] != high[:-1])
-    return bool(np.ptp(conducts) < _LOOSE * usual and times >= _TIMES)
-
-
-def _near(one, other) -> bool:
-    return max(abs(one[0] - other[0]), abs(one[1] - other[1])) == 1
-
-
-def _correlation(one: np.ndarray, other: np.ndarray) -> float:
-    one, other = one - one.mean(), other - other.mean()
-    return float(one @ other / max(np.sqrt((one @ one) * (other @ other)), 1e-12))
-
-
-def usual_resistance(adc: np.ndarray, known: np.ndarray, circuit: Circuit) -> float:
-    """Of a cell [ohm], if (rows, cols) `adc` is read of equal ones, by those that are known.
-
-    Foster's theorem: conductance times two-terminal resistance of equal cells is
-    (rows + cols - 1) / cells.
-    """
-    scale, offset = readouts.apparent(circuit, np.where(known, adc, np.median(adc[known])))
-    share = 1.0
-    if circuit.readout == "floating":
-        share = (sum(circuit.shape) - 1) / np.count_nonzero(circuit.populated)
-    with np.errstate(divide="ignore"):
-        rho = np.maximum(circuit.r_ref * scale / np.where(known, adc, 1.0) - offset, 0.0)
-    return float(np.median(rho[known])) / share
-
-
-def _mask(cells, shape) -> np.ndarray:
-    mask = np.zeros(shape, bool)
-    for cell in cells:
-        mask[cell] = True
-    return mask
+    return bool(np.ptp(conducts) < _LOOSE / usual and times >= _TIMES)
 
 
 def check_frames(frames, circuit: Circuit) -> np.ndarray:
@@ -272,7 +218,7 @@ def check_frames(frames, circuit: Circuit) -> np.ndarray:
 def resting_conductance(
     adc: np.ndarray, circuit: Circuit, noise: float = 0.0, noisy=()
 ) -> np.ndarray:
-    """(rows, cols) conductance [S] of the cells of a skin that reads `adc`: the exact inverse.
+    """Return the (rows, cols) conductance [S] of the cells of a skin that reads `adc`.
 
     Args:
         noise: of the reading [ADC steps].
@@ -281,7 +227,8 @@ def resting_conductance(
     Raises:
         ValueError: no cells near one another's resistance read so.
     """
-    cells, unused = circuit.populated, _mask(noisy, circuit.shape)
+    cells = circuit.populated
+    unused = mask_of(noisy, circuit.shape)
     known = cells & np.isfinite(adc) & ~unused
     usual = usual_resistance(adc, known, circuit)
     if not 0.0 < usual < np.inf:
@@ -294,11 +241,32 @@ def resting_conductance(
         if found.status == "failed":
             raise ValueError(f"the readings fit no skin: {found.message}")
         conductance = np.where(cells, 1.0 / curve.resistance(found.force), 0.0)
-        if noisy:
-            conductance[unused & cells] = np.median(conductance[known])
-            model = forward(circuit, 1.0 / np.where(cells, conductance, 1.0))
-            adc = np.where(unused, model, adc)
+        conductance[unused & cells] = np.median(conductance[known])
+        model = forward(circuit, 1.0 / np.where(cells, conductance, 1.0)) if noisy else adc
+        adc = np.where(unused, model, adc)
     return conductance
+
+
+def usual_resistance(adc: np.ndarray, known: np.ndarray, circuit: Circuit) -> float:
+    """Return that of a cell [ohm], if (rows, cols) `adc` is read of equal ones, by those known.
+
+    Foster's theorem: conductance times two-terminal resistance of equal cells is
+    (rows + cols - 1) / cells.
+    """
+    scale, offset = readouts.apparent(circuit, np.where(known, adc, np.median(adc[known])))
+    share = 1.0
+    if circuit.readout == "floating":
+        share = (sum(circuit.shape) - 1) / np.count_nonzero(circuit.populated)
+    with np.errstate(divide="ignore"):
+        rho = np.maximum(circuit.r_ref * scale / np.where(known, adc, 1.0) - offset, 0.0)
+    return float(np.median(rho[known])) / share
+
+
+def mask_of(cells, shape: tuple[int, int]) -> np.ndarray:
+    """Return (rows, cols) bool of some (row, column)."""
+    mask = np.zeros(shape, bool)
+    mask[tuple(np.array(list(cells), int).reshape(-1, 2).T)] = True
+    return mask
 
 
 def supposing(rest: Rest, circuit: Circuit) -> Rest:

@@ -10,6 +10,7 @@ not at rest. A line that conducts less is not the fabric's doing, and is not fol
 from __future__ import annotations
 
 import itertools
+from collections import deque
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from ..physics.readouts import apparent
 from ..solvers.reading import MAX_NOISE, SCAN_NOISE, rest_reading
-from .at_rest import fading_line, odd_cell, one_voltage, weak_line, which_are_one
+from .at_rest import odd_cell, one_voltage, weak_line, which_are_one
 from .rest import resting_conductance
 from .touched import AT_REST, TOUCHED
 
@@ -33,27 +34,22 @@ _STILL_SHARE = 0.01
 _RESTLESS = 0.02
 _ALIKE_FRAMES = 1000  # that are looked at together while they are alike
 _TRIES = 5  # measurements that held a touch, or seemed to, after which to say so
-_UNRESOLVED = 0.5  # ADC steps: below, rounding leaves no reading
+_HALF_STEP = 0.5  # ADC steps: below, rounding leaves no reading
 _OF_CHANGES = 0.886  # standard deviation over the mean change from one to the next, normal noise
 _WINDOW = 1.0  # s that a measurement takes
+_QUIET_AFTER = 0.1  # s without a touch that must follow it: an onset is too weak to feel
 _MIN_FRAMES = 8  # frames that it takes
+_RECOVERY = 1.0  # s after a touch in which the fabric recovers: nothing is measured
+_GAIN = 0.5  # share of the change, of the rest and of its noise, that a later measurement adds
+# Changes of log conductance that are no fabric's, chosen on simulated boards (tests/calibration;
+# bench faults): of all cells from what is known, and besides in each second, as a robot's cover
+# warms up.
+_MAX_STEP = 0.1
+_MAX_DRIFT = 0.02 / 60.0
 _DRIFTS_AFTER = 0.3  # s of rest after which a drift of all cells is followed
 _DRIFT = 0.003  # 1/s, of log conductance, that is followed at most
 _DRIFT_UNSEEN = 5.0  # s for which it is made up for, after a touch that hid it
-_RECOVERY = 1.0  # s after a touch in which the fabric recovers: nothing is measured
-_QUIET_AFTER = 0.1  # s without a touch that must follow a measurement: an onset is too weak to feel
-_GAIN = 0.5  # share of the change that a later measurement adds
-_RENEWED = 0.3  # share of the noise that a measurement renews
-_SIGNIFICANT = 4.0  # standard deviations of its noise by which a measurement differs from the rest
-# Log conductance by which all cells may change from what is known, and besides in each second, as a
-# robot's cover warms up; chosen on simulated boards (tests/calibration; bench faults).
-_MAX_STEP = 0.1
-_MAX_DRIFT = 0.02 / 60.0
-# Frames whose mean is a level that readings had before the first measurement, if the next such mean
-# agrees; standard deviations of its noise, and ADC steps, by which a reading above it has risen.
-_LEVEL_FRAMES = 2
-_RISEN = 5.0
-_RISEN_STEPS = 1.0
+_LEVEL_FRAMES = 4  # in a row, at or below a level that readings then had before any measurement
 
 
 class Tare:
@@ -86,7 +82,7 @@ class Tare:
         self._restless = 0  # measurements in a row whose parts differed
         self._alike = np.zeros(circuit.shape), 0  # sum and frames of seconds that read alike
         self._lowest = np.full(circuit.shape, np.inf)  # ADC ratio, levels before any measurement
-        self._level: list[np.ndarray] = []  # the last frames
+        self._level: deque[np.ndarray] = deque(maxlen=_LEVEL_FRAMES)  # the last frames
         self._begin(-np.inf)
         self._quiet = self._followed = -np.inf  # s, when a touch was last, and a drift followed
         self._drifted: tuple[float, np.ndarray] | None = None  # s, and what was read then
@@ -107,13 +103,10 @@ class Tare:
         self._circuit = circuit
 
     def _begin(self, after: float) -> None:
-        self._after, self._since, self._until = after, np.inf, np.inf
-        # sum and frames of the first half, of the second, and of what follows
-        self._parts = [(np.zeros(self._circuit.shape), 0)] * 3
-        self._squares = [np.zeros(self._circuit.shape)] * 3  # sums of squares of the same
-        self._adc: np.ndarray | None = None  # the last frame
-        # sizes of the changes from frame to frame, summed, and the largest: it may be a touch
-        self._changes = self._jump = np.zeros(self._circuit.shape)
+        """Measure anew, from `after` [s] on."""
+        self._after = after
+        self._times: list[float] = []
+        self._frames: list[np.ndarray] = []
 
     def update(self, t: float, adc: np.ndarray, force: np.ndarray) -> bool:
         """Take a frame.
@@ -138,123 +131,73 @@ class Tare:
             self._quiet, self._drifted = t, None
         self._last = t
         if not self.measured:
-            self._note_level(adc)
+            self._level.append(adc)
+            if len(self._level) == _LEVEL_FRAMES:
+                self._lowest = np.minimum(self._lowest, np.max(self._level, axis=0))
         followed = self.measured and self._follow(t, adc)
-        if t < self._after:
-            return followed
-        self._since = min(self._since, t)
-        self._add(t, adc)
-        if t - self._until < _QUIET_AFTER:
-            return followed
-        (one, n), (other, m), _ = self._parts
-        mean, noise, still = (one + other) / (n + m), self._noise(), self._still()
-        if still:
-            self._measure_noise()
-        self._begin(t)
+        if t >= self._after and t not in self._times[-1:]:  # a clock may stand still
+            self._times.append(t)
+            self._frames.append(adc)
+            many = len(self._times) > _MIN_FRAMES
+            if many and t - self._times[0] >= _WINDOW + _QUIET_AFTER:
+                after = int(np.count_nonzero(np.array(self._times) > t - _QUIET_AFTER))
+                window = _Window(np.array(self._frames), after, self._circuit)
+                self._begin(t)
+                return self._measure(window) or followed
+        return followed
+
+    def _measure(self, window: _Window) -> bool:
+        """Take a second of frames; whether `curve` changed."""
+        still = np.count_nonzero(window.moved) <= self._few
         self._restless = 0 if still else self._restless + 1
         if not still:
             if not self.measured:
                 self.found = Finding(Kind.UNSTEADY) if self._restless >= _TRIES else None
-            return followed
-        usual = self._usual(noise)
-        if not self.measured and (risen := self._risen(mean, usual)):
+            return False
+        if window.spread > 0.0:  # readings that never move are below a threshold, or averaged away
+            before = window.spread if self.noise is None else self.noise
+            self.noise = before + _GAIN * (window.spread - before)
+        if not self.measured and (risen := self._risen(window)):
             self.found, self.unseen = risen, True
-            return followed
-        found = self._one_voltage(mean, n + m, usual)
+            return False
+        found = self._one_voltage(window)
         self.unseen = found is not None and found.stops
-        zero = np.asarray(mean * self._circuit.full_scale < _UNRESOLVED) & self._circuit.populated
+        zero = self._circuit.populated & (window.mean * self._circuit.full_scale < _HALF_STEP)
         zero &= ~(zero.all(1)[:, None] | zero.all(0))  # such a line is not connected
         if np.count_nonzero(zero) > self._few:
             numbers = {"count": np.count_nonzero(zero)}
             found = found or Finding(Kind.ZEROS, "cells", numbers=numbers)
         if found:
-            if not self.measured:
-                self.found = found
-            return followed
-        return self._learn(mean, usual / (n + m) ** 0.5) or followed
+            self.found = self.found if self.measured else found
+            return False
+        return self._learn(window.mean, window.noise / window.count**0.5)
 
-    def _one_voltage(self, mean: np.ndarray, frames: int, noise: float) -> Finding | None:
+    def _one_voltage(self, window: _Window) -> Finding | None:
         """Return that no matrix is read; together seconds that are alike have less noise."""
         total, count = self._alike
-        total, count = total + frames * mean, count + frames
-        for seen, n in ((mean, frames), (total / count, count)):
-            found = one_voltage(seen, n, noise, self._circuit)
+        total, count = total + window.count * window.mean, count + window.count
+        for seen, n in ((window.mean, window.count), (total / count, count)):
+            found = one_voltage(seen, n, window.noise, self._circuit)
             if not found:
-                self._alike = np.zeros(mean.shape), 0
+                self._alike = np.zeros(total.shape), 0
                 return None
         kept = min(count, _ALIKE_FRAMES)
         self._alike = total * (kept / count), kept
         return found
 
-    def _note_level(self, adc: np.ndarray) -> None:
-        """Take a frame into the levels that the readings have had."""
-        self._level = [*self._level, adc][-2 * _LEVEL_FRAMES :]
-        if len(self._level) < 2 * _LEVEL_FRAMES:
-            return
-        one, other = (np.mean(self._level[k::2], axis=0) for k in (0, 1))
-        first, last = (np.mean(part, axis=0) for part in np.split(np.array(self._level), 2))
-        limit = _RISEN_STEPS / self._circuit.full_scale + _RISEN * np.abs(one - other)
-        if (np.abs(last - first) <= np.maximum(limit, _STILL_SHARE * first)).all():
-            self._lowest = np.minimum(self._lowest, last)
-
-    def _risen(self, adc: np.ndarray, noise: float) -> Finding | None:
-        """Return that readings are far above a level that they had: something lies there by now.
-
-        Args:
-            noise: of a reading [ADC steps].
-        """
-        low = np.minimum(self._lowest, adc)
-        noise = min(noise, MAX_NOISE)  # what rises while it is measured is none
-        least = (_RISEN * noise / _LEVEL_FRAMES**0.5 + _RISEN_STEPS) / self._circuit.full_scale
-        more = _conducts(self._circuit, adc) > self._max_factor * _conducts(self._circuit, low)
-        risen = (adc - low > least) & more & self._circuit.populated
+    def _risen(self, window: _Window) -> Finding | None:
+        """Return that readings are far above a level that they had: something lies there by now."""
+        low = np.minimum(self._lowest, window.mean)
+        noise = min(window.noise, MAX_NOISE)  # what rises while it is measured is none
+        least = (_STILL * noise + 1.0) / self._circuit.full_scale
+        more = _conducts(self._circuit, window.mean) > (
+            self._max_factor * _conducts(self._circuit, low)
+        )
+        risen = (window.mean - low > least) & more & self._circuit.populated
         if np.count_nonzero(risen) <= self._few:
             return None
-        most = largest(np.where(risen, adc - low, 0.0))
+        most = largest(np.where(risen, window.mean - low, 0.0))
         return Finding(Kind.LOADED, "risen", **most, numbers={"count": np.count_nonzero(risen)})
-
-    def _add(self, t: float, adc: np.ndarray) -> None:
-        """Take a frame into the measurement, or into what follows it."""
-        if self._adc is not None:
-            change = np.abs(adc - self._adc)
-            self._changes, self._jump = self._changes + change, np.maximum(self._jump, change)
-        self._adc = adc
-        half = t - self._since >= 0.5 * _WINDOW and self._parts[0][1] >= _MIN_FRAMES // 2
-        part = 2 if self._until < np.inf else int(half)
-        total, n = self._parts[part]
-        self._parts[part] = total + adc, n + 1
-        self._squares[part] = self._squares[part] + np.square(adc)
-        if t - self._since >= _WINDOW and self._parts[1][1] >= _MIN_FRAMES // 2:
-            self._until = min(self._until, t)
-
-    def _noise(self) -> np.ndarray:
-        """(rows, cols) of one reading, by what changes from frame to frame; ADC ratio."""
-        changes = sum(n for _, n in self._parts) - 1
-        noise = _OF_CHANGES * (self._changes - self._jump) / max(changes - 1, 1)
-        return np.maximum(noise, SCAN_NOISE / self._circuit.full_scale)
-
-    def _measure_noise(self) -> None:
-        """Take the spread within both halves: a board's low-pass makes successive frames alike."""
-        halves = zip(self._parts[:2], self._squares[:2], strict=True)
-        variance = [(square - total**2 / n) / (n - 1) for (total, n), square in halves]
-        usual = float(np.median(np.mean(variance, axis=0)[self._circuit.populated]))
-        now = max(usual, 0.0) ** 0.5 * self._circuit.full_scale
-        if now > 0.0:  # readings that never move are below a threshold, or averaged away
-            before = now if self.noise is None else self.noise
-            self.noise = before + _RENEWED * (now - before)
-
-    def _usual(self, noise: np.ndarray) -> float:
-        """That of the usual cell [ADC steps]."""
-        return float(np.median(noise[self._circuit.populated])) * self._circuit.full_scale
-
-    def _still(self) -> bool:
-        """Whether the parts of the measurement read alike: else it holds a touch, or its end."""
-        noise = self._noise()
-        for (one, n), (other, m) in itertools.pairwise(p for p in self._parts if p[1]):
-            limit = _STILL * noise * (1.0 / n + 1.0 / m) ** 0.5 + _STILL_SHARE * one / n
-            if np.count_nonzero(np.abs(one / n - other / m) > limit) > self._few:
-                return False
-        return True
 
     def _follow(self, t: float, adc: np.ndarray) -> bool:
         """Take over by what all cells have drifted since, from a frame that nothing touches.
@@ -285,14 +228,15 @@ class Tare:
         return True
 
     def _learn(self, adc: np.ndarray, noise: float) -> bool:
-        """Args:
-        noise: of the mean reading, in ADC steps.
+        """Take over what a skin at rest reads; whether `curve` changed.
+
+        Args:
+            noise: of the mean reading [ADC steps].
         """
         full = self._circuit.full_scale
-        # of a skin that rests
         lines = which_are_one(adc * full, noise, self._circuit.populated)
         off = (adc - rest_reading(self._circuit, self.curve)) * full
-        if np.square(off).mean() < (_SIGNIFICANT * noise) ** 2:
+        if np.square(off).mean() < (_STILL * noise) ** 2:
             self.found, self.measured, self.lines = None, True, lines
             return False
         cells, at_rest = self._circuit.populated, self.curve.points[0][1]
@@ -309,7 +253,7 @@ class Tare:
             self.found = Finding(Kind.FABRIC, numbers=numbers)
         else:
             self.found = odd_cell(now * at_rest / level, cells, self._max_factor)
-            self.found = self.found or weak_line(np.log(now * at_rest), cells)
+            self.found = self.found or weak_line(np.log(now * at_rest), cells, first=True)
         if self.found:
             return False
         self.measured, self.lines = True, lines
@@ -317,7 +261,7 @@ class Tare:
             self._first = now
         else:
             before = 1.0 / self.curve.rest_resistance
-            self.found = fading_line(np.log(now / self._first), cells)
+            self.found = weak_line(np.log(now / self._first), cells, first=False)
             common = float(np.median(np.log(now / before)[cells]))
             if abs(common) > _MAX_STEP + _MAX_DRIFT * (self._last - self._learned):
                 numbers = {"share": float(np.expm1(common))}
@@ -328,6 +272,37 @@ class Tare:
         self._learned = self._last
         self.curve = self.curve.resting_at(np.where(cells, 1.0 / now, at_rest))
         return True
+
+
+class _Window:
+    """A second of frames, and what a tenth of one after it reads.
+
+    Attributes:
+        mean: (rows, cols) ADC ratio, of `count` frames.
+        noise: RMS of the usual reading, by what changes from frame to frame [ADC steps].
+        spread: the same within both halves: a board's low-pass makes successive frames alike.
+        moved: (rows, cols) bool, readings of which the halves, or what follows, differ: there is a
+            touch, or its end.
+    """
+
+    def __init__(self, frames: np.ndarray, after: int, circuit: Circuit):
+        cells, full = circuit.populated, circuit.full_scale
+        self.count = len(frames) - after
+        middle = self.count // 2
+        parts = frames[:middle], frames[middle : self.count], frames[self.count :]
+        self.mean = frames[: self.count].mean(0)
+        changes = np.abs(np.diff(frames, axis=0))
+        # the largest may be a touch
+        noise = _OF_CHANGES * (changes.sum(0) - changes.max(0)) / (len(changes) - 1)
+        noise = np.maximum(noise, SCAN_NOISE / full)
+        self.noise = float(np.median(noise[cells])) * full
+        variance = np.mean([part.var(0, ddof=1) for part in parts[:2]], axis=0)
+        self.spread = float(np.median(variance[cells])) ** 0.5 * full
+        self.moved = np.zeros(circuit.shape, bool)
+        for one, other in itertools.pairwise(parts):
+            limit = _STILL * noise * (1.0 / len(one) + 1.0 / len(other)) ** 0.5
+            limit += _STILL_SHARE * one.mean(0)
+            self.moved |= np.abs(one.mean(0) - other.mean(0)) > limit
 
 
 def _conducts(circuit: Circuit, adc: np.ndarray) -> np.ndarray:

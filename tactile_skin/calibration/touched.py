@@ -1,4 +1,4 @@
-"""What counts as touched: three levels of the force on a cell, and when a touch stands."""
+"""What counts as touched: three levels of force, one of a reading; and when a touch stands."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ TOUCHED = 15.0 * GRAM  # N: a touch; lines that are shorted at rest read as 13 g
 # N on so many cells: a touch that begins, not noise
 STIRRED = 1.0 * GRAM
 STIRRED_CELLS = 3
+RAISED = 8.0  # times the noise: a reading that is touched, whatever its curve
 # Times the noise, RMS: by which a frame may differ from the one before, since a touch that moves is
 # read row by row; and by which it differs from the last that was asked.
 _STANDS = 2.5

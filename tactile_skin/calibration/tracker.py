@@ -10,36 +10,46 @@ import numpy as np
 from ..findings.finding import Finding, Kind, Severity
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
-from ..solvers.evidence import MIN_SCALE, SOFT, Evidence, Supposed, series_scale
+from ..solvers.evidence import (
+    MIN_SCALE,
+    RELEVANT,
+    REST_FRAMES,
+    SOFT,
+    Evidence,
+    Supposed,
+    series_scale,
+)
 from ..solvers.reading import ROUNDING_NOISE, rest_reading
-from .identify import TOLD, bounded, names, prior_of, shifted, std_of, values, without_r_par
+from .identify import (
+    CONTRADICTION,
+    FEWEST,
+    TOLD,
+    Solution,
+    names,
+    prior_of,
+    shifted,
+    values,
+    without_r_par,
+)
 from .rest import Rest, supposing
 from .touched import stands_anew
 
 _KEPT = 24  # touches: the latest, since boards warm up and connectors age
-_ENOUGH = 3  # touches that may change what is known
-_LATEST = 6  # of them that may overrule it
+_LATEST = 2 * FEWEST  # of them that may overrule it
 _PATIENCE = 2.0  # s that a stretch waits for a pause between touches,
 _STOPPED = 0.15  # and for more of it, while a stop gives time
-_KNOWN = 0.06  # of `series_scale`: standard deviation from which on r_par is known
 # Standard deviations by which the configuration must be wrong; and what was learnt since.
 _SURE = 5.0
 _REFINED = 2.0
-# The same, from which on it is said: single touches of sound boards (8 x 8 to 16 x 16, seed 33301)
-# were off by 2.2 at most.
-_LIKELY = 3.0
-_RELEVANT = 0.02  # of `series_scale`: less changes no picture,
-_RELEVANT_OTHER = 1.5  # ohm, of r_line and r_drive
+_RELEVANT_OTHER = 1.5  # ohm, of r_line and r_drive: less changes no picture
 _EXPLAINED = 3.0  # chi^2 a reading, in the median frame, beyond which there is another fault
 # Beside the configured r_par, as share of it, or of `MIN_SCALE` r_ref, if that is more: of a loaded
 # matrix, where r_ref changes nothing of it, only above; ohm of the others: a multiplexer that
 # drives has up to 1050 (data sheet of the CD4051B at 5 V and 25 degrees).
 _POSSIBLE = {"r_par": 0.5, "r_line": 60.0, "r_drive": 1050.0}
 # Ohm by which r_drive may exceed what is configured as long as nothing tells: that of an Arduino's
-# pin (data sheet of the ATmega328P); what `identify` tells it to, where the skin was calibrated.
+# pin (data sheet of the ATmega328P).
 _DRIVE = 25.0
-_DRIVE_CALIBRATED = 4.0
-_REST_FRAMES = 40  # that a measurement of the rest takes, see tare.py
 
 
 class _Asked(NamedTuple):
@@ -79,12 +89,12 @@ class CircuitTracker:
         # A curve makes up for the error of the r_par that it was found with, any if nothing told
         # it: newtons are right with that r_par only. What is further off has changed since.
         told = (r_par_std or 0.0) <= TOLD["r_par"] * series_scale(circuit)
-        self._made_up_for = _LIKELY * (r_par_std or 0.0) if told else np.inf  # ohm
+        self._made_up_for = CONTRADICTION * (r_par_std or 0.0) if told else np.inf  # ohm
         by_data_sheet = float(prior_of(circuit)[0, 0] ** -0.5)
         self._known_to = [by_data_sheet if r_par_std is None else r_par_std]
         self._tells_drivers = names(circuit)[1] == "r_drive"
         if self._tells_drivers:
-            self._known_to.append(_DRIVE if r_par_std is None else _DRIVE_CALIBRATED)
+            self._known_to.append(_DRIVE if r_par_std is None else TOLD["r_drive"])
         self.std = np.full(2, np.inf)
         self._learnt: list[Finding] = []
         self._likely: list[Finding] = []
@@ -167,7 +177,7 @@ class CircuitTracker:
         if self._asked and (self._asked[0].at != self._off).any():
             old = self._asked.popleft()
             self._take(old.adc, old.noise)  # anew, by what is known now
-        changed = len(self._asked) >= _ENOUGH and self._conclude()
+        changed = len(self._asked) >= FEWEST and self._conclude()
         self._likely = self._suggested()
         return changed
 
@@ -175,8 +185,8 @@ class CircuitTracker:
         """One touch tells r_par to 5 to 50 ohm: not enough to use it, but to doubt the other."""
         if not self._asked:
             return []
-        off, std, _ = self._solve(list(self._asked))
-        least = np.maximum(_LIKELY * std, self._relevant)
+        off, _, std, _ = self._solve(list(self._asked))
+        least = np.maximum(CONTRADICTION * std, self._relevant)
         least[1] = least[1] if self._tells_drivers else np.inf
         return self._differing("likely", off, self._adopted, std, least, Severity.NOTE)
 
@@ -204,7 +214,7 @@ class CircuitTracker:
         adc = rest_reading(self.circuit, curve)  # what it was measured by
         if self._rest is None or not np.array_equal(adc, self._rest.adc):
             conductance = self.circuit.populated / curve.rest_resistance
-            self._rest, self._supposed = Rest(adc, noise, _REST_FRAMES, conductance), None
+            self._rest, self._supposed = Rest(adc, noise, REST_FRAMES, conductance), None
         circuit = shifted(self._configured, self._off)
         if self._supposed is None or self._supposed.circuit != circuit:
             self._supposed = self._of(circuit)
@@ -224,17 +234,17 @@ class CircuitTracker:
 
     def _conclude(self) -> bool:
         """Whether what the touches say together is another circuit than `circuit`."""
-        off, std, information = self._solve(list(self._asked))
-        latest = list(self._asked)[-_LATEST:]
-        now, now_std, now_information = self._solve(latest)
-        if (np.abs(now - off) > _SURE * np.hypot(now_std, std)).any():  # it has changed
-            self._asked = deque(latest, _KEPT)
-            off, std, information = now, now_std, now_information
+        found, latest = self._solve(list(self._asked)), list(self._asked)[-_LATEST:]
+        now = self._solve(latest)
+        changed = np.abs(now.off - found.off) > _SURE * np.hypot(now.std, found.std)
+        if changed.any():
+            self._asked, found = deque(latest, _KEPT), now
+        off, information, std, _ = found
         relevant = self._relevant
         if (np.abs(off - self._off) > np.maximum(relevant, std)).any():
             self._off = off
         self.std = std
-        if std[0] > _KNOWN * series_scale(self._configured):
+        if std[0] > 2.0 * TOLD["r_par"] * series_scale(self._configured):
             if not self._tells_drivers:
                 return False
             # r_drive, with the r_par that is used: touches on few lines tell no more
@@ -264,7 +274,7 @@ class CircuitTracker:
     @property
     def _relevant(self) -> np.ndarray:
         """(2,) [ohm]"""
-        return np.array([_RELEVANT * series_scale(self._configured), _RELEVANT_OTHER])
+        return np.array([RELEVANT * series_scale(self._configured), _RELEVANT_OTHER])
 
     def _beyond(self, off: np.ndarray) -> bool:
         """Whether no board is (2,) ohm off beside the configuration."""
@@ -290,17 +300,12 @@ class CircuitTracker:
         e, step = asked.evidence, off - asked.at
         return float((e.chi2 - 2.0 * e.score @ step + step @ e.information @ step) / e.count)
 
-    def _solve(self, asked: list[_Asked]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(2,) beside the configured, its standard deviation [ohm], and (2, 2) information."""
-        evidence = [a.evidence for a in asked]
-        information = sum(e.information for e in evidence) + prior_of(self._configured)
-        pull = sum(e.score + e.information @ a.at for e, a in zip(evidence, asked, strict=True))
-        off = bounded(np.linalg.solve(information, pull), information, self._configured)
-        here = [
-            e._replace(score=e.score + e.information @ (a.at - off))
-            for e, a in zip(evidence, asked, strict=True)
-        ]
+    def _solve(self, asked: list[_Asked]) -> Solution:
+        """Return what touches say together, with as much less information as they differ by more
+        than noise."""
         assert self._rest is not None and self._supposed is not None
-        std = std_of(here, information, self._rest, self._supposed)
-        # by as much less as the frames differ by more than noise
-        return off, std, information * np.min(1.0 / (information.diagonal() ** 0.5 * std)) ** 2
+        evidence, at = [a.evidence for a in asked], [a.at for a in asked]
+        found = Solution.of(evidence, at, self._configured, self._rest, self._supposed)
+        information = found.information
+        less = np.min(1.0 / (information.diagonal() ** 0.5 * found.std)) ** 2
+        return found._replace(information=information * less)

@@ -17,25 +17,21 @@ _AT_ZERO = 0.1  # share of the frames in which a usual cell reads 0, at least
 _GAP = 3.0  # ADC steps above 0 in which no number lies, at least
 _STRAYS = 0.002  # share of the numbers that may lie in the gap
 # Above a threshold numbers set in at once: as many within a quarter of it as in the next one, but
-# for this share, and at least so many of all.
+# for this share.
 _BAND = 0.25
 _SETS_IN = 0.6
-_NEAR = 0.005
 _FEWEST = 20  # numbers there
 # Times by which a fabric's resistance falls from no load to a kilogram at most: 35 to 370 in
 # published series of velostat, 470 by the shipped curve. Readings rise by less.
 _MOST_FALL = 500.0
 _HALF_STEP = 0.5
-_KNOWN = 1.02  # times a threshold that is known, up to which numbers set in above it
 _CALM = 0.3  # of the frames, the lowest ones, are those in which least touches
 _NOISE = 2.0  # ADC steps RMS: of less, rounding makes much the same
 # Share of its calm frames in which a cell reads 0 whose mean was taken off: at least, at most.
 _CUT_LEAST = 0.25
 _CUT_MOST = 0.9
 _MEAN_OF_HALF = 0.8  # mean over standard deviation of a half normal distribution
-# As many readings at the largest number as in all of the tenth below it, in so many cells.
-_PILE_CELLS = 3
-_PILE_READINGS = 5
+_PILE = 5  # readings at the largest number, and as many as in all of the tenth below it
 _BESIDE = 0.9  # of the largest number: where that tenth begins
 _ROUND = 50  # ADC steps: an end that somebody chose is at least so much, a ceiling a multiple
 _EACH = 0.98  # share of the frames that reach both ends, where each was normalised
@@ -111,7 +107,7 @@ def processed(
     if np.median(at_zero.mean(0)) > _AT_ZERO:
         level = _gap(steps[~at_zero])
         if level is not None:
-            known = level <= _KNOWN * threshold
+            known = level <= threshold + _GAP
             return None if known else Processed(Kind.THRESHOLD, level, ceiling, share)
         least = _mean(steps) + max(_HALF_STEP, unresolved)
         if ceiling is not None or top > _MOST_FALL * least or _is_cut(steps, unresolved):
@@ -152,8 +148,7 @@ def _gap(numbers: np.ndarray) -> float | None:
     if level < _GAP:
         return None
     begin, middle, end = np.searchsorted(above, level * (1.0 + _BAND * np.arange(3)))
-    few = middle - begin < max(_FEWEST, _NEAR * len(above))
-    if few or middle - begin < _SETS_IN * (end - middle):
+    if middle - begin < max(_FEWEST, _SETS_IN * (end - middle)):
         return None
     return float(above[0] if above[0] > _BESIDE * level else level)
 
@@ -166,9 +161,8 @@ def _ceiling(steps: np.ndarray, adc_bits: int) -> float | None:
         return None
     there = steps == top
     below = steps[(steps >= _BESIDE * top) & ~there]
-    cells, readings = there.any(0).sum(), there.sum()
-    piled = cells >= _PILE_CELLS and readings >= max(_PILE_READINGS, below.size)
-    return top if piled else None
+    several = there.any(0).sum() > 1
+    return top if several and there.sum() >= max(_PILE, below.size) else None
 
 
 def _is_stretched(steps: np.ndarray) -> bool:

@@ -27,7 +27,7 @@ from .fixed_point import first_guess, fixed_point, iterate, last_guess
 from .learned import cnn, physics
 from .map import map_estimate
 from .naive import naive
-from .newton import fits_circuit, newton
+from .newton import cells_that_fit, newton
 from .reading import Reading, check_reading
 from .suspect import EXACT_NOISE, saturation
 
@@ -171,6 +171,6 @@ def _of_ideal_stripes(reading: Reading, method: str, given: dict) -> Estimate:
     if estimate.status == "ok" and method in _NOT_FITTED and reading.all_cells_read:
         # The misfit of these methods proves nothing: the exact inverse decides.
         finding = saturation(reading)
-        if finding and not fits_circuit(reading):
+        if finding and cells_that_fit(reading) is None:
             return estimate.doubted(finding)
     return estimate

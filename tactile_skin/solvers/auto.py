@@ -26,13 +26,10 @@ def auto(reading: Reading, start: Estimate | None = None, prior=None) -> Estimat
     """
     circuit, curve = reading.circuit, reading.curve
     rest = rest_reading(circuit, curve)
+    quiet = reading
     if not reading.noise_given:
-        misfit = reading.misfit(rest)
-        quiet = reading.with_noise(robust_std(np.abs(misfit)))
-        if (idle := _idle_estimate(quiet, rest, prior)) is not None:
-            return idle
-        return map_estimate(reading, start, prior)
-    if (idle := _idle_estimate(reading, rest, prior)) is not None:
+        quiet = reading.with_noise(robust_std(np.abs(reading.misfit(rest))))
+    if (idle := _idle_estimate(quiet, rest, prior)) is not None:
         return idle
     if reading.noise == 0.0 and reading.all_cells_read and prior is None:
         estimate = newton(reading, start)

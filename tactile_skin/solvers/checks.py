@@ -23,8 +23,6 @@ def check_start(start: Estimate, circuit: Circuit) -> None:
         raise ValueError(f"start has shape {force.shape}: the circuit is {circuit.shape}")
     if not (force.min() >= 0.0 and force.max() < np.inf):  # NaN is neither
         _refuse("start.force", force, (force >= 0.0) & (force < np.inf), "finite and 0 N or more")
-    if start.r_par is not None and not 0.0 <= start.r_par < np.inf:
-        raise ValueError(f"start.r_par = {start.r_par!r} ohm: must be finite and 0 or more")
 
 
 def check_prior(prior, circuit: Circuit) -> tuple[np.ndarray, np.ndarray]:

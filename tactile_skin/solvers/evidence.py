@@ -18,8 +18,8 @@ from scipy.ndimage import binary_dilation
 from ..physics import lines, readouts
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
-from .fixed_point import fill, first_guess, iterate
-from .reading import Linearised, Reading, check_reading
+from .fixed_point import MAX_STEPS, fill, first_guess, iterate
+from .reading import OUTLIER, Linearised, Reading, check_reading
 
 # Times its conductance at rest from which on a cell is evidently touched: noise is far below, even
 # in the shadow of a hard touch. What else is touched is found by `_Z`.
@@ -39,18 +39,17 @@ _HIDDEN = 1e-3  # share of a cell's squared pattern below which the others can t
 # chi^2 a reading, that no other r_par or r_line takes, beyond which a frame is of no use.
 _EXPLAINED = 30.0
 # Share of a reading by which the circuit's model misses a sound skin's beyond the noise (creep,
-# scans in turn), and standard deviations from which a misfit counts less than its square: that of a
-# bad contact, say.
+# scans in turn).
 _MODEL = 0.0005
-_ODD = 3.0
 _BESIDE = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], bool)
 MIN_SCALE = 0.15  # of r_ref: what a board's r_par may be where none is configured
 _MOST_PARTS = 300.0  # ohm, the same whatever r_ref is: two CD4051 have 250 at 5 V, and more below
 _RIDGE = 1e-5  # of the touched cells' precision: the readings may not determine all of them
 _CUT_OFF = 3.0  # ADC steps from the converter's ends within which a reading's noise is cut off
-_START_STEPS = 60  # of the fixed point, to one ADC step RMS
 _STEPS = 6  # of Levenberg and Marquardt, a frame and search of touched cells; the next goes on
 _SETTLED = 0.5  # gain in chi^2 of a step that is the last
+RELEVANT = 0.025  # of `series_scale`: less moves hard touches by 8 to 25 g a cell
+REST_FRAMES = 40  # whose mean the rest of a running skin is taken for
 HARDEST = 0.002  # times r_ref that a cell has at least: 20 ohm beside 10 kohm
 _ANY = 3.0  # standard deviation of a touched cell's log conductance: nothing is known of it
 
@@ -197,7 +196,7 @@ class Supposed:
         if g is None:
             g = first_guess(reading)
             if not circuit.has_ideal_drivers:  # else it is the solution
-                g, _ = iterate(reading, self.rest, _START_STEPS, 1.0)
+                g, _ = iterate(reading, self.rest, MAX_STEPS, 1.0)
             g = fill(reading, g)
         further = self._beyond_first_order(g)
         touched = circuit.populated & (g > _EVIDENT * self.rest)
@@ -233,7 +232,7 @@ class Supposed:
         unexplained = float(np.square(past.by_no_circuit).sum()) / count
         if unexplained > _EXPLAINED:
             return None
-        trust = np.minimum(1.0, _ODD / np.maximum(np.abs(past.by_no_circuit), 1e-9))
+        trust = np.minimum(1.0, OUTLIER / np.maximum(np.abs(past.by_no_circuit), 1e-9))
         trust /= max(unexplained, 1.0)  # a frame that is explained badly says little
         weighed = (past.patterns * trust[:, None]).T
         by_adc = model.weight * weighed.reshape(2, *g.shape)

@@ -34,19 +34,13 @@ def _learned(reading: Reading, weights, method: str, kind: str) -> Estimate:
     if weights.kind != kind:
         raise ValueError(f"weights {weights.path}: of a {weights.kind} network, not for {method!r}")
     weights.check(reading.circuit, reading.curve)
-    force, there = _analyse_frame(reading, weights)
-    force, there = _with_single_cells(force, there, reading)
-    return estimate_from_force(force, reading, method, network=there)
-
-
-def _analyse_frame(reading: Reading, weights) -> tuple[np.ndarray, tuple]:
-    """(rows, cols) force [N] by the network, and `network_of` it."""
     force = weights.predict(reading.adc)  # of cells that are all alike
     if reading.curve.gain is not None:
         force *= reading.curve.gain
     if reading.circuit.mask is not None:
         force *= reading.circuit.populated
-    return force, network_of(force, reading)
+    force, there = _with_single_cells(force, network_of(force, reading), reading)
+    return estimate_from_force(force, reading, method, network=there)
 
 
 def _with_single_cells(force: np.ndarray, there: tuple, reading: Reading):

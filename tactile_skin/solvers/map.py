@@ -19,16 +19,14 @@ from ..physics.quadratic import inverse_diagonal, solve_in_box
 from . import prior as prior_terms
 from . import suspect
 from .estimate import Estimate, spread
-from .fixed_point import fill, first_guess, iterate, last_guess
-from .reading import ROUNDING_NOISE, Linearised, Reading, noise_at_rest
+from .fixed_point import START_STEPS, fill, first_guess, iterate, last_guess
+from .reading import NEAR_REST, OUTLIER, ROUNDING_NOISE, Linearised, Reading, noise_at_rest
 from .rivals.aside import without_bad_contacts
 from .rivals.other_r_par import with_other_r_par
 from .rivals.other_readout import other_readout
 from .suspect import NormalEquations
 
 MAX_STEPS = 12  # of Gauss-Newton; bounds the time of readings that no circuit explains
-START_STEPS = 10  # of the fixed point: a step costs a twentieth of a Gauss-Newton step
-WARM_STEPS = 12  # the same from the last frame: the rim of a touch that moved misfits by far
 _NEAR = 1.2  # residual over noise at which the fixed point has done its part
 _SETTLED = 4.0  # gain in units of 1/2 chi^2 below which a step is the last
 # chi^2 that a cell at rest must gain alone to become an unknown; noise gains it in 1 of 70 cells.
@@ -38,12 +36,10 @@ _MEMORY = 4  # last costs, of which a step must not exceed the largest: a bound 
 _DENSE = 600  # unknowns up to which a Cholesky factor is faster than conjugate gradients
 _CG_STEPS = 100
 _UNCHANGED = 2.2  # standard deviations of chi^2 up to which a frame is that of the same load
-_NEAR_REST = 1.5  # times the conductance at rest: a starting cell below it starts at rest
 _WIDEN = 1.2  # what the measured coverage requires; not of loads on all cells
 # Noise that is measured in the frame (docs/derivation.md).
 _MAX_FITS = 6  # that may be made
 _AGREE = 1.15  # factor within which two agree
-_OUTLIER = 3.0  # standard deviations beyond which a reading is one
 _LOUD = 2.0  # times the usual noise: a fit that did not know of it is no start for another
 _USUAL_NOISE = 0.6  # ADC steps that boards usually have,
 _USUAL_COUNT = 3.0  # which counts as so many readings
@@ -88,7 +84,7 @@ def _map_estimate(reading: Reading, start: Estimate | None, prior) -> Estimate:
     if estimate.status == "suspect" and not reading.late():
         estimate = without_bad_contacts(reading, fit, estimate) or estimate
     asks = estimate.status == "ok" and prior is None
-    if asks and (finding := other_readout(reading, estimate, start, _touches)):
+    if asks and (finding := other_readout(reading, estimate, start)):
         return estimate.doubted(finding)
     explained = estimate.status == "ok" or (estimate.status == "suspect" and not warm)
     if estimate.aside is not None or not explained:
@@ -119,13 +115,13 @@ def _fit(
     fits: that may be made to measure the noise, where it was not given.
     level: whether the load may be one of the level prior.
     """
-    circuit, begin, start_steps = reading.circuit, g, WARM_STEPS if warm else START_STEPS
-    g, steps = iterate(reading, g, start_steps, _NEAR * reading.fitted_noise)
+    circuit, begin = reading.circuit, g
+    g, steps = iterate(reading, g, START_STEPS, _NEAR * reading.fitted_noise)
     g = fill(reading, g)
     if not reading.noise_given and fits == _MAX_FITS:
         reading = _with_noise_at_rest(reading, g)
     low = reading.bounds[0]
-    at_rest = circuit.populated & (g < _NEAR_REST * low)
+    at_rest = circuit.populated & (g < NEAR_REST * low)
     broad = level and prior_terms.is_broad(circuit, at_rest) and prior_terms.is_level(reading, g)
     g = np.where(at_rest, low, g)
     point, step, iterations, settled = _converge(
@@ -210,22 +206,14 @@ def _leaves_level(reading: Reading, point: _Point) -> bool:
     The first guess lifts cells beside a hard touch, which that prior lets go. Noise does the same
     to an even load, so it must be known.
     """
-    at_rest = point.model.g < _NEAR_REST * reading.bounds[0]
+    at_rest = point.model.g < NEAR_REST * reading.bounds[0]
     return reading.noise_given and not prior_terms.is_broad(reading.circuit, at_rest)
-
-
-def _touches(reading: Reading, g: np.ndarray) -> np.ndarray:
-    """(rows, cols) conductance [S] of the likeliest touches near g: no load on the whole skin."""
-    low = reading.bounds[0]
-    g = np.where(g < _NEAR_REST * low, low, g) * reading.circuit.populated
-    point = _Point.at(reading, g, False, None)
-    return _converge(reading, point, False, None, False)[0].model.g
 
 
 def _with_noise_at_rest(reading: Reading, g: np.ndarray) -> Reading:
     """The reading with the noise of those cells that the first guess g [S] has at rest."""
     low = reading.bounds[0]
-    at_rest = reading.known & reading.circuit.populated & (g < _NEAR_REST * low)
+    at_rest = reading.known & reading.circuit.populated & (g < NEAR_REST * low)
     adc = reading.model(np.where(at_rest, low, g))
     noise = noise_at_rest(reading.misfit(adc)[at_rest])
     return reading.with_noise(_USUAL_NOISE if noise is None else noise)
@@ -240,7 +228,7 @@ def _noise_left(reading: Reading, point: _Point, step: _Step) -> float:
     absorbed = 0.0 if step.equations is None else step.equations.absorbed()
     left = reading.n_informative - absorbed
     misfit = suspect.beside_sums(reading, point.model.misfit)
-    square = np.minimum(np.square(misfit), _OUTLIER**2).sum() * reading.fitted_noise**2
+    square = np.minimum(np.square(misfit), OUTLIER**2).sum() * reading.fitted_noise**2
     usual = _USUAL_COUNT * _USUAL_NOISE**2
     return float(((square + usual) / (left + _USUAL_COUNT)) ** 0.5)
 

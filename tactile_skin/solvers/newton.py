@@ -19,13 +19,11 @@ from ..physics import laplacian, readouts
 from ..physics.conjugate_gradients import conjugate_gradients
 from ..physics.grounded import BOUND
 from .estimate import Estimate
-from .fixed_point import closed_form, first_guess, iterate, last_guess
+from .fixed_point import START_STEPS, closed_form, first_guess, iterate, last_guess
 from .reading import Reading
 from .suspect import estimate_from_force
 
 MAX_STEPS = 40  # 5 is usual; bounds the time of readings that no circuit explains
-START_STEPS = 8  # of the fixed point: a step costs a sixth of a Newton step
-WARM_STEPS = 4  # the same from the last frame: the rim of a touch that moved misfits by far
 _DONE = 1e-7  # relative step of g; a thousandth of a gram is 6e-7 at full load
 # Relative rise of a cell's conductance from rest that its own reading asks for and that makes it an
 # unknown at first.
@@ -34,8 +32,8 @@ _JOIN_LAST = 1e-8  # the same, once the others are settled
 # Times its noise by which a valid reading is missed: where a bound acts, this is the best fit in
 # another measure than ADC steps. 2 in 1,000 exceed 2, 1 in 10,000 exceeds 2.5.
 _SLACK = 2.2
-_FIT_STEPS = 40  # of the fixed point, that show whether cells explain a reading,
-_FIT_RESIDUAL = 1.3  # by the residual over noise that they leave
+# Residual over noise by which `MAX_STEPS` of the fixed point show that cells explain a reading.
+_FIT_RESIDUAL = 1.3
 _DENSE = 400  # unknowns up to which a Cholesky factor is faster than conjugate gradients
 
 
@@ -49,7 +47,7 @@ def newton(reading: Reading, start: Estimate | None = None) -> Estimate:
             g, iterations, done = maximise(reading, g)
     else:
         g = first_guess(reading) if start is None else last_guess(reading, start)
-        g, steps = iterate(reading, g, START_STEPS if start is None else WARM_STEPS, 1e-9)
+        g, steps = iterate(reading, g, START_STEPS, 1e-9)
         g, iterations, done = maximise(reading, g)
     cells = reading.circuit.populated
     log_g = np.log(np.where(cells, g, reading.bounds[0]))
@@ -64,10 +62,17 @@ def newton(reading: Reading, start: Estimate | None = None) -> Estimate:
     )
 
 
-def fits_circuit(reading: Reading) -> bool:
-    """Whether cells explain the reading within its noise. The fixed point mostly finds some."""
-    steps = iterate(reading, first_guess(reading), _FIT_STEPS, _FIT_RESIDUAL * reading.noise)[1]
-    return steps < _FIT_STEPS or newton(reading).status != "suspect"
+def cells_that_fit(reading: Reading) -> np.ndarray | None:
+    """Return conductances (rows, cols) [S] that explain the reading within its noise.
+
+    None: there are none. The fixed point mostly finds some.
+    """
+    target = _FIT_RESIDUAL * reading.noise
+    g, _ = iterate(reading, first_guess(reading), MAX_STEPS, target)
+    if reading.residual(reading.model(g)) <= target:
+        return g
+    found = newton(reading) if reading.all_cells_read else None
+    return last_guess(reading, found) if found and found.status != "suspect" else None
 
 
 def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:

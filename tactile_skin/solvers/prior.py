@@ -18,10 +18,7 @@ from .reading import Linearised, Reading
 from .suspect import NormalEquations
 
 # Chosen on bodies of many sizes and textures (tests/yardsticks/prior.py).
-_STEP = 1.0  # weight of the differences x_i - x_j between direct neighbours
-_SPREAD = 0.3  # of these, below which they are drawn together
-_REST = 1.0  # weight of x, one-sided: at rest unless the reading says otherwise
-_REST_SPREAD = 0.3  # of x
+_SPREAD = 0.3  # of x, and of its differences between neighbours, below which they are drawn to 0
 _BROAD = 0.1  # share of the cells at rest below which the whole skin is loaded
 _LEVEL = 5.0  # times the mean force, which no cell of an even load on the whole skin reaches
 # The last step, `with_neighbours`.
@@ -35,8 +32,8 @@ class Differences:
     """Which cells the prior compares: those beside and below one another.
 
     Attributes:
-        weight: (differences,) of each one's cost weight/2 log(spread^2 + d^2), 0 where a cell is
-            missing; first those to the right, then downwards.
+        weight: (differences,) of each one's cost weight/2 log(spread^2 + d^2): 1, or 0 where a cell
+            is missing; first those to the right, then downwards.
         here, there: (differences,) int32, flat cells, here < there, that a difference joins.
     """
 
@@ -46,7 +43,7 @@ class Differences:
         pairs = ((n[:, :-1], n[:, 1:]), (n[:-1], n[1:]))
         self.here, self.there = (np.concatenate([p[k].ravel() for p in pairs]) for k in (0, 1))
         both = cells.ravel()[self.here] & cells.ravel()[self.there]
-        self.weight = np.where(both, _STEP, 0.0)
+        self.weight = both * 1.0
 
 
 def differences(circuit) -> Differences:
@@ -75,23 +72,18 @@ class Quadratic(NamedTuple):
 def touches(x: np.ndarray, between: Differences) -> Quadratic:
     """Most cells are at rest; neighbours are alike, with sharp edges.
 
-    Each difference d has the cost w/2 log(s^2 + d^2): small ones are drawn together, a large one,
-    an edge, costs next to nothing more. Distance from rest costs w log(1 + d/s): its slope at rest
+    Each difference d has the cost 1/2 log(s^2 + d^2): small ones are drawn together, a large one,
+    an edge, costs next to nothing more. Distance from rest costs log(1 + d/s): its slope at rest
     holds a cell there that noise alone would lift.
 
     Args:
         x: (rows, cols), 0 at rest and where there is no cell.
     """
     value, gradient, diagonal, entries = kernel.roughness(x, between.weight, _SPREAD**2)
-    above = x / _REST_SPREAD + 1.0
-    value += _REST * float(np.log(above).sum())
-    gradient += (_REST / _REST_SPREAD) / above
+    above = x + _SPREAD
+    value += float(np.log(above / _SPREAD).sum())
+    gradient += 1.0 / above
     return Quadratic(value, gradient, diagonal, entries)
-
-
-def roughness(x: np.ndarray, between: Differences, spread: float) -> float:
-    """The part of `touches` that compares neighbours."""
-    return kernel.roughness(x, between.weight, spread**2)[0]
 
 
 def level(force: np.ndarray, slope: np.ndarray, cells: np.ndarray) -> Quadratic:

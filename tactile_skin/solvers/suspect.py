@@ -19,7 +19,7 @@ _CHI2_LIMIT = 2.8
 # Equal readings that are rounded to whole steps err equally, and do not average out: factor by
 # which a residual may then be larger.
 _ROUNDED_RESIDUAL = 1.2
-_ROUNDED_NOISE = 1.3  # times the noise of rounding up to which measured noise is rounding alone
+_ROUNDED_NOISE = 1.3  # times the noise of rounding up to which noise is rounding alone
 # Share of a reading by which a valid skin may differ from the model: 0.5 % of a touch that fabric
 # and cover carry to the next cells (paper section IV), some ohm of the stripes, rows read in turn.
 # Chosen on streams of damaged boards (bench faults, seeds 3 and 4), scored on others.
@@ -38,7 +38,6 @@ _FLAT = 8  # readings at it that a flat touch may have, too,
 _FLAT_OTHERS = 0.5  # and others in the gap for each of them
 _SATURATED = 30  # the same, that noise leaves of no flat touch,
 _SATURATED_OTHERS = 0.25  # and others for each
-_SPREADS = 0.4  # ADC steps of noise that does that
 _NEAR_END = 0.7  # of the ADC's range, above which its input may be saturated: 3.3 of 5 V are 0.66
 
 
@@ -69,7 +68,8 @@ def by_reading(reading: Reading) -> Finding | None:
         numbers |= {"most": short_circuit, "r_ref": circuit.r_ref, "r_par": circuit.r_par}
         where = line or at(np.argwhere(bad)[0])
         return Finding(Kind.MISFIT, "high" if line else "high cells", **where, numbers=numbers)
-    touched = reading.noise > _SPREADS and most > rest.max() + margin
+    spreads = reading.noise > 0.0 and not rounded(reading)
+    touched = spreads and most > rest.max() + margin
     return saturation(reading, _SATURATED, _SATURATED_OTHERS) if touched else None
 
 
@@ -193,8 +193,7 @@ def beside_sums(reading: Reading, misfit: np.ndarray) -> np.ndarray:
 
 def rounded(reading: Reading) -> bool:
     """Whether rounding to whole steps is the only known noise of the readings."""
-    limit = ROUNDING_NOISE if reading.noise_given else _ROUNDED_NOISE * ROUNDING_NOISE
-    return 0.0 < reading.noise <= limit
+    return 0.0 < reading.noise <= _ROUNDED_NOISE * ROUNDING_NOISE
 
 
 _SIGNS = np.array([1.0, -1.0])[:, None, None]

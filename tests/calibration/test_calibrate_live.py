@@ -31,44 +31,46 @@ def port(tmp_path):
     serving.join()
 
 
-def test_what_is_logged_stands_above_the_question(port, tmp_path):
-    """Not within it: the question comes when frames do. A log line clears what is drawn."""
+@pytest.fixture
+def terminal(port, tmp_path):
+    """On which `calibrate` writes, and is answered."""
     config = tmp_path / "mine.yaml"
     config.write_text("/**: {ros__parameters: {circuit: {rows: 4, cols: 4}}}\n")
-    terminal, theirs = os.openpty()
+    ours, theirs = os.openpty()
     command = [sys.executable, "-m", "tactile_skin", "calibrate", "--config", str(config)]
     command += ["--out", str(tmp_path / "out.yaml"), f"port:={port}"]
     with subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs) as process:
         os.close(theirs)
-        said, until = "", time.monotonic() + 60.0
-        while not said.endswith("Enter: ") and time.monotonic() < until:
-            if select.select([terminal], [], [], 0.1)[0]:
-                said += os.read(terminal, 4096).decode()
-        more = select.select([terminal], [], [], 1.0)[0]
+        yield ours
         process.kill()
-    os.close(terminal)
-    assert said.endswith("Enter: ") and not more
+    os.close(ours)
+
+
+def read_until(terminal: int, enough) -> str:
+    said, until = "", time.monotonic() + 60.0
+    while not enough(said) and time.monotonic() < until:
+        if select.select([terminal], [], [], 0.1)[0]:
+            said += os.read(terminal, 4096).decode()
+    return said
+
+
+def asks(said: str) -> bool:
+    return said.endswith("Enter: ")
+
+
+def test_what_is_logged_stands_above_the_question(terminal):
+    """Not within it: the question comes when frames do. A log line clears what is drawn."""
+    said = read_until(terminal, asks)
+    assert asks(said) and not select.select([terminal], [], [], 1.0)[0]
     logged = [line for line in said.splitlines() if "INFO" in line]
     assert logged and all(line.startswith("\x1b[2KINFO") for line in logged)
 
 
-def test_a_measurement_is_counted_down(port, tmp_path):
+def test_a_measurement_is_counted_down(terminal):
     """On one line, after the key; then the rest is measured, and touches are asked for."""
-    config = tmp_path / "mine.yaml"
-    config.write_text("/**: {ros__parameters: {circuit: {rows: 4, cols: 4}}}\n")
-    terminal, theirs = os.openpty()
-    command = [sys.executable, "-m", "tactile_skin", "calibrate", "--config", str(config)]
-    command += ["--out", str(tmp_path / "out.yaml"), f"port:={port}"]
-    with subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs) as process:
-        os.close(theirs)
-        said, answered, until = "", False, time.monotonic() + 60.0
-        while "2 of 3" not in said and time.monotonic() < until:
-            if select.select([terminal], [], [], 0.1)[0]:
-                said += os.read(terminal, 4096).decode()
-            if said.endswith("Enter: ") and not answered:
-                answered = bool(os.write(terminal, b"\n"))
-        process.kill()
-    os.close(terminal)
+    said = read_until(terminal, asks)
+    os.write(terminal, b"\n")
+    said += read_until(terminal, lambda more: "2 of 3" in more)
     (line,) = (line for line in said.split("\n") if "measured in" in line)
     assert [part.split()[-2] for part in line.split("\r") if "measured in" in part] == list("321")
     assert line.index("measured in 1 s") < line.index("measuring")

@@ -162,21 +162,18 @@ def test_what_is_no_weight_is_refused(bench, weights, named):
         bench.fit(weights, slice(3))
 
 
-def test_two_weights_are_too_few(bench):
-    with pytest.raises(ValueError, match="2 weights: 3 or more"):
-        bench.fit(bench.weights[:2], slice(2))
-
-
-def test_frames_of_another_skin_are_refused(bench):
-    with pytest.raises(ValueError, match="shape"):
-        fit_curve(bench.frames[:, :4], bench.weights, bench.circuit, bench.rest)
-
-
-def test_a_frame_without_a_touch_is_refused(bench):
-    frames = bench.frames[:4].copy()
-    frames[2] = bench.rest.adc
-    with pytest.raises(ValueError, match="frame 2 shows no touch"):
-        fit_curve(frames, bench.weights[:4], bench.circuit, bench.rest)
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        (lambda frames, rest: frames[:2], "2 weights: 3 or more"),
+        (lambda frames, rest: frames[:, :4], "shape"),
+        (lambda frames, rest: np.insert(frames[:3], 2, rest, 0), "frame 2 shows no touch"),
+    ],
+)
+def test_frames_that_tell_no_curve_are_refused(bench, change, named):
+    frames = change(bench.frames, bench.rest.adc)
+    with pytest.raises(ValueError, match=named):
+        fit_curve(frames, bench.weights[: len(frames)], bench.circuit, bench.rest)
 
 
 def test_a_wrong_circuit_is_told(bench):

@@ -7,6 +7,7 @@ from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.bench.measure import moving_touch
 from tactile_skin.learning import scenes
 from tactile_skin.physics.curve import GRAM
+from tactile_skin.solvers import METHODS
 
 CIRCUIT, CURVE = Circuit(), PressureCurve()
 REST = forward(CIRCUIT, CURVE.resistance(np.zeros((16, 16))))
@@ -77,14 +78,15 @@ HOSTILE = {
 }
 
 
-@pytest.mark.parametrize("method", ["fixed_point", "newton", "map", "auto"])
+@pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("case", HOSTILE)
 @pytest.mark.parametrize("time_limit", [None, 1e-6])
 def test_whatever_comes_in_something_finite_comes_out(method, case, time_limit):
     estimate = compensate(HOSTILE[case], CIRCUIT, CURVE, method, time_limit=time_limit)
     for picture in (estimate.force, estimate.std):
-        assert np.isfinite(picture).all() and (picture >= 0).all()
-    assert np.isfinite(estimate.residual) and estimate.iterations <= 120
+        assert picture.shape == (16, 16) and np.isfinite(picture).all() and (picture >= 0).all()
+    assert np.isfinite(estimate.residual) and 0 <= estimate.iterations <= 120
+    assert estimate.method in METHODS and estimate.method != "auto"
     if method in ("map", "auto") and "limit" not in case:
         assert estimate.status != "ok" and estimate.message
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..estimate import Estimate
 from ..fixed_point import last_guess
-from ..reading import Reading
+from ..reading import NEAR_REST, Reading
 from ..suspect import model_variance
 
 # Share of the readings of a frame that carry a value. Chosen on the first halves of recordings of
@@ -30,7 +30,6 @@ _LINE = 0.5  # of the readings of a line, from which on its contact is bad throu
 _LIGHT = 0.18  # share of all force that may then press on it
 _OPEN = 0.9  # of its readings that may be set aside at all
 _OFF = 4.0  # standard deviations below the model
-_AT_REST = 1.05  # times its conductance at rest: such a cell cannot explain less
 _CHI = 2.2  # of a reading that carries a value, on average, without those that are set aside
 _WORST = 0.5  # of the worst one's, from which on others are set aside in the same round
 _ROUNDS = 6
@@ -104,7 +103,7 @@ def _impossible(reading: Reading, estimate: Estimate, aside: np.ndarray) -> np.n
     from others that are sound. One that was set aside, and agrees with the fit without it, is not.
     """
     g = last_guess(reading, estimate)
-    at_rest = g <= _AT_REST * reading.bounds[0]
+    at_rest = g <= NEAR_REST * reading.bounds[0]
     misfit = reading.misfit(reading.model(g))
     off = -misfit / np.sqrt(np.square(reading.spread) + model_variance(reading))
     new = np.where(at_rest & ~aside, off, 0.0)

@@ -13,7 +13,7 @@ from ...findings.finding import Finding, Kind
 from ...physics.circuit import Circuit
 from ...physics.curve import PressureCurve
 from ..estimate import Estimate
-from ..evidence import SOFT, Supposed, series_scale
+from ..evidence import RELEVANT, REST_FRAMES, SOFT, Supposed, series_scale
 from ..fixed_point import last_guess
 from ..reading import Reading
 from ..suspect import rounded
@@ -21,10 +21,8 @@ from ..suspect import rounded
 # Of one frame: standard deviations, and share of `series_scale`, by which r_par is off. Chosen on
 # frames as of benchmarks/single_frames.py, seeds 77 and 99; scored on others.
 _SURE = 3.5
-_RELEVANT = 0.025  # less moves hard touches by 8 (blobs) to 25 g (rects) a cell
 _TOLERANCE = 0.5  # of `series_scale`, beyond which it is another fault
 _GLANCE = 3.0  # standard deviations, by the fit that there is, from which on a frame is fitted anew
-_POSSIBLE = 3.5  # standard deviations that r_par may seem to be below 0
 # RMS of log conductance of the cells of a sound fabric at rest, where it was not measured: 0.03 to
 # 0.05 (health/rest_picture.py has the least).
 _REST_SCATTER = 0.05
@@ -32,7 +30,6 @@ _REST_SCATTER = 0.05
 # which the standard deviation is larger.
 _ROUNDED = 2.8
 _BELOW_PRESSED = 0.9  # of the conductance at the curve's end, that a cell at rest keeps below
-_REST_FRAMES = 40  # whose mean a measured rest is taken for
 
 Fit = Callable[[Reading, np.ndarray], Estimate]
 
@@ -93,12 +90,12 @@ def other_r_par(reading: Reading, g: np.ndarray) -> OtherRPar | None:
         of_rest = _REST_SCATTER * np.square(by_rest[0] * supposed.rest).sum() ** 0.5
     else:
         of_rest = np.square(supposed.by_reading(by_rest)[0]).sum() ** 0.5
-        of_rest *= noise / _REST_FRAMES**0.5
+        of_rest *= noise / REST_FRAMES**0.5
     slack = _ROUNDED if rounded(reading) else 1.0
     std = np.hypot(slack * max(found.chi2 / found.count, 1.0) ** 0.5 * information**-0.5, of_rest)
     scale = series_scale(circuit)
-    relevant = max(_SURE * std, _RELEVANT * scale) < abs(shift) < _TOLERANCE * scale
-    if not relevant or circuit.r_par + shift + _POSSIBLE * std < 0.0:
+    relevant = max(_SURE * std, RELEVANT * scale) < abs(shift) < _TOLERANCE * scale
+    if not relevant or circuit.r_par + shift + _SURE * std < 0.0:
         return None
     r_par = max(circuit.r_par + shift, 0.0)
     if curve.offset is not None:
