@@ -10,7 +10,6 @@ own, and the same touch once more brings the same readings beside them.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.ndimage import binary_dilation
@@ -18,9 +17,7 @@ from scipy.ndimage import binary_dilation
 from ..findings.finding import Finding, Kind, Severity
 from ..physics.adc import Adc
 from ..solvers.suspect import near_end
-
-if TYPE_CHECKING:
-    from .monitor import Seen
+from .check import ABOVE, BEYOND, ROUND, Check, Seen, Window
 
 _STILL = 8  # frames in which a reading that has noise moves
 _CHANCE = 1e-6  # of a sound skin's readings standing at one height, in one frame
@@ -29,53 +26,13 @@ _PRIOR_STOOD = 1.0
 _PRIOR_SEEN = 1e3
 _FORGET = 1e-3  # share of that count which each frame renews
 _SELDOM = 1e-8  # share of readings that stand still, at least: none stood still in the whole count
-ABOVE = 16.0  # ADC steps over the middle reading: below, nothing presses
-WINDOW = 10  # frames that are looked at together: 0.1 s at 100 a second
-_CALM = 0.25  # of the readings are not moved by a touch
-ROUND = 0.3  # ADC steps by which the mean of rounded readings may be off
 _SHELF = 4  # readings at one height
 _MOVES = 20.0  # times the noise by which those beside them differ when they stand there again
 _BESIDE = np.ones((3, 3))  # a cell and its neighbours
-BEYOND = 5.0  # standard deviations of noise beyond which a reading is above a ceiling
 _NEAR_MOST = 0.9  # of what a short circuit would read: above, all hard touches read alike
 
 
-class Window(NamedTuple):
-    """Attributes:
-    mean, spread: (rows, cols) of each reading in some frames [ADC steps].
-    noise: spread of the readings that nothing moves.
-    low: (rows, cols) lowest mean of each reading so far: at rest.
-    """
-
-    mean: np.ndarray
-    spread: np.ndarray
-    noise: float
-    low: np.ndarray
-
-
-class Windows:
-    """Cuts the stream into windows."""
-
-    def __init__(self, adc_bits: int):
-        self._scale = 1 << (16 - adc_bits)
-        self._frames: list[np.ndarray] = []
-        self._low: np.ndarray | None = None
-
-    def frame(self, samples: np.ndarray) -> Window | None:
-        """The window that this frame ends, if it does."""
-        self._frames.append(samples)
-        if len(self._frames) < WINDOW:
-            return None
-        steps = np.array(self._frames) / self._scale
-        self._frames = []
-        mean, spread = steps.mean(0), steps.std(0)
-        self._low = mean if self._low is None else np.minimum(self._low, mean)
-        read = spread[mean > 0.0]  # 0: not read, or below the ADC's range
-        noise = float(np.quantile(read, _CALM)) if read.size else 0.0
-        return Window(mean, spread, noise, self._low)
-
-
-class Ceiling:
+class Ceiling(Check):
     """Readings that stand still at the largest value: a saturated input.
 
     Attributes:
@@ -103,7 +60,6 @@ class Ceiling:
         self._present = False  # the last frame shows it
 
     def frame(self, seen: Seen) -> None:
-        """Take a frame."""
         if seen.rising.max() < self._known_end:
             self._look(seen.rising)
         if seen.window is not None:
@@ -161,11 +117,9 @@ class Ceiling:
         return top, bool(moved.max() > _MOVES * noise)
 
     def forget(self) -> None:
-        """Forget what no longer shows."""
         self.height = self.height if self._present else None
 
     def findings(self) -> list[Finding]:
-        """Return the ceiling, if the last frame or an earlier one showed it."""
         if self.height is None:
             return []
         end = self.height if self._falls_from is None else self._falls_from - self.height
