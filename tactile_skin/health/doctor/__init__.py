@@ -174,9 +174,7 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     if circuit.readout == "loaded":  # so with a sense line that leads to ground by other than r_ref
         unread = unread or any(axis != circuit.sense_axis for axis, _ in unusable | beside)
     if not (unread or np.isfinite(height) or wires.cells.max() > REST_SPAN):
-        skip = unusable | {at for f in noisy for at in damaged.whole_lines(f)}
-        if circuit.readout != "floating":  # where a lead is not in series with each reading
-            skip |= beside
+        skip = unusable | beside | {at for f in noisy for at in damaged.whole_lines(f)}
         found += in_series(seen, skip, quiet, wires)
     return found or converter.other(circuit, touched) or unexplained
 

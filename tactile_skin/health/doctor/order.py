@@ -7,24 +7,15 @@ the size by which another order would be smoother than this one.
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
+from ...calibration.at_rest import twins
 from ...findings.finding import Finding, Kind, lines
-from ...solvers.reading import ROUNDING_NOISE
-from .recorded import FEW_TOUCHES, MOVED, NOISY, Recorded
+from .recorded import FEW_TOUCHES, Recorded
 
-_DIRECTLY = 0.25  # share of the most raised line's rise: less comes through the others
-# Of the usual pair's difference at rest, which shows that two are one. Where the rest is too noisy
-# for that, as of a short recording, more touches must: a palm raises two lines alike.
-_ONE = 0.3
-_TOUCHES = 3
-_TOUCHES_ALONE = 8
-# Largest difference under a touch, as share of what it raises: lines are read in turn. Share of the
-# touches in which it is below that.
-_ALIKE = 0.03
-_ALWAYS = 0.8
 # Share saved by the exchange of a line one of whose cells conducts at rest: it carries to one line
 # what touches the other. Up to 0.03 with nothing exchanged, 0.14 or more with that line (seeds
 # 175000 to 175223).
@@ -37,34 +28,17 @@ _FEWEST_LINES = 4  # whose order the touches tell
 
 
 def equal_lines(seen: Recorded, skip) -> list[tuple[int, int, int]]:
-    """Return (axis, line, line) pairs whose readings are equal, at rest and under every touch."""
-    found = []
-    noise = seen.usual_noise
-    limit = NOISY * noise / np.count_nonzero(seen.quiet) ** 0.5 + 0.5 * ROUNDING_NOISE
-    for axis in (0, 1):
-        base = seen.turned(axis, seen.base)
-        raised = seen.turned(axis, seen.steps[seen.touches]) - base
-        touch = raised.max(2)  # (touches, lines)
-        # Of a line that is only crossed few readings are raised. Where lines are driven, a touch
-        # raises its own cells only.
-        floating = seen.circuit.readout == "floating"
-        level = np.median(raised, axis=2) if floating else touch
-        touched = level > MOVED * noise
-        touched &= level > _DIRECTLY * level.max(1, initial=0.0)[:, None]
-        used = [k for k in range(len(base)) if (axis, k) not in skip]
-        pairs = [(a, b) for b in used for a in used if a < b]
-        differ = np.array([np.square(base[a] - base[b]).mean() ** 0.5 for a, b in pairs])
-        usual = float(np.median(differ)) if pairs else 0.0
-        for (a, b), at_rest in zip(pairs, differ, strict=True):
-            if at_rest > limit:
-                continue
-            when = touched[:, a] | touched[:, b]
-            apart = np.abs(raised[when, a] - raised[when, b]).max(1)
-            alike = apart < _ALIKE * touch[when][:, [a, b]].max(1) + MOVED * noise
-            fewest = _TOUCHES if at_rest < _ONE * usual else _TOUCHES_ALONE
-            if when.sum() >= fewest and alike.mean() > _ALWAYS:
-                found.append((axis, a, b))
-    return found
+    """Return (axis, line, line) pairs whose readings are equal at rest."""
+    cells, steps = seen.cells.copy(), seen.base.astype(float)
+    for axis, line in skip:
+        seen.turned(axis, cells)[line] = False
+    noise = seen.usual_noise / np.count_nonzero(seen.quiet) ** 0.5
+    groups: dict[tuple[int, int], list[int]] = {}  # (axis, line): all that read as it does
+    while pair := twins(steps, noise, cells):
+        axis, a, b = pair
+        groups.setdefault((axis, a), [a]).extend(groups.pop((axis, b), [b]))
+        seen.turned(axis, cells)[b] = False
+    return [(axis, *two) for (axis, _), of in groups.items() for two in combinations(sorted(of), 2)]
 
 
 def misplaced(seen: Recorded, skip, cells=(), pressed=()) -> list[Finding]:

@@ -45,12 +45,9 @@ def in_series(seen: Recorded, skip, noisy, wires: wiring.Wires) -> list[Finding]
         seen.turned(axis, unknown)[line] = True
     for at in noisy:
         unknown[at] = True
-    if circuit.readout != "floating":  # only readings that are skipped miss what a bad lead takes
-        wires = replace(wires, lead=[np.zeros(n) for n in circuit.shape])
-    lead = wires.lead[0][:, None] + wires.lead[1]  # ohm, of bad ones
-    usual = circuit.ratio(wires.resistance() - lead)
-    touches = _without(lead, touches_of(seen), circuit)
-    adc = np.where(unknown, usual, _without(lead, seen.base / full, circuit))
+    sound = replace(wires, lead=[np.zeros(n) for n in circuit.shape])
+    adc = np.where(unknown, circuit.ratio(sound.resistance()), seen.base / full)
+    touches = touches_of(seen)
     noise, quiet = seen.usual_noise, int(np.count_nonzero(seen.quiet))
     try:
         rest = Rest(adc, noise, quiet, resting_conductance(adc, circuit, noise / quiet**0.5))
@@ -77,11 +74,6 @@ def _finding(name: str, supposed: Circuit, found: Identified) -> Finding:
     off = 100.0 * (given / value - 1.0) if value > 0.0 else np.inf
     alike = f"r_ref off by {off:+.0f} %, or a" if abs(off) < _PARTS_OFF else "A"
     return Finding(Kind.CIRCUIT, name, numbers=numbers, detail=alike)
-
-
-def _without(lead: np.ndarray, adc: np.ndarray, circuit: Circuit) -> np.ndarray:
-    """The ADC ratio without what leads (rows, cols) [ohm] take from it."""
-    return np.clip(circuit.r_ref / (circuit.r_ref / np.maximum(adc, 1e-4) - lead), 0.0, 1.0)
 
 
 def touches_of(seen: Recorded, n: int | None = None) -> np.ndarray:
