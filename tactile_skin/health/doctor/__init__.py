@@ -157,8 +157,9 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     ends = readings.at_ceiling(seen, height)
     cells = {(d.line, d.at) for d in damages if d.kind == "cell"}
     for d in damages:
-        if d.kind != "cell" or (d.line, d.at) not in quiet:
-            found.append(damaged.damage(circuit, d, wires.cell, bool(ends[d.line, d.at])))
+        cell = (d.line, d.at) if d.kind == "cell" else None
+        if cell not in quiet:
+            found.append(damaged.damage(circuit, d, wires.cell, bool(cell and ends[cell])))
     odd = {(d.axis, d.line) for d in damages if d.kind != "cell"}
     pressed = {(d.line, d.at) for d in damages if d.kind == "cell" and d.size > 1.0}
     if np.isfinite(height):  # beside such a cell, touches that end there are all alike

@@ -69,25 +69,18 @@ class Change:
         return found
 
 
-def skin_at_rest(at_rest: np.ndarray, circuit: Circuit, noise: float):
-    """Return the curve of the skin that reads so at rest, and (rows, cols) conductance [S].
-
-    Its cells fall as the shipped curve's do.
+def conductance_at_rest(at_rest: np.ndarray, circuit: Circuit, noise: float) -> np.ndarray:
+    """Return (rows, cols) conductance [S] of the cells of a skin that reads so at rest.
 
     Args:
-        at_rest: (rows, cols) ADC ratio; NaN: not read.
+        at_rest: (rows, cols) ADC ratio; NaN: not read, they conduct as the usual cell.
         noise: of a reading [ADC steps].
 
     Raises:
         ValueError: no skin rests so.
     """
     unread = list(zip(*np.nonzero(np.isnan(at_rest) & circuit.populated), strict=True))
-    rest = resting_conductance(at_rest, circuit, noise, unread)
-    usual = 1.0 / float(np.median(rest[circuit.populated]))
-    force, ohms = np.array(PressureCurve().points).T
-    curve = PressureCurve(force, ohms * usual / ohms[0])
-    most = _STUCK / curve.least_resistance  # S
-    return curve.resting_at(1.0 / np.clip(rest, _DEAD / usual, most)), rest
+    return resting_conductance(at_rest, circuit, noise, unread)
 
 
 def felt(touch: np.ndarray, circuit: Circuit, curve: PressureCurve, noise: float) -> Estimate:
@@ -120,11 +113,16 @@ def is_safe(change: Change, frames: np.ndarray, quiet: np.ndarray, noise: float)
     then = change.of(frames)
     at_rest = then[quiet].mean(0)
     try:
-        curve, rest = skin_at_rest(at_rest, circuit, noise)
+        rest = conductance_at_rest(at_rest, circuit, max(noise, ROUNDING_NOISE))
     except ValueError:
         return False
     if not _rests(at_rest, rest, circuit, noise):
         return False
+    usual = 1.0 / float(np.median(rest[circuit.populated]))
+    force, ohms = np.array(PressureCurve().points).T
+    curve = PressureCurve(force, ohms * usual / ohms[0])
+    most = _STUCK / curve.least_resistance  # S
+    curve = curve.resting_at(1.0 / np.clip(rest, _DEAD / usual, most))
     order = np.argsort(-moves)
     seen = order[moves[order] > _SEEN * moves.max()]
     tried = np.unique(np.r_[seen[:_TRIED], seen[:: max(1, len(seen) // _TRIED)]])

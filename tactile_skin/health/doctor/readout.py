@@ -11,12 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...calibration.rest import REST_SPAN
 from ...findings.finding import Finding, Kind
 from ...physics.circuit import Circuit
+from ...physics.curve import PressureCurve
 from ...physics.readouts import DRIVEN, PASSIVE
 from ...solvers.reading import ROUNDING_NOISE
-from .advice import Change, felt, is_safe, of_other_scale, skin_at_rest
-from .recorded import MOVED
+from .advice import Change, conductance_at_rest, felt, is_safe, of_other_scale
+from .recorded import NOISY
 
 # Times noise and model error up to which the configured readout may miss touches; times what the
 # best explanation misses, that others do between which touches do not decide.
@@ -161,7 +163,7 @@ def _separate(seen: Touched, full: int) -> float:
     touches, rest = np.nan_to_num(seen.touches), seen.rest
     risen = touches > np.nan_to_num(rest) + _RISEN
     beside = (risen.any(2)[:, :, None] | risen.any(1)[:, None]) & ~np.isnan(rest)
-    still = beside & (np.abs(touches - rest) < MOVED * max(seen.noise, ROUNDING_NOISE) / full)
+    still = beside & (np.abs(touches - rest) < NOISY * max(seen.noise, ROUNDING_NOISE) / full)
     sums = np.median(np.minimum(touches.sum(1).max(1), touches.sum(2).max(1)))
     unmoved = np.median(still.sum((1, 2)) / np.maximum(beside.sum((1, 2)), 1))
     return float(sums) if sums > _ADDS_UP and unmoved > _UNMOVED else 0.0
@@ -200,14 +202,17 @@ def _with_r_par(supposed: Circuit, seen: Touched) -> tuple[float, Change]:
 
 def misses(circuit: Circuit, seen: Touched) -> float:
     """Median over the touches of the RMS misfit, in noise and model error; infinity: no rest."""
+    noise = max(seen.noise, ROUNDING_NOISE)
     try:
-        curve, _ = skin_at_rest(seen.rest, circuit, seen.noise)
-    except ValueError:
+        rest = conductance_at_rest(seen.rest, circuit, noise)
+        usual = 1.0 / np.median(rest[circuit.populated])
+        rest = np.where(circuit.populated, np.maximum(rest, 2.0 / (usual * REST_SPAN)), 1.0 / usual)
+        curve = PressureCurve((0.0, 1.0), (usual, usual / REST_SPAN)).resting_at(1.0 / rest)
+    except ValueError:  # no cells read so, or one conducts as much as a pressed one
         return np.inf
     left = []
     for touch in seen.touches:
-        found = felt(touch, circuit, curve, seen.noise)
+        found = felt(touch, circuit, curve, noise)
         error = _MODEL_ERROR * circuit.full_scale * np.sqrt(np.nanmean(np.square(touch)))
-        scale = np.hypot(max(seen.noise, ROUNDING_NOISE), error)
-        left.append(np.inf if found.status == "failed" else found.residual / scale)
+        left.append(np.inf if found.status == "failed" else found.residual / np.hypot(noise, error))
     return float(np.median(left)) if left else 0.0
