@@ -21,11 +21,7 @@ from .check import ABOVE, BEYOND, ROUND, Check, Seen, Window
 
 _STILL = 8  # frames in which a reading that has noise moves
 _CHANCE = 1e-6  # of a sound skin's readings standing at one height, in one frame
-# Readings that stood still, of so many, before any was counted.
-_PRIOR_STOOD = 1.0
-_PRIOR_SEEN = 1e3
-_FORGET = 1e-3  # share of that count which each frame renews
-_SELDOM = 1e-8  # share of readings that stand still, at least: none stood still in the whole count
+_FORGET = 1e-3  # share of the count of readings that stood still, and of all, that a frame renews
 _SHELF = 4  # readings at one height
 _MOVES = 20.0  # times the noise by which those beside them differ when they stand there again
 _BESIDE = np.ones((3, 3))  # a cell and its neighbours
@@ -56,7 +52,7 @@ class Ceiling(Check):
         self._noise = 0.0  # ADC steps by which a reading there may exceed it
         self._last: np.ndarray | None = None
         self._still = np.zeros((), np.int32)  # (rows, cols) frames since each reading moved
-        self._count = _PRIOR_STOOD, _PRIOR_SEEN  # readings that stood still, and all
+        self._count = 1.0, 1.0 / _FORGET  # readings that stood still, and all: at first a guess
         self._present = False  # the last frame shows it
 
     def frame(self, seen: Seen) -> None:
@@ -86,7 +82,8 @@ class Ceiling(Check):
             keep * seen + np.count_nonzero(others),
         )
         n = np.count_nonzero(still & at_top)
-        shown = n and n * math.log(max(stood / max(seen, 1.0), _SELDOM)) < math.log(_CHANCE)
+        share = max(stood / max(seen, 1.0), _CHANCE**2)  # none stood still in all that is counted
+        shown = n and n * math.log(share) < math.log(_CHANCE)
         if shown and top - np.median(samples) > ABOVE * self._scale:
             self.height, self._noise = top / self._scale, 0.0
             self._present = True

@@ -17,9 +17,8 @@ _FEWEST = 10  # frames that show which cells move
 _APART = 0.1  # s between them, at least
 _EVERY = 0.5  # s after which it is asked again
 # Where readings fall with pressure 0 is a short circuit. Pressed cells keep tens of ohm, behind
-# r_par: usual cells that stand there for so long [s] are none. An ADC that reads too low by more
-# than so many steps reads 0 earlier.
-_SHORTED = 0.5
+# r_par: usual cells that stand there for as long are none. An ADC that reads too low by more than
+# so many steps reads 0 earlier.
 _RESOLVED = 1.0
 
 
@@ -66,7 +65,7 @@ class Sent(Check):
         at_zero = samples[self._cells] == 0
         short = at_zero.mean() > 0.5  # the usual cell is
         self._shorted_since = min(self._shorted_since, t) if short else np.inf
-        if t - self._shorted_since >= _SHORTED:
+        if t - self._shorted_since >= _EVERY:
             share = float(at_zero.mean())
             self._find(readings.Processed(readings.Kind.OFFSET, 0.0, None, share))
 

@@ -28,13 +28,12 @@ from ...physics.circuit import Circuit
 from ...physics.readouts import DRIVEN
 from ...solvers.reading import ROUNDING_NOISE
 from . import converter, damaged, order, readings, readout, sent, wiring
-from .advice import Change, is_safe
+from .advice import HARDEST, Change, is_safe
 from .diode import unknown_diode
 from .recorded import FEW_TOUCHES, Recorded, record
 from .series import in_series, touches_of
 from .unrested import unrested
 
-_READ = 12  # hardest touches that the readout is judged by
 _FELL = 0.5  # share of all change that is a fall from which on readings may be upside down
 # Where no circuit tells, they are if so much of it is one, and no more the other way round than is
 # left: on sound boards hardly any change is a fall.
@@ -220,7 +219,7 @@ def ignored_diode(circuit: Circuit, rest: Rest, touches) -> Finding | None:
 def _touched(seen: Recorded) -> readout.Touched:
     """The untouched skin, and its hardest touches."""
     at_rest = np.where(seen.read, seen.base / seen.circuit.full_scale, np.nan)
-    touches = np.where(seen.read, touches_of(seen, _READ), np.nan)
+    touches = np.where(seen.read, touches_of(seen, HARDEST), np.nan)
     return readout.Touched(at_rest, seen.usual_noise, touches)
 
 

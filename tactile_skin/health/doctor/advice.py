@@ -22,7 +22,7 @@ _MAY_DIFFER = 0.34  # share of the cells that may lie beyond, as those of damage
 _OFF_END = 2.0  # times the noise plus an ADC step, that usual readings at rest keep off either end
 _SEEN = 0.3  # of the largest change of a reading, in a frame that shows a touch
 _HARD = 0.8  # the same, of a hard touch
-_TRIED = 12  # frames that are tried, the hardest and others at even steps of hardness
+HARDEST = 12  # touches that a circuit is tried by; and as many at even steps of hardness
 _STUCK = 0.9  # of the conductance at the curve's end: what conducts more at rest is stuck
 _DEAD = 1e-3  # of the usual conductance: what conducts less is dead
 _TIME = 0.1  # s for a frame that no cells explain
@@ -125,7 +125,7 @@ def is_safe(change: Change, frames: np.ndarray, quiet: np.ndarray, noise: float)
     curve = curve.resting_at(1.0 / np.clip(rest, _DEAD / usual, most))
     order = np.argsort(-moves)
     seen = order[moves[order] > _SEEN * moves.max()]
-    tried = np.unique(np.r_[seen[:_TRIED], seen[:: max(1, len(seen) // _TRIED)]])
+    tried = np.unique(np.r_[seen[:HARDEST], seen[:: max(1, len(seen) // HARDEST)]])
     least = np.where(moves > _HARD * moves.max(), TOUCHED, AT_REST)  # N
     return all(felt(then[k], circuit, curve, noise).force.max() >= least[k] for k in tried)
 

@@ -31,7 +31,6 @@ def other(circuit: Circuit, seen: Touched) -> list[Finding]:
 
 
 def _missed(adc: Adc, seen: Touched) -> float:
-    """`misses` of what a linear ADC was supposed to have read, if this one has."""
-    rest, touches = (adc.ratio(p * adc.circuit.full_scale) for p in (seen.rest, seen.touches))
-    touches = np.where(adc.bounds(touches), np.nan, touches)
-    return misses(adc.circuit, Touched(rest, seen.noise, touches))
+    """`misses` of touches that this ADC has read."""
+    rest, noise, touches = seen.read_by(adc)
+    return misses(adc.circuit, Touched(rest, noise, np.where(adc.bounds(touches), np.nan, touches)))

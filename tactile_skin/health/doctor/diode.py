@@ -67,8 +67,7 @@ def unknown_diode(circuit: Circuit, seen: Touched, quiet: int) -> list[Finding]:
     tried = {}
     for volts in _VOLTS:
         adc = Adc(circuit, diode=volts, supply=_SUPPLY)
-        rest, touches = (adc.ratio(p * circuit.full_scale) for p in (seen.rest, seen.touches))
-        tried[volts] = _agreement(circuit, Touched(rest, seen.noise, touches), quiet)
+        tried[volts] = _agreement(circuit, seen.read_by(adc), quiet)
     volts = min(tried, key=lambda v: tried[v].misfit)
     found = tried[volts]
     if found.misfit >= 1.0 or found.touches < _ALL * max(a.touches for a in tried.values()):

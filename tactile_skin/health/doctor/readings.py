@@ -13,7 +13,7 @@ from scipy.ndimage import maximum_filter1d
 from scipy.optimize import nnls
 
 from ...findings.finding import Finding, Kind, at, lines
-from .recorded import MOVED, NOISY, Recorded, loose
+from .recorded import LINE_OPEN, MOVED, NOISY, Recorded, loose
 
 SEVERAL = 30  # readings, of so many
 SEVERAL_CELLS = 3  # cells, that a bit or a ceiling takes: fewer are single cells' faults
@@ -32,15 +32,15 @@ _BELOW = 0.5  # of its reading at rest that no sound cell falls below
 _EMPTY = 0.02  # of the readings may lie in the gap of a top bit
 _PILE = 3.0  # times as many readings at a ceiling as in the same width below
 # A wrong bit about whose edge untouched cells rest, where a reading is the mean of some samples:
-# share of the variance of their noise that it explains, and ADC steps RMS that it makes, at least.
+# share of the variance of their noise that it explains at least.
 _EXPLAINED = 0.9
-_LEAP = 2.0
 _NEAR_SHORT = 0.97  # of what a short circuit reads: above, hard touches read alike
 _AT_TOP = 0.5  # share of the frames that a cell which only touches take to the ceiling is there
-_NOISY_STEPS = 2.0  # ADC steps RMS that a noisy cell has at least
+_NOISY_STEPS = 2.0  # ADC steps RMS that a noisy cell, or one whose bit leaps, has at least
 _EVEN = 0.6  # median over largest noise of a line, where all its readings are noisy
-_OPEN = 0.1  # of the usual reading, that an open line reads at most,
-_OPEN_NOISY = 0.3  # and where noise leaves it more
+_OPEN_NOISY = (
+    0.3  # of the usual reading, that an open line reads at most where noise leaves it more
+)
 _TOUCHED_SELDOM = 0.9  # of the frames in which an open line reads no more
 _LOOSE = 0.25  # of all lines at most come and go: more are touches on a skin that never rests
 
@@ -106,7 +106,7 @@ def leaping_bit(seen: Recorded) -> list[Finding]:
                 continue
             (share, _), left = nnls(np.stack([leaps, np.ones_like(leaps)], 1), variance)
             most = share * leaps.max()
-            if share <= 1.0 and most > _LEAP**2 and left**2 < least:
+            if share <= 1.0 and most > _NOISY_STEPS**2 and left**2 < least:
                 found, least = (bit, most**0.5), left**2
     if found is None:
         return []
@@ -206,7 +206,7 @@ def open_lines(seen: Recorded, skip: set) -> list[Finding]:
         across[~across.any(1)] = True
         high = np.where(across, every, 0.0).max(1)
         usual = float(np.median(base[base > 0])) if (base > 0).any() else 0.0
-        limit = min(max(_width(seen), _OPEN * usual), _OPEN_NOISY * usual)
+        limit = min(max(_width(seen), LINE_OPEN * usual), _OPEN_NOISY * usual)
         for line in np.flatnonzero(high <= limit):
             numbers = {"count": np.count_nonzero(read[line]), "most": high[line], "usual": usual}
             found.append(Finding(Kind.OPEN, **lines(axis, line), numbers=numbers))

@@ -21,9 +21,9 @@ _QUIET = 0.15  # share of the frames, the calmest ones, that count as untouched
 _FEWEST = 20  # frames that a recording has at least
 _APART = 0.003  # share of the frames by which two touches are apart, and
 _LEAST_APART = 10  # frames at least
-_LINE_OPEN = 0.1  # of the usual reading, below which a line is not connected,
+LINE_OPEN = 0.1  # of the usual reading, below which a line is not connected,
 _LINE_CLOSED = 0.6  # and above which it is
-_HALF_CLOSED = 0.5 * (_LINE_OPEN + _LINE_CLOSED)  # neither, of a line that does not say
+_HALF_CLOSED = 0.5 * (LINE_OPEN + _LINE_CLOSED)  # neither, of a line that does not say
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,13 +140,13 @@ def _closed(axis: int, steps: np.ndarray, usual: np.ndarray, circuit: Circuit) -
     scale, _ = apparent(circuit, steps / circuit.full_scale)
     usual = usual / apparent(circuit, usual / circuit.full_scale)[0]
     others = np.maximum(np.median(usual, axis=axis, keepdims=True), 1.0)
-    share = np.where(scale < _LINE_OPEN, _HALF_CLOSED, steps / (scale * others))
+    share = np.where(scale < LINE_OPEN, _HALF_CLOSED, steps / (scale * others))
     return share.mean(2 - axis)  # a stripe that is cut reads before the cut
 
 
 def loose(share: np.ndarray) -> np.ndarray:
     """(lines,) bool: lines that are open in some frames and closed in others."""
-    is_open, is_closed = (share < _LINE_OPEN).mean(0), (share > _LINE_CLOSED).mean(0)
+    is_open, is_closed = (share < LINE_OPEN).mean(0), (share > _LINE_CLOSED).mean(0)
     return (is_open > 0.005) & (is_closed > 0.02)
 
 
