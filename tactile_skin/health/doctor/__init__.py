@@ -34,9 +34,8 @@ from .recorded import FEW_TOUCHES, Recorded, record
 from .series import in_series, touches_of
 from .unrested import unrested
 
-_FELL = 0.5  # share of all change that is a fall from which on readings may be upside down
-# Where no circuit tells, they are if so much of it is one, and no more the other way round than is
-# left: on sound boards hardly any change is a fall.
+# Where no circuit decides, readings are upside down if so much of all change is a fall, and no more
+# the other way round than is left: on sound boards hardly any change is one.
 _FALLS = 0.8
 
 
@@ -77,7 +76,7 @@ def diagnose(
         return (not unrested(turned) and _upside_down(seen, turned, inverted)) or [finding]
     found = _diagnose(seen, series)
     sound = not found and len(seen.touches)
-    if sound and (seen.fell < _FELL or _fits(circuit, seen)):
+    if sound and (seen.fell < 1.0 - _FALLS or _fits(circuit, seen)):
         return found
     return _upside_down(seen, record(1.0 - frames, circuit, None), inverted) or found
 

@@ -15,9 +15,8 @@ from . import wiring
 from .advice import Change
 from .recorded import FEW_TOUCHES, Recorded
 
-_ASKED = 20_000  # cells, in all touches together, for identify: it takes 0.1 s for 256
-_LEAST_TOUCHES = 20
-_MOST_TOUCHES = 60
+_ASKED = 20_000  # cells, in all touches together, for identify: it takes 0.1 s for 256;
+_LEAST_TOUCHES = 20  # and of large skins so many touches
 _HELD = 15  # frames about its peak within which a touch is looked for
 # Share, and standard deviations (what all touches share is not in their scatter), by which r_par
 # must be off: light touches make it seem larger by 0 to 5 % on 50 sound boards, where it is known
@@ -78,8 +77,7 @@ def _finding(name: str, supposed: Circuit, found: Identified) -> Finding:
 
 def touches_of(seen: Recorded, n: int | None = None) -> np.ndarray:
     """Return (n, rows, cols) ADC ratio of the hardest touches, each where it moves least."""
-    most = _ASKED // np.count_nonzero(seen.circuit.populated)
-    n = n or int(np.clip(most, _LEAST_TOUCHES, _MOST_TOUCHES))
+    n = n or max(_ASKED // np.count_nonzero(seen.circuit.populated), _LEAST_TOUCHES)
     hardest = np.argsort(-seen.steps[seen.peaks].max((1, 2)))
     found = []
     for peak in np.sort(seen.peaks[hardest[:n]]):
