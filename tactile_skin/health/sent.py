@@ -38,7 +38,7 @@ class Sent(Check):
     def forget(self) -> None:
         """Begin anew: the sketch may have been changed."""
         self.found: Finding | None = None
-        self._shorted_since = np.inf  # s
+        self._shorted_since, self._shorted = np.inf, 0.0  # s; share of the cells
         self._frames: list[np.ndarray] = []
         self._kept = self._asked = -np.inf  # s
 
@@ -62,12 +62,14 @@ class Sent(Check):
 
     def _look_for_short(self, t: float, samples: np.ndarray) -> None:
         """By time, not by frames: those that repeat are taken for frozen, and are not seen."""
-        at_zero = samples[self._cells] == 0
-        short = at_zero.mean() > 0.5  # the usual cell is
-        self._shorted_since = min(self._shorted_since, t) if short else np.inf
+        share = float(np.mean(samples[self._cells] == 0))
+        short = share >= 0.5  # the usual cell is
+        if short:
+            self._shorted_since, self._shorted = min(self._shorted_since, t), share
         if t - self._shorted_since >= _EVERY:
-            share = float(at_zero.mean())
-            self._find(readings.Processed(readings.Kind.OFFSET, 0.0, None, share))
+            self._find(readings.Processed(readings.Kind.OFFSET, 0.0, None, self._shorted))
+        elif not short:
+            self._shorted_since = np.inf
 
     def _find(self, done: readings.Processed) -> None:
         self.found = Finding(Kind.ZEROS, severity=Severity.FAULT, detail=str(done))
