@@ -14,7 +14,6 @@ from ..calibration.rest import resting_conductance
 from ..findings.finding import Finding, Kind, Severity, lines
 from ..physics import readouts
 from ..physics.adc import Adc
-from ..solvers.reading import ROUNDING_NOISE
 from .check import Check, Seen
 
 _FRAMES = 20  # whose mean is looked at, at least: a board's low-pass leaves fewer alike
@@ -36,6 +35,9 @@ _OTHER = 4.0  # standard deviations of chi^2 up to which it is the other line
 # The same, up to which no third one may be: on even fabric lines are alike, and one that something
 # lay on at the tare reads as all others once that is gone.
 _ALIKE = 10.0
+_LEAST = 0.1  # ADC steps that a mean may be off: the rest is measured anew only from there on
+_ROUNDED = 0.3  # the same, where a reading has less noise than averages its rounding away,
+_DITHER = 0.4  # ADC steps RMS
 
 
 class Untouched(Check):
@@ -86,8 +88,8 @@ class Untouched(Check):
             self._look(t, now, rest, seen.noise, known)
 
     def _look(self, t: float, now, rest, noise: float, known) -> None:
-        # the rest is measured anew only from a step's fraction on
-        least, noise = ROUNDING_NOISE / self._circuit.full_scale, noise / _FRAMES**0.5
+        least = _ROUNDED if noise * self._circuit.full_scale < _DITHER else _LEAST
+        least, noise = least / self._circuit.full_scale, noise / _FRAMES**0.5
         exchanged = _another_line(now, rest, max(noise, least), known)
         elapsed = min(max(t - self._looked, 0.0), _UNSEEN)
         limit = _AT_ONCE + _A_SECOND * (elapsed if self._rest is None else 0.0)
