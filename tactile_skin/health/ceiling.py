@@ -80,7 +80,7 @@ class Ceiling(Check):
         )
         n = np.count_nonzero(still & at_top)
         share = max(stood / max(seen, 1.0), _CHANCE**2)  # none stood still in all that is counted
-        return n * math.log(share) < math.log(_CHANCE) and top - np.median(mean) > ABOVE
+        return bool(n * math.log(share) < math.log(_CHANCE) and top - np.median(mean) > ABOVE)
 
     def _stands(self, window: Window) -> bool:
         """Whether it ends before the ADC, whose noise is on top of it.

@@ -207,9 +207,9 @@ def open_lines(seen: Recorded, skip: set) -> list[Finding]:
         high = np.where(across, every, 0.0).max(1)
         usual = float(np.median(base[base > 0])) if (base > 0).any() else 0.0
         limit = min(max(_width(seen), LINE_OPEN * usual), _OPEN_NOISY * usual)
-        for line in np.flatnonzero(high <= limit):
-            numbers = {"count": np.count_nonzero(read[line]), "most": high[line], "usual": usual}
-            found.append(Finding(Kind.OPEN, **lines(axis, line), numbers=numbers))
+        for k in map(int, np.flatnonzero(high <= limit)):
+            numbers = {"count": np.count_nonzero(read[k]), "most": high[k], "usual": usual}
+            found.append(Finding(Kind.OPEN, **lines(axis, k), numbers=numbers))
     return found
 
 
@@ -260,7 +260,7 @@ def noisy(seen: Recorded, skip: set) -> list[Finding]:
     ]
     noise = _noise(seen, skip | set(in_lines))
     while noise.max() > _noise_limit(seen):
-        row, col = np.unravel_index(noise.argmax(), noise.shape)
+        row, col = (int(k) for k in np.unravel_index(noise.argmax(), noise.shape))
         found.append(finding("cell", at((row, col)), float(noise[row, col])))
         noise[row], noise[:, col] = 0.0, 0.0
     return found

@@ -77,7 +77,7 @@ def _finding(name: str, supposed: Circuit, found: Identified) -> Finding:
 
 def touches_of(seen: Recorded, n: int | None = None) -> np.ndarray:
     """Return (n, rows, cols) ADC ratio of the hardest touches, each where it moves least."""
-    n = n or max(_ASKED // np.count_nonzero(seen.circuit.populated), _LEAST_TOUCHES)
+    n = n or max(_ASKED // int(seen.circuit.populated.sum()), _LEAST_TOUCHES)
     hardest = np.argsort(-seen.steps[seen.peaks].max((1, 2)))
     found = []
     for peak in np.sort(seen.peaks[hardest[:n]]):
