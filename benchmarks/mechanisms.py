@@ -14,8 +14,6 @@ from tactile_skin.solvers import suspect
 
 from .switchboard import Field, Limit, Result, Switchboard
 
-_NEVER = 10**9  # frames, or times: a limit that nothing reaches
-
 
 @dataclass(frozen=True)
 class Mechanism:
@@ -171,16 +169,13 @@ MECHANISMS = (
     ),
     Mechanism(
         "ceiling.frame", "the largest readings stand still while others do not",
-        (f"{_HEALTH}/ceiling.py:Ceiling._look",),
-        (Limit("health.ceiling:_STILL", _NEVER),
-         Result("health.ceiling:Ceiling.findings",
-                lambda found, ceiling, *_: [] if ceiling._present else found, probe=True)),
+        (f"{_HEALTH}/ceiling.py:Ceiling._still",),
+        (Result("health.ceiling:Ceiling._still", lambda found, *_: False),),
     ),
     Mechanism(
         "ceiling.window", "touches end at one height",
-        (f"{_HEALTH}/ceiling.py:Ceiling._look_at_window", f"{_HEALTH}/ceiling.py:Ceiling._stands"),
-        (Result("health.ceiling:Ceiling._stands",
-                lambda found, *_: (found[0], False)),),
+        (f"{_HEALTH}/ceiling.py:Ceiling._stands",),
+        (Result("health.ceiling:Ceiling._stands", lambda found, *_: False),),
     ),
     Mechanism(
         "sent", "the board sends numbers that its sketch has processed",

@@ -10,72 +10,25 @@ own, and the same touch once more brings the same readings beside them.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.ndimage import binary_dilation
 
 from ..findings.finding import Finding, Kind, Severity
 from ..physics.adc import Adc
+from ..solvers.reading import ROUNDING_NOISE
 from ..solvers.suspect import near_end
+from .check import ABOVE, BEYOND, Check, Seen, Window
 
-if TYPE_CHECKING:
-    from .monitor import Seen
-
-_STILL = 8  # frames in which a reading that has noise moves
-_CHANCE = 1e-6  # of a sound skin's readings standing at one height, in one frame
-# Readings that stood still, of so many, before any was counted.
-_PRIOR_STOOD = 1.0
-_PRIOR_SEEN = 1e3
-_FORGET = 1e-3  # share of that count which each frame renews
-_SELDOM = 1e-8  # share of readings that stand still, at least: none stood still in the whole count
-ABOVE = 16.0  # ADC steps over the middle reading: below, nothing presses
-WINDOW = 10  # frames that are looked at together: 0.1 s at 100 a second
-_CALM = 0.25  # of the readings are not moved by a touch
-ROUND = 0.3  # ADC steps by which the mean of rounded readings may be off
+_CHANCE = 1e-5  # of a sound skin's readings standing at one height, in one window
+_FORGET = 0.01  # share of the count of readings that stood still, and of all, that a window renews
 _SHELF = 4  # readings at one height
 _MOVES = 20.0  # times the noise by which those beside them differ when they stand there again
 _BESIDE = np.ones((3, 3))  # a cell and its neighbours
-BEYOND = 5.0  # standard deviations of noise beyond which a reading is above a ceiling
 _NEAR_MOST = 0.9  # of what a short circuit would read: above, all hard touches read alike
 
 
-class Window(NamedTuple):
-    """Attributes:
-    mean, spread: (rows, cols) of each reading in some frames [ADC steps].
-    noise: spread of the readings that nothing moves.
-    low: (rows, cols) lowest mean of each reading so far: at rest.
-    """
-
-    mean: np.ndarray
-    spread: np.ndarray
-    noise: float
-    low: np.ndarray
-
-
-class Windows:
-    """Cuts the stream into windows."""
-
-    def __init__(self, adc_bits: int):
-        self._scale = 1 << (16 - adc_bits)
-        self._frames: list[np.ndarray] = []
-        self._low: np.ndarray | None = None
-
-    def frame(self, samples: np.ndarray) -> Window | None:
-        """The window that this frame ends, if it does."""
-        self._frames.append(samples)
-        if len(self._frames) < WINDOW:
-            return None
-        steps = np.array(self._frames) / self._scale
-        self._frames = []
-        mean, spread = steps.mean(0), steps.std(0)
-        self._low = mean if self._low is None else np.minimum(self._low, mean)
-        read = spread[mean > 0.0]  # 0: not read, or below the ADC's range
-        noise = float(np.quantile(read, _CALM)) if read.size else 0.0
-        return Window(mean, spread, noise, self._low)
-
-
-class Ceiling:
+class Ceiling(Check):
     """Readings that stand still at the largest value: a saturated input.
 
     Attributes:
@@ -91,38 +44,34 @@ class Ceiling:
         self._most = _NEAR_MOST * adc.rising_count(float(circuit.ratio(0.0)))
         # the solvers know what a reading there means
         known = adc.bounds(np.array(adc.range[1]))
-        self._known_end = circuit.full_scale * self._scale if known else math.inf
-        # where readings stood still [ADC steps], and what the others read then
+        self._known_end = circuit.full_scale if known else math.inf  # ADC steps
+        # where readings stood together [ADC steps], and what all read then
         self._shelf = math.inf
         self._picture: np.ndarray | None = None
         self.height: float | None = None
         self._noise = 0.0  # ADC steps by which a reading there may exceed it
-        self._last: np.ndarray | None = None
-        self._still = np.zeros((), np.int32)  # (rows, cols) frames since each reading moved
-        self._count = _PRIOR_STOOD, _PRIOR_SEEN  # readings that stood still, and all
-        self._present = False  # the last frame shows it
+        self._count = 1.0, 1.0 / _FORGET  # readings that stood still, and all: at first a guess
+        self._present = False  # the last window shows it
 
     def frame(self, seen: Seen) -> None:
-        """Take a frame."""
-        if seen.rising.max() < self._known_end:
-            self._look(seen.rising)
-        if seen.window is not None:
-            self._look_at_window(seen.window)
-
-    def _look(self, samples: np.ndarray) -> None:
-        """Look for a ceiling behind the ADC, or of it."""
-        if self._last is None:
-            self._last, self._still = samples, np.zeros(samples.shape, np.int32)
+        if self.height is not None:
+            most = (self.height + self._noise) * self._scale
+            self.height = None if seen.rising.max() > most else self.height  # it was none
+        if (window := seen.window) is None:
             return
-        same = samples == self._last
-        self._still = np.where(same, self._still + 1, 0)
-        self._last, self._present = samples, False
-        top = int(samples.max())
-        if self.height is not None and top > (self.height + self._noise) * self._scale:
-            self.height = None  # it was none
-        still = self._still >= _STILL
-        at_top = samples == top
-        others = ~at_top & (samples > 0)
+        still, stands = self._still(window), self._stands(window)
+        self._present = still or stands
+        if self._present:
+            self.height = float(window.mean.max())
+            self._noise = BEYOND * (window.noise + ROUNDING_NOISE) if stands else 0.0
+
+    def _still(self, window: Window) -> bool:
+        """Whether the ADC ends there, or what is behind it: the largest readings do not move."""
+        mean, top = window.mean, window.mean.max()
+        if top >= self._known_end:
+            return False
+        still, at_top = window.spread == 0.0, mean == top
+        others = ~at_top & (mean > 0.0)
         stood, seen = self._count
         keep = 1.0 - _FORGET
         self._count = (
@@ -130,21 +79,15 @@ class Ceiling:
             keep * seen + np.count_nonzero(others),
         )
         n = np.count_nonzero(still & at_top)
-        shown = n and n * math.log(max(stood / max(seen, 1.0), _SELDOM)) < math.log(_CHANCE)
-        if shown and top - np.median(samples) > ABOVE * self._scale:
-            self.height, self._noise = top / self._scale, 0.0
-            self._present = True
+        share = max(stood / max(seen, 1.0), _CHANCE**2)  # none stood still in all that is counted
+        return bool(n * math.log(share) < math.log(_CHANCE) and top - np.median(mean) > ABOVE)
 
-    def _look_at_window(self, window: Window) -> None:
-        """Look for a ceiling before the ADC, whose noise is on top of it."""
-        self._shelf, shown = self._stands(window)
-        if shown:
-            self.height, self._present = self._shelf, True
-            self._noise = BEYOND * (window.noise + ROUND)
+    def _stands(self, window: Window) -> bool:
+        """Whether it ends before the ADC, whose noise is on top of it.
 
-    def _stands(self, window: Window) -> tuple[float, bool]:
-        """Where the largest readings stand together; whether those beside changed since."""
-        mean, spread, noise = window.mean, window.spread, window.noise + ROUND
+        The largest readings stand together where they stood before, and those beside have changed.
+        """
+        mean, spread, noise = window.mean, window.spread, window.noise + ROUNDING_NOISE
         top = float(mean.max())
         shelf = mean > top - noise
         if (
@@ -153,19 +96,18 @@ class Ceiling:
             or top - np.median(window.low) < ABOVE
             or spread[shelf].max() > 2.0 * noise
         ):
-            return self._shelf, False
-        if self._picture is None or abs(top - self._shelf) > noise:
-            self._shelf, self._picture = top, mean
-            return top, False
+            return False
+        near, self._shelf = abs(top - self._shelf) <= noise, top
+        if self._picture is None or not near:
+            self._picture = mean
+            return False
         moved = np.abs(mean - self._picture)[binary_dilation(shelf, _BESIDE)]
-        return top, bool(moved.max() > _MOVES * noise)
+        return bool(moved.max() > _MOVES * noise)
 
     def forget(self) -> None:
-        """Forget what no longer shows."""
         self.height = self.height if self._present else None
 
     def findings(self) -> list[Finding]:
-        """Return the ceiling, if the last frame or an earlier one showed it."""
         if self.height is None:
             return []
         end = self.height if self._falls_from is None else self._falls_from - self.height

@@ -2,110 +2,107 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from scipy.ndimage import maximum_filter
 
 from ..findings.finding import Finding, Kind, at, largest
 from ..physics.adc import Adc
+from .check import Check, Seen
 
-if TYPE_CHECKING:
-    from .monitor import Seen
-
-_FORGET = 1.0  # s in which a count of reversals falls by 1/e
-_JUMP = 0.15  # of a cell's force, and
-_LEAST = 0.3  # N, that it gains or loses from one frame to the next
+_STEP = 0.15  # of a cell's force, that it gains or loses as it jumps, or is let go; and
+_LEAST = 0.3  # N
 _ALONE = 0.3  # of the change, or of the force: its neighbours have less
-_JUMPS = 20.0  # reversals that make a cell one that jumps: no finger drums so
-_CALM = 5.0  # and that end it
-# Times that a reading is set aside which make a bad contact, and end one; time [s] in which the
-# count falls by 1/e. Of a sound board's each is once a minute; a touch that comes or goes sets one
-# aside up to 6 times in a row (8 x 8, seed 33201).
-_BAD = 15.0
-_GOOD = 3.0
-_MEMORY = 10.0
+_MEMORY = 1.0  # s in which a count of reversals falls by 1/e,
+_JUMPS = 20.0  # and reversals that make a cell one that jumps: no finger drums so
+# The same, of times that a reading is set aside. On a sound board each is once a minute; a touch
+# that comes or goes sets one aside up to 6 times in a row (8 x 8, seed 33201).
+_CONTACT_MEMORY = 10.0
+_SET_ASIDE = 15.0
+_OVER = 0.25  # of these counts, that ends it
 # Of its force, by which noise alone moves the mean of a look; a hand trembles more (3 % RMS in the
 # tests). In a second a trembling force stays within it by chance once in some 10,000 times.
 _STEADY = 0.02
 _DRIFT = 0.02  # N, besides: noise at low forces
-_STUCK = 0.5  # N at least that a stuck cell has
 _LOOK = 0.05  # s whose mean is looked at
 _STANDS = 1.0  # s for which a stuck cell stands still, alone
-_LEAVES = 0.15  # of its force, by which it must move to be none: touches beside it move it a little
+_NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], bool)
 
 
-class OddCells:
-    """Follows each cell of one skin; all times are of one clock [s]."""
+class Often:
+    """Counts what happens to each cell, and forgets it in time.
+
+    Attributes:
+        count: (rows, cols) times.
+        cells: (rows, cols) bool, where it happens often.
+    """
+
+    def __init__(self, shape, memory: float, limit: float):
+        self._memory, self._limit = memory, limit
+        self.count, self.cells = np.zeros(shape), np.zeros(shape, bool)
+
+    def add(self, times, elapsed: float) -> None:
+        """Count `times` (rows, cols) after so many seconds."""
+        self.count = self.count * np.exp(-max(elapsed, 0.0) / self._memory) + times
+        self.cells = self.count > self._limit * np.where(self.cells, _OVER, 1.0)
+
+
+class OddCells(Check):
+    """Follows each cell of one skin."""
 
     def __init__(self, adc: Adc, threshold: float = 0.0):
         shape = adc.circuit.shape
-        self._last = np.zeros(shape)
-        self._t = -np.inf
+        self._force, self._t = np.zeros(shape), -np.inf
         self._way = np.zeros(shape)  # +-1, of each cell's last jump
-        self._reversals = np.zeros(shape)
-        self._jumps = np.zeros(shape, bool)
+        self._reversals = Often(shape, _MEMORY, _JUMPS)
+        self._aside = Often(shape, _CONTACT_MEMORY, _SET_ASIDE)
         self._stood_at = np.zeros(shape)  # N
         self._looked = -np.inf  # s
-        self._seen, self._frames = np.zeros(shape), 0  # N, the sum of the frames since
+        self._sum, self._frames = np.zeros(shape), 0  # N, of the frames since
         self._since = np.full(shape, np.inf)  # s, since when a cell stands at that force, alone
         self._stuck = np.zeros(shape, bool)
-        self._aside, self._bad = np.zeros(shape), np.zeros(shape, bool)  # times
 
     def frame(self, seen: Seen) -> None:
-        """Take a frame."""
-        t, force, aside = seen.t, seen.estimate.force, seen.estimate.aside
-        self._count_aside(t - self._t, aside)
-        step, elapsed = force - self._last, t - self._t
-        if not 0.0 < elapsed < _FORGET:
-            step, self._since = np.zeros(force.shape), np.full(force.shape, np.inf)
-        else:
-            self._reversals *= np.exp(-elapsed / _FORGET)
-        if max(force.max(), self._last.max()) < _LEAST and not self._jumps.any():
-            self._last, self._t, self._since[:] = force, t, np.inf
-            self._stuck[:] = False
-            return  # nothing touches: the usual case
-        high = np.maximum(force, self._last)
-        self._last, self._t = force, t
-        jumps = np.abs(step) > np.maximum(_LEAST, _JUMP * high)
-        if jumps.any():
-            jumps &= _around(np.abs(step)) < _ALONE * np.abs(step)
-            self._reversals += jumps & (np.sign(step) == -self._way)
-            self._way = np.where(jumps, np.sign(step), self._way)
-        self._jumps = self._reversals > np.where(self._jumps, _CALM, _JUMPS)
-        self._seen, self._frames = self._seen + force, self._frames + 1
+        t, force, before = seen.t, seen.estimate.force, self._force
+        elapsed, step = t - self._t, force - before
+        self._force, self._t = force, t
+        self._count_aside(elapsed, seen.estimate.aside)
+        if not 0.0 < elapsed < _MEMORY:
+            step, self._since[:] = np.zeros(force.shape), np.inf
+        high = np.maximum(force, before)
+        if high.max() < _LEAST:  # nothing touches: the usual case
+            self._reversals.add(0.0, elapsed)
+            self._since[:], self._stuck[:] = np.inf, False
+            return
+        jumps = np.abs(step) > np.maximum(_LEAST, _STEP * high)
+        jumps &= _around(np.abs(step)) < _ALONE * np.abs(step)
+        self._reversals.add(jumps & (np.sign(step) == -self._way), elapsed)
+        self._way = np.where(jumps, np.sign(step), self._way)
+        self._sum, self._frames = self._sum + force, self._frames + 1
         if not 0.0 <= t - self._looked < _LOOK:
-            self._looked = t
-            self._look_for_still_ones(t, self._seen / self._frames)
-            self._seen, self._frames = np.zeros(force.shape), 0
+            self._look_for_still_ones(t, self._sum / self._frames)
+            self._looked, self._sum, self._frames = t, np.zeros(force.shape), 0
 
     def findings(self) -> list[Finding]:
         """Return which cells are odd by now; one of each kind, the worst."""
         found = []
-        if self._jumps.any():
-            found.append(Finding(Kind.CONTACT, "jumps", **largest(self._reversals)))
+        if self._reversals.cells.any():
+            found.append(Finding(Kind.CONTACT, "jumps", **largest(self._reversals.count)))
         elif self._stuck.any():
             cell = np.argwhere(self._stuck)[0]
-            numbers = {"force": float(self._last[tuple(cell)]), "seconds": _STANDS}
+            numbers = {"force": float(self._force[tuple(cell)]), "seconds": _STANDS}
             found.append(Finding(Kind.STUCK, "constant", **at(cell), numbers=numbers))
-        if self._bad.any():
-            found.append(Finding(Kind.CONTACT, "set aside", **largest(self._aside)))
+        if self._aside.cells.any():
+            found.append(Finding(Kind.CONTACT, "set aside", **largest(self._aside.count)))
         return found
 
-    def forget(self) -> None:
-        """Do nothing: it says what the last frames show."""
-
     def _count_aside(self, elapsed: float, aside: np.ndarray | None) -> None:
-        self._aside *= np.exp(-max(elapsed, 0.0) / _MEMORY)
-        if aside is not None:
-            self._aside += aside
-        self._bad = self._aside > np.where(self._bad, _GOOD, _BAD)
+        self._aside.add(0.0 if aside is None else aside, elapsed)
 
     def _look_for_still_ones(self, t: float, force: np.ndarray) -> None:
         off = np.abs(force - self._stood_at)
-        self._stuck &= off <= _LEAVES * self._stood_at + _DRIFT
+        self._stuck &= off <= _STEP * self._stood_at + _DRIFT
         moved = off > _STEADY * self._stood_at + _DRIFT
-        alone = (force > _STUCK) & (_around(force) < _ALONE * force)
+        alone = (force > _LEAST) & (_around(force) < _ALONE * force)
         self._stood_at = np.where((moved | ~alone) & ~self._stuck, force, self._stood_at)
         self._since = np.where(~alone, np.inf, np.where(moved, t, np.minimum(self._since, t)))
         self._stuck |= t - self._since >= _STANDS
@@ -114,6 +111,3 @@ class OddCells:
 def _around(values: np.ndarray) -> np.ndarray:
     """(rows, cols) the largest of each cell's eight neighbours."""
     return maximum_filter(values, footprint=_NEIGHBOURS, mode="constant")
-
-
-_NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], bool)

@@ -5,43 +5,27 @@ Of the latter no rest is learnt: what was taken off is missing under every touch
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ..findings.finding import Finding, Kind, Severity
 from ..physics.adc import NOT_READ, Adc
 from ..readings import processed as readings
-
-if TYPE_CHECKING:
-    from .monitor import Seen
+from .check import Check, Seen
 
 _KEPT = 64  # frames that are looked at
 _FEWEST = 10  # frames that show which cells move
 _APART = 0.1  # s between them, at least
-_RENEW = 0.05  # share of how often each reading is 0 that each frame renews
-_OFTEN = 0.1  # share of the frames in which the usual reading is 0, from which on it is asked soon
-_SOON = 0.2  # s after which it is asked again,
-_EVERY = 2.0  # and where readings are not 0
+_EVERY = 0.5  # s after which it is asked again
 # Where readings fall with pressure 0 is a short circuit. Pressed cells keep tens of ohm, behind
-# r_par: usual cells that stand there for so long [s] are none. An ADC that reads too low by more
-# than so many steps reads 0 earlier.
-_SHORTED = 0.5
+# r_par: usual cells that stand there for as long are none. An ADC that reads too low by more than
+# so many steps reads 0 earlier.
 _RESOLVED = 1.0
 
 
-class Sent:
-    """Follows what one board sends; all times are of one clock [s].
-
-    Attributes:
-        found: what was done to its readings; None: nothing shows.
-    """
+class Sent(Check):
+    """Follows what one board sends."""
 
     def __init__(self, adc: Adc, threshold: float):
-        """Args:
-        adc: its converter.
-        threshold: ADC ratio up to which it is known to send 0 or no reading.
-        """
         circuit = adc.circuit
         self._bits, self._cells = circuit.adc_bits, circuit.populated
         self._scale = 2.0 ** (16 - circuit.adc_bits)
@@ -54,44 +38,36 @@ class Sent:
     def forget(self) -> None:
         """Begin anew: the sketch may have been changed."""
         self.found: Finding | None = None
-        self._shorted_since = np.inf  # s
+        self._shorted_since, self._shorted = np.inf, 0.0  # s; share of the cells
         self._frames: list[np.ndarray] = []
-        self._at_zero = np.zeros(self._cells.shape)
         self._kept = self._asked = -np.inf  # s
 
     def frame(self, seen: Seen) -> None:
-        """Take a frame."""
         t, samples = seen.t, seen.samples
         if self.found:  # a sketch does not change its mind: until somebody has changed it
             return
         if self._zero_is_short and seen.rest is None:
             self._look_for_short(t, samples)
-        self._at_zero += _RENEW * ((samples == 0) - self._at_zero)
         if 0.0 <= t - self._kept < _APART:
             return
         self._kept = t
         steps = np.where(samples == NOT_READ, np.nan, samples / self._scale)
         self._frames = [*self._frames[1 - _KEPT :], np.where(self._cells, steps, np.nan)]
-        often = np.median(self._at_zero[self._cells]) > _OFTEN
-        due = not 0.0 <= t - self._asked < (_SOON if often else _EVERY)
-        if due and len(self._frames) >= _FEWEST:
+        if len(self._frames) >= _FEWEST and not 0.0 <= t - self._asked < _EVERY:
             self._asked = t
             frames = np.array(self._frames)
             done = readings.processed(frames, self._bits, self._known, self._unresolved)
             if done and done.kind is not readings.Kind.CEILING:
                 self._find(done)
 
-    def findings(self) -> list[Finding]:
-        """Return what was done to the readings."""
-        return [self.found] if self.found else []
-
     def _look_for_short(self, t: float, samples: np.ndarray) -> None:
         """By time, not by frames: those that repeat are taken for frozen, and are not seen."""
-        short = np.median(samples[self._cells]) == 0
-        self._shorted_since = min(self._shorted_since, t if short else np.inf)
-        if t - self._shorted_since >= _SHORTED:
-            share = float(np.mean(self._at_zero[self._cells] > 0.0))  # of the cells
-            self._find(readings.Processed(readings.Kind.OFFSET, 0.0, None, share))
+        share = float(np.mean(samples[self._cells] == 0))
+        short = share >= 0.5  # the usual cell is
+        if short:
+            self._shorted_since, self._shorted = min(self._shorted_since, t), share
+        if t - self._shorted_since >= _EVERY:
+            self._find(readings.Processed(readings.Kind.OFFSET, 0.0, None, self._shorted))
         elif not short:
             self._shorted_since = np.inf
 

@@ -87,10 +87,8 @@ class Skin:
         self._common = {"noise": noise}
         self._time_limit, self._interval, self._at = time_limit, 0.0, np.nan  # s; of the last frame
         self._standing = Standing(creep, curve) if creep.share else None
-        self._tare, self._tracker = (
-            Tare(self.circuit, curve),
-            CircuitTracker(self.circuit, r_par_std),
-        )
+        self._tare = Tare(self.circuit, curve)
+        self._tracker = CircuitTracker(self.circuit, r_par_std)
         self._monitor = Monitor(adc, threshold, rest_known=not follows)
         self._last: Estimate | None = None  # the last frame: where the next starts from
         self._doubts = 0  # frames in a row
@@ -275,14 +273,10 @@ class Skin:
             *self._found,
             *frame,
             *self._tracker.findings(),
-            *self._at_end(),
         ]
+        if self._ended:
+            found.append(Finding(Kind.SATURATION, "range", numbers={"count": self._ended}))
         return sorted(found, key=lambda finding: finding.rank)
-
-    def _at_end(self) -> list[Finding]:
-        """Return that readings are at the end of the ADC's range."""
-        numbers = {"count": self._ended}
-        return [Finding(Kind.SATURATION, "range", numbers=numbers)] if self._ended else []
 
     @property
     def rest_resistance(self) -> np.ndarray | None:

@@ -1,4 +1,4 @@
-"""What an untouched skin reads, beside what it read when its rest was measured.
+"""What an untouched skin reads, compared with what it read when its rest was measured.
 
 Its cells differ, so that the readings at rest are a picture that is known. Fabric changes cell by
 cell, and as a whole slowly. Two changes are none of its own: all cells at once, as of a supply, a
@@ -8,17 +8,13 @@ multiplexer or leads that were exchanged.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ..calibration.rest import resting_conductance
 from ..findings.finding import Finding, Kind, Severity, lines
 from ..physics import readouts
 from ..physics.adc import Adc
-
-if TYPE_CHECKING:
-    from .monitor import Seen
+from .check import Check, Seen
 
 _FRAMES = 20  # whose mean is looked at, at least: a board's low-pass leaves fewer alike
 _TAKE = 0.18  # s that they take, at least
@@ -27,14 +23,14 @@ _TAKE = 0.18  # s that they take, at least
 _AT_ONCE = 0.004
 _A_SECOND = 0.003
 _UNSEEN = 5.0
-_SHARE = 0.25  # of the cells may have changed by less than half of that: they recover from a touch
+# Of the cells, or of a line's, may have changed otherwise: a touch has left them behind.
+_SHARE = 0.25
 _QUARTILE = 0.674  # standard deviations that a normal distribution's quartile lies off
 _FALL = 0.05  # log conductance lost from which on a push may be hidden: it stops,
 _EVEN = 0.1  # if all cells have lost as much, but for this share
 _KEPT = 60.0  # s: by then touches have told another r_par, and a drift has been followed
 _CELLS = 4  # of a line, at least, by which lines are compared
 _OWN = 40.0  # sum of squares [noise squared] by which it differs from its own line
-_LEFT_BEHIND = 0.25  # share of its cells that a touch may have left behind: they do not count
 _OTHER = 4.0  # standard deviations of chi^2 up to which it is the other line
 # The same, up to which no third one may be: on even fabric lines are alike, and one that something
 # lay on at the tare reads as all others once that is gone.
@@ -44,12 +40,8 @@ _ROUNDED = 0.3  # the same, where a reading has less noise than averages its rou
 _DITHER = 0.4  # ADC steps RMS
 
 
-class Untouched:
-    """Follows the picture of one skin at rest; all times are of one clock [s].
-
-    Attributes:
-        found: what is wrong, a fault if readings tell too little of what presses; None: nothing.
-    """
+class Untouched(Check):
+    """Follows the picture of one skin at rest: a fault if readings miss some of what presses."""
 
     def __init__(self, adc: Adc, threshold: float = 0.0):
         self._circuit = adc.circuit
@@ -70,22 +62,18 @@ class Untouched:
         self._sum, self._count = np.zeros(self._circuit.shape), 0
         self._since = np.inf  # s, the first of them
 
-    def findings(self) -> list[Finding]:
-        """Return what is wrong with the skin at rest."""
-        return [self.found] if self.found else []
-
     def frame(self, seen: Seen) -> None:
         """Take a frame. Before the rest was measured each look is compared with the one before.
 
         What falls by then would be tared away.
         """
-        t, adc, rest, noise = seen.t, seen.adc, seen.rest, seen.noise
+        t, rest = seen.t, seen.rest
         if seen.stirs or t < self._since < np.inf:  # or the clock was set back
             self._begin()
         if seen.stirs:
             return
         self._since = min(self._since, t)
-        self._sum, self._count = self._sum + adc, self._count + 1
+        self._sum, self._count = self._sum + seen.adc, self._count + 1
         if self._count < _FRAMES or t - self._since < _TAKE:
             return
         now, before = self._sum / self._count, self._before
@@ -97,11 +85,11 @@ class Untouched:
             rest = now if before is None else before
         known = self._circuit.populated & (now > 0.0) & (now < 1.0) & (rest > 0.0) & (rest < 1.0)
         if np.count_nonzero(known) >= _CELLS:
-            full = self._circuit.full_scale
-            least = (_ROUNDED if noise * full < _DITHER else _LEAST) / full
-            self._look(t, now, rest, noise / _FRAMES**0.5, least, known)
+            self._look(t, now, rest, seen.noise, known)
 
-    def _look(self, t: float, now, rest, noise: float, least: float, known) -> None:
+    def _look(self, t: float, now, rest, noise: float, known) -> None:
+        least = _ROUNDED if noise * self._circuit.full_scale < _DITHER else _LEAST
+        least, noise = least / self._circuit.full_scale, noise / _FRAMES**0.5
         exchanged = _another_line(now, rest, max(noise, least), known)
         elapsed = min(max(t - self._looked, 0.0), _UNSEEN)
         limit = _AT_ONCE + _A_SECOND * (elapsed if self._rest is None else 0.0)
@@ -180,14 +168,14 @@ def _another_line(
         beyond = (square.sum(2) - free) / np.sqrt(2.0 * free)  # of chi^2, from each other line
         beyond[n < _CELLS] = np.inf
         own = np.sort(square.diagonal(), axis=0)  # (cells, lines)
-        own = own[: round((1.0 - _LEFT_BEHIND) * len(own))].sum(0)
+        own = own[: round((1.0 - _SHARE) * len(own))].sum(0)
         np.fill_diagonal(beyond, np.inf)
         alike = (beyond < _ALIKE).sum(1)
         found = (beyond.min(1) < _OTHER) & (alike == 1) & (own > _OWN)
         if found.any():
             k = int(found.argmax())
             numbers = {"other": float(beyond[k].argmin())}
-            return Finding(
-                Kind.SWAPPED, "live", severity=Severity.FAULT, **lines(axis, k), numbers=numbers
-            )
+            where = lines(axis, k)
+            fault = Severity.FAULT
+            return Finding(Kind.SWAPPED, "live", severity=fault, **where, numbers=numbers)
     return None

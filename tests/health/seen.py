@@ -4,8 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from tactile_skin.health.ceiling import Windows
-from tactile_skin.health.monitor import Seen
+from tactile_skin.health.check import Seen, Windows
 
 
 def seen(t=0.0, *, force=None, aside=None, samples=None, adc=None, rest=None, noise=0.0, **more):

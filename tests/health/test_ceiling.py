@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from health.seen import Samples, said, seen
+from health.seen import Samples, said
 
 from tactile_skin import Circuit
 from tactile_skin.health.ceiling import Ceiling
@@ -21,6 +21,7 @@ class Board:
         self.noise, self.whole, self.ceiling = noise, whole, ceiling
         self.picture = REST + self.rng.uniform(-3.0, 3.0, (8, 8))
         self.watch = Ceiling(ADC)
+        self.windows = Samples(self.watch, BITS)
 
     def frame(self, touch=0.0, cells=np.s_[2:4, 2:4]) -> str:
         steps = self.picture.copy()
@@ -30,9 +31,7 @@ class Board:
         return self.look(np.rint(steps * FRACTION).astype(np.uint16))
 
     def look(self, samples) -> str:
-        """Without windows: of readings that stand still."""
-        self.watch.frame(seen(samples=samples))
-        return said(self.watch)
+        return self.windows.frame(samples)
 
     def frames(self, n, *args):
         return [self.frame(*args) for _ in range(n)]
@@ -67,11 +66,10 @@ def test_one_hard_press_that_stands_for_long_is_no_ceiling(side, noise):
     for _ in range(6):
         rest = REST + rng.uniform(0.0, 2.0, (side, side))
         rest[1, 1] = 600.0 + rng.uniform(0.0, 1.0)
-        watch = Ceiling(Adc(Circuit(side, side, adc_bits=BITS)))
+        watch = Samples(Ceiling(Adc(Circuit(side, side, adc_bits=BITS))), BITS)
         for _ in range(1500):
             steps = np.rint(rest + noise * rng.standard_normal(rest.shape))
-            watch.frame(seen(samples=steps.astype(np.uint16) * FRACTION))
-            assert not watch.findings()
+            assert not watch.frame(steps.astype(np.uint16) * FRACTION)
 
 
 def test_it_is_over_once_something_reads_higher():
@@ -120,7 +118,7 @@ class Clipped(Board):
 
     def __init__(self, **kwargs):
         super().__init__(**kwargs)
-        self.windows, self.dead = Samples(self.watch, BITS), False
+        self.dead = False
         self.texture = np.exp(0.1 * self.rng.standard_normal((8, 8)))
 
 
@@ -172,7 +170,7 @@ class Turned(Board):
     def __init__(self, **kwargs):
         super().__init__(**kwargs)
         self.adc = Adc(Circuit(8, 8, adc_bits=BITS), inverted=True)
-        self.watch = Ceiling(self.adc)
+        self.windows = Samples(Ceiling(self.adc), BITS)
 
     def frame(self, touch=0.0, cells=np.s_[2:4, 2:4]) -> str:
         steps = self.picture.copy()

@@ -14,15 +14,17 @@ from ...calibration.rest import resting_conductance
 from ...calibration.touched import AT_REST, TOUCHED
 from ...physics.circuit import Circuit
 from ...physics.curve import PressureCurve
-from ...solvers import compensate
+from ...solvers import Estimate, compensate
+from ...solvers.reading import ROUNDING_NOISE
 
 _ALIKE = 4.0  # times the usual cell's conductance, either way, within which cells at rest lie
 _MAY_DIFFER = 0.34  # share of the cells that may lie beyond, as those of damaged lines do
 _OFF_END = 2.0  # times the noise plus an ADC step, that usual readings at rest keep off either end
 _SEEN = 0.3  # of the largest change of a reading, in a frame that shows a touch
 _HARD = 0.8  # the same, of a hard touch
-_TRIED = 12  # frames that are tried, the hardest and others at even steps of hardness
+HARDEST = 12  # touches that a circuit is tried by; and as many at even steps of hardness
 _STUCK = 0.9  # of the conductance at the curve's end: what conducts more at rest is stuck
+_DEAD = 1e-3  # of the usual conductance: what conducts less is dead
 _TIME = 0.1  # s for a frame that no cells explain
 _WIDTHS = (8, 10, 12, 14, 16)  # bits of ADCs
 
@@ -54,40 +56,47 @@ class Change:
             found["circuit.readout"] = then["readout"]
             if then["readout"] != "floating":
                 found["circuit.driven"] = then["driven"]
-        for name in ("r_par", "r_drive"):
-            if f"circuit.{name}" in found:
-                found[f"circuit.{name}"] = round(then[name], 1)
+        for name in {"circuit.r_par", "circuit.r_drive"} & found.keys():
+            found[name] = round(found[name], 1)
         if self.turned:
             found["circuit.inverted"] = not inverted
         if self.scale != 1.0:
-            full = supposed.full_scale / self.scale
-            bits = next((b for b in _WIDTHS if abs(full / (2**b - 1) - 1.0) < 1e-6), None)
-            name, value = ("adc_full_scale", round(full)) if bits is None else ("adc_bits", bits)
+            full = round(supposed.full_scale / self.scale)
+            bits = (full + 1).bit_length() - 1
+            known = full == 2**bits - 1
+            name, value = ("adc_bits", bits) if known else ("adc_full_scale", full)
             found[f"circuit.{name}"] = value
         return found
 
 
-def _rest(at_rest: np.ndarray, circuit: Circuit, noise: float) -> np.ndarray | None:
-    """Return (rows, cols) conductance at rest [S]; None: no skin rests so.
+def conductance_at_rest(at_rest: np.ndarray, circuit: Circuit, noise: float) -> np.ndarray:
+    """Return (rows, cols) conductance [S] of the cells of a skin that reads so at rest.
 
     Args:
-        at_rest: (rows, cols) ADC ratio; NaN: not read.
+        at_rest: (rows, cols) ADC ratio; NaN: not read, they conduct as the usual cell.
         noise: of a reading [ADC steps].
+
+    Raises:
+        ValueError: no skin rests so.
     """
+    unread = list(zip(*np.nonzero(np.isnan(at_rest) & circuit.populated), strict=True))
+    return resting_conductance(at_rest, circuit, noise, unread)
+
+
+def felt(touch: np.ndarray, circuit: Circuit, curve: PressureCurve, noise: float) -> Estimate:
+    """Return what a skin feels that reads (rows, cols) [ADC ratio]; NaN: not read."""
+    noise = max(noise, ROUNDING_NOISE)
+    return compensate(touch, circuit, curve, "map", noise=noise, missing=True, time_limit=_TIME)
+
+
+def _rests(at_rest: np.ndarray, rest: np.ndarray, circuit: Circuit, noise: float) -> bool:
+    """Whether (rows, cols) readings, and what conducts [S], are those of an untouched skin."""
     cells = circuit.populated & np.isfinite(at_rest)
-    if not cells.any():
-        return None
     usual, end = float(np.median(at_rest[cells])), float(circuit.ratio(0.0))
     margin = _OFF_END * (noise + 1.0) / circuit.full_scale
-    if not margin < usual < end - margin:
-        return None
-    unread = list(zip(*np.nonzero(circuit.populated & ~cells), strict=True))
-    try:
-        g = resting_conductance(at_rest, circuit, max(noise, 0.3), unread)
-    except ValueError:
-        return None
-    apart = np.abs(np.log(np.maximum(g[cells], 1e-12) / np.median(g[cells])))
-    return g if np.mean(apart > np.log(_ALIKE)) <= _MAY_DIFFER else None
+    share = rest[cells] / np.median(rest[cells])
+    differs = (share > _ALIKE) | (share < 1.0 / _ALIKE)
+    return margin < usual < end - margin and differs.mean() <= _MAY_DIFFER
 
 
 def is_safe(change: Change, frames: np.ndarray, quiet: np.ndarray, noise: float) -> bool:
@@ -102,25 +111,23 @@ def is_safe(change: Change, frames: np.ndarray, quiet: np.ndarray, noise: float)
     frames = np.where(np.isnan(frames).any(0), np.nan, frames)  # a crossing is read, or is not
     moves = np.nanmax(np.abs(frames - frames[quiet].mean(0)), axis=(1, 2))
     then = change.of(frames)
-    rest = _rest(then[quiet].mean(0), circuit, noise)
-    if rest is None:
+    at_rest = then[quiet].mean(0)
+    try:
+        rest = conductance_at_rest(at_rest, circuit, max(noise, ROUNDING_NOISE))
+    except ValueError:
+        return False
+    if not _rests(at_rest, rest, circuit, noise):
         return False
     usual = 1.0 / float(np.median(rest[circuit.populated]))
     force, ohms = np.array(PressureCurve().points).T
     curve = PressureCurve(force, ohms * usual / ohms[0])
     most = _STUCK / curve.least_resistance  # S
-    curve = curve.resting_at(1.0 / np.clip(rest, 1e-3 / usual, most))
+    curve = curve.resting_at(1.0 / np.clip(rest, _DEAD / usual, most))
     order = np.argsort(-moves)
     seen = order[moves[order] > _SEEN * moves.max()]
-    tried = np.unique(np.r_[seen[:_TRIED], seen[:: max(1, len(seen) // _TRIED)]])
-    for k in tried:
-        least = TOUCHED if moves[k] > _HARD * moves.max() else AT_REST
-        found = compensate(
-            then[k], circuit, curve, "map", noise=max(noise, 0.3), missing=True, time_limit=_TIME
-        )
-        if found.force.max() < least:
-            return False
-    return True
+    tried = np.unique(np.r_[seen[:HARDEST], seen[:: max(1, len(seen) // HARDEST)]])
+    least = np.where(moves > _HARD * moves.max(), TOUCHED, AT_REST)  # N
+    return all(felt(then[k], circuit, curve, noise).force.max() >= least[k] for k in tried)
 
 
 def of_other_scale(circuit: Circuit) -> list[Change]:

@@ -11,52 +11,18 @@ from collections.abc import Callable
 import numpy as np
 
 from ...findings.finding import Finding, Kind, at, lines
+from ...findings.words import place
 from ...physics.circuit import Circuit
 from . import readings
-from .recorded import Recorded, line_name
+from .recorded import Recorded
 from .wiring import Damage
 
 # Ohm of a crossing, below which it is no pressed cell but a short: one of 1 ohm seems to have up to
 # 40 where r_ref or r_par is 10 % off.
 _SHORT = 60.0
-_LOOSE = 0.25  # of all lines at most come and go: more are touches on a skin that never rests
-
-
-def open_lines(seen: Recorded, skip: set) -> list[Finding]:
-    """Return lines of which no reading rises."""
-    found = []
-    for axis, line, high, usual in readings.open_lines(seen):
-        count = np.count_nonzero(seen.turned(axis, seen.read)[line])
-        numbers = {"count": int(count), "most": high, "usual": usual}
-        found.append(Finding(Kind.OPEN, **lines(axis, line), numbers=numbers))
-    return found
-
-
-def loose_lines(seen: Recorded, skip: set) -> list[Finding]:
-    """Return lines that are open in some frames."""
-    loose = readings.loose_lines(seen)
-    if len(loose) > _LOOSE * sum(seen.circuit.shape):
-        return []
-    return [
-        Finding(Kind.CONTACT, "line", **lines(axis, line), numbers={"share": share})
-        for axis, line, share in loose
-        if (axis, line) not in skip
-    ]
-
-
-def noisy(seen: Recorded, skip: set) -> list[Finding]:
-    """Return lines and cells with much more noise than the others."""
-    in_lines, in_cells = readings.noisy(seen, skip)
-    places = [("line", lines(axis, line), noise) for axis, line, noise in in_lines]
-    places += [("cell", {"rows": (r,), "cols": (c,)}, noise) for r, c, noise in in_cells]
-    return [
-        Finding(Kind.NOISY, form, **of, numbers={"noise": noise, "usual": seen.usual_noise})
-        for form, of, noise in places
-    ]
-
 
 Check = Callable[[Recorded, set[tuple[int, int]]], list[Finding]]
-CHECKS: list[Check] = [open_lines, loose_lines, noisy]
+CHECKS: list[Check] = [readings.open_lines, readings.loose_lines, readings.noisy]
 
 
 def whole_lines(finding: Finding) -> set[tuple[int, int]]:
@@ -108,15 +74,12 @@ def damage(circuit: Circuit, damage: Damage, cell: float, ends: bool = False) ->
 def _cell(circuit: Circuit, damage: Damage, cell: float, ends: bool) -> Finding:
     row, col = damage.line, damage.at
     of = at((row, col))
-    ohm = cell / max(damage.size, 1e-9)
     if damage.size == 0.0:
-        last = [
-            f"; {line_name(axis, line)} may be cut before it"
-            for axis, line, k, end in ((0, row, col, circuit.cols), (1, col, row, circuit.rows))
-            if k == end - 1
-        ]
-        return Finding(Kind.DEAD, **of, numbers={"usual": cell}, detail="".join(last))
-    kind, form = (Kind.STUCK, "at the end" if ends else "")
-    if ohm < _SHORT:
-        kind, form = Kind.SHORT, "cell"
-    return Finding(kind, form, **of, numbers={"ohm": ohm, "usual": cell})
+        cut = [place((row,), ())] * (col == circuit.cols - 1)
+        cut += [place((), (col,))] * (row == circuit.rows - 1)
+        detail = "".join(f"; {line} may be cut before it" for line in cut)
+        return Finding(Kind.DEAD, **of, numbers={"usual": cell}, detail=detail)
+    numbers = {"ohm": cell / damage.size, "usual": cell}
+    if numbers["ohm"] < _SHORT:
+        return Finding(Kind.SHORT, "cell", **of, numbers=numbers)
+    return Finding(Kind.STUCK, "at the end" if ends else "", **of, numbers=numbers)

@@ -12,27 +12,27 @@ from typing import NamedTuple
 import numpy as np
 
 from ...calibration.rest import resting_conductance
+from ...findings.finding import Finding, Kind
 from ...physics.adc import Adc
 from ...physics.circuit import Circuit
 from ...solvers.evidence import SOFT, Supposed, series_scale
 from .readout import Touched
+from .recorded import FEW_TOUCHES
 
 _SUPPLY = 5.0  # V that is supposed: with another supply the same share of it is found
 # V at 1 mA, of that supply, which are tried: from Schottky diodes to silicon ones at 3.3 V. What is
-# found is right to half of the last step.
-_VOLTS = np.arange(0.06, 0.96, 0.06)
-_STEPS = 0.03, 0.015
+# found is right to half of a step.
+_VOLTS = np.arange(0.06, 0.96, 0.03)
 # Touches agree if the r_par that each asks for scatters (in squared standard deviations), and
 # differs from the configured one (as share of `series_scale`), by no more: on 8 boards (seeds 21
 # and 22) by 2.3 and 0.06 at most where the diode is known, by 3.5 or 0.18 at least where it is not.
 _AGREE = 3.0
 _OFF = 0.1
-_FEWEST = 6  # touches; with 8 one of five boards of 8 x 8 (seeds 51 to 57) was not told
 _R_PAR_STEPS = 3  # to the r_par that touches ask for
 _ALL = 0.9  # share of the touches that any diode explains, that the right one does
 
 
-class Agreement(NamedTuple):
+class _Agreement(NamedTuple):
     """What touches say together.
 
     Attributes:
@@ -48,47 +48,38 @@ class Agreement(NamedTuple):
     @property
     def misfit(self) -> float:
         """Of both, in what is allowed; below 1: they agree."""
-        if self.touches < _FEWEST:
+        if self.touches <= FEW_TOUCHES:
             return np.inf
         return max(self.scatter / _AGREE, abs(self.off) / _OFF)
 
 
-def unknown_diode(circuit: Circuit, seen: Touched, quiet: int) -> float | None:
-    """Forward voltage at 1 mA, as share of the supply, of a diode with which the touches agree.
-
-    None: there is none, or they agree as it is.
+def unknown_diode(circuit: Circuit, seen: Touched, quiet: int) -> list[Finding]:
+    """Return the diode with which touches of a loaded matrix agree; none if they agree as it is.
 
     Args:
         quiet: frames that the rest is the mean of.
     """
+    if circuit.readout != "loaded" or not len(seen.touches):
+        return []
     by_r_par = _with_r_par(circuit, seen, quiet)
     if by_r_par is None:
-        return None
-    tried: dict[float, Agreement] = {}
-
-    def best() -> float:
-        return min(tried, key=lambda volts: tried[volts].misfit)
-
-    def look(volts: float) -> None:
-        adc = Adc(circuit, diode=volts, supply=_SUPPLY)
-        rest, touches = (adc.ratio(p * circuit.full_scale) for p in (seen.rest, seen.touches))
-        tried[volts] = _agreement(circuit, Touched(rest, seen.noise, touches), quiet)
-
+        return []
+    tried = {}
     for volts in _VOLTS:
-        look(float(volts))
-    for step in _STEPS:
-        around = best()
-        look(around - step)
-        look(around + step)
-    found = tried[best()]
+        adc = Adc(circuit, diode=volts, supply=_SUPPLY)
+        tried[volts] = _agreement(circuit, seen.read_by(adc), quiet)
+    volts = min(tried, key=lambda v: tried[v].misfit)
+    found = tried[volts]
     if found.misfit >= 1.0 or found.touches < _ALL * max(a.touches for a in tried.values()):
-        return None
+        return []
     if by_r_par.misfit < 1.0 and by_r_par.touches >= _ALL * found.touches:
-        return None  # another r_par does as well, and needs no part that nobody mentioned
-    return best() / _SUPPLY
+        return []  # another r_par does as well, and needs no part that nobody mentioned
+    share = float(volts) / _SUPPLY
+    numbers = {"share": share, "of_5": 5.0 * share, "of_3": 3.3 * share}
+    return [Finding(Kind.CIRCUIT, "diode", numbers=numbers)]
 
 
-def _with_r_par(circuit: Circuit, seen: Touched, quiet: int) -> Agreement | None:
+def _with_r_par(circuit: Circuit, seen: Touched, quiet: int) -> _Agreement | None:
     """The touches with the r_par that they ask for; None: they agree with the configured one."""
     for step in range(_R_PAR_STEPS + 1):
         found = _agreement(circuit, seen, quiet)
@@ -101,18 +92,17 @@ def _with_r_par(circuit: Circuit, seen: Touched, quiet: int) -> Agreement | None
     return found
 
 
-def _agreement(circuit: Circuit, seen: Touched, quiet: int) -> Agreement:
-    noise = max(seen.noise, 0.3)
+def _agreement(circuit: Circuit, seen: Touched, quiet: int) -> _Agreement:
     try:
-        conductance = resting_conductance(seen.rest, circuit, noise / quiet**0.5)
+        conductance = resting_conductance(seen.rest, circuit, seen.noise / quiet**0.5)
         supposed = Supposed(circuit, conductance, SOFT)
-        each = [supposed.evidence(touch, noise) for touch in seen.touches]
+        each = [supposed.evidence(touch, seen.noise) for touch in seen.touches]
     except ValueError:  # no cells read so
-        return Agreement(0, np.inf, np.inf)
+        return _Agreement(0, np.inf, np.inf)
     told = [(e.score[0], e.information[0, 0]) for e in each if e is not None]
     if not told:
-        return Agreement(0, np.inf, np.inf)
+        return _Agreement(0, np.inf, np.inf)
     score, information = np.array(told).T
     shift = score.sum() / information.sum()
     scatter = np.median(np.square(score - shift * information) / information)
-    return Agreement(len(told), float(scatter), float(shift / series_scale(circuit)))
+    return _Agreement(len(told), float(scatter), float(shift / series_scale(circuit)))

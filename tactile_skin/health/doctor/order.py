@@ -7,32 +7,19 @@ the size by which another order would be smoother than this one.
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
-from .recorded import Recorded
+from ...calibration.at_rest import twins
+from ...findings.finding import Finding, Kind, lines
+from .recorded import FEW_TOUCHES, Recorded
 
-# RMS by which two lines that read alike differ at rest: times the noise of a mean, and ADC steps.
-_EQUAL = 4.0
-_ROUNDING = 0.15
-_DIRECTLY = 0.25  # share of the most raised line's rise: less comes through the others
-_TOUCHED = 8.0  # times the noise by which a touch raises a line
-# Touches that it takes: where the rest shows that the two are one, and where it is too noisy for
-# that, as of a short recording: a palm raises two lines alike.
-_TOUCHES = 3
-_TOUCHES_ALONE = 8
-_ONE = 0.3  # of the usual pair's difference at rest, which shows that two are one
-# Largest difference under a touch, as share of what it raises (lines are read in turn), and times
-# the noise; share of the touches in which it is below that.
-_ALIKE = 0.03
-_APART = 5.0
-_ALWAYS = 0.8
 # Share saved by the exchange of a line one of whose cells conducts at rest: it carries to one line
 # what touches the other. Up to 0.03 with nothing exchanged, 0.14 or more with that line (seeds
 # 175000 to 175223).
 _PRESSED_GAIN = 0.08
-_FEWEST = 5  # touches that speak for another order, or against it
 _SPEAKS = 0.02  # share of a touch's variation by which one does
 _MAJORITY = 0.5  # of the votes' sum over the sum of their sizes
 _GAIN = 0.06  # share of all variation that the other order saves at least, of one touch
@@ -41,49 +28,21 @@ _FEWEST_LINES = 4  # whose order the touches tell
 
 
 def equal_lines(seen: Recorded, skip) -> list[tuple[int, int, int]]:
-    """(axis, line, line) pairs whose readings are equal, at rest and under every touch."""
-    found = []
-    for axis in (0, 1):
-        base = seen.turned(axis, seen.base)
-        raised = seen.turned(axis, seen.steps[seen.touches]) - base
-        touch = raised.max(2)  # (touches, lines)
-        # Of a line that is only crossed few readings are raised. Where lines are driven, a touch
-        # raises its own cells only.
-        floating = seen.circuit.readout == "floating"
-        level = np.median(raised, axis=2) if floating else touch
-        touched = level > _TOUCHED * seen.usual_noise
-        touched &= level > _DIRECTLY * level.max(1, initial=0.0)[:, None]
-        limit = _EQUAL * seen.usual_noise / np.count_nonzero(seen.quiet) ** 0.5 + _ROUNDING
-        used = [k for k in range(len(base)) if (axis, k) not in skip]
-        pairs = [(a, b) for b in used for a in used if a < b]
-        differ = np.array([np.square(base[a] - base[b]).mean() ** 0.5 for a, b in pairs])
-        one = differ < _ONE * np.median(differ) if pairs else differ
-        for (a, b), apart_at_rest, shown in zip(pairs, differ, one, strict=True):
-            if apart_at_rest > limit:
-                continue
-            when = touched[:, a] | touched[:, b]
-            apart = np.abs(raised[when, a] - raised[when, b]).max(1)
-            alike = apart < _ALIKE * touch[when][:, [a, b]].max(1) + _APART * seen.usual_noise
-            if when.sum() >= (_TOUCHES if shown else _TOUCHES_ALONE) and alike.mean() > _ALWAYS:
-                found.append((axis, a, b))
-    return found
+    """Return (axis, line, line) pairs whose readings are equal at rest."""
+    cells, steps = seen.cells.copy(), seen.base.astype(float)
+    for axis, line in skip:
+        seen.turned(axis, cells)[line] = False
+    noise = seen.usual_noise / np.count_nonzero(seen.quiet) ** 0.5
+    groups: dict[tuple[int, int], list[int]] = {}  # (axis, line): all that read as it does
+    while pair := twins(steps, noise, cells):
+        axis, a, b = pair
+        groups.setdefault((axis, a), [a]).extend(groups.pop((axis, b), [b]))
+        seen.turned(axis, cells)[b] = False
+    return [(axis, *two) for (axis, _), of in groups.items() for two in combinations(sorted(of), 2)]
 
 
-class Misplaced(NamedTuple):
-    """Attributes:
-    axis, lines: two lines that are exchanged; all lines are late by one where `lines` is (-1, -1).
-    touches: that were counted.
-    share: of the variation that the other order saves.
-    """
-
-    axis: int
-    lines: tuple[int, int]
-    touches: int
-    share: float
-
-
-def misplaced(seen: Recorded, skip, cells=(), pressed=()) -> list[Misplaced]:
-    """Lines in the wrong order, if the touches tell.
+def misplaced(seen: Recorded, skip, cells=(), pressed=()) -> list[Finding]:
+    """Return the lines in the wrong order, if the touches show any.
 
     Args:
         skip: (axis, line) of lines that are faulty in another way.
@@ -91,25 +50,23 @@ def misplaced(seen: Recorded, skip, cells=(), pressed=()) -> list[Misplaced]:
         pressed: those of them that conduct at rest as if they were pressed.
     """
     pictures = _pictures(seen)
-    if not len(pictures):
-        return []
-    found = []
+    found: list[tuple[float, Finding]] = []  # share of the variation that the order saves
+    if not (skip or cells):
+        late = _one_late(pictures)
+        found += [(late.share, Finding(Kind.SHIFTED, numbers=late.numbers()))] if late else []
     for axis in (0, 1):
-        lines = seen.circuit.shape[axis]
-        used = np.array([k for k in range(lines) if (axis, k) not in skip])
+        used = [k for k in range(seen.circuit.shape[axis]) if (axis, k) not in skip]
         beside = {line for a, line in skip if a != axis} | {cell[1 - axis] for cell in cells}
         across = [k for k in range(seen.circuit.shape[1 - axis]) if k not in beside]
         turned = seen.turned(axis, pictures)[:, used][:, :, across]
-        best = exchanged(distances(turned))
-        shifted = None if skip or cells else _shifted(seen, pictures, axis)
-        if shifted and (best is None or shifted.share > best[1].share):
-            found.append(shifted)
-        elif best is not None:
-            (a, b), votes = best
-            pair = int(used[a]), int(used[b])
-            if votes.share > _PRESSED_GAIN or not {cell[axis] for cell in pressed} & {*pair}:
-                found.append(Misplaced(axis, pair, votes.touches, votes.share))
-    return sorted(found, key=lambda f: -f.share)[:1]
+        if (best := exchanged(distances(turned))) is None:
+            continue
+        pair, votes = (used[k] for k in best[0]), best[1]
+        of = lines(axis, *pair)
+        odd = {cell[axis] for cell in pressed} & {*of.get("rows", ()), *of.get("cols", ())}
+        if votes.share > _PRESSED_GAIN or not odd:
+            found.append((votes.share, Finding(Kind.SWAPPED, **of, numbers=votes.numbers())))
+    return [max(found, key=lambda pair: pair[0])[1]] if found else []
 
 
 def _pictures(seen: Recorded) -> np.ndarray:
@@ -121,15 +78,12 @@ def _pictures(seen: Recorded) -> np.ndarray:
     return smooth_picture(picture)
 
 
-def _shifted(seen: Recorded, pictures: np.ndarray, axis: int) -> Misplaced | None:
+def _one_late(pictures: np.ndarray) -> Vote | None:
     """All samples one place late: the first column holds the last one's, a row further down."""
-    if axis == 0:
-        return None
     moved = np.roll(pictures.reshape(len(pictures), -1), -1, axis=1).reshape(pictures.shape)
     edges = (0, 0), (0, 0), (1, 1)
     now, other = (np.abs(np.diff(np.pad(p, edges))).sum((1, 2)) for p in (pictures, moved))
-    votes = vote(now, other)
-    return Misplaced(axis, (-1, -1), votes.touches, votes.share) if votes else None
+    return vote(now, other)
 
 
 def transposed(seen: Recorded) -> Vote | None:
@@ -173,12 +127,14 @@ class Vote(NamedTuple):
     """Attributes:
     touches: that were counted.
     share: of the variation that the other order saves.
-    agreement: sum of the votes over the sum of their sizes.
     """
 
     touches: int
     share: float
-    agreement: float
+
+    def numbers(self) -> dict[str, float]:
+        """Return what a finding says of it."""
+        return {"touches": self.touches, "share": self.share}
 
 
 def vote(now: np.ndarray, other: np.ndarray) -> Vote | None:
@@ -198,12 +154,12 @@ def best_vote(now: np.ndarray, saved: np.ndarray) -> tuple[int, Vote] | None:
     size, count = (np.abs(saved) * speaks).sum(0), speaks.sum(0)
     share = saved.sum(0) / max(now.sum(), 1e-12)
     agreement = (saved * speaks).sum(0) / np.maximum(size, 1e-12)
-    wins = (count >= _FEWEST) & (agreement >= _MAJORITY)
+    wins = (count >= FEW_TOUCHES) & (agreement >= _MAJORITY)
     wins &= share > _GAIN / max(len(now), 1) ** 0.5
     if not wins.any():
         return None
     k = int(np.where(wins, share, -np.inf).argmax())
-    return k, Vote(int(count[k]), float(share[k]), float(agreement[k]))
+    return k, Vote(int(count[k]), float(share[k]))
 
 
 def exchanged(apart: np.ndarray) -> tuple[tuple[int, int], Vote] | None:
@@ -213,7 +169,7 @@ def exchanged(apart: np.ndarray) -> tuple[tuple[int, int], Vote] | None:
         apart: as `distances` has it.
     """
     lines = apart.shape[1] - 2
-    if lines < _FEWEST_LINES or len(apart) < _FEWEST:
+    if lines < _FEWEST_LINES or len(apart) < FEW_TOUCHES:
         return None
     before, here, after = (slice(k, k + lines) for k in range(3))
     k = np.arange(lines)

@@ -11,34 +11,57 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...calibration.rest import REST_SPAN, resting_conductance
+from ...calibration.rest import REST_SPAN
+from ...findings.finding import Finding, Kind
+from ...physics.adc import Adc
 from ...physics.circuit import Circuit
 from ...physics.curve import PressureCurve
 from ...physics.readouts import DRIVEN, PASSIVE
-from ...solvers import compensate
-from .advice import Change, is_safe, of_other_scale
+from ...solvers.reading import ROUNDING_NOISE
+from .advice import Change, conductance_at_rest, felt, is_safe, of_other_scale
+from .recorded import NOISY
 
-_EXPLAINED = 2.0  # times noise and model error up to which the configured readout may miss touches
-_BETTER = 0.5  # times what the configured readout misses, that another one may,
+# Times noise and model error up to which the configured readout may miss touches; times what the
+# best explanation misses, that others do between which touches do not decide.
+_EXPLAINED = 2.0
+BETTER = 0.5  # times what the configured readout misses, that another one may,
 FITS = 4.0  # and times the noise
-# Explanations between which touches do not decide: times what the best one misses, and times the
-# noise, that they miss at most.
-_AS_GOOD = 2.0
-_WITHIN_NOISE = 1.5
-_MODEL = 0.003  # of a reading, that real skins are off the circuit's model (solvers/suspect.py)
+_MODEL_ERROR = (
+    0.003  # of a reading, that real skins are off the circuit's model (solvers/suspect.py)
+)
 # What no passive network reads, all three. Boards with a virtual ground (seeds 3 and 4, r_ref 100
 # to 1000 ohm) were missed by 34 at least, added up to 1.4 and left 0 to 0.66 unmoved.
 _NEVER = 20.0  # times the noise by which all of them miss the touches, with r_par and without
 _ADDS_UP = 1.2  # full scales, along a row and along a column
 _UNMOVED = 0.02  # share of the crossings on the lines of a touch that read as at rest
 _RISEN = 0.2  # of full scale: a touched crossing
-_AT_REST = 3.0  # times the noise by which a reading at rest may stray, and
-_AT_REST_STEPS = 1.0  # ADC steps
-_TIME = 0.1  # s for a touch that no cells explain
-_LEAST_NOISE = 0.3  # ADC steps: of rounding
 _R_PAR = (0.0, 30.0, 100.0, 300.0)  # ohm that are tried at first: of drivers and multiplexers
-_ROUNDS = 5  # in which the most is refined,
-_FACTOR = 1.7  # at first by this factor
+_FACTORS = 1.7**0.5 ** np.arange(5)  # by which the most is refined
+_NONE = 5.0  # ohm: touches that ask for less than any driver has may be read on another scale
+
+
+class Touched(NamedTuple):
+    """What readouts are judged by.
+
+    Attributes:
+        rest: (rows, cols) ADC ratio of the untouched skin, NaN: not read.
+        noise: of a reading [ADC steps].
+        touches: (n, rows, cols) ADC ratio of hard ones, NaN: not read.
+    """
+
+    rest: np.ndarray
+    noise: float
+    touches: np.ndarray
+
+    def after(self, change: Change) -> Touched:
+        """Return the same as it is read after a change."""
+        rest, *touches = change.of(np.concatenate([self.rest[None], self.touches]))
+        return Touched(rest, self.noise * change.scale, np.array(touches))
+
+    def read_by(self, adc: Adc) -> Touched:
+        """Return what a linear ADC was supposed to have read, if this one has."""
+        rest, touches = (adc.ratio(p * adc.circuit.full_scale) for p in (self.rest, self.touches))
+        return Touched(rest, self.noise, touches)
 
 
 class Fitting(NamedTuple):
@@ -60,24 +83,53 @@ class Fitting(NamedTuple):
         """Whether it is a virtual ground, which no circuit proves: wrong bits add up as far."""
         return any(c.circuit.readout == "virtual_ground" for c in self.changes)
 
+    def finding(self, supposed: Circuit) -> Finding:
+        """Return what explains the touches instead of the supposed circuit, if anything does."""
+        if not self.changes:
+            read = f"the untouched readings do not fit {_wired(supposed)}"
+            if np.isfinite(self.supposed):
+                read = f"the touches miss {_wired(supposed)} by {self.supposed:.0f} times the noise"
+            numbers = {"r_par": supposed.r_par}
+            return Finding(Kind.CIRCUIT, "none fits", numbers=numbers, detail=read)
+        if self.of_own_cells and supposed.readout != "virtual_ground":
+            return Finding(Kind.READOUT, "virtual ground", numbers={"left": self.left})
+        first, only = self.changes[0], len(self.changes) == 1
+        said: dict[str, float | str] = {"supposed": self.supposed}
+        kind, form = Kind.CIRCUIT, "one of"
+        if only and first.circuit.r_par != supposed.r_par:
+            said["r_par"], only = first.circuit.r_par, False
+            form = "r_par at most" if first.circuit.r_par > _NONE else "r_par 0 or scale"
+        elif only:
+            kind, form = (Kind.READOUT, "") if first.scale == 1.0 else (Kind.BITS, "width")
+            said["settings"] = entered(first.settings(supposed))
+        read = " or ".join(_read(supposed, change) for change in self.changes)
+        detail = (
+            f"the touches fit {read} to {self.left:.1f} times the noise, and {_wired(supposed)}, "
+            f"r_par = {supposed.r_par:g} ohm"
+        )
+        return Finding(kind, form, numbers=said, detail=detail, change=first if only else None)
 
-class Touched(NamedTuple):
-    """What readouts are judged by.
 
-    Attributes:
-        rest: (rows, cols) ADC ratio of the untouched skin, NaN: not read.
-        noise: of a reading [ADC steps].
-        touches: (n, rows, cols) ADC ratio of hard ones, NaN: not read.
-    """
+def _wired(circuit: Circuit) -> str:
+    """A matrix as it is read, in words."""
+    if circuit.readout == "floating":
+        return "a floating matrix"
+    return f"a {circuit.readout} matrix with driven {circuit.driven}"
 
-    rest: np.ndarray
-    noise: float
-    touches: np.ndarray
 
-    def after(self, change: Change) -> Touched:
-        """Return the same as it is read after a change."""
-        rest, *touches = change.of(np.concatenate([self.rest[None], self.touches]))
-        return Touched(rest, self.noise * change.scale, np.array(touches))
+def entered(settings: dict) -> str:
+    """Return settings as an owner enters them."""
+    return ", ".join(f"{name}: {str(value).lower()}" for name, value in settings.items())
+
+
+def _read(supposed: Circuit, change: Change) -> str:
+    """A change, in words."""
+    if change.scale != 1.0:
+        ((name, value),) = change.settings(supposed).items()
+        return f"an ADC of another width ({name.removeprefix('circuit.')} {value})"
+    if change.circuit.r_par != supposed.r_par:
+        return f"r_par up to {change.circuit.r_par:.0f} ohm"
+    return _wired(change.circuit)
 
 
 def other(supposed: Circuit, seen: Touched) -> Fitting | None:
@@ -90,7 +142,7 @@ def other(supposed: Circuit, seen: Touched) -> Fitting | None:
         tried.append(_with_r_par(supposed, seen))
     tried.sort(key=lambda pair: pair[0])
     left = tried[0][0]
-    if left >= min(_BETTER * own, FITS):
+    if left >= min(BETTER * own, FITS):
         if min(left, own) > _NEVER and (sums := _separate(seen, supposed.full_scale)):
             bare = replace(supposed, r_par=0.0)
             others = [c.circuit for c in _others(bare, seen) if c.scale == 1.0]
@@ -98,11 +150,15 @@ def other(supposed: Circuit, seen: Touched) -> Fitting | None:
                 own_cells = supposed.read_as("virtual_ground", supposed.driven)
                 return Fitting([Change(own_cells)], sums, own)
         return Fitting([], left, own) if own > FITS else None
-    alike = max(_AS_GOOD * left, _WITHIN_NOISE)
     frames = np.concatenate([seen.rest[None], seen.touches])
-    quiet = np.arange(len(frames)) == 0
+    quiet, alike = np.arange(len(frames)) == 0, _as_good(left)
     changes = [c for off, c in tried if off <= alike and is_safe(c, frames, quiet, seen.noise)]
     return Fitting(changes, left, own)
+
+
+def _as_good(left: float) -> float:
+    """How much explanations may miss, between which and one that misses by `left` none decides."""
+    return _EXPLAINED * max(left, 1.0)
 
 
 def _separate(seen: Touched, full: int) -> float:
@@ -110,16 +166,13 @@ def _separate(seen: Touched, full: int) -> float:
 
     0: they do not, or other readings move with it.
     """
-    sums, unmoved = [], []
-    limit = (_AT_REST * max(seen.noise, _LEAST_NOISE) + _AT_REST_STEPS) / full
-    for touch in np.nan_to_num(seen.touches):
-        risen = touch > np.nan_to_num(seen.rest) + _RISEN
-        beside = (risen.any(1)[:, None] | risen.any(0)) & ~np.isnan(seen.rest)
-        still = beside & (np.abs(touch - seen.rest) < limit)
-        sums.append(min(touch.sum(0).max(), touch.sum(1).max()))
-        unmoved.append(np.count_nonzero(still) / max(int(np.count_nonzero(beside)), 1))
-    adds_up = np.median(sums) > _ADDS_UP and np.median(unmoved) > _UNMOVED
-    return float(np.median(sums)) if adds_up else 0.0
+    touches, rest = np.nan_to_num(seen.touches), seen.rest
+    risen = touches > np.nan_to_num(rest) + _RISEN
+    beside = (risen.any(2)[:, :, None] | risen.any(1)[:, None]) & ~np.isnan(rest)
+    still = beside & (np.abs(touches - rest) < NOISY * max(seen.noise, ROUNDING_NOISE) / full)
+    sums = np.median(np.minimum(touches.sum(1).max(1), touches.sum(2).max(1)))
+    unmoved = np.median(still.sum((1, 2)) / np.maximum(beside.sum((1, 2)), 1))
+    return float(sums) if sums > _ADDS_UP and unmoved > _UNMOVED else 0.0
 
 
 def _others(supposed: Circuit, seen: Touched) -> list[Change]:
@@ -145,37 +198,27 @@ def _with_r_par(supposed: Circuit, seen: Touched) -> tuple[float, Change]:
         return misses(replace(supposed, r_par=r_par), seen), r_par
 
     found = [tried(r_par) for r_par in _R_PAR]
-    alike = max(_AS_GOOD * min(found)[0], _WITHIN_NOISE)
+    alike = _as_good(min(found)[0])
     most = max((pair for pair in found if pair[0] <= alike), key=lambda pair: pair[1])
-    factor = _FACTOR
-    for _ in range(_ROUNDS):
+    for factor in _FACTORS:
         more = tried(most[1] * factor)
         most = more if more[0] <= alike else most
-        factor **= 0.5
     return most[0], Change(replace(supposed, r_par=most[1]))
 
 
 def misses(circuit: Circuit, seen: Touched) -> float:
     """Median over the touches of the RMS misfit, in noise and model error; infinity: no rest."""
-    at_rest, noise, touches = seen
-    full, noise = circuit.full_scale, max(noise, _LEAST_NOISE)
+    noise = max(seen.noise, ROUNDING_NOISE)
     try:
-        unread = list(zip(*np.nonzero(np.isnan(at_rest) & circuit.populated), strict=True))
-        rest = resting_conductance(at_rest, circuit, noise, unread)
-    except ValueError:
-        return np.inf
-    usual = 1.0 / np.median(rest[circuit.populated])
-    curve = PressureCurve((0.0, 1.0), (usual, usual / REST_SPAN))
-    rest = np.where(circuit.populated, np.maximum(rest, 2.0 / (usual * REST_SPAN)), 1.0 / usual)
-    try:
-        curve = curve.resting_at(1.0 / rest)
-    except ValueError:  # a cell conducts as much as a pressed one
+        rest = conductance_at_rest(seen.rest, circuit, noise)
+        usual = 1.0 / np.median(rest[circuit.populated])
+        rest = np.where(circuit.populated, np.maximum(rest, 2.0 / (usual * REST_SPAN)), 1.0 / usual)
+        curve = PressureCurve((0.0, 1.0), (usual, usual / REST_SPAN)).resting_at(1.0 / rest)
+    except ValueError:  # no cells read so, or one conducts as much as a pressed one
         return np.inf
     left = []
-    for touch in touches:
-        found = compensate(
-            touch, circuit, curve, "map", noise=noise, missing=True, time_limit=_TIME
-        )
-        scale = np.hypot(noise, _MODEL * full * np.sqrt(np.nanmean(np.square(touch))))
-        left.append(np.inf if found.status == "failed" else found.residual / scale)
+    for touch in seen.touches:
+        found = felt(touch, circuit, curve, noise)
+        error = _MODEL_ERROR * circuit.full_scale * np.sqrt(np.nanmean(np.square(touch)))
+        left.append(np.inf if found.status == "failed" else found.residual / np.hypot(noise, error))
     return float(np.median(left)) if left else 0.0

@@ -10,25 +10,20 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from ...calibration.rest import Rest, check_frames
 from ...physics.circuit import Circuit
 from ...physics.readouts import apparent
+from ...solvers.reading import ROUNDING_NOISE
 
+# Times its noise by which a reading has changed: noise exceeds 6 standard deviations once in 5e8
+# readings, a recording has 1e7; what drifts in a minute, and noise itself, are not known better.
+MOVED = 8.0
+NOISY = 4.0  # times the usual noise, or difference at rest, that is not of the same kind
+FEW_TOUCHES = 5  # that must agree in what no single one shows
 _QUIET = 0.15  # share of the frames, the calmest ones, that count as untouched
 _FEWEST = 20  # frames that a recording has at least
 _APART = 0.003  # share of the frames by which two touches are apart, and
 _LEAST_APART = 10  # frames at least
-_TOUCH = 8.0  # times the noise of a line's mean by which a touch raises it
-_ANEW = 8.0  # times its noise by which a reading differs where a frame says anything new
-_LINE_OPEN = 0.1  # of the usual reading, below which a line is not connected,
+LINE_OPEN = 0.1  # of the usual reading, below which a line is not connected,
 _LINE_CLOSED = 0.6  # and above which it is
-_NEITHER = 0.3  # the same of one that does not tell
-_LEFT = 0.1  # share of a reading that a touch leaves, below which it tells nothing of its line
-_LEAST_NOISE = 0.1  # ADC steps
-_GONE = 0.2  # of the largest change, below which a touch is gone,
-_THERE = 0.5  # and above which it is there
-_NAMES = ("row", "column")
-
-
-def line_name(axis: int, line: int) -> str:
-    return f"{_NAMES[axis]} {line}"
+_HALF_CLOSED = 0.5 * (LINE_OPEN + _LINE_CLOSED)  # neither, of a line that does not say
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,17 +63,18 @@ class Recorded:
         return np.where(self.read, self.steps / self.circuit.full_scale, np.nan)
 
     @property
-    def returns(self) -> int:
-        """How often the skin was touched and left alone again."""
-        cells = self.read & self.circuit.populated
-        moved = np.abs(self.steps - self.base)[:, cells].max(1)
-        moved = moved[(moved > _THERE * moved.max()) | (moved < _GONE * moved.max())]
-        there = moved > _THERE * moved.max(initial=0.0)
-        return int(np.count_nonzero(there[:-1] & ~there[1:]))
+    def cells(self) -> np.ndarray:
+        """(rows, cols) bool, those that exist and were ever read."""
+        return self.read & self.circuit.populated
 
     @property
     def usual_noise(self) -> float:
-        return float(max(np.median(self.noise[self.read & self.circuit.populated]), _LEAST_NOISE))
+        """RMS of a reading [ADC steps], of rounding at least."""
+        return float(max(np.median(self.noise[self.cells]), ROUNDING_NOISE))
+
+    def is_open(self, axis: int) -> np.ndarray:
+        """(n, lines) bool: frames in which each row, or column, is nearer to open than closed."""
+        return self.closed[axis] < _HALF_CLOSED
 
     def turned(self, axis: int, picture: np.ndarray) -> np.ndarray:
         """The picture, (..., rows, cols), with the lines of an axis first of the last two."""
@@ -118,7 +114,7 @@ def record(frames, circuit: Circuit, rest: Rest | None) -> Recorded:
     changes = np.square(steps[pairs + 1] - steps[pairs])
     flicker = np.sqrt(0.5 * changes.mean(0)) if pairs.size else noise
     cells = read & circuit.populated
-    limit = _ANEW * np.maximum(noise, max(np.median(noise[cells]), _LEAST_NOISE))[cells]
+    limit = MOVED * np.maximum(noise, max(np.median(noise[cells]), ROUNDING_NOISE))[cells]
     anew = _anew(steps[:, cells], limit, range(len(steps)))
     peaks = _peaks(level, len(frames), float(np.median(level[quiet])))
     touches = _anew(steps[:, cells], limit, peaks)
@@ -144,13 +140,13 @@ def _closed(axis: int, steps: np.ndarray, usual: np.ndarray, circuit: Circuit) -
     scale, _ = apparent(circuit, steps / circuit.full_scale)
     usual = usual / apparent(circuit, usual / circuit.full_scale)[0]
     others = np.maximum(np.median(usual, axis=axis, keepdims=True), 1.0)
-    share = np.where(scale < _LEFT, _NEITHER, steps / (scale * others))
+    share = np.where(scale < LINE_OPEN, _HALF_CLOSED, steps / (scale * others))
     return share.mean(2 - axis)  # a stripe that is cut reads before the cut
 
 
 def loose(share: np.ndarray) -> np.ndarray:
     """(lines,) bool: lines that are open in some frames and closed in others."""
-    is_open, is_closed = (share < _LINE_OPEN).mean(0), (share > _LINE_CLOSED).mean(0)
+    is_open, is_closed = (share < LINE_OPEN).mean(0), (share > _LINE_CLOSED).mean(0)
     return (is_open > 0.005) & (is_closed > 0.02)
 
 
@@ -172,5 +168,7 @@ def _peaks(level: np.ndarray, n: int, calm: float) -> np.ndarray:
     """The strongest frame of each touch."""
     noise = float(np.std(level[level <= np.quantile(level, 2 * _QUIET)]))
     size = max(_LEAST_APART, int(_APART * n)) * 2 + 1
-    top = (level == maximum_filter1d(level, size)) & (level > calm + _TOUCH * max(noise, 0.3))
+    top = (level == maximum_filter1d(level, size)) & (
+        level > calm + MOVED * max(noise, ROUNDING_NOISE)
+    )
     return np.flatnonzero(top)

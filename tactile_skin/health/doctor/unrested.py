@@ -7,13 +7,9 @@ from scipy.ndimage import label
 
 from ...calibration.rest import resting_conductance
 from ...findings.finding import Finding, Kind, at
-from .recorded import Recorded, loose
+from .readings import SEVERAL_CELLS
+from .recorded import NOISY, Recorded, loose
 
-# A cell moves where its calm readings differ by so many times what they change from frame to frame,
-# and so many ADC steps besides: noise does not, nor does a bad contact. So many cells do.
-_SLOWLY = 4.0
-_LEAST = 1.0
-_MOVING = 3
 # A load that stands: cells that conduct so many times as much as the usual one, at least so many in
 # one piece of several rows and columns, and no more than this share of a line: that is a bad line.
 _LOADED = 1.6
@@ -23,11 +19,12 @@ _OF_A_LINE = 0.9
 
 def unrested(seen: Recorded) -> Finding | None:
     """Return that the calmest frames are none of an untouched skin; None: they may be."""
-    cells = seen.read & seen.circuit.populated
+    cells = seen.cells
     for axis in (0, 1):
         seen.turned(axis, cells)[loose(seen.closed[axis])] = False
-    moving = cells & (seen.noise > _SLOWLY * seen.flicker + _LEAST)
-    if np.count_nonzero(moving) >= _MOVING:
+    # Noise changes as much from frame to frame as in all, and so does a bad contact.
+    moving = cells & (seen.noise > NOISY * seen.flicker + 1.0)
+    if np.count_nonzero(moving) >= SEVERAL_CELLS:
         numbers = {"count": np.count_nonzero(moving), "cells": np.count_nonzero(cells)}
         return Finding(Kind.TOO_LITTLE_SEEN, "moves", numbers=numbers)
     standing = _standing(seen, cells)

@@ -17,20 +17,18 @@ from ...physics.readouts import of_network
 
 _TIE = 1e3  # times a cell's conductance, between two stripes that touch: more than a line has
 _INSULATION = 1e-7  # of a cell's conductance, between parts that nothing connects
-_LEAST_SCATTER = 0.002  # log of a reading's resistance, at least, of cells
-_LEAST_OF_LINES = 0.003  # the same, of lines
+_LEAST_SCATTER = 0.003  # log of a reading's resistance, at least, of cells and of lines
 _GAIN = 60.0  # chi^2 that a damage explains at least
 _LIKELY = 0.5  # share of a line's, or a cell's, misfit that it explains at least
 _LEAST_LEAD = 0.03  # share of the usual resistance that a bad lead adds at least
-_OF_MEDIAN = 1.25  # standard deviation of a median over that of a mean
-_DEAD = 0.35  # times the usual cell's conductance, below which a cell is dead,
-_PRESSED = 4.0  # and above which it is pressed
+_OF_MEDIAN = (np.pi / 2.0) ** 0.5  # standard deviation of a median over that of a mean
+_OF_DEVIATIONS = 1.4826  # standard deviation over the median deviation, of a normal distribution
+_PRESSED = 4.0  # times the usual cell's conductance, above which a cell is pressed
+_DEAD = 1.0 / _PRESSED  # the same, below which it is dead
 _SHORTED = 1000.0  # times the same, of a crossing that is shorted
-_LARGEST = 1e4  # the same, of what may be told
 _OHM = 100.0  # ohm of a lead by which readings are tried
 _MISSING = 0.05  # share of its conductance up to which a resistor is missing
-_LEVEL = 1e-4  # log of the usual cell's resistance, to which it is found,
-_ROUNDS = 12  # at most
+_ROUNDS = 12  # in which the usual cell's resistance is found
 _MOST = 6  # damages that are looked for
 _TRIED = 4  # lines, and cells, that are looked at in each turn
 
@@ -147,7 +145,7 @@ class Wires:
         for _ in range(_ROUNDS):
             off = np.where(known, np.log(rho / model), np.nan)
             level = float(np.nanmedian(off)) if known.any() else 0.0
-            if abs(level) < _LEVEL:
+            if abs(level) < 0.1 * _LEAST_SCATTER:
                 break
             wires = replace(wires, cell=wires.cell * float(np.exp(level)))
             model = wires.resistance()
@@ -176,12 +174,8 @@ def search(circuit: Circuit, rho: np.ndarray, known: np.ndarray, wires: Wires):
         best = fit.best() if len(found) < _MOST else None
         if best is None:
             return found, fit.wires
-        found = [d for d in found if not _same(d, best)] + [best]
+        found = [d for d in found if d.kind != "cell" or d[:4] != best[:4]] + [best]
         wires = fit.wires.with_one(best)
-
-
-def _same(a: Damage, b: Damage) -> bool:
-    return a.kind == b.kind == "cell" and (a.line, a.at) == (b.line, b.at)
 
 
 class _Fit:
@@ -191,9 +185,9 @@ class _Fit:
         self.known, self.measured = known, rho
         self.wires, self.model, self.off = wires.fitted(rho, known)
         self.row, self.col, self.left = _polished(self.off)
-        self.scatter = max(1.48 * np.nanmedian(np.abs(self.left)), _LEAST_SCATTER)
+        self.scatter = max(_OF_DEVIATIONS * np.nanmedian(np.abs(self.left)), _LEAST_SCATTER)
         self.of_lines = [
-            max(1.48 * float(np.nanmedian(np.abs(e - np.nanmedian(e)))), _LEAST_OF_LINES)
+            max(_OF_DEVIATIONS * float(np.nanmedian(np.abs(e - np.nanmedian(e)))), _LEAST_SCATTER)
             for e in (self.row, self.col)
         ]
 
@@ -306,7 +300,7 @@ class _Fit:
         two others tell s and t.
         """
         row, col = damage.line, damage.at
-        g = self.wires.cells[row, col]
+        g, most = self.wires.cells[row, col], 10.0 * _SHORTED
         others = np.array([0.5 * g, 2.0 * g])
         ohm = [self.wires.with_one(damage._replace(size=x)).resistance()[row, col] for x in others]
         now, first, second, wanted = self.wires.circuit.ratio(
@@ -318,12 +312,12 @@ class _Fit:
             return g
         below = two * d[1] - one * d[0]
         if below == 0.0:  # a voltage that is proportional to it
-            return _LARGEST
+            return most
         t = (one - two) / below
         s = one * (1.0 + t * d[0])
         rise = wanted - now
         left = s - t * rise
-        return min(max(g + rise / left, 0.0), _LARGEST) if left > 0.0 else _LARGEST
+        return min(max(g + rise / left, 0.0), most) if left > 0.0 else most
 
     def _around(self, off: np.ndarray, row: int, col: int) -> float:
         """chi^2 of a cell's row and column."""

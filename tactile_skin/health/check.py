@@ -1,0 +1,103 @@
+"""What a check of a running skin is, and what it sees: frames, and windows of some of them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..findings.finding import Finding
+from ..physics.adc import Adc
+from ..solvers import Estimate
+
+WINDOW = 10  # frames that are looked at together: 0.1 s at 100 a second
+BEYOND = 5.0  # standard deviations of noise: once in 3 million readings
+ABOVE = 16.0  # ADC steps over the middle reading: below, nothing presses
+_CALM = 0.25  # of the readings are not moved by a touch
+
+
+class Window(NamedTuple):
+    """Attributes:
+    mean, spread: (rows, cols) of each reading in some frames [ADC steps].
+    noise: spread of the readings that nothing moves.
+    low: (rows, cols) lowest mean of each reading so far: at rest.
+    """
+
+    mean: np.ndarray
+    spread: np.ndarray
+    noise: float
+    low: np.ndarray
+
+
+class Windows:
+    """Cuts the stream into windows."""
+
+    def __init__(self, adc_bits: int):
+        self._scale = 1 << (16 - adc_bits)
+        self._frames: list[np.ndarray] = []
+        self._low: np.ndarray | None = None
+
+    def frame(self, samples: np.ndarray) -> Window | None:
+        """Return the window that this frame ends, if it does."""
+        self._frames.append(samples)
+        if len(self._frames) < WINDOW:
+            return None
+        steps = np.array(self._frames) / self._scale
+        self._frames = []
+        mean, spread = steps.mean(0), steps.std(0)
+        self._low = mean if self._low is None else np.minimum(self._low, mean)
+        read = spread[mean > 0.0]  # 0: not read, or below the ADC's range
+        noise = float(np.quantile(read, _CALM)) if read.size else 0.0
+        return Window(mean, spread, noise, self._low)
+
+
+class Seen(NamedTuple):
+    """Holds one frame of a running skin, and what was found in it.
+
+    Attributes:
+        t: when it was read [s]; may be set back.
+        samples: (rows, cols) of skin/adc.
+        rising: the same, so that they rise with pressure; 0 where there is no reading.
+        adc: (rows, cols) ADC ratio; NaN where there is no reading.
+        estimate: of the frame.
+        stirs: whether anything touches, however lightly.
+        rest: (rows, cols) ADC ratio of the skin at rest; None: not measured yet.
+        noise: RMS of a reading, as ADC ratio.
+        window: of the last frames, which this one ends; None: it ends none.
+    """
+
+    t: float
+    samples: np.ndarray
+    rising: np.ndarray
+    adc: np.ndarray
+    estimate: Estimate
+    stirs: bool
+    rest: np.ndarray | None
+    noise: float
+    window: Window | None
+
+
+class Check:
+    """Looks at one skin; all times are of one clock [s].
+
+    Attributes:
+        found: what is wrong by now; None: nothing.
+    """
+
+    found: Finding | None = None
+
+    def __init__(self, adc: Adc, threshold: float = 0.0):
+        """Args:
+        adc: the board's converter, with its circuit.
+        threshold: ADC ratio up to which it is known to send 0 or no reading.
+        """
+
+    def frame(self, seen: Seen) -> None:
+        """Take a frame."""
+
+    def findings(self) -> list[Finding]:
+        """Return what is wrong by now."""
+        return [self.found] if self.found else []
+
+    def forget(self) -> None:
+        """Take what only earlier frames show as over: somebody has checked the skin."""

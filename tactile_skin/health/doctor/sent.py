@@ -1,0 +1,50 @@
+"""Whether a recording holds what an ADC reads, of a matrix that is connected."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...findings.finding import Finding, Kind
+from ...readings.processed import Kind as Done
+from ...readings.processed import processed as processing
+from .recorded import MOVED, NOISY, Recorded
+
+_MOST_NOISE = 0.01  # of full scale: what moves more is no noise
+# Share of the usual cell's readings that stand at one end of the range, from which on they are not
+# what the ADC reads. Sound boards have no such usual cell.
+_AT_END = 0.1
+_DECIMALS = 2  # of ADC steps, which ratios of single precision keep
+
+
+def processed(seen: Recorded) -> Finding | None:
+    """Return what was done to the readings, whatever polarity is configured; None: none shows."""
+    cells = seen.steps[:, seen.cells].astype(float)
+    for steps in (cells, seen.circuit.full_scale - cells):
+        # a threshold, below which a reading is what an offset makes of 0
+        for shift, kinds in ((0.0, set(Done) - {Done.CEILING}), (steps.min(), {Done.THRESHOLD})):
+            done = processing(np.round(steps - shift, _DECIMALS), seen.circuit.adc_bits)
+            if done and done.kind in kinds:
+                return Finding(Kind.ZEROS, detail=str(done))
+    return None
+
+
+def at_an_end(seen: Recorded) -> Finding | None:
+    """Return that an offset or a threshold was taken off; None: it was not."""
+    steps = np.rint(seen.steps[:, seen.cells])
+    for end in (0.0, float(seen.circuit.full_scale)):
+        at_end = steps == end
+        if np.median(at_end.mean(0)) > _AT_END:
+            numbers = {"share": float(at_end.mean()), "steps": end}
+            return Finding(Kind.ZEROS, "at an end", numbers=numbers)
+    return None
+
+
+def one_voltage(seen: Recorded) -> Finding | None:
+    """Return that all cells read one voltage throughout; None: they do not."""
+    level, noise = seen.base[seen.cells], seen.usual_noise
+    noise = min(noise, _MOST_NOISE * seen.circuit.full_scale)
+    moves = float(np.ptp(seen.steps[:, seen.cells], axis=0).max())
+    if moves > 2.0 * MOVED * noise or level.std() > NOISY * noise:
+        return None
+    numbers = {"steps": float(level.mean()), "moves": moves}
+    return Finding(Kind.NO_SIGNAL, "throughout", numbers=numbers)
