@@ -211,20 +211,17 @@ def from_files(skin: SkinConfig, files: dict[str, str], loads: list[tuple[str, s
         loads: weight and file of each object that lies on the skin.
     """
     rate, full_scale = (_number(files, name) for name in ("rate", "full_scale"))
-    source, left, asked = Recorded(skin.adc, rate, full_scale), list(loads), []
+    source = Recorded(skin.adc, rate, full_scale)
+    answers = [("", "")]  # what is typed, and the file that it opens: to "hands off"
 
     def ask(text: str) -> str:
-        if guide.rest is None:
-            if asked:  # a file does not take its hands off
-                raise ValueError(f"{files['rest']}: {text.strip().splitlines()[0]}")
-            asked.append(text)
-            return ""
-        if not left:
-            return ""
-        weight, path = left.pop(0)
-        print(f"  {weight}: {path}")
-        source.open(path)
-        return weight
+        if not answers:  # a file does not take its hands off
+            raise ValueError(f"{files['rest']}: {text.strip().splitlines()[0]}")
+        word, path = answers.pop(0)
+        if path:
+            print(f"  {word}: {path}")
+            source.open(path)
+        return word
 
     guide = Guide(skin.circuit, source, ask, _say)
     source.open(files["rest"])
@@ -238,20 +235,22 @@ def from_files(skin: SkinConfig, files: dict[str, str], loads: list[tuple[str, s
     if loads and "reference" in files:
         raise ValueError("reference:= takes the place of weights: give one of both")
     if loads:
+        answers += [*loads, ("", "")]
         guide.fit_curve()
     if "reference" in files:
         frames, times = source.stream(files.get("touches", ""))
         at, force = read_reference(files["reference"])
         if at[-1] < times[0] - MAX_LAG or at[0] > times[-1] + MAX_LAG:  # clocks of their own
             at, times = at - at[0], times - times[0]
-        guide.fitted, late = fit_reference(frames, times, force, at, guide.circuit, guide.rest)
-        print(f"  {files['reference']} is {late:+.2f} s late; {guide.fitted.message}")
+        fitted, late = fit_reference(frames, times, force, at, guide.circuit, guide.rest)
+        guide.fitted = fitted
+        print(f"  {files['reference']} is {late:+.2f} s late; {fitted.message}")
     if "creep" in files:
         frames, times = source.stream(files["creep"])
-        rest = supposing(guide.rest, guide.circuit)
         curve = guide.fitted.curve if guide.fitted else skin.curve
-        guide.creep = measure_creep(frames, times, guide.circuit, rest, curve)
-        print(f"  a standing load gains {guide.creep.share:.1%} in a decade of time")
+        at_rest = supposing(guide.rest, guide.circuit)
+        creep = guide.creep = measure_creep(frames, times, guide.circuit, at_rest, curve)
+        print(f"  a standing load gains {creep.share:.1%} in a decade of time")
     return guide
 
 
