@@ -7,6 +7,7 @@ few small values. Where that does not tell which end of a line holds no cell, no
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from enum import Enum
 from typing import NamedTuple
 
@@ -67,16 +68,16 @@ class Column(NamedTuple):
     Attributes:
         name: in the header; empty: none.
         numbers: (n,) its values; NaN: text, or nothing.
-        words: its texts; None: all are numbers.
+        words: its texts; empty: all are numbers.
     """
 
     name: str
     numbers: np.ndarray
-    words: list[str] | None = None
+    words: Sequence[str] = ()
 
     @property
     def is_text(self) -> bool:
-        return self.words is not None and np.isnan(self.numbers).mean() > 1.0 - _MOSTLY
+        return bool(self.words) and bool(np.isnan(self.numbers).mean() > 1.0 - _MOSTLY)
 
 
 class Split(NamedTuple):
@@ -89,6 +90,9 @@ class Split(NamedTuple):
 
     front: int
     roles: list[Role]
+
+
+ALL_CELLS = Split(0, [])
 
 
 def split(columns: list[Column], cells: int, cycle: int = 1) -> Split | None:
@@ -105,8 +109,8 @@ def split(columns: list[Column], cells: int, cycle: int = 1) -> Split | None:
     for front in range(others + 1):
         outside = [*range(front), *range(front + cells, len(columns))]
         level = float(np.quantile(np.delete(typical, outside), 0.1))
-        seen = [_role(columns[k], cycle, level) for k in outside]
-        if all(seen):
+        seen = [role for k in outside if (role := _role(columns[k], cycle, level))]
+        if len(seen) == others:
             found.append((sum(weight for _, weight in seen), Split(front, [r for r, _ in seen])))
     if not found:
         return None
@@ -242,7 +246,7 @@ class Stamps(NamedTuple):
     clock: bool
 
 
-def stamps(words: list[str]) -> Stamps | None:
+def stamps(words: Sequence[str]) -> Stamps | None:
     """Return what dates or times of day say; None: most of the texts are neither.
 
     ISO 8601 and its usual variants, days with the year in front or behind, am and pm.

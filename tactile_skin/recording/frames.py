@@ -254,7 +254,7 @@ def _of_array(path, values: np.ndarray, circuit: Circuit) -> Found:
         notes = ["each line is taken as a cell, each column as a frame"]
         return Found(values.T.reshape(-1, *shape), None, notes)
     if values.ndim == 2:
-        return frames_of(Table(values), circuit)
+        return frames_of(Table.of_numbers(values), circuit)
     raise _wrong_size(path, given, circuit)
 
 

@@ -82,7 +82,7 @@ def table(compared: Compared) -> str:
         "solved in, p50",
         "p99",
     )
-    lines = [head]
+    lines: list[tuple[str, ...]] = [head]
     for name, found, cell in zip(compared.methods, compared.results, compared.cell, strict=True):
         counts = [str(int(np.sum(found.status == k))) for k in range(len(STATUS))]
         stopped = f"{100 * np.mean(found.stops != ''):.1f} %"
