@@ -89,11 +89,7 @@ class Guide:
 
     @property
     def rest(self) -> Rest:
-        """The untouched skin.
-
-        Raises:
-            ValueError: it is not measured yet.
-        """
+        """The untouched skin; ValueError: it is not measured yet."""
         if self._rest is None:
             raise ValueError("the rest of the skin is not measured yet")
         return self._rest
@@ -109,13 +105,12 @@ class Guide:
 
     def _press(self) -> bool:
         """Lead through the touches; whether to go on, or a step back."""
-        self._touches, self.found = [], None
-        self.identify()
-        while True:
-            word = self._ask("  Enter: on to the weights; m: more touches; b: back to the rest: ")
-            if word.strip() not in _MORE:
-                return word.strip() not in _BACK
+        self._touches, self.found, word = [], None, _MORE[0]
+        while word in _MORE:
             self.identify()
+            word = self._ask("  Enter: on to the weights; m: more touches; b: back to the rest: ")
+            word = word.strip()
+        return word not in _BACK
 
     @property
     def learnt(self) -> list[str]:
@@ -169,8 +164,7 @@ class Guide:
                         "doctor` names the line or cells to check"
                     ) from error
                 self._ask(f"  {error}\n  Hands off, and Enter to measure again: ")
-        cells = self._supposed.populated
-        usual = 1.0 / np.median(self.rest.conductance[cells])
+        usual = 1.0 / np.median(self.rest.conductance[self._supposed.populated])
         self._say(
             f"  {len(frames)} frames: a cell has {usual:.0f} ohm at rest, a reading "
             f"{self.rest.noise:.2f} ADC steps of noise."

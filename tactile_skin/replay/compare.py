@@ -59,8 +59,7 @@ def compare(
             if largest > most:
                 worst, most, pictures = k, largest, force
             for step, into in zip(steps, kept, strict=True):
-                step.force = None
-                into.append(step)
+                into.append(step.without_picture())
         cpu = time.process_time() - begun
     if pictures is None:
         raise ValueError(f"{job.path}: holds no reading")

@@ -6,7 +6,7 @@ import tempfile
 import time
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +49,10 @@ class Step:
     status: str
     stop: str
     seconds: float
+
+    def without_picture(self) -> Step:
+        """Return it with an empty `force`: an hour of pictures would not fit."""
+        return replace(self, force=np.empty((0, 0)))
 
 
 class Replay:
