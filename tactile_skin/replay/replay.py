@@ -123,11 +123,11 @@ class Replay:
         values = {name: dict(a.parameters) for name, a in self._actions.items()}
         attachments = configuration.attachments(values)
         now = self.driven.now
-        self._writer = Writer(path, attachments, now())
+        self._writer = writer = Writer(path, attachments, now())
         for topic, (kind,) in self.driven.observer.get_topic_names_and_types():
 
             def take(message, topic=topic):
-                self._writer.write(topic, type(message), now(), cdr.encode(message))
+                writer.write(topic, type(message), now(), cdr.encode(message))
 
             self.driven.observer.create_subscription(cdr.KINDS[kind], topic, take, STATUS)
 
