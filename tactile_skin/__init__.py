@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from .calibration.curve_fit import FittedCurve, fit_curve, fit_reference
     from .calibration.identify import Identified, identify
     from .calibration.rest import Rest, measure_rest
-    from .health.doctor import Finding, diagnose
+    from .findings.finding import Finding
+    from .health.doctor import diagnose
     from .physics.adc import Adc
     from .physics.circuit import Circuit, forward
     from .physics.creep import Creep
@@ -25,7 +26,8 @@ if TYPE_CHECKING:
 _HOME = {
     "calibration.creep": ("measure_creep",),
     "calibration.curve_fit": ("FittedCurve", "fit_curve", "fit_reference"),
-    "health.doctor": ("Finding", "diagnose"),
+    "findings.finding": ("Finding",),
+    "health.doctor": ("diagnose",),
     "calibration.identify": ("Identified", "identify"),
     "calibration.rest": ("Rest", "measure_rest"),
     "physics.adc": ("Adc",),
@@ -56,7 +58,7 @@ __all__ = [
 __version__ = "0.1.0"  # setup.py reads it here; package.xml repeats it
 
 
-def __getattr__(name: str):
+def __getattr__(name: str) -> object:
     for module, names in _HOME.items():
         if name in names:
             globals()[name] = value = getattr(import_module(f".{module}", __name__), name)

@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 
 from .calibration.creep import measure_creep
-from .calibration.curve_fit import fit_curve
+from .calibration.curve_fit import FittedCurve, fit_curve
 from .calibration.identify import Identified, identify
 from .calibration.rest import Rest, measure_rest, supposing
 from .calibration.touched import stands_anew
@@ -63,7 +63,7 @@ class Guide:
 
     Attributes:
         circuit: what the configuration says, then what the touches tell.
-        rest, found, fitted, creep: what was learnt; None before.
+        found, fitted, creep: what was learnt; None before.
     """
 
     def __init__(
@@ -80,14 +80,22 @@ class Guide:
         count_down: before a measurement; recorded frames need none.
         """
         self._supposed, self._frames, self._ask, self._say = circuit, frames, ask, say
-        self._count_down, self._touches = count_down, []
-        self.rest: Rest | None = None
+        self._count_down = count_down
+        self._touches: list[np.ndarray] = []
+        self._rest: Rest | None = None
         self.found: Identified | None = None
-        self.fitted = None
+        self.fitted: FittedCurve | None = None
         self.creep: Creep | None = None
 
     @property
-    def circuit(self):
+    def rest(self) -> Rest:
+        """The untouched skin; ValueError: it is not measured yet."""
+        if self._rest is None:
+            raise ValueError("the rest of the skin is not measured yet")
+        return self._rest
+
+    @property
+    def circuit(self) -> Circuit:
         return self.found.circuit if self.found else self._supposed
 
     def run(self) -> None:
@@ -97,13 +105,12 @@ class Guide:
 
     def _press(self) -> bool:
         """Lead through the touches; whether to go on, or a step back."""
-        self._touches, self.found = [], None
-        self.identify()
-        while True:
-            word = self._ask("  Enter: on to the weights; m: more touches; b: back to the rest: ")
-            if word.strip() not in _MORE:
-                return word.strip() not in _BACK
+        self._touches, self.found, word = [], None, _MORE[0]
+        while word in _MORE:
             self.identify()
+            word = self._ask("  Enter: on to the weights; m: more touches; b: back to the rest: ")
+            word = word.strip()
+        return word not in _BACK
 
     @property
     def learnt(self) -> list[str]:
@@ -118,20 +125,25 @@ class Guide:
             "2 of 2. Take a thing of 1 kg or more, and a piece of foam if it is hard. Enter, and "
             f"lay it on the\n  skin at once; leave it there for {STANDS / 60:.0f} minutes: "
         )
-        frames, times, t, begun = [], [], 0.0, None
+        frames: list[np.ndarray] = []
+        times: list[float] = []
+        t, begun = 0.0, None
         while begun is None or t < begun + STANDS:
             new = _mean(self._frames(_LOOK))
-            frames, times, t = [*frames, new], [*times, t + _LOOK / 2], t + _LOOK
+            frames.append(new)
+            times.append(t + _LOOK / 2)
+            t += _LOOK
             if begun is None and self._touched(new):
                 begun = t
             elif begun is None and t > _PATIENCE:
                 raise ValueError(f"nothing was laid on the skin for {_PATIENCE:.0f} s")
             elif begun is not None and (t - begun) % _TELL < _LOOK:
                 self._say(f"  {t - begun:.0f} s of {STANDS:.0f} s")
-        self.creep = measure_creep(frames, times, self._supposed, self.rest, curve)
+        creep = measure_creep(np.array(frames), np.array(times), self._supposed, self.rest, curve)
+        self.creep = creep
         self._say(
-            f"  A standing load gains {self.creep.share:.1%} +- {self.creep.std:.1%} in a decade "
-            f"of time: {self.creep.gain(600.0) - 1.0:.0%} in ten minutes."
+            f"  A standing load gains {creep.share:.1%} +- {creep.std:.1%} in a decade "
+            f"of time: {creep.gain(600.0) - 1.0:.0%} in ten minutes."
         )
 
     def measure_rest(self, of: int = 3) -> bool:
@@ -143,7 +155,7 @@ class Guide:
             while len(frames) < _FEW:
                 frames = np.concatenate([frames, self._frames(REST)])
             try:
-                self.rest = measure_rest(frames, self._supposed)
+                self._rest = measure_rest(frames, self._supposed)
                 break
             except ValueError as error:
                 if not left:
@@ -152,8 +164,7 @@ class Guide:
                         "doctor` names the line or cells to check"
                     ) from error
                 self._ask(f"  {error}\n  Hands off, and Enter to measure again: ")
-        cells = self._supposed.populated
-        usual = 1.0 / np.median(self.rest.conductance[cells])
+        usual = 1.0 / np.median(self.rest.conductance[self._supposed.populated])
         self._say(
             f"  {len(frames)} frames: a cell has {usual:.0f} ohm at rest, a reading "
             f"{self.rest.noise:.2f} ADC steps of noise."
@@ -204,7 +215,7 @@ class Guide:
             self._say(f"  {diode} Until then this calibration is wrong.")
         if not touches:
             self._say("  no touch was felt: what lies in series stays as it is configured.")
-        elif self.found.missing:
+        elif self.found and self.found.missing:
             self._say("  What the touches do not tell stays as it is configured.")
 
     def _check_readout(self, touches: list[np.ndarray]) -> None:
@@ -269,7 +280,8 @@ class Guide:
             f"{OBJECTS}: light\n  and heavy ones, 0.3 to 5 kg (a bottle, books), each somewhere "
             "else, on a piece\n  of foam if they are hard. They must not stand beside the skin."
         )
-        frames, weights = [], []
+        frames: list[np.ndarray] = []
+        weights: list[float] = []
         while True:
             number = len(weights) + 1
             word = self._ask(
@@ -347,15 +359,16 @@ class Guide:
     def _fit(self, frames: list[np.ndarray], weights: list[float]) -> None:
         rest = supposing(self.rest, self.circuit)
         try:
-            self.fitted = fit_curve(np.array(frames), np.array(weights), self.circuit, rest)
+            fitted = fit_curve(np.array(frames), np.array(weights), self.circuit, rest)
         except ValueError as error:
             self._say(f"  {error}")
             return
-        self._say(f"  {self.fitted.message}")
+        self.fitted = fitted
+        self._say(f"  {fitted.message}")
         cells = self.circuit.populated
         usual = float(np.median(rest.conductance[cells]))  # S
         at_rest = 1.0 / np.where(cells, rest.conductance, usual)
-        curve = self.fitted.curve.resting_at(at_rest)
+        curve = fitted.curve.resting_at(at_rest)
         found = compensate(frames[-1], self.circuit, curve, "map", missing=True)
         self._say(picture(found.force))
         self._say(f"  felt: {found.force.sum():.1f} N of {weights[-1]:.1f} N")

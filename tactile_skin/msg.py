@@ -8,9 +8,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import ClassVar
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
+import numpy.typing as npt
+
+
+class Message(Protocol):
+    """What all messages have: the fields of a dataclass, and the name of their type."""
+
+    TYPE: ClassVar[str]
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
 
 # --- builtin_interfaces, std_msgs ---------------------------------------------------------------
 
@@ -250,7 +259,7 @@ class Trigger:
 
 # --- arrays in and out of messages --------------------------------------------------------------
 
-_ENCODINGS = {"16UC1": np.dtype("<u2"), "32FC1": np.dtype("<f4")}
+_ENCODINGS: dict[str, np.dtype[Any]] = {"16UC1": np.dtype("<u2"), "32FC1": np.dtype("<f4")}
 
 
 def image(array: np.ndarray, encoding: str, header: Header) -> Image:
@@ -286,12 +295,14 @@ def cloud(columns: dict[str, np.ndarray], header: Header) -> PointCloud2:
     return cloud_of(tuple(columns), np.stack([np.asarray(c) for c in columns.values()], 1), header)
 
 
-def cloud_of(names: tuple[str, ...], table, header: Header) -> PointCloud2:
+def cloud_of(names: tuple[str, ...], table: npt.ArrayLike, header: Header) -> PointCloud2:
     """(n, len(names)) table -> PointCloud2 of n points, float32 fields."""
-    table = np.array(table, "<f4").reshape(-1, len(names))
-    n, width = table.shape
+    points = np.array(table, "<f4").reshape(-1, len(names))
+    n, width = points.shape
     fields = list(_fields(names))
-    return PointCloud2(header, 1, n, fields, False, 4 * width, 4 * width * n, table.tobytes(), True)
+    return PointCloud2(
+        header, 1, n, fields, False, 4 * width, 4 * width * n, points.tobytes(), True
+    )
 
 
 @lru_cache(maxsize=16)

@@ -16,6 +16,7 @@ once: what the skin says is not known to be true then, and the base has limits o
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,7 +45,7 @@ class Axis:
     max_speed: float
     max_acceleration: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("mass", "damping", "max_speed", "max_acceleration"):
             if not 0.0 < getattr(self, name) < math.inf:
                 raise ValueError(
@@ -98,7 +99,7 @@ class AdmittanceConfig:
     stop_timeout: float = 0.15
     alignment: float = 0.7
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("touch_timeout", "stop_timeout"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"push_to_move: {name} = {getattr(self, name)!r}: must be above 0")
@@ -124,7 +125,13 @@ class Admittance:
         """A message of the stop."""
         self._stop = t, message
 
-    def touch(self, stamp: float, total: float, force, torque) -> None:
+    def touch(
+        self,
+        stamp: float,
+        total: float,
+        force: Sequence[float] | np.ndarray,
+        torque: Sequence[float] | np.ndarray,
+    ) -> None:
         """What a reading says of the touch, in the base frame.
 
         Args:

@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from .stop import MAX_AHEAD, StopMessage
 
@@ -53,7 +54,7 @@ class GateConfig:
     touch: float = 5.0
     alignment: float = 0.9
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("command_timeout", "stop_timeout", "touch_timeout", "touch"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"gate: {name} = {getattr(self, name)!r}: must be above 0")
@@ -72,7 +73,7 @@ class Gate:
         self._push: tuple[np.ndarray, np.ndarray] | None = None  # direction, (n, 3) places
         self._trouble = "its direction is unknown"  # why there is no `_push`
 
-    def command(self, t: float, linear, angular) -> None:
+    def command(self, t: float, linear: npt.ArrayLike, angular: npt.ArrayLike) -> None:
         """A velocity is asked for: (3,) [m/s] and (3,) [rad/s], in the base frame."""
         self._command = t, np.asarray(linear, float), np.asarray(angular, float)
 
@@ -81,7 +82,9 @@ class Gate:
         self._stop = t, message
         self._forget_what_is_over()
 
-    def touch(self, stamp: float, total: float, force, places) -> None:
+    def touch(
+        self, stamp: float, total: float, force: npt.ArrayLike, places: npt.ArrayLike
+    ) -> None:
         """What a reading says of the touch, in the base frame.
 
         Args:
@@ -92,13 +95,13 @@ class Gate:
         if not stamp > self._seen:
             return
         self._seen, self._total = stamp, total
-        force, places = np.asarray(force, float), np.array(places, float, ndmin=2)
-        if not (np.isfinite(force).all() and np.isfinite(places).all() and math.isfinite(total)):
+        vector, at = np.asarray(force, float), np.array(places, float, ndmin=2)
+        if not (np.isfinite(vector).all() and np.isfinite(at).all() and math.isfinite(total)):
             self._push, self._trouble = None, "its force is not finite"
         elif total >= self.config.touch:
-            length = float(np.linalg.norm(force))
+            length = float(np.linalg.norm(vector))
             if length >= self.config.alignment * total:
-                self._push = force / length, places
+                self._push = vector / length, at
             elif not length:  # no normals; a squeeze is never balanced to the last bit
                 self._push, self._trouble = None, "its direction is unknown: set geometry.shape"
             else:

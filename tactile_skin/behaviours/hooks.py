@@ -11,6 +11,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from typing import Protocol
 
 from .stop import StopMessage
 
@@ -61,6 +62,19 @@ class StopMessages:
         return min((time for time in times if time >= t), default=math.inf)
 
 
+class Time(Protocol):
+    """A time of ROS's clocks."""
+
+    @property
+    def nanoseconds(self) -> int: ...
+
+
+class Clock(Protocol):
+    """A clock of ROS, or of the bus."""
+
+    def now(self) -> Time: ...
+
+
 class StopHook:
     """Calls hook(stop, reason) at each change, in a thread of its own.
 
@@ -70,7 +84,7 @@ class StopHook:
 
     Args:
         topics: names of the stop nodes that must all be free.
-        clock: that the readings are stamped by; `now().nanoseconds`.
+        clock: that the readings are stamped by.
         heartbeat: the hook is called at least this often, also without a change [s]; None: only
             at changes.
     """
@@ -79,7 +93,7 @@ class StopHook:
         self,
         hook: Callable[[bool, str], None],
         topics: list[str],
-        clock,
+        clock: Clock,
         heartbeat: float | None = None,
     ):
         if heartbeat is not None and not 0.0 < heartbeat < math.inf:
@@ -166,16 +180,16 @@ class EventHook:
     While the hook is busy the oldest events that wait are dropped, counted in `dropped`.
     """
 
-    def __init__(self, hook: Callable):
+    def __init__(self, hook: Callable[..., object]):
         self._hook = hook
-        self._events: deque[tuple] = deque()
+        self._events: deque[tuple[object, ...]] = deque()
         self._changed = threading.Condition()
         self._closed = False
         self.dropped = 0
         self._log, self._thread = _named(hook, self._run)
         self._thread.start()
 
-    def tell(self, *arguments) -> None:
+    def tell(self, *arguments: object) -> None:
         """An event happened; returns at once."""
         with self._changed:
             if len(self._events) >= _WAITING:
@@ -208,7 +222,9 @@ class EventHook:
                 self._log.exception("raised")
 
 
-def _named(hook: Callable, run: Callable[[], None]) -> tuple[logging.Logger, threading.Thread]:
+def _named(
+    hook: Callable[..., object], run: Callable[[], None]
+) -> tuple[logging.Logger, threading.Thread]:
     """Log and thread of a hook, both named after it."""
     name = getattr(hook, "__qualname__", repr(hook))
     thread = threading.Thread(target=run, name=f"hook {name}", daemon=True)

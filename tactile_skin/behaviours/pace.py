@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Collection
 
 MIN_STALE_AFTER = 0.1  # s, of what is measured: see above
 MAX_STALE_AFTER = 0.5  # s, the same
@@ -94,5 +95,5 @@ class Pace:
         return f"{text}: set stop_on_push.stale_after: {advised:g}, or 0.0 to have it measured"
 
 
-def _middle(values) -> float:
+def _middle(values: Collection[float]) -> float:
     return sorted(values)[(len(values) - 1) // 2]

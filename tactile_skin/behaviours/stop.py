@@ -101,7 +101,7 @@ class StopConfig:
     stale_after: float = 0.0
     latch: bool = False
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("threshold", "release", "peak"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"stop: {name} = {getattr(self, name)!r}: must be above 0")

@@ -10,7 +10,11 @@ from .protocol import BinaryParser
 from .text import TextFormat, TextParser
 
 Format = TextFormat | PacketFormat | None
-FORMATS: dict[str, type | None] = {"binary": None, "text": TextFormat, "packets": PacketFormat}
+FORMATS: dict[str, type[TextFormat] | type[PacketFormat] | None] = {
+    "binary": None,
+    "text": TextFormat,
+    "packets": PacketFormat,
+}
 PROTOCOLS = tuple(FORMATS)
 
 
@@ -22,7 +26,7 @@ def check_protocol(protocol: str) -> None:
 
 def fields() -> dict[str, dataclasses.Field]:
     """Name -> field of all descriptions; what two of them share is one parameter."""
-    kinds = filter(None, FORMATS.values())
+    kinds = [kind for kind in FORMATS.values() if kind is not None]
     return {field.name: field for kind in kinds for field in dataclasses.fields(kind)}
 
 
@@ -34,11 +38,11 @@ def make_format(protocol: str, values: dict) -> Format:
     """
     check_protocol(protocol)
     kind = FORMATS[protocol]
-    known = {field.name: field for field in dataclasses.fields(kind)} if kind else {}
+    known = {field.name for field in dataclasses.fields(kind)} if kind else set()
     given = {}
     for name, value in values.items():
         if name in known:
-            given[name] = type(known[name].default)(value)
+            given[name] = type(getattr(kind, name))(value)
         elif name not in fields():
             raise ValueError(f"format.{name}: must be one of {', '.join(fields())}")
         elif value != fields()[name].default:
@@ -58,5 +62,6 @@ def make_parser(protocol: str, rows: int, cols: int, adc_bits: int, fmt: Format 
     if protocol == "binary":
         return BinaryParser()
     fmt = fmt or make_format(protocol, {})
-    parser = TextParser if protocol == "text" else PacketParser
-    return parser(rows, cols, adc_bits, fmt)
+    if isinstance(fmt, PacketFormat):
+        return PacketParser(rows, cols, adc_bits, fmt)
+    return TextParser(rows, cols, adc_bits, fmt)

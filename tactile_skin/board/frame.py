@@ -63,17 +63,20 @@ class Parser:
     """What the parsers of all protocols share: bytes in, frames out, and the last bytes kept.
 
     Attributes:
+        shape: (rows, cols) that its frames have; None: those that the first frame says.
         counters: what was seen.
         tail: the last bytes, for `recognise`.
         request: bytes that ask the board for a frame; empty: it sends by itself.
-        wanted: bytes that a frame like the last one still lacks, at least 1.
     """
 
-    wanted = 1
-    request = b""
-
-    def __init__(self):
+    def __init__(self, shape: tuple[int, int] | None = None, request: str = ""):
+        self.shape, self.request = shape, request.encode()
         self.counters, self.tail = Counters(), bytearray()
+
+    @property
+    def wanted(self) -> int:
+        """Bytes that a frame like the last one still lacks, at least 1."""
+        return 1
 
     def feed(self, data: bytes) -> list[Frame]:
         """Take a chunk; return the frames that it completes, oldest first."""

@@ -46,18 +46,19 @@ class Delay:
     def frame(self, t: float, device_time_us: int | None) -> tuple[float, bool]:
         """A frame arrived at t [s]: its lag [s], and whether the board's clock went backward."""
         backward = False
+        before, board = self._last or (t, None)
         if self._last is None:
             self.restart(t)
-        elif device_time_us is None:
-            self._by_pace(t - self._last[0])
+        elif device_time_us is None or board is None:
+            self._by_pace(t - before)
         else:
-            step = (device_time_us - self._last[1]) % (2 * _HALF_WRAP)
+            step = (device_time_us - board) % (2 * _HALF_WRAP)
             backward = step >= _HALF_WRAP
             if backward:
                 self.restart(t)
             else:
                 self._board += step * 1e-6
-                self._by_clock(t, t - self._last[0])
+                self._by_clock(t, t - before)
         self._last = t, device_time_us
         return self._lag, backward
 
@@ -218,12 +219,13 @@ class StillLines:
             return ""
         chance = np.log(np.maximum(self._own, max(usual, _STILL))) * known / _STILL_FRAMES
         frames = np.where(known, self._frames, np.iinfo(np.int32).max)
-        names, still = [], []
-        for name, axis, lines in (("row", 1, dead[0]), ("column", 0, dead[1])):
-            alone = (chance.sum(axis) * frames.min(axis))[lines]
-            still.append(tuple(np.flatnonzero(lines).tolist()) if alone.sum() < _RARE else ())
-            names += [f"{name} {k}" for k in still[-1]]
-        self.rows, self.cols = still
+        self.rows, self.cols = (
+            tuple(np.flatnonzero(lines).tolist())
+            if (chance.sum(axis) * frames.min(axis))[lines].sum() < _RARE
+            else ()
+            for axis, lines in ((1, dead[0]), (0, dead[1]))
+        )
+        names = [f"row {k}" for k in self.rows] + [f"column {k}" for k in self.cols]
         if not names:
             return ""
         more = "" if len(names) <= 4 else f" and {len(names) - 4} more"
@@ -265,7 +267,8 @@ class Liveness:
     def __init__(self, shape: tuple[int, int], frozen_after: float):
         self._delay = Delay()
         self._repeats = Repeats(frozen_after) if frozen_after else None
-        self._shape, self._lines = shape, None
+        self._shape = shape
+        self._lines: StillLines | None = None
         self._restarts: deque[float] = deque(maxlen=_RESTARTS)
 
     def frame(self, t: float, frame: Frame, restarted: bool = False) -> Verdict:
@@ -279,7 +282,9 @@ class Liveness:
             self._restarts.append(t)
             if not backward:
                 self._delay.restart(t)
-        trouble, where = "", ((), ())
+        trouble = ""
+        rows: tuple[int, ...] = ()
+        cols: tuple[int, ...] = ()
         if len(self._restarts) == _RESTARTS and t - self._restarts[0] < _RESTARTS_WITHIN:
             trouble = (
                 f"the board restarted {_RESTARTS} times within {_RESTARTS_WITHIN:g} s: "
@@ -290,5 +295,5 @@ class Liveness:
                 self._lines = StillLines(self._shape, (1 << 16) - (1 << 16 - frame.adc_bits))
             repeats = self._repeats.frame(t, frame.samples)
             trouble = trouble or repeats or self._lines.frame(t, frame.samples)
-            where = self._lines.rows, self._lines.cols
-        return Verdict(lag, self._delay.settled, trouble, *where)
+            rows, cols = self._lines.rows, self._lines.cols
+        return Verdict(lag, self._delay.settled, trouble, rows, cols)

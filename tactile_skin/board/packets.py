@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Callable
+from typing import Literal
 
 import numpy as np
 
@@ -30,7 +31,7 @@ def _sum(data: bytes) -> int:
 
 
 # name -> (bytes, their order, what they are of the bytes before them)
-CHECKS: dict[str, tuple[int, str, Callable[[bytes], int]]] = {
+CHECKS: dict[str, tuple[int, Literal["little", "big"], Callable[[bytes], int]]] = {
     "sum8": (1, "little", _sum),
     "xor8": (1, "little", _xor),
     "sum16le": (2, "little", _sum),
@@ -46,12 +47,13 @@ def check_of(name: str, data: bytes) -> bytes:
     return (function(data) % (1 << 8 * size)).to_bytes(size, order)
 
 
-def _pattern(name: str, text: str) -> list[int | None]:
-    """ "FF ??" -> [255, None]."""
+def _pattern(name: str, text: str) -> re.Pattern[bytes]:
+    """Return what the bytes of a pattern such as "FF ??" match."""
     words = text.split()
     if not all(re.fullmatch("[0-9A-Fa-f]{2}|[?]{2}", word) for word in words):
         raise ValueError(f"format.{name} = {text!r}: must be bytes such as FF 0A ??")
-    return [None if word == "??" else int(word, 16) for word in words]
+    each = [b"." if word == "??" else re.escape(bytes.fromhex(word)) for word in words]
+    return re.compile(b"".join(each), re.DOTALL)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,9 +76,9 @@ class PacketFormat:
     request: str = about("what asks the board for a frame; empty: it sends by itself", "")
 
     def __post_init__(self):
-        if not self.head_bytes or self.head_bytes[0] is None:
+        _pattern("head", self.head), _pattern("tail", self.tail)
+        if not self.head.split() or self.head.split()[0] == "??":
             raise ValueError(f"format.head = {self.head!r}: must begin with a byte such as FF")
-        _pattern("tail", self.tail)
         for name, allowed in (("word", WORDS), ("check", ("", *CHECKS))):
             if getattr(self, name) not in allowed:
                 raise ValueError(
@@ -84,32 +86,22 @@ class PacketFormat:
                     f"{', '.join(filter(None, allowed))}"
                 )
 
-    @property
-    def head_bytes(self) -> list[int | None]:
-        return _pattern("head", self.head)
-
-    @property
-    def tail_bytes(self) -> list[int | None]:
-        return _pattern("tail", self.tail)
-
 
 class PacketParser(Parser):
     """Packets of one size; a reading beyond the ADC's range makes its packet a damaged one."""
 
     def __init__(self, rows: int, cols: int, adc_bits: int, fmt: PacketFormat):
-        super().__init__()
+        super().__init__((rows, cols), fmt.request)
         self.rows, self.cols, self.adc_bits, self.format = rows, cols, adc_bits, fmt
-        self.request = fmt.request.encode()
-        self._head, self._tail = fmt.head_bytes, fmt.tail_bytes
+        head, tail = fmt.head.split(), fmt.tail.split()
+        self._head, self._tail = _pattern("head", fmt.head), _pattern("tail", fmt.tail)
+        self._head_size = len(head)
         self._word = np.dtype(WORDS[fmt.word])
-        self._words = rows * cols * self._word.itemsize
-        check = CHECKS[fmt.check][0] if fmt.check else 0
-        self.size = len(self._head) + self._words + check + len(self._tail)
-        sure = fmt.check or any(byte is not None for byte in self._tail)
-        self._confirm = (
-            0 if sure else len(self._head)
-        )  # bytes of the next packet that are waited for
-        self._prefix = bytes(self._head[: ([*self._head, None]).index(None)])
+        self._check_size = CHECKS[fmt.check][0] if fmt.check else 0
+        self._check_at = len(head) + rows * cols * self._word.itemsize
+        self.size = self._check_at + self._check_size + len(tail)
+        sure = fmt.check or set(tail) - {"??"}
+        self._confirm = 0 if sure else len(head)  # bytes of the next packet that are waited for
         self._buffer = bytearray()
         self._aligned = False  # the buffer begins right behind a sound packet
 
@@ -119,10 +111,11 @@ class PacketParser(Parser):
 
     def _cut(self, data: bytes) -> list[Frame]:
         self._buffer += data
-        frames = []
+        frames: list[Frame] = []
         while True:
-            start = self._buffer.find(self._prefix)
-            start = max(0, len(self._buffer) - len(self._prefix) + 1) if start < 0 else start
+            head = self._head.search(self._buffer)
+            # without one, the last bytes may be the first of a head
+            start = head.start() if head else max(0, len(self._buffer) - self._head_size + 1)
             if start:
                 self._skip(start)
             if len(self._buffer) < self.size + self._confirm:
@@ -142,19 +135,19 @@ class PacketParser(Parser):
         self.counters.skipped_bytes += n
 
     def _whole(self, packet: bytes) -> bool:
-        behind = self.size - len(self._tail)
-        if not (_fits(self._head, packet) and _fits(self._tail, packet[behind:])):
+        """Whether tail and check of a packet that begins with a head are right."""
+        tail = self._check_at + self._check_size
+        if not self._tail.fullmatch(packet, tail):
             return False
         if self.format.check:
-            size = CHECKS[self.format.check][0]
-            body = packet[self.format.unchecked : behind - size]
-            if packet[behind - size : behind] != check_of(self.format.check, body):
+            body = packet[self.format.unchecked : self._check_at]
+            if packet[self._check_at : tail] != check_of(self.format.check, body):
                 return False
-        return not self._confirm or _fits(self._head, self._buffer[self.size :])
+        return not self._confirm or bool(self._head.match(self._buffer, self.size))
 
     def _frame(self, packet: bytes) -> list[Frame]:
-        start, top = len(self._head), 2**self.adc_bits - 1
-        steps = np.frombuffer(packet[start : start + self._words], self._word).astype(float)
+        top = 2**self.adc_bits - 1
+        steps = np.frombuffer(packet[self._head_size : self._check_at], self._word).astype(float)
         largest = float(steps.max())
         if self.format.full_scale:
             steps = np.minimum(steps * (top / self.format.full_scale), top)
@@ -167,9 +160,3 @@ class PacketParser(Parser):
         self.counters.frames += 1
         number = self.counters.frames % _SEQUENCES
         return [Frame(samples.reshape(self.rows, self.cols), self.adc_bits, number, None)]
-
-
-def _fits(pattern: list[int | None], data: bytes) -> bool:
-    return len(data) >= len(pattern) and all(
-        byte is None or byte == found for byte, found in zip(pattern, data, strict=False)
-    )

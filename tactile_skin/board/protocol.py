@@ -95,7 +95,7 @@ class BinaryParser(Parser):
 
     def _cut(self, data: bytes) -> list[Frame]:
         self._buffer += data
-        frames = []
+        frames: list[Frame] = []
         while True:
             self._skip_to_magic()
             if len(self._buffer) < _HEADER_SIZE:

@@ -8,6 +8,7 @@ import math
 import os
 import stat
 import sys
+import termios
 import threading
 import time
 from collections.abc import Callable
@@ -18,11 +19,6 @@ from serial.tools import list_ports
 from .frame import Frame, Parser
 from .recognise import explain, sample
 from .terminal import is_simulated
-
-try:
-    from termios import error as _termios_error
-except ImportError:  # not on POSIX
-    _termios_error = OSError
 
 _EARLY = 1.0  # s of bytes without a frame after which the message says what they are, if known
 _ASK_AGAIN = 0.5  # s without an answer after which a board is asked again
@@ -44,7 +40,7 @@ _TROUBLES = {
     errno.ENXIO: _GONE,
 }
 
-PORT_ERRORS = (serial.SerialException, OSError, _termios_error)  # what a vanished port raises
+PORT_ERRORS = (serial.SerialException, OSError, termios.error)  # what a vanished port raises
 
 
 def candidates() -> list[str]:
@@ -71,9 +67,9 @@ def check_port(port: str) -> None:
             )
     elif "://" in port:
         serial.serial_for_url(port, do_not_open=True)  # ValueError names an unknown protocol
-    elif os.name == "posix" and not os.path.exists(port):
+    elif not os.path.exists(port):
         raise ValueError(f"port {port}: does not exist; USB serial ports found: {found}")
-    elif os.name == "posix" and (wrong := _not_serial(port)):
+    elif wrong := _not_serial(port):
         raise ValueError(f"port {port}: {wrong}; USB serial ports found: {found}")
 
 

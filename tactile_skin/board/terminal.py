@@ -54,7 +54,7 @@ class Terminal:
                 raise
             return b""
 
-    def write(self, data: bytes) -> int:
+    def write(self, data: bytes | bytearray) -> int:
         """Send; how many bytes are gone: like a UART, all that nobody takes are."""
         try:
             return os.write(self._master, data)

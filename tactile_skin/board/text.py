@@ -114,10 +114,9 @@ class TextParser(Parser):
     """
 
     def __init__(self, rows: int, cols: int, adc_bits: int = 10, fmt: TextFormat | None = None):
-        super().__init__()
-        self.rows, self.cols, self.adc_bits = rows, cols, adc_bits
         self.format = fmt or TextFormat()
-        self.request = self.format.request.encode()
+        super().__init__((rows, cols), self.format.request)
+        self.rows, self.cols, self.adc_bits = rows, cols, adc_bits
         self._end = self.format.end.encode()
         self._pattern = None if self.format.line == "{values}" else self.format.pattern()
         self._cells = rows * cols
@@ -162,7 +161,7 @@ class TextParser(Parser):
             numbers = self._numbers(match["values"] if match else line)
         size = 0 if numbers is None else numbers.size
         frame = size == self._cells and not self._placed
-        if not frame and size != self._piece:
+        if numbers is None or not (frame or size == self._piece):
             return self._no_reading(line)
         self._sound = _plain(line), size
         steps = self._in_range(numbers, b"." in line)
@@ -173,7 +172,7 @@ class TextParser(Parser):
             self._next = -1
             return self._frame(steps)
         if self._placed:
-            return self._place(steps, match.groupdict())
+            return self._place(steps, match.groupdict() if match else {})
         before = self._border() if BEGINS.match(line) else []
         return before + self._follow(steps) + (self._border() if ENDS.search(line) else [])
 

@@ -31,8 +31,15 @@ from ..replay.sources import Live, Recorded
 from . import train
 
 _NAME = "tactile-skin calibrate"
-_OF_FILES = "rest", "touches", "reference", "creep", "rate", "full_scale"
 _OF_BOARD = {"port": str, "baud": int, "protocol": str}
+_OF_FILES = {
+    "rest": str,
+    "touches": str,
+    "reference": str,
+    "creep": str,
+    "rate": float,
+    "full_scale": float,
+}
 _GLANCE = 0.5  # s of frames that show whether the board sends what untouched cells read
 _UNRESOLVED = 0.5  # ADC steps: below, a reading says nothing of what the cell conducts
 _DECIMALS = 2  # of ADC steps, which ratios keep
@@ -118,15 +125,15 @@ def calibrate(
     """
     check_writable(out)
     skin = read_skin(config)
-    files, loads = recorded_words(words)
-    if creep and (files or loads):
+    given, loads = split_words(words)
+    if creep and "rest" in given:
         raise ValueError("--creep is of a live board: give creep:=FILE")
     weighed = not creep
-    if files or loads:
-        weighed = bool(loads or "reference" in files)
-        guide = from_files(skin, files, loads)
+    if "rest" in given:
+        weighed = bool(loads or "reference" in given)
+        guide = from_files(skin, given, loads)
     else:
-        live = Live(config, board_parameters(words))
+        live = Live(config, given)
         guide = Guide(skin.circuit, live, _ask, _say, _count_down)
         try:
             live(0.0)  # what the driver logs of the port stands above the first question
@@ -179,52 +186,45 @@ def check_writable(out: Path) -> None:
         raise ValueError(f"--out {out}: {out.parent}: {error.strerror}") from error
 
 
-def recorded_words(words: list[str]) -> tuple[dict[str, str], list[tuple[str, str]]]:
-    """["rest:=a.csv", "500g:=b.csv"] -> {"rest": "a.csv"}, [("500g", "b.csv")]; none: a live board.
+def split_words(words: list[str]) -> tuple[dict, list[tuple[str, str]]]:
+    """["rest:=a.csv", "500g:=b.csv"] -> {"rest": "a.csv"}, [("500g", "b.csv")].
 
     Raises:
-        ValueError: files beside a live board's parameters, or without the rest.
+        ValueError: an unknown name, a value of another type, files beside a live board's
+            parameters, or without the rest.
     """
-    pairs = [word.split(":=", 1) for word in words if ":=" in word]
-    loads = [(name, path) for name, path in pairs if newtons(name) is not None]
-    files = {name: value for name, value in pairs if name in _OF_FILES}
-    if (files or loads) and len(files) + len(loads) < len(words):
-        allowed = ", ".join(_OF_FILES)
-        raise ValueError(f"{' '.join(words)}: files are {allowed}, or a weight such as 500g:=FILE")
-    if (files or loads) and "rest" not in files:
+    weighed = [word for word in words if newtons(word.partition(":=")[0]) is not None]
+    others = [word for word in words if word not in weighed]
+    bare, given = split(others, _OF_BOARD | _OF_FILES)
+    recorded = weighed or given.keys() & _OF_FILES.keys()
+    if bare or (recorded and given.keys() & _OF_BOARD.keys()):
+        raise ValueError(
+            f"{' '.join(words)}: must be {', '.join(_OF_BOARD)} of a live board, or files: files "
+            f"are {', '.join(_OF_FILES)}, or a weight such as 500g:=FILE"
+        )
+    if recorded and "rest" not in given:
         raise ValueError("rest:=FILE is missing: frames of the untouched skin")
-    return files, loads
+    return given, [(name, path) for name, _, path in (w.partition(":=") for w in weighed)]
 
 
-def _number(files: dict[str, str], name: str) -> float | None:
-    try:
-        return float(files[name]) if name in files else None
-    except ValueError:
-        raise ValueError(f"{name}:={files[name]}: must be a number") from None
-
-
-def from_files(skin: SkinConfig, files: dict[str, str], loads: list[tuple[str, str]]) -> Guide:
+def from_files(skin: SkinConfig, files: dict, loads: list[tuple[str, str]]) -> Guide:
     """The three steps with recorded frames in place of a board and a person.
 
     Args:
         files: rest, and touches if there are; rate: frames a second, of files without times.
         loads: weight and file of each object that lies on the skin.
     """
-    rate, full_scale = (_number(files, name) for name in ("rate", "full_scale"))
-    source, left, asked = Recorded(skin.adc, rate, full_scale), list(loads), []
+    source = Recorded(skin.adc, files.get("rate"), files.get("full_scale"))
+    answers = [("", "")]  # what is typed, and the file that it opens: to "hands off"
 
     def ask(text: str) -> str:
-        if guide.rest is None:
-            if asked:  # a file does not take its hands off
-                raise ValueError(f"{files['rest']}: {text.strip().splitlines()[0]}")
-            asked.append(text)
-            return ""
-        if not left:
-            return ""
-        weight, path = left.pop(0)
-        print(f"  {weight}: {path}")
-        source.open(path)
-        return weight
+        if not answers:  # a file does not take its hands off
+            raise ValueError(f"{files['rest']}: {text.strip().splitlines()[0]}")
+        word, path = answers.pop(0)
+        if path:
+            print(f"  {word}: {path}")
+            source.open(path)
+        return word
 
     guide = Guide(skin.circuit, source, ask, _say)
     source.open(files["rest"])
@@ -238,20 +238,22 @@ def from_files(skin: SkinConfig, files: dict[str, str], loads: list[tuple[str, s
     if loads and "reference" in files:
         raise ValueError("reference:= takes the place of weights: give one of both")
     if loads:
+        answers += [*loads, ("", "")]
         guide.fit_curve()
     if "reference" in files:
         frames, times = source.stream(files.get("touches", ""))
         at, force = read_reference(files["reference"])
         if at[-1] < times[0] - MAX_LAG or at[0] > times[-1] + MAX_LAG:  # clocks of their own
             at, times = at - at[0], times - times[0]
-        guide.fitted, late = fit_reference(frames, times, force, at, guide.circuit, guide.rest)
-        print(f"  {files['reference']} is {late:+.2f} s late; {guide.fitted.message}")
+        fitted, late = fit_reference(frames, times, force, at, guide.circuit, guide.rest)
+        guide.fitted = fitted
+        print(f"  {files['reference']} is {late:+.2f} s late; {fitted.message}")
     if "creep" in files:
         frames, times = source.stream(files["creep"])
-        rest = supposing(guide.rest, guide.circuit)
         curve = guide.fitted.curve if guide.fitted else skin.curve
-        guide.creep = measure_creep(frames, times, guide.circuit, rest, curve)
-        print(f"  a standing load gains {guide.creep.share:.1%} in a decade of time")
+        at_rest = supposing(guide.rest, guide.circuit)
+        creep = guide.creep = measure_creep(frames, times, guide.circuit, at_rest, curve)
+        print(f"  a standing load gains {creep.share:.1%} in a decade of time")
     return guide
 
 
@@ -269,14 +271,6 @@ def _check_all_is_sent(skin: SkinConfig, rest: np.ndarray, touches: np.ndarray |
             f"untouched cells read {usual:.2g} ADC steps: an offset or a threshold is taken off, "
             "or r_ref is too small for this fabric. Send what the ADC reads"
         )
-
-
-def board_parameters(words: list[str]) -> dict:
-    """["port:=/dev/ttyUSB0", "baud:=115200"] -> parameters of the serial driver."""
-    files, found = split(words, _OF_BOARD)
-    if files:
-        raise ValueError(f"{files[0]!r}: must be NAME:=VALUE, NAME one of {', '.join(_OF_BOARD)}")
-    return found
 
 
 def _ask(text: str) -> str:

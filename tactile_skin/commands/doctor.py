@@ -98,8 +98,9 @@ def run(args) -> int:
     )
     adc = _adc(skin, given)
     circuit = adc.circuit
+    found: list[Finding] = []
     if files:
-        frames, found = _ratio(files[0], adc, given.get("full_scale")), []
+        frames = _ratio(files[0], adc, given.get("full_scale"))
     else:
         frames, found = _listen(adc, given)
     check_all_is_sent(frames, circuit, adc.threshold(skin.threshold), skin.threshold)
@@ -202,8 +203,7 @@ def _adc(skin: SkinConfig, given: dict) -> Adc:
     changed = {name: given[name] for name in _CIRCUIT if name in given}
     of_adc = {of: given[name] for name, of in _ADC.items() if name in given}
     shape = {"rows", "cols"} & changed.keys()
-    mask = {"mask": None} if shape else {}  # it was another board's
-    circuit = skin.circuit
+    circuit = replace(skin.circuit, mask=None) if shape else skin.circuit  # another board's
     if changed.get("readout", circuit.readout) != circuit.readout:  # it may not know r_line, say
         circuit = circuit.read_as(changed["readout"], circuit.driven)
         if circuit.readout == "grounded":
@@ -211,7 +211,7 @@ def _adc(skin: SkinConfig, given: dict) -> Adc:
     if "adc_bits" in changed:
         of_adc = {"full_scale": 0.0} | of_adc
     scanned = None if shape else skin.adc.scanned
-    return replace(skin.adc, circuit=replace(circuit, **changed, **mask), scanned=scanned, **of_adc)
+    return replace(skin.adc, circuit=replace(circuit, **changed), scanned=scanned, **of_adc)
 
 
 def _ratio(path: str, adc: Adc, full_scale: float | None) -> np.ndarray:
@@ -230,8 +230,8 @@ def _listen(adc: Adc, given: dict) -> tuple[np.ndarray, list[Finding]]:
     circuit, port = adc.circuit, given["port"]
     driver: dict = {}
     if "config" in given:
-        driver = ParameterFile(given["config"]).overrides("/serial_driver")
-        driver = {p.name: p.value for p in driver}
+        overrides = ParameterFile(given["config"]).overrides("/serial_driver")
+        driver = {p.name: p.value for p in overrides}
         given = {k: v for k, v in driver.items() if k in ("baud", "protocol")} | given
     described = {k.removeprefix("format."): v for k, v in driver.items() if k.startswith("format.")}
     seconds, baud = given.get("seconds", 60.0), given.get("baud", 1_000_000)

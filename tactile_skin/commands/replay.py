@@ -6,6 +6,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -156,55 +157,44 @@ def _compare(job: Job, methods: list[str], picture: Path) -> int:
 
 def _play(job: Job, args) -> int:
     """At a pace, stepwise, or into a new recording."""
-    steps, started = [], time.process_time()
+    started = time.process_time()
     with one_thread():
         replay = job.replay()
         if args.out:
             replay.record(args.out)
-        paced = _stepwise(replay) if args.step else _paced(replay, args.speed)
-        for step in paced:
-            step.force = None
-            steps.append(step)
+        steps = [step.without_picture() for step in _shown(replay, args.speed, args.step)]
     _summarize(Results.of(steps, time.process_time() - started, replay.notes))
     if args.out:
         print(f"{args.out}: all that the nodes published")
     return 0
 
 
-def _paced(replay: Replay, speed: float | None):
-    """The steps in their time; None: as they come."""
+def _shown(replay: Replay, speed: float | None, stepwise: bool) -> Iterator[Step]:
+    """The steps with a line of text: at a pace, each after Enter, or as they come."""
     begun, first, shown = time.monotonic(), None, 0.0
     for step in replay:
         first = step.stamp if first is None else first
         t = (step.stamp - first) * 1e-9
         if speed:
             time.sleep(max(0.0, begun + t / speed - time.monotonic()))
-        now = time.monotonic()
-        if now - shown >= _LINE and sys.stdout.isatty():
-            shown = now
-            print(f"\r\x1b[2K{_line(t, step)}", end="", flush=True)
-        yield step
-    if shown:
-        print()
-
-
-def _stepwise(replay: Replay):
-    """The steps, each after Enter; a word ends it."""
-    first = None
-    for step in replay:
-        first = step.stamp if first is None else first
-        print(_line((step.stamp - first) * 1e-9, step), end="", flush=True)
+        if stepwise or (sys.stdout.isatty() and time.monotonic() - shown >= _LINE):
+            shown = time.monotonic()
+            print(
+                "" if stepwise else "\r\x1b[2K",
+                f"{t:8.2f} s  {step.status:<7}  {step.total:6.1f} N  cell {step.peak:5.2f} N  ",
+                f"STOP {step.stop}" if step.stop else "free",
+                sep="",
+                end="",
+                flush=True,
+            )
         yield step
         try:
-            if input("  Enter: next, q: end "):
+            if stepwise and input("  Enter: next, q: end "):
                 return
         except EOFError:
             return
-
-
-def _line(t: float, step: Step) -> str:
-    stop = f"STOP {step.stop}" if step.stop else "free"
-    return f"{t:8.2f} s  {step.status:<7}  {step.total:6.1f} N  cell {step.peak:5.2f} N  {stop}"
+    if shown and not stepwise:
+        print()
 
 
 def _summarize(found: Results) -> None:

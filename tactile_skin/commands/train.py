@@ -21,7 +21,8 @@ from ..middleware.parameter_file import ParameterFile
 from ..middleware.written import entered, replace_file
 
 NETWORK_OF = {"cnn": "paper", "physics": "physics"}  # method -> its network
-_AGAIN = {"epochs": 20, "rate": 3e-3}  # from weights of a skin like it (docs/lab/training.md)
+_AGAIN_EPOCHS = 20  # from weights of a skin like it (docs/lab/training.md)
+_AGAIN_RATE = 3e-3  # the same
 _SCORED = 300  # frames that new weights are compared on
 _SEED = 2  # of these: unlike training's and validation's
 
@@ -60,14 +61,13 @@ def register(parser) -> None:
         "start": "weights to go on from: a file, paper or physics",
     }
     for item in dataclasses.fields(TrainingConfig):
-        kind = {"int": int, "float": float, "str": str}[item.type]
         allowed = CHOICES.get(item.name)
         choice = f"one of {', '.join(allowed)}" if allowed else ""
         default = "new ones" if item.default == "" else item.default
         words = about.get(item.name, ""), choice, f"default {default}"
         parser.add_argument(
             f"--{item.name}",
-            type=kind,
+            type=type(item.default),
             default=item.default,
             choices=allowed,
             help="; ".join(filter(None, words)),
@@ -125,7 +125,9 @@ def again(skin: SkinConfig, kind: str) -> TrainingConfig:
     readout = "board" if kind == "physics" else "ideal"
     if kind == "paper" and (shipped.rows, shipped.cols) != skin.circuit.shape:
         return TrainingConfig(network=kind, readout=readout)
-    return TrainingConfig(network=kind, readout=readout, start=kind, **_AGAIN)
+    return TrainingConfig(
+        network=kind, readout=readout, start=kind, epochs=_AGAIN_EPOCHS, rate=_AGAIN_RATE
+    )
 
 
 def misfit(path: Path) -> str:

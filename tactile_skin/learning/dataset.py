@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -99,8 +100,9 @@ def make_pairs(circuit, curve, n: int, network_kind: str, readout: str, seed, tr
         rng = np.random.default_rng([*np.atleast_1d(seed), chunk])
         here = slice(chunk * _CHUNK, min((chunk + 1) * _CHUNK, n))
         family, kind = _FAMILIES[chunk % len(_FAMILIES)], readout
-        sample = _OWN.get(family) or partial(scenes.sample, family)
-        truth = sample(here.stop - here.start, *circuit.shape, rng)
+        sample: _Sample = _OWN.get(family) or partial(scenes.sample, family)
+        rows, cols = circuit.shape
+        truth = sample(here.stop - here.start, rows, cols, rng)
         truth = np.minimum(truth, curve.max_force) * circuit.populated
         resistance = curve.resistance(truth)
         if readout == "board":
@@ -143,4 +145,6 @@ def _large_bodies(n: int, rows: int, cols: int, rng) -> np.ndarray:
     return np.minimum(bodies(n, rows, cols, rng, _LARGE), scenes.MAX_LOAD) * GRAM
 
 
-_OWN = {"fingers": _fingers, "large bodies": _large_bodies}  # families of training alone
+_Sample = Callable[[int, int, int, np.random.Generator], np.ndarray]
+# families of training alone
+_OWN: dict[str, _Sample] = {"fingers": _fingers, "large bodies": _large_bodies}

@@ -15,6 +15,7 @@ import warnings
 import zipfile
 from functools import cache, lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -57,10 +58,16 @@ def physics_inputs(adc: np.ndarray, circuit: Circuit, curve: PressureCurve) -> n
     share = (sum(circuit.shape) - 1) / cells.size
     g = np.minimum(np.maximum(share / rho_measured, low), high) * circuit.populated
     rho = np.empty(g.shape)
-    divider = {"r_ref": circuit.r_ref, "r_par": circuit.r_par}
     for k, measured in enumerate(rho_measured):
         g[k], _ = kernel.fixed_point(
-            g[k], cells, measured.ravel()[cells], *bounds, **divider, goal=0.0, steps=_STEPS
+            g[k],
+            cells,
+            measured.ravel()[cells],
+            *bounds,
+            r_ref=circuit.r_ref,
+            r_par=circuit.r_par,
+            goal=0.0,
+            steps=_STEPS,
         )
         rho[k] = kernel.connected_rho(g[k])
     g = np.maximum(g, low)  # where there is no cell too
@@ -90,7 +97,7 @@ def head(kind: str) -> list[tuple[int, int]]:
 def shapes(kind: str, rows: int, cols: int) -> dict[str, tuple[int, ...]]:
     """The arrays of a network of `NETWORKS` by PyTorch's names, and the shape of each."""
     inputs = 1 if kind == "paper" else PHYSICS_INPUTS
-    found = {"input_mean": (inputs, 1, 1), "input_std": (inputs, 1, 1)}
+    found: dict[str, tuple[int, ...]] = dict.fromkeys(("input_mean", "input_std"), (inputs, 1, 1))
     if kind == "paper":
         found |= {"row.weight": (1, 1, 1, cols), "row.bias": (1,)}
         found |= {"col.weight": (1, 1, rows, 1), "col.bias": (1,)}
@@ -136,14 +143,14 @@ class Weights:
             [kernel.convolution(*layer) for layer in _layers(state, name)]
             for name in ("context", "head")
         )
-        self._fits = None, None  # circuit and curve that were found to fit
+        self._fits: tuple[Circuit, PressureCurve] | None = None  # that were found to fit
 
     def check(self, circuit: Circuit, curve: PressureCurve) -> None:
         """Raise ValueError, naming each difference, unless the weights fit circuit and curve.
 
         The width of the ADC may differ: the network sees ratios.
         """
-        if circuit is self._fits[0] and curve is self._fits[1]:  # a stream's next frame
+        if self._fits and circuit is self._fits[0] and curve is self._fits[1]:  # the next frame
             return
         made, here = self.meta["circuit"], circuit.describe()
         if circuit.readout != "floating":
@@ -236,8 +243,8 @@ def _layers(state: dict, name: str) -> list[tuple[np.ndarray, np.ndarray]]:
 
 def save(path, state: dict[str, np.ndarray], meta: dict) -> None:
     """Write weights with what they were made for: arrays, and a JSON text."""
-    text = json.dumps({"format": _FORMAT} | meta)
-    np.savez(path, meta=np.array(text), **state)
+    arrays: dict[str, Any] = {"meta": np.array(json.dumps({"format": _FORMAT} | meta))} | state
+    np.savez(path, **arrays)  # Any: to NumPy's stub a name may also be one of its options
 
 
 def load(path) -> Weights:

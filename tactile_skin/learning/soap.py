@@ -24,7 +24,7 @@ class Soap(torch.optim.Optimizer):
         super().__init__(params, {"lr": lr})
 
     @torch.no_grad()
-    def step(self, closure=None) -> None:
+    def step(self, closure=None):
         for group in self.param_groups:
             for weights in group["params"]:
                 gradient = weights.grad.reshape(len(weights), -1)  # (outputs, inputs)

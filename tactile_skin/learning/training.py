@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import os
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,19 +22,31 @@ from .soap import Soap
 _LEAK = 0.05
 
 
-class PaperNet(nn.Module):
+class _Net(nn.Module):
+    """A network of the given inputs, which are standardised: fixed, not trained. Without it a third
+    of the runs dies at once."""
+
+    input_mean: torch.Tensor
+    input_std: torch.Tensor
+    context: nn.ModuleList
+    head: nn.ModuleList
+
+    def __init__(self, channels: int):
+        super().__init__()
+        self.register_buffer("input_mean", torch.zeros(channels, 1, 1))
+        self.register_buffer("input_std", torch.ones(channels, 1, 1))
+
+
+class PaperNet(_Net):
     """ADC picture -> force picture, the paper's architecture with its 4,544 parameters.
 
     One row kernel (1 x cols) and one column kernel (rows x 1) sum up each line and join the input
     as channels; three dilated 3x3 convolutions look around; four plain ones compute the force.
     All neurons are ReLUs.
-
-    The input is standardised (fixed, not trained): without it a third of the runs dies at once.
     """
 
     def __init__(self, rows: int, cols: int):
-        super().__init__()
-        _standardise(self, 1)
+        super().__init__(1)
         self.row = nn.Conv2d(1, 1, (1, cols))
         self.col = nn.Conv2d(1, 1, (rows, 1))
         self.context, self.head = _stages("paper", 3)
@@ -47,7 +59,7 @@ class PaperNet(nn.Module):
         return _last(force, self.training)
 
 
-class PhysicsNet(nn.Module):
+class PhysicsNet(_Net):
     """What the physics says -> force picture: the paper's later stages, 5,078 parameters.
 
     Its inputs, `network.physics_inputs`, hold what the paper's row and column kernels had to
@@ -56,8 +68,7 @@ class PhysicsNet(nn.Module):
     """
 
     def __init__(self):
-        super().__init__()
-        _standardise(self, network.PHYSICS_INPUTS)
+        super().__init__(network.PHYSICS_INPUTS)
         self.context, self.head = _stages("physics", network.PHYSICS_INPUTS)
 
     def forward(self, inputs):
@@ -66,11 +77,6 @@ class PhysicsNet(nn.Module):
         added, scaled = _through(x, self.context, self.head).unbind(1)
         force = added + (1.0 + scaled) * inputs[:, network.FIXED_POINT]
         return _last(force, self.training)
-
-
-def _standardise(net: nn.Module, channels: int) -> None:
-    net.register_buffer("input_mean", torch.zeros(channels, 1, 1))
-    net.register_buffer("input_std", torch.ones(channels, 1, 1))
 
 
 def _stages(kind: str, channels: int) -> tuple[nn.ModuleList, nn.ModuleList]:
@@ -96,7 +102,7 @@ def _last(force, training: bool):
     return nn.functional.leaky_relu(force, _LEAK if training else 0.0)
 
 
-def make_net(kind: str, rows: int, cols: int) -> nn.Module:
+def make_net(kind: str, rows: int, cols: int) -> PaperNet | PhysicsNet:
     """A new network of `network.NETWORKS`, He-initialised from torch's global seed.
 
     The physics network starts as the fixed point: its last weights are 0. Of the paper's, neurons
@@ -104,18 +110,37 @@ def make_net(kind: str, rows: int, cols: int) -> nn.Module:
     With random signs none of ten runs kept both, and six lost both for good.
     """
     net = PaperNet(rows, cols) if kind == "paper" else PhysicsNet()
-    for module in net.modules():
-        if isinstance(module, nn.Conv2d):
-            nn.init.kaiming_normal_(module.weight, nonlinearity="relu")
-            nn.init.zeros_(module.bias)
+    parameters = dict(net.named_parameters())
+    for name, values in parameters.items():
+        if name.endswith("weight"):
+            nn.init.kaiming_normal_(values, nonlinearity="relu")
+        else:
+            nn.init.zeros_(values)
+    last = f"head.{len(net.head) - 1}"
     if kind == "physics":
-        nn.init.zeros_(net.head[-1].weight)
+        nn.init.zeros_(parameters[f"{last}.weight"])
     else:
-        nn.init.constant_(net.head[-1].bias, 0.1)
-        for line in (net.row, net.col):
-            nn.init.constant_(line.weight, 1.0 / line.weight.numel())
-            nn.init.ones_(line.bias)
+        nn.init.constant_(parameters[f"{last}.bias"], 0.1)
+        for line in ("row", "col"):
+            weight = parameters[f"{line}.weight"]
+            nn.init.constant_(weight, 1.0 / weight.numel())
+            nn.init.ones_(parameters[f"{line}.bias"])
     return net
+
+
+@dataclass
+class _Best:
+    """The best epoch so far.
+
+    Attributes:
+        error: of the validation [g a cell].
+        epoch: its number, from 1; -1: none yet.
+        state: of the net after it.
+    """
+
+    error: float
+    epoch: int
+    state: dict[str, torch.Tensor]
 
 
 def train(
@@ -171,14 +196,14 @@ def train(
     else:
         net.input_mean.copy_(inputs.mean((0, 2, 3))[:, None, None])
         net.input_std.copy_(inputs.std((0, 2, 3))[:, None, None])
-    net = net.to(device, memory_format=torch.channels_last)
+    net = nn.utils.convert_conv2d_weight_memory_format(net.to(device), torch.channels_last)
     optimizer = _optimizer(net, config)
-    best = {"error": math.inf, "epoch": -1, "state": _copy_of(net)}
+    best = _Best(math.inf, -1, _copy_of(net))
     history: list[dict] = []
     if state is not None:
         net.load_state_dict(state["net"])
         optimizer.load_state_dict(state["optimizer"])
-        best, history = state["best"], state["history"]
+        best, history = _Best(**state["best"]), state["history"]
         say(f"resuming {checkpoint} after epoch {len(history)} of {config.epochs}")
 
     steps = math.ceil(config.pairs / config.batch)
@@ -203,8 +228,8 @@ def train(
         error, spread = _validate(net, *sets["validation"])
         error_g = error * scale / GRAM
         history.append({"epoch": epoch + 1, "loss": train_loss, "validation_g": error_g})
-        if error_g < best["error"]:
-            best = {"error": error_g, "epoch": epoch + 1, "state": _copy_of(net)}
+        if error_g < best.error:
+            best = _Best(error_g, epoch + 1, _copy_of(net))
         _check_alive(epoch + 1, train_loss, constant, spread)
         _save_atomically(
             checkpoint,
@@ -212,18 +237,18 @@ def train(
                 "run": run,
                 "net": net.state_dict(),
                 "optimizer": optimizer.state_dict(),
-                "best": best,
+                "best": vars(best),
                 "history": history,
             },
         )
         _write_history(out / "history.csv", history)
         say(
             f"epoch {epoch + 1}/{config.epochs}: loss {train_loss:.5f}, "
-            f"validation {error_g:.2f} g a cell, best {best['error']:.2f} (epoch {best['epoch']})"
+            f"validation {error_g:.2f} g a cell, best {best.error:.2f} (epoch {best.epoch})"
         )
     path = out / f"{config.network}.npz"
-    meta = run | {"epoch": best["epoch"], "validation_g": best["error"]}
-    network.save(path, {k: v.cpu().numpy() for k, v in best["state"].items()}, meta)
+    meta = run | {"epoch": best.epoch, "validation_g": best.error}
+    network.save(path, {k: v.cpu().numpy() for k, v in best.state.items()}, meta)
     return path
 
 
@@ -306,7 +331,7 @@ def _check_alive(epoch: int, loss: float, constant: float, spread: float) -> Non
         )
 
 
-def _copy_of(net: nn.Module) -> dict:
+def _copy_of(net: nn.Module) -> dict[str, torch.Tensor]:
     """The net's state now, free of memory layouts."""
     return {k: v.detach().clone().contiguous() for k, v in net.state_dict().items()}
 

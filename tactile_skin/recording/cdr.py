@@ -6,18 +6,21 @@ import dataclasses
 import functools
 import importlib
 import inspect
-import io
+from typing import TypeVar
 
 import numpy as np
 
 from .. import msg
 from ..middleware.ros.messages import from_ros
+from ..msg import Message
 
-KINDS = {  # ROS 2 type -> class of a message
-    kind.TYPE: kind for _, kind in inspect.getmembers(msg, dataclasses.is_dataclass)
+_M = TypeVar("_M", bound=Message)
+KINDS: dict[str, type[Message]] = {  # ROS 2 type -> class of a message
+    kind.TYPE: kind
+    for _, kind in inspect.getmembers(msg, lambda kind: dataclasses.is_dataclass(kind))
 }
 SCHEMAS, MESSAGES = "ros2msg", "cdr"  # names of ROS 2's formats, in MCAP and in Foxglove
-_PARTS = "data_stream", "exceptions", "reader", "records", "stream_reader", "writer"
+_PARTS = "reader", "records", "stream_reader", "writer"
 
 
 @functools.cache
@@ -31,19 +34,17 @@ def mcap():
     return importlib.import_module(parts[0].__package__)
 
 
-def record(kind: str, data: bytes):
-    """A record of MCAP from its content."""
-    return getattr(mcap().records, kind).read(mcap().data_stream.ReadDataStream(io.BytesIO(data)))
-
-
-def unpacked(chunk) -> bytes:
-    """The records in a chunk.
+def read_record(file):
+    """Return the record of MCAP that stands in a file, and the records in it: of a chunk, its own.
 
     Raises:
         Exception: of the checksum, or of the library that decompresses.
     """
-    stream, size = mcap().stream_reader.get_chunk_data_stream(chunk, validate_crc=True)
-    return stream.read(size)
+    library = mcap().stream_reader
+    record = next(library.StreamReader(file, skip_magic=True, emit_chunks=True).records)
+    if isinstance(record, mcap().records.Chunk):
+        return record, library.breakup_chunk(record, validate_crc=True)
+    return record, [record]
 
 
 @functools.cache
@@ -69,19 +70,19 @@ def check() -> None:
 
 
 @functools.cache
-def definition(kind: type) -> str:
+def definition(kind: type[Message]) -> str:
     """ROS 2's definition of a message and of its parts, as MCAP's encoding ros2msg wants it."""
     return _store().generate_msgdef(kind.TYPE, ros_version=2)[0]
 
 
-def encode(message) -> bytes:
+def encode(message: Message) -> bytes:
     """A message of msg.py -> CDR."""
-    if isinstance(getattr(message, "data", None), bytes):
-        message = dataclasses.replace(message, data=np.frombuffer(message.data, np.uint8))
+    if isinstance(data := getattr(message, "data", None), bytes):
+        message = dataclasses.replace(message, data=np.frombuffer(data, np.uint8))
     return bytes(_store().serialize_cdr(message, message.TYPE))
 
 
-def decode(kind: type, data: bytes):
+def decode(kind: type[_M], data: bytes) -> _M:
     """CDR -> a message of msg.py.
 
     Raises:

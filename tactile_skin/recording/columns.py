@@ -7,7 +7,10 @@ few small values. Where that does not tell which end of a line holds no cell, no
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
+from datetime import datetime
 from enum import Enum
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -32,9 +35,13 @@ _LABEL = re.compile(
     r"^rows?$|^lines?$",
     re.IGNORECASE,
 )
-_DAY = re.compile(r"(\d{4})[-/.](\d\d?)[-/.](\d\d?)|(\d\d?)[-/.](\d\d?)[-/.](\d{4})")
-_CLOCK = re.compile(r"(\d\d?):(\d\d)(?::(\d\d(?:[.,]\d*)?))?\s*([ap]m)?", re.IGNORECASE)
-_ZONE = re.compile(r"^[\sT_,]*(?:Z|UTC|GMT|[+-]\d\d:?\d\d)?\s*$")
+# How days and times of day are written, as strptime has it, with any of -/. and one blank between.
+_DAYS = ("%Y %m %d", "%d %m %Y", "%m %d %Y", "")
+_CLOCKS = ("%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "")
+_BETWEEN = re.compile(r"[-/.T_, ]+|(?<=\d)(?=[ap]m)", re.IGNORECASE)
+_FRACTION = re.compile(r"(?<=:\d\d)[.,](\d*)")  # of a second
+_ZONE = re.compile(r"[\s_,]*(?:Z|UTC|GMT|(?<=:\d\d)[+-]\d\d:?\d\d)$")
+_TRIED = 10  # texts by which a way to write them is tried
 _DAY_SECONDS = 86400.0
 _EPOCH_FROM = 9.4e8  # s since 1970 of the year 2000, by which a stamp is known
 _EPOCH_TO = 4.1e9  # the same of 2100
@@ -67,16 +74,16 @@ class Column(NamedTuple):
     Attributes:
         name: in the header; empty: none.
         numbers: (n,) its values; NaN: text, or nothing.
-        words: its texts; None: all are numbers.
+        words: its texts; empty: all are numbers.
     """
 
     name: str
     numbers: np.ndarray
-    words: list[str] | None = None
+    words: Sequence[str] = ()
 
     @property
     def is_text(self) -> bool:
-        return self.words is not None and np.isnan(self.numbers).mean() > 1.0 - _MOSTLY
+        return bool(self.words) and bool(np.isnan(self.numbers).mean() > 1.0 - _MOSTLY)
 
 
 class Split(NamedTuple):
@@ -89,6 +96,9 @@ class Split(NamedTuple):
 
     front: int
     roles: list[Role]
+
+
+ALL_CELLS = Split(0, [])
 
 
 def split(columns: list[Column], cells: int, cycle: int = 1) -> Split | None:
@@ -105,8 +115,8 @@ def split(columns: list[Column], cells: int, cycle: int = 1) -> Split | None:
     for front in range(others + 1):
         outside = [*range(front), *range(front + cells, len(columns))]
         level = float(np.quantile(np.delete(typical, outside), 0.1))
-        seen = [_role(columns[k], cycle, level) for k in outside]
-        if all(seen):
+        seen = [role for k in outside if (role := _role(columns[k], cycle, level))]
+        if len(seen) == others:
             found.append((sum(weight for _, weight in seen), Split(front, [r for r, _ in seen])))
     if not found:
         return None
@@ -242,64 +252,32 @@ class Stamps(NamedTuple):
     clock: bool
 
 
-def stamps(words: list[str]) -> Stamps | None:
+def stamps(words: Sequence[str]) -> Stamps | None:
     """Return what dates or times of day say; None: most of the texts are neither.
 
     ISO 8601 and its usual variants, days with the year in front or behind, am and pm.
     """
-    parts = [_stamp(word) for word in words]
-    known = [part for part in parts if part is not None]
-    if not known or len(known) < _MOSTLY * sum(map(bool, words)):
+    for day, clock in product(_DAYS, _CLOCKS):
+        written = f"{day} {clock}".strip()
+        if not written or all(_seconds(word, written) is None for word in words[:_TRIED]):
+            continue
+        found = [_seconds(word, written) for word in words]
+        seconds = np.array([np.nan if s is None else s for s in found])
+        if np.isfinite(seconds).sum() >= _MOSTLY * sum(map(bool, words)):
+            return Stamps(seconds, bool(day), bool(clock))
+    return None
+
+
+def _seconds(word: str, written: str) -> float | None:
+    """Since 1970, or of the day; None: the text is not written so."""
+    fraction = _FRACTION.search(word)  # strptime takes no nanoseconds
+    word = _ZONE.sub("", _FRACTION.sub("", word).strip())
+    try:
+        read = datetime.strptime(_BETWEEN.sub(" ", word), written)
+    except ValueError:
         return None
-    days = [day for day, _ in known if day]
-    months_first = any(day.second > 12 and not day.year_first for day in days)  # 12/31/2024
-    seconds = np.full(len(words), np.nan)
-    for k, part in enumerate(parts):
-        if part is not None:
-            day, clock = part
-            seconds[k] = (clock or 0.0) + (day.seconds(months_first) if day else 0.0)
-    has_clock = all(clock is not None for _, clock in known)
-    return Stamps(seconds, len(days) == len(known), has_clock)
-
-
-class _Day(NamedTuple):
-    """Attributes:
-    year, first, second: as written, the numbers beside the year in order.
-    year_first: so that the month follows.
-    """
-
-    year: int
-    first: int
-    second: int
-    year_first: bool
-
-    def seconds(self, months_first: bool) -> float:
-        """Since 1970; 0 if there is no such day."""
-        month, day = self.first, self.second
-        if not (self.year_first or months_first):
-            month, day = day, month
-        try:
-            date = np.datetime64(f"{self.year:04d}-{month:02d}-{day:02d}", "D")
-        except ValueError:
-            return 0.0
-        return float(date.astype(int)) * _DAY_SECONDS
-
-
-def _stamp(word: str) -> tuple[_Day | None, float | None] | None:
-    """Day and seconds of the day that a text says; None: it is no stamp."""
-    rest, day, seconds = word, None, None
-    if match := _DAY.match(rest):
-        y, m, d, first, second, year = (int(part or 0) for part in match.groups())
-        day = _Day(y, m, d, True) if y else _Day(year, first, second, False)
-        rest = rest[match.end() :].lstrip("T_ ,")
-    if match := _CLOCK.match(rest):
-        hours, minutes, s, half = match.groups()
-        hour = int(hours) % 12 + 12 * (half.lower() == "pm") if half else int(hours)
-        seconds = 3600.0 * hour + 60.0 * int(minutes) + float((s or "0").replace(",", "."))
-        rest = rest[match.end() :]
-    if (day is None and seconds is None) or not _ZONE.match(rest):
-        return None
-    return day, seconds
+    since = datetime(1970, 1, 1) if "%Y" in written else datetime(1900, 1, 1)
+    return (read - since).total_seconds() + float(f"0.{fraction[1]}0" if fraction else 0.0)
 
 
 def _past_midnight(seconds: np.ndarray) -> np.ndarray:

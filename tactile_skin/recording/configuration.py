@@ -44,7 +44,7 @@ def unpack(values: dict, attached: dict[str, bytes], folder: Path) -> dict:
     """A node's parameters, with the files that they name made in a folder from the attachments."""
     changed = dict(values)
     for name in _FILES:
-        if (data := attached.get(values.get(name))) is not None:
+        if (data := attached.get(values.get(name, ""))) is not None:
             path = folder / Path(values[name]).name
             path.write_bytes(data)
             changed[name] = str(path)

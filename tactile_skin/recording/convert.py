@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -40,7 +41,8 @@ def export(source: Recording | Frames, frames: Frames, path) -> None:
     if path.suffix == ".npy":
         np.save(path, values)
     elif path.suffix == ".npz":
-        arrays = {"frames": values} | ({} if times is None else {"times": times})
+        # Any: to NumPy's stub a name may also be one of its options
+        arrays: dict[str, Any] = {"frames": values} | ({} if times is None else {"times": times})
         if isinstance(source, Recording):
             topic = source.adc_topic.removesuffix(ADC) + _PRESSURE
             if topic in source.topics:

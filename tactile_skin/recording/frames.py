@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -32,20 +32,15 @@ _GAP = 5.0  # usual intervals from which on a gap is worth a word
 
 
 @dataclass
-class Frames:
-    """Attributes:
-    values: (n, rows, cols) ADC steps, or ratios from 0 to 1; NaN: not read.
-    times: (n,) rising [s]; None: the file has none.
-    notes: what was assumed, repaired or dropped, in words.
-    lost: frames that were dropped.
-    are_ratios: whether `values` are ratios, and not ADC steps.
+class Frames(Found):
+    """Frames of a board: their values are ADC steps or ratios, their times rise.
+
+    Attributes:
+        path: of the file.
+        are_ratios: whether `values` are ratios from 0 to 1, and not ADC steps.
     """
 
-    path: str
-    values: np.ndarray
-    times: np.ndarray | None = None
-    notes: list[str] = field(default_factory=list)
-    lost: int = 0
+    path: str = ""
     are_ratios: bool = False
 
     def ratio(self, adc: Adc) -> np.ndarray:
@@ -128,7 +123,8 @@ def read_frames(
         raise
     except ValueError as error:
         raise FileError(f"{path}: {error}") from error
-    return _timed(_scaled(Frames(str(path), **vars(found)), circuit, full_scale), rate)
+    frames = Frames(found.values, found.times, found.notes, found.lost, str(path))
+    return _timed(_scaled(frames, circuit, full_scale), rate)
 
 
 def _scaled(found: Frames, circuit: Circuit, full_scale: float | None) -> Frames:
@@ -203,7 +199,7 @@ def _of_recording(recording: Recording, circuit: Circuit | None) -> Frames:
     steps = samples / 2.0 ** (16 - bits)
     steps[samples == NOT_READ] = np.nan
     notes = [recording.damage] if recording.damage else []
-    return _timed(Frames(str(recording.path), steps, recording.times, notes), None)
+    return _timed(Frames(steps, recording.times, notes, path=str(recording.path)), None)
 
 
 def _of_numpy(path, data: bytes, kind: str, circuit: Circuit) -> Found:
@@ -254,7 +250,7 @@ def _of_array(path, values: np.ndarray, circuit: Circuit) -> Found:
         notes = ["each line is taken as a cell, each column as a frame"]
         return Found(values.T.reshape(-1, *shape), None, notes)
     if values.ndim == 2:
-        return frames_of(Table(values), circuit)
+        return frames_of(Table.of_numbers(values), circuit)
     raise _wrong_size(path, given, circuit)
 
 

@@ -48,7 +48,7 @@ def read_text(text: str, circuit: Circuit) -> Found:
     numeric, texts = _sort(lines, _separator(lines[:_SAMPLE]))
     if not numeric:
         raise ValueError("holds no line of numbers")
-    weight = Counter()
+    weight: Counter[int] = Counter()
     for line in numeric:
         weight[len(line.words)] += len(line.words)
     width = weight.most_common(1)[0][0]
@@ -57,7 +57,7 @@ def read_text(text: str, circuit: Circuit) -> Found:
     trails = width not in sizes and all(line.trails for line in alike)
     width -= trails
     begin = alike[0].number
-    header = next((line.words for line in reversed(texts) if line.number < begin), [])
+    header: list[str] = next((line.words for line in reversed(texts) if line.number < begin), [])
     header = header[:width] if len(header) - trails == width else []
     said = _said(texts, numeric[-1].run)
     found = frames_of(_table(numeric, width, trails, header, said), circuit)
@@ -148,7 +148,13 @@ def _said(texts: list[_Line], runs: int) -> dict[str, dict[int, str]]:
     return {name: of for name, of in found.items() if len(of) > 1 and len(of) >= 0.5 * runs}
 
 
-def _table(numeric: list[_Line], width: int, trails: bool, header, said) -> Table:
+def _table(
+    numeric: list[_Line],
+    width: int,
+    trails: bool,
+    header: list[str],
+    said: dict[str, dict[int, str]],
+) -> Table:
     """The lines of one width; what is left of a damaged one holds its place."""
     kept = [line for line in numeric if len(line.words) > _PART * width]
     damaged = np.array([len(line.words) != width + trails for line in kept])
@@ -163,4 +169,4 @@ def _table(numeric: list[_Line], width: int, trails: bool, header, said) -> Tabl
         for k in np.flatnonzero(np.isnan(numbers).any(0))
     }
     numbered, runs = (np.array([getattr(line, of) for line in kept]) for of in ("number", "run"))
-    return Table(numbers, header, texts, numbered, runs, damaged, said)
+    return Table(numbers, numbered, runs, damaged, header, texts, said)

@@ -5,29 +5,30 @@ from __future__ import annotations
 import struct
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
+from typing import TypeVar
 
 import numpy as np
 
 from ..errors import FileError
 from ..middleware.bus import Time
 from ..middleware.config import SkinConfig, skin_of
-from ..msg import DiagnosticArray, Image, TimeReference, image_array
+from ..msg import DiagnosticArray, Image, Message, TimeReference, image_array
 from . import cdr, configuration
 
+_M = TypeVar("_M", bound=Message)
 ADC, TAKEN = "skin/adc", "skin/taken"
 _MAGIC, _VERSION = b"\x89MCAP", b"0\r\n"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _ATTACHMENT = 2, 3, 4, 5, 6, 9  # MCAP's opcodes
 _READ = _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _ATTACHMENT
 _RECORD = struct.Struct("<BQ")  # opcode, length
 EVER = 2**63
-_SPAN = struct.Struct("<QQ")  # times of a chunk's first and last message [ns]
-_MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time [ns]
 
 
-class Topic(NamedTuple):
+@dataclass(frozen=True)
+class Topic:
     """type: ROS 2's name of its messages; count: messages in the recording."""
 
     type: str
@@ -115,10 +116,10 @@ class Recording:
         Raises:
             FileError: no such topic, other messages, or pictures of different sizes.
         """
-        if self.topics.get(topic, Topic("none", 0)).type != Image.TYPE:
+        if topic not in self.topics or self.topics[topic].type != Image.TYPE:
             raise FileError(f"{self.path}: has no topic {topic} of {Image.TYPE}")
         stamps, pictures = [], []
-        for _, _, message in self.messages(topic):
+        for message in self._of(Image, topic):
             try:
                 pictures.append(image_array(message))
             except ValueError as error:
@@ -131,7 +132,7 @@ class Recording:
 
     def messages(
         self, *topics: str, begin: int = 0, end: int = EVER
-    ) -> Iterator[tuple[str, int, object]]:
+    ) -> Iterator[tuple[str, int, Message]]:
         """Topic, time of recording [ns since 1970] and message, in the order of the recording.
 
         Args:
@@ -150,6 +151,12 @@ class Recording:
             except ValueError as error:
                 raise FileError(f"{self.path}: {topic} at {t} ns: {error}") from error
 
+    def _of(self, kind: type[_M], topic: str, begin: int = 0, end: int = EVER) -> Iterator[_M]:
+        """The messages of this kind of a topic; as `messages`."""
+        for _, _, message in self.messages(topic, begin=begin, end=end):
+            if isinstance(message, kind):
+                yield message
+
     @property
     def diagnostics_topic(self) -> str:
         """Of the skin whose readings `adc_topic` are; version 0.1 had one without its own name."""
@@ -164,14 +171,14 @@ class Recording:
         diagnostics; of a part, as `messages`."""
         here = self.adc_topic.removesuffix(ADC)
         driver = f"{here}serial_driver".lstrip("/")
-        for _, _, message in self.messages(
-            self.adc_topic, self.diagnostics_topic, begin=begin, end=end
-        ):
+        topics = self.adc_topic, self.diagnostics_topic
+        for _, _, message in self.messages(*topics, begin=begin, end=end):
             if isinstance(message, DiagnosticArray):
                 message.status = [status for status in message.status if status.name == driver]
-                if not message.status:
-                    continue
-            yield Time.from_msg(message.header.stamp).nanoseconds, message
+            if isinstance(message, Image) or (
+                isinstance(message, DiagnosticArray) and message.status
+            ):
+                yield Time.from_msg(message.header.stamp).nanoseconds, message
 
     def taken(self, begin: int = 0, end: int = EVER) -> dict[int, int]:
         """Stamp of a reading -> when the skin's compensation took it up [both ns since 1970].
@@ -180,11 +187,11 @@ class Recording:
             begin, end: only what was recorded from begin to before end [ns since 1970].
         """
         topic = self.adc_topic.removesuffix(ADC) + TAKEN
-        if self.topics.get(topic, Topic("none", 0)).type != TimeReference.TYPE:
+        if topic not in self.topics:
             return {}
         return {
             Time.from_msg(m.header.stamp).nanoseconds: Time.from_msg(m.time_ref).nanoseconds
-            for _, _, m in self.messages(topic, begin=begin, end=end)
+            for m in self._of(TimeReference, topic, begin, end)
         }
 
     @cached_property
@@ -217,7 +224,7 @@ class Recording:
         if not magic.endswith(_VERSION):
             raise FileError(f"{self.path}: its version of MCAP is {magic[5:6]!r}: must be b'0'")
 
-    def _index(self) -> tuple[Counter, tuple[int, int]] | None:
+    def _index(self) -> tuple[Counter[int], tuple[int, int]] | None:
         """Messages of each channel, and `span`, from the index at the end, if there is one."""
         mcap, size = cdr.mcap(), self.path.stat().st_size
         with self.path.open("rb") as file:
@@ -238,9 +245,10 @@ class Recording:
             except Exception:  # cut off, or damaged: whatever wrong bytes lead to
                 return None
 
-    def _scan(self) -> tuple[Counter, tuple[int, int]]:
+    def _scan(self) -> tuple[Counter[int], tuple[int, int]]:
         """The same, by reading all of it."""
-        counts, first, last = Counter(), EVER, 0
+        counts: Counter[int] = Counter()
+        first, last = EVER, 0
         for channel, t, _ in self._messages():
             counts[channel] += 1
             first, last = min(first, t), max(last, t)
@@ -260,34 +268,32 @@ class Recording:
 
         What is damaged is left out, and named in `damage`. Of a part only its chunks are read.
         """
-        damaged, whole, good, size = 0, False, 0, self.path.stat().st_size
+        damaged, whole, size = 0, False, self.path.stat().st_size
         start, stop = len(_MAGIC + _VERSION), size
         within = [at for at, first, last in self._chunks if last >= begin and first < end]
         if part := bool(self._chunks) and (begin > 0 or end < EVER):
             start, stop = (within[0], within[-1] + 1) if within else (size, size)
         chunks = []
         with self.path.open("rb") as file:
-            file.seek(start)
-            while (at := file.tell()) < stop:
-                head = file.read(_RECORD.size)
-                if len(head) < _RECORD.size:
-                    break
+            good = file.seek(start)
+            while good < stop and len(head := file.read(_RECORD.size)) == _RECORD.size:
                 kind, length = _RECORD.unpack(head)
-                after = file.tell() + length
+                after = good + _RECORD.size + length
                 if after > size:
                     break
                 if kind in _READ:
-                    data = file.read(length)
+                    file.seek(good)
                     try:
-                        if kind == _CHUNK:
-                            chunks.append((at, *_SPAN.unpack_from(data)))
-                        found = self._record(kind, data, begin, end, topics)
+                        record, found = cdr.read_record(file)
                     except Exception:  # whatever the decompression makes of wrong bytes
                         damaged += 1
                     else:
-                        yield from found
-                file.seek(after)
-                good = after
+                        if kind == _CHUNK:
+                            chunks.append(
+                                (good, record.message_start_time, record.message_end_time)
+                            )
+                        yield from self._wanted(found, begin, end, topics)
+                good = file.seek(after)
                 if kind == _FOOTER:
                     whole = file.read() == _MAGIC + _VERSION
                     break
@@ -300,44 +306,17 @@ class Recording:
             said.append(f"ends without an index{left}")
         self.damage = "; ".join(said)
 
-    def _record(
-        self, kind: int, data: bytes, begin: int, end: int, topics: tuple[str, ...]
-    ) -> list[tuple[int, int, bytes]]:
-        """The messages of the topics in a record; other records are kept."""
-        if kind == _MESSAGE:
-            return self._wanted(data, 0, len(data), begin, end, topics)
-        if kind == _CHUNK:
-            chunk = cdr.record("Chunk", data)
-            if chunk.message_end_time < begin or chunk.message_start_time >= end:
-                return []
-            return self._of_chunk(cdr.unpacked(chunk), begin, end, topics)
-        if kind == _ATTACHMENT:
-            record = cdr.record("Attachment", data)
-            self.attachments[record.name] = record.data
-        else:
-            self._declare(cdr.record("Schema" if kind == _SCHEMA else "Channel", data))
-        return []
-
-    def _of_chunk(
-        self, data: bytes, begin: int, end: int, topics: tuple[str, ...]
-    ) -> list[tuple[int, int, bytes]]:
-        """Ten times as fast as by mcap's own reader, which makes each message an object."""
-        at, found = 0, []
-        while at < len(data):
-            kind, length = _RECORD.unpack_from(data, at)
-            at += _RECORD.size
-            if kind == _MESSAGE:
-                found += self._wanted(data, at, at + length, begin, end, topics)
-            elif kind in _READ:
-                self._record(kind, data[at : at + length], begin, end, topics)
-            at += length
-        return found
-
     def _wanted(
-        self, data: bytes, at: int, after: int, begin: int, end: int, topics: tuple[str, ...]
-    ) -> list[tuple[int, int, bytes]]:
-        """The message that stands there, if it is of the topics and the time."""
-        channel, _, t, _ = _MESSAGE_HEAD.unpack_from(data, at)
-        if begin <= t < end and (not topics or self._channels[channel][0] in topics):
-            return [(channel, t, data[at + _MESSAGE_HEAD.size : after])]
-        return []
+        self, records: list, begin: int, end: int, topics: tuple[str, ...]
+    ) -> Iterator[tuple[int, int, bytes]]:
+        """The messages of the topics and of the time; other records are kept."""
+        library = cdr.mcap().records
+        for record in records:
+            if isinstance(record, library.Message):
+                here = not topics or self._channels[record.channel_id][0] in topics
+                if here and begin <= record.log_time < end:
+                    yield record.channel_id, record.log_time, record.data
+            elif isinstance(record, library.Attachment):
+                self.attachments[record.name] = record.data
+            else:
+                self._declare(record)

@@ -12,6 +12,7 @@ from datetime import datetime
 from pathlib import Path
 
 from ..errors import FileError
+from ..msg import Message
 from . import cdr
 from .writer import Writer
 
@@ -61,7 +62,8 @@ class Recorder:
         cdr.check()
         path = _target(str(path))
         self.trouble, self.broken, self.dropped = "", False, 0
-        self._now, self._waiting, self._closing = now, deque(), threading.Event()
+        self._now, self._closing = now, threading.Event()
+        self._waiting: deque[tuple[str, int, Message]] = deque()
         store = Ring if limits.last else Whole
         self._store = store(path, limits, attachments, now())
         self._thread = threading.Thread(target=self._run, name="recording", daemon=True)
@@ -84,7 +86,7 @@ class Recorder:
     def start(self) -> None:
         self._thread.start()
 
-    def put(self, topic: str, t: int, message) -> None:
+    def put(self, topic: str, t: int, message: Message) -> None:
         """A message received at t [ns since 1970]; never blocks. For any thread."""
         if self.trouble:
             return
@@ -144,8 +146,8 @@ class Whole:
     def stop(self, t: int) -> None:
         pass
 
-    def write(self, *entry) -> None:
-        self._writer.write(*entry)
+    def write(self, topic: str, kind: type[Message], t: int, data: bytes) -> None:
+        self._writer.write(topic, kind, t, data)
         self.written += 1
 
     def turn(self, now: int, closing: bool) -> None:
@@ -172,39 +174,41 @@ class Ring:
         self._path, self._limits, self._attachments = path, limits, attachments
         # No objects but text, numbers and bytes: the garbage collector passes over them, and so
         # takes no longer for minutes of messages.
-        self._kept: deque = deque()
+        self._kept: deque[tuple[str, str, int, bytes]] = deque()
         self._stopped: int | None = None  # when, if it is not written yet [ns]
-        self._saving: tuple[Writer, deque] | None = None
-        self.files, self.written, self.size = [], 0, 0
+        self._saving: tuple[Writer, deque[tuple[str, str, int, bytes]]] | None = None
+        self.files: list[Path] = []
+        self.written = self.size = 0
 
     def stop(self, t: int) -> None:
         self._stopped = t if self._stopped is None else self._stopped
 
-    def write(self, topic: str, kind: type, t: int, data: bytes) -> None:
+    def write(self, topic: str, kind: type[Message], t: int, data: bytes) -> None:
         self._kept.append((topic, kind.TYPE, t, data))
         oldest = (t if self._stopped is None else self._stopped) - self._limits.last * 1e9
         while self._kept[0][2] < oldest:
             self._kept.popleft()
 
     def turn(self, now: int, closing: bool) -> None:
-        over = self._stopped is not None and (closing or now >= self._stopped + _AFTER * 1e9)
-        if over and self._saving is None:
-            self._begin()
+        stopped = self._stopped
+        over = stopped is not None and (closing or now >= stopped + _AFTER * 1e9)
+        if stopped is not None and over and self._saving is None:
+            self._saving = self._begin(stopped), self._kept
+            self._kept, self._stopped = deque(), None
         if self._saving:
-            self._save(len(self._saving[1]) if closing else _SLICE)
+            writer, entries = self._saving
+            self._save(writer, entries, len(entries) if closing else _SLICE)
 
-    def _begin(self) -> None:
+    def _begin(self, stopped: int) -> Writer:
         path = self._path
         if path.is_dir():
-            path = path / _name("stop", ".mcap", self._stopped)
+            path = path / _name("stop", ".mcap", stopped)
         else:
-            path = path.with_name(_name(path.stem, path.suffix, self._stopped))
-        self._saving = Writer(path, self._attachments, self._stopped), self._kept
+            path = path.with_name(_name(path.stem, path.suffix, stopped))
         self.files.append(path)
-        self._kept, self._stopped = deque(), None
+        return Writer(path, self._attachments, stopped)
 
-    def _save(self, most: int) -> None:
-        writer, entries = self._saving
+    def _save(self, writer: Writer, entries: deque, most: int) -> None:
         before = writer.size
         for _ in range(min(most, len(entries))):
             topic, kind, t, data = entries.popleft()

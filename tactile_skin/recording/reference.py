@@ -18,7 +18,7 @@ def read_reference(path: str) -> tuple[np.ndarray, np.ndarray]:
         OSError: the file cannot be read.
     """
     lines = read_bytes(path, _LARGEST_REFERENCE).decode("utf-8", "replace").splitlines()
-    values = []
+    values: list[tuple[float, float]] = []
     for number, line in enumerate(lines, 1):
         words = line.replace(";", ",").split(",")
         try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -21,43 +21,48 @@ class Table:
 
     Attributes:
         numbers: (n, width); NaN: nothing there, or text.
-        names: of the columns; empty: none.
-        texts: column -> its fields as text, of columns that hold any.
         numbered: (n,) lines of the file, from 1.
         runs: (n,) rising, the same for lines that follow each other with nothing between.
         damaged: (n,) bool, lines that stand for one of another width.
+        names: of the columns; empty: none.
+        texts: column -> its fields as text, of columns that hold any.
         said: name -> {run: text} of what stands above each run.
     """
 
     numbers: np.ndarray
+    numbered: np.ndarray
+    runs: np.ndarray
+    damaged: np.ndarray
     names: list[str] = field(default_factory=list)
     texts: dict[int, np.ndarray] = field(default_factory=dict)
-    numbered: np.ndarray | None = None
-    runs: np.ndarray | None = None
-    damaged: np.ndarray | None = None
     said: dict[str, dict[int, str]] = field(default_factory=dict)
 
-    def __post_init__(self):
-        n = len(self.numbers)
-        self.numbered = np.arange(1, n + 1) if self.numbered is None else self.numbered
-        self.runs = np.zeros(n, int) if self.runs is None else self.runs
-        self.damaged = np.zeros(n, bool) if self.damaged is None else self.damaged
+    @classmethod
+    def of_numbers(cls, numbers: np.ndarray) -> Table:
+        """Return an array's lines, of which none is damaged."""
+        n = len(numbers)
+        return cls(numbers, np.arange(1, n + 1), np.zeros(n, int), np.zeros(n, bool))
 
     def part(self, lines: slice) -> Table:
-        texts = {k: words[lines] for k, words in self.texts.items()}
-        of_lines = (a[lines] for a in (self.numbered, self.runs, self.damaged))
-        return Table(self.numbers[lines], self.names, texts, *of_lines, self.said)
+        return replace(
+            self,
+            numbers=self.numbers[lines],
+            numbered=self.numbered[lines],
+            runs=self.runs[lines],
+            damaged=self.damaged[lines],
+            texts={k: words[lines] for k, words in self.texts.items()},
+        )
 
     def column(self, k: int, lines=slice(None)) -> Column:
         name = self.names[k] if self.names else ""
-        words = list(self.texts[k][lines]) if k in self.texts else None
+        words = list(self.texts[k][lines]) if k in self.texts else []
         return Column(name, self.numbers[lines, k], words)
 
     def told(self, name: str, frames: np.ndarray) -> Column:
         """What is said above each of the lines, as a column."""
         words = [self.said[name].get(run, "") for run in self.runs[frames]]
         numbers = np.array([number(word) for word in words])
-        return Column(name, numbers, words if np.isnan(numbers).any() else None)
+        return Column(name, numbers, words if np.isnan(numbers).any() else [])
 
 
 @dataclass
@@ -108,15 +113,14 @@ def frames_of(table: Table, circuit: Circuit) -> Found:
         ValueError: lines of another size, or columns that do not tell which of them are cells.
     """
     width = table.numbers.shape[1]
-    layout, notes = _layout(table, circuit), []
+    layout = _layout(table, circuit)
+    notes: list[str] = []
     numbers = table.numbers[0]
     if layout.cells >= _NUMBERED and np.isnan(numbers[0]) and not np.diff(numbers[1:], 2).any():
         table = table.part(slice(1, None))  # as pandas writes an array: an empty field, 0, 1, 2 ...
     table = _written(table, layout, notes)
-    split = columns.Split(0, [])
-    if layout.others:
-        every = [table.column(k) for k in range(width)]
-        split = columns.split(every, layout.cells, layout.lines)
+    every = [table.column(k) for k in range(width)]
+    split = columns.split(every, layout.cells, layout.lines) if layout.others else columns.ALL_CELLS
     if split is None:
         raise ValueError(
             f"{_holds(width, circuit)}, and neither its first nor its last fields show by a name, "
@@ -208,7 +212,7 @@ def _first_lines(runs: np.ndarray, lines: int) -> np.ndarray:
     Of a run with a remainder nobody knows which lines are missing, but for the last one's end.
     """
     begins = np.flatnonzero(np.diff(runs, prepend=runs[0] - 1)) if len(runs) else np.zeros(0, int)
-    found = []
+    found: list[int] = []
     for begin, end in zip(begins, [*begins[1:], len(runs)], strict=True):
         if (end - begin) % lines == 0 or end == len(runs):
             found += range(begin, end - lines + 1, lines)

@@ -6,6 +6,7 @@ import contextlib
 from pathlib import Path
 
 from ..errors import FileError
+from ..msg import Message
 from . import cdr
 
 _PROFILE = "ros2"  # MCAP's name of what is written here
@@ -34,7 +35,7 @@ class Writer:
             raise FileError(f"{path}: is there already: must be a new file") from None
         self._writer = library.Writer(self._file)
         self._channels: dict[str, int] = {}
-        self._schemas: dict[type, int] = {}
+        self._schemas: dict[type[Message], int] = {}
         self._span: tuple[int, int] | None = None
         self._writer.start(_PROFILE)
         for name, data in attachments.items():
@@ -50,7 +51,7 @@ class Writer:
     def seconds(self) -> float:
         return 0.0 if self._span is None else (self._span[1] - self._span[0]) * 1e-9
 
-    def write(self, topic: str, kind: type, t: int, data: bytes) -> None:
+    def write(self, topic: str, kind: type[Message], t: int, data: bytes) -> None:
         """A message as CDR, received at t [ns since 1970]; topic: full name."""
         if topic not in self._channels:
             if kind not in self._schemas:

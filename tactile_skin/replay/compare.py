@@ -59,8 +59,7 @@ def compare(
             if largest > most:
                 worst, most, pictures = k, largest, force
             for step, into in zip(steps, kept, strict=True):
-                step.force = None
-                into.append(step)
+                into.append(step.without_picture())
         cpu = time.process_time() - begun
     if pictures is None:
         raise ValueError(f"{job.path}: holds no reading")
@@ -82,7 +81,7 @@ def table(compared: Compared) -> str:
         "solved in, p50",
         "p99",
     )
-    lines = [head]
+    lines: list[tuple[str, ...]] = [head]
     for name, found, cell in zip(compared.methods, compared.results, compared.cell, strict=True):
         counts = [str(int(np.sum(found.status == k))) for k in range(len(STATUS))]
         stopped = f"{100 * np.mean(found.stops != ''):.1f} %"

@@ -97,12 +97,12 @@ def _busiest(adc: np.ndarray, n: int) -> np.ndarray:
 
 def _solve(method: str, adc: np.ndarray, circuit: Circuit, curve, noise: float | None) -> dict:
     estimate, force, status, seconds = None, [], [], []
-    known = {"noise": noise}
-    if method in ("map", "auto"):
-        known["missing"] = True
+    missing = method in ("map", "auto")
     for frame in adc:
         begun = time.perf_counter()
-        estimate = compensate(frame, circuit, curve, method, start=estimate, **known)
+        estimate = compensate(
+            frame, circuit, curve, method, start=estimate, noise=noise, missing=missing
+        )
         seconds.append(time.perf_counter() - begun)
         force.append(estimate.force)
         status.append(estimate.status)

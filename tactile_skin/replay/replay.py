@@ -6,7 +6,7 @@ import tempfile
 import time
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +49,10 @@ class Step:
     status: str
     stop: str
     seconds: float
+
+    def without_picture(self) -> Step:
+        """Return it with an empty `force`: an hour of pictures would not fit."""
+        return replace(self, force=np.empty((0, 0)))
 
 
 class Replay:
@@ -119,11 +123,11 @@ class Replay:
         values = {name: dict(a.parameters) for name, a in self._actions.items()}
         attachments = configuration.attachments(values)
         now = self.driven.now
-        self._writer = Writer(path, attachments, now())
+        self._writer = writer = Writer(path, attachments, now())
         for topic, (kind,) in self.driven.observer.get_topic_names_and_types():
 
             def take(message, topic=topic):
-                self._writer.write(topic, type(message), now(), cdr.encode(message))
+                writer.write(topic, type(message), now(), cdr.encode(message))
 
             self.driven.observer.create_subscription(cdr.KINDS[kind], topic, take, STATUS)
 

@@ -110,27 +110,22 @@ def collect(job: Job, jobs: int = 1, track: Callable[[Iterable, int], Iterable] 
         edges = [first + (last + 1 - first) * k // n for k in range(n + 1)]
         with ProcessPoolExecutor(jobs, _SPAWN) as pool:
             parts = list(track(pool.map(_part, [job] * n, edges, edges[1:]), n))
-    if not any(len(part.stamps) for part in parts):
+    steps = [step for part, _, _ in parts for step in part]
+    if not steps:
         raise ValueError(f"{job.path}: holds no reading")
-
-    def joined(name):
-        return np.concatenate([getattr(part, name) for part in parts if len(part.stamps)])
-
-    arrays = {name: joined(name) for name in Results.__annotations__ if name not in _ONCE}
-    notes = list(dict.fromkeys(note for part in parts for note in part.notes))
-    return Results(**arrays, cpu=sum(part.cpu for part in parts), notes=notes)
+    notes = list(dict.fromkeys(note for _, _, notes in parts for note in notes))
+    return Results.of(steps, sum(cpu for _, cpu, _ in parts), notes)
 
 
-_ONCE = "cpu", "notes"  # fields of a part that are no arrays
-
-
-def _part(job: Job, begin: int, end: int, track=lambda steps: steps) -> Results:
-    """Readings recorded from begin to before end [ns since 1970], in this process."""
+def _part(
+    job: Job, begin: int, end: int, track=lambda steps: steps
+) -> tuple[list[Step], float, list[str]]:
+    """The steps of what was recorded from begin to before end [ns since 1970], in this process, its
+    processor time [s], and notes."""
     started, kept = time.process_time(), []
     with one_thread():
         replay = job.replay(max(0, begin - round(LEAD * 1e9)), end)
         for step in track(replay):
             if step.stamp >= begin:
-                step.force = None  # an hour of pictures would not fit
-                kept.append(step)
-    return Results.of(kept, time.process_time() - started, replay.notes)
+                kept.append(step.without_picture())
+    return kept, time.process_time() - started, replay.notes

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 _STROKE_BEGINS = 0.8  # confidence, 0..1: chosen, with hysteresis
 _STROKE_ENDS = 0.4  # the same
@@ -35,12 +36,14 @@ class PushEvents:
     longer than until the next decision.
     """
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._touch: tuple[float, Pushed] | None = None  # newest, with its stamp
         self._since: float | None = None  # stamp of the reading that began the push
         self._reported = False
 
-    def touch(self, stamp: float, force, centre) -> list[Pushed | Released]:
+    def touch(
+        self, stamp: float, force: npt.ArrayLike, centre: npt.ArrayLike
+    ) -> list[Pushed | Released]:
         """Wrench and centre of the reading of this stamp."""
         self._touch = stamp, Pushed(np.asarray(force, float), np.asarray(centre, float))
         return self._begin() if self._here() else []
@@ -74,10 +77,10 @@ class PushEvents:
 class StrokeEvents:
     """One event a stroke: when its confidence has risen, and again only after it has sunk."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._on = False
 
-    def update(self, velocity, confidence: float) -> list[Stroked]:
+    def update(self, velocity: npt.ArrayLike, confidence: float) -> list[Stroked]:
         """Velocity (3,) [m/s] of the touch along the skin, with its confidence 0..1."""
         begins = not self._on and confidence >= _STROKE_BEGINS
         self._on = begins or (self._on and confidence >= _STROKE_ENDS)

@@ -152,7 +152,9 @@ def _neighbours(rows: int, cols: int) -> np.ndarray:
     return windows.reshape(rows * cols, 9)
 
 
-def _join(tops: list[int], hill, around, f, threshold: float) -> list[int]:
+def _join(
+    tops: list[int], hill: np.ndarray, around: np.ndarray, f: np.ndarray, threshold: float
+) -> list[int]:
     """Which hills are one contact.
 
     Args:
@@ -172,7 +174,7 @@ def _join(tops: list[int], hill, around, f, threshold: float) -> list[int]:
     above, below = hill[cell[highest]].tolist(), hill[beside[highest]].tolist()
     stands_for = {k: k for k in tops}
 
-    def top(k):
+    def top(k: int) -> int:
         while stands_for[k] != k:
             k = stands_for[k]
         return k

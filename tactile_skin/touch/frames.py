@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -29,7 +30,7 @@ class Pose(NamedTuple):
 IDENTITY = Pose(np.eye(3), np.zeros(3))
 
 
-def pose_of(translation, quaternion) -> Pose:
+def pose_of(translation: Sequence[float], quaternion: Sequence[float]) -> Pose:
     """Of a translation [m] and a unit quaternion (x, y, z, w), as tf has them.
 
     Raises:
@@ -67,7 +68,7 @@ def quaternion_of(rotation: np.ndarray) -> tuple[float, float, float, float]:
 class Frames:
     """Takes transforms in any order; the newest of a frame counts."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._parents: dict[str, tuple[str, Pose, float]] = {}  # child -> parent, pose, stamp [s]
 
     def take(self, parent: str, child: str, pose: Pose, stamp: float = math.inf) -> None:
@@ -89,9 +90,10 @@ class Frames:
                 return downs[common].inverse().after(pose)
         raise LookupError(f"no transform from {source} to {target}")
 
-    def _above(self, name: str, t: float):
+    def _above(self, name: str, t: float) -> Iterator[tuple[str, Pose]]:
         """Each frame above, itself first, with the frame's pose in it."""
-        pose, seen = IDENTITY, set()
+        pose = IDENTITY
+        seen: set[str] = set()
         while name not in seen:
             yield name, pose
             seen.add(name)

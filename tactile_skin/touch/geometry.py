@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -61,8 +62,8 @@ def make_geometry(
     pitch: float = PITCH,
     cell_area: float = CELL_AREA,
     radius: float = 0.15,
-    translation=(0.0, 0.0, 0.0),
-    rpy=(0.0, 0.0, 0.0),
+    translation: Sequence[float] = (0.0, 0.0, 0.0),
+    rpy: Sequence[float] = (0.0, 0.0, 0.0),
     table: str | Path = "",
     cells: np.ndarray | None = None,
 ) -> Geometry:
@@ -88,9 +89,9 @@ def make_geometry(
     for name, value in (("pitch", pitch), ("cell_area", cell_area), ("radius", radius)):
         if not (value > 0 and math.isfinite(value)):
             raise ValueError(f"geometry: {name} = {value!r}: must be finite and above 0")
-    for name, value in (("translation", translation), ("rpy", rpy)):
-        if len(value) != 3 or not np.isfinite(value).all():
-            raise ValueError(f"geometry: {name} = {value!r}: must be three finite numbers")
+    for name, vector in (("translation", translation), ("rpy", rpy)):
+        if len(vector) != 3 or not np.isfinite(vector).all():
+            raise ValueError(f"geometry: {name} = {vector!r}: must be three finite numbers")
     if table and shape != "table":
         raise ValueError(f"geometry: table = {str(table)!r}: is read only with shape: table")
     area = np.full((rows, cols), cell_area)
@@ -116,20 +117,24 @@ def rotation_of(roll: float, pitch: float, yaw: float) -> np.ndarray:
     about_x = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
     about_y = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
     about_z = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
-    return about_z @ about_y @ about_x
+    rotation: np.ndarray = about_z @ about_y @ about_x
+    return rotation
 
 
-def _plane(along, up, radius, pitch):
+_Cells = tuple[np.ndarray, np.ndarray]  # (rows, cols, 3) position [m], and unit normal
+
+
+def _plane(along: np.ndarray, up: np.ndarray, radius: float, pitch: float) -> _Cells:
     position = np.stack(np.broadcast_arrays(0.0, along, up), -1)
     return position, np.broadcast_to([1.0, 0.0, 0.0], position.shape)
 
 
-def _unknown(along, up, radius, pitch):
+def _unknown(along: np.ndarray, up: np.ndarray, radius: float, pitch: float) -> _Cells:
     position, normal = _plane(along, up, radius, pitch)
     return position, np.zeros_like(normal)
 
 
-def _cylinder(along, up, radius, pitch):
+def _cylinder(along: np.ndarray, up: np.ndarray, radius: float, pitch: float) -> _Cells:
     if along.size * pitch > 2 * np.pi * radius:
         raise ValueError(
             f"geometry: {along.size} columns of {pitch} m do not fit around a radius of {radius} m"
@@ -139,7 +144,7 @@ def _cylinder(along, up, radius, pitch):
     return radius * normal + up[..., None] * np.array([0.0, 0.0, 1.0]), normal
 
 
-def _sphere(along, up, radius, pitch):
+def _sphere(along: np.ndarray, up: np.ndarray, radius: float, pitch: float) -> _Cells:
     """Azimuthal equidistant: each cell as far from the middle, and in the direction, as flat."""
     distance = np.hypot(along, up)
     if distance.max() >= np.pi * radius:
@@ -164,7 +169,9 @@ _FAR = 100.0  # m, as in the parameters' ranges; beyond lie tables in millimetre
 _WIDE = 1.0  # m^2, the same
 
 
-def read_table(path, cells: np.ndarray, cell_area: float = CELL_AREA):
+def read_table(
+    path: str | Path, cells: np.ndarray, cell_area: float = CELL_AREA
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Read a CSV file with a line per cell, as a spreadsheet or a CAD script writes it.
 
     Columns, in any order: row, col (from 0), x, y, z [m] in the skin frame, nx, ny, nz (outward

@@ -94,7 +94,7 @@ class _Course:
         self.pressure = self.hardest = self.changed = self.area = self.way = 0.0
         self.largest = self.largest_area = 0.0
 
-    def take(self, t: float, contact: Contact, hardest: float, changed: float, jump: float):
+    def take(self, t: float, contact: Contact, hardest: float, changed: float, jump: float) -> None:
         """Args:
         hardest: pressure on one cell [Pa]; changed: sum of |change of force| [N]; jump: a
             centre that moves so far at once [m] did not move, the touch joined another.

@@ -224,7 +224,14 @@ class Tracker:
                 lost.append(j)
         return lost
 
-    def _part(self, t, track: _Track, pieces: list[int], found, claims) -> None:
+    def _part(
+        self,
+        t: float,
+        track: _Track,
+        pieces: list[int],
+        found: list[Contact],
+        claims: list[list[_Track]],
+    ) -> None:
         """A touch is several contacts now: who of those that joined it is which."""
         members = track.members
         alone = [m.foreseen_alone(t) for m in members] if members[1:] else [track.foreseen(t)]
@@ -236,7 +243,8 @@ class Tracker:
     def _shared_force(self, frame: Frame) -> np.ndarray:
         """(tracks, contacts) force [N] of each contact on the cells of each track's last one."""
         on = self._on.ravel()[frame.cells]  # (m,)
-        return (on == np.arange(1, len(self._tracks) + 1)[:, None]) @ frame.own.T
+        force: np.ndarray = (on == np.arange(1, len(self._tracks) + 1)[:, None]) @ frame.own.T
+        return force
 
 
 def stroke(touches: list[Touch]) -> tuple[np.ndarray, float]:

@@ -28,7 +28,7 @@ class Live:
 
     def __init__(self, skin: socket.socket):
         self.newest, self._number = Snapshot(), 0
-        self._waiting: bytes | None = None  # a newer one, still packed
+        self._waiting = b""  # a newer one, still packed; empty: none
         self._taken_at = -math.inf  # s, of the loop's clock, when the newest was taken
         self._skin = skin
         self._news = asyncio.Event()
@@ -66,34 +66,28 @@ class Live:
             self._skin.send(json.dumps(said).encode())
 
     def _receive(self) -> None:
-        newest = None
+        scheduled = bool(self._waiting)
         try:
             while data := self._skin.recv(LARGEST):
-                if data[:1] == b"{":  # an answer; a snapshot begins with the length of its head
-                    self._settle(json.loads(data))
-                else:
-                    newest = data
+                if data[:1] != b"{":  # a snapshot: it begins with the length of its head
+                    self._waiting = data
+                elif self._answer is not None and not self._answer.done():
+                    self._answer.set_result(json.loads(data))
             self.ended.set()
         except BlockingIOError:
             pass
         except OSError:
             self.ended.set()
-        if newest is not None:
-            scheduled, self._waiting = self._waiting is not None, newest
-            if not scheduled:
-                loop = asyncio.get_running_loop()
-                loop.call_at(max(loop.time(), self._taken_at + _PACE), self._take)
+        if self._waiting and not scheduled:
+            loop = asyncio.get_running_loop()
+            loop.call_at(max(loop.time(), self._taken_at + _PACE), self._take)
 
     def _take(self) -> None:
         self._taken_at = asyncio.get_running_loop().time()
         self.newest, self._number = Snapshot.unpack(self._waiting), self._number + 1
-        self._waiting = None
+        self._waiting = b""
         self._news.set()
         self._news = asyncio.Event()
-
-    def _settle(self, said: dict) -> None:
-        if self._answer is not None and not self._answer.done():
-            self._answer.set_result(said)
 
 
 async def run(listening: socket.socket, skin: socket.socket) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import lru_cache
+from typing import TypeVar
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from ..touch import features
 from .snapshot import Snapshot
 from .wire import packed_with, parts_of
 
+_T = TypeVar("_T")
 PUBLISHED = "published"  # not a method: what the skin itself made of the reading
 _DEFAULT = "auto"  # method of compensation, until it says which it takes
 _CELL = 0.2  # N: a contact has a cell with more, as of gesture_feature's cell_threshold
@@ -67,14 +69,15 @@ class Pictures:
         return packed_with(more, *self._parts[a, b])
 
     def _drawn(self, snapshot: Snapshot, a: str, b: str) -> tuple[str, bytes]:
-        head = {"stamp": snapshot.stamp, "stop": snapshot.stop, "reason": snapshot.reason}
-        head |= self._numbers(snapshot)
-        pictures, errors = {}, {}
+        head = self._numbers(snapshot)
+        head |= {"stamp": snapshot.stamp, "stop": snapshot.stop, "reason": snapshot.reason}
+        pictures: dict[str, np.ndarray] = {}
+        errors: dict[str, str] = {}
         for side, method in (("a", a), ("b", b)):
             if snapshot.adc is None:
                 break
             try:
-                ratio = self._ratio(snapshot)
+                ratio = self._ratio(snapshot, snapshot.adc)
                 pictures["reading"] = ratio * self.skin.circuit.full_scale
                 pictures |= self._side(side, method, snapshot, ratio)
             except ValueError as error:  # weights of another circuit, nothing read, say
@@ -86,7 +89,9 @@ class Pictures:
         pictures = {name: np.asarray(p, np.float32) for name, p in pictures.items()}
         return parts_of(head, pictures)
 
-    def _side(self, side: str, method: str, snapshot: Snapshot, ratio: np.ndarray) -> dict:
+    def _side(
+        self, side: str, method: str, snapshot: Snapshot, ratio: np.ndarray
+    ) -> dict[str, np.ndarray]:
         """Force [N], its standard deviation [N] and the misfit [ADC steps] of a method."""
         circuit, curve = self._known(snapshot)
         area = self.skin.geometry.cell_area
@@ -116,24 +121,28 @@ class Pictures:
                 curve,
                 method,
                 start=start if start is not None and start.status == "ok" else None,
-                noise=_value(snapshot, "noise"),
+                noise=_value(snapshot, "noise", None),
                 missing=method in MISSING,
                 time_limit=_TIME_LIMIT,
             )
         return self._estimates[method]
 
-    def _ratio(self, snapshot: Snapshot) -> np.ndarray:
+    def _ratio(self, snapshot: Snapshot, adc: np.ndarray) -> np.ndarray:
         shape = self.skin.circuit.shape
-        for picture in (snapshot.adc, snapshot.pressure, snapshot.std):
+        for picture in (adc, snapshot.pressure, snapshot.std):
             if picture is not None and picture.shape != shape:
                 raise ValueError(f"a picture of {picture.shape}: the circuit is {shape}")
-        return self.skin.adc.ratio_of(snapshot.adc)
+        return self.skin.adc.ratio_of(adc)
 
     def _known(self, snapshot: Snapshot) -> tuple[Circuit, PressureCurve]:
         """The circuit and the curve as the skin has found them, by what it says."""
         circuit, curve = self.skin.circuit, self.skin.curve
-        found = {name: _value(snapshot, name) for name in ("r_par", "r_line", "r_drive")}
-        circuit = replace(circuit, **{k: v for k, v in found.items() if v is not None})
+        circuit = replace(
+            circuit,
+            r_par=_value(snapshot, "r_par", circuit.r_par),
+            r_line=_value(snapshot, "r_line", circuit.r_line),
+            r_drive=_value(snapshot, "r_drive", circuit.r_drive),
+        )
         if snapshot.rest is not None and snapshot.rest.shape == circuit.shape:
             curve = curve.resting_at(snapshot.rest)
         return circuit, curve
@@ -187,7 +196,7 @@ class Pictures:
         steps = np.stack([_slope(at, row, 0)[col], _slope(at.swapaxes(0, 1), col, 0)[row]], 1)
         return np.linalg.pinv(steps)
 
-    def _numbers(self, snapshot: Snapshot) -> dict:
+    def _numbers(self, snapshot: Snapshot) -> dict[str, object]:
         """What the nodes say of themselves."""
         values: dict[str, str] = {}
         for status in snapshot.nodes.values():
@@ -206,18 +215,13 @@ class Pictures:
             "crc_errors": _count(values.get("crc_errors")),
             "dropped": dropped,
             "simulated": values.get("simulated") == "true",
-            "says": _reports(snapshot),
+            "says": [
+                (name, status.level, status.message)
+                for name, status in sorted(snapshot.nodes.items())
+                if status.level
+            ],
             "findings": findings(snapshot),
         }
-
-
-def _reports(snapshot: Snapshot) -> list[tuple[str, int, str]]:
-    """(node, level, text) of all that is not well."""
-    reports = []
-    for name, status in sorted(snapshot.nodes.items()):
-        if status.level:
-            reports.append((name, status.level, status.message))
-    return reports
 
 
 def findings(snapshot: Snapshot) -> list[dict]:
@@ -248,10 +252,11 @@ def _slope(at: np.ndarray, k: int, axis: int) -> np.ndarray:
     return (at.take(high, axis) - at.take(low, axis)) / max(high - low, 1)
 
 
-def _value(snapshot: Snapshot, name: str) -> float | None:
+def _value(snapshot: Snapshot, name: str, default: _T) -> float | _T:
     """A number that a node gives among its values."""
     texts = (s.values[name] for s in snapshot.nodes.values() if name in s.values)
-    return next((_number(text) for text in texts), None)
+    number = next(map(_number, texts), None)
+    return default if number is None else number
 
 
 def _method(snapshot: Snapshot) -> str:

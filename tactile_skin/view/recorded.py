@@ -45,17 +45,18 @@ class Recorded:
         # where each block begins: time of recording [ns], and what was known before
         self._blocks: list[tuple[int, Collector]] = []
         self._block = lru_cache(_BLOCKS)(self._read)
-        self.shape: tuple[int, int] | None = None
+        self.shape = 0, 0
         collector, messages = Collector(), recording.messages(*self._topics)
         for reading, snapshot in self._readings(collector, track(messages, total)):
-            if snapshot is not None:
+            if snapshot is not None and snapshot.adc is not None:
+                if not stamps:
+                    self.shape = snapshot.adc.shape
                 stamps.append(snapshot.stamp)
                 force.append(snapshot.contacts[:, 3].sum())
                 stop.append(bool(snapshot.stop))
-                self.shape = self.shape or snapshot.adc.shape
             if reading is not None and len(stamps) % _BLOCK == 0:
                 self._blocks.append((reading, collector.copy()))
-        if self.shape is None:
+        if not stamps:
             raise FileError(f"{recording.path}: holds no reading")
         self._times = np.maximum.accumulate(np.array(stamps) - stamps[0])
         self._force, self._stop = np.array(force), np.array(stop, bool)
@@ -114,3 +115,6 @@ class Recorded:
 
     def watched(self, pages: int) -> None:
         pass
+
+    async def ask(self, name: str) -> dict:
+        return {"answer": name, "success": False, "message": "a recording"}

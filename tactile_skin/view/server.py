@@ -19,6 +19,7 @@ from collections import OrderedDict
 from dataclasses import dataclass
 from http import HTTPStatus
 from pathlib import Path
+from typing import Protocol
 
 from websockets.asyncio.server import ServerConnection
 from websockets.asyncio.server import serve as serve_websockets
@@ -28,6 +29,7 @@ from websockets.http11 import Request, Response
 
 from ..solvers import METHODS
 from .pictures import PUBLISHED, Pictures
+from .snapshot import Snapshot
 
 _logger = logging.getLogger("tactile_skin.view")
 _PAGES = 16  # that may be open at once
@@ -120,15 +122,30 @@ def names_this_host(host: str, reached: str) -> bool:
         return name in ({"localhost"} if loopback else {own, own + ".local", f"{own}.lan"})
 
 
+class Source(Protocol):
+    """Where snapshots come from."""
+
+    def hello(self) -> dict:
+        """What holds for all of them."""
+
+    async def snapshot(self, wanted: Wanted) -> tuple[int, Snapshot]:
+        """One, and its number."""
+
+    def watched(self, pages: int) -> None:
+        """So many pages are open."""
+
+    async def ask(self, name: str) -> dict:
+        """What is answered to "tare" or "reset"."""
+
+
 class Server:
     """
     Args:
-        source: where snapshots come from: hello() -> dict, async snapshot(wanted) -> (number,
-            Snapshot), watched(pages) and async ask(name) -> dict.
+        source: where snapshots come from.
         controls: whether pages may ask for "tare" and "reset".
     """
 
-    def __init__(self, source, pictures: Pictures, controls: bool):
+    def __init__(self, source: Source, pictures: Pictures, controls: bool):
         self._source, self._pictures, self._controls = source, pictures, controls
         self._pages = 0
         self._files = {
@@ -215,23 +232,27 @@ def _text(status: HTTPStatus, text: str) -> Response:
 
 
 async def serve(
-    listening: socket.socket, source, pictures: Pictures, ended: asyncio.Event, controls: bool
+    listening: socket.socket,
+    source: Source,
+    pictures: Pictures,
+    ended: asyncio.Event,
+    controls: bool,
 ) -> None:
     """Serve the page on a listening socket until `ended`."""
     server = Server(source, pictures, controls)
-    is_open: set[asyncio.BaseTransport] = set()
+    is_open: set[ServerConnection] = set()
 
     class Bounded(ServerConnection):
         """One of at most _CONNECTIONS."""
 
         def connection_made(self, transport: asyncio.BaseTransport) -> None:
             super().connection_made(transport)
-            is_open.add(transport)
+            is_open.add(self)
             if len(is_open) > _CONNECTIONS:
-                transport.abort()
+                self.transport.abort()
 
         def connection_lost(self, exc: Exception | None) -> None:
-            is_open.discard(self.transport)
+            is_open.discard(self)
             super().connection_lost(exc)
 
     strangers = logging.getLogger("tactile_skin.view.strangers")

@@ -81,8 +81,18 @@ class Snapshot:
     @classmethod
     def unpack(cls, data: bytes) -> Snapshot:
         head, arrays = unpack(data)
-        nodes = {name: NodeStatus(*said) for name, said in head.pop("nodes").items()}
-        return cls(**head, **arrays, nodes=nodes)
+        return cls(
+            head["stamp"],
+            head["read_at"],
+            arrays.get("adc"),
+            arrays.get("pressure"),
+            arrays.get("std"),
+            arrays["contacts"],
+            arrays.get("rest"),
+            head["stop"],
+            head["reason"],
+            {name: NodeStatus(*said) for name, said in head["nodes"].items()},
+        )
 
 
 class Collector:

@@ -238,7 +238,7 @@ def test_a_file_that_cannot_be_written_is_told_before_the_work(path, why):
 @pytest.mark.parametrize("word", ["port", "speed:=3", "baud:=fast"])
 def test_words_that_are_no_parameters_of_a_board(word):
     with pytest.raises(ValueError, match=r"must be|is unknown"):
-        calibrate.board_parameters([word])
+        calibrate.split_words([word])
 
 
 def test_a_curve_that_contradicts_its_weights_is_not_kept():

@@ -65,10 +65,10 @@ def test_pressure_is_exported_where_it_was_recorded(tmp_path, config):
 
 def test_frames_without_times_take_a_rate(tmp_path, config):
     skin, path = read_skin(config), tmp_path / "a.mcap"
-    to_recording(Frames("a", np.zeros((4, 4, 5))), path, skin, None, 50.0, recorded.START)
+    to_recording(Frames(np.zeros((4, 4, 5)), path="a"), path, skin, None, 50.0, recorded.START)
     np.testing.assert_allclose(Recording(path).times, np.arange(4) / 50.0, atol=1e-9)
     with pytest.raises(ValueError, match=r"rate = 0\.0: must be above 0"):
-        to_recording(Frames("a", np.zeros((4, 4, 5))), path, skin, None, 0.0, 0)
+        to_recording(Frames(np.zeros((4, 4, 5)), path="a"), path, skin, None, 0.0, 0)
 
 
 # --- the commands ---

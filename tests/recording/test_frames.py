@@ -1,5 +1,7 @@
 """Frames of foreign boards: read, repaired with a word, or refused with one."""
 
+from datetime import datetime, timedelta
+
 import numpy as np
 import pytest
 import recorded
@@ -52,6 +54,31 @@ def test_times_without_a_name_are_guessed_and_said(tmp_path):
     found = read_frames(text(tmp_path, lines), CIRCUIT)
     np.testing.assert_allclose(found.times, np.arange(4) * 0.02)
     assert found.notes == ["the first column is taken as the time in ms"]
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        "%Y-%m-%dT%H:%M:%S.%f",
+        "%Y-%m-%dT%H:%M:%S.%f000+0200",
+        "%Y/%m/%d_%H:%M:%SZ",
+        "%d.%m.%Y %H:%M:%S UTC",
+        "%m/%d/%Y %I:%M:%S %p",
+        "%I:%M:%S%p",
+        "%H:%M:%S.%f",
+    ],
+)
+def test_dates_and_times_of_day(tmp_path, form):
+    """Four seconds round noon of the last of May."""
+    times = [datetime(2024, 5, 31, 11, 59, 58) + timedelta(seconds=k) for k in range(4)]
+    lines = [
+        f"{t.strftime(form)};{line}" for t, line in zip(times, plain(FRAMES, ";"), strict=True)
+    ]
+    found = read_frames(text(tmp_path, lines), CIRCUIT)
+    np.testing.assert_array_equal(found.values, FRAMES)
+    np.testing.assert_allclose(np.diff(found.times), 1.0, atol=1e-6)
+    day = (times[0] - datetime(1970, 1, 1)).days * 86400.0
+    assert found.times[0] == pytest.approx(43198.0 + ("%d" in form) * day)
 
 
 def test_every_line_that_is_lost_is_counted(tmp_path):

@@ -10,7 +10,7 @@ import recorded
 
 from tactile_skin import msg
 from tactile_skin.errors import FileError
-from tactile_skin.recording import Recording, cdr
+from tactile_skin.recording import Recording, Topic, cdr
 from tactile_skin.recording.writer import Writer
 
 pytest.importorskip("mcap")
@@ -30,7 +30,7 @@ def test_readings_come_back_to_the_bit(tmp_path):
     assert found.adc.dtype == np.uint16
     np.testing.assert_array_equal(found.stamps, [recorded.stamp(k) for k in range(35)])
     np.testing.assert_allclose(found.times, np.arange(35) / 100.0, atol=1e-9)
-    assert found.topics == {"/skin/adc": ("sensor_msgs/msg/Image", 35)}
+    assert found.topics == {"/skin/adc": Topic("sensor_msgs/msg/Image", 35)}
     assert found.attachments == {"notes": b"abc"}
     assert found.damage == ""
 
@@ -152,7 +152,7 @@ def test_types_that_are_not_known_are_listed_and_passed_over(tmp_path):
     writer.write("/skin/adc", msg.Image, 7, cdr.encode(message))
     writer.close()
     found = Recording(path.with_name("b.mcap"))
-    assert found.topics["/later"] == ("std_msgs/msg/String", 1)
+    assert found.topics["/later"] == Topic("std_msgs/msg/String", 1)
     assert [topic for topic, _, _ in found.messages()] == ["/skin/adc"]
 
 
@@ -189,8 +189,8 @@ def test_a_part_is_read_from_its_chunks_alone(tmp_path, close, monkeypatch):
     frames = recorded.samples(400)
     path = recorded.write(tmp_path / "a.mcap", frames, close=close)
     found, read = Recording(path), []
-    unpacked = cdr.unpacked
-    monkeypatch.setattr(cdr, "unpacked", lambda chunk: read.append(1) or unpacked(chunk))
+    read_record = cdr.read_record
+    monkeypatch.setattr(cdr, "read_record", lambda file: read.append(1) or read_record(file))
     begin, end = recorded.stamp(205), recorded.stamp(215)
     part = [t for _, t, _ in found.messages(begin=begin, end=end)]
     assert part == [recorded.stamp(k) for k in range(205, 215)]

@@ -47,8 +47,8 @@ def firmware(folder: Path, rows: int = 16, cols: int = 16, adc_mhz: int = 2) -> 
 def size(elf: Path) -> Size:
     """Flash and RAM that the binary takes."""
     text = run(["avr-size", elf], "binutils-avr")
-    text, data, bss = map(int, re.findall(r"\d+", text.splitlines()[1])[:3])
-    return Size(text + data, data + bss)
+    code, data, zeros = map(int, re.findall(r"\d+", text.splitlines()[1])[:3])
+    return Size(code + data, data + zeros)
 
 
 def hex_file(elf: Path) -> Path:

@@ -30,7 +30,7 @@ def recognise(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
     """
     own = BinaryParser()
     frames = own.feed(data)
-    if frames:
+    if frames and own.layout:
         rows, cols, bits, _ = own.layout
         about = f"binary frames of {rows} x {cols} at {bits} bits"
         largest = max(float(frame.samples.max()) for frame in frames) / 2 ** (16 - bits)
@@ -58,9 +58,8 @@ def explain(parser: Parser) -> str:
 
     A setting is named only where the bytes leave no other explanation that is known here.
     """
-    shape = (parser.rows, parser.cols) if not isinstance(parser, BinaryParser) else None
-    seen = _last(parser, shape)
-    return _reason(parser, seen, shape) if seen else ""
+    seen = _last(parser, parser.shape)
+    return _reason(parser, seen) if seen else ""
 
 
 def sample(parser: Parser) -> str:
@@ -76,15 +75,17 @@ def _last(parser: Parser, shape: tuple[int, int] | None) -> Seen | None:
     return seen if len(data) >= _MANY or seen.frames else None
 
 
-def _reason(parser: Parser, seen: Seen, shape: tuple[int, int] | None) -> str:
+def _reason(parser: Parser, seen: Seen) -> str:
     if seen.protocol == "binary":
         if isinstance(parser, BinaryParser):
             return "samples exceed what the frame's header states: check the board's adc_bits"
         return f"{seen.about} arrive: set serial_driver.protocol: binary"
     if not seen.text:
-        what = "neither binary frames nor text" if shape is None else "the bytes are not text"
+        what = "neither binary frames nor text"
         if isinstance(parser, PacketParser):
             what = "not the packets that are described"
+        elif isinstance(parser, TextParser):
+            what = "the bytes are not text"
         return f"{what}: {seen.about or BAUD}"
     if not isinstance(parser, TextParser):
         if seen.sure:

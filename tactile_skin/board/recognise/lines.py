@@ -88,7 +88,7 @@ def _take_apart(line: bytes) -> _Line | None:
     text = _NO_TEXT.sub("{skip}", _INTEGER.sub("#", text))
     body = body.translate(bytes.maketrans(_BRACKETS, b" " * 8)).strip()
     counts = {s: body.count(s) for s in (b",", b";", b"\t")}
-    separator = max(counts, key=counts.get) if any(counts.values()) else b" "
+    separator = max(counts, key=lambda mark: counts[mark]) if any(counts.values()) else b" "
     words = body.split() if separator == b" " else [w.strip() for w in body.split(separator)]
     if words and not words[-1]:
         words.pop()
@@ -145,7 +145,8 @@ def _roles(lead: np.ndarray, readings: int) -> tuple[list[str], int, tuple[int, 
             names = ["skip"] * k
             names[a : a + 2] = "row", "col"
             return names, int(first), (int(rows), int(cols)), True
-    names, sure, first, size = [], True, 0, ()
+    names, sure, first = [], True, 0
+    size: tuple[int, ...] = ()
     for column in lead.T:
         n = _cycle(column)
         if n and not size:
@@ -172,17 +173,15 @@ def _template(kind: tuple, lead: list[str], front: list[str], behind: int) -> st
 
 def _blocks(lines: list[_Line | None], kind: tuple) -> list[int]:
     """How many lines of a kind stand between two others; those at both ends may be cut."""
-    sizes, size = [], 0
+    sizes = [0]
     for line in lines:
         here = line is not None and line.kind == kind
-        if (not here or line.opens) and size:
-            sizes.append(size)
-            size = 0
-        size += here
-        if here and line.closes:
-            sizes.append(size)
-            size = 0
-    return sizes[1:]
+        if line is None or not here or line.opens:
+            sizes.append(0)
+        sizes[-1] += here
+        if line is not None and here and line.closes:
+            sizes.append(0)
+    return [size for size in sizes[:-1] if size][1:]
 
 
 def _apart(values: np.ndarray, lag: int) -> float:
@@ -342,7 +341,7 @@ def _scale(readings: np.ndarray) -> dict:
 
 def _proved(found: Seen, data: bytes, shape) -> Seen:
     """How many frames the parser reads by what was found, and whether that is all there is."""
-    if not found.protocol:
+    if not isinstance(found.format, TextFormat):
         return found
     rows, cols = found.shape or (
         shape if shape and shape[0] * shape[1] == found.cells else (1, found.cells)

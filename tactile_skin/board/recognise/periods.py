@@ -48,7 +48,7 @@ def recognise_packets(data: bytes, shape: tuple[int, int] | None = None) -> Seen
             break
     constant = " ".join(f"{b:02X}" for b in sample[: _constant(packets)])
     about = f"every {period} bytes {constant}"
-    if best is None:
+    if best is None or not isinstance(best.format, PacketFormat):
         return Seen("", f"{about}, but no readings of 8 or 16 bits between", sample)
     parser = PacketParser(1, best.cells, 16, replace(best.format, full_scale=65535.0))
     frames = len(parser.feed(data))
