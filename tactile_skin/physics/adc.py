@@ -17,7 +17,6 @@ import numpy as np
 
 from ..files import shorten
 from .circuit import Circuit
-from .kernel import Table
 
 NOT_READ = 65535  # of skin/adc: no reading of this crossing; the largest reading is one less
 # V that a diode takes more for e times the current, n k T / q at 25 degrees: n is 1.0 to 1.1 of
@@ -165,7 +164,9 @@ class Adc:
         """Return the voltage's share of the supply, cut off at the table's ends if there is one."""
         if self.table is None:
             return (count + self.offset) / self.full_scale
-        return self._to_share(count + self.offset) * (self.circuit.full_scale / self.full_scale)
+        at, share_there = np.asarray(self.table).T
+        share = np.interp(count + self.offset, at, share_there)
+        return share * (self.circuit.full_scale / self.full_scale)
 
     def _count_of(self, share):
         """Return the inverse of `_share_of` [ADC steps]."""
@@ -175,10 +176,6 @@ class Adc:
         share = share * self.full_scale / self.circuit.full_scale
         reading = np.interp(share, share_there, at)
         return reading - self.offset
-
-    @cached_property
-    def _to_share(self) -> Table:
-        return Table(*np.asarray(self.table).T)
 
     @cached_property
     def range(self) -> tuple[float, float]:

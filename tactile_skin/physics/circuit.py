@@ -5,7 +5,7 @@ A skin of ``rows x cols`` cells is a bipartite resistor network: one node per st
 one column and lets every other line float, so it sees the *two-terminal resistance* between the two
 stripes, not the taxel alone: that is the cross-talk. readouts.py has this and the other readouts.
 
-All readings of a frame follow from one small inverse (numpy_kernel.py, docs/derivation.md). The
+All readings of a frame follow from one small inverse (laplacian.py, docs/derivation.md). The
 paper (section IV-B) solves one system of ``rows*cols + 1`` equations per reading instead; it stands
 in the tests as the oracle.
 """
@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 
 from . import laplacian, lines, readouts
-from .kernel import connected_rho
+from .laplacian import connected_rho
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,6 @@ import numpy as np
 
 from ..errors import FileError
 from ..files import shorten
-from . import kernel
 
 GRAM = 9.80665e-3  # N: weight of one gram; the paper and its figures speak in grams a cell
 
@@ -72,8 +71,6 @@ class PressureCurve:
                 f"curve: force = {force.tolist()} N, resistance = {resistance.tolist()} ohm: "
                 "points too close to one another"
             )
-        self._log_g_of = kernel.Table(self._root, self._log_g)
-        self._root_of = kernel.Table(self._log_g, self._root)
 
     @classmethod
     def load(cls, path) -> PressureCurve:
@@ -179,7 +176,7 @@ class PressureCurve:
     def resistance(self, force) -> np.ndarray:
         """Force on a cell [N] -> its resistance [ohm]; arrays; clipped to the curve."""
         root = np.sqrt(np.maximum(force, 0.0) / self._gain_of(force))
-        return self._with_offset(np.exp(-self._log_g_of(root)))
+        return self._with_offset(np.exp(-np.interp(root, self._root, self._log_g)))
 
     def force(self, resistance) -> np.ndarray:
         """Resistance of a cell [ohm] -> force on it [N]; clipped to [0, max_force].
@@ -194,7 +191,7 @@ class PressureCurve:
         if self.offset is not None:
             with np.errstate(divide="ignore"):
                 log_g = np.log(np.maximum(np.exp(log_g) - self.offset, 0.0))
-        return np.square(self._root_of(log_g)) * self._gain_of(log_g)
+        return np.square(np.interp(log_g, self._log_g, self._root)) * self._gain_of(log_g)
 
     def slope(self, force) -> np.ndarray:
         """d force / d log(resistance) [N], of the curve without its offset."""

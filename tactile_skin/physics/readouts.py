@@ -35,7 +35,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import lapack
 
-from . import kernel
+from . import laplacian
 from .conjugate_gradients import conjugate_gradients
 
 PASSIVE = "floating", "loaded", "grounded"
@@ -51,10 +51,10 @@ class Floating:
 
     def __init__(self, circuit, g: np.ndarray, derivatives: bool):
         if derivatives:
-            self.inverse = kernel.solve(g)
+            self.inverse = laplacian.solve(g)
             self.rho = self.inverse.rho
         else:
-            self.rho = kernel.connected_rho(g)
+            self.rho = laplacian.connected_rho(g)
         self.adc = circuit.ratio(self.rho)
         self._circuit = circuit
 
@@ -81,13 +81,13 @@ class Floating:
         return -self._slope
 
     def change(self, p: np.ndarray) -> np.ndarray:
-        return self._slope * kernel.hessian_product(self.inverse.k, p)
+        return self._slope * laplacian.hessian_product(self.inverse.k, p)
 
     def pull(self, w: np.ndarray) -> np.ndarray:
-        return kernel.hessian_product(self.inverse.k, w * self._slope)
+        return laplacian.hessian_product(self.inverse.k, w * self._slope)
 
     def sensitivity(self, weight, readings, one, other) -> np.ndarray:
-        return kernel.sensitivity(self.inverse.k, weight * self._slope, readings, one, other)
+        return laplacian.sensitivity(self.inverse.k, weight * self._slope, readings, one, other)
 
     def cells_for(self, cells: np.ndarray, b: np.ndarray) -> np.ndarray:
         return self._solve(cells, b / self._slope)
@@ -101,7 +101,7 @@ class Floating:
 
         def product(p):
             picture.flat[cells] = p
-            return kernel.hessian_product(self.inverse.k, picture).flat[cells]
+            return laplacian.hessian_product(self.inverse.k, picture).flat[cells]
 
         diagonal = np.square(self.rho.flat[cells])
         x = conjugate_gradients(product, diagonal, b.flat[cells], steps=300, target=1e-6)

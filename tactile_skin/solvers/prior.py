@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import blas
 
 from ..learning import denoiser
-from ..physics import kernel
+from ..physics import quadratic
 from ..physics.quadratic import inverse_diagonal, solve_in_box
 from .reading import Linearised, Reading
 from .suspect import NormalEquations
@@ -82,7 +82,7 @@ def touches(x: np.ndarray, between: Differences) -> Quadratic:
     Args:
         x: (rows, cols), 0 at rest and where there is no cell.
     """
-    value, gradient, diagonal, entries = kernel.roughness(x, between.weight, _SPREAD**2)
+    value, gradient, diagonal, entries = quadratic.roughness(x, between.weight, _SPREAD**2)
     above = x / _REST_SPREAD + 1.0
     value += _REST * float(np.log(above).sum())
     gradient += (_REST / _REST_SPREAD) / above
@@ -91,7 +91,7 @@ def touches(x: np.ndarray, between: Differences) -> Quadratic:
 
 def roughness(x: np.ndarray, between: Differences, spread: float) -> float:
     """The part of `touches` that compares neighbours."""
-    return kernel.roughness(x, between.weight, spread**2)[0]
+    return quadratic.roughness(x, between.weight, spread**2)[0]
 
 
 def level(force: np.ndarray, slope: np.ndarray, cells: np.ndarray) -> Quadratic:
