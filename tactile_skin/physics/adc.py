@@ -80,7 +80,7 @@ class Adc:
                 f"diode = {self.diode!r} V: must be at least 0, below half of supply = "
                 f"{self.supply!r} V"
             )
-        if self.diode and self.circuit.readout not in ("floating", "loaded"):
+        if self.diode and not self.circuit.readout_class.takes_diodes:
             raise ValueError(
                 f"diode = {self.diode!r} V: must be 0 for readout = {self.circuit.readout!r}. A "
                 "diode holds no line at 0 V: lines behind diodes are those of readout = 'loaded'"
@@ -202,12 +202,7 @@ class Adc:
         floating, through those of all sense lines if loaded.
         """
         amperes = np.asarray(share) * (self.supply / self.circuit.r_ref)
-        if self.circuit.readout == "loaded" and amperes.ndim >= 2:
-            across = -1 if self.circuit.driven == "rows" else -2
-            read = ~np.isnan(amperes)
-            mean = np.where(read, amperes, 0.0).sum(across, keepdims=True)
-            mean /= np.maximum(read.sum(across, keepdims=True), 1)
-            amperes = mean * amperes.shape[across]
+        amperes = self.circuit.readout_class.through_driver(self.circuit, amperes)
         slope = _SLOPES[0] if self.diode < _SCHOTTKY else _SLOPES[1]
         more = slope * np.log(np.maximum(amperes, _LEAST_CURRENT) / _DIODE_AT)
         return 1.0 - np.maximum(self.diode + more, 0.0) / self.supply

@@ -3,7 +3,7 @@
 A skin of ``rows x cols`` cells is a bipartite resistor network: one node per stripe, one resistor
 (the taxel) where a row stripe crosses a column stripe. The paper's read-out connects one row and
 one column and lets every other line float, so it sees the *two-terminal resistance* between the two
-stripes, not the taxel alone: that is the cross-talk. readouts.py has this and the other readouts.
+stripes, not the taxel alone: that is the cross-talk. readouts/ has this and the others.
 
 All readings of a frame follow from one small inverse (laplacian.py, docs/derivation.md). The
 paper (section IV-B) solves one system of ``rows*cols + 1`` equations per reading instead; it stands
@@ -17,8 +17,9 @@ from functools import cached_property
 
 import numpy as np
 
-from . import laplacian, lines, readouts
-from .laplacian import connected_rho
+from . import readouts
+from .arrays import Floats, Value
+from .laplacian import connected
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,12 +84,12 @@ class Circuit:
             )
         if not (np.isfinite(r_line) & (r_line >= 0.0)).all():
             raise ValueError(f"r_line = {self.r_line!r} ohm: must be finite and 0 or more")
-        if self.readout != "floating" and r_line.any():
+        if not self.readout_class.knows_r_line and r_line.any():
             raise ValueError(
                 f"r_line = {self.r_line!r} ohm: must be 0 for readout = {self.readout!r}, whose "
                 "stripes are taken as ideal"
             )
-        if self.readout != "grounded" and self.r_drive:
+        if not self.readout_class.knows_r_drive and self.r_drive:
             raise ValueError(
                 f"r_drive = {self.r_drive!r} ohm: must be 0 for readout = {self.readout!r}, where "
                 "the driver's resistance is part of r_par"
@@ -99,7 +100,7 @@ class Circuit:
             mask = np.array(self.mask, dtype=bool)
             if mask.shape != self.shape:
                 raise ValueError(f"mask has shape {mask.shape}: the circuit is {self.shape}")
-            if not _connected(mask[None])[0]:
+            if not connected(mask[None])[0]:
                 raise ValueError("mask: the cells must connect all rows and columns to one another")
             mask.setflags(write=False)
             object.__setattr__(self, "mask", None if mask.all() else mask)
@@ -126,6 +127,11 @@ class Circuit:
         return r_line[: self.rows], r_line[self.rows :]
 
     @property
+    def readout_class(self) -> type[readouts.Readout]:
+        """What the readout is: all that differs between readouts."""
+        return readouts.BY_NAME[self.readout]
+
+    @property
     def sense_axis(self) -> int:
         """Axis of (rows, cols) along which the cells of one sense line lie."""
         return 0 if self.driven == "rows" else 1
@@ -133,16 +139,16 @@ class Circuit:
     @property
     def has_ideal_drivers(self) -> bool:
         """Whether it is grounded so that each sense line's cells follow from its own readings."""
-        return self.readout == "grounded" and not self.r_drive
+        return self.readout_class.knows_r_drive and not self.r_drive
 
     @property
     def has_cross_talk(self) -> bool:
         """Whether a reading depends on other cells than its own."""
-        return self.readout != "virtual_ground"
+        return self.readout_class.has_cross_talk
 
     def read_as(self, readout: str, driven: str) -> Circuit:
         """The same without what that readout does not model."""
-        r_drive = self.r_drive if readout == "grounded" else 0.0
+        r_drive = self.r_drive if readouts.BY_NAME[readout].knows_r_drive else 0.0
         return replace(self, readout=readout, driven=driven, r_line=0.0, r_drive=r_drive)
 
     @property
@@ -150,21 +156,17 @@ class Circuit:
         """Reading of the ADC at its reference voltage, in ADC steps."""
         return 2**self.adc_bits - 1
 
-    def ratio(self, rho):
+    def ratio(self, rho: Value) -> Value:
         """Two-terminal resistance [ohm] -> ADC ratio in [0, 1] (voltage divider, or amplifier)."""
-        if self.has_cross_talk:
-            return self.r_ref / (self.r_ref + self.r_par + rho)
-        with np.errstate(divide="ignore"):
-            return np.minimum(self.r_ref / (self.r_par + np.asarray(rho, dtype=float)), 1.0)
+        return self.readout_class.ratio(self, rho)
 
-    def two_terminal(self, adc):
+    def two_terminal(self, adc: Floats) -> Floats:
         """ADC ratio -> two-terminal resistance [ohm], the inverse of `ratio`; never negative.
 
         Zero reads as an infinite resistance.
         """
         with np.errstate(divide="ignore"):
-            series = self.r_par + (self.r_ref if self.has_cross_talk else 0.0)
-            return np.maximum(self.r_ref / adc - series, 0.0)
+            return np.maximum(self.r_ref / adc - self.readout_class.in_series(self), 0.0)
 
     def describe(self) -> dict:
         """The circuit as plain numbers and strings, as it is kept beside trained weights."""
@@ -233,41 +235,12 @@ def forward(circuit: Circuit, resistance) -> np.ndarray:
     if not (resistance > 0).all():
         bad = resistance[~(resistance > 0)].flat[0]
         raise ValueError(f"resistance of {bad} ohm: every cell's must be above 0")
-    if circuit.readout == "floating" and circuit.stripes is None:
-        return circuit.ratio(two_terminal_resistance(1.0 / resistance))
     frames = (1.0 / resistance).reshape(-1, *circuit.shape)
-    if circuit.readout != "floating":
-        adc = np.array([readouts.solve(circuit, g).adc for g in frames])
-        return np.minimum(adc.reshape(resistance.shape), 1.0)  # an amplifier ends there
-    assert circuit.stripes is not None
-    rho = np.array([lines.solve(g, *circuit.stripes).rho for g in frames])
-    return circuit.ratio(rho.reshape(resistance.shape))
-
-
-def two_terminal_resistance(conductance: np.ndarray) -> np.ndarray:
-    """Resistance between row i and column j with every other line floating.
-
-    Args:
-        conductance: (..., rows, cols) of the cells [S], 0 where there is none.
-
-    Returns:
-        (..., rows, cols) rho [ohm]; infinite where no path connects the two lines.
-    """
-    g = np.asarray(conductance, dtype=float)
-    frames = g.reshape(-1, *g.shape[-2:])
-    rho = np.empty(frames.shape)
-    present = frames > 0
-    connected = np.ones(len(frames), bool) if present.all() else _connected(present)
-    for k, frame in enumerate(frames):
-        rho[k] = connected_rho(frame) if connected[k] else _rho_in_parts(frame)
-    return rho.reshape(g.shape)
+    return circuit.readout_class.read(circuit, frames).reshape(resistance.shape)
 
 
 def jacobian(circuit: Circuit, resistance) -> np.ndarray:
-    """Derivative of `forward`, exact: d adc[i, j] / d resistance[k, l].
-
-    With t_ab = A_ik + D_jl - C_il - C_kj for a = (i, j), b = (k, l), the transfer resistance
-    between two crossings: d rho_a / d g_b = -t_ab^2 (docs/derivation.md).
+    """Derivative of `forward`, exact: d adc[i, j] / d resistance[k, l] (docs/derivation.md).
 
     Args:
         resistance: (rows, cols) [ohm], finite wherever the circuit has a cell.
@@ -279,45 +252,4 @@ def jacobian(circuit: Circuit, resistance) -> np.ndarray:
     if resistance.shape != circuit.shape:
         raise ValueError(f"resistance has shape {resistance.shape}, not {circuit.shape}")
     g = np.where(circuit.populated, 1.0 / resistance, 0.0)
-    if circuit.readout != "floating":
-        network = readouts.solve(circuit, g)
-        cells = np.array([network.change(cell) for cell in np.eye(g.size).reshape(-1, *g.shape)])
-        return -np.moveaxis(cells, 0, -1).reshape(*g.shape, *g.shape) * g**2
-    if circuit.stripes is None:
-        ideal = laplacian.solve(g)
-        rho, transfer = ideal.rho, laplacian.transfer_resistance(ideal)
-    else:
-        behind = lines.solve(g, *circuit.stripes)
-        row, col = np.split(np.moveaxis(behind.across, 2, 0), [circuit.rows])
-        rho, transfer = behind.rho, row[:, None] - col
-    adc = circuit.ratio(rho)
-    d_rho = transfer**2 * g**2  # (rows, cols, rows, cols), by R
-    return -(adc**2 / circuit.r_ref)[:, :, None, None] * d_rho
-
-
-def _row_reach(present: np.ndarray) -> np.ndarray:
-    """(..., rows, rows) bool: which rows a path of cells connects."""
-    p = present.astype(np.float32)
-    reach = p @ p.swapaxes(-1, -2) > 0
-    for _ in range(max(present.shape[-2] - 1, 1).bit_length()):
-        step = reach.astype(np.float32)
-        reach = step @ step > 0
-    return reach
-
-
-def _connected(present: np.ndarray) -> np.ndarray:
-    """(n,) bool: whether the cells of each (rows, cols) picture connect all its lines."""
-    return np.asarray(_row_reach(present).all((-2, -1)) & present.any(-2).all(-1))
-
-
-def _rho_in_parts(g: np.ndarray) -> np.ndarray:
-    """rho of one frame whose network falls into parts: infinite between them."""
-    rho = np.full(g.shape, np.inf)
-    present = g > 0
-    for reach in np.unique(_row_reach(present), axis=0):
-        rows = np.flatnonzero(reach)
-        cols = np.flatnonzero(present[rows].any(0)) if rows.size else rows
-        if cols.size:
-            part = np.ix_(rows, cols)
-            rho[part] = connected_rho(g[part])
-    return rho
+    return -circuit.readout_class.by_conductance(circuit, g) * g**2

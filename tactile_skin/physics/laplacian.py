@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import lapack
 
-from .arrays import Floats, Floats32, Ints
+from .arrays import Bools, Floats, Floats32, Ints
 
 _LEAST_EIGENVALUE = 1e-15  # of the largest: below it the rounding of doubles is all there is
 
@@ -65,6 +65,53 @@ def connected_rho(g: Floats) -> Floats:
     d = np.einsum("ij,ij->j", scaled, c)
     d += 1.0 / col_sum
     return _two_point(a.diagonal(), c, d)
+
+
+def two_terminal_resistance(conductance: Floats) -> Floats:
+    """Return the resistance between row i and column j with every other line floating.
+
+    Args:
+        conductance: (..., rows, cols) of the cells [S], 0 where there is none.
+
+    Returns:
+        (..., rows, cols) rho [ohm]; infinite where no path connects the two lines.
+    """
+    g = np.asarray(conductance, dtype=float)
+    frames = g.reshape(-1, *g.shape[-2:])
+    rho = np.empty(frames.shape)
+    present = frames > 0
+    as_one = np.ones(len(frames), bool) if present.all() else connected(present)
+    for k, frame in enumerate(frames):
+        rho[k] = connected_rho(frame) if as_one[k] else _rho_in_parts(frame)
+    return rho.reshape(g.shape)
+
+
+def _row_reach(present: Bools) -> Bools:
+    """(..., rows, rows) bool: which rows a path of cells connects."""
+    p = present.astype(np.float32)
+    reach = p @ p.swapaxes(-1, -2) > 0
+    for _ in range(max(present.shape[-2] - 1, 1).bit_length()):
+        step = reach.astype(np.float32)
+        reach = step @ step > 0
+    return reach
+
+
+def connected(present: Bools) -> Bools:
+    """Return (n,) whether the cells of each (rows, cols) picture connect all its lines."""
+    return np.asarray(_row_reach(present).all((-2, -1)) & present.any(-2).all(-1))
+
+
+def _rho_in_parts(g: Floats) -> Floats:
+    """rho of one frame whose network falls into parts: infinite between them."""
+    rho = np.full(g.shape, np.inf)
+    present = g > 0
+    for reach in np.unique(_row_reach(present), axis=0):
+        rows = np.flatnonzero(reach)
+        cols = np.flatnonzero(present[rows].any(0)) if rows.size else rows
+        if cols.size:
+            part = np.ix_(rows, cols)
+            rho[part] = connected_rho(g[part])
+    return rho
 
 
 def _reduced_root(g: Floats) -> tuple[Floats, Floats, Floats]:

@@ -1,4 +1,4 @@
-"""Quadratic programmes: a minimum within bounds and its spread, and one in place of a sharp cost."""
+"""Quadratic programmes: a minimum within bounds, its spread, and what a sharp cost is near."""
 
 from __future__ import annotations
 
