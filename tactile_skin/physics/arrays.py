@@ -11,4 +11,4 @@ Floats = npt.NDArray[np.float64]
 Floats32 = npt.NDArray[np.float32]
 Ints = npt.NDArray[np.int32]
 Bools = npt.NDArray[np.bool_]
-Value = TypeVar("Value", float, Floats)  # a number gives a number
+Value = TypeVar("Value", float, Floats)  # a number gives a number, an array an array

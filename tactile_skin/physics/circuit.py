@@ -14,11 +14,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from . import readouts
-from .arrays import Floats, Value
+from .arrays import Bools, Floats, Value
 from .laplacian import connected
 
 
@@ -55,26 +57,26 @@ class Circuit:
     r_ref: float = 1780.0
     r_par: float = 326.0
     adc_bits: int = 10
-    mask: np.ndarray | None = field(default=None, repr=False)
-    r_line: float | np.ndarray = 0.0
+    mask: Bools | None = field(default=None, repr=False)
+    r_line: float | Floats = 0.0
     readout: str = "floating"
     driven: str = "rows"
     r_drive: float = 0.0
 
-    def __post_init__(self):
-        for name, allowed in (("readout", readouts.READOUTS), ("driven", readouts.DRIVEN)):
-            if getattr(self, name) not in allowed:
+    def __post_init__(self) -> None:
+        for choice, allowed in (("readout", readouts.READOUTS), ("driven", readouts.DRIVEN)):
+            if getattr(self, choice) not in allowed:
                 raise ValueError(
-                    f"{name} = {getattr(self, name)!r}: must be one of {', '.join(allowed)}"
+                    f"{choice} = {getattr(self, choice)!r}: must be one of {', '.join(allowed)}"
                 )
         for name, low, high in (("rows", 1, 255), ("cols", 1, 255), ("adc_bits", 1, 16)):
             value = getattr(self, name)
             if not isinstance(value, (int, np.integer)) or not low <= value <= high:
                 raise ValueError(f"{name} = {value!r}: must be a whole number from {low} to {high}")
-        for name, low in (("r_ref", "above 0"), ("r_par", "0 or more"), ("r_drive", "0 or more")):
+        for name, least in (("r_ref", "above 0"), ("r_par", "0 or more"), ("r_drive", "0 or more")):
             value = getattr(self, name)
             if not np.isfinite(value) or value < 0 or (value == 0 and name == "r_ref"):
-                raise ValueError(f"{name} = {value!r} ohm: must be finite and {low}")
+                raise ValueError(f"{name} = {value!r} ohm: must be finite and {least}")
             object.__setattr__(self, name, float(value))
         r_line = np.array(self.r_line, dtype=float)
         if r_line.shape not in ((), (self.rows + self.cols,)):
@@ -119,7 +121,7 @@ class Circuit:
         return everywhere
 
     @cached_property
-    def stripes(self) -> tuple[np.ndarray, np.ndarray] | None:
+    def stripes(self) -> tuple[Floats, Floats] | None:
         """(rows,) and (cols,) resistance of the stripes [ohm]; None: they have none."""
         if not np.any(self.r_line):
             return None
@@ -154,7 +156,7 @@ class Circuit:
     @property
     def full_scale(self) -> int:
         """Reading of the ADC at its reference voltage, in ADC steps."""
-        return 2**self.adc_bits - 1
+        return (1 << self.adc_bits) - 1
 
     def ratio(self, rho: Value) -> Value:
         """Two-terminal resistance [ohm] -> ADC ratio in [0, 1] (voltage divider, or amplifier)."""
@@ -168,7 +170,7 @@ class Circuit:
         with np.errstate(divide="ignore"):
             return np.maximum(self.r_ref / adc - self.readout_class.in_series(self), 0.0)
 
-    def describe(self) -> dict:
+    def describe(self) -> dict[str, Any]:
         """The circuit as plain numbers and strings, as it is kept beside trained weights."""
         mask = None if self.mask is None else ["".join("01"[int(c)] for c in r) for r in self.mask]
         return {
@@ -188,21 +190,22 @@ class Circuit:
     def _key(self) -> str:  # compared for each frame, by what is kept of a circuit
         return repr(self.describe())
 
-    def __eq__(self, other):
+    def __eq__(self, other: object) -> bool:
         return isinstance(other, Circuit) and self._key == other._key
 
-    def __hash__(self):
+    def __hash__(self) -> int:
         return hash(self._key)
 
 
-def circuit_from(description: dict) -> Circuit:
+def circuit_from(description: dict[str, Any]) -> Circuit:
     """The circuit of a `Circuit.describe()`.
 
     Raises:
         ValueError: a key is missing or unknown, or as `Circuit`.
     """
-    of_old = {"r_line": 0.0, "readout": "floating", "driven": "rows", "r_drive": 0.0}
-    description = of_old | description  # weights of old have none of these
+    # weights of old have none of these
+    of_old: dict[str, Any] = {"r_line": 0.0, "readout": "floating", "driven": "rows"}
+    description = of_old | {"r_drive": 0.0} | description
     if (wanted := Circuit().describe().keys()) != description.keys():
         raise ValueError(f"circuit has {', '.join(description)}: must be {', '.join(wanted)}")
     mask = description["mask"]
@@ -210,8 +213,8 @@ def circuit_from(description: dict) -> Circuit:
     return Circuit(**description | {"mask": cells})
 
 
-def forward(circuit: Circuit, resistance) -> np.ndarray:
-    """What the board reads, not quantised.
+def forward(circuit: Circuit, resistance: npt.ArrayLike) -> Floats:
+    """Return what the board reads, not quantised.
 
     Args:
         resistance: (..., rows, cols) resistance of each cell [ohm], above 0; infinity is an open
@@ -225,22 +228,22 @@ def forward(circuit: Circuit, resistance) -> np.ndarray:
     Raises:
         ValueError: wrong shape, NaN, or a resistance that is not above 0.
     """
-    resistance = np.asarray(resistance, dtype=float)
-    if resistance.shape[-2:] != circuit.shape:
+    ohm = np.asarray(resistance, dtype=float)
+    if ohm.shape[-2:] != circuit.shape:
         raise ValueError(
-            f"resistance has shape {resistance.shape}: it must end in {circuit.shape} (rows, cols)"
+            f"resistance has shape {ohm.shape}: it must end in {circuit.shape} (rows, cols)"
         )
     if circuit.mask is not None:
-        resistance = np.where(circuit.mask, resistance, np.inf)
-    if not (resistance > 0).all():
-        bad = resistance[~(resistance > 0)].flat[0]
+        ohm = np.where(circuit.mask, ohm, np.inf)
+    if not (ohm > 0).all():
+        bad = ohm[~(ohm > 0)].flat[0]
         raise ValueError(f"resistance of {bad} ohm: every cell's must be above 0")
-    frames = (1.0 / resistance).reshape(-1, *circuit.shape)
-    return circuit.readout_class.read(circuit, frames).reshape(resistance.shape)
+    frames = (1.0 / ohm).reshape(-1, *circuit.shape)
+    return circuit.readout_class.read(circuit, frames).reshape(ohm.shape)
 
 
-def jacobian(circuit: Circuit, resistance) -> np.ndarray:
-    """Derivative of `forward`, exact: d adc[i, j] / d resistance[k, l] (docs/derivation.md).
+def jacobian(circuit: Circuit, resistance: npt.ArrayLike) -> Floats:
+    """Return the derivative of `forward`, d adc[i, j] / d resistance[k, l]: exact.
 
     Args:
         resistance: (rows, cols) [ohm], finite wherever the circuit has a cell.
@@ -248,8 +251,8 @@ def jacobian(circuit: Circuit, resistance) -> np.ndarray:
     Returns:
         (rows, cols, rows, cols) [1/ohm]; 0 for cells that the mask leaves out.
     """
-    resistance = np.asarray(resistance, dtype=float)
-    if resistance.shape != circuit.shape:
-        raise ValueError(f"resistance has shape {resistance.shape}, not {circuit.shape}")
-    g = np.where(circuit.populated, 1.0 / resistance, 0.0)
-    return -circuit.readout_class.by_conductance(circuit, g) * g**2
+    ohm = np.asarray(resistance, dtype=float)
+    if ohm.shape != circuit.shape:
+        raise ValueError(f"resistance has shape {ohm.shape}, not {circuit.shape}")
+    g = np.where(circuit.populated, 1.0 / ohm, 0.0)
+    return circuit.readout_class.by_conductance(circuit, g) * -np.square(g)

@@ -28,7 +28,7 @@ _LEAST_RIDGE = 1e-30  # the same where all steps are nothing
 _SOURCE = Path(__file__).with_name("fixed_point.c")
 
 
-def _load(source: Path) -> ctypes._CFuncPtr | None:
+def _load(source: Path) -> Callable[..., int] | None:
     """Return the compiled function; None: there is none, or it is not of `source`."""
     spec = find_spec(f"{__package__}._fixed_point")
     if spec is None or spec.origin is None:

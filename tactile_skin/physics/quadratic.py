@@ -68,7 +68,8 @@ def _inside_next(
 
 def inverse_diagonal(factor: Floats32) -> Floats32:
     """Return that of (U^T U)^-1, U (n, n)."""
-    return lapack.spotri(factor.T, lower=1)[0].diagonal()
+    inverse: Floats32 = lapack.spotri(factor.T, lower=1)[0]
+    return inverse.diagonal()
 
 
 def roughness(x: Floats, weight: Floats, square: float) -> tuple[float, Floats, Floats, Floats]:

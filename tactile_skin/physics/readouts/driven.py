@@ -172,7 +172,7 @@ class Driven(Readout):
         siemens = np.zeros(len(laplacian))
         np.add.at(siemens, sense[sense >= 0], 1.0 / load[sense >= 0])
         np.add.at(siemens, drive[drive >= 0], cls._to_idle(circuit, before)[drive >= 0])
-        k = np.linalg.inv(laplacian + np.diag(siemens))
+        k = np.linalg.inv(laplacian + np.diag(siemens)).astype(np.float64, copy=False)
         at_drive = cls._from_supply(circuit, before, k.diagonal()[drive])
         share = np.divide(r_ref, load, out=np.ones(len(load)), where=np.isfinite(r_ref))
         adc = share * k[np.ix_(drive, sense)] / at_drive[:, None]

@@ -59,6 +59,7 @@ class Loaded(Driven):
             return currents
         along = -1 - circuit.sense_axis
         read = ~np.isnan(currents)
-        mean = np.where(read, currents, 0.0).sum(along, keepdims=True)
+        mean: Floats = np.where(read, currents, 0.0).sum(along, keepdims=True)
         mean /= np.maximum(read.sum(along, keepdims=True), 1)
-        return mean * currents.shape[along]
+        mean *= currents.shape[along]
+        return mean

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Floats32, Ints, Value
+from ..arrays import Floats, Floats32, Ints, Value
 
 if TYPE_CHECKING:
     from ..circuit import Circuit
 
-Pair: TypeAlias = tuple[Floats, Floats]  # of rows and of columns
+Pair: TypeAlias = Sequence[Floats]  # of rows and of columns
 
 
 class Readout(ABC):
@@ -111,7 +112,7 @@ class Readout(ABC):
     @classmethod
     def read(cls, circuit: Circuit, g: Floats) -> Floats:
         """Return (n, rows, cols) the ADC ratio of n frames, whose networks may fall into parts."""
-        adc = np.array([cls(circuit, frame).adc for frame in g]).reshape(g.shape)
+        adc: Floats = np.array([cls(circuit, frame).adc for frame in g]).reshape(g.shape)
         return np.minimum(adc, 1.0)  # an amplifier ends there, and rounding
 
     @classmethod
@@ -146,8 +147,3 @@ def blank(adc: Floats, lines: tuple[Ints, Ints]) -> Floats:
     row, col = lines
     adc[row < 0], adc[:, col < 0] = 0.0, 0.0
     return adc
-
-
-def of_own_cells(lines: tuple[Ints, Ints]) -> Bools:
-    """Return (rows, cols) whether both lines of a crossing are the same node."""
-    return lines[0][:, None] == lines[1]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..arrays import Floats, Floats32, Ints, Value
-from .readout import Pair, Readout, blank, of_own_cells
+from .readout import Pair, Readout, blank
 
 if TYPE_CHECKING:
     from ..circuit import Circuit
@@ -44,7 +44,9 @@ class Separate(Readout):
     def sensitivity(self, weight: Floats, readings: Ints, one: Ints, other: Ints) -> Floats32:
         row, col = np.divmod(readings, weight.shape[1])
         of_cell = (row[:, None] == one) & (col[:, None] + len(weight) == other)
-        return (of_cell * (weight * self._own).flat[readings][:, None]).astype(np.float32)
+        weight = (weight * self._own).ravel()[readings]
+        slopes: Floats32 = (of_cell * weight[:, None]).astype(np.float32)
+        return slopes
 
     def cells_for(self, cells: Ints, b: Floats) -> Floats:
         picture = np.zeros(self.adc.shape)
@@ -65,7 +67,8 @@ class Separate(Readout):
         r_ref: Floats,
     ) -> Floats:
         """A row that is joined to a column is a short circuit."""
-        g = np.where(of_own_cells(lines), np.inf, -laplacian[np.ix_(*lines)])
+        a, b = lines
+        g = np.where(a[:, None] == b, np.inf, -laplacian[np.ix_(a, b)])
         with np.errstate(divide="ignore"):
             ohm = 1.0 / g + circuit.r_par + leads[0][:, None] + leads[1]
             adc = np.minimum((r_ref[:, None] if circuit.driven == "columns" else r_ref) / ohm, 1.0)
@@ -83,7 +86,8 @@ class Separate(Readout):
     @classmethod
     def ratio(cls, circuit: Circuit, rho: Value) -> Value:
         with np.errstate(divide="ignore"):
-            return np.minimum(circuit.r_ref / (circuit.r_par + np.asarray(rho)), 1.0)
+            ratio: Value = np.minimum(np.divide(circuit.r_ref, circuit.r_par + rho), 1.0)
+        return ratio
 
     @classmethod
     def in_series(cls, circuit: Circuit) -> float:
