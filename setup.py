@@ -54,7 +54,7 @@ setup(
             "view/page/*",
         ]
     },
-    # optional: without a compiler NumPy does the same, in twice the time
+    # optional: without a compiler NumPy does the same, in up to 1.3 times the time
     ext_modules=[
         Extension(
             f"{package_name}.physics._fixed_point",

@@ -37,7 +37,7 @@ def _load(source: Path) -> Callable[..., int] | None:
     if ctypes.c_uint32.in_dll(library, "source").value != zlib.crc32(source.read_bytes()):
         warnings.warn(
             "tactile_skin: the inner loops were compiled from other sources and are not used, "
-            "which takes twice the time: run `pip install -e .` again",
+            "which takes up to 1.3 times the time: run `pip install -e .` again",
             stacklevel=3,
         )
         return None
