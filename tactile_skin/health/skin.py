@@ -282,7 +282,7 @@ class Skin:
     def rest_resistance(self) -> np.ndarray | None:
         """(rows, cols) of each untouched cell [ohm]; None: not measured yet."""
         rest = self._tare.curve.rest_resistance
-        return rest if np.ndim(rest) else None
+        return rest if isinstance(rest, np.ndarray) else None
 
     @property
     def unknown_series(self) -> float:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..physics import kernel
+from .convolution import convolve, layer_of
 
 SHIPPED = Path(__file__).parent / "weights" / "touches.npz"
 INPUTS, OUTPUTS = 5, 2
@@ -44,9 +44,7 @@ class Denoiser:
 
     def __init__(self, state: dict[str, np.ndarray]):
         names = [name[: -len(".weight")] for name in state if name.endswith(".weight")]
-        self._layers = [
-            kernel.convolution(state[f"{name}.weight"], state[f"{name}.bias"]) for name in names
-        ]
+        self._layers = [layer_of(state[f"{name}.weight"], state[f"{name}.bias"]) for name in names]
 
     def __call__(self, x, std, own, unknown, cells) -> tuple[np.ndarray, np.ndarray]:
         """The likely x of each cell, and its standard deviation, (rows, cols) each.
@@ -59,10 +57,10 @@ class Denoiser:
             unknown: (rows, cols) bool, cells that the fit was free to move.
             cells: (rows, cols) bool, cells that exist.
         """
-        h = np.maximum(kernel.convolve(inputs(x, std, own, unknown, cells), self._layers[0]), 0.0)
+        h = np.maximum(convolve(inputs(x, std, own, unknown, cells), self._layers[0]), 0.0)
         for layer in self._layers[1:-1]:
-            h += np.maximum(kernel.convolve(h, layer), 0.0)
-        shift, log_share = kernel.convolve(h, self._layers[-1])
+            h += np.maximum(convolve(h, layer), 0.0)
+        shift, log_share = convolve(h, self._layers[-1])
         std = np.clip(std, *STD)
         return x + shift * std, std * np.exp(np.clip(log_share, *SHARE))
 

@@ -23,6 +23,8 @@ from ..files import FileError, one_line, read_bytes
 from ..physics import kernel
 from ..physics.circuit import Circuit, circuit_from
 from ..physics.curve import PressureCurve
+from ..physics.laplacian import connected_rho
+from .convolution import convolve, layer_of
 
 SHIPPED = Path(__file__).parent / "weights"
 DILATIONS = (1, 2, 3)  # of the parallel context convolutions (paper Fig. 7)
@@ -69,7 +71,7 @@ def physics_inputs(adc: np.ndarray, circuit: Circuit, curve: PressureCurve) -> n
             goal=0.0,
             steps=_STEPS,
         )
-        rho[k] = kernel.connected_rho(g[k])
+        rho[k] = connected_rho(g[k])
     g = np.maximum(g, low)  # where there is no cell too
     out = np.empty((PHYSICS_INPUTS, *adc.shape), np.float32)
     out[0] = np.log(np.minimum(np.maximum(1.0 / rho_measured, low), high) / low) * scale
@@ -140,8 +142,7 @@ class Weights:
                 (state["col.weight"].reshape(self.rows), state["col.bias"]),
             )
         self._context, self._head = (
-            [kernel.convolution(*layer) for layer in _layers(state, name)]
-            for name in ("context", "head")
+            [layer_of(*layer) for layer in _layers(state, name)] for name in ("context", "head")
         )
         self._fits: tuple[Circuit, PressureCurve] | None = None  # that were found to fit
 
@@ -203,12 +204,12 @@ class Weights:
             h[1] = np.maximum(h[0] @ row + row_bias, 0.0)[:, None]
             h[2] = np.maximum(col @ h[0] + col_bias, 0.0)
         looked = [
-            kernel.convolve(h, layer, dilation)
+            convolve(h, layer, dilation)
             for layer, dilation in zip(self._context, DILATIONS, strict=True)
         ]
         h = np.concatenate(looked)  # (27, rows, cols)
         for layer in self._head:
-            h = kernel.convolve(np.maximum(h, 0.0, out=h), layer)
+            h = convolve(np.maximum(h, 0.0, out=h), layer)
         force = h[0] if self._lines else h[0] + (1.0 + h[1]) * inputs[FIXED_POINT]
         return np.maximum(force, 0.0) * self._curve.max_force
 

@@ -12,13 +12,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from ..files import shorten
+from .arrays import Bools, Floats, Value
 from .circuit import Circuit
-from .kernel import Table
 
+Samples: TypeAlias = npt.NDArray[np.uint16]  # of skin/adc
 NOT_READ = 65535  # of skin/adc: no reading of this crossing; the largest reading is one less
 # V that a diode takes more for e times the current, n k T / q at 25 degrees: n is 1.0 to 1.1 of
 # Schottky diodes, 1.75 of a 1N4148 and 1.8 of a 1N4007 (SPICE models). At 1 mA the former take less
@@ -61,12 +64,12 @@ class Adc:
     offset: float = 0.0
     full_scale: float = 0.0
     inverted: bool = False
-    scanned: np.ndarray | None = field(default=None, repr=False)
+    scanned: Bools | None = field(default=None, repr=False)
     diode: float = 0.0
     supply: float = 5.0
-    table: str | np.ndarray | None = None
+    table: str | Floats | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         full = self.full_scale or float(self.circuit.full_scale)
         if not 1.0 <= full < np.inf:
             raise ValueError(f"adc_full_scale = {self.full_scale!r}: must be 1 or more, or 0")
@@ -81,7 +84,7 @@ class Adc:
                 f"diode = {self.diode!r} V: must be at least 0, below half of supply = "
                 f"{self.supply!r} V"
             )
-        if self.diode and self.circuit.readout not in ("floating", "loaded"):
+        if self.diode and not self.circuit.readout_class.takes_diodes:
             raise ValueError(
                 f"diode = {self.diode!r} V: must be 0 for readout = {self.circuit.readout!r}. A "
                 "diode holds no line at 0 V: lines behind diodes are those of readout = 'loaded'"
@@ -102,25 +105,25 @@ class Adc:
     @cached_property
     def _sample(self) -> int:
         """Of skin/adc, in an ADC step."""
-        return 2 ** (16 - self.circuit.adc_bits)
+        return 1 << (16 - self.circuit.adc_bits)
 
     @cached_property
     def _top(self) -> int:
         """The largest count, as a sample of skin/adc."""
         return self.circuit.full_scale * self._sample
 
-    def unread(self, samples: np.ndarray) -> np.ndarray:
+    def unread(self, samples: Samples) -> Bools:
         """(..., rows, cols) bool: crossings that are named as such, marked, or 0 with no cell.
 
         Args:
             samples: of skin/adc.
         """
-        unread = samples == NOT_READ
+        unread: Bools = samples == NOT_READ
         if self.circuit.mask is not None:  # through its neighbours it would read more than 0
             unread |= ~self.circuit.mask & (samples == 0)
         return unread if self.scanned is None else unread | ~self.scanned
 
-    def marked(self, samples: np.ndarray, unread: np.ndarray | None = None) -> np.ndarray:
+    def marked(self, samples: Samples, unread: Bools | None = None) -> Samples:
         """Samples as skin/adc carries them: NOT_READ where no reading is, and only there.
 
         Args:
@@ -132,7 +135,7 @@ class Adc:
             absent |= unread
         return np.where(absent, samples.dtype.type(NOT_READ), known) if absent.any() else known
 
-    def ratio_of(self, samples: np.ndarray) -> np.ndarray:
+    def ratio_of(self, samples: Samples) -> Floats:
         """skin/adc -> ADC ratio in [0, 1] for the solvers, NaN where there is no reading.
 
         Raises:
@@ -144,41 +147,41 @@ class Adc:
         steps = samples / self._sample
         return self.ratio(np.where(absent, np.nan, steps) if absent.any() else steps)
 
-    def ratio(self, count):
+    def ratio(self, count: Value) -> Value:
         """A reading [ADC steps] -> ADC ratio in [0, 1]; what lies beyond is noise, and cut off.
 
         The low-pass may round the largest reading up by less than a step. With a diode a picture
         is needed, (..., rows, cols): all that a line's readings say tells its current.
         """
         share = self._share_of(count)
-        share = np.minimum(np.maximum(1.0 - share if self.inverted else share, 0.0), 1.0)
-        return np.minimum(share / self._behind_diode(share), 1.0) if self.diode else share
+        ratio: Value = np.minimum(np.maximum(1.0 - share if self.inverted else share, 0.0), 1.0)
+        if self.diode:
+            ratio = np.minimum(ratio / self._behind_diode(ratio), 1.0)
+        return ratio
 
-    def count(self, ratio):
+    def count(self, ratio: Value) -> Value:
         """The inverse of `ratio`, where nothing is cut off [ADC steps]."""
         share = ratio
         for _ in range(_DIODE_ROUNDS if self.diode else 0):
-            share = ratio * self._behind_diode(share)
+            share = np.multiply(ratio, self._behind_diode(share))
         return self._count_of(1.0 - share if self.inverted else share)
 
-    def _share_of(self, count):
+    def _share_of(self, count: Value) -> Value:
         """Return the voltage's share of the supply, cut off at the table's ends if there is one."""
         if self.table is None:
             return (count + self.offset) / self.full_scale
-        return self._to_share(count + self.offset) * (self.circuit.full_scale / self.full_scale)
+        at, share_there = np.asarray(self.table).T
+        share: Value = np.interp(count + self.offset, at, share_there)
+        return share * (self.circuit.full_scale / self.full_scale)
 
-    def _count_of(self, share):
+    def _count_of(self, share: Value) -> Value:
         """Return the inverse of `_share_of` [ADC steps]."""
         if self.table is None:
             return share * self.full_scale - self.offset
         at, share_there = np.asarray(self.table).T
         share = share * self.full_scale / self.circuit.full_scale
-        reading = np.interp(share, share_there, at)
+        reading: Value = np.interp(share, share_there, at)
         return reading - self.offset
-
-    @cached_property
-    def _to_share(self) -> Table:
-        return Table(*np.asarray(self.table).T)
 
     @cached_property
     def range(self) -> tuple[float, float]:
@@ -192,25 +195,20 @@ class Adc:
         low, high = sorted((1.0 - share if self.inverted else share).tolist())
         return low, high
 
-    def bounds(self, ratio: np.ndarray) -> np.ndarray:
+    def bounds(self, ratio: Floats) -> Bools:
         """Return a bool array: readings at an end of the ADC's `range`, which are bounds only."""
         low, high = self.range
         ends = high < 1.0 or not self.circuit.has_cross_talk
         return ((ratio <= low) & (low > 0.0)) | ((ratio >= high) & ends)
 
-    def _behind_diode(self, share):
-        """What the diode leaves of the supply, as share of it, by what is read behind it.
+    def _behind_diode(self, share: float | Floats) -> Any:
+        """Return what the diode leaves of the supply, as share of it, by what is read behind it.
 
         All current of a driven line returns through the reference resistors: through one if
         floating, through those of all sense lines if loaded.
         """
         amperes = np.asarray(share) * (self.supply / self.circuit.r_ref)
-        if self.circuit.readout == "loaded" and amperes.ndim >= 2:
-            across = -1 if self.circuit.driven == "rows" else -2
-            read = ~np.isnan(amperes)
-            mean = np.where(read, amperes, 0.0).sum(across, keepdims=True)
-            mean /= np.maximum(read.sum(across, keepdims=True), 1)
-            amperes = mean * amperes.shape[across]
+        amperes = self.circuit.readout_class.through_driver(self.circuit, amperes)
         slope = _SLOPES[0] if self.diode < _SCHOTTKY else _SLOPES[1]
         more = slope * np.log(np.maximum(amperes, _LEAST_CURRENT) / _DIODE_AT)
         return 1.0 - np.maximum(self.diode + more, 0.0) / self.supply
@@ -229,20 +227,20 @@ class Adc:
             return 0.0
         return float(self.share(steps) if self.inverted else self.ratio(steps))
 
-    def rising(self, samples: np.ndarray) -> np.ndarray:
+    def rising(self, samples: Samples) -> Samples:
         """Samples that rise with pressure whatever the polarity; 0 where there is no reading."""
         absent = self.unread(samples)
         if self.inverted:
             samples = self._top - np.minimum(samples, self._top)
         return np.where(absent, samples.dtype.type(0), samples) if absent.any() else samples
 
-    def rising_count(self, ratio):
+    def rising_count(self, ratio: Value) -> Value:
         """What `rising` makes of a ratio, a number or (rows, cols) [ADC steps]."""
         count = self.count(ratio)
         return self.circuit.full_scale - count if self.inverted else count
 
 
-def _table(given, bits: int) -> np.ndarray:
+def _table(given: str | npt.ArrayLike, bits: int) -> Floats:
     """Return (n, 2) readings of so many bits [ADC steps] and their shares of the supply; read-only.
 
     Raises:

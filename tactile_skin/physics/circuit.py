@@ -3,9 +3,9 @@
 A skin of ``rows x cols`` cells is a bipartite resistor network: one node per stripe, one resistor
 (the taxel) where a row stripe crosses a column stripe. The paper's read-out connects one row and
 one column and lets every other line float, so it sees the *two-terminal resistance* between the two
-stripes, not the taxel alone: that is the cross-talk. readouts.py has this and the other readouts.
+stripes, not the taxel alone: that is the cross-talk. readouts/ has this and the others.
 
-All readings of a frame follow from one small inverse (numpy_kernel.py, docs/derivation.md). The
+All readings of a frame follow from one small inverse (laplacian.py, docs/derivation.md). The
 paper (section IV-B) solves one system of ``rows*cols + 1`` equations per reading instead; it stands
 in the tests as the oracle.
 """
@@ -14,11 +14,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from . import laplacian, lines, readouts
-from .kernel import connected_rho
+from . import readouts
+from .arrays import Bools, Floats, Value
+from .laplacian import connected
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,26 +57,26 @@ class Circuit:
     r_ref: float = 1780.0
     r_par: float = 326.0
     adc_bits: int = 10
-    mask: np.ndarray | None = field(default=None, repr=False)
-    r_line: float | np.ndarray = 0.0
+    mask: Bools | None = field(default=None, repr=False)
+    r_line: float | Floats = 0.0
     readout: str = "floating"
     driven: str = "rows"
     r_drive: float = 0.0
 
-    def __post_init__(self):
-        for name, allowed in (("readout", readouts.READOUTS), ("driven", readouts.DRIVEN)):
-            if getattr(self, name) not in allowed:
+    def __post_init__(self) -> None:
+        for choice, allowed in (("readout", readouts.READOUTS), ("driven", readouts.DRIVEN)):
+            if getattr(self, choice) not in allowed:
                 raise ValueError(
-                    f"{name} = {getattr(self, name)!r}: must be one of {', '.join(allowed)}"
+                    f"{choice} = {getattr(self, choice)!r}: must be one of {', '.join(allowed)}"
                 )
         for name, low, high in (("rows", 1, 255), ("cols", 1, 255), ("adc_bits", 1, 16)):
             value = getattr(self, name)
             if not isinstance(value, (int, np.integer)) or not low <= value <= high:
                 raise ValueError(f"{name} = {value!r}: must be a whole number from {low} to {high}")
-        for name, low in (("r_ref", "above 0"), ("r_par", "0 or more"), ("r_drive", "0 or more")):
+        for name, least in (("r_ref", "above 0"), ("r_par", "0 or more"), ("r_drive", "0 or more")):
             value = getattr(self, name)
             if not np.isfinite(value) or value < 0 or (value == 0 and name == "r_ref"):
-                raise ValueError(f"{name} = {value!r} ohm: must be finite and {low}")
+                raise ValueError(f"{name} = {value!r} ohm: must be finite and {least}")
             object.__setattr__(self, name, float(value))
         r_line = np.array(self.r_line, dtype=float)
         if r_line.shape not in ((), (self.rows + self.cols,)):
@@ -83,12 +86,12 @@ class Circuit:
             )
         if not (np.isfinite(r_line) & (r_line >= 0.0)).all():
             raise ValueError(f"r_line = {self.r_line!r} ohm: must be finite and 0 or more")
-        if self.readout != "floating" and r_line.any():
+        if not self.readout_class.knows_r_line and r_line.any():
             raise ValueError(
                 f"r_line = {self.r_line!r} ohm: must be 0 for readout = {self.readout!r}, whose "
                 "stripes are taken as ideal"
             )
-        if self.readout != "grounded" and self.r_drive:
+        if not self.readout_class.knows_r_drive and self.r_drive:
             raise ValueError(
                 f"r_drive = {self.r_drive!r} ohm: must be 0 for readout = {self.readout!r}, where "
                 "the driver's resistance is part of r_par"
@@ -99,7 +102,7 @@ class Circuit:
             mask = np.array(self.mask, dtype=bool)
             if mask.shape != self.shape:
                 raise ValueError(f"mask has shape {mask.shape}: the circuit is {self.shape}")
-            if not _connected(mask[None])[0]:
+            if not connected(mask[None])[0]:
                 raise ValueError("mask: the cells must connect all rows and columns to one another")
             mask.setflags(write=False)
             object.__setattr__(self, "mask", None if mask.all() else mask)
@@ -118,12 +121,17 @@ class Circuit:
         return everywhere
 
     @cached_property
-    def stripes(self) -> tuple[np.ndarray, np.ndarray] | None:
+    def stripes(self) -> tuple[Floats, Floats] | None:
         """(rows,) and (cols,) resistance of the stripes [ohm]; None: they have none."""
         if not np.any(self.r_line):
             return None
         r_line = np.broadcast_to(self.r_line, self.rows + self.cols)
         return r_line[: self.rows], r_line[self.rows :]
+
+    @property
+    def readout_class(self) -> type[readouts.Readout]:
+        """What the readout is: all that differs between readouts."""
+        return readouts.BY_NAME[self.readout]
 
     @property
     def sense_axis(self) -> int:
@@ -133,40 +141,36 @@ class Circuit:
     @property
     def has_ideal_drivers(self) -> bool:
         """Whether it is grounded so that each sense line's cells follow from its own readings."""
-        return self.readout == "grounded" and not self.r_drive
+        return self.readout_class.knows_r_drive and not self.r_drive
 
     @property
     def has_cross_talk(self) -> bool:
         """Whether a reading depends on other cells than its own."""
-        return self.readout != "virtual_ground"
+        return self.readout_class.has_cross_talk
 
     def read_as(self, readout: str, driven: str) -> Circuit:
         """The same without what that readout does not model."""
-        r_drive = self.r_drive if readout == "grounded" else 0.0
+        r_drive = self.r_drive if readouts.BY_NAME[readout].knows_r_drive else 0.0
         return replace(self, readout=readout, driven=driven, r_line=0.0, r_drive=r_drive)
 
     @property
     def full_scale(self) -> int:
         """Reading of the ADC at its reference voltage, in ADC steps."""
-        return 2**self.adc_bits - 1
+        return (1 << self.adc_bits) - 1
 
-    def ratio(self, rho):
+    def ratio(self, rho: Value) -> Value:
         """Two-terminal resistance [ohm] -> ADC ratio in [0, 1] (voltage divider, or amplifier)."""
-        if self.has_cross_talk:
-            return self.r_ref / (self.r_ref + self.r_par + rho)
-        with np.errstate(divide="ignore"):
-            return np.minimum(self.r_ref / (self.r_par + np.asarray(rho, dtype=float)), 1.0)
+        return self.readout_class.ratio(self, rho)
 
-    def two_terminal(self, adc):
+    def two_terminal(self, adc: Floats) -> Floats:
         """ADC ratio -> two-terminal resistance [ohm], the inverse of `ratio`; never negative.
 
         Zero reads as an infinite resistance.
         """
         with np.errstate(divide="ignore"):
-            series = self.r_par + (self.r_ref if self.has_cross_talk else 0.0)
-            return np.maximum(self.r_ref / adc - series, 0.0)
+            return np.maximum(self.r_ref / adc - self.readout_class.in_series(self), 0.0)
 
-    def describe(self) -> dict:
+    def describe(self) -> dict[str, Any]:
         """The circuit as plain numbers and strings, as it is kept beside trained weights."""
         mask = None if self.mask is None else ["".join("01"[int(c)] for c in r) for r in self.mask]
         return {
@@ -186,21 +190,22 @@ class Circuit:
     def _key(self) -> str:  # compared for each frame, by what is kept of a circuit
         return repr(self.describe())
 
-    def __eq__(self, other):
+    def __eq__(self, other: object) -> bool:
         return isinstance(other, Circuit) and self._key == other._key
 
-    def __hash__(self):
+    def __hash__(self) -> int:
         return hash(self._key)
 
 
-def circuit_from(description: dict) -> Circuit:
+def circuit_from(description: dict[str, Any]) -> Circuit:
     """The circuit of a `Circuit.describe()`.
 
     Raises:
         ValueError: a key is missing or unknown, or as `Circuit`.
     """
-    of_old = {"r_line": 0.0, "readout": "floating", "driven": "rows", "r_drive": 0.0}
-    description = of_old | description  # weights of old have none of these
+    # weights of old have none of these
+    of_old: dict[str, Any] = {"r_line": 0.0, "readout": "floating", "driven": "rows"}
+    description = of_old | {"r_drive": 0.0} | description
     if (wanted := Circuit().describe().keys()) != description.keys():
         raise ValueError(f"circuit has {', '.join(description)}: must be {', '.join(wanted)}")
     mask = description["mask"]
@@ -208,8 +213,8 @@ def circuit_from(description: dict) -> Circuit:
     return Circuit(**description | {"mask": cells})
 
 
-def forward(circuit: Circuit, resistance) -> np.ndarray:
-    """What the board reads, not quantised.
+def forward(circuit: Circuit, resistance: npt.ArrayLike) -> Floats:
+    """Return what the board reads, not quantised.
 
     Args:
         resistance: (..., rows, cols) resistance of each cell [ohm], above 0; infinity is an open
@@ -223,51 +228,22 @@ def forward(circuit: Circuit, resistance) -> np.ndarray:
     Raises:
         ValueError: wrong shape, NaN, or a resistance that is not above 0.
     """
-    resistance = np.asarray(resistance, dtype=float)
-    if resistance.shape[-2:] != circuit.shape:
+    ohm = np.asarray(resistance, dtype=float)
+    if ohm.shape[-2:] != circuit.shape:
         raise ValueError(
-            f"resistance has shape {resistance.shape}: it must end in {circuit.shape} (rows, cols)"
+            f"resistance has shape {ohm.shape}: it must end in {circuit.shape} (rows, cols)"
         )
     if circuit.mask is not None:
-        resistance = np.where(circuit.mask, resistance, np.inf)
-    if not (resistance > 0).all():
-        bad = resistance[~(resistance > 0)].flat[0]
+        ohm = np.where(circuit.mask, ohm, np.inf)
+    if not (ohm > 0).all():
+        bad = ohm[~(ohm > 0)].flat[0]
         raise ValueError(f"resistance of {bad} ohm: every cell's must be above 0")
-    if circuit.readout == "floating" and circuit.stripes is None:
-        return circuit.ratio(two_terminal_resistance(1.0 / resistance))
-    frames = (1.0 / resistance).reshape(-1, *circuit.shape)
-    if circuit.readout != "floating":
-        adc = np.array([readouts.solve(circuit, g).adc for g in frames])
-        return np.minimum(adc.reshape(resistance.shape), 1.0)  # an amplifier ends there
-    assert circuit.stripes is not None
-    rho = np.array([lines.solve(g, *circuit.stripes).rho for g in frames])
-    return circuit.ratio(rho.reshape(resistance.shape))
+    frames = (1.0 / ohm).reshape(-1, *circuit.shape)
+    return circuit.readout_class.read(circuit, frames).reshape(ohm.shape)
 
 
-def two_terminal_resistance(conductance: np.ndarray) -> np.ndarray:
-    """Resistance between row i and column j with every other line floating.
-
-    Args:
-        conductance: (..., rows, cols) of the cells [S], 0 where there is none.
-
-    Returns:
-        (..., rows, cols) rho [ohm]; infinite where no path connects the two lines.
-    """
-    g = np.asarray(conductance, dtype=float)
-    frames = g.reshape(-1, *g.shape[-2:])
-    rho = np.empty(frames.shape)
-    present = frames > 0
-    connected = np.ones(len(frames), bool) if present.all() else _connected(present)
-    for k, frame in enumerate(frames):
-        rho[k] = connected_rho(frame) if connected[k] else _rho_in_parts(frame)
-    return rho.reshape(g.shape)
-
-
-def jacobian(circuit: Circuit, resistance) -> np.ndarray:
-    """Derivative of `forward`, exact: d adc[i, j] / d resistance[k, l].
-
-    With t_ab = A_ik + D_jl - C_il - C_kj for a = (i, j), b = (k, l), the transfer resistance
-    between two crossings: d rho_a / d g_b = -t_ab^2 (docs/derivation.md).
+def jacobian(circuit: Circuit, resistance: npt.ArrayLike) -> Floats:
+    """Return the derivative of `forward`, d adc[i, j] / d resistance[k, l]: exact.
 
     Args:
         resistance: (rows, cols) [ohm], finite wherever the circuit has a cell.
@@ -275,49 +251,8 @@ def jacobian(circuit: Circuit, resistance) -> np.ndarray:
     Returns:
         (rows, cols, rows, cols) [1/ohm]; 0 for cells that the mask leaves out.
     """
-    resistance = np.asarray(resistance, dtype=float)
-    if resistance.shape != circuit.shape:
-        raise ValueError(f"resistance has shape {resistance.shape}, not {circuit.shape}")
-    g = np.where(circuit.populated, 1.0 / resistance, 0.0)
-    if circuit.readout != "floating":
-        network = readouts.solve(circuit, g)
-        cells = np.array([network.change(cell) for cell in np.eye(g.size).reshape(-1, *g.shape)])
-        return -np.moveaxis(cells, 0, -1).reshape(*g.shape, *g.shape) * g**2
-    if circuit.stripes is None:
-        ideal = laplacian.solve(g)
-        rho, transfer = ideal.rho, laplacian.transfer_resistance(ideal)
-    else:
-        behind = lines.solve(g, *circuit.stripes)
-        row, col = np.split(np.moveaxis(behind.across, 2, 0), [circuit.rows])
-        rho, transfer = behind.rho, row[:, None] - col
-    adc = circuit.ratio(rho)
-    d_rho = transfer**2 * g**2  # (rows, cols, rows, cols), by R
-    return -(adc**2 / circuit.r_ref)[:, :, None, None] * d_rho
-
-
-def _row_reach(present: np.ndarray) -> np.ndarray:
-    """(..., rows, rows) bool: which rows a path of cells connects."""
-    p = present.astype(np.float32)
-    reach = p @ p.swapaxes(-1, -2) > 0
-    for _ in range(max(present.shape[-2] - 1, 1).bit_length()):
-        step = reach.astype(np.float32)
-        reach = step @ step > 0
-    return reach
-
-
-def _connected(present: np.ndarray) -> np.ndarray:
-    """(n,) bool: whether the cells of each (rows, cols) picture connect all its lines."""
-    return np.asarray(_row_reach(present).all((-2, -1)) & present.any(-2).all(-1))
-
-
-def _rho_in_parts(g: np.ndarray) -> np.ndarray:
-    """rho of one frame whose network falls into parts: infinite between them."""
-    rho = np.full(g.shape, np.inf)
-    present = g > 0
-    for reach in np.unique(_row_reach(present), axis=0):
-        rows = np.flatnonzero(reach)
-        cols = np.flatnonzero(present[rows].any(0)) if rows.size else rows
-        if cols.size:
-            part = np.ix_(rows, cols)
-            rho[part] = connected_rho(g[part])
-    return rho
+    ohm = np.asarray(resistance, dtype=float)
+    if ohm.shape != circuit.shape:
+        raise ValueError(f"resistance has shape {ohm.shape}, not {circuit.shape}")
+    g = np.where(circuit.populated, 1.0 / ohm, 0.0)
+    return circuit.readout_class.by_conductance(circuit, g) * -np.square(g)

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
+from .arrays import Floats
 
-def conjugate_gradients(product, diagonal, b, *, steps: int, target: float) -> np.ndarray:
+
+def conjugate_gradients(
+    product: Callable[[Floats], Floats], diagonal: Floats, b: Floats, *, steps: int, target: float
+) -> Floats:
     """Solve A x = b, A symmetric and positive definite, until the residual falls by `target`.
 
     Args:

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .arrays import Floats
+
 MAX_SHARE = 0.1  # what gains more is no standing load, or no piezoresistive fabric
 
 
@@ -23,6 +25,6 @@ class Creep:
     time: float = 1.0
     std: float = 0.0
 
-    def gain(self, t):
-        """Times what a load adds as it comes that it adds after t [s]."""
+    def gain(self, t: float | Floats) -> Floats:
+        """Return times what a load adds as it comes that it adds after t [s]."""
         return 1.0 + self.share * np.log10(1.0 + np.asarray(t) / self.time)

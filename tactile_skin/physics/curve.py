@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import copy
+from os import PathLike
 
 import numpy as np
+import numpy.typing as npt
 
 from ..errors import FileError
 from ..files import shorten
-from . import kernel
+from .arrays import Floats
 
 GRAM = 9.80665e-3  # N: weight of one gram; the paper and its figures speak in grams a cell
 
@@ -41,9 +43,13 @@ class PressureCurve:
 
     _TABLE_POINTS = 4097
 
-    def __init__(self, force=_DEFAULT_LOAD, resistance=_DEFAULT_RESISTANCE):
-        force = np.asarray(force, dtype=float)
-        resistance = np.asarray(resistance, dtype=float)
+    offset: Floats | None
+    gain: Floats | None
+
+    def __init__(
+        self, force: npt.ArrayLike = _DEFAULT_LOAD, resistance: npt.ArrayLike = _DEFAULT_RESISTANCE
+    ) -> None:
+        force, resistance = np.asarray(force, dtype=float), np.asarray(resistance, dtype=float)
         if force.ndim != 1 or force.shape != resistance.shape or force.size < 2:
             raise ValueError(
                 f"curve: force has {force.size} and resistance {resistance.size} values: "
@@ -56,7 +62,7 @@ class PressureCurve:
             raise ValueError(
                 f"curve: resistance = {resistance.tolist()} ohm: must fall, be finite and above 0"
             )
-        self.points = tuple(map(tuple, np.stack([force, resistance], 1).tolist()))
+        self.points = tuple(zip(force.tolist(), resistance.tolist(), strict=True))
         self.offset = self.gain = None
         # Here: a bad file is refused before the 0.2 s that this import takes.
         from scipy.interpolate import PchipInterpolator
@@ -72,11 +78,9 @@ class PressureCurve:
                 f"curve: force = {force.tolist()} N, resistance = {resistance.tolist()} ohm: "
                 "points too close to one another"
             )
-        self._log_g_of = kernel.Table(self._root, self._log_g)
-        self._root_of = kernel.Table(self._log_g, self._root)
 
     @classmethod
-    def load(cls, path) -> PressureCurve:
+    def load(cls, path: str | PathLike[str]) -> PressureCurve:
         """Read a curve from YAML: two lists, ``force`` [N] and ``resistance`` [ohm].
 
         Raises:
@@ -97,8 +101,8 @@ class PressureCurve:
         except ValueError as error:
             raise FileError(f"{path}: {error}") from error
 
-    def resting_at(self, resistance) -> PressureCurve:
-        """The curve of cells that rest at (rows, cols) resistances [ohm] of their own.
+    def resting_at(self, resistance: npt.ArrayLike) -> PressureCurve:
+        """Return the curve of cells that rest at (rows, cols) resistances [ohm] of their own.
 
         What a cell conducts more or less than the curve at rest, it does under any load: a tare.
         A pressed cell conducts a hundred times as much and hardly feels it.
@@ -115,23 +119,23 @@ class PressureCurve:
         tared.offset.setflags(write=False)
         return tared
 
-    def with_gain(self, gain) -> PressureCurve:
-        """The curve of cells with (rows, cols) times the force that it says; None: 1.
+    def with_gain(self, gain: npt.ArrayLike | None) -> PressureCurve:
+        """Return the curve of cells with (rows, cols) times the force that it says; None: 1.
 
         Of arrays that do not end in (rows, cols) it is that of the usual cell.
         """
-        if gain is not None:
-            gain = np.array(gain, dtype=float)
-            if not ((gain > 0.0) & (gain < np.inf)).all():
-                bad = gain[~((gain > 0.0) & (gain < np.inf))].flat[0]
-                raise ValueError(f"curve: a cell of gain {bad:g}: must be above 0 and finite")
-            gain.setflags(write=False)
         own = copy.copy(self)
-        own.gain = gain
+        own.gain = None if gain is None else np.array(gain, dtype=float)
+        if own.gain is not None:
+            positive = (own.gain > 0.0) & (own.gain < np.inf)
+            if not positive.all():
+                bad = own.gain[~positive].flat[0]
+                raise ValueError(f"curve: a cell of gain {bad:g}: must be above 0 and finite")
+            own.gain.setflags(write=False)
         return own
 
     def up_to(self, force: float) -> PressureCurve:
-        """The curve with a `max_force` of `force` [N] at least.
+        """Return the curve with a `max_force` of `force` [N] at least.
 
         Beyond its last point a cell conducts more with each newton as between its last two.
         """
@@ -156,32 +160,35 @@ class PressureCurve:
     @property
     def max_force(self) -> float:
         """Largest force that every cell tells from a larger one [N]."""
-        return self.points[-1][0] * (1.0 if self.gain is None else float(self.gain.min()))
+        least = 1.0 if self.gain is None else float(self.gain.min())
+        return float(self.points[-1][0] * least)
 
-    def _gain_of(self, values):
+    def _gain_of(self, values: float | Floats) -> float | Floats:
         """That of the cells, if the values are theirs."""
-        cells = self.gain is not None and np.shape(values)[-2:] == self.gain.shape
-        return self.gain if cells else 1.0
+        if self.gain is None or np.shape(values)[-2:] != self.gain.shape:
+            return 1.0
+        return self.gain
 
     @property
-    def rest_resistance(self):
+    def rest_resistance(self) -> float | Floats:
         """Resistance of an untouched cell [ohm]; (rows, cols) with an offset."""
         return self._with_offset(self.points[0][1])
 
     @property
-    def least_resistance(self):
+    def least_resistance(self) -> float | Floats:
         """Resistance at `max_force` [ohm]; (rows, cols) with an offset."""
         return self._with_offset(self.points[-1][1])
 
-    def _with_offset(self, resistance):
+    def _with_offset(self, resistance: float | Floats) -> float | Floats:
         return resistance if self.offset is None else 1.0 / (1.0 / resistance + self.offset)
 
-    def resistance(self, force) -> np.ndarray:
+    def resistance(self, force: float | Floats) -> Floats:
         """Force on a cell [N] -> its resistance [ohm]; arrays; clipped to the curve."""
         root = np.sqrt(np.maximum(force, 0.0) / self._gain_of(force))
-        return self._with_offset(np.exp(-self._log_g_of(root)))
+        resistance: Floats = np.exp(-np.interp(root, self._root, self._log_g))
+        return resistance if self.offset is None else 1.0 / (1.0 / resistance + self.offset)
 
-    def force(self, resistance) -> np.ndarray:
+    def force(self, resistance: float | Floats) -> Floats:
         """Resistance of a cell [ohm] -> force on it [N]; clipped to [0, max_force].
 
         0 ohm and infinity are allowed: a short reads as `max_force`, an open cell as 0.
@@ -189,22 +196,24 @@ class PressureCurve:
         with np.errstate(divide="ignore"):
             return self.force_at(-np.log(resistance))
 
-    def force_at(self, log_g) -> np.ndarray:
+    def force_at(self, log_g: float | Floats) -> Floats:
         """log of a cell's conductance [S] -> force on it [N], as `force`."""
         if self.offset is not None:
             with np.errstate(divide="ignore"):
                 log_g = np.log(np.maximum(np.exp(log_g) - self.offset, 0.0))
-        return np.square(self._root_of(log_g)) * self._gain_of(log_g)
+        root: Floats = np.interp(log_g, self._log_g, self._root)
+        return np.square(root) * self._gain_of(log_g)
 
-    def slope(self, force) -> np.ndarray:
+    def slope(self, force: float | Floats) -> Floats:
         """d force / d log(resistance) [N], of the curve without its offset."""
         gain = self._gain_of(force)
         root = np.sqrt(np.clip(force / gain, 0.0, self.points[-1][0]))
         k = np.clip(np.searchsorted(self._root, root, side="right"), 1, self._root.size - 1)
         d_root = (self._root[k] - self._root[k - 1]) / (self._log_g[k - 1] - self._log_g[k])
-        return 2.0 * root * d_root * gain
+        slope: Floats = 2.0 * root * d_root * gain
+        return slope
 
-    def describe(self) -> dict:
+    def describe(self) -> dict[str, list[float]]:
         """The curve's points as plain lists, as kept beside trained weights and read by `load`.
 
         Offset and gain, which belong to one skin, are left out.
@@ -212,7 +221,7 @@ class PressureCurve:
         force, resistance = zip(*self.points, strict=True)
         return {"force": list(force), "resistance": list(resistance)}
 
-    def __eq__(self, other):
+    def __eq__(self, other: object) -> bool:
         if not isinstance(other, PressureCurve) or self.points != other.points:
             return False
         own, others = (self.offset, self.gain), (other.offset, other.gain)
@@ -221,9 +230,9 @@ class PressureCurve:
             for a, b in zip(own, others, strict=True)
         )
 
-    def __hash__(self):
+    def __hash__(self) -> int:
         return hash(self.points)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         top, rest, least = self.max_force, self.points[0][1], self.points[-1][1]
         return f"PressureCurve(0..{top:.3g} N -> {rest:.3g}..{least:.3g} ohm)"

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from . import readouts
+from .arrays import Floats
 from .circuit import Circuit
 
 BOUND = 1.0 + 1e-9  # factor within which a conductance is on a bound, but for rounding
@@ -21,12 +22,12 @@ _PATIENCE = 4  # steps that move it no less: a cell that comes to its bound move
 
 def closed_form(
     circuit: Circuit,
-    adc: np.ndarray,
-    low: np.ndarray,
-    high: np.ndarray,
+    adc: Floats,
+    low: Floats,
+    high: Floats,
     target: float = EXACT,
     late: Callable[[], bool] = lambda: False,
-) -> tuple[np.ndarray, int, bool]:
+) -> tuple[Floats, int, bool]:
     """Conductance [S], steps for its drivers, and whether these sufficed.
 
     While line i is driven the sense lines' voltages V_ij are measured, and those of the driven
@@ -59,9 +60,7 @@ def closed_form(
     return best, step, bool(least < _CONVERGED)
 
 
-def within_bounds(
-    circuit: Circuit, adc: np.ndarray, low: np.ndarray, high: np.ndarray
-) -> np.ndarray:
+def within_bounds(circuit: Circuit, adc: Floats, low: Floats, high: Floats) -> Floats:
     """Conductance [S] as if the drivers were ideal; cells are held within their bounds.
 
     With v = adc (r_ref + r_par) / r_ref, a sense line's cells have g = v G / (1 - sum v), where G
@@ -70,7 +69,7 @@ def within_bounds(
     divider, axis = circuit.r_ref + circuit.r_par, circuit.sense_axis
     v = adc * (divider / circuit.r_ref)
     free, held = circuit.populated, np.zeros(circuit.shape)
-    ground: np.ndarray | float = 1.0 / divider
+    ground: Floats | float = 1.0 / divider
     while True:  # each round holds more cells
         left = np.maximum(1.0 - (v * free).sum(axis, keepdims=True), readouts.LEAST_SCALE)
         g = np.where(free, v * ground / left, held)
@@ -82,7 +81,7 @@ def within_bounds(
         ground = 1.0 / divider + held.sum(axis, keepdims=True)
 
 
-def _by_ideal_drivers(circuit: Circuit, adc: np.ndarray, low, high) -> np.ndarray:
+def _by_ideal_drivers(circuit: Circuit, adc: Floats, low: Floats, high: Floats) -> Floats:
     """Conductance [S], whose bounds all of a sense line share.
 
     Hard loads leave nothing but noise of 1 - sum v, and cells beyond their end. With T for all that

@@ -1,261 +1,126 @@
-"""The inner loops of the solvers: the only interface to their two implementations.
+"""The fixed point, compiled (fixed_point.c) where setup.py found a compiler, else in NumPy.
 
-The choice is made once, at import: the compiled one (`_kernel`, the C files in kernel/) where
-setup.py found a compiler, else NumPy's (numpy_kernel.py), which also serves skins of more lines
-than the compiled arrays hold and networks that are singular to rounding. Only what makes a whole
-frame of 16 x 16 cells at least 1.15 times faster is in C.
-
-Arrays of floats may have any strides: what C needs in another order is copied.
+It is the one inner loop whose compiled form makes a frame at least 1.15 times faster
+(`python -m benchmarks.kernel`). Both forms do the same.
 """
 
 from __future__ import annotations
 
+import ctypes
 import time
 import warnings
 import zlib
+from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
+from numpy.ctypeslib import ndpointer
+from scipy.linalg import lapack
 
-from . import numpy_kernel
-from .numpy_kernel import Network
+from .arrays import Floats, Ints
+from .laplacian import connected_rho
 
-try:
-    from . import _kernel  # type: ignore[attr-defined]  # compiled where there is a compiler
-except ImportError:
-    _kernel = None
-
-
-def _is_of(kernel, sources: Path) -> bool:
-    """Whether the compiled module is of the C files beside it; an installed package has none."""
-    files = sorted(sources.glob("*.[ch]"))
-    checksum = zlib.crc32(b"".join(file.read_bytes() for file in files)) & 0x7FFFFFFF
-    return not files or getattr(kernel, "SOURCES", None) == checksum
+_HISTORY = 6  # earlier steps that are combined: Walker and Ni 2011; fixed_point.c's HISTORY
+_LINES = 64  # rows + cols; BLAS is as fast beyond
+_RIDGE = 1e-10  # share of the trace, by which the steps' Gram matrix is made regular
+_LEAST_RIDGE = 1e-30  # the same where all steps are nothing
+_SOURCE = Path(__file__).with_name("fixed_point.c")
 
 
-if _kernel and not _is_of(_kernel, Path(__file__).with_name("kernel")):
-    warnings.warn(
-        "tactile_skin: the inner loops were compiled from other sources and are not used, which "
-        "takes twice the time: run `pip install -e .` again",
-        stacklevel=1,
-    )
-    _kernel = None
-
-__all__ = [
-    "Network",
-    "Table",
-    "connected_rho",
-    "convolve",
-    "fixed_point",
-    "hessian_product",
-    "implementation",
-    "roughness",
-    "sensitivity",
-    "solve",
-    "solve_in_box",
-]
+def _load(source: Path) -> Callable[..., int] | None:
+    """Return the compiled function; None: there is none, or it is not of `source`."""
+    spec = find_spec(f"{__package__}._fixed_point")
+    if spec is None or spec.origin is None:
+        return None
+    library = ctypes.CDLL(spec.origin)
+    if ctypes.c_uint32.in_dll(library, "source").value != zlib.crc32(source.read_bytes()):
+        warnings.warn(
+            "tactile_skin: the inner loops were compiled from other sources and are not used, "
+            "which takes up to 1.3 times the time: run `pip install -e .` again",
+            stacklevel=3,
+        )
+        return None
+    function = library.fixed_point
+    number, real = ctypes.c_int, ctypes.c_double
+    reals, numbers = ndpointer(np.float64, flags="C"), ndpointer(np.int32, flags="C")
+    function.argtypes = number, number, reals, number, numbers, *3 * [reals], *3 * [real], number
+    return function
 
 
-_BOX = 100  # unknowns up to which LAPACK's calls cost more than its arithmetic saves
+_compiled = _load(_SOURCE)
 
 
 def implementation() -> str:
-    """What runs for small skins: "compiled" or "in NumPy"."""
-    return "compiled" if _kernel else "in NumPy"
-
-
-def _compiled(shape: tuple[int, int]) -> bool:
-    return _kernel is not None and sum(shape) <= _kernel.LINES
-
-
-def connected_rho(g: np.ndarray) -> np.ndarray:
-    """Two-terminal resistance of each crossing of a connected network, which it does not check.
-
-    Args:
-        g: (rows, cols) conductances [S].
-
-    Returns:
-        (rows, cols) [ohm].
-    """
-    if _compiled(g.shape):
-        rho = np.empty(g.shape)
-        if _kernel.two_terminal(*g.shape, np.ascontiguousarray(g), rho):
-            return rho
-    return numpy_kernel.connected_rho(g)
-
-
-def solve(g: np.ndarray) -> Network:
-    """The network of conductances g (rows, cols) [S], which must be connected."""
-    if _compiled(g.shape):
-        lines = sum(g.shape)
-        root, k, rho = np.empty((lines, lines)), np.empty((lines, lines)), np.empty(g.shape)
-        if _kernel.network(*g.shape, np.ascontiguousarray(g), root, k, rho):
-            return Network(root, k, rho)
-    return numpy_kernel.solve(g)
-
-
-class Table:
-    """A function that is linear between points, as `np.interp`, which takes four times as long.
-
-    Args:
-        points: (n,) where it is known, rising, not all alike.
-        values: (n,) there; before the first point and after the last the function stays.
-    """
-
-    def __init__(self, points: np.ndarray, values: np.ndarray):
-        self.points, self.values = (np.ascontiguousarray(a, float) for a in (points, values))
-        begins = np.linspace(self.points[0], self.points[-1], self.points.size)[:-1]
-        self._start = (np.searchsorted(self.points, begins, "right") - 1).astype(np.int32)
-
-    def __call__(self, x) -> np.ndarray:
-        """At x, an array of any shape or a number."""
-        if _kernel is None:
-            return np.interp(x, self.points, self.values)
-        x = np.asarray(x, dtype=float, order="C")
-        out = np.empty(x.shape)
-        _kernel.interpolate(x, self.points, self.values, self._start, out)
-        return out[()]  # of a number a number
-
-
-def sensitivity(k: np.ndarray, weight: np.ndarray, told, one, other) -> np.ndarray:
-    """weight_a * across_ab^2: how reading a follows a conductance put between two lines b.
-
-    Args:
-        k: (lines, lines) K [ohm].
-        weight: (rows, cols) of each reading.
-        told: (m,) int32, flat, which readings; one, other: (n,) int32, the lines.
-
-    Returns:
-        (m, n) float32.
-    """
-    if _compiled(weight.shape):
-        out = np.empty((told.size, one.size), np.float32)
-        k, weight = np.ascontiguousarray(k), np.ascontiguousarray(weight)
-        _kernel.sensitivity(*weight.shape, k, weight, told, one, other, out)
-        return out
-    return numpy_kernel.sensitivity(k, weight, told, one, other)
-
-
-def hessian_product(k: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """sum_b t_ab^2 p_b (rows, cols), in O(lines^3): it is K L(p) K between a's two lines.
-
-    L(p) is the Laplacian of a network with conductances p, (rows, cols), of either sign.
-    """
-    if _compiled(p.shape):
-        out = np.empty(p.shape)
-        _kernel.hessian_product(*p.shape, np.ascontiguousarray(k), np.ascontiguousarray(p), out)
-        return out
-    return numpy_kernel.hessian_product(k, p)
-
-
-def roughness(
-    x: np.ndarray, weight: np.ndarray, square: float
-) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
-    """How much a picture differs from cell to cell: sum of weight/2 log(square + d^2).
-
-    Args:
-        x: (rows, cols).
-        weight: (differences,) of each d between neighbours in a row, then in a column.
-
-    Returns:
-        the cost, and its quadratic majorant: gradient and diagonal of the precision (rows, cols),
-        entries off it, of each difference.
-    """
-    if _compiled(x.shape):
-        gradient, diagonal = np.empty(x.shape), np.empty(x.shape)
-        entries = np.empty(weight.size)
-        x = np.ascontiguousarray(x)
-        cost = _kernel.roughness(*x.shape, x, weight, square, gradient, diagonal, entries)
-        return cost, gradient, diagonal, entries
-    return numpy_kernel.roughness(x, weight, square)
-
-
-def convolve(picture: np.ndarray, layer: np.ndarray, dilation: int = 1) -> np.ndarray:
-    """A 3x3 convolution of a picture that ends in zeros.
-
-    Args:
-        picture: (channels, rows, cols) float32.
-        layer: (outputs, 9 * channels + 1) float32, see `convolution`.
-        dilation: cells from one tap to the next.
-
-    Returns:
-        (outputs, rows, cols) float32.
-    """
-    if _kernel is not None:
-        channels, rows, cols = picture.shape
-        out = np.empty((len(layer), rows, cols), np.float32)
-        picture = np.ascontiguousarray(picture)
-        _kernel.convolve(rows, cols, channels, dilation, picture, layer, out)
-        return out
-    return numpy_kernel.convolve(picture, layer, dilation)
-
-
-def convolution(weight: np.ndarray, bias: np.ndarray) -> np.ndarray:
-    """A layer for `convolve`, (outputs, 9 * channels + 1) float32, of PyTorch's arrays.
-
-    Args:
-        weight: (outputs, channels, 3, 3).
-        bias: (outputs,), which comes last.
-    """
-    return np.hstack([weight.reshape(len(weight), -1), bias[:, None]]).astype(np.float32)
-
-
-def solve_in_box(precision, b, low, high) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """As quadratic.solve_in_box of few unknowns; None: LAPACK is faster, or there is no factor."""
-    n = b.size
-    if _kernel is None or n > _BOX:
-        return None
-    dx, factor, inside = np.empty(n), np.empty(n * n, np.float32), np.empty(n, np.int32)
-    given = (np.ascontiguousarray(array) for array in (precision, b, low, high))
-    m = _kernel.solve_in_box(*given, dx, factor, inside)
-    return None if m < 0 else (dx, factor[: m * m].reshape(m, m), inside.astype(bool))
+    """Return what runs for small skins: "compiled" or "in NumPy"."""
+    return "compiled" if _compiled else "in NumPy"
 
 
 def fixed_point(
-    g: np.ndarray,
-    cells: np.ndarray,
-    measured: np.ndarray,
-    low: np.ndarray,
-    high: np.ndarray,
+    g: Floats,
+    cells: Ints,
+    measured: Floats,
+    low: Floats,
+    high: Floats,
     *,
-    r_ref: float,
-    r_par: float,
+    r_ref: float | Floats,
+    r_par: float | Floats,
     goal: float,
     steps: int,
     deadline: float = np.inf,
-) -> tuple[np.ndarray, int]:
-    """Anderson-accelerated fixed point g <- g * rho(g) / measured in log g (Walker & Ni 2011).
+    read: Callable[[Floats], Floats] | None = None,
+) -> tuple[Floats, int]:
+    """Iterate g <- g * rho(g) / measured in log g, Anderson-accelerated (Walker & Ni 2011).
 
     Args:
         g: (rows, cols) where to begin [S]; not changed.
-        cells: (n,) int32, flat, the cells that move; the others stay.
+        cells: (n,) flat, the cells that move; the others stay.
         measured: (n,) measured two-terminal resistance of each [ohm].
         low, high: (n,) bounds of log g.
-        r_ref, r_par: of the voltage divider [ohm], by which the misfit is weighed.
+        r_ref, r_par: of the voltage divider [ohm], by which the misfit is weighed; with `read`
+            also (n,) of them.
         goal: sum of the squared misfits of the ADC ratios at which to stop.
         steps: at most so many.
-        deadline: `time.monotonic` at which to stop.
+        deadline: `time.monotonic` at which to stop; compiled, at which not to begin: 60 steps of
+            `_LINES` lines take 6 ms.
+        read: g (rows, cols) -> rho (rows, cols); None: `connected_rho`.
 
     Returns:
         g (rows, cols) and the steps taken.
     """
-    if _compiled(g.shape):
-        there = np.array(g, order="C")
-        seconds = deadline - time.monotonic()
-        taken = _kernel.iterate(
-            *g.shape, there, cells, measured, low, high, r_ref, r_par, goal, steps, seconds
-        )
+    if _compiled and read is None and sum(g.shape) <= _LINES and time.monotonic() <= deadline:
+        there, n = np.array(g, float, order="C"), cells.size
+        if not n == measured.size == low.size == high.size:
+            raise ValueError("the fixed point needs a resistance and two bounds for each cell")
+        taken = _compiled(*g.shape, there, n, cells, measured, low, high, r_ref, r_par, goal, steps)
         if taken >= 0:
             return there, taken
-    return numpy_kernel.fixed_point(
-        g,
-        cells,
-        measured,
-        low,
-        high,
-        r_ref=r_ref,
-        r_par=r_par,
-        goal=goal,
-        steps=steps,
-        deadline=deadline,
-    )
+    read = read or connected_rho
+    g = g.copy()
+    flat = g.reshape(-1)
+    x = np.log(flat[cells])  # (cells,)
+    adc = r_ref / (r_ref + r_par + measured)
+    d_misfit = np.empty((_HISTORY, x.size))
+    d_image = np.empty((_HISTORY, x.size))
+    last_misfit = last_image = np.zeros(x.size)  # of no step yet
+    for step in range(steps):
+        rho = read(g).ravel()[cells]
+        error = r_ref / (r_ref + r_par + rho) - adc
+        if error @ error <= goal or time.monotonic() > deadline:
+            return g, step
+        misfit = np.log(rho / measured)
+        image = x + misfit  # the step that is not accelerated
+        new = image
+        if step:
+            slot = (step - 1) % _HISTORY
+            np.subtract(misfit, last_misfit, out=d_misfit[slot])
+            np.subtract(image, last_image, out=d_image[slot])
+            used = min(step, _HISTORY)
+            gram = d_misfit[:used] @ d_misfit[:used].T
+            gram.flat[:: used + 1] += _RIDGE * gram.trace() + _LEAST_RIDGE
+            share = lapack.dposv(gram, d_misfit[:used] @ misfit)[1]
+            new = image - share @ d_image[:used]
+        last_misfit, last_image = misfit, image
+        x = np.minimum(np.maximum(new, low), high)
+        flat[cells] = np.exp(x)
+    return g, steps

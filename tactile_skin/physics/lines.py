@@ -14,13 +14,12 @@ from scipy.sparse import csgraph
 from scipy.sparse.linalg import splu
 
 from . import laplacian
+from .arrays import Floats
 
 FIRST_ORDER = 15.0  # ohm of a stripe
 
 
-def added_resistance(
-    k: np.ndarray, g: np.ndarray, r_row: np.ndarray, r_col: np.ndarray
-) -> np.ndarray:
+def added_resistance(k: Floats, g: Floats, r_row: Floats, r_col: Floats) -> Floats:
     """What stripes of small resistance add between the two leads of each crossing, at first order.
 
     A small resistance in series with a branch adds itself times the square of the branch's current
@@ -41,12 +40,13 @@ def added_resistance(
     along_col = np.cumsum(current[::-1], axis=0)
     along_row *= np.sqrt(r_row / cols)[:, None, None]
     along_col *= np.sqrt(r_col / rows)[:, None]
-    s = sum(m.T @ m for m in (a.reshape(-1, len(k)) for a in (along_row, along_col)))
+    row, col = (along.reshape(-1, len(k)) for along in (along_row, along_col))
+    s = row.T @ row + col.T @ col
     own = s.diagonal()
     return own[:rows, None] + own[rows:] - 2.0 * s[:rows, rows:]
 
 
-def added(g: np.ndarray, stripes: tuple[np.ndarray, np.ndarray], exact: bool = False) -> np.ndarray:
+def added(g: Floats, stripes: tuple[Floats, Floats], exact: bool = False) -> Floats:
     """(rows, cols) [ohm] that `stripes` add between the leads: first order where that is enough.
 
     Up to stripes of `FIRST_ORDER` it misses a reading of 10 bits by 0.45 steps at most (loads of
@@ -69,11 +69,11 @@ class Lines(NamedTuple):
             between cell b and the crossing a = (i, j).
     """
 
-    rho: np.ndarray
-    across: np.ndarray
+    rho: Floats
+    across: Floats
 
 
-def solve(g: np.ndarray, r_row: np.ndarray, r_col: np.ndarray) -> Lines:
+def solve(g: Floats, r_row: Floats, r_col: Floats) -> Lines:
     """Kirchhoff's laws with a node on either stripe at each crossing; exact.
 
     Args:

@@ -1,17 +1,19 @@
-"""The quadratic programme of a step: a minimum within bounds, and its spread."""
+"""Quadratic programmes: a minimum within bounds, its spread, and what a sharp cost is near."""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from . import kernel
+from .arrays import Bools, Floats, Floats32
 
 _BOX_ROUNDS = 8
 _RIDGES = 1e-3, 1e-2, 1e-1, 1.0
 
 
-def solve_in_box(precision: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray):
+def solve_in_box(
+    precision: Floats32, b: Floats, low: Floats, high: Floats
+) -> tuple[Floats, Floats32 | None, Bools]:
     """Minimise 1/2 dx precision dx - b dx within [low, high], by a primal-dual active set method.
 
     What leaves its bounds is put on that end and the others are solved again, and what would leave
@@ -20,17 +22,11 @@ def solve_in_box(precision: np.ndarray, b: np.ndarray, low: np.ndarray, high: np
     Optim. 13, 2002; of hundreds of unknowns 5 to 8 rounds.)
 
     Args:
-        precision: (n, n), upper triangle, float32.
+        precision: (n, n), upper triangle.
 
     Returns:
         dx, the Cholesky factor over the unknowns inside (None: there is none), which those are.
     """
-    found = kernel.solve_in_box(precision, b, low, high)
-    return found or _with_lapack(precision, b, low, high)
-
-
-def _with_lapack(precision: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray):
-    """As `solve_in_box`, of any size and also where the precision has no factor as it is."""
     inside = np.ones(b.size, bool)
     dx = np.zeros(b.size)
     matrix, pull = precision, b
@@ -59,8 +55,10 @@ def _with_lapack(precision: np.ndarray, b: np.ndarray, low: np.ndarray, high: np
     return dx, factor.T, inside
 
 
-def _inside_next(precision, b, low, high, dx, inside) -> np.ndarray:
-    """(n,) bool, which are inside then: not those that leave, and those that would leave an end."""
+def _inside_next(
+    precision: Floats32, b: Floats, low: Floats, high: Floats, dx: Floats, inside: Bools
+) -> Bools:
+    """(n,) which are inside then: not those that leave, and those that would leave an end."""
     left = inside & (dx >= low) & (dx <= high)
     if not inside.all():
         pull = b - blas.ssymv(1.0, precision.T, dx, lower=1)
@@ -68,6 +66,45 @@ def _inside_next(precision, b, low, high, dx, inside) -> np.ndarray:
     return left
 
 
-def inverse_diagonal(factor: np.ndarray) -> np.ndarray:
-    """Of (U^T U)^-1, U (n, n)."""
-    return lapack.spotri(factor.T, lower=1)[0].diagonal()
+def inverse_diagonal(factor: Floats32) -> Floats32:
+    """Return that of (U^T U)^-1, U (n, n)."""
+    inverse: Floats32 = lapack.spotri(factor.T, lower=1)[0]
+    return inverse.diagonal()
+
+
+def roughness(x: Floats, weight: Floats, square: float) -> tuple[float, Floats, Floats, Floats]:
+    """Sum weight/2 log(square + d^2) over all differences d between neighbouring cells.
+
+    Args:
+        x: (rows, cols).
+        weight: (differences,) of each d between neighbours in a row, then in a column.
+
+    Returns:
+        the cost, and its quadratic majorant: gradient and diagonal of the precision (rows, cols),
+        entries off it, of each difference.
+    """
+    rows, cols = x.shape
+    split, d = rows * (cols - 1), np.empty(weight.size)
+
+    def parts(values: Floats) -> tuple[Floats, Floats]:
+        return values[:split].reshape(rows, -1), values[split:].reshape(-1, cols)
+
+    right, down = parts(d)
+    np.subtract(x[:, 1:], x[:, :-1], out=right)
+    np.subtract(x[1:], x[:-1], out=down)
+    squares = d * d
+    squares += square
+    cost = 0.5 * float(weight @ np.log(squares))
+    curvature = weight / squares
+    d *= curvature  # in right and down
+    gradient, diagonal = np.zeros(x.shape), np.zeros(x.shape)
+    gradient[:, 1:] = right
+    gradient[:, :-1] -= right
+    gradient[1:] += down
+    gradient[:-1] -= down
+    right, down = parts(curvature)
+    diagonal[:, 1:] = right
+    diagonal[:, :-1] += right
+    diagonal[1:] += down
+    diagonal[:-1] += down
+    return cost, gradient, diagonal, -curvature

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import correlate
 
-from ..physics import grounded, kernel, numpy_kernel, readouts
+from ..physics import grounded, kernel, readouts
 from .estimate import Estimate
 from .reading import Reading
 from .suspect import estimate_from_force
@@ -99,4 +99,4 @@ def iterate(reading: Reading, g, steps: int, target: float) -> tuple[np.ndarray,
     scale, offset = reading.apparent  # of a divider whose supply is not 1
     r_ref = np.broadcast_to(circuit.r_ref * scale, circuit.shape).ravel()[cells]
     given |= {"r_ref": r_ref, "r_par": offset - r_ref, "read": read}
-    return numpy_kernel.fixed_point(g, cells, rho, low, high, **given)
+    return kernel.fixed_point(g, cells, rho, low, high, **given)

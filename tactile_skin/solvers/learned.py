@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from ..learning import network
-from ..physics.kernel import connected_rho
+from ..physics.laplacian import connected_rho
 from .estimate import Estimate
 from .reading import Reading
 from .suspect import estimate_from_force, network_of

@@ -317,7 +317,7 @@ def _gauss_newton(reading: Reading, point: _Point) -> _Step:
     if factor is None or not np.isfinite(precision.diagonal()).all() or not np.isfinite(dx).all():
         return _Step(free, dx, 0.0, solved=False)
     equations = NormalEquations(free[inside], readings, jacobian[:, inside], factor)
-    return _Step(free, dx, 0.5 * b @ dx, equations)
+    return _Step(free, dx, float(0.5 * b @ dx), equations)
 
 
 def _conjugate_gradients(point: _Point, between, free: np.ndarray, b: np.ndarray) -> np.ndarray:

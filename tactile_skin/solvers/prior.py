@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import blas
 
 from ..learning import denoiser
-from ..physics import kernel
+from ..physics import quadratic
 from ..physics.quadratic import inverse_diagonal, solve_in_box
 from .reading import Linearised, Reading
 from .suspect import NormalEquations
@@ -79,7 +79,7 @@ def touches(x: np.ndarray, between: Differences) -> Quadratic:
     Args:
         x: (rows, cols), 0 at rest and where there is no cell.
     """
-    value, gradient, diagonal, entries = kernel.roughness(x, between.weight, _SPREAD**2)
+    value, gradient, diagonal, entries = quadratic.roughness(x, between.weight, _SPREAD**2)
     above = x + _SPREAD
     value += float(np.log(above / _SPREAD).sum())
     gradient += 1.0 / above

@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactile_skin import Circuit, forward
-from tactile_skin.physics.circuit import jacobian, two_terminal_resistance
+from tactile_skin.physics.circuit import jacobian
+from tactile_skin.physics.laplacian import two_terminal_resistance
 
 SHAPES = [(2, 2), (3, 3), (8, 16), (16, 16)]
 

@@ -6,7 +6,7 @@ import pytest
 from tactile_skin.bench.textile import two_terminal
 from tactile_skin.physics import laplacian, lines
 from tactile_skin.physics.circuit import Circuit, forward, jacobian
-from tactile_skin.physics.circuit import two_terminal_resistance as ideal
+from tactile_skin.physics.laplacian import two_terminal_resistance as ideal
 
 
 def cells(shape, seed=0):

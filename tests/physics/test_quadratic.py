@@ -60,3 +60,27 @@ def test_the_diagonal_of_an_inverse(n):
     s = definite(np.random.default_rng(5), n)
     found = quadratic.inverse_diagonal(np.linalg.cholesky(s).T.copy())
     np.testing.assert_allclose(found, np.linalg.inv(s.astype(float)).diagonal(), rtol=1e-3)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 5), (5, 1), (3, 2), (16, 16)], ids=str)
+def test_roughness_by_hand_and_by_differences(shape):
+    rng, (rows, cols) = np.random.default_rng(5), shape
+    x, square = rng.standard_normal(shape), 0.09
+    weight = rng.integers(0, 3, rows * (cols - 1) + (rows - 1) * cols) * 0.7
+    cost, gradient, diagonal, entries = quadratic.roughness(x, weight, square)
+    pairs = [((i, j), (i, j + 1)) for i in range(rows) for j in range(cols - 1)]
+    pairs += [((i, j), (i + 1, j)) for i in range(rows - 1) for j in range(cols)]
+    curvature = [w / (square + (x[a] - x[b]) ** 2) for w, (a, b) in zip(weight, pairs, strict=True)]
+    logs = [np.log(square + (x[a] - x[b]) ** 2) for a, b in pairs]
+    assert cost == pytest.approx(0.5 * np.dot(weight, logs))
+    assert entries == pytest.approx(-np.array(curvature))
+    expected = np.zeros(shape)
+    for c, (a, b) in zip(curvature, pairs, strict=True):
+        expected[a] += c
+        expected[b] += c
+    assert diagonal == pytest.approx(expected)
+    for cell in np.ndindex(shape):
+        step = np.zeros(shape)
+        step[cell] = 1e-6
+        more, less = (quadratic.roughness(x + s, weight, square)[0] for s in (step, -step))
+        assert gradient[cell] == pytest.approx((more - less) / 2e-6, abs=1e-6)

@@ -1,0 +1,93 @@
+"""How a matrix is read: from the conductances of a frame to its readings and their derivatives.
+
+    floating.py        one row is driven, one column is read, all other lines are open
+    loaded.py          one row is driven, each column has its own r_ref, other rows are open
+    grounded.py        the same, other rows are at 0 V, all rows behind r_drive
+    virtual_ground.py  one row is driven, an amplifier holds each column at 0 V
+    readout.py         what all of them answer         driven.py    what the middle two share
+
+In the last three readouts rows and columns may change places. A readout is a class: what differs
+between readouts stands there, and nobody else asks which one it is. `solve` gives its object, the
+network of one frame (docs/derivation.md). A fifth readout is a file here, its place in `_ALL`, and
+a line in tests/physics/test_readouts.py.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..arrays import Floats, Ints
+from .driven import LEAST_SCALE, Driven
+from .floating import Floating
+from .grounded import Grounded
+from .loaded import Loaded
+from .readout import Pair, Readout
+from .virtual_ground import Separate
+
+if TYPE_CHECKING:
+    from ..circuit import Circuit
+
+__all__ = [
+    "BY_NAME",
+    "CLOSED_FORM",
+    "DRIVEN",
+    "LEAST_SCALE",
+    "PASSIVE",
+    "READOUTS",
+    "Driven",
+    "Floating",
+    "Grounded",
+    "Loaded",
+    "Network",
+    "Readout",
+    "Separate",
+    "apparent",
+    "of_network",
+    "sharing",
+    "solve",
+]
+
+_ALL: tuple[type[Readout], ...] = Floating, Loaded, Grounded, Separate
+BY_NAME = {readout.name: readout for readout in _ALL}
+READOUTS = tuple(BY_NAME)
+PASSIVE = tuple(readout.name for readout in _ALL if readout.passive)
+CLOSED_FORM = tuple(readout.name for readout in _ALL if readout.has_closed_form)
+DRIVEN = "rows", "columns"
+Network = Readout  # of one frame
+
+
+def solve(circuit: Circuit, g: Floats, derivatives: bool = True) -> Network:
+    """Return the network of cells g (rows, cols) [S]: see `Readout`."""
+    return circuit.readout_class(circuit, g, derivatives)
+
+
+def of_network(
+    circuit: Circuit, laplacian: Floats, lines: tuple[Ints, Ints], leads: Pair, r_ref: Floats
+) -> Floats:
+    """Return (rows, cols) the ADC ratio of any network, of damaged wires, say: not fast.
+
+    Args:
+        laplacian: (nodes, nodes) [S].
+        lines: for rows and columns, the node that each address selects; -1: none, which reads 0.
+        leads: for rows and columns, what lies between each address and its node [ohm].
+        r_ref: of each sense line [ohm], infinite where it is missing; not if floating.
+    """
+    return circuit.readout_class.of_network(circuit, laplacian, lines, leads, r_ref)
+
+
+def sharing(circuit: Circuit, cells: float) -> float:
+    """Return how many cells of a square touch share the current through what lies in series.
+
+    An ohm there hides as much as so many ohm of each of them.
+    """
+    return circuit.readout_class.sharing(circuit, cells)
+
+
+def apparent(circuit: Circuit, adc: Floats) -> tuple[Floats | float, float]:
+    """Return how readings (..., rows, cols) become resistances that vary with their own cell most.
+
+    Returns:
+        scale, to be broadcast, or a number, and offset [ohm]: r_ref * scale / adc - offset is what
+        the readout's own `apparent` says.
+    """
+    return circuit.readout_class.apparent(circuit, adc)

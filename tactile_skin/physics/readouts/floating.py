@@ -1,0 +1,132 @@
+"""One row is driven, one column is read, all other lines are open: the paper's board."""
+
+from __future__ import annotations
+
+import math
+from copy import copy
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .. import laplacian, lines
+from ..arrays import Floats, Floats32, Ints
+from ..conjugate_gradients import conjugate_gradients
+from .readout import Pair, Readout, blank
+
+if TYPE_CHECKING:
+    from ..circuit import Circuit
+
+_STEPS = 300  # of conjugate gradients at most; 20 to 60 are usual
+_TARGET = 1e-6  # share of the right side that they leave: single precision
+
+
+class Floating(Readout):
+    """All follows from two-terminal resistances rho: d rho_a / d g_b = -t_ab^2."""
+
+    name = "floating"
+    knows_r_line = True
+    takes_diodes = True
+
+    def __init__(self, circuit: Circuit, g: Floats, derivatives: bool = True):
+        if derivatives:
+            self.inverse = laplacian.solve(g)
+            self.rho = self.inverse.rho
+        else:
+            self.rho = laplacian.connected_rho(g)
+        self.adc = circuit.ratio(self.rho)
+        self._circuit = circuit
+
+    def behind(self, added: Floats) -> Floating:
+        """The same with (rows, cols) [ohm] more before each reading."""
+        other = copy(self)
+        other.__dict__.pop("_slope", None)
+        other.adc = self._circuit.ratio(self.rho + added)
+        return other
+
+    @cached_property
+    def _slope(self) -> Floats:
+        """- d adc / d rho [1/ohm]."""
+        slope = self.adc * self.adc
+        slope /= self._circuit.r_ref
+        return slope
+
+    @property
+    def own(self) -> Floats:
+        return self.rho * self.rho * self._slope
+
+    @property
+    def by_r_par(self) -> Floats:
+        return -self._slope
+
+    def change(self, p: Floats) -> Floats:
+        return self._slope * laplacian.hessian_product(self.inverse.k, p)
+
+    def pull(self, w: Floats) -> Floats:
+        return laplacian.hessian_product(self.inverse.k, w * self._slope)
+
+    def sensitivity(self, weight: Floats, readings: Ints, one: Ints, other: Ints) -> Floats32:
+        return laplacian.sensitivity(self.inverse.k, weight * self._slope, readings, one, other)
+
+    def cells_for(self, cells: Ints, b: Floats) -> Floats:
+        return self._solve(cells, b / self._slope)
+
+    def readings_for(self, cells: Ints, b: Floats) -> Floats:
+        return self._solve(cells, b) / self._slope
+
+    def _solve(self, cells: Ints, b: Floats) -> Floats:
+        """t_ab^2 x_b = b_a, without the matrix."""
+        picture = np.zeros(self.adc.shape)
+
+        def product(p: Floats) -> Floats:
+            picture.flat[cells] = p
+            return laplacian.hessian_product(self.inverse.k, picture).flat[cells]
+
+        diagonal = np.square(self.rho.flat[cells])
+        x = conjugate_gradients(product, diagonal, b.flat[cells], steps=_STEPS, target=_TARGET)
+        picture.flat[cells] = x
+        return picture
+
+    @classmethod
+    def of_network(
+        cls,
+        circuit: Circuit,
+        laplacian: Floats,
+        lines: tuple[Ints, Ints],
+        leads: Pair,
+        r_ref: Floats,
+    ) -> Floats:
+        every = np.arange(len(laplacian))
+        k = np.linalg.inv(laplacian + laplacian[every, every].mean() / len(every))
+        (a, b), own = lines, k.diagonal()
+        rho = own[a][:, None] + own[b] - 2.0 * k[np.ix_(a, b)] + leads[0][:, None] + leads[1]
+        return blank(circuit.ratio(rho), lines)
+
+    @classmethod
+    def sharing(cls, circuit: Circuit, cells: float) -> float:
+        """By Foster's theorem it is g * rho = cells / (the touch's rows + its columns - 1)."""
+        side = min(math.sqrt(cells), *circuit.shape)
+        return cells / (side + cells / side - 1.0)
+
+    @classmethod
+    def apparent(cls, circuit: Circuit, adc: Floats) -> tuple[Floats | float, float]:
+        """It is the two-terminal resistance."""
+        return 1.0, cls.in_series(circuit)
+
+    @classmethod
+    def read(cls, circuit: Circuit, g: Floats) -> Floats:
+        if circuit.stripes is None:
+            return circuit.ratio(laplacian.two_terminal_resistance(g))
+        return circuit.ratio(np.array([lines.solve(frame, *circuit.stripes).rho for frame in g]))
+
+    @classmethod
+    def by_conductance(cls, circuit: Circuit, g: Floats) -> Floats:
+        if circuit.stripes is None:
+            ideal = laplacian.solve(g)
+            rho, transfer = ideal.rho, laplacian.transfer_resistance(ideal)
+        else:
+            behind = lines.solve(g, *circuit.stripes)
+            row, col = np.split(np.moveaxis(behind.across, 2, 0), [circuit.rows])
+            rho, transfer = behind.rho, row[:, None] - col
+        slope = circuit.ratio(rho) ** 2 / circuit.r_ref
+        return slope[:, :, None, None] * np.square(transfer)

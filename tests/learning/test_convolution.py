@@ -1,0 +1,40 @@
+"""The convolution of the small networks."""
+
+import numpy as np
+import pytest
+from scipy.signal import correlate2d
+
+from tactile_skin.learning.convolution import convolve, layer_of
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (5, 9), (16, 16), (3, 40)], ids=str)
+@pytest.mark.parametrize(
+    "channels, outputs, dilation", [(1, 1, 1), (5, 9, 3), (9, 2, 1), (16, 16, 2)]
+)
+def test_a_convolution_is_the_sum_of_its_channels(shape, channels, outputs, dilation):
+    rng = np.random.default_rng(5)
+    picture = rng.standard_normal((channels, *shape)).astype(np.float32)
+    weight, bias = rng.standard_normal((outputs, channels, 3, 3)), rng.standard_normal(outputs)
+    spread = np.zeros((outputs, channels, 2 * dilation + 1, 2 * dilation + 1))
+    spread[:, :, ::dilation, ::dilation] = weight
+    padded = np.pad(picture, ((0, 0), (dilation, dilation), (dilation, dilation)))
+    expected = [
+        b + sum(correlate2d(p, w, "valid") for p, w in zip(padded, own, strict=True))
+        for own, b in zip(spread, bias, strict=True)
+    ]
+    layer = layer_of(weight, bias)
+    found = convolve(picture, layer, dilation)
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5)
+    turned = picture[:, ::-1].transpose(0, 2, 1).copy().transpose(0, 2, 1)  # not in C's order
+    np.testing.assert_array_equal(convolve(turned[:, ::-1], layer, dilation), found)
+
+
+def test_a_convolution_by_hand():
+    """A picture of ones: each cell counts its neighbours, and itself ten times; the bias is 0.5."""
+    weight = np.ones((1, 1, 3, 3))
+    weight[0, 0, 1, 1] = 10.0
+    layer, ones = layer_of(weight, np.array([0.5])), np.ones((1, 3, 4), np.float32)
+    near = [[13.5, 15.5, 15.5, 13.5], [15.5, 18.5, 18.5, 15.5], [13.5, 15.5, 15.5, 13.5]]
+    np.testing.assert_array_equal(convolve(ones, layer, 1), [near])
+    far = [[13.5] * 4, [11.5] * 4, [13.5] * 4]
+    np.testing.assert_array_equal(convolve(ones, layer, 2), [far])

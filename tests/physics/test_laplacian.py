@@ -1,0 +1,61 @@
+"""The network of one frame: K against its definition, and what follows from it."""
+
+import numpy as np
+import pytest
+
+from tactile_skin.physics import laplacian
+
+SIZES = [(1, 1), (1, 5), (5, 1), (3, 2), (16, 16), (8, 24), (24, 8), (32, 32), (63, 1)]
+
+
+@pytest.fixture(params=SIZES, ids=str)
+def g(request):
+    return np.exp(np.random.default_rng(5).normal(-7.0, 2.0, request.param))
+
+
+def of_lines(p: np.ndarray) -> np.ndarray:
+    """The Laplacian of conductances p (rows, cols), written out."""
+    rows = len(p)
+    matrix = np.zeros((sum(p.shape),) * 2)
+    matrix[:rows, rows:], matrix[rows:, :rows] = -p, -p.T
+    return matrix - np.diag(matrix.sum(1))
+
+
+def test_k_is_a_generalised_inverse_of_the_laplacian(g):
+    network, matrix = laplacian.solve(g), of_lines(g)
+    np.testing.assert_allclose(matrix @ network.k @ matrix, matrix, atol=1e-9 * matrix.max())
+    np.testing.assert_allclose(network.root @ network.root.T, network.k, rtol=1e-12)
+    between = np.linalg.pinv(matrix)
+    own, rows = between.diagonal(), len(g)
+    rho = own[:rows, None] + own[rows:] - 2.0 * between[:rows, rows:]
+    np.testing.assert_allclose(network.rho, rho, rtol=1e-7)
+    np.testing.assert_allclose(laplacian.connected_rho(g), network.rho, rtol=1e-12)
+    np.testing.assert_allclose(np.vdot(g, network.rho), sum(g.shape) - 1)  # Foster
+
+
+def test_the_product_with_the_hessian_is_the_sum_of_squared_transfer_resistances(g):
+    network, p = laplacian.solve(g), np.random.default_rng(6).standard_normal(g.shape)
+    t = laplacian.transfer_resistance(network).reshape(g.size, g.size)
+    found = laplacian.hessian_product(network.k, p).ravel()
+    expected = np.square(t) @ p.ravel()
+    np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
+
+
+def test_the_sensitivity_is_the_squared_transfer_resistance(g):
+    rng, network = np.random.default_rng(7), laplacian.solve(g)
+    weight, lines = rng.random(g.shape), np.arange(g.size, dtype=np.int32)
+    readings = rng.permutation(lines)[: g.size // 2 + 1]
+    row, col = np.divmod(lines, np.int32(g.shape[1]))
+    t = laplacian.transfer_resistance(network).reshape(g.size, g.size)
+    expected = (weight.reshape(-1, 1) * np.square(t))[readings]
+    found = laplacian.sensitivity(network.k, weight, readings, row, col + np.int32(len(g)))
+    assert found.dtype == np.float32
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-5 * expected.max())
+
+
+def test_a_network_that_is_singular_to_rounding_has_resistances():
+    g = np.full((4, 4), 1e-14)
+    g[:2, :2] = g[2:, 2:] = 1e6
+    rho = laplacian.connected_rho(g)
+    assert (rho > 0.0).all()
+    np.testing.assert_allclose(rho[:2, :2], 0.75e-6, rtol=0.05)  # 1 MS beside three in series
