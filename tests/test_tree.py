@@ -24,7 +24,8 @@ MAY = {
     "calibration": ("physics", "solvers", "readings", "findings"),
     "health": ("physics", "solvers", "readings", "findings", "calibration"),
     "board": ("physics",),
-    "middleware": ("files", "yaml_files", "msg", "physics", "touch"),
+    "parameters": ("physics", "touch", "behaviours", "solvers", "board"),
+    "middleware": ("files", "yaml_files", "msg", "physics", "touch", "parameters"),
     "recording": ("files", "yaml_files", "msg", "physics", "middleware", "readings"),
     "view": ("msg", "physics", "solvers", "touch", "middleware", "recording"),
     "nodes": (
@@ -38,6 +39,7 @@ MAY = {
         "calibration",
         "health",
         "board",
+        "parameters",
         "middleware",
         "recording",
         "view",
@@ -46,6 +48,7 @@ MAY = {
     "ros": ("files", "yaml_files", "msg", "middleware", "nodes", "launch"),
     "replay": (
         "msg",
+        "parameters",
         "middleware",
         "physics",
         "solvers",

@@ -10,9 +10,10 @@ from pathlib import Path
 
 from ..errors import FileError, ParameterError, did_you_mean
 from ..files import shorten
+from ..parameters.nodes import own_names, shared_names
 from ..yaml_files import read_yaml
 from .bus import Parameter
-from .package import CLASSES, COMPOSED, NODES, share_dir
+from .package import CLASSES, COMPOSED, NODES
 
 SHARED = ("circuit", "curve", "geometry")  # parameters that several nodes read
 
@@ -22,15 +23,6 @@ THEIRS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 CONFIG = "config"  # parameter of a program: its parameter file, which must be there
 _LAUNCH_ROS = "launch_params_"  # how launch_ros names the files that it writes for one program
 _MISSPELT = 0.85  # ratio of difflib: `motor` is another node than `monitor`, `stop_on_psh` is none
-
-
-@functools.cache
-def shipped_names() -> dict[str, frozenset[str]]:
-    """Return kind of node -> its parameters, and ** -> those that all share, of config/skin.yaml:
-    it holds every one."""
-    sections = ParameterFile(share_dir() / "config" / "skin.yaml").sections
-    own = {name: sections.get(f"/**/{name}", {}) for name in CLASSES}
-    return {name: frozenset(values) for name, values in (own | {"**": sections["/**"]}).items()}
 
 
 class ParameterFile:
@@ -114,8 +106,7 @@ class ParameterFile:
         Raises:
             ParameterError: naming the section and the parameter.
         """
-        shipped = shipped_names()
-        shared = shipped["**"]
+        shared, shipped = shared_names(), {node: own_names(node) for node in CLASSES}
         everyone = shared.union(*shipped.values(), names)
         known = {"*", "**", *CLASSES, *nodes}
         if not self.own:  # ROS's: which nodes the program runs

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from ...middleware.config import describe
+from ...middleware.config import declared
 from ...msg import Bool
+from ...parameters.nodes import Recorder as Parameters
 from ...recording import cdr
 from ...recording.recorder import Limits, Recorder
 from .. import diagnostics
@@ -20,16 +21,10 @@ class RecorderNode:
 
     def __init__(self, node):
         self.node = node
-
-        def value(name, default, *bounds):
-            return node.declare_parameter(name, default, describe(*bounds)).value
-
-        self._path = value("path", "", "file to make, or folder for files named after their time")
-        longest = value("max_duration", 0.0, "of a recording [s]; 0: no limit", 0.0, 1e9)
-        largest = value("max_size", 2000.0, "of its files together [MB]; 0: no limit", 0.0, 1e9)
-        last = value("last", 0.0, "kept before each stop [s]; 0: keep everything", 0.0, 600.0)
-        limit = {"duration": longest, "size": largest * 1e6}
-        self._limits = Limits(**{k: v for k, v in limit.items() if v}, last=last)
+        given = declared(node, Parameters)
+        self._path = given.path
+        limit = {"duration": given.max_duration, "size": given.max_size * 1e6}
+        self._limits = Limits(**{k: v for k, v in limit.items() if v}, last=given.last)
         self._heard: set[str] = set()
         self._stopped: dict[str, bool] = {}
         self._recorder: Recorder | None = None
