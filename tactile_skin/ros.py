@@ -1,13 +1,10 @@
-"""The same nodes on real ROS, by rclpy (ROS 2) or rospy (ROS 1): one a process, or all in one.
+"""The same nodes on ROS 2, by rclpy: one a process, or all in one.
 
 ROS carries the messages from process to process; within a process a node has what it has on the
-bus: one thread for its callbacks, bounded queues, checked parameters, isolated exceptions. So what
-differs between the two ROS is two small classes each, which know topics and services only.
+bus: one thread for its callbacks, bounded queues, checked parameters, isolated exceptions.
 
     serial_driver --ros-args -r __node:=left --params-file skin.yaml -p port:=/dev/ttyUSB0
     skin --ros-args --params-file skin.yaml -p serial_driver:port:=/dev/ttyUSB0 -p monitor:=true
-
-Both understand ROS 2's command line.
 """
 
 from __future__ import annotations
@@ -35,9 +32,9 @@ from .middleware.package import COMPOSED, FOXGLOVE, NODES, PACKAGE, RECORDER
 from .middleware.parameter_file import CONFIG, ParameterFile
 from .middleware.processes import end_commands, start_command
 from .middleware.ros.arguments import RosArguments, split_arguments
-from .middleware.ros.node import MODULES, RosNode, ToRos, choose
-from .middleware.ros.ros1 import Ros1
+from .middleware.ros.node import RosNode, ToRos
 from .middleware.ros.ros2 import Ros2
+from .middleware.ros.ros2 import check_installed as check_installed
 from .nodes import diagnostics, frames
 
 _logger = logging.getLogger("tactile_skin")
@@ -97,7 +94,7 @@ def _names_of(kind: str) -> list[str]:
 class RosSkin(Program):
     """Nodes of this process that are on ROS as well, until a signal or ROS ends them."""
 
-    def __init__(self, executable: str, plan: Plan, ros: Ros1 | Ros2):
+    def __init__(self, executable: str, plan: Plan, ros: Ros2):
         super().__init__(executable, plan)
         self._ros = ros
         self._lost = False
@@ -137,15 +134,10 @@ def run(executable: str, words: list[str] | None = None) -> int:
     try:
         own, args = split_arguments(sys.argv[1:] if words is None else words)
         parser = argparse.ArgumentParser(prog=executable, description=_about(executable))
-        parser.add_argument(
-            "--ros", type=int, choices=(1, 2), help="1: rospy, 2: rclpy (default: what is there)"
-        )
-        version = choose(parser.parse_args(own).ros)
+        parser.parse_args(own)
         plan = plan_of(executable, args)
         namespace = "/" + args.namespace_of(executable).strip("/")
-        # it may wait for ROS 1's master, which a signal ends at once
-        ros = MODULES[version][1](args.name_of(executable), namespace, args.logs)
-        skin = RosSkin(executable, plan, ros)
+        skin = RosSkin(executable, plan, Ros2(args.name_of(executable), namespace, args.logs))
         # a signal that came before it ran has asked for the same
         with contextlib.suppress(KeyboardInterrupt, SystemExit), skin:
             skin.spin()
@@ -205,10 +197,9 @@ def __getattr__(name: str):
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
-def command(action: NodeAction, version: int) -> list[str]:
+def command(action: NodeAction) -> list[str]:
     """The command line that starts a program of a launch file, as `ros2 launch` would."""
-    words = [sys.executable, "-m", f"{PACKAGE}.ros", action.executable, "--ros", str(version)]
-    return words + _words(action)
+    return [sys.executable, "-m", f"{PACKAGE}.ros", action.executable, *_words(action)]
 
 
 def _words(action: NodeAction) -> list[str]:
@@ -251,7 +242,7 @@ def _as_yaml(value) -> str:
     return text.removesuffix("...\n").strip()
 
 
-def launch_processes(plan: Plan, version: int) -> int:
+def launch_processes(plan: Plan) -> int:
     """Start a launch file's commands and nodes as processes; end when a node ends by itself.
 
     A node that is killed ends nothing: the stop says so, as the robot's own launch would.
@@ -281,7 +272,7 @@ def launch_processes(plan: Plan, version: int) -> int:
             commands.append(start_command(words))
         for action in plan.nodes:
             name = f"{action.namespace}/{action.name}".strip("/")
-            nodes[name] = start_command(command(action, version))
+            nodes[name] = start_command(command(action))
         running = dict(nodes)
         while running and not asked.wait(0.2):
             for name, process in nodes.items():

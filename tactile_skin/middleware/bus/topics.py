@@ -23,7 +23,7 @@ class DurabilityPolicy(enum.Enum):
 
 @dataclass(frozen=True)
 class QoSProfile:
-    """depth: messages kept for a subscriber that lags. TRANSIENT_LOCAL: "latched" in ROS 1."""
+    """depth: messages kept for a subscriber that lags. TRANSIENT_LOCAL: "latched"."""
 
     depth: int = 10
     durability: DurabilityPolicy = DurabilityPolicy.VOLATILE

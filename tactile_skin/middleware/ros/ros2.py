@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import logging
 import threading
 import time
@@ -13,6 +14,12 @@ from .. import bus
 LAST_WORD = 0.5  # s, for messages under way when a process ends
 _COMPARE = 2.0  # s, between two looks at what others publish and subscribe to
 _logger = logging.getLogger("tactile_skin")
+
+
+def check_installed() -> None:
+    """Raise RosError where rclpy is not installed."""
+    if not importlib.util.find_spec("rclpy"):
+        raise RosError("rclpy (ROS 2) is not installed: see docs/robot.md")
 
 
 class Ros2:
@@ -28,8 +35,9 @@ class Ros2:
             words: of the command line, for ROS itself.
 
         Raises:
-            RosError: ROS does not understand them.
+            RosError: ROS does not understand them, or rclpy is not installed.
         """
+        check_installed()
         import rclpy
         from rclpy.executors import SingleThreadedExecutor
         from rclpy.signals import SignalHandlerOptions
