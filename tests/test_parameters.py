@@ -12,6 +12,7 @@ from tactile_skin.errors import ParameterError
 from tactile_skin.middleware import parameter_file
 from tactile_skin.middleware.bus import Context, Node, Parameter
 from tactile_skin.middleware.config import declared
+from tactile_skin.middleware.launch_file import read_plan
 from tactile_skin.middleware.package import CLASSES
 from tactile_skin.middleware.parameter_file import ParameterFile
 from tactile_skin.parameters import documents
@@ -116,3 +117,18 @@ def test_names_are_found_in_every_section():
     everyone = shared_names().union(*map(own_names, SECTIONS))
     assert {"circuit.rows", "frame_id", "linear.mass", "format.line"} <= everyone
     assert parameter_file.SHARED == ("circuit", "curve", "geometry")
+
+
+def test_an_argument_of_the_launch_files_is_described_as_its_parameter_is():
+    plan = read_plan(ROOT / "launch" / "skin.launch.yaml", {"port": "loop://"})
+    for argument, node, name in (
+        ("port", "serial_driver", "port"),
+        ("wait_for_port", "serial_driver", "wait_for_port"),
+        ("method", "compensation", "method"),
+        ("stamped", "monitor", "stamped"),
+        ("view_host", "view", "host"),
+        ("view_port", "view", "port"),
+        ("view_controls", "view", "controls"),
+    ):
+        (leaf,) = [leaf for leaf in leaves(SECTIONS[node]) if leaf.name == name]
+        assert plan.arguments[argument].description == leaf.about.description

@@ -246,7 +246,7 @@ def test_a_launch_file_hands_over_only_what_is_given(tmp_path):
     given = {"port": "/dev/null", "use_sim_time": "true"}
     plan = launch.read_plan(launch.find("skin.launch.yaml"), given, in_process=False)
     (skin,) = plan.nodes
-    words = ros.command(skin, 2)
+    words = ros.command(skin)
     assert "use_sim_time:=true" in words and not any(w.startswith("method:=") for w in words)
 
 
