@@ -34,7 +34,6 @@ from .middleware.processes import end_commands, start_command
 from .middleware.ros.arguments import RosArguments, split_arguments
 from .middleware.ros.node import RosNode, ToRos
 from .middleware.ros.ros2 import Ros2
-from .middleware.ros.ros2 import check_installed as check_installed
 from .nodes import diagnostics, frames
 
 _logger = logging.getLogger("tactile_skin")

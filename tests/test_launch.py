@@ -251,7 +251,10 @@ GRAMMAR = {  # what is wrong -> (entities, what the message must hold)
         ["stop_on_push: param method = '[x'", "not valid YAML"],
     ),
     "remap without to": (NODE % ", remap: [{from: a}]", ["stop_on_push: remap", "from and to"]),
-    "remap is no list": (NODE % ", remap: {from: a, to: b}", ["stop_on_push: remap", "list of maps"]),
+    "remap is no list": (
+        NODE % ", remap: {from: a, to: b}",
+        ["stop_on_push: remap", "list of maps"],
+    ),
     "include of nothing": (
         "- include: {file: $(dirname)/no.launch.yaml}\n",
         ["no.launch.yaml", "No such file"],

@@ -46,8 +46,9 @@ def run(args) -> int:
         raise ValueError(f"{file}: starts nothing: must have a node or an executable")
     if args.ros:
         from .. import ros
+        from ..middleware.ros.ros2 import check_installed
 
-        ros.check_installed()
+        check_installed()
         return ros.launch_processes(plan)
     return spin(launch.Skin(plan))
 

@@ -72,9 +72,11 @@ _KEYS = {  # entity -> keys that it must have, others that are understood, other
     "executable": ({"cmd"}, {"if", "unless"}, {"output", "name", *_LIFETIME}),
     "include": ({"file"}, {"arg", "if", "unless"}, set[str]()),
 }
-_NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
-_NAMESPACE = re.compile(r"(/?[A-Za-z_]\w*)*/?", re.ASCII)
-_TOPIC = re.compile(r"(~?/)?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
+_ALLOWED = {  # what a text is -> how it must look, in words
+    "name": (re.compile(r"[A-Za-z_]\w*", re.ASCII), "of letters, digits and _"),
+    "namespace": (re.compile(r"/?([A-Za-z_]\w*/?)*", re.ASCII), "names between slashes"),
+    "topic": (re.compile(r"(~?/)?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII), "a topic"),
+}
 
 
 def read_plan(path, arguments: dict[str, str], in_process: bool = True) -> Plan:
@@ -147,14 +149,16 @@ class _Reader:
 
     def _wanted(self, body: dict, path: Path, where: str) -> bool:
         return all(
-            _is_true(self._fill(body[key], path, key), f"{where}: {key}") is wish
+            _is_true(self._fill(body[key], path, f"{where}: {key}"), f"{where}: {key}") is wish
             for key, wish in (("if", True), ("unless", False))
             if key in body
         )
 
     def _arg(self, body: dict, path: Path, where: str) -> None:
-        name = _named(body["name"], _NAME, f"{where}: name")
-        default = None if "default" not in body else self._fill(body["default"], path, "default")
+        name = _named(body["name"], "name", f"{where}: name")
+        default = None
+        if "default" in body:
+            default = self._fill(body["default"], path, f"{where}: default")
         argument = Argument(name, default, str(body.get("description", "")))
         if name not in self._set:
             self.plan.arguments.setdefault(name, argument)
@@ -162,12 +166,12 @@ class _Reader:
             raise LaunchError(f"{path}: argument {name} has no default: give {name}:=value")
 
     def _let(self, body: dict, path: Path, where: str) -> None:
-        name = _named(body["name"], _NAME, f"{where}: name")
-        self._variables[name] = self._fill(body["value"], path, "let: value")
+        name = _named(body["name"], "name", f"{where}: name")
+        self._variables[name] = self._fill(body["value"], path, f"{where}: value")
         self._set.add(name)
 
     def _executable(self, body: dict, path: Path, where: str) -> None:
-        text = self._fill(body["cmd"], path, "executable: cmd")
+        text = self._fill(body["cmd"], path, f"{where}: cmd")
         try:
             words = shlex.split(text)
         except ValueError as error:  # an open quote
@@ -179,11 +183,11 @@ class _Reader:
     def _include(self, body: dict, path: Path, where: str) -> None:
         for item in _maps(body, "arg", {"name", "value"}, where):
             self._let(item, path, f"{where}: arg")
-        self.file(Path(self._fill(body["file"], path, "include: file")))
+        self.file(Path(self._fill(body["file"], path, f"{where}: file")))
 
     def _node(self, body: dict, path: Path, where: str) -> None:
-        package = self._fill(body["pkg"], path, "node: pkg")
-        executable = self._fill(body["exec"], path, "node: exec")
+        package = self._fill(body["pkg"], path, f"{where}: pkg")
+        executable = self._fill(body["exec"], path, f"{where}: exec")
         there, user = NODES if self._in_process else (COMPOSED, *NODES), None
         if package == PACKAGE and executable not in there:
             raise LaunchError(
@@ -196,30 +200,34 @@ class _Reader:
                 raise LaunchError(f"{path}: {error}; start other programs as executable") from error
         where = f"{where} {executable}"
 
-        def named(value, pattern: re.Pattern, key: str) -> str:
+        def named(value, what: str, key: str) -> str:
             filled = self._fill(value, path, key) if isinstance(value, str) else value
-            return _named(filled, pattern, f"{where}: {key}")
+            return _named(filled, what, f"{where}: {key}")
 
         parameters: list[ParameterFile | tuple[str, Any]] = []
         for item in _maps(body, "param", None, where):
             if set(item) == {"from"}:
                 parameters.append(
-                    self._parameter_file(self._fill(item["from"], path, "param: from"))
+                    self._parameter_file(self._fill(item["from"], path, f"{where}: param: from"))
                 )
             elif set(item) != {"name", "value"}:
                 raise LaunchError(f"{where}: param {shorten(item)}: needs from, or name, value")
             elif item["name"] == CONFIG and user is None:
-                parameters.append(self._parameter_file(self._fill(item["value"], path, "param")))
+                parameters.append(
+                    self._parameter_file(
+                        self._fill(item["value"], path, f"{where}: param {CONFIG}")
+                    )
+                )
             elif (
                 value := self._value(item["value"], path, f"{where}: param {item['name']}")
             ) != "":
                 parameters.append((str(item["name"]), value))
         remappings = [
-            (named(item["from"], _TOPIC, "remap: from"), named(item["to"], _TOPIC, "remap: to"))
+            (named(item["from"], "topic", "remap: from"), named(item["to"], "topic", "remap: to"))
             for item in _maps(body, "remap", {"from", "to"}, where)
         ]
-        name = named(body.get("name", executable), _NAME, "name")
-        namespace = named(body.get("namespace", ""), _NAMESPACE, "namespace")
+        name = named(body.get("name", executable), "name", "name")
+        namespace = named(body.get("namespace", ""), "namespace", "namespace")
         self.plan.nodes.append(
             NodeAction(executable, name, namespace, parameters, remappings, path, user)
         )
@@ -235,17 +243,17 @@ class _Reader:
 
         An empty text is that of an argument that was not given: what stands before it holds.
         """
-        if not isinstance(value, str) or not (text := self._fill(value, path, "param")):
+        if not isinstance(value, str) or not (text := self._fill(value, path, where)):
             return value if not isinstance(value, str) else ""
         try:
             return parse_yaml(text, f"{where} = {shorten(text)}")
         except FileError as error:
             raise LaunchError(str(error)) from error
 
-    def _fill(self, value, path: Path, key: str) -> str:
+    def _fill(self, value, path: Path, where: str) -> str:
         """Return the text of a value, its substitutions carried out."""
         if not isinstance(value, (str, int, float)):
-            raise LaunchError(f"{path}: {key} = {shorten(value)}: must be text or a number")
+            raise LaunchError(f"{where} = {shorten(value)}: must be text or a number")
         return substitute(str(value), self._variables, path, self._anonymous)
 
 
@@ -282,9 +290,10 @@ def _maps(body: dict, key: str, keys: set[str] | None, where: str) -> list[dict]
     return items
 
 
-def _named(value, pattern: re.Pattern, where: str) -> str:
+def _named(value, what: str, where: str) -> str:
+    pattern, allowed = _ALLOWED[what]
     if not isinstance(value, str) or not pattern.fullmatch(value):
-        raise LaunchError(f"{where} = {shorten(value)}: must be of letters, digits and _")
+        raise LaunchError(f"{where} = {shorten(value)}: must be {allowed}")
     return value
 
 
