@@ -223,9 +223,7 @@ class Skin:
                     return
                 for process in self._processes:
                     if process.poll() not in (None, 0):
-                        raise LaunchError(
-                            f"{shlex.join(process.args)}: ended with {process.returncode}"
-                        )
+                        raise LaunchError(f"{_words(process)}: ended with {process.returncode}")
                 time.sleep(min(_POLL, left))
 
     def shutdown(self) -> None:
@@ -353,6 +351,10 @@ class Skin:
     def _of_kind(self, executable: str, of: list) -> list:
         """Of the handles, or the nodes, those of a kind."""
         return [x for x, a in zip(of, self._plan.nodes, strict=False) if a.kind == executable]
+
+
+def _words(process: subprocess.Popen) -> str:
+    return shlex.join(map(str, process.args))  # type: ignore[arg-type]
 
 
 def _close(handle: Node, node) -> None:

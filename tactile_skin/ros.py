@@ -101,12 +101,13 @@ class RosSkin(Program):
         _logger.setLevel(logging.DEBUG)  # ROS has levels of its own
         _logger.propagate, _logger.handlers = False, [self._to_ros]
 
-    def build(self) -> list[RosNode]:
+    def build(self) -> list[Node]:
         self._settings.callback(self._leave)
         super().build()
         for handle in self._handles:
             diagnostics.ensure_reported(handle)
-            handle.connect(diagnostics.TOPIC, *frames.TOPICS)
+            if isinstance(handle, RosNode):  # as _make_node makes them
+                handle.connect(diagnostics.TOPIC, *frames.TOPICS)
         self._ros.start(self.shutdown)
         return self._handles
 
@@ -152,7 +153,7 @@ def _about(executable: str) -> str:
     """The first line of the node's module."""
     if executable == COMPOSED:
         return f"All nodes of a skin in one process: {', '.join(PARTS)}."
-    return sys.modules[launch.node_class(executable).__module__].__doc__.splitlines()[0]
+    return (sys.modules[launch.node_class(executable).__module__].__doc__ or "").splitlines()[0]
 
 
 def plan_of(executable: str, args: RosArguments) -> Plan:
@@ -169,7 +170,10 @@ def plan_of(executable: str, args: RosArguments) -> Plan:
             item if isinstance(item, ParameterFile) else (item.name, item.value)
             for item in args.parameters_of(kind, name)
         ]
-        rules = [tuple(rule.split(":=", 1)) for rule in args.remappings_of(kind, name)]
+        rules = [
+            (source, to)
+            for source, _, to in (r.partition(":=") for r in args.remappings_of(kind, name))
+        ]
         namespace = args.namespace_of(kind).strip("/")
         plan.nodes.append(NodeAction(kind, name, namespace, parameters, rules, Path(executable)))
     return plan

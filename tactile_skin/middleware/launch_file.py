@@ -162,8 +162,10 @@ class _Reader:
         argument = Argument(name, default, str(body.get("description", "")))
         if name not in self._set:
             self.plan.arguments.setdefault(name, argument)
-        if self._variables.setdefault(name, default) is None:
-            raise LaunchError(f"{path}: argument {name} has no default: give {name}:=value")
+        if name not in self._variables:
+            if default is None:
+                raise LaunchError(f"{path}: argument {name} has no default: give {name}:=value")
+            self._variables[name] = default
 
     def _let(self, body: dict, path: Path, where: str) -> None:
         name = _named(body["name"], "name", f"{where}: name")

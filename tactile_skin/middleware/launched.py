@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import re
 from collections.abc import Callable
+from pathlib import Path
 
 from ..errors import LaunchError, ParameterError, TopicTypeError
 from ..msg import Twist, TwistStamped
@@ -157,6 +158,8 @@ def naming_its_file(action: NodeAction, handle: Node, kind: Callable):
             check_names(action, full_name, {*known.parameter_names(), *handle.parameter_names()})
         words = set(re.findall(r"\w+", str(error)))
         for item in reversed(action.parameters):
+            names: list[str]
+            file: Path | None
             if isinstance(item, ParameterFile):
                 names, file = [p.name for p in item.overrides(full_name)], item.path
             else:  # other errors, of the port say, are not the launch file's

@@ -81,7 +81,7 @@ class ParameterFile:
 
     def overrides(self, node: str) -> list[Parameter]:
         """What the file says for the node of this full name; what comes later in it wins."""
-        found = {}
+        found: dict = {}
         for section, values in self.sections.items():
             if concerns(section, node):
                 found |= values
@@ -175,7 +175,7 @@ def _flat(tree, where: str, under: str = "") -> dict:
     """{"circuit": {"rows": 8}} -> {"circuit.rows": 8}."""
     if not isinstance(tree, dict):
         raise FileError(f"{where} = {shorten(tree)}: must map names to values")
-    flat = {}
+    flat: dict = {}
     for key, value in tree.items():
         name = f"{under}{key}"
         below = _flat(value, where, f"{name}.") if isinstance(value, dict) else {name: value}

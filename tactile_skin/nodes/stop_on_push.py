@@ -194,7 +194,8 @@ class StopOnPush:
 
     def on_second(self) -> None:
         """Report once a second and when the reason changes; a stop is no fault of this node."""
-        said = self._said
+        if (said := self._said) is None:
+            return
         level = diagnostics.ERROR if said.stop else diagnostics.OK
         if said.for_push_alone:
             level = diagnostics.WARN

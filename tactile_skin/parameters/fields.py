@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-_ABOUT, _GROUP = "about", "group"  # keys of a field's metadata
+_MEMBER = "member"  # key of a field's metadata: a Leaf, or the dataclass of a group
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,15 +48,15 @@ class Leaf(NamedTuple):
 
 def parameter(default, unit: str, text: str, low=None, high=None, **more) -> Any:
     """Return a dataclass field that is a parameter: see `About`."""
-    about = About(unit, text, low, high, **more)
+    leaf = Leaf("", default, About(unit, text, low, high, **more))
     if isinstance(default, list):
-        return dataclasses.field(default_factory=lambda: list(default), metadata={_ABOUT: about})
-    return dataclasses.field(default=default, metadata={_ABOUT: about})
+        return dataclasses.field(default_factory=lambda: list(default), metadata={_MEMBER: leaf})
+    return dataclasses.field(default=default, metadata={_MEMBER: leaf})
 
 
 def group(kind: type) -> Any:
     """Return a dataclass field that holds parameters under a common name."""
-    return dataclasses.field(default_factory=kind, metadata={_GROUP: kind})
+    return dataclasses.field(default_factory=kind, metadata={_MEMBER: kind})
 
 
 def members(kind: type) -> Iterator[tuple[str, type | Leaf]]:
@@ -66,13 +66,8 @@ def members(kind: type) -> Iterator[tuple[str, type | Leaf]]:
         KeyError: a field that neither `parameter` nor `group` made.
     """
     for field in dataclasses.fields(kind):
-        if _GROUP in field.metadata:
-            yield field.name, field.metadata[_GROUP]
-        else:
-            default = field.default
-            if default is dataclasses.MISSING:
-                default = field.default_factory()  # type: ignore[misc]
-            yield field.name, Leaf(field.name, default, field.metadata[_ABOUT])
+        member = field.metadata[_MEMBER]
+        yield field.name, member._replace(name=field.name) if isinstance(member, Leaf) else member
 
 
 def leaves(kind: type, prefix: str = "") -> Iterator[Leaf]:

@@ -9,6 +9,7 @@ import importlib
 import typing
 
 from ...errors import RosError
+from .. import bus
 
 
 @functools.cache
@@ -18,11 +19,13 @@ def ros_class(kind: type) -> type:
     Raises:
         RosError: the package with its definition is not installed.
     """
-    package, folder, name = kind.TYPE.split("/")
+    package, folder, name = bus.type_name(kind).split("/")
     try:
         return getattr(importlib.import_module(f"{package}.{folder}"), name)
     except ImportError as error:
-        raise RosError(f"{kind.TYPE}: the ROS package {package} is not installed") from error
+        raise RosError(
+            f"{bus.type_name(kind)}: the ROS package {package} is not installed"
+        ) from error
 
 
 def to_ros(message, made=None):

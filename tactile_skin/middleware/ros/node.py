@@ -210,9 +210,9 @@ class ToRos(logging.Handler):
         name = record.name.rsplit(".", 1)[-1]
         node = self.nodes.get(name) or next(iter(self.nodes.values()), None)
         try:
-            if node is None:
-                logging.lastResort.handle(record)
-            else:
+            if node is not None:
                 node.log(record.levelno, self.format(record))
+            elif logging.lastResort is not None:
+                logging.lastResort.handle(record)
         except Exception:  # a ROS that is gone
             self.handleError(record)

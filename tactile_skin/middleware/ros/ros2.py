@@ -116,7 +116,7 @@ class Ros2Node:
         given = [Parameter(p.name, value=p.value) for p in parameters]
         self.node = rclpy.create_node(name, namespace=namespace, parameter_overrides=given)
         self._clock = (simulated or self).node.get_clock()
-        self._publishers = []
+        self._publishers: list = []
         self._kinds: dict[str, type] = {}  # topic -> what this node takes it to be
         self._told: set[tuple[str, str]] = set()
         self.node.create_timer(_COMPARE, _isolated("the graph", self.compare_types))
@@ -171,9 +171,9 @@ class Ros2Node:
             described.floating_point_range.append(
                 rcl.FloatingPointRange(from_value=bounds.from_value, to_value=bounds.to_value)
             )
-        for bounds in descriptor.integer_range:
+        for whole in descriptor.integer_range:
             described.integer_range.append(
-                rcl.IntegerRange(from_value=bounds.from_value, to_value=bounds.to_value)
+                rcl.IntegerRange(from_value=whole.from_value, to_value=whole.to_value)
             )
         self.node.declare_parameter(name, value, described, ignore_override=True)
 

@@ -6,6 +6,7 @@ import logging
 import threading
 import time
 from collections import deque
+from typing import Any
 
 from ...errors import LaunchError
 from ...middleware.config import declared
@@ -62,7 +63,7 @@ class Foxglove:
             if topic in self._heard or name not in cdr.KINDS:
                 continue
             self._heard.add(topic)
-            kind = cdr.KINDS[name]
+            kind: Any = cdr.KINDS[name]
             schema = self._sdk.Schema(
                 name=name, encoding=cdr.SCHEMAS, data=cdr.definition(kind).encode()
             )

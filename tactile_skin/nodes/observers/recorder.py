@@ -62,7 +62,8 @@ class RecorderNode:
 
         def take(message) -> None:
             t = self._now()
-            self._recorder.put(topic, t, message)
+            if self._recorder is not None:
+                self._recorder.put(topic, t, message)
             if is_stop:
                 self._on_stop(topic, t, message)
 
@@ -70,12 +71,14 @@ class RecorderNode:
 
     def _on_stop(self, topic: str, t: int, message: Bool) -> None:
         """A stop that begins is kept; that of the start, or of the end, is no incident."""
-        if message.data and not self._stopped.get(topic, True) and self.node.context.ok():
+        begins = message.data and not self._stopped.get(topic, True)
+        if self._recorder is not None and begins and self.node.context.ok():
             self._recorder.stop(t)
         self._stopped[topic] = message.data
 
     def _report(self) -> None:
-        recorder = self._recorder
+        if (recorder := self._recorder) is None:
+            return
         trouble = recorder.trouble
         if trouble and trouble != self._said:
             self.node.get_logger().warning("%s", trouble)
