@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from tactile_skin import solvers
 from tactile_skin.commands import doctor
 from tactile_skin.errors import ParameterError
 from tactile_skin.middleware import parameter_file
@@ -15,7 +16,7 @@ from tactile_skin.middleware.config import declared
 from tactile_skin.middleware.launch_file import read_plan
 from tactile_skin.middleware.package import CLASSES
 from tactile_skin.middleware.parameter_file import ParameterFile
-from tactile_skin.parameters import documents
+from tactile_skin.parameters import documents, nodes
 from tactile_skin.parameters.fields import leaves, parameter
 from tactile_skin.parameters.nodes import SECTIONS, own_names, shared_names
 from tactile_skin.parameters.shared import Circuit, Shared
@@ -111,6 +112,10 @@ def test_the_doctor_takes_each_parameter_of_the_board():
         assert f"  {leaf.name} " in parser.format_help()
         assert leaf.about.description in parser.format_help()
         assert doctor._KINDS[leaf.name] is type(leaf.default)
+
+
+def test_the_methods_are_those_of_the_solvers():
+    assert tuple(solvers.METHODS) == nodes.METHODS
 
 
 def test_names_are_found_in_every_section():

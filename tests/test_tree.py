@@ -24,7 +24,7 @@ MAY = {
     "calibration": ("physics", "solvers", "readings", "findings"),
     "health": ("physics", "solvers", "readings", "findings", "calibration"),
     "board": ("physics",),
-    "parameters": ("physics", "touch", "behaviours", "solvers", "board"),
+    "parameters": ("physics", "touch", "behaviours", "board"),
     "middleware": ("files", "yaml_files", "msg", "physics", "touch", "parameters"),
     "recording": ("files", "yaml_files", "msg", "physics", "middleware", "readings"),
     "view": ("msg", "physics", "solvers", "touch", "middleware", "recording"),

@@ -12,10 +12,11 @@ from ..behaviours.admittance import ANGULAR, LINEAR, AdmittanceConfig, Axis
 from ..behaviours.gate import GateConfig
 from ..behaviours.stop import StopConfig
 from ..board.formats import PROTOCOLS, fields
-from ..solvers import METHODS
 from .fields import group, leaves, parameter
 from .shared import Circuit, Curve, Framed, Geometry, Shared
 
+# Those of `solvers.METHODS`, which takes as long to import as all the rest; a test compares them.
+METHODS = "naive", "fixed_point", "newton", "map", "cnn", "physics", "auto"
 _STAMPED = "velocities are TwistStamped, not Twist"
 
 Format = dataclasses.make_dataclass(
@@ -70,9 +71,7 @@ class Compensation:
     circuit: Circuit = group(Circuit)
     curve: Curve = group(Curve)
     geometry: Geometry = group(Geometry)
-    method: str = parameter(
-        "auto", "", "README.md compares them", choices=tuple(METHODS), live=True
-    )
+    method: str = parameter("auto", "", "README.md compares them", choices=METHODS, live=True)
     weights: str = parameter(
         "", "", "file written by `tactile-skin train`; empty: the shipped weights"
     )
