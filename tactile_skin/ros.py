@@ -18,6 +18,7 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Collection
 from pathlib import Path
 
 import yaml
@@ -27,7 +28,7 @@ from .errors import LaunchError, ParameterError, RosError
 from .files import one_line
 from .middleware.bus import Context, Node
 from .middleware.launch_file import NodeAction, Plan
-from .middleware.launched import check_commands, check_files, check_names, close, given
+from .middleware.launched import check_commands, check_names, close, given
 from .middleware.package import COMPOSED, FOXGLOVE, NODES, PACKAGE, RECORDER
 from .middleware.parameter_file import CONFIG, ParameterFile
 from .middleware.processes import end_commands, start_command
@@ -35,6 +36,7 @@ from .middleware.ros.arguments import RosArguments, split_arguments
 from .middleware.ros.node import RosNode, ToRos
 from .middleware.ros.ros2 import Ros2
 from .nodes import diagnostics, frames
+from .parameters.nodes import all_names
 
 _logger = logging.getLogger("tactile_skin")
 # The nodes of `skin`, in the way of the data, and whether they run unless a parameter says so.
@@ -61,33 +63,11 @@ class Program(launch.Skin):
         for node in self._nodes:
             close(node)
 
-    def _check_names(self) -> None:
-        """What a file says to every node may be meant for others, and what a launch file gives a
-        program, for any node in it."""
-        own = [set(handle.parameter_names()) for handle in self._handles]
-        process = set().union(*own)
-        if self._whole:  # a launch file also gives what is for parts that do not run
-            idle = set(PARTS) - {action.kind for action in self._plan.nodes}
-            process = process.union(PARTS, *map(_names_of, idle))
-        for action, handle, names in zip(self._plan.nodes, self._handles, own, strict=True):
-            for item in action.parameters:
-                file = isinstance(item, ParameterFile)
-                given_alone = not file or item.by_launch
-                check_names(
-                    dataclasses.replace(action, parameters=[item]),
-                    handle.get_fully_qualified_name(),
-                    names if file else process,
-                    process if given_alone else None,
-                )
-        check_files(self._plan.nodes, self._handles)
-
-
-def _names_of(kind: str) -> list[str]:
-    """The parameters of a node that does not run."""
-    node = Node(kind, context=Context())
-    with contextlib.suppress(ValueError, OSError):  # of what it would run on: no port, say
-        launch.node_class(kind)(node)
-    return node.parameter_names()
+    def _check_names(self, action: NodeAction, full_name: str, own: Collection[str]) -> None:
+        """Refuse what no node knows; a launch file also gives `skin` what is for any of its parts,
+        whether or not they run."""
+        process = set(PARTS).union(*map(all_names, PARTS)) if self._whole else None
+        check_names(action, full_name, own, process)
 
 
 class RosSkin(Program):

@@ -333,7 +333,7 @@ PARAMETERS = {  # what is wrong -> (content, what the line must hold)
         "points too close",
     ),
     "rpy of two": (shared("geometry: {rpy: [0.0, 1.0]}"), "rpy = [0.0, 1.0]"),
-    "method unknown": ("compensation: {ros__parameters: {method: magic}}", ["method", "= 'magic'"]),
+    "method unknown": ("compensation: {ros__parameters: {method: magic}}", "method = 'magic'"),
     "a value of 5,000 letters": (
         f"compensation: {{ros__parameters: {{method: {'x' * 5000}}}}}",
         "xxx...xxx",

@@ -18,7 +18,7 @@ from tactile_skin.middleware.package import CLASSES
 from tactile_skin.middleware.parameter_file import ParameterFile
 from tactile_skin.parameters import documents, nodes
 from tactile_skin.parameters.fields import leaves, parameter
-from tactile_skin.parameters.nodes import SECTIONS, own_names, shared_names
+from tactile_skin.parameters.nodes import SECTIONS, all_names, own_names, shared_names
 from tactile_skin.parameters.shared import Circuit, Shared
 
 ROOT = Path(__file__).parents[1]
@@ -61,9 +61,9 @@ def wider(monkeypatch):
     )
     made.__doc__ = "An arrow."
     monkeypatch.setitem(SECTIONS, "push_arrow", made)
-    own_names.cache_clear()
+    own_names.cache_clear(), all_names.cache_clear()
     yield made
-    own_names.cache_clear()
+    own_names.cache_clear(), all_names.cache_clear()
 
 
 def node(**values) -> Node:
@@ -97,7 +97,7 @@ def test_one_line_is_all_that_a_new_parameter_needs(wider, tmp_path):
     [
         ({"width": 3.0}, "width of node push_arrow = 3.0: must be from 0.0 to 2.0"),
         ({"width": "wide"}, "width of node push_arrow = 'wide': must be of type float"),
-        ({"style": "bent"}, "style of node push_arrow = 'bent': must be one of flat, round"),
+        ({"style": "bent"}, "node push_arrow: style = 'bent': must be one of flat, round"),
     ],
 )
 def test_what_is_wrong_names_the_parameter_and_what_is_allowed(wider, given, named):

@@ -109,9 +109,9 @@ def declared(node: Node, kind: type, prefix: str = "") -> Any:
             about = describe(member.about, member.default)
             value = node.declare_parameter(prefix + name, member.default, about).value
             if member.about.choices and value not in member.about.choices:
-                allowed = f"must be one of {', '.join(member.about.choices)}"
                 raise ParameterError(
-                    f"parameter {prefix}{name} of node {node.get_name()} = {value!r}: {allowed}"
+                    f"node {node.get_name()}: {prefix}{name} = {value!r}: must be one of "
+                    f"{', '.join(member.about.choices)}"
                 )
             values[name] = value
         else:

@@ -10,7 +10,6 @@ from pathlib import Path
 
 from ..errors import FileError, ParameterError, did_you_mean
 from ..files import shorten
-from ..parameters.nodes import own_names, shared_names
 from ..yaml_files import read_yaml
 from .bus import Parameter
 from .package import CLASSES, COMPOSED, NODES
@@ -106,6 +105,8 @@ class ParameterFile:
         Raises:
             ParameterError: naming the section and the parameter.
         """
+        from ..parameters.nodes import own_names, shared_names  # here: reading a file needs none
+
         shared, shipped = shared_names(), {node: own_names(node) for node in CLASSES}
         everyone = shared.union(*shipped.values(), names)
         known = {"*", "**", *CLASSES, *nodes}

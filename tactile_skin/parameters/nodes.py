@@ -339,6 +339,12 @@ def shared_names() -> frozenset[str]:
 
 
 @functools.cache
+def all_names(node: str) -> frozenset[str]:
+    """Return the names of a node's parameters."""
+    return frozenset(leaf.name for leaf in leaves(SECTIONS[node]))
+
+
+@functools.cache
 def own_names(node: str) -> frozenset[str]:
     """Return the names of the parameters that a file holds under the node's own name."""
-    return frozenset(leaf.name for leaf in leaves(SECTIONS[node])) - shared_names()
+    return all_names(node) - shared_names()
