@@ -8,7 +8,6 @@ import shlex
 import shutil
 import sys
 import uuid
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -314,39 +313,29 @@ def substitute(text: str, variables: dict, path: Path, anonymous: dict) -> str:
     """Fill in $(var x), $(env X default), $(dirname), $(anon x), $(find-pkg-share pkg) and
     $(exec-in-pkg x pkg)."""
 
-    def variable(name: str) -> str:
-        if name not in variables:
-            known = ", ".join(variables) or "none"
-            raise LaunchError(f"{path}: $(var {name}): not known here; there are: {known}")
-        return variables[name]
-
-    def environment(name: str, default: str | None = None) -> str:
-        if (found := os.environ.get(name, default)) is None:
-            raise LaunchError(f"{path}: $(env {name}): not set, and no default given")
-        return found
-
-    def anonymised(name: str) -> str:
-        return anonymous.setdefault(name, f"{name}_{os.getpid()}_{uuid.uuid4().hex[:8]}")
-
-    kinds: dict[tuple[str, int], Callable[..., str]] = {  # name, number of words
-        ("var", 1): variable,
-        ("env", 1): environment,
-        ("env", 2): environment,
-        ("dirname", 0): lambda: str(path.resolve().parent),
-        ("anon", 1): anonymised,
-        ("find-pkg-share", 1): lambda package: str(share_dir()),
-        ("exec-in-pkg", 2): lambda name, package: _program(name, path),
-    }
-
-    def value(match: re.Match) -> str:
-        kind, words = match[1], match[2].split()
-        ours = PACKAGE in words[-1:] or not kind.endswith(("-share", "-pkg"))
-        if (kind, len(words)) not in kinds or not ours:
-            raise LaunchError(
-                f"{path}: {match[0]}: not understood; must be $(var x), $(env X [default]), "
-                f"$(dirname), $(anon x), $(find-pkg-share {PACKAGE}) or $(exec-in-pkg x {PACKAGE})"
-            )
-        return kinds[kind, len(words)](*words)
+    def value(found: re.Match) -> str:
+        match [found[1], *found[2].split()]:
+            case ["var", name]:
+                if name not in variables:
+                    known = ", ".join(variables) or "none"
+                    raise LaunchError(f"{path}: $(var {name}): not known here; there are: {known}")
+                return variables[name]
+            case ["env", name, *default] if len(default) <= 1:
+                if (there := os.environ.get(name, *default)) is None:
+                    raise LaunchError(f"{path}: $(env {name}): not set, and no default given")
+                return there
+            case ["dirname"]:
+                return str(path.resolve().parent)
+            case ["anon", name]:
+                return anonymous.setdefault(name, f"{name}_{os.getpid()}_{uuid.uuid4().hex[:8]}")
+            case ["find-pkg-share", package] if package == PACKAGE:
+                return str(share_dir())
+            case ["exec-in-pkg", name, package] if package == PACKAGE:
+                return _program(name, path)
+        raise LaunchError(
+            f"{path}: {found[0]}: not understood; must be $(var x), $(env X [default]), "
+            f"$(dirname), $(anon x), $(find-pkg-share {PACKAGE}) or $(exec-in-pkg x {PACKAGE})"
+        )
 
     filled = _SUBSTITUTION.sub(value, text)
     if "$(" in filled:
