@@ -37,7 +37,7 @@ class CommandParser(argparse.ArgumentParser):
             if not (mark or _is_option(word)):
                 files.append(word)
                 continue
-            values = [text]
+            values: list[str] | None = [text]
             if mark:
                 name = name.removeprefix("--")
             else:
@@ -93,9 +93,9 @@ def split(words: list[str], kinds: dict[str, type] | None = None) -> tuple[list[
                 raise ValueError(f"{word!r}: arguments are written name:=value, or --name value")
             files.append(word)
             continue
-        kind = str if kinds is None else kinds.get(name)
-        if kind is None:
+        if kinds is not None and name not in kinds:
             raise ValueError(f"argument {name!r} is unknown{did_you_mean(name, kinds)}")
+        kind = str if kinds is None else kinds[name]
         if name in given:
             raise ValueError(f"argument {name!r} is given twice")
         try:

@@ -22,17 +22,17 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 from .behaviours.hooks import EventHook, StopHook
 from .errors import LaunchError
 from .middleware.bus import Context, MultiThreadedExecutor, Node
-from .middleware.config import SkinConfig, read_skin
 from .middleware.launch_file import NodeAction, Plan, read_plan
 from .middleware.launched import (
     by_thread,
     check_commands,
-    check_overrides,
+    check_files,
+    check_names,
     make_node,
     naming_its_file,
     parameters_of,
@@ -45,22 +45,17 @@ from .middleware.signals import SIGNALS, unwinding
 from .middleware.threads import one_thread
 from .msg import DiagnosticArray, Trigger
 from .nodes import diagnostics
-from .nodes.stop_on_push import STATUS, STATUS_TOPIC, stop_message_of
-from .nodes.touch_events import PushListener, StrokeListener
-from .recording import configuration
 from .touch.events import Pushed, Released, Stroked
 
-__all__ = [
-    "LaunchError",
-    "Plan",
-    "Skin",
-    "SkinConfig",
-    "find",
-    "launch",
-    "read_plan",
-    "read_skin",
-    "share_dir",
-]
+__all__ = ["LaunchError", "Plan", "Skin", "find", "launch", "read_plan", "share_dir"]
+
+
+def __getattr__(name: str):
+    # Here: half of a skin's start is the import of SciPy, and its simulated board can start before.
+    if name in ("SkinConfig", "read_skin"):
+        return getattr(importlib.import_module(".middleware.config", __package__), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 _POLL = 0.02  # s between two checks of `spin` for signals, nodes and commands
 # From a signal to the end of the process it takes a second at most, whatever hangs:
@@ -107,6 +102,8 @@ class Skin:
             self._processes.append(start_command(command))
         self.build()
         for recorder in self._of_kind(RECORDER, self._nodes):
+            from .recording import configuration
+
             recorder.begin(configuration.attachments(parameters_of(self._handles)))
         # The matrices are small. More threads than one would spin beside it, and on a small
         # computer keep the other nodes waiting for a tenth of a second.
@@ -131,6 +128,8 @@ class Skin:
         Raises:
             ValueError: a name or a value that is wrong; the message names it.
         """
+        from .parameters.nodes import all_names
+
         for action in self._plan.nodes:
             SIGNALS.raise_pending()  # the last one took a while
             handle = self._make_node(action)
@@ -139,18 +138,22 @@ class Skin:
                 raise LaunchError(f"{action.file}: node {name}: there are two of this name")
             self._handles.append(handle)
             kind = class_of(action)
-            with naming_its_file(action, handle, kind):
+            if action.user is None:
+                self._check_names(action, name, all_names(action.kind))
+            with naming_its_file(action, name):
                 self._nodes.append(kind(handle))
-        self._check_names()
+            if action.user is not None:  # it says which it has once it is made
+                self._check_names(action, name, handle.parameter_names())
+        check_files(self._plan.nodes, self._handles)
         check_commands(self._handles)
         return self._handles
 
     def _make_node(self, action: NodeAction) -> Node:
         return make_node(action, self._context)
 
-    def _check_names(self) -> None:
-        """Refuse parameters that no node knows."""
-        check_overrides(self._plan.nodes, self._handles)
+    def _check_names(self, action: NodeAction, full_name: str, own: Collection[str]) -> None:
+        """Refuse parameters that the node does not know."""
+        check_names(action, full_name, own)
 
     @SIGNALS.deferred
     def __exit__(self, *_) -> None:
@@ -223,9 +226,8 @@ class Skin:
                     return
                 for process in self._processes:
                     if process.poll() not in (None, 0):
-                        raise LaunchError(
-                            f"{shlex.join(process.args)}: ended with {process.returncode}"
-                        )
+                        command = shlex.join(map(str, process.args))  # type: ignore[arg-type]
+                        raise LaunchError(f"{command}: ended with {process.returncode}")
                 time.sleep(min(_POLL, left))
 
     def shutdown(self) -> None:
@@ -250,9 +252,10 @@ class Skin:
             LaunchError: the launch file starts no stop_on_push.
             ValueError: `heartbeat` is not above 0, or not finite.
         """
-        topics = [
-            handle.resolve_topic_name(STATUS_TOPIC) for handle in self._started("stop_on_push")
-        ]
+        from .nodes.stop_on_push import STATUS, STATUS_TOPIC, stop_message_of
+
+        stops = self._started("stop_on_push")
+        topics = [handle.resolve_topic_name(STATUS_TOPIC) for handle in stops]
         clock = self._context.clock
         stop_hook = StopHook(hook, topics, clock, heartbeat)
         self._hooks.append(stop_hook)
@@ -276,11 +279,11 @@ class Skin:
         Raises:
             LaunchError: the launch file starts no stop_on_push.
         """
-        self._on_event(hook, Pushed, PushListener, "stop_on_push")
+        self._on_event(hook, Pushed, "stop_on_push")
 
     def on_release(self, hook: Callable) -> None:
         """Call hook(seconds) when a push is over, with how long it lasted; else as `on_push`."""
-        self._on_event(hook, Released, PushListener, "stop_on_push")
+        self._on_event(hook, Released, "stop_on_push")
 
     def on_stroke(self, hook: Callable) -> None:
         """Call hook(velocity, confidence) when a stroke along the skin begins.
@@ -290,9 +293,12 @@ class Skin:
         Raises:
             LaunchError: the launch file starts no gesture_feature.
         """
-        self._on_event(hook, Stroked, StrokeListener, "gesture_feature")
+        self._on_event(hook, Stroked, "gesture_feature")
 
-    def _on_event(self, hook: Callable, kind: type, listener, executable: str) -> None:
+    def _on_event(self, hook: Callable, kind: type, executable: str) -> None:
+        from .nodes.touch_events import PushListener, StrokeListener
+
+        listener = PushListener if executable == "stop_on_push" else StrokeListener
         nodes = self._started(executable)
         event_hook = EventHook(hook)
         self._hooks.append(event_hook)
@@ -363,11 +369,7 @@ def _close(handle: Node, node) -> None:
 
 
 def class_of(action: NodeAction):
-    """The class of a launch file's node.
-
-    Raises:
-        LaunchError: of a user's node that cannot be loaded; the message names the file.
-    """
+    """Return the class of a launch file's node; LaunchError names the file."""
     if action.user is None:
         return node_class(action.executable)
     try:

@@ -1,13 +1,10 @@
-"""The same nodes on real ROS, by rclpy (ROS 2) or rospy (ROS 1): one a process, or all in one.
+"""The same nodes on ROS 2, by rclpy: one a process, or all in one.
 
 ROS carries the messages from process to process; within a process a node has what it has on the
-bus: one thread for its callbacks, bounded queues, checked parameters, isolated exceptions. So what
-differs between the two ROS is two small classes each, which know topics and services only.
+bus: one thread for its callbacks, bounded queues, checked parameters, isolated exceptions.
 
     serial_driver --ros-args -r __node:=left --params-file skin.yaml -p port:=/dev/ttyUSB0
     skin --ros-args --params-file skin.yaml -p serial_driver:port:=/dev/ttyUSB0 -p monitor:=true
-
-Both understand ROS 2's command line.
 """
 
 from __future__ import annotations
@@ -21,6 +18,7 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Collection
 from pathlib import Path
 
 import yaml
@@ -30,15 +28,15 @@ from .errors import LaunchError, ParameterError, RosError
 from .files import one_line
 from .middleware.bus import Context, Node
 from .middleware.launch_file import NodeAction, Plan
-from .middleware.launched import check_commands, check_files, check_names, close, given
+from .middleware.launched import check_commands, check_names, close, given
 from .middleware.package import COMPOSED, FOXGLOVE, NODES, PACKAGE, RECORDER
 from .middleware.parameter_file import CONFIG, ParameterFile
 from .middleware.processes import end_commands, start_command
 from .middleware.ros.arguments import RosArguments, split_arguments
-from .middleware.ros.node import MODULES, RosNode, ToRos, choose
-from .middleware.ros.ros1 import Ros1
+from .middleware.ros.node import RosNode, ToRos
 from .middleware.ros.ros2 import Ros2
 from .nodes import diagnostics, frames
+from .parameters.nodes import all_names
 
 _logger = logging.getLogger("tactile_skin")
 # The nodes of `skin`, in the way of the data, and whether they run unless a parameter says so.
@@ -65,39 +63,17 @@ class Program(launch.Skin):
         for node in self._nodes:
             close(node)
 
-    def _check_names(self) -> None:
-        """What a file says to every node may be meant for others, and what a launch file gives a
-        program, for any node in it."""
-        own = [set(handle.parameter_names()) for handle in self._handles]
-        process = set().union(*own)
-        if self._whole:  # a launch file also gives what is for parts that do not run
-            idle = set(PARTS) - {action.kind for action in self._plan.nodes}
-            process = process.union(PARTS, *map(_names_of, idle))
-        for action, handle, names in zip(self._plan.nodes, self._handles, own, strict=True):
-            for item in action.parameters:
-                file = isinstance(item, ParameterFile)
-                given_alone = not file or item.by_launch
-                check_names(
-                    dataclasses.replace(action, parameters=[item]),
-                    handle.get_fully_qualified_name(),
-                    names if file else process,
-                    process if given_alone else None,
-                )
-        check_files(self._plan.nodes, self._handles)
-
-
-def _names_of(kind: str) -> list[str]:
-    """The parameters of a node that does not run."""
-    node = Node(kind, context=Context())
-    with contextlib.suppress(ValueError, OSError):  # of what it would run on: no port, say
-        launch.node_class(kind)(node)
-    return node.parameter_names()
+    def _check_names(self, action: NodeAction, full_name: str, own: Collection[str]) -> None:
+        """Refuse what no node knows; a launch file also gives `skin` what is for any of its parts,
+        whether or not they run."""
+        process = set(PARTS).union(*map(all_names, PARTS)) if self._whole else None
+        check_names(action, full_name, own, process)
 
 
 class RosSkin(Program):
     """Nodes of this process that are on ROS as well, until a signal or ROS ends them."""
 
-    def __init__(self, executable: str, plan: Plan, ros: Ros1 | Ros2):
+    def __init__(self, executable: str, plan: Plan, ros: Ros2):
         super().__init__(executable, plan)
         self._ros = ros
         self._lost = False
@@ -105,12 +81,13 @@ class RosSkin(Program):
         _logger.setLevel(logging.DEBUG)  # ROS has levels of its own
         _logger.propagate, _logger.handlers = False, [self._to_ros]
 
-    def build(self) -> list[RosNode]:
+    def build(self) -> list[Node]:
         self._settings.callback(self._leave)
         super().build()
         for handle in self._handles:
             diagnostics.ensure_reported(handle)
-            handle.connect(diagnostics.TOPIC, *frames.TOPICS)
+            if isinstance(handle, RosNode):  # as _make_node makes them
+                handle.connect(diagnostics.TOPIC, *frames.TOPICS)
         self._ros.start(self.shutdown)
         return self._handles
 
@@ -137,15 +114,10 @@ def run(executable: str, words: list[str] | None = None) -> int:
     try:
         own, args = split_arguments(sys.argv[1:] if words is None else words)
         parser = argparse.ArgumentParser(prog=executable, description=_about(executable))
-        parser.add_argument(
-            "--ros", type=int, choices=(1, 2), help="1: rospy, 2: rclpy (default: what is there)"
-        )
-        version = choose(parser.parse_args(own).ros)
+        parser.parse_args(own)
         plan = plan_of(executable, args)
         namespace = "/" + args.namespace_of(executable).strip("/")
-        # it may wait for ROS 1's master, which a signal ends at once
-        ros = MODULES[version][1](args.name_of(executable), namespace, args.logs)
-        skin = RosSkin(executable, plan, ros)
+        skin = RosSkin(executable, plan, Ros2(args.name_of(executable), namespace, args.logs))
         # a signal that came before it ran has asked for the same
         with contextlib.suppress(KeyboardInterrupt, SystemExit), skin:
             skin.spin()
@@ -161,7 +133,7 @@ def _about(executable: str) -> str:
     """The first line of the node's module."""
     if executable == COMPOSED:
         return f"All nodes of a skin in one process: {', '.join(PARTS)}."
-    return sys.modules[launch.node_class(executable).__module__].__doc__.splitlines()[0]
+    return (sys.modules[launch.node_class(executable).__module__].__doc__ or "").splitlines()[0]
 
 
 def plan_of(executable: str, args: RosArguments) -> Plan:
@@ -178,7 +150,10 @@ def plan_of(executable: str, args: RosArguments) -> Plan:
             item if isinstance(item, ParameterFile) else (item.name, item.value)
             for item in args.parameters_of(kind, name)
         ]
-        rules = [tuple(rule.split(":=", 1)) for rule in args.remappings_of(kind, name)]
+        rules = [
+            (source, to)
+            for source, _, to in (r.partition(":=") for r in args.remappings_of(kind, name))
+        ]
         namespace = args.namespace_of(kind).strip("/")
         plan.nodes.append(NodeAction(kind, name, namespace, parameters, rules, Path(executable)))
     return plan
@@ -205,10 +180,9 @@ def __getattr__(name: str):
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
-def command(action: NodeAction, version: int) -> list[str]:
+def command(action: NodeAction) -> list[str]:
     """The command line that starts a program of a launch file, as `ros2 launch` would."""
-    words = [sys.executable, "-m", f"{PACKAGE}.ros", action.executable, "--ros", str(version)]
-    return words + _words(action)
+    return [sys.executable, "-m", f"{PACKAGE}.ros", action.executable, *_words(action)]
 
 
 def _words(action: NodeAction) -> list[str]:
@@ -251,7 +225,7 @@ def _as_yaml(value) -> str:
     return text.removesuffix("...\n").strip()
 
 
-def launch_processes(plan: Plan, version: int) -> int:
+def launch_processes(plan: Plan) -> int:
     """Start a launch file's commands and nodes as processes; end when a node ends by itself.
 
     A node that is killed ends nothing: the stop says so, as the robot's own launch would.
@@ -281,7 +255,7 @@ def launch_processes(plan: Plan, version: int) -> int:
             commands.append(start_command(words))
         for action in plan.nodes:
             name = f"{action.namespace}/{action.name}".strip("/")
-            nodes[name] = start_command(command(action, version))
+            nodes[name] = start_command(command(action))
         running = dict(nodes)
         while running and not asked.wait(0.2):
             for name, process in nodes.items():

@@ -28,14 +28,11 @@ from tactile_skin.launch import (
     Skin,
     find,
     launch,
-    node_class,
     read_plan,
     share_dir,
 )
 from tactile_skin.middleware import launched
-from tactile_skin.middleware.bus import Context, Node, Parameter, ParameterError
-from tactile_skin.middleware.package import CLASSES
-from tactile_skin.middleware.parameter_file import ParameterFile
+from tactile_skin.middleware.bus import Context, Node, ParameterError
 from tactile_skin.msg import Bool, Header, PointCloud2, Twist, cloud
 from tactile_skin.nodes.stop_on_push import LATCHED
 
@@ -109,15 +106,13 @@ def test_find_pkg_share(plan):
 
 
 def test_exec_in_pkg_is_a_program_of_the_package(plan, tmp_path, monkeypatch):
-    """Where colcon has put it, or pip; a node, and what is not on the PATH, by this Python."""
+    """Where colcon has put it, or pip; what is not on the PATH, by this Python."""
     line = echoed("$(exec-in-pkg tactile-skin tactile_skin)")
     module = [sys.executable, "-m", "tactile_skin"]
     monkeypatch.setattr("shutil.which", lambda name, path: None)
     assert words(plan(line)) == [module]
     monkeypatch.setattr("shutil.which", lambda name, path: name)
     assert words(plan(line)) == [["tactile-skin"]]
-    node = plan(echoed("$(exec-in-pkg monitor tactile_skin)"))
-    assert words(node) == [[sys.executable, "-m", "tactile_skin.ros", "monitor"]]
     tmp_path = tmp_path / "a robot"  # with a space
     for folder in ("lib/tactile_skin", "share/tactile_skin"):
         (tmp_path / folder).mkdir(parents=True)
@@ -166,12 +161,17 @@ def test_conditions(write, plan, entity, condition, there):
     assert bool(found.nodes or found.commands) is there
 
 
-def test_an_include_gets_only_what_it_is_given(write, plan):
-    write("- arg: {name: a, default: inner}\n" + echoed("$(var a)"), "inner.launch.yaml")
+def test_an_included_file_sees_all_arguments_as_in_ros_2(write, plan):
+    inner = "- arg: {name: a, default: inner}\n- arg: {name: b, default: b}\n"
+    write(inner + echoed("$(var a)$(var b)"), "inner.launch.yaml")
     outer = "- arg: {name: a, default: outer}\n- include: {file: $(dirname)/inner.launch.yaml%s}\n"
-    assert words(plan(outer % "")) == [["inner"]]
-    passing = ", arg: [{name: a, value: $(var a)}]"
-    assert words(plan(outer % passing)) == [["outer"]]
+    assert words(plan(outer % "")) == [["outerb"]]
+    assert words(plan(outer % "", b="given")) == [["outergiven"]]
+    assert list(plan(outer % "").arguments) == ["a", "b", "record", "foxglove"]
+    passing = ", arg: [{name: b, value: '$(var a)'}]"
+    assert words(plan(outer % passing)) == [["outerouter"]]
+    with pytest.raises(LaunchError, match="argument 'b' is unknown"):  # it would be ignored
+        plan(outer % passing, b="given")
 
 
 def test_a_node_and_what_it_is_given(plan):
@@ -227,7 +227,7 @@ GRAMMAR = {  # what is wrong -> (entities, what the message must hold)
     "package": (echoed("$(find-pkg-share nav2)"), ["$(find-pkg-share nav2)", "tactile_skin"]),
     "program": (
         echoed("$(exec-in-pkg a tactile_skin)"),
-        ["no program 'a'", "tactile-skin", "monitor"],
+        ["no program 'a'", "tactile-skin"],
     ),
     "another package's program": (
         echoed("$(exec-in-pkg a nav2)"),
@@ -244,14 +244,17 @@ GRAMMAR = {  # what is wrong -> (entities, what the message must hold)
         ["tactile_skin/stop: exec", "stop_on_push"],
     ),
     "param without value": (NODE % ", param: [{name: a}]", ["stop_on_push: param", "'a'"]),
-    "param is no list": (NODE % ", param: {from: a.yaml}", ["node: param", "list of maps"]),
-    "param holds words": (NODE % ", param: [threshold]", ["node: param", "threshold"]),
+    "param is no list": (NODE % ", param: {from: a.yaml}", ["stop_on_push: param", "list of maps"]),
+    "param holds words": (NODE % ", param: [threshold]", ["stop_on_push: param", "threshold"]),
     "param is no YAML": (
         NODE % ", param: [{name: method, value: '[x'}]",
         ["stop_on_push: param method = '[x'", "not valid YAML"],
     ),
     "remap without to": (NODE % ", remap: [{from: a}]", ["stop_on_push: remap", "from and to"]),
-    "remap is no list": (NODE % ", remap: {from: a, to: b}", ["node: remap", "list of maps"]),
+    "remap is no list": (
+        NODE % ", remap: {from: a, to: b}",
+        ["stop_on_push: remap", "list of maps"],
+    ),
     "include of nothing": (
         "- include: {file: $(dirname)/no.launch.yaml}\n",
         ["no.launch.yaml", "No such file"],
@@ -295,12 +298,6 @@ def test_an_unknown_argument_is_refused_with_those_that_are(write):
     path = write("- arg: {name: port, default: auto}\n")
     with pytest.raises(LaunchError, match="argument 'prot' is unknown; did you mean 'port'"):
         read_plan(path, {"prot": "x"})
-
-
-def test_an_unknown_argument_of_an_include_is_refused(write, plan):
-    write("- arg: {name: port, default: auto}\n", "inner.launch.yaml")
-    with pytest.raises(LaunchError, match=r"inner\.launch\.yaml: argument 'prot' is unknown"):
-        plan("- include: {file: $(dirname)/inner.launch.yaml, arg: [{name: prot, value: x}]}\n")
 
 
 # --- parameters ---
@@ -1217,22 +1214,6 @@ def test_the_last_word_to_the_base_is_zero(write, executable):
 def test_the_shipped_launch_file_starts_them_when_asked(name):
     found = read_plan(share_dir() / "launch" / "skin.launch.yaml", {name: "true"})
     assert name in [n.executable for n in found.nodes]
-
-
-@pytest.mark.parametrize("name", CLASSES)
-def test_a_node_without_a_file_has_the_shipped_values(name):
-    """Who writes only what differs gets what config/skin.yaml says: it holds every parameter."""
-    ports = {"serial_driver": "loop://", "view": 0, "foxglove": 0}  # 0: any, one may be taken
-    given = {"port": ports[name]} if name in ports else {}
-    overrides = [Parameter(*item) for item in given.items()]
-    node = Node(name, context=Context(), parameter_overrides=overrides)
-    launched.close(node_class(name)(node))
-    shipped = ParameterFile(share_dir() / "config" / "skin.yaml")
-    said = {p.name: p.value for p in shipped.overrides(f"/{name}")} | given
-    declared = {k: node.get_parameter(k).value for k in node.parameter_names()}
-    assert declared == {k: said[k] for k in declared}
-    own = shipped.sections.get(f"/**/{name}", {})
-    assert own.keys() <= declared.keys()
 
 
 def test_the_shipped_parameters_are_the_defaults(write):

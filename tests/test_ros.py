@@ -13,7 +13,6 @@ import pkgutil
 import queue
 import random
 import runpy
-import shutil
 import signal
 import subprocess
 import sys
@@ -76,7 +75,7 @@ def test_a_machine_without_ros_or_extras_imports_and_runs_everything_else(tmp_pa
     assert "tactile_skin.ros" in modules
     code = f"""
 import importlib, sys
-for name in ("rospy", "rclpy", "genpy", "rosgraph", "std_msgs", "sensor_msgs"):
+for name in ("rclpy", "std_msgs", "sensor_msgs"):
     sys.modules[name] = None
 class Missing:
     def find_spec(name, path=None, target=None):
@@ -96,14 +95,13 @@ sys.exit(skin.failed)
     assert "summary" in done.stdout
 
 
-@pytest.mark.parametrize("words", [[], ["--ros", "1"], ["--ros", "2"]])
-def test_a_node_without_its_ros_says_so(words, capsys, monkeypatch):
+def test_a_node_without_ros_says_so(capsys, monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    assert ros.run("serial_driver", words) == 2
+    assert ros.run("serial_driver", []) == 2
     out, err = capsys.readouterr()
     assert out == ""
     assert err.startswith("serial_driver: error: ")
-    assert "not installed" in err or "is installed" in err
+    assert "rclpy (ROS 2) is not installed" in err
 
 
 @pytest.mark.parametrize("name", [*NODES, COMPOSED])
@@ -249,7 +247,7 @@ def test_a_node_that_ends_by_itself_ends_the_launch(monkeypatch, tmp_path, statu
     """As the monitor does after its duration, or a node with a mistake."""
     ends = f"time.sleep(1.0); os._exit({status})"
     plan, log = started(monkeypatch, tmp_path, a=ASKED, b=ends)
-    assert ros.launch_processes(plan, 1) == status
+    assert ros.launch_processes(plan) == status
     assert log.read_text() == "asked\n"
 
 
@@ -258,7 +256,7 @@ def test_a_node_that_is_killed_does_not_end_the_launch(monkeypatch, tmp_path, ca
     killed = "os.kill(os.getpid(), signal.SIGKILL)"
     ends = "time.sleep(1.5); log.write('ends\\n')"
     plan, log = started(monkeypatch, tmp_path, a=killed, b=ends)
-    assert ros.launch_processes(plan, 1) == 0
+    assert ros.launch_processes(plan) == 0
     assert log.read_text() == "ends\n"
     assert "a: ended by SIGKILL; the others go on" in capfd.readouterr().err
 
@@ -268,7 +266,7 @@ def test_a_mistake_is_found_before_a_process_is_started(monkeypatch, tmp_path):
     plan.nodes[0].parameters.append(("durration", 1.0))
     monkeypatch.setattr(launch, "start_command", lambda words: pytest.fail("started"))
     with pytest.raises(launch.LaunchError, match="'durration' is unknown; did you mean 'duration'"):
-        ros.launch_processes(plan, 1)
+        ros.launch_processes(plan)
 
 
 # --- what a callback raises, on a stand-in for rclpy ---
@@ -482,17 +480,12 @@ def test_what_ros_cannot_log_harms_nobody(capsys):
 
 
 @pytest.fixture(scope="module")
-def version(request):
-    """1 or 2: what this Python has."""
-    found = ros_node.installed()
-    missing = "neither rospy nor rclpy can be imported by this Python"
-    if found == 1 and not shutil.which("roscore"):
-        found, missing = None, "roscore is not installed"
-    if found is None:
+def rclpy(request):
+    """ROS 2, which the test needs."""
+    if not importlib.util.find_spec("rclpy"):
         if request.config.getoption("--require-ros"):
-            pytest.fail(missing)
-        pytest.skip(f"{missing}: see README.md")
-    return found
+            pytest.fail("rclpy cannot be imported")
+        pytest.skip("rclpy is not installed: see .ci/run")
 
 
 # messages
@@ -522,41 +515,26 @@ def filled(kind, dice):
 
 @pytest.mark.ros
 @pytest.mark.parametrize("kind", MESSAGES, ids=lambda m: m.__name__)
-def test_a_message_comes_back_from_ros_as_it_was(kind, version):
+def test_a_message_comes_back_from_ros_as_it_was(kind, rclpy):
     """Every field has its like in the installed definition, and keeps its value on the wire."""
-    if kind is msg.Time and version == 1:
-        pytest.skip("a Time is no message of its own in ROS 1")
     message = filled(kind, random.Random(5))
     theirs = messages.to_ros(message)
     assert type(theirs).__module__.split(".")[0] == kind.TYPE.split("/")[0]
-    assert messages.from_ros(kind, through_the_wire(theirs, version)) == message
-    if version == 1 and kind in (msg.Quaternion, msg.Transform, msg.TransformStamped):
-        return  # ROS 1's quaternion begins with w = 0, which is no rotation
+    assert messages.from_ros(kind, through_the_wire(theirs)) == message
     assert messages.from_ros(kind, messages.ros_class(kind)()) == kind()  # the same defaults
 
 
-def through_the_wire(message, version):
-    if version == 2:
-        from rclpy.serialization import deserialize_message, serialize_message
+def through_the_wire(message):
+    from rclpy.serialization import deserialize_message, serialize_message
 
-        return deserialize_message(serialize_message(message), type(message))
-    import io
-
-    buffer = io.BytesIO()
-    message.serialize(buffer)
-    return type(message)().deserialize(buffer.getvalue())
+    return deserialize_message(serialize_message(message), type(message))
 
 
 @pytest.mark.ros
 @pytest.mark.parametrize("kind", MESSAGES, ids=lambda m: m.__name__)
-def test_fields_and_constants_are_those_of_the_installed_ros(kind, version):
-    if kind is msg.Time and version == 1:
-        pytest.skip("a Time is no message of its own in ROS 1")
+def test_fields_and_constants_are_those_of_the_installed_ros(kind, rclpy):
     theirs = messages.ros_class(kind)
-    if version == 2:
-        names = list(theirs.get_fields_and_field_types())
-    else:
-        names = [name for name in theirs.__slots__ if (kind, name) != (Header, "seq")]
+    names = list(theirs.get_fields_and_field_types())
     assert [f.name for f in dataclasses.fields(kind)] == names
     for name, value in vars(kind).items():
         if name.isupper() and name != "TYPE":
@@ -565,7 +543,7 @@ def test_fields_and_constants_are_those_of_the_installed_ros(kind, version):
 
 
 @pytest.mark.ros
-def test_a_message_of_another_type_is_refused(version):
+def test_a_message_of_another_type_is_refused(rclpy):
     inside = Node("n", context=Context()).create_publisher(msg.Bool, "/skin/stop", 1)
     publisher = ros_node._Publisher(inside, print, lambda: 1)
     with pytest.raises(TypeError, match=r"skin/stop carries std_msgs/msg/Bool, not Float32"):
@@ -573,10 +551,8 @@ def test_a_message_of_another_type_is_refused(version):
 
 
 @pytest.mark.ros
-def test_ros_reads_the_same_parameters_from_the_shipped_file(version):
-    """By rcl's own parser; in ROS 1 there is none."""
-    if version == 1:
-        pytest.skip("parameter files are ROS 2's")
+def test_ros_reads_the_same_parameters_from_the_shipped_file(rclpy):
+    """By rcl's own parser."""
     path = launch.share_dir() / "config" / "skin.yaml"
     code = """
 import json, sys, rclpy
@@ -599,7 +575,7 @@ print(json.dumps({k: v if isinstance(v, (str, bool, int, float)) else list(v)
 
 
 @pytest.fixture(scope="module")
-def skin(version):
+def skin(rclpy):
     """Every node of skin.launch.yaml a process, a recorded board on a pty: graph, player, plan."""
     # Equal bytes give equal values if none is lost, given up or late: on a busy machine, too, where
     # `auto` would take a faster method.
@@ -611,7 +587,7 @@ def skin(version):
         compensation={"method": "map", "time_limit": 10.0, "tare": False, "noise": 0.5},
         stop_on_push={"stale_after": 0.5},
     )
-    with Graph(version) as graph:
+    with Graph() as graph:
         for action in plan.values():
             graph.start_node(action)
         name = graph.listen()
@@ -629,16 +605,7 @@ def by_topic(heard) -> dict[str, list[tuple]]:
     return found
 
 
-RESET = {
-    1: """
-import rospy
-from std_srvs.srv import Trigger
-rospy.init_node("plain_client", disable_signals=True)
-rospy.wait_for_service("/compensation/reset", 20.0)
-done = rospy.ServiceProxy("/compensation/reset", Trigger)()
-print(done.success, done.message)
-""",
-    2: """
+RESET = """
 import rclpy
 from std_srvs.srv import Trigger
 rclpy.init()
@@ -648,13 +615,12 @@ assert client.wait_for_service(20.0)
 future = client.call_async(Trigger.Request())
 rclpy.spin_until_future_complete(node, future, timeout_sec=20.0)
 print(future.result().success, future.result().message)
-""",
-}
+"""
 
 
 def reset(graph) -> str:
     """Call the service by ROS alone."""
-    words = [sys.executable, "-c", RESET[graph.version]]
+    words = [sys.executable, "-c", RESET]
     done = subprocess.run(words, env=graph.env, capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
     return done.stdout
@@ -798,9 +764,9 @@ sys.exit(ros.run("compensation", sys.argv[1:]))
 
 
 @pytest.mark.ros
-def test_a_service_that_raises_on_ros_answers_and_goes_on(version):
-    with Graph(version) as graph:
-        words = [sys.executable, "-c", RAISING, "--ros", str(version)]
+def test_a_service_that_raises_on_ros_answers_and_goes_on(rclpy):
+    with Graph() as graph:
+        words = [sys.executable, "-c", RAISING]
         graph.start("compensation", words)
         for _ in range(2):
             assert reset(graph) == "False no such luck\n"
@@ -809,12 +775,10 @@ def test_a_service_that_raises_on_ros_answers_and_goes_on(version):
 
 
 @pytest.mark.ros
-def test_a_node_whose_executor_ends_fails(version):
-    if version == 1:
-        pytest.skip("rospy isolates what its threads call")
+def test_a_node_whose_executor_ends_fails(rclpy):
     code = RAISING.replace("self._ros = node.ros", "node.ros.node.create_timer(0.1, lambda: 1 / 0)")
-    with Graph(version) as graph:
-        words = [sys.executable, "-c", code, "--ros", str(version)]
+    with Graph() as graph:
+        words = [sys.executable, "-c", code]
         graph.start("compensation", words)
         assert graph.processes["compensation"].wait(60.0) == 1
         assert "rclpy's executor has ended" in graph.said("compensation")
@@ -857,33 +821,6 @@ def test_a_killed_node_stops_the_robot_and_rejoins(skin):
     assert all(during)
 
 
-@pytest.mark.ros
-def test_a_master_that_is_killed_and_restarted_is_rejoined(skin):
-    """What is connected goes on without it; a subscriber that knows only the new one hears all."""
-    graph, player, _plan = skin
-    if graph.version == 2:
-        pytest.skip("ROS 2 has no master")
-    with player.playing(endless(IDLE, next(SEEDS), REST)):
-        old = graph.listen()
-        graph.wait_until_heard(old)
-        killed = time.time()
-        graph.kill_master()
-        time.sleep(1.5)
-        graph.start_master()
-        restarted = time.time()
-        new = graph.listen()
-        graph.wait_until_heard(new)
-        joined = time.time() - restarted
-        time.sleep(2.0)
-        heard_old, heard_new = by_topic(graph.heard(old)), by_topic(graph.heard(new))
-        assert reset(graph).startswith("True ")
-    assert joined < 20.0
-    for topic in DECIDED:
-        arrivals = np.array([t for t, *_ in heard_old[topic] if t > killed])
-        assert max(np.diff(arrivals)) < 0.5, f"{topic} went on without a master"
-        assert rate(heard_new[topic]) == pytest.approx(player.rate, rel=0.02)
-
-
 WRONG = {
     "unknown": (["-p", "treshold:=1.0"], ["'treshold' is unknown; did you mean 'threshold'?"]),
     "range": (["-p", "hold:=-1.0"], ["hold of node guard = -1.0", "from 0.0 to 60.0"]),
@@ -898,7 +835,7 @@ def test_a_wrong_parameter_is_one_clear_line(skin, wrong):
     graph, _, _ = skin
     words, named = WRONG[wrong]
     command = [sys.executable, "-m", "tactile_skin.ros", "stop_on_push"]
-    command += ["--ros", str(graph.version), "--ros-args", "-r", "__node:=guard", *words]
+    command += ["--ros-args", "-r", "__node:=guard", *words]
     done = subprocess.run(command, env=graph.env, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2, done.stderr
     (line,) = [text for text in done.stderr.splitlines() if "error" in text]
@@ -932,8 +869,6 @@ def test_parameters_are_shown_and_set(skin):
     """Limits are, within what is valid; what is read once, at the node's start, is not: to accept
     another value would be a lie."""
     graph, _, _ = skin
-    if graph.version == 1:
-        pytest.skip("ROS 1's nodes declare no parameters")
     words = [sys.executable, "-c", PARAMETERS]
     done = subprocess.run(words, env=graph.env, capture_output=True, text=True, timeout=90)
     assert done.returncode == 0, done.stderr
@@ -947,40 +882,6 @@ def test_parameters_are_shown_and_set(skin):
     assert answers[3].startswith("False ") and "read-only" in answers[3]
 
 
-@pytest.mark.ros
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_node_that_waits_for_a_master_can_be_ended(version, number):
-    if version == 2:
-        pytest.skip("ROS 2 has no master")
-    words = [sys.executable, "-m", "tactile_skin.ros", "stop_on_push", "--ros", "1"]
-    env = os.environ | {"ROS_MASTER_URI": "http://127.0.0.1:9", "PYTHONUNBUFFERED": "1"}
-    both = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
-    with subprocess.Popen(words, env=env, text=True, **both) as process:
-        assert "master may not be running yet" in process.stdout.readline()
-        process.send_signal(number)
-        assert process.wait(15.0) in (130, -number)
-
-
-@pytest.mark.ros
-def test_a_node_whose_name_is_taken_ends(skin):
-    """ROS 1's master shuts the older of two nodes of one name down; the younger goes on. Whether
-    the older's last word still arrives is a race: the master tells its subscribers to leave it."""
-    graph, player, plan = skin
-    if graph.version == 2:
-        pytest.skip("ROS 2 lets both live")
-    name = graph.listen()
-    with player.playing(endless(IDLE, next(SEEDS), REST)):
-        graph.wait_for(lambda: graph.hears(name, "stop free\n"), "the robot may move")
-        older = graph.processes.pop("stop_on_push")
-        graph.start_node(plan["stop_on_push"])
-        assert older.wait(30.0) == 0
-        assert "raised" not in graph.said("stop_on_push")
-        after = graph.listen("skin/stop_status")
-        graph.wait_for(lambda: graph.hears(after, "stop free\n"), "the younger goes on")
-    graph.heard(name)
-    graph.heard(after)
-
-
 def rate(messages) -> float:
     """Messages that arrived a second, by the line through their stamps."""
     stamps = np.array([stamp for _, stamp, _ in messages])
@@ -988,13 +889,13 @@ def rate(messages) -> float:
 
 
 @pytest.mark.ros
-def test_the_launched_demo_speaks_100_times_a_second(version, tmp_path):
-    """roscore, `tactile-skin launch --ros`, the simulated board, a plain subscriber: all topics
+def test_the_launched_demo_speaks_100_times_a_second(rclpy, tmp_path):
+    """`tactile-skin launch --ros 2`, the simulated board, a plain subscriber: all topics
     at 100 a second within 1 % over 8 s, which on a busy machine may be any of 20; SIGTERM ends it
     all, and the last word is stop.
     """
-    with Graph(version) as graph:
-        words = [sys.executable, "-m", "tactile_skin", "launch", "--ros", str(version)]
+    with Graph() as graph:
+        words = [sys.executable, "-m", "tactile_skin", "launch", "--ros", "2"]
         words += ["demo.launch.yaml"]
         graph.start("launch", words)
         name = graph.listen()

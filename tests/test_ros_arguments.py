@@ -15,7 +15,6 @@ from tactile_skin.errors import ParameterError
 from tactile_skin.launch import LaunchError
 from tactile_skin.middleware.bus import Context, Node
 from tactile_skin.middleware.parameter_file import ParameterFile
-from tactile_skin.middleware.ros.ros1 import _options
 
 # As far as this package needs them: rosdep/base.yaml, rosdep/python.yaml and the packages of the
 # distributions in ros/rosdistro. python3-threadpoolctl and the like are no keys; torch has one that
@@ -153,9 +152,6 @@ def arguments(*words):
 def test_words_for_ros_itself_are_handed_on():
     words = ["--log-level", "debug", "--disable-rosout-logs", "--log-config-file", "a"]
     assert arguments(*words).logs == words
-    assert _options(words[:3]) == {"log_level": 1, "disable_rosout": True}
-    with pytest.raises(ValueError, match="--log-config-file a: on ROS 1 must be"):
-        _options(words)
 
 
 def test_arguments_for_one_node_of_several():
@@ -250,7 +246,7 @@ def test_a_launch_file_hands_over_only_what_is_given(tmp_path):
     given = {"port": "/dev/null", "use_sim_time": "true"}
     plan = launch.read_plan(launch.find("skin.launch.yaml"), given, in_process=False)
     (skin,) = plan.nodes
-    words = ros.command(skin, 2)
+    words = ros.command(skin)
     assert "use_sim_time:=true" in words and not any(w.startswith("method:=") for w in words)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
+from dataclasses import asdict
 
 import numpy as np
 
@@ -12,8 +12,10 @@ from ..calibration.rest import Rest, check_all_is_sent, measure_rest
 from ..findings.finding import Finding, Kind
 from ..health.doctor import diagnose
 from ..health.doctor.recorded import record
-from ..middleware.config import SkinConfig, read_skin
+from ..middleware.config import SkinConfig, read_skin, skin_of
 from ..middleware.parameter_file import ParameterFile
+from ..parameters import shared as parameters
+from ..parameters.fields import leaves
 from ..physics.adc import Adc
 from ..physics.circuit import Circuit
 from ..recording.frames import read_frames, recorded_skin
@@ -29,43 +31,21 @@ examples:
   tactile-skin doctor port:=/dev/ttyUSB0 config:=my_skin.yaml seconds:=60
 options, name:=value:
   config    parameter file with circuit.*, as for launch (default: as recorded, or the paper's)
-  rows, cols, r_ref, r_par, r_line, r_drive, adc_bits, readout, driven   in its place, or on top
-  inverted, diode, supply, adc_offset, adc_full_scale   the same: how the board is read
   rest      recorded frames of the untouched skin (default: found in FILE)
   full_scale  what an input at the supply reads, where FILE holds no ADC steps: 5.0 of volts
   port, baud, protocol, seconds   of the live board (default 1000000, binary, 60)
 exit status: 0 nothing found, 1 something found, 2 a mistake."""
 
+_BOARD = {leaf.name: leaf for leaf in leaves(parameters.Circuit)}  # circuit.* are arguments
 _KINDS = {
     "config": str,
     "rest": str,
-    "rows": int,
-    "cols": int,
-    "r_ref": float,
-    "r_par": float,
-    "r_line": float,
-    "r_drive": float,
-    "adc_bits": int,
-    "readout": str,
-    "driven": str,
-    "inverted": bool,
-    "diode": float,
-    "supply": float,
-    "adc_offset": float,
-    "adc_full_scale": float,
+    "full_scale": float,
     "port": str,
     "baud": int,
     "protocol": str,
     "seconds": float,
-    "full_scale": float,
-}
-_CIRCUIT = ("rows", "cols", "r_ref", "r_par", "r_line", "r_drive", "adc_bits", "readout", "driven")
-_ADC = {  # argument -> of `Adc`
-    "inverted": "inverted",
-    "diode": "diode",
-    "supply": "supply",
-    "adc_offset": "offset",
-    "adc_full_scale": "full_scale",
+    **{name: type(leaf.default) for name, leaf in _BOARD.items()},
 }
 _LIVE = ("baud", "protocol", "seconds")
 _SECONDS = 5.0, 3600.0
@@ -79,7 +59,8 @@ _CONNECT = 10.0  # s to wait for the first frame
 
 def register(parser) -> None:
     """Declare the arguments."""
-    parser.epilog = EXAMPLES
+    board = [f"  {name:14}  {leaf.about.description}" for name, leaf in _BOARD.items()]
+    parser.epilog = "\n".join([EXAMPLES, "the board, in place of config or on top:", *board])
     parser.add_argument("words", nargs="*", metavar="FILE | NAME:=VALUE", help="frames; options")
 
 
@@ -199,19 +180,19 @@ def _digit(number: int, place: int) -> str:
 
 
 def _adc(skin: SkinConfig, given: dict) -> Adc:
-    """The board's converter, with what the arguments change of it and of its circuit."""
-    changed = {name: given[name] for name in _CIRCUIT if name in given}
-    of_adc = {of: given[name] for name, of in _ADC.items() if name in given}
-    shape = {"rows", "cols"} & changed.keys()
-    circuit = replace(skin.circuit, mask=None) if shape else skin.circuit  # another board's
-    if changed.get("readout", circuit.readout) != circuit.readout:  # it may not know r_line, say
-        circuit = circuit.read_as(changed["readout"], circuit.driven)
-        if circuit.readout == "grounded":
-            of_adc = {"diode": 0.0} | of_adc
+    """Return the board's converter, with what the arguments change of it and of its circuit."""
+    board = asdict(skin.board)
+    changed = {name: given[name] for name in _BOARD if name in given}
+    dropped: dict = {}  # what was another board's
+    if {"rows", "cols"} & changed.keys():
+        dropped |= {"mask": "", "scanned": ""}
+    if changed.get("readout", board["readout"]) != board["readout"]:
+        dropped["r_line"] = 0.0
+        dropped |= {"diode": 0.0} if changed["readout"] == "grounded" else {"r_drive": 0.0}
     if "adc_bits" in changed:
-        of_adc = {"full_scale": 0.0} | of_adc
-    scanned = None if shape else skin.adc.scanned
-    return replace(skin.adc, circuit=replace(circuit, **changed), scanned=scanned, **of_adc)
+        dropped["adc_full_scale"] = 0.0
+    board |= dropped | changed
+    return skin_of({f"circuit.{name}": value for name, value in board.items()}, "").adc
 
 
 def _ratio(path: str, adc: Adc, full_scale: float | None) -> np.ndarray:

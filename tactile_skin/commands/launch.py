@@ -25,8 +25,8 @@ def register(parser) -> None:
     parser.add_argument(
         "--ros",
         type=int,
-        choices=(1, 2),
-        help="each node in a process of its own, on ROS 1 or 2 (default: all in this one, no ROS)",
+        choices=(2,),
+        help="start its programs as processes on ROS 2 (default: all nodes in this one, no ROS)",
     )
     parser.add_argument(
         "-s", "--show-args", action="store_true", help="print its arguments and end"
@@ -46,8 +46,10 @@ def run(args) -> int:
         raise ValueError(f"{file}: starts nothing: must have a node or an executable")
     if args.ros:
         from .. import ros
+        from ..middleware.ros.ros2 import check_installed
 
-        return ros.launch_processes(plan, ros.choose(args.ros))
+        check_installed()
+        return ros.launch_processes(plan)
     return spin(launch.Skin(plan))
 
 

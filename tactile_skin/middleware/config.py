@@ -1,18 +1,20 @@
-"""Parameters of the nodes as the things that the pure modules work with, and ROS 2 YAML files."""
+"""The parameters of nodes on the bus, and as the things that the pure modules work with."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..errors import ParameterError
-from ..physics.adc import TABLES, Adc
+from ..parameters import shared
+from ..parameters.fields import About, Leaf, members
+from ..parameters.nodes import Compensation
+from ..physics.adc import Adc
 from ..physics.circuit import Circuit
-from ..physics.creep import MAX_SHARE, Creep
+from ..physics.creep import Creep
 from ..physics.curve import PressureCurve
-from ..physics.readouts import DRIVEN, READOUTS
-from ..touch.geometry import CELL_AREA, PITCH, SHAPES, UNKNOWN, Geometry, make_geometry
+from ..touch.geometry import Geometry, make_geometry
 from .bus import (
     Context,
     FloatingPointRange,
@@ -38,16 +40,18 @@ class SkinConfig(_Skin):
         creep: what a standing load gains.
         r_par_std: how well the circuit's r_par is known [ohm]; None: nobody has measured it.
         threshold: readings up to which the board says nothing [ADC steps]; 0: it says all.
+        board: the parameters circuit.*, as the file has them.
     """
 
     threshold: float
     adc: Adc
     creep: Creep
     r_par_std: float | None
+    board: shared.Circuit
 
 
 def read_skin(path=None, node: str = "compensation") -> SkinConfig:
-    """Circuit, curve and geometry of a parameter file such as config/skin.yaml.
+    """Read circuit, curve and geometry from a parameter file such as config/skin.yaml.
 
     Args:
         path: ROS 2 parameter file; None: the defaults of all parameters.
@@ -67,164 +71,156 @@ def read_skin(path=None, node: str = "compensation") -> SkinConfig:
 
 
 def skin_of(values: dict, where: str) -> SkinConfig:
-    """Circuit, curve and geometry of a node's parameters, name -> value.
+    """Return circuit, curve and geometry from a node's parameters, name -> value.
 
     Raises:
         ValueError: as `read_skin`; the message begins with `where`.
     """
-    overrides = [Parameter(name, value) for name, value in values.items()]
+    overrides = [
+        Parameter(name, value)
+        for name, value in values.items()
+        if name.split(".")[0] in (*SHARED, "threshold")
+    ]
     reader = Node("compensation", context=Context(), parameter_overrides=overrides)
     try:
-        circuit = circuit_of(reader)
-        curve = curve_of(reader, circuit)
-        skin = SkinConfig(circuit, curve, geometry_of(reader, circuit))
-        skin.adc, skin.creep = adc_of(reader, circuit), creep_of(reader)
-        skin.r_par_std, skin.threshold = r_par_std_of(reader), threshold_of(reader)
+        given = declared(reader, Compensation)
+        circuit = circuit_of(given.circuit)
+        curve = curve_of(given.curve, circuit)
+        skin = SkinConfig(circuit, curve, geometry_of(given.geometry, circuit))
+        skin.adc, skin.creep = adc_of(given.circuit, circuit), creep_of(given.curve)
+        skin.r_par_std, skin.threshold = given.circuit.r_par_std or None, given.threshold
+        skin.board = given.circuit
     except ValueError as error:
-        raise type(error)(f"{where}: {error}") from error
-    unknown = [name for name in reader.undeclared() if name.split(".")[0] in SHARED]
-    if unknown:
+        raise type(error)(f"{where}: {error}" if where else str(error)) from error
+    if unknown := reader.undeclared():
         raise ParameterError(unknown_parameter(where, unknown[0], reader.parameter_names()))
     return skin
 
 
-def describe(
-    text: str, low=None, high=None, read_only: bool = True, any_type: bool = False
-) -> ParameterDescriptor:
-    """A parameter's description, and its range where it has one."""
-    if low is None:
-        bounds = {}
-    elif isinstance(low, int):
-        bounds = {"integer_range": [IntegerRange(low, high)]}
-    else:
-        bounds = {"floating_point_range": [FloatingPointRange(low, high)]}
-    return ParameterDescriptor(text, read_only=read_only, dynamic_typing=any_type, **bounds)
+def declared(node: Node, kind: type, prefix: str = "") -> Any:
+    """Declare all parameters of a dataclass on a node, and return it with the node's values.
+
+    Raises:
+        ParameterError: a value of a wrong type or out of range.
+    """
+    values: dict[str, Any] = {}
+    for name, member in members(kind):
+        if isinstance(member, Leaf):
+            about = describe(member.about, member.default)
+            value = node.declare_parameter(prefix + name, member.default, about).value
+            if member.about.choices and value not in member.about.choices:
+                raise ParameterError(
+                    f"node {node.get_name()}: {prefix}{name} = {value!r}: must be one of "
+                    f"{', '.join(member.about.choices)}"
+                )
+            values[name] = value
+        else:
+            values[name] = declared(node, member, f"{prefix}{name}.")
+    return kind(**values)
 
 
-def circuit_of(node: Node) -> Circuit:
-    """The circuit from the node's parameters ``circuit.*``."""
+def describe(about: About, default) -> ParameterDescriptor:
+    """Return a parameter's descriptor, as ROS has it."""
+    bounds: dict[str, Any] = {}
+    if about.low is not None and about.high is not None:
+        if isinstance(default, int):
+            bounds = {"integer_range": [IntegerRange(int(about.low), int(about.high))]}
+        else:
+            bounds = {"floating_point_range": [FloatingPointRange(about.low, about.high)]}
+    return ParameterDescriptor(
+        about.description, read_only=not about.live, dynamic_typing=about.any_type, **bounds
+    )
 
-    def value(name, default, *bounds):
-        return node.declare_parameter(f"circuit.{name}", default, describe(*bounds)).value
 
-    rows = value("rows", 16, "row stripes", 1, 64)
-    cols = value("cols", 16, "column stripes", 1, 64)
-    r_ref = value("r_ref", 1780.0, "reference resistor [ohm]", 1.0, 1e7)
-    r_par = value("r_par", 326.0, "series resistance of the multiplexers [ohm]", 0.0, 1e6)
-    adc_bits = value("adc_bits", 10, "width of the ADC", 4, 16)
-    mask = value("mask", "", "cells that exist: a word of 0 and 1 per row; empty: all")
-    r_line = value("r_line", 0.0, "of a stripe, from its lead to its far end [ohm]", 0.0, 1e4)
-    readout = value("readout", "floating", f"one of {', '.join(READOUTS)}")
-    driven = value("driven", "rows", f"which lines are driven: {' or '.join(DRIVEN)}")
-    r_drive = value("r_drive", 0.0, "of a grounded matrix: of what holds each line [ohm]", 0.0, 1e4)
-    mask = mask_of(mask)
-    if rows * cols == 1:
+def circuit_of(given: shared.Circuit) -> Circuit:
+    """Return the circuit that the parameters ``circuit.*`` describe.
+
+    Raises:
+        ValueError: values that do not go together.
+    """
+    if given.rows * given.cols == 1:
         raise ParameterError(
             "circuit.rows = 1, circuit.cols = 1: must be two cells or more: of a single one "
             "nothing tells a broken wire from a cell that nothing touches"
         )
-    return Circuit(rows, cols, r_ref, r_par, adc_bits, mask, r_line, readout, driven, r_drive)
+    return Circuit(
+        given.rows,
+        given.cols,
+        given.r_ref,
+        given.r_par,
+        given.adc_bits,
+        mask_of(given.mask),
+        given.r_line,
+        given.readout,
+        given.driven,
+        given.r_drive,
+    )
 
 
-def r_par_std_of(node: Node) -> float | None:
-    """How well the circuit's r_par is known [ohm]; None: nobody has measured it."""
-    text = "standard deviation of r_par [ohm]; 0: nobody has measured it"
-    return node.declare_parameter("circuit.r_par_std", 0.0, describe(text, 0.0, 1e6)).value or None
+def adc_of(given: shared.Circuit, circuit: Circuit | None = None) -> Adc:
+    """Return the converter that the parameters ``circuit.*`` describe.
 
+    Args:
+        circuit: which they describe; None: it is made.
 
-_TABLE = (
-    f"of an ADC that is not linear: {', '.join(TABLES)}, or a list: reading [ADC steps], share of "
-    "the supply, reading, ...; empty: linear"
-)
-
-
-def threshold_of(node: Node) -> float:
-    """Return the readings up to which the board says nothing [ADC steps]; 0: it says all."""
-    text = "ADC steps up to which the board sends 0 or no reading"
-    return node.declare_parameter("threshold", 0.0, describe(text, 0.0, 65535.0)).value
-
-
-def adc_of(node: Node, circuit: Circuit) -> Adc:
-    """How its board's ADC reads it, from the node's parameters ``circuit.*`` of the ADC."""
-
-    def value(name, default, *bounds):
-        return node.declare_parameter(f"circuit.{name}", default, describe(*bounds)).value
-
+    Raises:
+        ValueError: values that do not go together.
+    """
     return Adc(
-        circuit,
-        value("adc_offset", 0.0, "what the ADC reads too low [ADC steps]", -65535.0, 65535.0),
-        value(
-            "adc_full_scale",
-            0.0,
-            "what the divider's supply would read [ADC steps]; 0: 2^adc_bits - 1",
-            0.0,
-            1e6,
-        ),
-        value("inverted", False, "readings fall with pressure"),
-        mask_of(
-            value("scanned", "", "crossings that are read: a word of 0 and 1 per row; empty: all"),
-            "scanned",
-        ),
-        value("diode", 0.0, "of each driven line: forward voltage at 1 mA [V]; 0: none", 0.0, 5.0),
-        value("supply", 5.0, "of the divider [V]; only a diode needs it", 1.0, 24.0),
-        node.declare_parameter("circuit.adc_table", "", describe(_TABLE, any_type=True)).value
-        or None,
+        circuit or circuit_of(given),
+        given.adc_offset,
+        given.adc_full_scale,
+        given.inverted,
+        mask_of(given.scanned, "scanned"),
+        given.diode,
+        given.supply,
+        given.adc_table or None,
     )
 
 
 def mask_of(text: str, name: str = "mask") -> np.ndarray | None:
-    """ "110 011" -> (rows, cols) bool; empty: None, all of them."""
+    """Return "110 011" as (rows, cols) bool; None where it is empty: all of them."""
     words = text.split()
     if any(set(word) - {"0", "1"} or len(word) != len(words[0]) for word in words):
         raise ValueError(f"circuit.{name} = {text!r}: must be words of 0 and 1, one per row")
     return np.array([[c == "1" for c in word] for word in words]) if words else None
 
 
-def curve_of(node: Node, circuit: Circuit) -> PressureCurve:
-    """The curve from the node's parameters ``curve.force`` [N] and ``curve.resistance`` [ohm], with
-    the cells' ``curve.gain``."""
-    default = PressureCurve().describe()
-    force = node.declare_parameter("curve.force", default["force"], describe("[N] per cell"))
-    ohms = describe("[ohm] of one cell")
-    resistance = node.declare_parameter("curve.resistance", default["resistance"], ohms)
-    each = describe("of each cell's force over the curve's, row by row; one number: of all")
-    gain = np.array(node.declare_parameter("curve.gain", [1.0], each).value)
-    cells = circuit.rows * circuit.cols
+def curve_of(given: shared.Curve, circuit: Circuit) -> PressureCurve:
+    """Return the curve that the parameters ``curve.*`` describe, with the gain of each cell.
+
+    Raises:
+        ValueError: a table that is no curve, or gains of another number than the cells'.
+    """
+    gain, cells = np.array(given.gain), circuit.rows * circuit.cols
     if gain.size not in (1, cells):
         raise ValueError(f"curve.gain has {gain.size} numbers: must be 1 or rows * cols = {cells}")
     gain = gain.reshape(circuit.shape) if gain.size == cells else np.full(circuit.shape, gain[0])
-    curve = PressureCurve(force.value, resistance.value)
+    curve = PressureCurve(given.force, given.resistance)
     return curve.with_gain(gain if (gain != 1.0).any() else None)
 
 
-def creep_of(node: Node) -> Creep:
-    """What a standing load gains, from the node's parameters ``curve.creep`` and ``creep_time``."""
-    share = node.declare_parameter(
-        "curve.creep",
-        0.0,
-        describe("share that a standing load gains in a decade of time; 0: none", 0.0, MAX_SHARE),
-    )
-    time = node.declare_parameter(
-        "curve.creep_time", 1.0, describe("after which it begins [s]", 0.1, 10.0)
-    )
-    return Creep(share.value, time.value)
+def creep_of(given: shared.Curve) -> Creep:
+    """Return what a standing load gains by the parameters ``curve.creep`` and ``creep_time``."""
+    return Creep(given.creep, given.creep_time)
 
 
-def geometry_of(node: Node, circuit: Circuit) -> Geometry:
-    """The geometry from the node's parameters ``geometry.*``."""
+def geometry_of(given: shared.Geometry, circuit: Circuit) -> Geometry:
+    """Return the geometry that the parameters ``geometry.*`` describe.
 
-    def value(name, default, *bounds):
-        return node.declare_parameter(f"geometry.{name}", default, describe(*bounds)).value
-
+    Raises:
+        ValueError: values that do not go together, or an invalid table of cells.
+        OSError: the table cannot be read.
+    """
     return make_geometry(
-        value("shape", UNKNOWN, f"one of {', '.join(SHAPES)}"),
+        given.shape,
         circuit.rows,
         circuit.cols,
-        value("pitch", PITCH, "between neighbouring cells [m]", 1e-4, 1.0),
-        value("cell_area", CELL_AREA, "that senses, of one cell [m^2]", 1e-8, 1.0),
-        value("radius", 0.15, "of the cylinder or sphere [m]", 1e-3, 100.0),
-        value("translation", [0.0, 0.0, 0.0], "of the skin in the base frame [m]"),
-        value("rpy", [0.0, 0.0, 0.0], "of the skin in the base frame [rad]"),
-        value("table", "", "CSV file of the cells' positions and normals, of shape: table"),
+        given.pitch,
+        given.cell_area,
+        given.radius,
+        given.translation,
+        given.rpy,
+        given.table,
         circuit.populated,
     )

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Callable
+from collections.abc import Collection, Iterable
+from pathlib import Path
 
 from ..errors import LaunchError, ParameterError, TopicTypeError
 from ..msg import Twist, TwistStamped
@@ -66,15 +67,6 @@ def parameters_of(handles: list[Node]) -> dict[str, dict]:
     }
 
 
-def check_overrides(nodes: list[NodeAction], handles: list[Node]) -> None:
-    """Refuse names in parameter files and launch files that no node knows."""
-    declared = {name for handle in handles for name in handle.parameter_names()}
-    for action, handle in zip(nodes, handles, strict=True):
-        own = set(handle.parameter_names())
-        check_names(action, handle.get_fully_qualified_name(), own, declared)
-    check_files(nodes, handles)
-
-
 def check_files(nodes: list[NodeAction], handles: list[Node]) -> None:
     """Refuse a parameter file with sections and names that are of no node.
 
@@ -89,37 +81,48 @@ def check_files(nodes: list[NodeAction], handles: list[Node]) -> None:
 
 
 def check_names(
-    action: NodeAction, full_name: str, own: set[str], every: set[str] | None = None
+    action: NodeAction, full_name: str, own: Collection[str], process: Collection[str] | None = None
 ) -> None:
     """Refuse parameters of one node that nothing has.
 
+    What a file says to all nodes may be meant for others: `check_files`.
+
     Args:
         own: names of its parameters.
-        every: what `/**` may say; None: anything, it may be meant for other nodes.
+        process: names that may be given to all nodes of its process; None: its own.
 
     Raises:
         LaunchError: naming the file and the parameter.
     """
+    from ..parameters.nodes import shared_names
+
+    given = own if process is None else process
     for item in action.parameters:
         if not isinstance(item, ParameterFile):
-            if item[0] not in own and not item[0].startswith(THEIRS):
-                raise _unknown(str(action.file), item[0], own)
+            _refuse_unknown(str(action.file), [item[0]], given)
             continue
         item.check_meant(full_name)
         for section, values in item.sections.items():
             last = section.rsplit("/", 1)[-1]
-            everyone = last in ("*", "**")
-            shared = [k for k in values if k.split(".")[0] in SHARED]
+            shared = [name for name in values if name.split(".")[0] in SHARED]
             if last in CLASSES and shared:
                 raise LaunchError(
                     f"{item.name_of(section)}: {shared[0]}: belongs under /**, since "
                     "several nodes must agree on it"
                 )
-            allowed = every if everyone else own
-            names = [name for name in values if not name.startswith(THEIRS)]
-            unknown = sorted(set(names) - allowed) if allowed is not None else []
-            if unknown and concerns(section, full_name):
-                raise _unknown(item.name_of(section), unknown[0], allowed)
+            if concerns(section, full_name):
+                if last not in ("*", "**"):
+                    _refuse_unknown(item.name_of(section), values, own)
+                elif item.by_launch:
+                    _refuse_unknown(item.name_of(section), values, given)
+                else:
+                    _refuse_unknown(item.name_of(section), shared, shared_names())
+
+
+def _refuse_unknown(where: str, names: Iterable[str], known: Collection[str]) -> None:
+    unknown = [name for name in names if name not in known and not name.startswith(THEIRS)]
+    if unknown:
+        raise LaunchError(unknown_parameter(where, min(unknown), known))
 
 
 def check_commands(handles: list[Node]) -> None:
@@ -138,25 +141,17 @@ def check_commands(handles: list[Node]) -> None:
 
 
 @contextlib.contextmanager
-def naming_its_file(action: NodeAction, handle: Node, kind: Callable):
-    """Put the file that a refused parameter or remapping is from in front of the error.
-
-    Args:
-        kind: what makes the node of its handle.
-    """
-    full_name = handle.get_fully_qualified_name()
+def naming_its_file(action: NodeAction, full_name: str):
+    """Put the file that a refused parameter or remapping is from in front of the error."""
     try:
         yield
     except TopicTypeError as error:
         raise LaunchError(f"{action.file}: node {full_name}: {error}: check remap") from error
     except ValueError as error:
-        if action.user is None:  # a misspelt name is the mistake, what it leads to is not
-            known = Node(action.name, context=Context())
-            with contextlib.suppress(ValueError, OSError):
-                close(kind(known))
-            check_names(action, full_name, {*known.parameter_names(), *handle.parameter_names()})
         words = set(re.findall(r"\w+", str(error)))
         for item in reversed(action.parameters):
+            names: list[str]
+            file: Path | None
             if isinstance(item, ParameterFile):
                 names, file = [p.name for p in item.overrides(full_name)], item.path
             else:  # other errors, of the port say, are not the launch file's
@@ -176,7 +171,3 @@ def close(node) -> None:
 
 def remaps(pairs: list[tuple[str, str]]) -> list[str]:
     return [word for pair in pairs for word in ("-r", ":=".join(pair))]
-
-
-def _unknown(where: str, key: str, allowed) -> LaunchError:
-    return LaunchError(unknown_parameter(where, key, allowed))

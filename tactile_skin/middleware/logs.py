@@ -81,7 +81,8 @@ class QueuedLog(logging.Handler):
                 self._write(logging.LogRecord(name, logging.WARNING, "", 0, text, None, None))
 
     def _write(self, record: logging.LogRecord) -> None:
-        handlers = self._own + (_above(self._logger) if self._propagate else [])
+        handlers: list[logging.Handler | None] = [*self._own]
+        handlers += _above(self._logger) if self._propagate else []
         for handler in handlers or [logging.lastResort]:
             if handler is None or record.levelno < handler.level:
                 continue

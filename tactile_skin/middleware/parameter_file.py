@@ -12,7 +12,7 @@ from ..errors import FileError, ParameterError, did_you_mean
 from ..files import shorten
 from ..yaml_files import read_yaml
 from .bus import Parameter
-from .package import CLASSES, COMPOSED, NODES, share_dir
+from .package import CLASSES, COMPOSED, NODES
 
 SHARED = ("circuit", "curve", "geometry")  # parameters that several nodes read
 
@@ -22,15 +22,6 @@ THEIRS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 CONFIG = "config"  # parameter of a program: its parameter file, which must be there
 _LAUNCH_ROS = "launch_params_"  # how launch_ros names the files that it writes for one program
 _MISSPELT = 0.85  # ratio of difflib: `motor` is another node than `monitor`, `stop_on_psh` is none
-
-
-@functools.cache
-def shipped_names() -> dict[str, frozenset[str]]:
-    """Return kind of node -> its parameters, and ** -> those that all share, of config/skin.yaml:
-    it holds every one."""
-    sections = ParameterFile(share_dir() / "config" / "skin.yaml").sections
-    own = {name: sections.get(f"/**/{name}", {}) for name in CLASSES}
-    return {name: frozenset(values) for name, values in (own | {"**": sections["/**"]}).items()}
 
 
 class ParameterFile:
@@ -89,7 +80,7 @@ class ParameterFile:
 
     def overrides(self, node: str) -> list[Parameter]:
         """What the file says for the node of this full name; what comes later in it wins."""
-        found = {}
+        found: dict = {}
         for section, values in self.sections.items():
             if concerns(section, node):
                 found |= values
@@ -114,8 +105,9 @@ class ParameterFile:
         Raises:
             ParameterError: naming the section and the parameter.
         """
-        shipped = shipped_names()
-        shared = shipped["**"]
+        from ..parameters.nodes import own_names, shared_names  # here: reading a file needs none
+
+        shared, shipped = shared_names(), {node: own_names(node) for node in CLASSES}
         everyone = shared.union(*shipped.values(), names)
         known = {"*", "**", *CLASSES, *nodes}
         if not self.own:  # ROS's: which nodes the program runs
@@ -184,7 +176,7 @@ def _flat(tree, where: str, under: str = "") -> dict:
     """{"circuit": {"rows": 8}} -> {"circuit.rows": 8}."""
     if not isinstance(tree, dict):
         raise FileError(f"{where} = {shorten(tree)}: must map names to values")
-    flat = {}
+    flat: dict = {}
     for key, value in tree.items():
         name = f"{under}{key}"
         below = _flat(value, where, f"{name}.") if isinstance(value, dict) else {name: value}

@@ -50,4 +50,5 @@ def end_commands(processes: list[subprocess.Popen], deadline: Callable[[], float
     for process in processes:
         process.kill()
         process.wait()
-        process.stdin.close()
+        if process.stdin is not None:
+            process.stdin.close()

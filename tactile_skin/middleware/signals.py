@@ -15,6 +15,7 @@ import threading
 import time
 from collections.abc import Callable
 from types import CodeType, FrameType
+from typing import Any
 
 _NUMBERS = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
@@ -37,7 +38,7 @@ class Signals:
     def __init__(self):
         self.asked: int | None = None
         self._skins = 0
-        self._before: dict[int, object] = {}
+        self._before: dict[int, Any] = {}
         self._spinning = False
         self._deferred: set[CodeType] = {Signals.enter.__code__, Signals.leave.__code__}
         self._pending: int | None = None  # came where none may raise

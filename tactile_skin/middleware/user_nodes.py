@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from ..errors import LaunchError
 
 GROUP = "tactile_skin.nodes"
-_MODULE = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*", re.ASCII)
 
 
 @dataclass(frozen=True)
@@ -27,10 +26,10 @@ class UserNode:
     package: str
     executable: str
     module: str
-    name: str  # of the class in its module; dots for a class in a class
+    name: str  # of the class in its module
 
-    def load(self):
-        """The class.
+    def load(self) -> type:
+        """Return the class.
 
         Raises:
             LaunchError: the module cannot be imported, or has no such class.
@@ -40,24 +39,19 @@ class UserNode:
             module = importlib.import_module(self.module)
         except ImportError as error:
             raise LaunchError(f"{where}: importing {self.module} failed: {error}") from error
-        found = module
-        for part in self.name.split("."):
-            found = getattr(found, part, None)
+        found = getattr(module, self.name, None)
         if not isinstance(found, type):
-            classes = [
-                name
-                for name, value in vars(module).items()
-                if isinstance(value, type) and value.__module__ == module.__name__
-            ]
+            own = [n for n, v in vars(module).items() if isinstance(v, type)]
+            own = [n for n in own if vars(module)[n].__module__ == module.__name__]
             raise LaunchError(
                 f"{where}: exec: {self.module} has no class {self.name!r}; "
-                f"there are: {', '.join(classes) or 'none'}"
+                f"there are: {', '.join(own) or 'none'}"
             )
         return found
 
 
 def find_user_node(package: str, executable: str) -> UserNode:
-    """The node that `pkg` and `exec` of a launch file name; nothing of it is imported but parents.
+    """Return the node that `pkg` and `exec` of a launch file name.
 
     Raises:
         LaunchError: neither an entry point nor a module; the message says what there is.
@@ -75,10 +69,8 @@ def find_user_node(package: str, executable: str) -> UserNode:
         return UserNode(package, executable, package, executable)
     where = f"node {package}/{executable}"
     if offered:
-        raise LaunchError(
-            f"{where}: exec: {package} has no node of this name; "
-            f"there are: {', '.join(sorted(offered))}"
-        )
+        there = ", ".join(sorted(offered))
+        raise LaunchError(f"{where}: exec: {package} has no node of this name; there are: {there}")
     raise LaunchError(
         f"{where}: pkg: no installed package of this name has entry points of the group {GROUP} "
         f"(there are: {', '.join(sorted(packages)) or 'none'}), and no Python module of this name "
@@ -87,14 +79,12 @@ def find_user_node(package: str, executable: str) -> UserNode:
 
 
 def _normalised(name: str) -> str:
-    """The name of a distribution or module, however - _ . and capitals are written."""
+    """Return the name of a distribution or module, however - _ . and capitals are written."""
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
 def _exists(module: str) -> bool:
-    if not _MODULE.fullmatch(module):
-        return False
     try:
         return importlib.util.find_spec(module) is not None
-    except (ImportError, ValueError):  # of a parent; of a module without a spec, as __main__ is
+    except (ImportError, ValueError):  # of a parent; of a name that cannot be one
         return False

@@ -9,7 +9,6 @@ import numpy as np
 
 from ..behaviours.gate import Motion
 from ..behaviours.stop import StopMessage
-from ..middleware.config import describe
 from ..msg import DiagnosticArray, Header, Twist, TwistStamped, Vector3
 from . import diagnostics
 from .stop_on_push import STATUS, STATUS_TOPIC, stop_message_of
@@ -30,19 +29,17 @@ class CmdVel:
         kind: of its velocities: Twist, or with the parameter `stamped` TwistStamped.
 
     Args:
+        given: the node's parameters: `stamped` and `frame_id`.
         decide: time [s] -> Motion.
         take_stop: called with (time [s], StopMessage) for each message of the stop.
     """
 
-    def __init__(self, node, decide: Callable, take_stop: Callable):
+    def __init__(self, node, given, decide: Callable, take_stop: Callable):
         self._node, self._decide, self._take_stop = node, decide, take_stop
         self._message: StopMessage | None = None
         self._reason: str | None = None
         self._closed = threading.Lock()  # never released once the final zero is published
-        self.kind = kind_of(node)
-        self.frame = node.declare_parameter(
-            "frame_id", "base_link", describe("base frame, of stamped velocities")
-        ).value
+        self.kind, self.frame = kind_of(given.stamped), given.frame_id
         self._cmd_vel = node.create_publisher(self.kind, "cmd_vel", 1)
         self._diagnostics = diagnostics.Reporter(node)
         node.create_subscription(DiagnosticArray, STATUS_TOPIC, self.on_status, STATUS)
@@ -91,12 +88,9 @@ class CmdVel:
             self._cmd_vel.publish(twist)
 
 
-def kind_of(node) -> type:
-    """The type of velocities, from the node's parameter `stamped`."""
-    stamped = node.declare_parameter(
-        "stamped", False, describe("velocities are TwistStamped, not Twist")
-    )
-    return TwistStamped if stamped.value else Twist
+def kind_of(stamped: bool) -> type:
+    """Return the type of velocities."""
+    return TwistStamped if stamped else Twist
 
 
 def twist_of(message: Twist | TwistStamped) -> Twist:

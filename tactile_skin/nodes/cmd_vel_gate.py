@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..behaviours.gate import Gate, GateConfig
-from ..middleware.config import describe
+from ..middleware.config import declared
 from ..msg import Twist, TwistStamped
+from ..parameters.fields import configured
+from ..parameters.nodes import CmdVelGate as Parameters
 from . import frames
 from .cmd_vel import CmdVel, twist_of
 from .touch import Touch, on_touch, xyz
@@ -20,27 +22,11 @@ class CmdVelGate:
     """
 
     def __init__(self, node):
-        default = GateConfig()
-
-        def value(name, text, low, high):
-            return node.declare_parameter(
-                name, getattr(default, name), describe(text, low, high)
-            ).value
-
-        self.gate = Gate(
-            GateConfig(
-                command_timeout=value("command_timeout", "oldest command that counts [s]", 0.02, 2),
-                stop_timeout=value("stop_timeout", "longest silence of the stop [s]", 0.05, 1.0),
-                touch_timeout=value("touch_timeout", "oldest push direction [s]", 0.02, 1.0),
-                touch=value("touch", "force from which on a touch has a direction [N]", 0.1, 500),
-                alignment=value("alignment", "|sum of forces| / sum of |forces|", 0.5, 1.0),
-            )
-        )
-        self._base = node.declare_parameter(
-            "base_frame", "", describe("frame of the velocities, by tf; empty: that of the skin")
-        ).value
+        given = declared(node, Parameters)
+        self.gate = Gate(configured(GateConfig, given))
+        self._base = given.base_frame
         self._frames = frames.hear(node) if self._base else None
-        self._cmd_vel = CmdVel(node, self.gate.decide, self.gate.stop)
+        self._cmd_vel = CmdVel(node, given, self.gate.decide, self.gate.stop)
         self._cmd_vel.frame = self._base or self._cmd_vel.frame
         on_touch(node, self.on_touch)
         node.create_subscription(self._cmd_vel.kind, "cmd_vel_in", self.on_command, 1)

@@ -6,18 +6,9 @@ from ..findings.finding import BESIDE_THE_REST, Finding, Severity
 from ..health.skin import Skin
 from ..learning import network
 from ..middleware.bus import DurabilityPolicy, QoSProfile, Time
-from ..middleware.config import (
-    adc_of,
-    circuit_of,
-    creep_of,
-    curve_of,
-    describe,
-    geometry_of,
-    r_par_std_of,
-    threshold_of,
-)
+from ..middleware.config import adc_of, circuit_of, creep_of, curve_of, declared, geometry_of
 from ..msg import Header, Image, TimeReference, Trigger, image, image_array
-from ..solvers import METHODS
+from ..parameters.nodes import Compensation as Parameters
 from . import QUEUE, diagnostics
 from .gesture_feature import heard
 
@@ -55,47 +46,31 @@ class Compensation:
 
     def __init__(self, node):
         self.node = node
-        circuit = circuit_of(node)
-        curve = curve_of(node, circuit)
-        adc = adc_of(node, circuit)
-        self.cell_area = geometry_of(node, circuit).cell_area
-
-        def value(name, default, *bounds):
-            return node.declare_parameter(name, default, describe(*bounds)).value
-
-        creep = creep_of(node)
-        described = describe(f"one of {', '.join(METHODS)}", read_only=False)
-        method = node.declare_parameter("method", "auto", described).value
-        path = value("weights", "", "file of a network's weights; empty: those of the package")
-        threshold = threshold_of(node)
-        noise = value("noise", 0.0, "RMS noise of a reading [ADC steps]; 0: measured", 0.0, 1e3)
-        text = "time after which a frame fails [s]; 0: two frames of the board's, 0.05 to 0.5 s"
-        time_limit = value("time_limit", 0.0, text, 0.0, 10.0)
-        # Where the board keeps readings to itself, rest cannot be measured.
-        follows = (
-            value("tare", True, "whether to follow what the cells read at rest") and not threshold
-        )
-        self._stops = value(
-            "suspect_stops", True, "whether a lasting fault of the circuit stops the robot"
-        )
+        given = declared(node, Parameters)
+        circuit = circuit_of(given.circuit)
+        curve = curve_of(given.curve, circuit)
+        adc = adc_of(given.circuit, circuit)
+        self.cell_area = geometry_of(given.geometry, circuit).cell_area
+        self._stops = given.suspect_stops
         if min(circuit.shape) < _MIN_LINES:
             node.get_logger().warning(
                 'on a skin of %d x %d cells some faults look like touches: see "Smallest skin" in '
                 "docs/reliability.md",
                 *circuit.shape,
             )
-        weights = network.load(path) if path else None
+        weights = network.load(given.weights) if given.weights else None
         if weights:
             weights.check(circuit, curve)
         self.skin = Skin(
             adc,
             curve,
-            creep,
-            r_par_std=r_par_std_of(node),
-            follows=follows,
-            noise=adc.share(noise) * circuit.full_scale or None,
-            threshold=adc.threshold(threshold),
-            time_limit=time_limit,
+            creep_of(given.curve),
+            r_par_std=given.circuit.r_par_std or None,
+            # where the board keeps readings to itself, rest cannot be measured
+            follows=given.tare and not given.threshold,
+            noise=adc.share(given.noise) * circuit.full_scale or None,
+            threshold=adc.threshold(given.threshold),
+            time_limit=given.time_limit,
             weights=weights,
             warn=node.get_logger().warning,
         )
@@ -111,7 +86,7 @@ class Compensation:
         self._others = ""  # reasons besides the worst one
         self._taken_at, self.skipped = -float("inf"), 0  # s, when the last frame was taken; frames
         self._fitted_at = -float("inf")  # s, when the last one was that the configured method took
-        self.on_parameters({"method": method})
+        self.on_parameters({"method": given.method})
         node.on_set_parameters(self.on_parameters)
         node.create_subscription(Image, "skin/adc", self.on_adc, QUEUE)
         node.create_service(Trigger, "~/reset", self.on_reset)

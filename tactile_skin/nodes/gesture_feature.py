@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..middleware.bus import Time
-from ..middleware.config import circuit_of, describe, geometry_of
+from ..middleware.config import circuit_of, declared, geometry_of
 from ..msg import (
     Float32,
     Header,
@@ -20,6 +20,7 @@ from ..msg import (
     cloud_of,
     image_array,
 )
+from ..parameters.nodes import GestureFeature as Parameters
 from ..touch import features
 from ..touch.frames import Pose
 from ..touch.geometry import rotation_of
@@ -39,23 +40,14 @@ class GestureFeature:
     """
 
     def __init__(self, node):
-        self.geometry = geometry_of(node, circuit_of(node))
-        described = describe("a contact has a cell with more [N]", 1e-3, 10.0, read_only=False)
-        self.cell_threshold = node.declare_parameter("cell_threshold", 0.2, described).value
+        given = declared(node, Parameters)
+        self.geometry = geometry_of(given.geometry, circuit_of(given.circuit))
+        self.cell_threshold = given.cell_threshold
         node.on_set_parameters(self.on_parameters)
-        skin, base = (
-            node.declare_parameter(name, default, describe(text)).value
-            for name, default, text in (
-                ("skin_frame", "", "its name in tf; empty: it is not published"),
-                ("frame_id", "base_link", "frame that geometry.translation and rpy are in"),
-            )
-        )
-        if skin:
-            at, rpy = (
-                node.get_parameter(f"geometry.{name}").value for name in ("translation", "rpy")
-            )
-            pose = Pose(rotation_of(*rpy), np.array(at))
-            frames.publish_static(node, base, skin, pose)
+        if given.skin_frame:
+            at = np.array(given.geometry.translation)
+            pose = Pose(rotation_of(*given.geometry.rpy), at)
+            frames.publish_static(node, given.frame_id, given.skin_frame, pose)
         if not self.geometry.normal.any():
             node.get_logger().warning(
                 "geometry.shape is unknown: pushes have no direction and no wrench; "

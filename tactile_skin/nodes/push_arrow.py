@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..middleware.config import describe
+from ..middleware.config import declared
 from ..msg import Point32, PointStamped, Polygon, PolygonStamped, Vector3Stamped
+from ..parameters.nodes import PushArrow as Parameters
 from . import QUEUE
 
 
@@ -19,9 +20,7 @@ class PushArrow:
     """
 
     def __init__(self, node):
-        self.length = node.declare_parameter(
-            "length", 0.2, describe("of the arrow [m]", 0.001, 100.0)
-        ).value
+        self.length = declared(node, Parameters).length
         self._arrow = node.create_publisher(PolygonStamped, "skin/push_arrow", 10)
         self._centre = PointStamped()
         node.create_subscription(PointStamped, "skin/centre", self.on_centre, QUEUE)

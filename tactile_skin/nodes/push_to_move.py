@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from ..behaviours.admittance import ANGULAR, LINEAR, Admittance, AdmittanceConfig, Axis
-from ..middleware.config import describe
+from ..behaviours.admittance import Admittance, AdmittanceConfig, Axis
+from ..middleware.config import declared
+from ..parameters.fields import configured
+from ..parameters.nodes import PushToMove as Parameters
 from .cmd_vel import CmdVel
 from .touch import Touch, on_touch
-
-_FIELDS = {  # of an axis: what it is, and the largest value that may be asked for
-    "mass": ("virtual mass [kg], or inertia [kg m^2]", 0.01, 1e4),
-    "damping": ("[N s/m], or [N m s/rad]", 0.01, 1e5),
-    "dead_band": ("up to which nothing moves [N], or [N m]", 0.0, 500.0),
-    "max_speed": ("[m/s], or [rad/s]", 0.001, 2.0),
-    "max_acceleration": ("[m/s^2], or [rad/s^2]", 0.001, 10.0),
-}
 
 
 class PushToMove:
@@ -25,31 +19,17 @@ class PushToMove:
     """
 
     def __init__(self, node):
-        default = AdmittanceConfig()
-
-        def value(name, default, *bounds):
-            return node.declare_parameter(name, default, describe(*bounds)).value
-
-        def axis(prefix: str, default: Axis) -> Axis:
-            return Axis(
-                **{
-                    name: value(f"{prefix}.{name}", getattr(default, name), *bounds)
-                    for name, bounds in _FIELDS.items()
-                }
-            )
-
-        linear, angular = axis("linear", LINEAR), axis("angular", ANGULAR)
-        turns = value("turns", False, "whether the torque about the vertical turns the robot")
+        given = declared(node, Parameters)
         self.admittance = Admittance(
             AdmittanceConfig(
-                linear,
-                angular if turns else None,
-                value("touch_timeout", default.touch_timeout, "oldest reading [s]", 0.02, 1.0),
-                value("stop_timeout", default.stop_timeout, "silence of the stop [s]", 0.05, 1.0),
-                value("alignment", default.alignment, "|sum of forces| / sum of |forces|", 0.1, 1),
+                configured(Axis, given.linear),
+                configured(Axis, given.angular) if given.turns else None,
+                given.touch_timeout,
+                given.stop_timeout,
+                given.alignment,
             )
         )
-        self._cmd_vel = CmdVel(node, self.admittance.step, self.admittance.stop)
+        self._cmd_vel = CmdVel(node, given, self.admittance.step, self.admittance.stop)
         on_touch(node, self.on_touch)
 
     def on_touch(self, touch: Touch) -> None:

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 
 import numpy as np
 
 from ..board.absent import Absent, Unread
-from ..board.formats import fields, make_format, make_parser
+from ..board.formats import make_format, make_parser
 from ..board.frame import Frame
 from ..board.liveness import JITTER, Liveness, Verdict
 from ..board.recognise import explain
 from ..board.serial_port import SerialReader, check_port
 from ..middleware.bus import Time
-from ..middleware.config import adc_of, circuit_of, describe
+from ..middleware.config import adc_of, circuit_of, declared
 from ..msg import Header, Image, image
+from ..parameters.nodes import SerialDriver as Parameters
 from . import diagnostics
 
 _DOUBTFUL = 0.05  # of a second's frames damaged or lost: a warning
@@ -33,34 +35,17 @@ class SerialDriver:
 
     def __init__(self, node):
         self.node = node
-        self.circuit = circuit_of(node)
-        self._adc_of_board = adc_of(node, self.circuit)
+        given = declared(node, Parameters)
+        self.circuit = circuit_of(given.circuit)
+        self._adc_of_board = adc_of(given.circuit, self.circuit)
         scanned = self._adc_of_board.scanned
         self._named = np.zeros(self.circuit.shape, bool) if scanned is None else ~scanned
         self._absent, self._unread = self._new_absent(), Unread()
-
-        def value(name, default, *bounds):
-            return node.declare_parameter(name, default, describe(*bounds)).value
-
-        port = value("port", "auto", "serial device, or auto: the first that sends frames")
-        baud = value("baud", 1_000_000, "bits per second", 300, 20_000_000)
-        protocol = value("protocol", "binary", "binary, text or packets")
-        described = {
-            name: value(f"format.{name}", f.default, f.metadata["about"], *f.metadata["bounds"])
-            for name, f in fields().items()
-        }
-        wait = value("wait_for_port", 0.0, "how long the port may take to appear [s]", 0.0, 3600.0)
-        watchdog = value("watchdog", 3.0, "silence after which the port is reopened [s]", 0.1, 60.0)
-        self._frozen_after = value(
-            "frozen_after",
-            0.2,
-            "how long frames may repeat [s]; 0: for ever, for a board that averages all noise away",
-            0.0,
-            60.0,
-        )
-        self.frame_id = value("frame_id", "base_link", "frame of the skin's messages")
+        self._frozen_after, self.frame_id = given.frozen_after, given.frame_id
         size = (self.circuit.rows, self.circuit.cols, self.circuit.adc_bits)
-        fmt = make_format(protocol, described)  # what is wrong is an error now
+        fmt = make_format(
+            given.protocol, dataclasses.asdict(given.format)
+        )  # what is wrong is an error now
         self._trouble = ""  # why frames are not published
         self._verdict = _NEW
         self._liveness, self._connection, self._restarts = None, -1, 0
@@ -71,16 +56,16 @@ class SerialDriver:
         self._bad, self._beyond = 0.0, ("", 0.0)  # why numbers are out of range; the largest
         self._adc = node.create_publisher(Image, "skin/adc", 10)
         self._diagnostics = diagnostics.Reporter(node)
-        if wait == 0.0:
-            check_port(port)
+        if given.wait_for_port == 0.0:
+            check_port(given.port)
         self._reader = SerialReader(
-            port,
-            baud,
-            lambda: make_parser(protocol, *size, fmt),
+            given.port,
+            given.baud,
+            lambda: make_parser(given.protocol, *size, fmt),
             self.on_frame,
             self._on_link,
-            watchdog,
-            wait,
+            given.watchdog,
+            given.wait_for_port,
             self._refuse,
         )
         node.create_timer(1.0, self.on_timer)

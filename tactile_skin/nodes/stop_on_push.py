@@ -19,7 +19,7 @@ from ..behaviours.stop import (
     StopPolicy,
 )
 from ..middleware.bus import DurabilityPolicy, QoSProfile, Time
-from ..middleware.config import circuit_of, curve_of, describe
+from ..middleware.config import circuit_of, curve_of, declared
 from ..msg import (
     Bool,
     DiagnosticArray,
@@ -29,6 +29,8 @@ from ..msg import (
     Trigger,
     cloud_columns,
 )
+from ..parameters.fields import configured
+from ..parameters.nodes import StopOnPush as Parameters
 from ..physics import readouts
 from . import QUEUE, diagnostics
 
@@ -83,34 +85,10 @@ class StopOnPush:
 
     def __init__(self, node):
         self.node = node
-        default = StopConfig()
-
-        def value(name, text, low, high):
-            return node.declare_parameter(
-                name, getattr(default, name), describe(text, low, high, read_only=False)
-            ).value
-
-        self.policy = StopPolicy(
-            StopConfig(
-                threshold=value("threshold", "contact force that is a push [N]", 0.1, 500.0),
-                release=value("release", "force below which a push is over [N]", 0.1, 500.0),
-                peak=value("peak", "force on one cell that is a push [N]", 0.01, 500.0),
-                debounce=value("debounce", "time above it before it counts [s]", 0.0, 0.2),
-                lead=value("lead", "how far ahead a rising force is extrapolated [s]", 0.0, 0.05),
-                hold=value("hold", "time a stop is kept after the release [s]", 0.0, 60.0),
-                stale_after=value(
-                    "stale_after",
-                    "oldest reading that still counts [s]; 0: 2.5 measured intervals, 0.1 to 0.5 s",
-                    0.0,
-                    1.0,
-                ),
-                latch=node.declare_parameter(
-                    "latch", default.latch, describe("a stop lasts until ~/reset is called")
-                ).value,
-            )
-        )
-        self._circuit = circuit_of(node)
-        self._curve = curve_of(node, self._circuit)
+        given = declared(node, Parameters)
+        self.policy = StopPolicy(configured(StopConfig, given))
+        self._circuit = circuit_of(given.circuit)
+        self._curve = curve_of(given.curve, self._circuit)
         gain = self._curve.gain
         self._gain = 1.0 if gain is None else float(np.median(gain))  # a contact names no cell
         self._unknown: dict[str, float] = {}  # ohm that may lie in series besides, by who says so
@@ -216,7 +194,8 @@ class StopOnPush:
 
     def on_second(self) -> None:
         """Report once a second and when the reason changes; a stop is no fault of this node."""
-        said = self._said
+        if (said := self._said) is None:
+            return
         level = diagnostics.ERROR if said.stop else diagnostics.OK
         if said.for_push_alone:
             level = diagnostics.WARN

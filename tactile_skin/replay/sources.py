@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from ..middleware.bus import Context, Node, Parameter, SingleThreadedExecutor
-from ..middleware.config import adc_of, circuit_of
+from ..middleware.config import adc_of, declared
 from ..middleware.parameter_file import ParameterFile
 from ..msg import Image, image_array
 from ..nodes import QUEUE
 from ..nodes.serial_driver import SerialDriver
+from ..parameters.shared import Shared
 from ..physics.adc import Adc
 from ..recording.frames import read_frames
 
@@ -66,7 +67,7 @@ class Live:
         node = Node("serial_driver", context=self._context, parameter_overrides=parameters)
         self._driver = SerialDriver(node)
         listener = Node("calibrate", context=self._context, parameter_overrides=parameters)
-        self._adc = adc_of(listener, circuit_of(listener))
+        self._adc = adc_of(declared(listener, Shared).circuit)
         self._frames: list[np.ndarray] = []
         listener.create_subscription(Image, "skin/adc", self._on_adc, QUEUE)
         for each in (node, listener):

@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactile_skin import Circuit, PressureCurve, cli, diagnose, forward
+from tactile_skin import Circuit, cli, diagnose, forward
 from tactile_skin.board.frame import Counters
 from tactile_skin.commands import doctor as command
 from tactile_skin.health.doctor.wiring import Wires, search
-from tactile_skin.middleware.config import SkinConfig
-from tactile_skin.physics.adc import Adc
+from tactile_skin.middleware.config import skin_of
 from tactile_skin.physics.readouts import DRIVEN, READOUTS
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "yardsticks"))
@@ -256,14 +255,16 @@ def test_a_mistake_is_one_line(recordings, words, match, capsys, monkeypatch):
 
 
 def test_arguments_change_the_board_and_what_its_readout_does_not_know_is_dropped():
-    skin = SkinConfig(Circuit(8, 9, r_line=5.0), PressureCurve(), None)
-    skin.adc = Adc(skin.circuit, offset=3.0, diode=0.58)
+    given = {"rows": 8, "cols": 9, "r_line": 5.0, "adc_offset": 3.0, "diode": 0.58}
+    skin = skin_of({f"circuit.{name}": value for name, value in given.items()}, "")
     adc = command._adc(skin, {"driven": "rows", "r_par": 70.0, "inverted": True})
     assert adc.circuit == Circuit(8, 9, r_line=5.0, r_par=70.0)
     assert (adc.offset, adc.inverted, adc.diode) == (3.0, True, 0.58)
     adc = command._adc(skin, {"readout": "grounded", "r_drive": 40.0, "driven": "columns"})
     grounded = Circuit(8, 9, readout="grounded", driven="columns", r_drive=40.0)
     assert adc.circuit == grounded and adc.diode == 0.0
+    with pytest.raises(ValueError, match=r"circuit.r_ref .* = -5.0: must be from 1.0 to"):
+        command._adc(skin, {"r_ref": -5.0})
 
 
 def test_the_picture_marks_cells_and_lines():

@@ -121,4 +121,4 @@ def test_an_unknown_parameter_of_it_is_refused(write):
 def test_processes_on_ros_refuse_it(write):
     plan = read_plan(write("skin_lamps", "Lamp"), {})
     with pytest.raises(RosError, match=r"mine\.launch\.yaml: node skin_lamps/Lamp: --ros starts"):
-        ros.launch_processes(plan, 2)
+        ros.launch_processes(plan)

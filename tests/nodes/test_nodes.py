@@ -717,7 +717,7 @@ def test_a_board_of_another_size_is_an_error_and_gives_no_reading(driven, wrong)
     ("wrong", "named"),
     [
         ({"port": "/dev/ttyNONE0"}, "port /dev/ttyNONE0: does not exist"),
-        ({"protocol": "morse"}, "protocol 'morse': must be one of binary, text"),
+        ({"protocol": "morse"}, "protocol = 'morse': must be one of binary, text"),
         ({"baud": 0}, "baud of node serial_driver = 0: must be from 300"),
     ],
 )

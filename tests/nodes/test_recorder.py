@@ -160,7 +160,7 @@ def test_a_file_that_is_there_ends_the_launch_before_it_begins(tmp_path, config)
 def test_on_ros_it_says_what_records_there():
     plan = read_plan(find("skin.launch.yaml"), {"port": "loop://", "record": "a.mcap"})
     with pytest.raises(RosError, match="ros2 bag record"):
-        launch_processes(plan, 2)
+        launch_processes(plan)
 
 
 def test_a_full_disk_is_in_the_summary_and_in_the_status(tmp_path):

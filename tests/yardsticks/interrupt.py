@@ -93,10 +93,10 @@ def main() -> int:
     dice, player = random.Random(args.seed), Player()
     clean = stopped = stood = 0
     seconds = []
-    with Graph(2) as graph:
+    with Graph() as graph:
         os.environ.update(graph.env)
         robot = Robot()
-        words = [sys.executable, "-m", "tactile_skin.ros", "skin", "--ros", "2", "--ros-args"]
+        words = [sys.executable, "-m", "tactile_skin.ros", "skin", "--ros-args"]
         words += ["-p", f"port:={player.port}", "-p", "cmd_vel_gate:=true", "-p", "watchdog:=60.0"]
         busy = [
             subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(args.loops)

@@ -1,6 +1,6 @@
-"""The whole skin on real ROS: roscore, a process or one for each node, a plain subscriber.
+"""The whole skin on real ROS: a process, or one for each node, and a plain subscriber.
 
-    python tests/yardsticks/ros.py [--ros 1] [--seconds 20] [--separate] [--seed 0] [TOPIC ...]
+    python tests/yardsticks/ros.py [--seconds 20] [--separate] [--seed 0] [TOPIC ...]
 
 prints how long a frame takes from the board's last byte to that subscriber's callback.
 """
@@ -134,59 +134,31 @@ class Graph:
         processes: those that run, by name.
     """
 
-    def __init__(self, version: int):
-        self.version = version
+    def __init__(self):
         self._folder = Path(tempfile.mkdtemp(prefix="tactile_skin_ros_"))
         self.processes: dict[str, subprocess.Popen] = {}
         self._count = 0
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
-            self._port = probe.getsockname()[1]
+            port = probe.getsockname()[1]
         self.env = os.environ | {
-            "ROS_MASTER_URI": f"http://127.0.0.1:{self._port}",
-            "ROS_IP": "127.0.0.1",
             "ROS_HOME": str(self._folder / "ros"),
             "ROS_LOG_DIR": str(self._folder / "ros"),
-            "ROS_DOMAIN_ID": str(self._port % 100),
+            "ROS_DOMAIN_ID": str(port % 100),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "OMP_NUM_THREADS": "1",
             "PYTHONUNBUFFERED": "1",
         }
 
     def __enter__(self) -> Graph:
-        if self.version == 1:
-            self.start_master()
         return self
 
     def __exit__(self, *_) -> None:
-        for process in (p for n, p in self.processes.items() if n != "master"):
+        for process in self.processes.values():
             process.send_signal(signal.SIGTERM)
-        for name in [n for n in self.processes if n != "master"]:
+        for name in tuple(self.processes):
             self.stop(name)
-        if "master" in self.processes:
-            self.stop("master")
         shutil.rmtree(self._folder, ignore_errors=True)
-
-    def start_master(self) -> None:
-        """ROS 1's master, on the port that the nodes know."""
-        if self._master_answers():
-            raise RuntimeError("a master answers already")
-        self.start("master", ["roscore", "-p", str(self._port)])
-        self.wait_for(self._master_answers, "roscore answers")
-
-    def kill_master(self) -> None:
-        """roscore and what it has started, which are groups of their own, at once."""
-        pid = self.processes["master"].pid
-        for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
-            os.kill(int(child), signal.SIGKILL)
-        self.stop("master", signal.SIGKILL)
-        self.wait_for(lambda: not self._master_answers(), "the master is gone")
-
-    def _master_answers(self) -> bool:
-        with contextlib.suppress(OSError):
-            socket.create_connection(("127.0.0.1", self._port), 1.0).close()
-            return True
-        return False
 
     def start(self, name: str, words: list[str]) -> None:
         with open(self.log(name), "ab") as log:
@@ -195,7 +167,7 @@ class Graph:
             )
 
     def start_node(self, action: launch.NodeAction) -> None:
-        self.start(action.name, ros.command(action, self.version))
+        self.start(action.name, ros.command(action))
 
     def log(self, name: str) -> Path:
         """What a process has printed."""
@@ -228,11 +200,15 @@ class Graph:
 
     def listen(self, *topics: str) -> str:
         """Start a plain subscriber, to all topics if none are named; its name."""
-        script = {1: "listen_rospy.py", 2: "listen_rclpy.py"}[self.version]
         self._count += 1
         name = f"listener_{self._count}"
         path = self._folder / f"{name}.pickle"
-        words = [sys.executable, str(Path(__file__).with_name(script)), str(path), *topics]
+        words = [
+            sys.executable,
+            str(Path(__file__).with_name("listen_rclpy.py")),
+            str(path),
+            *topics,
+        ]
         self.start(name, words)
         return name
 
@@ -320,17 +296,15 @@ def memory(pids: list[int]) -> float:
     return sum(int(line.split()[1]) for line in lines) * 1024 / 1e6
 
 
-def measure(
-    version: int, seconds: float, topics: list[str], seed: int = 0, separate: bool = False
-) -> dict:
+def measure(seconds: float, topics: list[str], seed: int = 0, separate: bool = False) -> dict:
     """Latencies of a run of `seconds`, as `latencies` gives them, the number of frames, and the
     memory of the skin's processes [MB]."""
     frames = record(round((seconds + WARM_UP) * simulator.FRAMES_PER_SECOND), seed=seed)
     player, skip = Player(), round(WARM_UP * simulator.FRAMES_PER_SECOND)
-    with Graph(version) as graph:
+    with Graph() as graph:
         for action in programs(player.port, separate):
             graph.start_node(action)
-        pids = [process.pid for name, process in graph.processes.items() if name != "master"]
+        pids = [process.pid for process in graph.processes.values()]
         name = graph.listen(*topics)
         with player.playing(endless("idle", seed + 1)):
             graph.wait_until_heard(name, *topics)
@@ -348,7 +322,6 @@ def measure(
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="tests/yardsticks/ros.py", description=__doc__)
-    parser.add_argument("--ros", type=int, choices=(1, 2))
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--separate", action="store_true", help="a process for each node")
@@ -356,9 +329,8 @@ def main() -> None:
         "topics", nargs="*", metavar="TOPIC", help="that the subscriber hears (default: all)"
     )
     args = parser.parse_args()
-    version = ros.choose(args.ros)
-    found = measure(version, args.seconds, args.topics, args.seed, args.separate)
-    print(f"ROS {version}: {found['frames']} frames, board's last byte to a plain subscriber")
+    found = measure(args.seconds, args.topics, args.seed, args.separate)
+    print(f"{found['frames']} frames, board's last byte to a plain subscriber")
     print(f"{found['programs']} processes of the skin hold {found['memory']:.0f} MB")
     for topic, values in found["latency"].items():
         p50, p99, worst = np.percentile(values, (50, 99, 100)) * 1e3

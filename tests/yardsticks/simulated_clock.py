@@ -31,9 +31,9 @@ def play(frames: list[bytes], speed: float) -> list[tuple[float, str]]:
     from rosgraph_msgs.msg import Clock
     from sensor_msgs.msg import Image
 
-    with Graph(2) as graph, Plain(graph.env) as plain:
+    with Graph() as graph, Plain(graph.env) as plain:
         os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-        words = [sys.executable, "-m", "tactile_skin.ros", "skin", "--ros", "2", "--ros-args"]
+        words = [sys.executable, "-m", "tactile_skin.ros", "skin", "--ros-args"]
         words += ["-p", "serial_driver:=false", "-p", "use_sim_time:=true", "-p", "method:=map"]
         words += ["-p", "tare:=false", "-p", "noise:=0.5", "-p", "time_limit:=10.0"]
         graph.start("skin", words)

@@ -27,6 +27,7 @@ from .topics import (
     Subscription,
     TopicTypeError,
     as_qos,
+    type_name,
 )
 
 __all__ = [
@@ -54,4 +55,5 @@ __all__ = [
     "Timer",
     "TopicTypeError",
     "as_qos",
+    "type_name",
 ]

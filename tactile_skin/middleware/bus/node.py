@@ -29,6 +29,7 @@ from .topics import (
     Tap,
     as_qos,
     default_context,
+    type_name,
 )
 from .turns import Turns, Wake
 
@@ -104,7 +105,7 @@ class Node:
     def get_topic_names_and_types(self) -> list[tuple[str, list[str]]]:
         """Full name of each topic, and ROS 2's name of its type."""
         with self.context._lock:
-            return [(name, [kind.TYPE]) for name, kind in self.context._topic_type.items()]
+            return [(name, [type_name(kind)]) for name, kind in self.context._topic_type.items()]
 
     def undeclared(self) -> list[str]:
         """Names of overrides that no parameter of this node has: most likely misspelt."""

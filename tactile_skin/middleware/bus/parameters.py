@@ -69,11 +69,12 @@ def checked(node: str, name: str, value, default, descriptor: ParameterDescripto
     elif type(value) is not type(default) and not descriptor.dynamic_typing:
         kind = type(default).__name__
         raise ParameterError(f"{where} = {value!r}: must be of type {kind}, as {default!r} is")
-    numbers = value if isinstance(value, list) else [value]
+    numbers: list = value if isinstance(value, list) else [value]
     if any(isinstance(v, float) and not math.isfinite(v) for v in numbers):
         raise ParameterError(f"{where} = {value!r}: must be finite")
-    for bounds in (*descriptor.floating_point_range, *descriptor.integer_range):
-        for v in value if isinstance(value, list) else [value]:
+    ranges: list[Any] = [*descriptor.floating_point_range, *descriptor.integer_range]
+    for bounds in ranges:
+        for v in numbers:
             if not bounds.from_value <= v <= bounds.to_value:
                 raise ParameterError(
                     f"{where} = {v!r}: must be from {bounds.from_value} to {bounds.to_value}"

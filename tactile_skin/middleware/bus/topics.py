@@ -23,7 +23,7 @@ class DurabilityPolicy(enum.Enum):
 
 @dataclass(frozen=True)
 class QoSProfile:
-    """depth: messages kept for a subscriber that lags. TRANSIENT_LOCAL: "latched" in ROS 1."""
+    """depth: messages kept for a subscriber that lags. TRANSIENT_LOCAL: "latched"."""
 
     depth: int = 10
     durability: DurabilityPolicy = DurabilityPolicy.VOLATILE
@@ -31,6 +31,11 @@ class QoSProfile:
     def __post_init__(self):
         if self.depth < 1:
             raise ValueError(f"depth = {self.depth}: must be 1 or more")
+
+
+def type_name(kind: type) -> str:
+    """Return ROS 2's name of a message or service type."""
+    return kind.TYPE  # type: ignore[attr-defined]
 
 
 def as_qos(profile: QoSProfile | int) -> QoSProfile:
@@ -70,7 +75,9 @@ class Context:
     def _claim(self, topic: str, msg_type: type) -> None:
         known = self._topic_type.setdefault(topic, msg_type)
         if known is not msg_type:
-            raise TopicTypeError(f"topic {topic} carries {known.TYPE}, not {msg_type.TYPE}")
+            raise TopicTypeError(
+                f"topic {topic} carries {type_name(known)}, not {type_name(msg_type)}"
+            )
 
 
 default_context = Context()
@@ -81,7 +88,7 @@ class Publisher:
         self.topic_name, self.msg_type, self.qos_profile = topic, msg_type, qos
         self._context = node.context
         latched = qos.durability is DurabilityPolicy.TRANSIENT_LOCAL
-        self._kept = deque(maxlen=qos.depth if latched else 0)
+        self._kept: deque = deque(maxlen=qos.depth if latched else 0)
         with self._context._lock:
             self._context._claim(topic, msg_type)
             self._context._publishers[topic].append(self)
@@ -90,7 +97,7 @@ class Publisher:
         """Hand the message to every subscriber; never blocks on one."""
         if type(message) is not self.msg_type:
             raise TypeError(
-                f"topic {self.topic_name} carries {self.msg_type.TYPE}, not {message!r}"
+                f"topic {self.topic_name} carries {type_name(self.msg_type)}, not {message!r}"
             )
         with self._context._lock:
             self._kept.append(message)

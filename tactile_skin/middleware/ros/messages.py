@@ -1,4 +1,4 @@
-"""Messages of msg.py <-> those of ROS 1 and 2, field by field."""
+"""Messages of msg.py <-> those of ROS 2, field by field."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import functools
 import importlib
 import typing
 
-from ... import msg
 from ...errors import RosError
+from .. import bus
 
 
 @functools.cache
@@ -19,18 +19,20 @@ def ros_class(kind: type) -> type:
     Raises:
         RosError: the package with its definition is not installed.
     """
-    package, folder, name = kind.TYPE.split("/")
+    package, folder, name = bus.type_name(kind).split("/")
     try:
         return getattr(importlib.import_module(f"{package}.{folder}"), name)
     except ImportError as error:
-        raise RosError(f"{kind.TYPE}: the ROS package {package} is not installed") from error
+        raise RosError(
+            f"{bus.type_name(kind)}: the ROS package {package} is not installed"
+        ) from error
 
 
 def to_ros(message, made=None):
     """A message of msg.py -> ROS's own, field by field; `made`: the object to fill, if it is made.
 
-    Fields have the same names in ROS 1 and ROS 2. Where their Python types differ, the fresh
-    object's own value shows which is wanted.
+    Fields have the same names. Where their Python types differ, the fresh object's own value shows
+    which is wanted.
     """
     made = ros_class(type(message))() if made is None else made
     for field in dataclasses.fields(message):
@@ -40,13 +42,11 @@ def to_ros(message, made=None):
 
 
 def _encoded(value, like):
-    if isinstance(value, msg.Time) and hasattr(like, "nsecs"):  # ROS 1's genpy.Time
-        return type(like)(value.sec, value.nanosec)
     if dataclasses.is_dataclass(value):
         return to_ros(value)
-    if isinstance(like, array.array):  # ROS 2's uint8[]
+    if isinstance(like, array.array):  # uint8[]
         return array.array(like.typecode, value)
-    if isinstance(like, bytes) and isinstance(value, int):  # ROS 2's byte
+    if isinstance(like, bytes) and isinstance(value, int):  # byte
         return bytes([value])
     if isinstance(value, list):
         return [to_ros(item) if dataclasses.is_dataclass(item) else item for item in value]
@@ -65,8 +65,6 @@ def _fields(kind: type) -> list[tuple[str, type]]:
 
 
 def _decoded(hint, value):
-    if hint is msg.Time and hasattr(value, "nsecs"):
-        return msg.Time(value.secs, value.nsecs)
     if dataclasses.is_dataclass(hint):
         return from_ros(hint, value)
     if typing.get_origin(hint) is list:

@@ -3,41 +3,18 @@
 from __future__ import annotations
 
 import concurrent.futures
-import importlib.util
 import logging
 import time
 from collections.abc import Callable
 
 from ... import msg
-from ...errors import RosError
 from .. import bus
 from ..parameter_file import THEIRS
 from .messages import from_ros, ros_class, to_ros
-from .ros1 import Ros1
-from .ros2 import Ros2
+from .ros2 import Ros2, Ros2Node
 
 _SERVICE_WITHIN = 5.0  # s, for a node's answer
 _STILL = 0.25  # s without news from /clock: ten messages of `ros2 bag play --clock`
-MODULES = {2: ("rclpy", Ros2), 1: ("rospy", Ros1)}
-
-
-def installed() -> int | None:
-    """Which ROS this Python has: 2, 1, or None; with both, 2."""
-    return next((v for v, (name, _) in MODULES.items() if importlib.util.find_spec(name)), None)
-
-
-def choose(version: int | None) -> int:
-    """The wanted ROS, or the one that is there.
-
-    Raises:
-        RosError: it is not installed.
-    """
-    found = version or installed()
-    if found is None:
-        raise RosError("neither rclpy (ROS 2) nor rospy (ROS 1) is installed: see README.md")
-    if not importlib.util.find_spec(MODULES[found][0]):
-        raise RosError(f"ROS {found}: {MODULES[found][0]} is not installed: see README.md")
-    return found
 
 
 class _RosClock:
@@ -85,12 +62,12 @@ class RosNode(bus.Node):
     to another. `connect` opens the rest to ROS, once all are there.
 
     Attributes:
-        ros: what `Ros1` or `Ros2` made for it.
+        ros: what `Ros2` made for it.
     """
 
     def __init__(
         self,
-        ros: Ros1 | Ros2,
+        ros: Ros2,
         node_name: str,
         *,
         namespace: str = "",
@@ -222,20 +199,20 @@ class ToRos(logging.Handler):
     """What is logged goes to ROS, its console and /rosout, under the name of its node.
 
     Attributes:
-        nodes: name -> what `Ros1` and `Ros2` made for it; the first speaks for all others.
+        nodes: name -> what `Ros2` made for it; the first speaks for all others.
     """
 
     def __init__(self):
         super().__init__()
-        self.nodes: dict[str, object] = {}
+        self.nodes: dict[str, Ros2Node] = {}
 
     def emit(self, record: logging.LogRecord) -> None:
         name = record.name.rsplit(".", 1)[-1]
         node = self.nodes.get(name) or next(iter(self.nodes.values()), None)
         try:
-            if node is None:
-                logging.lastResort.handle(record)
-            else:
+            if node is not None:
                 node.log(record.levelno, self.format(record))
+            elif logging.lastResort is not None:
+                logging.lastResort.handle(record)
         except Exception:  # a ROS that is gone
             self.handleError(record)

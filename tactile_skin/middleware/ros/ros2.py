@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import logging
 import threading
 import time
@@ -13,6 +14,12 @@ from .. import bus
 LAST_WORD = 0.5  # s, for messages under way when a process ends
 _COMPARE = 2.0  # s, between two looks at what others publish and subscribe to
 _logger = logging.getLogger("tactile_skin")
+
+
+def check_installed() -> None:
+    """Raise RosError where rclpy is not installed."""
+    if not importlib.util.find_spec("rclpy"):
+        raise RosError("rclpy (ROS 2) is not installed: see docs/robot.md")
 
 
 class Ros2:
@@ -28,8 +35,9 @@ class Ros2:
             words: of the command line, for ROS itself.
 
         Raises:
-            RosError: ROS does not understand them.
+            RosError: ROS does not understand them, or rclpy is not installed.
         """
+        check_installed()
         import rclpy
         from rclpy.executors import SingleThreadedExecutor
         from rclpy.signals import SignalHandlerOptions
@@ -108,7 +116,7 @@ class Ros2Node:
         given = [Parameter(p.name, value=p.value) for p in parameters]
         self.node = rclpy.create_node(name, namespace=namespace, parameter_overrides=given)
         self._clock = (simulated or self).node.get_clock()
-        self._publishers = []
+        self._publishers: list = []
         self._kinds: dict[str, type] = {}  # topic -> what this node takes it to be
         self._told: set[tuple[str, str]] = set()
         self.node.create_timer(_COMPARE, _isolated("the graph", self.compare_types))
@@ -163,9 +171,9 @@ class Ros2Node:
             described.floating_point_range.append(
                 rcl.FloatingPointRange(from_value=bounds.from_value, to_value=bounds.to_value)
             )
-        for bounds in descriptor.integer_range:
+        for whole in descriptor.integer_range:
             described.integer_range.append(
-                rcl.IntegerRange(from_value=bounds.from_value, to_value=bounds.to_value)
+                rcl.IntegerRange(from_value=whole.from_value, to_value=whole.to_value)
             )
         self.node.declare_parameter(name, value, described, ignore_override=True)
 

@@ -6,9 +6,11 @@ import logging
 import threading
 import time
 from collections import deque
+from typing import Any
 
 from ...errors import LaunchError
-from ...middleware.config import describe
+from ...middleware.config import declared
+from ...parameters.nodes import Foxglove as Parameters
 from ...recording import cdr
 from .. import diagnostics
 
@@ -25,12 +27,8 @@ class Foxglove:
 
     def __init__(self, node):
         self.node = node
-        host = node.declare_parameter(
-            "host", "127.0.0.1", describe("address to serve on; 0.0.0.0: all of this computer's")
-        ).value
-        port = node.declare_parameter(
-            "port", 8765, describe("TCP port; 0: any that is free", 0, 65535)
-        ).value
+        given = declared(node, Parameters)
+        host, port = given.host, given.port
         try:
             import foxglove
         except ModuleNotFoundError as error:
@@ -65,7 +63,7 @@ class Foxglove:
             if topic in self._heard or name not in cdr.KINDS:
                 continue
             self._heard.add(topic)
-            kind = cdr.KINDS[name]
+            kind: Any = cdr.KINDS[name]
             schema = self._sdk.Schema(
                 name=name, encoding=cdr.SCHEMAS, data=cdr.definition(kind).encode()
             )

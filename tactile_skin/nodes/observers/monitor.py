@@ -10,7 +10,7 @@ from collections import deque
 import numpy as np
 
 from ...middleware.bus import DurabilityPolicy, QoSProfile, Time
-from ...middleware.config import describe
+from ...middleware.config import declared
 from ...middleware.logs import takes
 from ...msg import (
     DiagnosticArray,
@@ -22,6 +22,7 @@ from ...msg import (
     Vector3Stamped,
     cloud_columns,
 )
+from ...parameters.nodes import Monitor as Parameters
 from .. import diagnostics
 from ..cmd_vel import kind_of, twist_of
 from ..stop_on_push import STATUS_TOPIC
@@ -40,9 +41,8 @@ class Monitor:
 
     def __init__(self, node):
         self.node, self.out = node, sys.stdout
-        self.duration = node.declare_parameter(
-            "duration", 0.0, describe("end this long after the first frame [s]; 0: never", 0.0, 1e9)
-        ).value
+        given = declared(node, Parameters)
+        self.duration = given.duration
         self.frames = 0
         self.dropped = 0  # frames that reached skin/adc, but no stop decision
         self.failed = False
@@ -70,7 +70,7 @@ class Monitor:
         node.create_subscription(Image, "skin/adc", self.on_adc, 100)
         node.create_subscription(PointCloud2, "skin/contacts", self.on_contacts, 100)
         node.create_subscription(Vector3Stamped, "skin/push_direction", self.on_direction, 100)
-        node.create_subscription(kind_of(node), "cmd_vel", self.on_cmd_vel, 1)
+        node.create_subscription(kind_of(given.stamped), "cmd_vel", self.on_cmd_vel, 1)
         node.create_subscription(DiagnosticArray, STATUS_TOPIC, self.on_status, _EVERY_DECISION)
         node.create_subscription(DiagnosticArray, diagnostics.TOPIC, self.on_diagnostics, 100)
         node.create_timer(0.2 if self.out.isatty() else 1.0, self.live_line)

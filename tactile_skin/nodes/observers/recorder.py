@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from ...middleware.config import describe
+from ...middleware.config import declared
 from ...msg import Bool
+from ...parameters.nodes import Recorder as Parameters
 from ...recording import cdr
 from ...recording.recorder import Limits, Recorder
 from .. import diagnostics
@@ -20,16 +21,10 @@ class RecorderNode:
 
     def __init__(self, node):
         self.node = node
-
-        def value(name, default, *bounds):
-            return node.declare_parameter(name, default, describe(*bounds)).value
-
-        self._path = value("path", "", "file to make, or folder for files named after their time")
-        longest = value("max_duration", 0.0, "of a recording [s]; 0: no limit", 0.0, 1e9)
-        largest = value("max_size", 2000.0, "of its files together [MB]; 0: no limit", 0.0, 1e9)
-        last = value("last", 0.0, "kept before each stop [s]; 0: keep everything", 0.0, 600.0)
-        limit = {"duration": longest, "size": largest * 1e6}
-        self._limits = Limits(**{k: v for k, v in limit.items() if v}, last=last)
+        given = declared(node, Parameters)
+        self._path = given.path
+        limit = {"duration": given.max_duration, "size": given.max_size * 1e6}
+        self._limits = Limits(**{k: v for k, v in limit.items() if v}, last=given.last)
         self._heard: set[str] = set()
         self._stopped: dict[str, bool] = {}
         self._recorder: Recorder | None = None
@@ -67,7 +62,8 @@ class RecorderNode:
 
         def take(message) -> None:
             t = self._now()
-            self._recorder.put(topic, t, message)
+            if self._recorder is not None:
+                self._recorder.put(topic, t, message)
             if is_stop:
                 self._on_stop(topic, t, message)
 
@@ -75,12 +71,14 @@ class RecorderNode:
 
     def _on_stop(self, topic: str, t: int, message: Bool) -> None:
         """A stop that begins is kept; that of the start, or of the end, is no incident."""
-        if message.data and not self._stopped.get(topic, True) and self.node.context.ok():
+        begins = message.data and not self._stopped.get(topic, True)
+        if self._recorder is not None and begins and self.node.context.ok():
             self._recorder.stop(t)
         self._stopped[topic] = message.data
 
     def _report(self) -> None:
-        recorder = self._recorder
+        if (recorder := self._recorder) is None:
+            return
         trouble = recorder.trouble
         if trouble and trouble != self._said:
             self.node.get_logger().warning("%s", trouble)

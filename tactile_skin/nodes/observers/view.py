@@ -9,8 +9,9 @@ from collections import deque
 from dataclasses import replace
 
 from ...errors import LaunchError
-from ...middleware.config import adc_of, circuit_of, curve_of, describe, geometry_of
+from ...middleware.config import adc_of, circuit_of, curve_of, declared, geometry_of
 from ...msg import Trigger
+from ...parameters.nodes import View as Parameters
 from ...view.process import PageProcess
 from ...view.snapshot import OTHERS, READINGS, STOP, Collector
 
@@ -31,16 +32,11 @@ class View:
 
     def __init__(self, node):
         self.node = node
-        circuit = circuit_of(node)
-        adc_of(node, circuit), curve_of(node, circuit), geometry_of(node, circuit)
-
-        def value(name, default, *bounds):
-            return node.declare_parameter(name, default, describe(*bounds)).value
-
-        value("host", "127.0.0.1", "address to serve the page on; 0.0.0.0: all of them")
-        value("port", 8321, "TCP port of the page; 0: any that is free", 0, 65535)
-        controls = value("controls", False, "whether a page may tare, and reset the stop")
-        calls = _CALLS if controls else {}
+        given = declared(node, Parameters)
+        circuit = circuit_of(given.circuit)  # what is wrong is an error now
+        adc_of(given.circuit, circuit), curve_of(given.curve, circuit)
+        geometry_of(given.geometry, circuit)
+        calls = _CALLS if given.controls else {}
         try:
             self._clients = {
                 name: [node.create_client(Trigger, service) for service in services]

@@ -1,0 +1,6 @@
+"""The parameters of all nodes as data: default, unit, range and meaning of each, in one place.
+
+`nodes` holds them, one frozen dataclass a node. What a node declares, ROS's descriptors,
+config/skin.yaml, docs/parameters.md and the arguments of commands follow from it. After a change:
+`python -m tactile_skin.parameters`.
+"""

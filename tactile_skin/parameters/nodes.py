@@ -1,0 +1,350 @@
+"""The parameters of each node: default, unit, meaning, range.
+
+A line here is all that a new parameter needs; the node reads it as an attribute.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+from ..behaviours.admittance import ANGULAR, LINEAR, AdmittanceConfig, Axis
+from ..behaviours.gate import GateConfig
+from ..behaviours.stop import StopConfig
+from ..board.formats import PROTOCOLS, fields
+from .fields import group, leaves, parameter
+from .shared import Circuit, Curve, Framed, Geometry, Shared
+
+# Those of `solvers.METHODS`, which takes as long to import as all the rest; a test compares them.
+METHODS = "naive", "fixed_point", "newton", "map", "cnn", "physics", "auto"
+_STAMPED = "velocities are TwistStamped, not Twist"
+
+Format = dataclasses.make_dataclass(
+    "Format",
+    [
+        (
+            name,
+            type(field.default),
+            parameter(field.default, "", field.metadata["about"], *field.metadata["bounds"]),
+        )
+        for name, field in fields().items()
+    ],
+    frozen=True,
+)
+Format.__doc__ = "How another sketch sends its frames: text, and packets."
+
+
+@dataclasses.dataclass(frozen=True)
+class SerialDriver(Framed):
+    """The bytes of the board."""
+
+    circuit: Circuit = group(Circuit)
+    port: str = parameter("auto", "", "serial device, or auto: the first that sends frames")
+    baud: int = parameter(
+        1_000_000,
+        "bit/s",
+        "as in your sketch; should allow twice the bytes that the board sends",
+        300,
+        20_000_000,
+    )
+    wait_for_port: float = parameter(0.0, "s", "time to wait for the port to appear", 0.0, 3600.0)
+    protocol: str = parameter(
+        "binary", "", "`tactile-skin detect` finds it (docs/boards.md)", choices=PROTOCOLS
+    )
+    format: Format = group(Format)  # type: ignore[valid-type]
+    watchdog: float = parameter(3.0, "s", "silence after which the port is reopened", 0.1, 60.0)
+    frozen_after: float = parameter(
+        0.2,
+        "s",
+        "frames that repeat for this long come from a frozen board, which stops the robot: real "
+        "samples contain noise, and how often a working board repeats itself is measured; 0: "
+        "never, for a board that averages all noise away (docs/reliability.md)",
+        0.0,
+        60.0,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Compensation:
+    """From readings to pressures."""
+
+    circuit: Circuit = group(Circuit)
+    curve: Curve = group(Curve)
+    geometry: Geometry = group(Geometry)
+    method: str = parameter("auto", "", "README.md compares them", choices=METHODS, live=True)
+    weights: str = parameter(
+        "", "", "file written by `tactile-skin train`; empty: the shipped weights"
+    )
+    threshold: float = parameter(
+        0.0, "ADC steps", "up to which the board sends 0; disables the tare", 0.0, 65535.0
+    )
+    noise: float = parameter(
+        0.0, "ADC steps", "RMS noise of a reading; 0: measured while nothing touches", 0.0, 1e3
+    )
+    time_limit: float = parameter(
+        0.0,
+        "s",
+        "after which a frame fails, which stops the robot; 0: two frames of the board's, 0.05 to "
+        "0.5 s",
+        0.0,
+        10.0,
+    )
+    tare: bool = parameter(
+        True,
+        "",
+        "track the readings of the cells at rest (a touch is never tared away); false: only where "
+        "each cell rests as the curve says, to 0.5 %, else its picture is suspect and stops the "
+        "robot",
+    )
+    suspect_stops: bool = parameter(
+        True, "", "faults of the circuit and a saturated input stop the robot"
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class GestureFeature(Framed):
+    """From pressures to contacts, wrench, push direction and gestures."""
+
+    circuit: Circuit = group(Circuit)
+    geometry: Geometry = group(Geometry)
+    skin_frame: str = parameter(
+        "", "", "the skin's name in tf, where geometry puts it in frame_id; empty: none"
+    )
+    cell_threshold: float = parameter(
+        0.2,
+        "N",
+        "a contact has a cell above this (20 g), or 200 times this in total",
+        1e-3,
+        10.0,
+        live=True,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class StopOnPush:
+    """What a push is, and when the robot is stopped for it."""
+
+    circuit: Circuit = group(Circuit)
+    curve: Curve = group(Curve)
+    threshold: float = parameter(
+        StopConfig.threshold, "N", "contact force that is a push", 0.1, 500.0, live=True
+    )
+    release: float = parameter(
+        StopConfig.release, "N", "contact force below which a push is over", 0.1, 500.0, live=True
+    )
+    peak: float = parameter(
+        StopConfig.peak,
+        "N",
+        "force on one cell that is a push; at most 95 % of the end of the curve",
+        0.01,
+        500.0,
+        live=True,
+    )
+    debounce: float = parameter(
+        StopConfig.debounce,
+        "s",
+        "time above the threshold before it is a push; text lines: 0.01",
+        0.0,
+        0.2,
+        live=True,
+    )
+    lead: float = parameter(
+        StopConfig.lead,
+        "s",
+        "time by which a rising force is extrapolated; text lines: 0",
+        0.0,
+        0.05,
+        live=True,
+    )
+    hold: float = parameter(
+        StopConfig.hold, "s", "time a stop is kept after the release", 0.0, 60.0, live=True
+    )
+    stale_after: float = parameter(
+        StopConfig.stale_after,
+        "s",
+        "maximum age of a reading; 0: 2.5 measured intervals, 0.1 to 0.5 s",
+        0.0,
+        1.0,
+        live=True,
+    )
+    latch: bool = parameter(
+        StopConfig.latch, "", "keep a stop until a reset, also after its cause has gone"
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class CmdVelGate(Framed):
+    """Started by cmd_vel_gate:=true."""
+
+    command_timeout: float = parameter(
+        GateConfig.command_timeout,
+        "s",
+        "maximum age of cmd_vel_in; this is the dead man's switch",
+        0.02,
+        2.0,
+    )
+    stop_timeout: float = parameter(
+        GateConfig.stop_timeout, "s", "longest silence of the stop", 0.05, 1.0
+    )
+    touch_timeout: float = parameter(
+        GateConfig.touch_timeout, "s", "maximum age of a push direction", 0.02, 1.0
+    )
+    touch: float = parameter(
+        GateConfig.touch, "N", "contact force above which a touch has a direction", 0.1, 500.0
+    )
+    alignment: float = parameter(
+        GateConfig.alignment,
+        "",
+        "minimum |sum of force vectors| / sum of forces of a push from one side",
+        0.5,
+        1.0,
+    )
+    base_frame: str = parameter(
+        "", "", "frame of the velocities, by tf from frame_id; empty: they are the same"
+    )
+    stamped: bool = parameter(False, "", _STAMPED)
+
+
+def _axis(default: Axis, about: str, linear: bool) -> type:
+    """Return the parameters of an axis of motion: along the floor, or about the vertical."""
+    N, m, kg = ("N", "m", "kg") if linear else ("N m", "rad", "kg m^2")
+    damping = "N s/m" if linear else "N m s/rad"
+    specs = {
+        "mass": parameter(
+            default.mass, kg, "virtual mass" if linear else "virtual inertia", 0.01, 1e4
+        ),
+        "damping": parameter(default.damping, damping, "force per velocity", 0.01, 1e5),
+        "dead_band": parameter(
+            default.dead_band, N, "below which the robot does not move", 0.0, 500.0
+        ),
+        "max_speed": parameter(default.max_speed, f"{m}/s", "largest velocity", 0.001, 2.0),
+        "max_acceleration": parameter(
+            default.max_acceleration, f"{m}/s^2", "largest change of it", 0.001, 10.0
+        ),
+    }
+    made = dataclasses.make_dataclass(
+        "Axis", [(name, float, spec) for name, spec in specs.items()], frozen=True
+    )
+    made.__doc__ = about
+    return made
+
+
+@dataclasses.dataclass(frozen=True)
+class PushToMove(Framed):
+    """Started by push_to_move:=true; stop_on_push must not latch."""
+
+    linear: Axis = group(_axis(LINEAR, "Along the floor.", True))
+    turns: bool = parameter(False, "", "let the torque about the vertical turn the robot")
+    angular: Axis = group(_axis(ANGULAR, "About the vertical.", False))
+    touch_timeout: float = parameter(
+        AdmittanceConfig.touch_timeout,
+        "s",
+        "maximum age of a reading that moves the robot; this is the dead man's switch",
+        0.02,
+        1.0,
+    )
+    stop_timeout: float = parameter(
+        AdmittanceConfig.stop_timeout, "s", "longest silence of the stop", 0.05, 1.0
+    )
+    alignment: float = parameter(
+        AdmittanceConfig.alignment,
+        "",
+        "minimum |sum of force vectors| / sum of forces of one hand",
+        0.1,
+        1.0,
+    )
+    stamped: bool = parameter(False, "", _STAMPED)
+
+
+@dataclasses.dataclass(frozen=True)
+class Monitor:
+    """Started by monitor:=true."""
+
+    duration: float = parameter(
+        0.0, "s", "end this long after the first frame; 0: at Ctrl-C", 0.0, 1e9
+    )
+    stamped: bool = parameter(False, "", _STAMPED)
+
+
+@dataclasses.dataclass(frozen=True)
+class View:
+    """Started by view:=true."""
+
+    circuit: Circuit = group(Circuit)
+    curve: Curve = group(Curve)
+    geometry: Geometry = group(Geometry)
+    host: str = parameter("127.0.0.1", "", "address to serve the page on; 0.0.0.0: all of them")
+    port: int = parameter(8321, "", "TCP port of the page; 0: any that is free", 0, 65535)
+    controls: bool = parameter(False, "", "whether a page may tare, and reset the stop")
+
+
+@dataclasses.dataclass(frozen=True)
+class PushArrow:
+    """Started by rviz.launch.yaml."""
+
+    length: float = parameter(0.2, "m", "of the arrow", 0.001, 100.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class TactileState:
+    """Has no parameters."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Foxglove:
+    """Started by foxglove:=true."""
+
+    host: str = parameter(
+        "127.0.0.1", "", "address to serve the Foxglove app on; 0.0.0.0: all of them"
+    )
+    port: int = parameter(8765, "", "TCP port; 0: any that is free", 0, 65535)
+
+
+@dataclasses.dataclass(frozen=True)
+class Recorder:
+    """Started by record:=FILE.mcap, or a folder."""
+
+    path: str = parameter("", "", "file to make, or folder for files named after their time")
+    last: float = parameter(
+        0.0,
+        "s",
+        "keep only so long before each stop, and 2 s after it; 0: keep everything",
+        0.0,
+        600.0,
+    )
+    max_duration: float = parameter(0.0, "s", "of a recording; 0: no limit", 0.0, 1e9)
+    max_size: float = parameter(2000.0, "MB", "of its files together; 0: no limit", 0.0, 1e9)
+
+
+SECTIONS: dict[str, type] = {  # node -> its parameters, in the order of config/skin.yaml
+    "serial_driver": SerialDriver,
+    "compensation": Compensation,
+    "gesture_feature": GestureFeature,
+    "stop_on_push": StopOnPush,
+    "cmd_vel_gate": CmdVelGate,
+    "push_to_move": PushToMove,
+    "monitor": Monitor,
+    "view": View,
+    "push_arrow": PushArrow,
+    "tactile_state": TactileState,
+    "foxglove": Foxglove,
+    "recorder": Recorder,
+}
+
+
+@functools.cache
+def shared_names() -> frozenset[str]:
+    """Return the names of the parameters that a file holds under /**."""
+    return frozenset(leaf.name for leaf in leaves(Shared))
+
+
+@functools.cache
+def all_names(node: str) -> frozenset[str]:
+    """Return the names of a node's parameters."""
+    return frozenset(leaf.name for leaf in leaves(SECTIONS[node]))
+
+
+@functools.cache
+def own_names(node: str) -> frozenset[str]:
+    """Return the names of the parameters that a file holds under the node's own name."""
+    return all_names(node) - shared_names()

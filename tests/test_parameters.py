@@ -1,0 +1,139 @@
+"""One line makes a parameter: what follows from it, and that what is shipped does."""
+
+import argparse
+import dataclasses
+from pathlib import Path
+
+import pytest
+import yaml
+
+from tactile_skin import solvers
+from tactile_skin.commands import doctor
+from tactile_skin.errors import ParameterError
+from tactile_skin.middleware import parameter_file
+from tactile_skin.middleware.bus import Context, Node, Parameter
+from tactile_skin.middleware.config import declared
+from tactile_skin.middleware.launch_file import read_plan
+from tactile_skin.middleware.package import CLASSES
+from tactile_skin.middleware.parameter_file import ParameterFile
+from tactile_skin.parameters import documents, nodes
+from tactile_skin.parameters.fields import leaves, parameter
+from tactile_skin.parameters.nodes import SECTIONS, all_names, own_names, shared_names
+from tactile_skin.parameters.shared import Circuit, Shared
+
+ROOT = Path(__file__).parents[1]
+LENGTH = parameter(0.5, "m", "width of its head; 0: none", 0.0, 2.0)
+STYLE = parameter("flat", "", "how it is drawn", choices=("flat", "round"), live=True)
+
+
+@pytest.mark.parametrize("file", ["config/skin.yaml", "docs/parameters.md"])
+def test_what_is_shipped_is_what_is_written(file):
+    """Else: python -m tactile_skin.parameters"""
+    text = documents.config() if file.startswith("config") else documents.page()
+    assert (ROOT / file).read_text() == text
+
+
+def test_the_shipped_file_holds_each_default():
+    file = ParameterFile(ROOT / "config" / "skin.yaml")
+    assert file.sections["/**"] == {leaf.name: leaf.default for leaf in leaves(Shared)}
+    for node, kind in SECTIONS.items():
+        own = {leaf.name: leaf.default for leaf in leaves(kind)}
+        own = {name: value for name, value in own.items() if name not in shared_names()}
+        found = file.sections.get(f"/**/{node}", {})
+        assert found == own and list(map(type, found.values())) == list(map(type, own.values()))
+    assert set(SECTIONS) == set(CLASSES)
+
+
+def test_a_description_names_unit_and_range_of_each_number():
+    for kind in SECTIONS.values():
+        for leaf in leaves(kind):
+            number = type(leaf.default) in (int, float)
+            assert (leaf.about.low is None) is not number, leaf
+            assert leaf.about.text and "\n" not in leaf.about.text
+
+
+@pytest.fixture
+def wider(monkeypatch):
+    """The node push_arrow with two parameters more."""
+    fields = [("width", float, LENGTH), ("style", str, STYLE)]
+    made = dataclasses.make_dataclass(
+        "PushArrow", fields, bases=(SECTIONS["push_arrow"],), frozen=True
+    )
+    made.__doc__ = "An arrow."
+    monkeypatch.setitem(SECTIONS, "push_arrow", made)
+    own_names.cache_clear(), all_names.cache_clear()
+    yield made
+    own_names.cache_clear(), all_names.cache_clear()
+
+
+def node(**values) -> Node:
+    overrides = [Parameter(*item) for item in values.items()]
+    return Node("push_arrow", context=Context(), parameter_overrides=overrides)
+
+
+def test_one_line_is_all_that_a_new_parameter_needs(wider, tmp_path):
+    text = documents.config()
+    assert "    width: 0.5                # width of its head [m]; 0: none\n" in text
+    assert "    style: flat               # flat or round: how it is drawn\n" in text
+    assert yaml.safe_load(text)["/**/push_arrow"]["ros__parameters"]["width"] == 0.5
+    row = "| `width` | `0.5` | 0 to 2 | width of its head [m]; 0: none |"
+    assert row in documents.page() and "how it is drawn *Live.*" in documents.page()
+    handle = node(width=1)
+    assert declared(handle, wider) == wider(width=1.0)
+    described = handle._described["width"]  # rclpy gets it as it is: ros2.declare
+    assert (described.description, described.read_only) == ("width of its head [m]; 0: none", True)
+    assert described.floating_point_range[0].to_value == 2.0
+    assert not handle._described["style"].read_only
+    file = tmp_path / "mine.yaml"
+    file.write_text("/**/push_arrow: {ros__parameters: {width: 0.1}}")
+    ParameterFile(file, own=True).check()
+    file.write_text("/**/push_arrow: {ros__parameters: {widht: 0.1}}")
+    with pytest.raises(ParameterError, match="'widht' is unknown; did you mean 'width'"):
+        ParameterFile(file, own=True).check()
+
+
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [
+        ({"width": 3.0}, "width of node push_arrow = 3.0: must be from 0.0 to 2.0"),
+        ({"width": "wide"}, "width of node push_arrow = 'wide': must be of type float"),
+        ({"style": "bent"}, "node push_arrow: style = 'bent': must be one of flat, round"),
+    ],
+)
+def test_what_is_wrong_names_the_parameter_and_what_is_allowed(wider, given, named):
+    with pytest.raises(ParameterError, match=named):
+        declared(node(**given), wider)
+
+
+def test_the_doctor_takes_each_parameter_of_the_board():
+    parser = argparse.ArgumentParser(formatter_class=argparse.RawDescriptionHelpFormatter)
+    doctor.register(parser)
+    for leaf in leaves(Circuit):
+        assert f"  {leaf.name} " in parser.format_help()
+        assert leaf.about.description in parser.format_help()
+        assert doctor._KINDS[leaf.name] is type(leaf.default)
+
+
+def test_the_methods_are_those_of_the_solvers():
+    assert tuple(solvers.METHODS) == nodes.METHODS
+
+
+def test_names_are_found_in_every_section():
+    everyone = shared_names().union(*map(own_names, SECTIONS))
+    assert {"circuit.rows", "frame_id", "linear.mass", "format.line"} <= everyone
+    assert parameter_file.SHARED == ("circuit", "curve", "geometry")
+
+
+def test_an_argument_of_the_launch_files_is_described_as_its_parameter_is():
+    plan = read_plan(ROOT / "launch" / "skin.launch.yaml", {"port": "loop://"})
+    for argument, node, name in (
+        ("port", "serial_driver", "port"),
+        ("wait_for_port", "serial_driver", "wait_for_port"),
+        ("method", "compensation", "method"),
+        ("stamped", "monitor", "stamped"),
+        ("view_host", "view", "host"),
+        ("view_port", "view", "port"),
+        ("view_controls", "view", "controls"),
+    ):
+        (leaf,) = [leaf for leaf in leaves(SECTIONS[node]) if leaf.name == name]
+        assert plan.arguments[argument].description == leaf.about.description
