@@ -47,7 +47,7 @@ setup(
         package_name: [
             "py.typed",
             "learning/weights/*",
-            "learning/pictures/*",
+            "simulation/pictures/*",
             "physics/adc_tables/*",
             "findings/words.csv",
             "board/firmware/*.c",

@@ -17,7 +17,7 @@ from ..physics.quadratic import inverse_diagonal, solve_in_box
 from .reading import Linearised, Reading
 from .suspect import NormalEquations
 
-# Chosen on bodies of many sizes and textures (tests/yardsticks/prior.py).
+# Chosen on bodies of many sizes and textures (benchmarks/accuracy/prior.py).
 _STEP = 1.0  # weight of the differences x_i - x_j between direct neighbours
 _SPREAD = 0.3  # of these, below which they are drawn together
 _REST = 1.0  # weight of x, one-sided: at rest unless the reading says otherwise

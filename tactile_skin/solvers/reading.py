@@ -15,7 +15,7 @@ from ..physics.curve import PressureCurve
 from .checks import uneven_noise
 
 SCAN_NOISE = 0.52  # ADC steps RMS: mean of 4 samples with 1 step of noise, each rounded
-MAX_NOISE = 3.5  # ADC steps RMS, above that of any board of tests/yardsticks/boards.py (3 steps)
+MAX_NOISE = 3.5  # ADC steps RMS, above that of any board of benchmarks/accuracy/boards.py (3 steps)
 ROUNDING_NOISE = 12**-0.5  # ADC steps RMS of rounding to whole steps
 # Share of the smallest magnitudes that a standard deviation is estimated from. A median would jump
 # with the steps of an ADC.

@@ -14,7 +14,7 @@ from .estimate import Estimate
 from .reading import ROUNDING_NOISE, Reading, rest_reading
 
 # Standard deviations of chi^2 beyond which a frame is suspect: chosen so that 2 % of valid frames
-# (blobs, rects, random loads) are; scored on others (tests/yardsticks/solvers.py, detection).
+# (blobs, rects, random loads) are; scored on others (benchmarks/accuracy/solvers.py, detection).
 _CHI2_LIMIT = 2.8
 # Equal readings that are rounded to whole steps err equally, and do not average out: factor by
 # which a residual may then be larger.

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from implementations import COMPILED
+from support.implementations import COMPILED
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
-from tactile_skin.learning import scenes
 from tactile_skin.physics import kernel, laplacian, numpy_kernel
+from tactile_skin.simulation import scenes
 from tactile_skin.solvers import check_reading
 
 # the package has a function of that name

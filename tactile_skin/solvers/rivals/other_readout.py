@@ -31,7 +31,7 @@ _HALF = 0.5  # up to which another network may be compared by cost
 _COVERED = 0.75  # from which on a floating matrix' light load may be the hard one of a driven one
 # By how much the fit of another must be likelier, in units of 1/2 chi^2. Chosen on pictures,
 # bodies, rects, random loads and whole lines on right and exchanged readouts (seeds 57221 to
-# 57251), scored on others (tests/yardsticks/readouts.py, wrong).
+# 57251), scored on others (benchmarks/accuracy/readouts.py, wrong).
 _BETTER = 15.0
 _EVEN = 0.03  # least spread of neighbours' log conductance that is looked for
 _NO_LEVEL = 0.02  # level of a picture that nothing touches
