@@ -181,7 +181,9 @@ def test_no_folder_is_crowded(folder):
     assert len(modules) <= MODULES, modules
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=lambda p: p.relative_to(PACKAGE).as_posix())
+@pytest.mark.parametrize(
+    "path", (*SOURCES, *BENCHMARKS), ids=lambda p: p.relative_to(ROOT).as_posix()
+)
 def test_no_module_is_long(path):
     assert len(path.read_text().splitlines()) <= LINES
 

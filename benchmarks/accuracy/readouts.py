@@ -10,7 +10,7 @@
     named      streams of a minute, with the readout that `diagnose` names
     calibrate  what `calibrate` has: a rest, then five touches; r_par is up to 20 % off
 
-Paper's circuit, default curve. Streams through all nodes: `tactile-skin bench faults --shapes
+Paper's circuit, default curve. Streams through all nodes: `python -m benchmarks.faults --shapes
 8x8-loaded-rows`.
 """
 

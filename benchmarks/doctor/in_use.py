@@ -15,13 +15,14 @@ from pathlib import Path
 
 import numpy as np
 from support import insole
-from support.damaged import MIXED, Case
+from support.damaged import Case
 
 from tactile_skin import Circuit, diagnose
 from tactile_skin.middleware.threads import one_thread
 from tactile_skin.simulation.board import KNOTS
 
 from .. import harness
+from .faults import MIXED
 
 USES = "object", "seat", "feet", "hand"
 LOAD = 8.0, 60.0  # N

@@ -46,7 +46,7 @@ _GAIN = 0.5  # share of the change that a later measurement adds
 _RENEWED = 0.3  # share of the noise that a measurement renews
 _SIGNIFICANT = 4.0  # standard deviations of its noise by which a measurement differs from the rest
 # Log conductance by which all cells may change from what is known, and besides in each second, as a
-# robot's cover warms up; chosen on simulated boards (tests/calibration; bench faults).
+# robot's cover warms up; chosen on simulated boards (tests/calibration, benchmarks.faults).
 _MAX_STEP = 0.1
 _MAX_DRIFT = 0.02 / 60.0
 # Frames whose mean is a level that readings had before the first measurement, if the next such mean

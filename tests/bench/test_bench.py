@@ -277,3 +277,12 @@ def test_the_whole_command(tmp_path):
     for name in names:
         written = json.loads((tmp_path / f"{name}.json").read_text())
         assert written["seed"] == 3 and written["machine"]["numpy"] == np.__version__
+
+
+@pytest.mark.parametrize("part", run.MOVED)
+def test_a_part_that_left_says_where_it_went(part, capsys, tmp_path):
+    assert cli.main(["bench", part, "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert f"`python -m {run.MOVED[part]}`" in said
+    module = Path(__file__).parents[2].joinpath(*run.MOVED[part].split("."))
+    assert module.with_suffix(".py").is_file() or (module / "__main__.py").is_file()

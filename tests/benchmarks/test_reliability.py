@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from support.chain import Chain
 
+from benchmarks.faults import __main__ as faults
 from benchmarks.faults import reliability, table
 from benchmarks.faults.data import DATA
 from benchmarks.faults.reliability import FAULTS, Record, configured, count, play
-from tactile_skin import Circuit, PressureCurve, cli
+from tactile_skin import Circuit, PressureCurve
 from tactile_skin.simulation import touches
 from tactile_skin.simulation.board import KNOTS, FaultBoard
 
@@ -188,15 +189,19 @@ def test_a_sound_run_counts_minutes_and_touches():
     assert found["stopped"] >= found["false_stops"]
 
 
-def test_wrong_options_are_named(capsys):
-    assert cli.main(["bench", "faults", "--shapes", "9x9"]) == 2
-    assert "shape '9x9': must be one of 2x2" in capsys.readouterr().err
-    assert cli.main(["bench", "faults", "--faults", "rust"]) == 2
-    assert "fault 'rust': must be one of dead, electrical, frozen scan" in capsys.readouterr().err
-    assert cli.main(["bench", "speed", "--minutes", "3"]) == 2
-    assert "--minutes: only with the part faults" in capsys.readouterr().err
-    assert cli.main(["bench", "faults", "--jobs", "0"]) == 2
-    assert "--jobs = 0: must be 1 or more" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--shapes", "9x9"), "invalid choice: '9x9'"),
+        (("--faults", "rust"), "fault 'rust': must be one of dead, electrical, frozen scan"),
+        (("--jobs", "0"), "--jobs = 0: must be 1 or more"),
+    ],
+)
+def test_wrong_options_are_named(words, said, capsys):
+    with pytest.raises(SystemExit) as ended:
+        faults.main(words)
+    assert ended.value.code == 2
+    assert said in capsys.readouterr().err
 
 
 def test_faults_are_chosen_by_name_or_class():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.accuracy import touch
+from benchmarks.accuracy import touch, truth
 
 SIZES = {"singles": 60, "neighbours": 20, "corners": 40, "streams": 2, "strokes": 2}
 
@@ -37,12 +37,12 @@ def test_every_bound_is_met_in_full(seed):
 
 def test_a_pads_force_and_centre_do_not_depend_on_the_cells():
     """Its sum is its force, and its centre is where it was put, not where the cells are."""
-    pad = touch.Pad("sphere", 5.3, 7.9, 4.0, 3.0, 0.6)
+    pad = truth.Pad("sphere", 5.3, 7.9, 4.0, 3.0, 0.6)
     fine = pad.pressed(20.0)
     assert fine.sum() == pytest.approx(20.0)
-    assert touch.cells(fine).sum() == pytest.approx(20.0)
-    moment = fine.ravel() @ touch._FINE_SKIN.lever
-    middle = touch._on_skin(np.array([5.3, 7.9]))
+    assert truth.cells(fine).sum() == pytest.approx(20.0)
+    moment = fine.ravel() @ truth._FINE_SKIN.lever
+    middle = truth._on_skin(np.array([5.3, 7.9]))
     assert moment[8] / 20.0 == pytest.approx(middle[2], abs=1e-4)
     azimuth = np.arctan2(moment[7], moment[6])
     assert azimuth == pytest.approx(np.arctan2(middle[1], middle[0]), abs=1e-3)
@@ -51,14 +51,14 @@ def test_a_pads_force_and_centre_do_not_depend_on_the_cells():
     )
 
 
-@pytest.mark.parametrize("kind", touch.KINDS)
+@pytest.mark.parametrize("kind", truth.KINDS)
 def test_gaps_sense_the_same_on_the_whole(kind):
     """12 of 18 mm speak for all: right on average over a wide pad, not on each small one."""
     rng = np.random.default_rng(0)
     ratio = [
-        touch.sensed_cells(p).sum() / p.sum()
+        truth.sensed_cells(p).sum() / p.sum()
         for p in (
-            touch.Pad(kind, *rng.uniform(6, 9, 2), 6.0, 6.0, 0.3).pressed(1.0) for _ in range(20)
+            truth.Pad(kind, *rng.uniform(6, 9, 2), 6.0, 6.0, 0.3).pressed(1.0) for _ in range(20)
         )
     ]
     assert np.mean(ratio) == pytest.approx(1.0, abs=0.02)
@@ -68,7 +68,7 @@ def test_gaps_sense_the_same_on_the_whole(kind):
 def test_two_beside_have_one_free_line():
     rng = np.random.default_rng(4)
     for _ in range(20):
-        force = touch._two_beside(rng, 0.0)
+        force = truth._two_beside(rng, 0.0)
         rows, cols = (np.flatnonzero(force.sum(axis) > 0) for axis in (1, 0))
         gaps = [np.setdiff1d(np.arange(i[0], i[-1]), i).size for i in (rows, cols)]
         assert sorted(gaps) == [0, 1]
