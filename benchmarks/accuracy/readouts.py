@@ -19,7 +19,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from support.kirchhoff import DIODES, behind_diodes, forward_voltage
+from support.kirchhoff import DIODES, forward_voltage
 
 from tactile_skin import (
     Circuit,
@@ -38,6 +38,7 @@ from tactile_skin.physics.adc import Adc
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.simulation import scenes
 from tactile_skin.simulation.board import KNOTS, FaultBoard
+from tactile_skin.simulation.network import Diode
 from tactile_skin.simulation.touches import everyday
 from tactile_skin.solvers.reading import SCAN_NOISE
 
@@ -248,7 +249,7 @@ def diodes(n: int, seed: int, shape=(8, 8)) -> None:
             force = scenes.sample("bodies", n, *shape, rng)
             every = np.concatenate([np.zeros((20, *shape)), force])
             ideal = forward(board, rest.resistance(every))
-            ratio = np.array([behind_diodes(frame, board, diode, supply) for frame in ideal])
+            ratio = Diode(*DIODES[diode], supply).ratio(ideal, board)
             steps = np.rint(
                 board.full_scale * ratio + SCAN_NOISE * rng.standard_normal(ratio.shape)
             )

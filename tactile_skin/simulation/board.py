@@ -85,7 +85,8 @@ class FaultBoard:
         self.rate = min(RATE, BAUD / 10 / worst)
         self.on_the_way = worst * 10 / BAUD  # s, the longest that a frame's bytes take
         self._knots = self._scans = self._frames = 0
-        self._last_ratio = self._filtered = None
+        self._last_ratio: np.ndarray | None = None
+        self._filtered: np.ndarray | None = None
         self._recent: deque[np.ndarray] = deque(maxlen=4)
 
     @property
@@ -130,14 +131,12 @@ class FaultBoard:
         self._recent.append(sample)
         if self.readout == "low-pass":
             sample = sample << 6  # the fraction of the board's arithmetic
-            before = sample if self._filtered is None else self._filtered
+        before = sample if self._filtered is None else self._filtered
+        if self.readout == "low-pass":
             sample = before + ((3 * (sample - before)) >> 3)
-            sample = np.where(self.kept, before, sample) if self.kept.any() else sample
-            self._filtered = sample
-        elif self.kept.any():
-            sample = np.where(self.kept, self._filtered, sample)
-        else:
-            self._filtered = sample
+        if self.kept.any():
+            sample = np.where(self.kept, before, sample)
+        self._filtered = sample
         due = int((scan + 1) * self.rate / SCANS)
         if due == self._frames:
             return []

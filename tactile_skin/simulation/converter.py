@@ -58,7 +58,7 @@ class Converter:
         if not self.signal:
             ratio = np.full_like(ratio, self.stuck_ratio)
         if self.flicker:
-            ratio = ratio * self._contact(ratio.shape, rng)
+            ratio = ratio * self._contact(self.flicker, ratio.shape, rng)
         if self.settling:
             flat = ratio.reshape(len(ratio), -1)
             flat = lfilter([1.0 - self.settling], [1.0, -self.settling], flat, axis=1)
@@ -79,9 +79,9 @@ class Converter:
         samples = np.broadcast_to(ratio, (OVERSAMPLED, *ratio.shape))
         return self.count(samples, rng).mean(0) / self.full_scale
 
-    def _contact(self, shape, rng) -> np.ndarray:
+    def _contact(self, flicker: tuple[int, int, float], shape, rng) -> np.ndarray:
         """(n, rows, cols), 0 while a loose contact is open; it lasts a tenth of a second or so."""
-        axis, line, share = self.flicker
+        axis, line, share = flicker
         state = np.ones(shape)
         for k, (change, chance) in enumerate(rng.random((shape[0], 2))):
             if change < _CHANGES / SCANS:

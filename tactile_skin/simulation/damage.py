@@ -23,7 +23,8 @@ def _pick(board: FaultBoard, axis: int) -> int:
 
 def _cell(board: FaultBoard) -> tuple[int, int]:
     cells = np.argwhere(board.circuit.populated)
-    return tuple(int(k) for k in cells[board.rng.integers(len(cells))])
+    row, col = cells[board.rng.integers(len(cells))]
+    return int(row), int(col)
 
 
 def _addresses(board: FaultBoard, axis: int) -> np.ndarray:
@@ -142,7 +143,7 @@ def _restless(board: FaultBoard) -> None:
 
 def _noisy_line(board: FaultBoard) -> None:
     axis = _axis(board)
-    board.converter.extra_noise.swapaxes(0, axis)[_pick(board, axis)] = 10.0  # ADC steps
+    np.swapaxes(board.converter.extra_noise, 0, axis)[_pick(board, axis)] = 10.0  # ADC steps
 
 
 def _loose(board: FaultBoard) -> None:

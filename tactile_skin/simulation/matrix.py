@@ -10,7 +10,7 @@ from scipy.ndimage import shift
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from .fabric import Fabric
-from .network import Wiring, voltage_ratio
+from .network import Diode, Wiring, voltage_ratio
 
 
 @dataclass
@@ -21,6 +21,7 @@ class Matrix:
     wiring: stripes, leads and multiplexers.
     moving: cells that the contact moves while the board reads from the first row to the last, in
         the direction `heading` [rad].
+    diode: through which each driven line is driven, if any; not of grounded matrices.
     full_scale: lines (rows, then columns) that read full scale whatever is connected.
     """
 
@@ -29,6 +30,7 @@ class Matrix:
     wiring: Wiring
     moving: float = 0.0
     heading: float = 0.0
+    diode: Diode | None = None
     full_scale: list[int] = field(default_factory=list)
 
     @classmethod
@@ -61,7 +63,9 @@ class Matrix:
         return ratio
 
     def _read(self, force, factor) -> np.ndarray:
-        return voltage_ratio(self.fabric.conductance(force, factor), self.wiring, self.circuit)
+        conductance = self.fabric.conductance(force, factor)
+        ratio = voltage_ratio(conductance, self.wiring, self.circuit)
+        return ratio if self.diode is None else self.diode.ratio(ratio, self.circuit)
 
     def _scanned(self, force: np.ndarray, factor) -> np.ndarray:
         """(rows, cols) of one scan whose rows are read one after the other."""

@@ -49,7 +49,7 @@ def sample(family: str, n: int, rows: int, cols: int, rng: np.random.Generator) 
         amplitude = _column(rng.uniform(0.0, MAX_LOAD, n))
         inside = (y >= top) & (y < top + h) & (x >= left) & (x < left + w)
         inside &= _column(count > k)
-        shape = 1.0
+        shape: float | np.ndarray = 1.0
         if family == "blobs":
             dy, dx = y - (top + (h - 1) / 2), x - (left + (w - 1) / 2)
             shape = np.exp(-((dy / (h / 3)) ** 2) - (dx / (w / 3)) ** 2)

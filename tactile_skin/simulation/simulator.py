@@ -164,6 +164,6 @@ def _pump(board: Board, terminal: Terminal, running: Callable[[], bool], baud: i
         allowance = min(allowance + bytes_per_tick, len(pending))
         n = int(allowance)
         if n:
-            written = terminal.write(pending[:n])
+            written = terminal.write(bytes(pending[:n]))
             del pending[:written]
             allowance -= written

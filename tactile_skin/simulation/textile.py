@@ -88,7 +88,7 @@ class Textile:
         true = replace(circuit, r_par=circuit.r_par * self.r_par, r_ref=circuit.r_ref * self.r_ref)
         heading = rng.uniform(0.0, 2.0 * np.pi)
         tied = [int(line) for line in lines[::-1][: self.full_scale]]
-        return Matrix(true, fabric, wiring, self.moving, heading, tied)
+        return Matrix(true, fabric, wiring, self.moving, heading, full_scale=tied)
 
     def converter(self, circuit: Circuit) -> Converter:
         """Return what such a skin is read with."""

@@ -88,7 +88,8 @@ def long_pushes(cells: np.ndarray, seconds: float, rng, most: float) -> Scene:
 def _played(cells, seconds, rng, most, kinds, held=(0.3, 1.5), pause=(0.3, 1.0)) -> Scene:
     n = round(seconds * KNOTS)
     force = np.zeros((n, *cells.shape))
-    touches, at = [], round(IDLE * KNOTS)
+    touches: list[Touch] = []
+    at = round(IDLE * KNOTS)
     shares = np.array([_KINDS[kind] for kind in kinds])
     while True:
         kind = kinds[rng.choice(len(kinds), p=shares / shares.sum())]
@@ -143,10 +144,11 @@ def _loaded(picture, newtons: float) -> np.ndarray:
 def _pressed(kind: str, texture, rng) -> np.ndarray:
     shape = texture.shape
     if kind in ("finger", "two fingers"):
-        return sum(
+        fingers = [
             _loaded(_blob(shape, _place(shape, rng), rng.uniform(0.6, 1.1)) * texture, newtons)
             for newtons in rng.uniform(1.0, 12.0, 1 if kind == "finger" else 2)
-        )
+        ]
+        return np.sum(fingers, 0)
     if kind == "palm":
         picture = _blob(shape, _place(shape, rng), rng.uniform(2.5, 5.0)) * texture
         return _loaded(picture, rng.uniform(5.0, 40.0))

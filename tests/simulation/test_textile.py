@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.kirchhoff import adc_ratio
+from support.kirchhoff import DIODES, adc_ratio, behind_diodes
 
 from tactile_skin import Circuit, PressureCurve, forward
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.simulation import scenes
-from tactile_skin.simulation.network import NOWHERE, Wiring, between_leads
+from tactile_skin.simulation.network import NOWHERE, Diode, Wiring, between_leads
 from tactile_skin.simulation.textile import Textile, expose
 
 CIRCUIT, CURVE = Circuit(), PressureCurve()
@@ -147,3 +147,12 @@ def test_coupling_leaks_into_neighbours_only():
     force[8, 8] = 500 * GRAM
     change = np.abs(seen(Textile(lateral=0.05), force) - seen(Textile(), force))
     assert change[8, 9] > 5 / 1023 and change[8, 9] > 5 * change[2, 2]
+
+
+@pytest.mark.parametrize("readout", ["floating", "loaded"])
+@pytest.mark.parametrize("name", DIODES)
+def test_a_line_behind_a_diode_has_the_operating_point_of_shockleys_law(name, readout, resistance):
+    circuit = Circuit(readout=readout, driven="columns" if readout == "loaded" else "rows")
+    ideal = forward(circuit, resistance)
+    found = Diode(*DIODES[name], 3.3).ratio(ideal, circuit)
+    np.testing.assert_allclose(found[0], behind_diodes(ideal[0], circuit, name, 3.3), rtol=1e-9)

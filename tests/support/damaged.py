@@ -12,6 +12,7 @@ from tactile_skin.physics.readouts import DRIVEN
 from tactile_skin.simulation.board import READOUTS as SCANNED
 from tactile_skin.simulation.board import Fault, FaultBoard
 from tactile_skin.simulation.damage import ELECTRICAL
+from tactile_skin.simulation.network import Diode
 from tactile_skin.simulation.touches import everyday
 
 SHAPES = (8, 8), (8, 12), (12, 16), (16, 16), (24, 16), (32, 32)
@@ -86,6 +87,7 @@ class Case:
         seconds: float,
         shape=None,
         readouts: tuple[str, ...] = ("floating",),
+        diode: Diode | None = None,
         **parts,
     ):
         rng = np.random.default_rng(seed)
@@ -95,6 +97,7 @@ class Case:
         curve = PressureCurve(*np.array(PressureCurve().points).T * [[1.0], [level]])
         scanned = SCANNED[rng.integers(len(SCANNED))]
         self.board = FaultBoard(self.circuit, curve, rng, 1.0, readout=scanned)
+        self.board.matrix.diode = diode
         self.board.damaged_at = -10.0  # a drift has come to its end
         self.faults = []  # kind, name, rows, cols
         self.cut = np.empty((0, 2), int)  # crossings behind the cut of a broken stripe

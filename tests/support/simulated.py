@@ -5,7 +5,7 @@ import threading
 
 import numpy as np
 
-from tactile_skin import Circuit, PressureCurve, forward
+from tactile_skin import Circuit, PressureCurve
 from tactile_skin.simulation import scenes, simulator
 
 PATIENCE = 30.0  # s, for what must happen; how fast it does is not tested
@@ -47,7 +47,7 @@ class TextBoard(simulator.Board):
             return b""
         self._frames = due
         drift = 1.0 + 0.05 * np.sin(2.0 * np.pi * t / 300.0)
-        ratio = forward(self.circuit, self.curve.resistance(self.scene(t)) * self._gain * drift)
+        ratio = self.matrix.ratio(self.scene(t)[None], 1.0 / (self._gain * drift))[0]
         steps = ratio * self.circuit.full_scale
         steps = steps + self._noise * self._rng.standard_normal(steps.shape)
         steps = np.rint(np.clip(steps, 0, self.circuit.full_scale))
