@@ -28,8 +28,8 @@ def run(seed: int, factor: float, seconds: float, shapes, readout="floating", r_
     level = np.exp(rng.uniform(-0.3, 0.3))
     curve = PressureCurve(*np.array(PressureCurve().points).T * [[1.0], [level]])
     board = FaultBoard(circuit, curve, rng, 1.0, readout=READOUTS[rng.integers(3)])
-    board.r_par *= factor
-    board.circuit = replace(board.circuit, r_drive=r_drive)
+    r_par = factor * circuit.r_par
+    board.matrix.circuit = replace(circuit, r_par=r_par, r_drive=r_drive)
     every = EVERY if seed % 2 else 1
     scene = everyday(circuit.populated, seconds, rng, curve.max_force, hard=False)
     frames = frames_of(board, scene.force)[::every]
@@ -57,13 +57,13 @@ def run(seed: int, factor: float, seconds: float, shapes, readout="floating", r_
         clock.advance(every / board.rate)
         samples = np.rint(adc * scale).astype(np.uint16)
         skin.on_adc(image(samples, "16UC1", Header(clock.now().to_msg())))
-        near = abs(skin.skin.circuit.r_par - board.r_par) < limit
+        near = abs(skin.skin.circuit.r_par - r_par) < limit
         near &= abs(skin.skin.circuit.r_drive - r_drive) < DRIVE
         now = float(np.count_nonzero(begun < k * every / board.rate))
         known = min(known, now) if near else np.inf
     node.destroy_node()
     tracker = skin.skin._tracker
-    off = np.array([circuit.r_par, 0.0]) + tracker._off - [board.r_par, r_drive]
+    off = np.array([circuit.r_par, 0.0]) + tracker._off - [r_par, r_drive]
     return (
         known,
         off,
