@@ -86,9 +86,14 @@ def run(main: Callable) -> None:
         about = {"command": sys.orig_argv[1:], "machine": machine()}
         about["seconds"] = round(time.monotonic() - start, 1)
         found = about | {"figures": figures, "printed": printed.getvalue().splitlines()}
-        path.write_text(json.dumps(found, indent=1, default=str) + "\n", encoding="utf-8")
+        path.write_text(json.dumps(found, indent=1, default=_plain) + "\n", encoding="utf-8")
     if isinstance(figures, int):
         sys.exit(figures)
+
+
+def _plain(value):
+    """Arrays and what NumPy counts with, as JSON has them."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
 def seed_of(seed: int, *names) -> list[int]:

@@ -158,7 +158,7 @@ def growth(method: str, n: int, sizes=(16, 32, 64), seed=1) -> dict:
     return table | {"exponent in cells (random)": exponent(sizes, times)}
 
 
-def main(arguments=None):
+def main(arguments=None) -> list:
     parser = harness.parser(__doc__, __spec__)
     parser.add_argument("--quick", action="store_true", help="a twentieth of the frames")
     parser.add_argument("--only", default="", metavar="TEXT", help="rows with this in their name")
@@ -195,9 +195,12 @@ def main(arguments=None):
     ]
     rows += [("day", stream, 6000 // share)]
     rows += [("growth", growth, method, 20 // min(share, 4)) for method in ("newton", "map")]
+    found = []
     for name, measure, *settings in rows:
         if args.only in name:
-            print(name, json.dumps(measure(*settings, seed=args.seed), indent=1), flush=True)
+            found.append({"row": name} | measure(*settings, seed=args.seed))
+            print(json.dumps(found[-1], indent=1), flush=True)
+    return found
 
 
 if __name__ == "__main__":

@@ -64,19 +64,23 @@ def within(circuit: Circuit, family: str, n: int, seed: int) -> tuple[float, int
     return float(np.mean(shares)), doubted
 
 
-def main(arguments=None):
+def main(arguments=None) -> list:
     parser = harness.parser(__doc__, __spec__)
     parser.add_argument("--n", type=int, default=30, help="frames of each family")
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args(arguments)
     print("within one standard deviation [%] (frames in doubt)")
+    rows = []
     for shape in SHAPES:
         for readout in PASSIVE:
             circuit, line = Circuit(*shape, readout=readout), []
             for family in FAMILIES:
                 share, doubted = within(circuit, family, args.n, args.seed)
+                found = {"shape": shape, "readout": readout, "family": family}
+                rows.append(found | {"within": share, "doubted": doubted})
                 line.append(f"{family} {100.0 * share:.0f} ({doubted})")
             print(f"{shape[0]} x {shape[1]} {readout:9s}", *line, flush=True)
+    return rows
 
 
 if __name__ == "__main__":

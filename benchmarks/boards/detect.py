@@ -91,7 +91,7 @@ def right(board: Board, heard: Heard) -> bool:
     return float(np.median(alike)) > _ALIKE
 
 
-def main(arguments=None):
+def main(arguments=None) -> dict:
     parser = harness.parser(__doc__, __spec__)
     parser.add_argument("--boards", type=int, default=40)
     parser.add_argument("--seed", type=int, default=5000)
@@ -109,6 +109,7 @@ def main(arguments=None):
                 f"at {heard.baud}{', sure' if heard.seen.sure else ''}"
             )
     print(f"{good} of {args.boards} right, {wrongly_sure} wrong ones called sure")
+    return {"boards": args.boards, "right": good, "wrongly sure": wrongly_sure}
 
 
 if __name__ == "__main__":

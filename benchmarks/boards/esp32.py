@@ -16,7 +16,7 @@ from tactile_skin.middleware.threads import one_thread
 from .. import harness
 
 
-def main(arguments=None) -> None:
+def main(arguments=None) -> list:
     parser = harness.parser(__doc__, __spec__)
     parser.add_argument("--boards", type=int, default=6)
     parser.add_argument("--seed", type=int, default=1900)
@@ -29,6 +29,7 @@ def main(arguments=None) -> None:
     args = parser.parse_args(arguments)
     spread = {} if args.spread else {"offset": 0.0, "gain": 0.0}
     adc = {"circuit.adc_table": "" if args.table == "none" else args.table}
+    rows = []
     with one_thread():
         for r_ref in args.r_ref:
             circuit = Circuit(8, 8, r_ref=r_ref, r_par=140.0, adc_bits=12)
@@ -42,12 +43,14 @@ def main(arguments=None) -> None:
                 if args.verbose:
                     q = np.quantile(ratio, (0.1, 0.5, 0.9)).round(2)
                     print(f"  board {k}: {q}, {faults:.1%}", dict(sorted(why.items())[:3]))
+            rows.append({"r_ref": r_ref, "felt over true": every, "stopped": stopped})
             low, middle, high = np.quantile(np.concatenate(every), (0.1, 0.5, 0.9))
             print(
                 f"r_ref {r_ref:6.0f}: felt over true {middle:.2f} ({low:.2f} to {high:.2f}), "
                 f"fault stops {np.mean(stopped):.1%} of the time",
                 flush=True,
             )
+    return rows
 
 
 if __name__ == "__main__":

@@ -30,7 +30,7 @@ def _smooth(values) -> np.ndarray:
     return np.convolve(values, ones, "same") / np.convolve(np.ones(len(values)), ones, "same")
 
 
-def main(arguments=None) -> None:
+def main(arguments=None) -> list:
     parser = harness.parser(__doc__, __spec__)
     parser.add_argument("--boards", type=int, default=20)
     parser.add_argument("--seed", type=int, default=100, help="of the first board")
@@ -100,6 +100,7 @@ def main(arguments=None) -> None:
     print(
         f"  error of the share: RMS {np.square(off).mean() ** 0.5:.4f}; within one std {within:.0%}"
     )
+    return table
 
 
 if __name__ == "__main__":

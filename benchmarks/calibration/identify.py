@@ -31,7 +31,7 @@ def error(board: Unknown, circuit: Circuit, rest, frames, force) -> float:
     return float(np.abs(found.force - force).mean() / GRAM)
 
 
-def main(arguments=None) -> None:
+def main(arguments=None) -> dict:
     parser = harness.parser(__doc__, __spec__)
     parser.add_argument("--boards", type=int, default=40)
     parser.add_argument("--frames", type=int, default=30)
@@ -80,6 +80,7 @@ def main(arguments=None) -> None:
         print(f"error of map [g a cell]: the circuit known {known:.2f}, identified ", end="")
         print(f"{identified:.2f} ({identified / known:.2f} times), as supposed {supposed:.2f}")
     print(f"{1e3 * spent / (args.boards * args.frames):.0f} ms a frame (processor time)")
+    return {"off": off, "std": std, "told": told, "map": errors}
 
 
 if __name__ == "__main__":

@@ -41,7 +41,7 @@ def courses(board: Unknown, force: np.ndarray, rng):
         yield f"slid by {slid:g} cells", [e for f in moved for e in [board.expose(f)] * each]
 
 
-def main(arguments=None) -> None:
+def main(arguments=None) -> dict:
     parser = harness.parser(__doc__, __spec__)
     parser.add_argument("--boards", type=int, default=18)
     parser.add_argument("--seed", type=int, default=152000)
@@ -66,6 +66,10 @@ def main(arguments=None) -> None:
         kept = np.abs(off[used > 0.0])
         error = f"their totals are off by {np.quantile(kept, 0.95):.1%} (p95)" if kept.size else ""
         print(f"{name}: used {np.count_nonzero(used)} of {used.size}; {error}")
+    return {
+        name: {"used": [u for u, _ in of], "error": [e for _, e in of]}
+        for name, of in found.items()
+    }
 
 
 if __name__ == "__main__":

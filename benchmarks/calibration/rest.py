@@ -37,13 +37,14 @@ def sound(board: Unknown, kind: str, n: int, rng) -> np.ndarray:
     return np.clip(frames, 0.0, 1.0)
 
 
-def main(arguments=None) -> None:
+def main(arguments=None) -> list:
     parser = harness.parser(__doc__, __spec__)
     parser.add_argument("--boards", type=int, default=20, help="of each size and kind")
     parser.add_argument("--seed", type=int, default=100, help="of the first board")
     args = parser.parse_args(arguments)
     print(f"of {args.boards} boards each: sound and refused; noisy and refused; named wrongly; ")
     print("off by, conductance of the worst cell; touched and taken")
+    rows = []
     for shape in SHAPES:
         refused = dict.fromkeys((*SOUND, *NOISY), 0)
         taken, wrong, off, why = dict.fromkeys(TOUCHED, 0), 0, [], []
@@ -74,8 +75,12 @@ def main(arguments=None) -> None:
                 taken[kind] += 1
                 why.append(f"{seed} {kind} taken, {rest.noisy}")
         print(f"{shape}: {refused}; {wrong}; {np.quantile(off, 0.95):.1%}; {taken}", flush=True)
+        rows.append(
+            {"shape": shape, "refused": refused, "wrong": wrong, "off": off, "taken": taken}
+        )
         for line in why[:8]:
             print("   ", line)
+    return rows
 
 
 if __name__ == "__main__":

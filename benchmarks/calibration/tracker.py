@@ -30,7 +30,7 @@ def y() -> float:
     return float(np.median(times))
 
 
-def main(arguments=None) -> None:
+def main(arguments=None) -> list:
     parser = harness.parser(__doc__, __spec__)
     parser.add_argument("--boards", type=int, default=12)
     parser.add_argument("--seed", type=int, default=1)
@@ -45,7 +45,7 @@ def main(arguments=None) -> None:
     parts = {"r_ref": args.r_ref, "r_par": args.r_par, "r_drive": args.r_drive}
     shapes = [tuple(map(int, name.split("x"))) for name in args.shapes]
     with one_thread():
-        unit = y()
+        unit, rows = y(), []
         for factor in args.off:
             seeds = range(args.seed, args.seed + args.boards)
             runs = [run(s, factor, args.seconds, shapes, args.readout, **parts) for s in seeds]
@@ -55,6 +55,8 @@ def main(arguments=None) -> None:
             with np.errstate(invalid="ignore"):
                 z = off / std
             rms, most = np.sqrt(np.square(off).mean(0)), np.abs(off).max(0)
+            row = {"r_par": factor, "known": known, "off": off, "std": std}
+            rows.append(row | {"messages": [r[3] for r in runs]})
             words, n = sum(bool(r[3]) for r in runs), len(runs)
             cost = np.array([r[4] for r in runs])
             print(
@@ -64,6 +66,7 @@ def main(arguments=None) -> None:
                 f"at most {1e3 * cost[:, 1].max():.0f} ms",
                 flush=True,
             )
+    return rows
 
 
 if __name__ == "__main__":

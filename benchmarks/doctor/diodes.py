@@ -26,7 +26,7 @@ CASES = {  # name -> diode and supply [V], or what the configuration has wrong [
 } | {f"{name} {supply:g} V": (name, supply) for name in DIODES for supply in (5.0, 3.3)}
 
 
-def main(arguments=None) -> None:
+def main(arguments=None) -> dict:
     parser = harness.parser(__doc__, __spec__)
     parser.add_argument("--boards", type=int, default=6, help="of each r_ref")
     parser.add_argument("--seed", type=int, default=41)
@@ -44,6 +44,7 @@ def main(arguments=None) -> None:
                 other[name] += bool([where for where in found if where != "diode"])
         print(f"{seed}:", *(f"{name} {named[name]} ({other[name]})" for name in CASES), flush=True)
     print(f"of {args.boards * len(R_REF)} boards each: diodes named (and other findings)")
+    return {"named": named, "other": other}
 
 
 if __name__ == "__main__":

@@ -39,7 +39,7 @@ def draw(rng, readout: str) -> tuple[str, ...]:
             return chosen
 
 
-def main(arguments=None) -> None:
+def main(arguments=None) -> dict:
     parser = harness.parser(__doc__, __spec__)
     parser.add_argument("--boards", type=int, default=80, help="with faults")
     parser.add_argument("--sound", type=int, default=60)
@@ -89,6 +89,7 @@ def main(arguments=None) -> None:
     sound = sum(s >= args.seed + args.boards for s in false)
     print(f"{len(false) - sound} of {args.boards} damaged, {sound} of {args.sound} sound")
     print(f"{spent / boards:.1f} s a board (processor time)")
+    return {"named": named, "false alarms": false}
 
 
 if __name__ == "__main__":

@@ -95,7 +95,7 @@ def recordings(folder: Path):
         yield f"cushion, {len(paths)} files", 1.0 - together, CUSHION, True
 
 
-def main(arguments=None) -> None:
+def main(arguments=None) -> dict:
     parser = harness.parser(__doc__, __spec__)
     parser.add_argument("--boards", type=int, default=60)
     parser.add_argument("--seed", type=int, default=71000)
@@ -117,6 +117,7 @@ def main(arguments=None) -> None:
                 shape = "{} x {}".format(*case.circuit.shape)
                 print(f"{seed} {case.circuit.readout} {shape}, {case.use}: {finding}", flush=True)
     print(f"{false} of {args.boards} boards with a false finding; said in all: {dict(kinds)}")
+    return {"boards": args.boards, "false": false, "kinds": kinds}
 
 
 if __name__ == "__main__":

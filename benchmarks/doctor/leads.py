@@ -41,7 +41,7 @@ def lead_of(found: list[Finding], case: Led) -> Finding | None:
     )
 
 
-def main(arguments=None) -> None:
+def main(arguments=None) -> list:
     parser = harness.parser(__doc__, __spec__)
     parser.add_argument("--boards", type=int, default=10, help="of each size and resistance")
     parser.add_argument("--seed", type=int, default=0)
@@ -49,6 +49,7 @@ def main(arguments=None) -> None:
     parser.add_argument("--sizes", nargs="*", default=["8x8", "16x16"])
     parser.add_argument("--ohm", type=float, nargs="*", default=[0, 20, 50, 100, 200, 500])
     args = parser.parse_args(arguments)
+    rows = []
     for size in args.sizes:
         for ohm in args.ohm:
             named, off, others, shift = 0, [], 0, []
@@ -67,6 +68,8 @@ def main(arguments=None) -> None:
                     shift.append(
                         (said.circuit.r_par - case.board.matrix.circuit.r_par, said.std["r_par"])
                     )
+            row = {"size": size, "ohm": ohm, "named": named, "off": off}
+            rows.append(row | {"others": others, "r_par": shift})
             shifts = np.array(shift).reshape(-1, 2)
             print(
                 f"{size} {ohm:g} ohm: named {named} of {args.boards if ohm else 0}, off by "
@@ -75,6 +78,7 @@ def main(arguments=None) -> None:
                 f"ohm (stated std {np.median(shifts[:, 1]) if shift else 0:.1f})",
                 flush=True,
             )
+    return rows
 
 
 if __name__ == "__main__":

@@ -158,7 +158,7 @@ def named(said, cell, lines: str) -> bool:
     return any(re.search(rf"\b{lines} {number}\b", text) for text in said)
 
 
-def main(arguments=None) -> None:
+def main(arguments=None) -> dict:
     parser = harness.parser(__doc__, __spec__)
     parser.add_argument("--trials", type=int, default=60)
     parser.add_argument("--seed", type=int, default=1)
@@ -166,10 +166,11 @@ def main(arguments=None) -> None:
     parser.add_argument("--verbose", action="store_true", help="what was said where it was missed")
     args = parser.parse_args(arguments)
     with one_thread():
-        run(args)
+        return run(args)
 
 
-def run(args) -> None:
+def run(args) -> dict:
+    rows = {}
     print(f"{'':24} named %   another cell %")
     for kind in args.kind:
         right = other = 0
@@ -185,10 +186,12 @@ def run(args) -> None:
                 words = [f"{n}x {text[:90]}" for text, n in said.most_common(8)]
                 print("  ", "named" if hit else "MISSED", seed, circuit.shape, cell, *words,
                       sep="\n      ")  # fmt: skip
+        rows[kind] = {"trials": args.trials, "named": right, "another": other}
         print(
             f"{kind:24} {100 * right / args.trials:7.1f} {100 * other / args.trials:9.1f}",
             flush=True,
         )
+    return rows
 
 
 if __name__ == "__main__":

@@ -333,7 +333,7 @@ def _printed(call) -> str:
     return said.getvalue()
 
 
-def main(arguments=None) -> None:
+def main(arguments=None) -> dict:
     parser = harness.parser(__doc__, __spec__)
     parser.add_argument("--boards", type=int, default=60)
     parser.add_argument("--seed", type=int, default=1000, help="of the first board")
@@ -369,6 +369,7 @@ def main(arguments=None) -> None:
         f"free under {PALM:g} N: {len(free)} of {args.boards} {free or ''}; on the way, after a "
         f"piece of advice: {on_the_way}"
     )
+    return {"ends": ends, "free": free, "free on the way": on_the_way}
 
 
 if __name__ == "__main__":

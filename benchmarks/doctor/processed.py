@@ -219,7 +219,7 @@ def named_live(steps, board, dead: float) -> bool:
     return bool(sent.findings())
 
 
-def main(arguments=None):
+def main(arguments=None) -> dict:
     parser = harness.parser(__doc__, __spec__)
     parser.add_argument("--n", type=int, default=40, help="streams of each kind")
     parser.add_argument("--seed", type=int, default=1)
@@ -259,6 +259,7 @@ def main(arguments=None):
         wrong, alive, of = wrong + named.total(), alive + live, of + args.n
         print(f"{name:28}{named.total():7}{live:7}{args.n:7}   {dict(named) or ''}")
     print(f"{'all':28}{wrong:7}{alive:7}{of:7}")
+    return {"processed": total, "sound": {"named": wrong, "live": alive, "of": of}}
 
 
 if __name__ == "__main__":

@@ -170,7 +170,7 @@ def measure(kind: str, name: str, early: bool, streams: int, count: int, seed: i
     }
 
 
-def main(arguments=None) -> None:
+def main(arguments=None) -> list:
     parser = harness.parser(__doc__, __spec__)
     parser.add_argument("--streams", type=int, default=50)
     parser.add_argument("--touches", type=int, default=4, help="in each stream")
@@ -179,12 +179,15 @@ def main(arguments=None) -> None:
     parser.add_argument("--kinds", nargs="*", default=KINDS, choices=KINDS)
     parser.add_argument("--begins", nargs="*", default=BEGINS, choices=BEGINS)
     args = parser.parse_args(arguments)
+    rows = []
     for name in args.skins:
         for kind in args.kinds:
             for begins in args.begins:
                 early = begins == BEGINS[0]
                 row = measure(kind, name, early, args.streams, args.touches, args.seed)
+                rows.append({"skin": name, "begins": begins, "kind": kind} | row)
                 print(f"{name} {begins}, {kind}", json.dumps(row), flush=True)
+    return rows
 
 
 if __name__ == "__main__":
