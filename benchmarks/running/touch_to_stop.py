@@ -242,6 +242,11 @@ def _skin(pipe, link: str, stop: dict) -> None:
 # --- table and picture ----------------------------------------------------------------------------
 
 
+def _quantiles(times) -> str:
+    """p50 / p99; every push may have been missed on a busy machine."""
+    return "{:.1f} / {:.1f}".format(*np.percentile(times, (50, 99))) if len(times) else "-"
+
+
 def table(data: dict) -> str:
     """p50 / p99 [ms] of each rise time and of all pushes, as Markdown."""
     rows = [(f"{e['rise_ms']:g} ms", e) for e in data["rises"]]
@@ -254,7 +259,7 @@ def table(data: dict) -> str:
         "|---|---|---|",
     ]
     for name, entry in [*rows, ("all pushes", everything)]:
-        cells = ["{:.1f} / {:.1f}".format(*np.percentile(entry[k], (50, 99))) for k in keys]
+        cells = [_quantiles(entry[k]) for k in keys]
         lines.append(f"| {name} | {cells[0]} | {cells[1]} |")
     return "\n".join(lines)
 
