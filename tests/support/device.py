@@ -33,7 +33,7 @@ PATIENCE = 240.0  # s for the whole of a calibration
 FRACTION_BITS = 6
 SCANS_A_FRAME = 4
 QUESTION = re.compile(
-    r"(?P<off>[Hh]ands off[^:]*: |hands off it. Enter: )|(?P<press>Press here)|"
+    r"(?P<off>[Hh]ands off(?!: measured)[^:]*: |hands off it. Enter: )|(?P<press>Press here)|"
     r"(?P<on>Enter: on [^\n]*: )|(?P<lay>object \d+: its weight[^\n]*\) )"
 )
 
