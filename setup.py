@@ -64,7 +64,7 @@ setup(
         package_name: [
             "py.typed",
             "learning/weights/*",
-            "learning/pictures/*",
+            "simulation/pictures/*",
             "physics/adc_tables/*",
             "physics/fixed_point.c",
             "findings/words.csv",

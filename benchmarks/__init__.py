@@ -1,1 +1,10 @@
-"""Benchmarks of the whole skin, not installed; nothing in the package imports them."""
+"""Measurements of the whole skin, not installed: `python -m benchmarks.THEME.SCRIPT --help`.
+
+They share simulated boards and real parts with the tests (tests/support); nothing in the package
+imports them. harness.py is what each script begins and ends with.
+"""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))

@@ -20,10 +20,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is imported
 import numpy as np
 
 from tactile_skin.bench.measure import NOISE, Clock, frames, moving_touch
-from tactile_skin.learning import scenes
 from tactile_skin.physics import kernel
 from tactile_skin.physics.circuit import Circuit, forward
 from tactile_skin.physics.curve import PressureCurve
+from tactile_skin.simulation import scenes
 from tactile_skin.solvers import Estimate, compensate
 
 SIZES = 8, 16, 32

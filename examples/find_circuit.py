@@ -6,7 +6,7 @@ python examples/find_circuit.py
 import numpy as np
 
 from tactile_skin import Circuit, PressureCurve, fit_curve, forward, identify, measure_rest
-from tactile_skin.learning import scenes
+from tactile_skin.simulation import scenes
 
 rng = np.random.default_rng(1)
 true = Circuit(r_par=372.0, r_line=9.0)  # what nobody knows

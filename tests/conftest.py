@@ -4,9 +4,9 @@ import os
 import threading
 import time
 
-import machine
 import pytest
 from hypothesis import settings
+from support import machine
 
 # The matrices are small: BLAS's threads would wait for one another. Before NumPy is imported.
 os.environ.setdefault("OMP_NUM_THREADS", "1")

@@ -11,11 +11,11 @@ import threading
 import time
 from pathlib import Path
 
-import machine
 import numpy as np
 import pytest
 import serial
 import yaml
+from support import machine
 
 from tactile_skin import Circuit, PressureCurve, cli
 from tactile_skin.board.terminal import is_simulated

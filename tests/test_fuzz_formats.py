@@ -9,8 +9,8 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from strangers import boards
 from strangers.test_formats import BITS, SHAPE, pictures
+from support.strangers import boards
 from test_fuzz import Stream, _burst, _cut, _double, _flip, _lose, _noise, _splice_anywhere
 
 from tactile_skin.board.formats import make_parser

@@ -15,13 +15,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from simulated import CIRCUIT, serving
+from support.simulated import CIRCUIT, serving
 
 from tactile_skin import PressureCurve
 from tactile_skin.behaviours.admittance import ANGULAR, AdmittanceConfig
 from tactile_skin.behaviours.gate import GateConfig
 from tactile_skin.behaviours.hooks import EventHook
-from tactile_skin.board import simulator
 from tactile_skin.findings.finding import Finding, Kind
 from tactile_skin.launch import (
     LaunchError,
@@ -35,6 +34,7 @@ from tactile_skin.middleware import launched
 from tactile_skin.middleware.bus import Context, Node, ParameterError
 from tactile_skin.msg import Bool, Header, PointCloud2, Twist, cloud
 from tactile_skin.nodes.stop_on_push import LATCHED
+from tactile_skin.simulation import simulator
 
 PATIENCE = 30.0  # s, for what must happen; how fast it does is not tested
 NODE = "- node: {pkg: tactile_skin, exec: stop_on_push%s}\n"

@@ -1,4 +1,4 @@
-import machine
+from support import machine
 
 
 def test_a_test_is_run_again_only_if_the_host_took_the_processor(monkeypatch):

@@ -25,7 +25,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from yardsticks.ros import DECIDED, Graph, Player, endless, plan_of, record
+from support.ros_graph import DECIDED, Graph, Player, endless, plan_of, record
 
 import tactile_skin
 from tactile_skin import launch, msg, ros

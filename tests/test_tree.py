@@ -17,7 +17,7 @@ MAY = {
     "physics": ("files", "yaml_files"),  # the latter while it reads a file: no PyYAML otherwise
     "touch": ("files",),
     "behaviours": (),
-    "learning": ("files", "physics"),
+    "learning": ("files", "physics", "simulation"),  # the latter while it trains
     "solvers": ("files", "physics", "learning", "findings"),
     "readings": (),
     "findings": (),
@@ -25,6 +25,7 @@ MAY = {
     "health": ("physics", "solvers", "readings", "findings", "calibration"),
     "board": ("physics",),
     "parameters": ("physics", "touch", "behaviours", "board"),
+    "simulation": ("physics", "board"),
     "middleware": ("files", "yaml_files", "msg", "physics", "touch", "parameters"),
     "recording": ("files", "yaml_files", "msg", "physics", "middleware", "readings"),
     "view": ("msg", "physics", "solvers", "touch", "middleware", "recording"),
@@ -90,9 +91,13 @@ PURE = (
 WORLD = {"serial", "socket", "socketserver", "subprocess", "yaml", "select", "asyncio", "signal"}
 # that use threads: scratch memory of each, and a hook's own
 THREADS = {"learning/network", "behaviours/hooks"}
+SHARED = "support"  # what tests and benchmarks both import
 MODULES = 12  # in a folder
 LINES = 400  # in a module
+ROOT = PACKAGE.parent
 MODULE_PATHS = sorted(p for p in PACKAGE.rglob("*.py"))
+BENCHMARKS = sorted((ROOT / "benchmarks").rglob("*.py"))
+TESTS = sorted((ROOT / "tests").rglob("*.py"))
 SOURCES = [*MODULE_PATHS, *sorted(p for p in PACKAGE.rglob("*.[ch]"))]
 
 
@@ -163,13 +168,34 @@ def test_there_is_no_circle(capsys):
             print(f"  {name:12} -> {', '.join(sorted(used[name])) or '-'}")
 
 
-@pytest.mark.parametrize("folder", sorted({p.parent for p in MODULE_PATHS}), ids=lambda p: p.name)
+def others(path: Path) -> set[str]:
+    """Top-level names that a module imports, wherever in it."""
+    nodes = list(ast.walk(ast.parse(path.read_text())))
+    found = {a.name.split(".")[0] for n in nodes if isinstance(n, ast.Import) for a in n.names}
+    return found | {
+        n.module.split(".")[0] for n in nodes if isinstance(n, ast.ImportFrom) and not n.level
+    }
+
+
+def test_nothing_imports_a_benchmark_but_its_own_tests():
+    own = ROOT / "tests/benchmarks"
+    users = [p for p in (*MODULE_PATHS, *TESTS) if "benchmarks" in others(p)]
+    assert [p for p in users if own not in p.parents] == []
+    assert [p for p in MODULE_PATHS if SHARED in others(p)] == []
+
+
+FOLDERS = sorted({p.parent for p in (*MODULE_PATHS, *BENCHMARKS)})
+
+
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda p: p.name)
 def test_no_folder_is_crowded(folder):
     modules = [p.name for p in folder.glob("*.py") if p.name != "__init__.py"]
     assert len(modules) <= MODULES, modules
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=lambda p: p.relative_to(PACKAGE).as_posix())
+@pytest.mark.parametrize(
+    "path", (*SOURCES, *BENCHMARKS), ids=lambda p: p.relative_to(ROOT).as_posix()
+)
 def test_no_module_is_long(path):
     assert len(path.read_text().splitlines()) <= LINES
 

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..learning import scenes
 from ..physics.circuit import Circuit, forward
 from ..physics.curve import GRAM, PressureCurve
+from ..simulation import scenes
 from ..solvers import METHODS, compensate
 from . import chart
 from .measure import NOISE, errors

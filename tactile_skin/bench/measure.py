@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..learning import scenes
 from ..physics.circuit import Circuit, forward
 from ..physics.curve import GRAM, PressureCurve
 from ..physics.kernel import implementation
+from ..simulation import scenes
 from ..solvers.reading import ROUNDING_NOISE, SCAN_NOISE
 
 GHOST = 20.0  # g on a cell that nothing touches

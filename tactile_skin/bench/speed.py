@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..learning import scenes
 from ..physics.circuit import Circuit, forward
 from ..physics.curve import PressureCurve
 from ..physics.readouts import PASSIVE
+from ..simulation import scenes
 from ..solvers import METHODS, compensate
 from . import chart
 from .measure import NOISE, Clock, day, errors, frames
@@ -165,6 +165,31 @@ def table(data: dict) -> str:
     return "\n".join(lines)
 
 
+def choice(data: dict) -> list[str]:
+    """Return a Markdown table of a run: what to take, `scan` readings."""
+    noisy, exact = ({p["method"]: p for p in data["readouts"][r]} for r in ("scan", "ideal"))
+    rows = []
+    day = f". Over a simulated day a frame takes {data['day']['mean_ms']:.1f} ms on average"
+    for method, use in USES.items():
+        p = noisy[method]
+        what = use.replace("\n", " ") + day * (method == "auto")
+        errors = p["mean_g"], p["families"]["pictures"]["mean_g"], exact[method]["mean_g"]
+        rows.append(
+            f"| `{method}` | {what} | {' | '.join(map(grams, errors))} "
+            f"| {p['p50_ms']:.1f} | {p['p99_ms']:.1f} |"
+        )
+    return [
+        "| method | use it for | error on bodies [g a cell] | on recorded pictures "
+        "| on exact readings of bodies | p50 [ms] | p99 [ms] |",
+        "|---|---|---|---|---|---|---|",
+        *rows,
+    ]
+
+
+def grams(mean_g: float) -> str:
+    return f"{mean_g:.{0 if mean_g >= 100 else 1}f}"
+
+
 # --- picture -------------------------------------------------------------------------------------
 
 _FLOOR = 0.02  # g; what errs less is drawn there
@@ -202,7 +227,7 @@ def draw(data: dict):
             height = axis.bbox.height * 72.0 / figure.dpi  # points
             below = max(place * height, below + _APART)
             axis.annotate(
-                f"{p['method']}  {_grams(p['mean_g'])}",
+                f"{p['method']}  {_label(p['mean_g'])}",
                 (min(p["p99_ms"], data["frame_ms"]), y),
                 (1.03, below / height),
                 textcoords="axes fraction",
@@ -223,7 +248,7 @@ def draw(data: dict):
     return figure
 
 
-def _grams(mean_g: float) -> str:
+def _label(mean_g: float) -> str:
     if mean_g < _FLOOR:
         return f"below {_FLOOR:g} g"
     return f"{mean_g:.{0 if mean_g >= 20.0 else 1}f} g"

@@ -24,15 +24,15 @@ from ..calibration.identify import identify
 from ..calibration.rest import Rest, measure_rest, supposing
 from ..calibration.tare import Tare
 from ..health.doctor import diagnose
-from ..learning import scenes
 from ..middleware.threads import one_thread
 from ..physics.circuit import Circuit
 from ..physics.curve import GRAM, PressureCurve
+from ..simulation import scenes
+from ..simulation.textile import Sample
 from ..solvers import METHODS, compensate
 from ..solvers.reading import ROUNDING_NOISE
-from .faults import TROUBLES, Trouble
 from .measure import GHOST
-from .textile import Board
+from .troubles import TROUBLES, Trouble
 
 FAILS = 30.0  # g a cell
 FAILS_SHARE = 0.2  # of the cells' load
@@ -136,7 +136,7 @@ def _on_board(trouble: Trouble, strength: float, n: int, seed) -> tuple[Found, d
     rng = np.random.default_rng([*seed, 1])
     circuit, curve = Circuit(adc_bits=trouble.bits(strength)), PressureCurve()
     textile = trouble.textile(strength)
-    board = Board(textile, circuit, curve, [*seed, 0])
+    board = Sample(textile, circuit, curve, [*seed, 0])
     touches = board.expose(scenes.sample("bodies", _LEARNT, *circuit.shape, rng))
     force = trouble.scene(n, strength, circuit, rng)
     adc = board.sample(board.expose(force), rng)
@@ -197,7 +197,7 @@ def _resting(curve: PressureCurve, rest: Rest, circuit: Circuit) -> PressureCurv
     return curve.resting_at(1.0 / supposing(rest, circuit).conductance)
 
 
-def _recording(board: Board, touches: np.ndarray, rng) -> np.ndarray:
+def _recording(board: Sample, touches: np.ndarray, rng) -> np.ndarray:
     """(n, rows, cols) frames of touches that come and go, as the doctor wants them."""
     frames = [board.at_rest(_AT_REST + len(touches) * _PAUSE, rng)]
     for k, touch in enumerate(touches):
@@ -283,6 +283,19 @@ def verdict(trouble: Trouble, running: dict) -> str:
     if min(reported) > 0.5:
         return "told: the robot stops"
     return "right, or told" if max(reported) > 0.1 else "compensated"
+
+
+def silent(data: dict) -> list[str]:
+    """Return a Markdown line for each trouble that a running skin is silent about, worst first."""
+    found = []
+    for trouble in data["troubles"]:
+        shares = trouble["running"]["silent"]
+        at = [k for k, share in enumerate(shares) if share > SILENT]
+        if at:
+            where = ", ".join(f"{trouble['strengths'][k]:g} ({100 * shares[k]:.0f} %)" for k in at)
+            name = f"{trouble['trouble']} [{trouble['unit']}]"
+            found.append((max(shares), f"- {name}: {where}: {trouble['reason']}"))
+    return [line for _, line in sorted(found, key=lambda pair: -pair[0])]
 
 
 # --- the picture ---------------------------------------------------------------------------------

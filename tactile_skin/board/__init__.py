@@ -1,4 +1,4 @@
 """What is sent by a board, or by one that is simulated, up to a frame that is known to be fresh.
 
-Imports physics, and what a simulated board feels.
+Imports physics.
 """

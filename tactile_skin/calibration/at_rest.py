@@ -27,7 +27,7 @@ _LEAST_STEPS = 3.0  # ADC steps below which the board may take something off
 _LEAST_SCATTER = 0.03  # RMS of log resistance of a good fabric's cells at rest, chosen
 _MAX_RESISTANCE = 4.0  # times the usual cell's at rest; a cell that conducts less is broken
 # Changes of log conductance that are no fabric's, chosen on simulated boards (tests/calibration;
-# bench faults): of a line beside the others; of a line since the start.
+# benchmarks.faults): of a line beside the others; of a line since the start.
 _MAX_LINE_OFFSET = 0.2
 _MAX_LINE_FALL = 0.05
 # Times the median deviation of its cells, over the root of their number, by which a line's median

@@ -29,7 +29,8 @@ _ODD_STD = 4.0  # and standard deviations that they have
 _CANDIDATES = 3  # for the odd ones, the worst, that are tried
 _ODD_SHARE = 1.0 / 3.0  # of the objects at most can be odd
 # RMS error of a total on boards that scatter, creep and bend their curve, and standard deviation of
-# its logarithm from one such board to the next (tests/yardsticks/curve_fit.py, seeds 2200 to 2269).
+# its logarithm from one such board to the next (benchmarks.calibration.curve_fit, seeds 2200 to
+# 2269).
 _USUAL_ERROR = 0.026
 _USUAL_SPREAD = 0.15
 _ERRORS = np.geomspace(0.005, 1.0, 500)  # that are tried: better than any skin, and useless

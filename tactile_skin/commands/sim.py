@@ -10,12 +10,12 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
-from ..board.simulator import BAUD
-from ..learning import scenes
 from ..middleware.config import SkinConfig, read_skin
 from ..middleware.parameter_file import ParameterFile
 from ..middleware.processes import LAUNCHED
 from ..middleware.stdin import at_the_end_of_stdin
+from ..simulation import scenes
+from ..simulation.simulator import BAUD
 
 EXAMPLES = """\
 boards:
@@ -95,7 +95,7 @@ def _line_of(config) -> tuple[str, int]:
 
 
 def _serve_model(args, skin: SkinConfig, kind: str, baud: int, running, ready) -> None:
-    from ..board import simulator
+    from ..simulation import simulator
 
     scene = scenes.script(args.scene, *skin.circuit.shape)
     given = args.noise, args.rate, args.seed, kind, skin.adc
@@ -105,7 +105,7 @@ def _serve_model(args, skin: SkinConfig, kind: str, baud: int, running, ready) -
 
 def _serve_firmware(args, skin: SkinConfig, kind: str, running: Callable[[], bool], ready) -> None:
     from ..board.firmware import chip
-    from ..board.simulator import fabric
+    from ..simulation.fabric import resting_curve
 
     if args.rate != 100.0 or args.baud not in (None, BAUD):
         raise ValueError("--rate and --baud are of the board `model`; the firmware has its own")
@@ -113,5 +113,5 @@ def _serve_firmware(args, skin: SkinConfig, kind: str, running: Callable[[], boo
         raise ValueError(f"protocol {kind!r} is of the board `model`; the firmware sends binary")
     scene = scenes.script(args.scene, *skin.circuit.shape)
     with chip.Chip(skin.circuit, noise=args.noise, seed=args.seed + 1, adc=skin.adc) as simulated:
-        curve = fabric(skin.curve, skin.circuit.shape, args.seed)
+        curve = resting_curve(skin.curve, skin.circuit.shape, args.seed)
         chip.serve(simulated, curve, scene, args.link, running, ready, args.once)

@@ -1,4 +1,4 @@
-"""Networks that invert the matrix, and the scenes that they learn from.
+"""Networks that invert the matrix, and how they are trained.
 
-Imports physics.
+Imports physics; training, the simulation.
 """

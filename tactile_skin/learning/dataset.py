@@ -11,8 +11,9 @@ import numpy as np
 
 from ..physics.circuit import forward
 from ..physics.curve import GRAM
-from . import network, scenes
-from .bodies import bodies
+from ..simulation import scenes
+from ..simulation.bodies import bodies
+from . import network
 
 _CHUNK = 2000  # scenes made at a time: bounds memory, and seeds each chunk by its number
 # What a real board has, in turn: noise, noise with R_par and curve off, rounding alone, nothing.

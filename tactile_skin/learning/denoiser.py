@@ -2,7 +2,7 @@
 
 It works on x = log conductance, whatever the skin's size, circuit or curve: convolutions only, and
 all that it sees is relative to rest or to a standard deviation. `map` takes its answer as a prior
-(solvers/prior.py). PyTorch trains it (tests/yardsticks/train_prior.py); here the pass is a few
+(solvers/prior.py). PyTorch trains it (benchmarks/training/train_prior.py); here the pass is a few
 products of matrices.
 """
 

@@ -17,7 +17,7 @@ from ..physics.quadratic import inverse_diagonal, solve_in_box
 from .reading import Linearised, Reading
 from .suspect import NormalEquations
 
-# Chosen on bodies of many sizes and textures (tests/yardsticks/prior.py).
+# Chosen on bodies of many sizes and textures (benchmarks/accuracy/prior.py).
 _SPREAD = 0.3  # of x, and of its differences between neighbours, below which they are drawn to 0
 _BROAD = 0.1  # share of the cells at rest below which the whole skin is loaded
 _LEVEL = 5.0  # times the mean force, which no cell of an even load on the whole skin reaches

@@ -16,7 +16,7 @@ from .checks import uneven_noise
 
 SCAN_NOISE = 0.52  # ADC steps RMS: mean of 4 samples with 1 step of noise, each rounded
 OUTLIER = 3.0  # standard deviations beyond which a misfit counts less than its square
-MAX_NOISE = 3.5  # ADC steps RMS, above that of any board of tests/yardsticks/boards.py (3 steps)
+MAX_NOISE = 3.5  # ADC steps RMS, above that of any board of benchmarks/accuracy/boards.py (3 steps)
 NEAR_REST = 1.5  # times its conductance at rest below which a cell counts as untouched
 ROUNDING_NOISE = 12**-0.5  # ADC steps RMS of rounding to whole steps
 # Share of the smallest magnitudes that a standard deviation is estimated from. A median would jump

@@ -14,7 +14,7 @@ from .estimate import Estimate
 from .reading import ROUNDING_NOISE, Reading, rest_reading
 
 # Standard deviations of chi^2 beyond which a frame is suspect: chosen so that 2 % of valid frames
-# (blobs, rects, random loads) are; scored on others (tests/yardsticks/solvers.py, detection).
+# (blobs, rects, random loads) are; scored on others (benchmarks/accuracy/solvers.py, detection).
 _CHI2_LIMIT = 2.8
 # Equal readings that are rounded to whole steps err equally, and do not average out: factor by
 # which a residual may then be larger.
@@ -22,7 +22,7 @@ _ROUNDED_RESIDUAL = 1.2
 _ROUNDED_NOISE = 1.3  # times the noise of rounding up to which noise is rounding alone
 # Share of a reading by which a valid skin may differ from the model: 0.5 % of a touch that fabric
 # and cover carry to the next cells (paper section IV), some ohm of the stripes, rows read in turn.
-# Chosen on streams of damaged boards (bench faults, seeds 3 and 4), scored on others.
+# Chosen on streams of damaged boards (benchmarks.faults, seeds 3 and 4), scored on others.
 _MODEL_ERROR = 0.003
 _MEASURED_NOISE = 1.1  # times noise that was measured in the same frame, and is not exact
 _MEAN_LIMIT = 6.0  # standard deviations of the mean misfit, where the noise was measured

@@ -20,7 +20,7 @@ from .features import Contact, Frame
 NEW, HELD, RELEASED = "new", "held", "released"
 STATES = (NEW, HELD, RELEASED)
 
-# Chosen on simulated touches (tests/touch); scored by tests/yardsticks/touch.py, in docs/touch.md.
+# Chosen on simulated touches (tests/touch); scored by benchmarks.accuracy.touch, in docs/touch.md.
 _WINDOW = 0.15  # s of places to which a touch's line of motion is fitted
 _MIN_PLACES = 4  # that determine a line
 _NOISE = 0.001  # m, RMS error of the centre of a touch that does not move

@@ -6,28 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from kirchhoff import adc_ratio
-from yardsticks import watch
-from yardsticks.solvers import other_board, r_par_std
+from support.accuracy import other_board, r_par_std
 
 from tactile_skin import Circuit, PressureCurve, cli, forward
-from tactile_skin.bench import (
-    cases,
-    chart,
-    choose,
-    growth,
-    run,
-    speed,
-    stability,
-    textile,
-    touch_to_stop,
-    way,
-)
-from tactile_skin.bench.faults import FAULTS, TROUBLES, UNEVEN, faulty, pressed
+from tactile_skin.bench import cases, chart, run, speed, stability
 from tactile_skin.bench.measure import Clock, day, errors
-from tactile_skin.bench.textile import Board, Textile
-from tactile_skin.learning import scenes
+from tactile_skin.bench.troubles import FAULTS, TROUBLES, UNEVEN, faulty, pressed
 from tactile_skin.physics.curve import GRAM
+from tactile_skin.simulation import scenes
+from tactile_skin.simulation.textile import Sample, Textile
 from tactile_skin.solvers import METHODS
 
 CIRCUIT, CURVE = Circuit(), PressureCurve()
@@ -38,79 +25,6 @@ SMALL = Circuit(5, 4)
 def resistance():
     force = scenes.sample("blobs", 3, 16, 16, np.random.default_rng(0))
     return CURVE.resistance(force)
-
-
-def seen(skin: Textile, force, seed=0, circuit=CIRCUIT):
-    return textile.expose(skin, circuit, CURVE, force, np.random.default_rng(seed))
-
-
-# --- the richer model ---
-
-
-def test_a_skin_that_differs_in_nothing_is_the_solvers(resistance):
-    ratio = CIRCUIT.ratio(textile.two_terminal(resistance))
-    np.testing.assert_allclose(ratio, forward(CIRCUIT, resistance), rtol=1e-12)
-    force = CURVE.force(resistance[0])
-    np.testing.assert_allclose(seen(Textile(), force), forward(CIRCUIT, resistance[0]), rtol=1e-9)
-
-
-def test_the_model_meets_the_papers_equations():
-    resistance = np.random.default_rng(1).uniform(100, 5000, (5, 4))
-    rho = textile.two_terminal(resistance)
-    np.testing.assert_allclose(SMALL.ratio(rho), adc_ratio(resistance, 1780.0, 326.0), rtol=1e-10)
-
-
-def test_stripe_resistance_by_hand():
-    """The path is row, cell, column; two cells of a row share its first half."""
-    assert textile.two_terminal(np.array([[100.0]]), line=7.0) == pytest.approx(114.0)
-    near, far = textile.two_terminal(np.array([[100.0, 300.0]]), line=8.0)[0]
-    assert near == pytest.approx(4 + 100 + 8)  # half the row, the cell, the whole column
-    assert far == pytest.approx(8 + 300 + 8)
-
-
-def test_stripe_resistance_by_the_whole_network():
-    """Against a nodal solve with a node at each crossing of each stripe."""
-    rows, cols, line = 3, 4, 20.0
-    cell = np.random.default_rng(2).uniform(100, 2000, (rows, cols))
-    n = rows * cols
-    laplacian = np.zeros((2 * n + rows + cols,) * 2)  # row sides, column sides, leads
-
-    def resistor(a, b, ohm):
-        laplacian[[a, b], [a, b]] += 1 / ohm
-        laplacian[[a, b], [b, a]] -= 1 / ohm
-
-    for i in range(rows):
-        for j in range(cols):
-            k = i * cols + j
-            resistor(k, n + k, cell[i, j])
-            resistor(k, k - 1 if j else 2 * n + i, line / cols)
-            resistor(n + k, n + k - cols if i else 2 * n + rows + j, line / rows)
-    inverse = np.linalg.pinv(laplacian)
-    a, b = np.meshgrid(2 * n + np.arange(rows), 2 * n + rows + np.arange(cols), indexing="ij")
-    expected = inverse[a, a] + inverse[b, b] - 2 * inverse[a, b]
-    np.testing.assert_allclose(textile.two_terminal(cell, line), expected, rtol=1e-9)
-
-
-def test_a_cut_lead_reads_nothing_and_harms_no_other_line(resistance):
-    rho = textile.two_terminal(resistance[0], cuts={3: 0, 20: 0})
-    sound = textile.two_terminal(resistance[0])
-    assert np.isinf(rho[3]).all() and np.isinf(rho[:, 4]).all()
-    others = np.ix_(np.arange(16) != 3, np.arange(16) != 4)
-    np.testing.assert_allclose(rho[others], sound[others], rtol=1e-10)
-
-
-def test_a_broken_stripe_is_two_stripes(resistance):
-    """The far part has no lead: as a network of 17 rows of which the last is not read."""
-    rho = textile.two_terminal(resistance[0], cuts={3: 5})
-    split = np.full((17, 16), 1e12)
-    split[:16] = resistance[0]
-    split[16, 5:], split[3, 5:] = resistance[0, 3, 5:], 1e12
-    np.testing.assert_allclose(rho, textile.two_terminal(split)[:16], rtol=1e-6)
-
-
-def test_shorted_lines_read_nearly_alike(resistance):
-    rho = textile.two_terminal(resistance[0], shorts=[6, 16 + 9])
-    assert np.abs(rho[6] - rho[7]).max() < 1.0 and np.abs(rho[:, 9] - rho[:, 10]).max() < 1.0
 
 
 # --- boards that are not as configured ---
@@ -143,46 +57,6 @@ def test_every_trouble_has_its_sound_strength_and_a_field_of_the_skin():
             assert isinstance(trouble.textile(strength), Textile)
         if trouble.sound is not None:
             assert trouble.textile(trouble.sound) == UNEVEN, trouble.name
-
-
-def test_open_leads_and_lines_at_full_scale_are_as_many_as_asked():
-    force = np.zeros((16, 16))
-    for n in (1, 3):
-        adc = seen(Textile(open=n), force)
-        assert (adc == 0).all(1).sum() + (adc == 0).all(0).sum() == n
-        adc = seen(Textile(full_scale=n), force)
-        assert (adc == 1).all(1).sum() + (adc == 1).all(0).sum() == n
-
-
-def test_stuck_cells_conduct_without_a_load():
-    adc = seen(Textile(stuck=2), np.zeros((16, 16)))
-    rest = forward(CIRCUIT, np.full((16, 16), CURVE.rest_resistance))
-    assert (adc > 2 * rest).sum() >= 2
-
-
-def test_a_contact_that_moves_reads_otherwise():
-    force = scenes.finger(16, 16, 7.5, 7.5, 10.0)
-    still, moved = (seen(Textile(moving=m), force, seed=3) for m in (0.0, 6.0))
-    change = np.abs(moved - still).max(1)
-    assert change.max() > 20 / 1023
-    slow = seen(Textile(moving=0.01), force, seed=3)
-    assert np.abs(slow - still).max() < 3 / 1023
-
-
-def test_the_readout_saturates_and_has_the_noise_asked_for():
-    ratio = np.full((60, 60), 0.6)
-    circuit = Circuit(60, 60)
-    rng = np.random.default_rng(4)
-    assert textile.sample(Textile(ceiling=0.5), circuit, ratio, rng).max() <= 0.5005
-    steps = textile.sample(Textile(noise=4.0), circuit, ratio, rng) * 1023
-    assert steps.std() == pytest.approx(2.0, rel=0.1)  # the mean of four
-
-
-def test_coupling_leaks_into_neighbours_only():
-    force = np.zeros((16, 16))
-    force[8, 8] = 500 * GRAM
-    change = np.abs(seen(Textile(lateral=0.05), force) - seen(Textile(), force))
-    assert change[8, 9] > 5 / 1023 and change[8, 9] > 5 * change[2, 2]
 
 
 def test_pressed_areas_are_as_large_and_heavy_as_asked():
@@ -224,12 +98,6 @@ def test_a_clock_counts_this_threads_work():
     for _ in range(20):
         assert clock(lambda x: x + 1, 1) == 2
     assert 0.0 < clock.quantile(0.5) < 0.5 and clock.y > 0.0
-
-
-def test_a_power_law_has_its_exponent():
-    sizes = [8, 16, 32, 64]
-    assert growth.exponent(sizes, [9.0, *(s**3.0 for s in sizes[1:])]) == pytest.approx(1.5)
-    assert growth.exponent([16], [1.0]) is None
 
 
 def test_most_of_a_day_is_idle():
@@ -293,7 +161,7 @@ def test_a_frame_fails_by_the_cells_that_are_touched():
 def learnt():
     """What a running skin knows of a board with another circuit."""
     circuit, rng = Circuit(12, 12), np.random.default_rng(3)
-    board = Board(Textile(noise=1.0, rest=0.03, r_par=0.85, line=20.0), circuit, CURVE, 4)
+    board = Sample(Textile(noise=1.0, rest=0.03, r_par=0.85, line=20.0), circuit, CURVE, 4)
     touches = board.sample(board.expose(scenes.sample("bodies", 20, 12, 12, rng)), rng)
     return stability.learn(board.at_rest(125, rng), touches, circuit, CURVE)
 
@@ -307,7 +175,7 @@ def test_a_running_skin_has_learnt_its_circuit_and_its_rest(learnt):
 
 def test_a_running_skin_refuses_the_rest_of_a_board_with_an_open_lead():
     small, rng = Circuit(8, 8), np.random.default_rng(3)
-    board = Board(Textile(noise=1.0, rest=0.03, open=1), small, CURVE, 4)
+    board = Sample(Textile(noise=1.0, rest=0.03, open=1), small, CURVE, 4)
     found = stability.learn(board.at_rest(125, rng), [], small, CURVE)
     assert "Is it connected?" in found.refused
 
@@ -319,7 +187,7 @@ def test_what_stays_silent_is_listed_worst_first_with_its_reason():
 
     data = {"troubles": [row("noise", [0, 0, 0.1]), row("short", [0] * 3),
                          row("curve off", [0.01, 0.03, 0.5])]}  # fmt: skip
-    assert choose.silent(data) == [
+    assert stability.silent(data) == [
         "- curve off [%]: 2 (3 %), 4 (50 %): why",
         "- noise [%]: 4 (10 %): why",
     ]
@@ -359,38 +227,6 @@ def drawn():
     chart.prepare()
 
 
-def lines(figure) -> set[tuple]:
-    return {
-        tuple(np.round(line.get_ydata(), 9))
-        for axis in figure.axes
-        for line in axis.get_lines()
-        if len(line.get_ydata())
-    }
-
-
-def test_what_is_drawn_is_what_is_written(drawn, tmp_path):
-    """The growth picture's curves are the numbers of the JSON beside it."""
-    from matplotlib import pyplot as plt
-
-    data = growth.measure(4, 1, sizes=(8, 16))["growth"]
-    machine = {"processor": "p", "cores": 1, "numpy": "n", "scipy": "s", "kernel": "k"}
-    figures = []
-
-    def draw(read_back):
-        figures.append(growth.draw(read_back))
-        return figures[-1]
-
-    chart.write(tmp_path, "growth", data | {"seed": 1, "quick": True, "machine": machine}, draw)
-    written = json.loads((tmp_path / "growth.json").read_text())
-    assert (tmp_path / "growth.png").stat().st_size > 10_000
-    curves = lines(figures[0])
-    for entry in written["methods"].values():
-        for key in ("p50_ms", "mean_g"):
-            if entry[key]:
-                assert tuple(np.round(entry[key], 9)) in curves
-    plt.close("all")
-
-
 def test_the_speed_picture_shows_every_method(drawn):
     from matplotlib import pyplot as plt
 
@@ -412,31 +248,6 @@ def test_the_speed_picture_shows_every_method(drawn):
     assert set(speed.USES) == set(METHODS)
     assert set(p["families"]) == set(speed.FAMILIES)
     plt.close(figure)
-
-
-def test_the_tables_hold_each_method_and_family(drawn):
-    data = json.loads((Path(__file__).parents[2] / "docs/bench/speed.json").read_text())
-    auto = next(p for p in data["readouts"]["scan"] if p["method"] == "auto")
-    first = choose.lines(data)[2]
-    assert first.startswith("| `auto` | a robot") and f"| {auto['p99_ms']:.1f} |" in first
-    table = choose.paper(data)
-    assert len(table) == 2 + len(METHODS)
-    assert all(line.count("|") == 2 + 2 * len(scenes.FAMILIES) for line in table)
-
-
-@pytest.mark.parametrize("page", ["docs/lab/accuracy.md", "docs/lab/bench.md"])
-def test_the_pages_hold_the_lines_of_the_run_that_they_show(page):
-    root = Path(__file__).parents[2]
-    text = (root / page).read_text()
-    assert "<!-- which method -->" in text
-    assert choose.fill(text, choose.blocks(root / "docs/bench")) == text
-
-
-def test_only_the_named_block_of_a_page_is_replaced():
-    page = "before\n<!-- a -->\nold\nlines\n<!-- end -->\nafter <!-- end -->\n"
-    assert choose.fill(page, {"a": "new", "b": "none"}) == (
-        "before\n<!-- a -->\nnew\n<!-- end -->\nafter <!-- end -->\n"
-    )
 
 
 def test_every_method_has_a_look_of_its_own():
@@ -468,91 +279,10 @@ def test_the_whole_command(tmp_path):
         assert written["seed"] == 3 and written["machine"]["numpy"] == np.__version__
 
 
-@pytest.mark.slow
-def test_a_skin_decides_on_every_frame():
-    found = way.run_skins(1, "naive", 100, 3.0, 0)
-    assert found["frames"] >= 280 and found["missed"] == 0
-    assert 0.0 < found["p50_ms"] <= found["p99_ms"] <= found["max_ms"]
-
-
-# --- touch to stop ---
-
-CALLS = [(0.5, True, "stale"), (1.0, False, ""), (2.01, True, "push"), (2.1, True, "push + x")]
-
-
-@pytest.mark.parametrize(
-    ("start", "end", "found"),
-    [(2.0, 2.2, 2.01), (1.5, 2.2, 2.01), (2.0, 2.005, None), (2.05, 2.2, None), (0.7, 0.9, None)],
-)
-def test_a_stop_counts_from_free_and_in_its_time(start, end, found):
-    """One that stood already is none of the push's."""
-    assert touch_to_stop._stop_after(CALLS, start, end) == found
-
-
-def test_a_push_is_seen_when_the_samples_hold_it_not_when_it_is_applied():
-    """The low-pass is some scans behind a force that comes at once."""
-    force = scenes.finger(16, 16, 7.0, 8.0, 60.0, 1.8)
-    recorder = touch_to_stop._Recorder([(0.1, 0.0, force)], seed=0)
-    for _ in range(60):
-        recorder.scan()
-    (scans,) = recorder.scans
-    first = next(k for k, (_, newtons, _) in enumerate(scans) if newtons >= 30.0)
-    seen = [t for t, _, _ in scans].index(touch_to_stop._seen(scans))
-    assert first == 0
-    assert 2 <= seen <= 6
-    assert touch_to_stop._seen(scans[:seen]) is None
-
-
-def test_a_muted_board_says_nothing_and_goes_on_scanning():
-    recorder = touch_to_stop._Recorder([], seed=0)
-    recorder.mute = True
-    assert b"".join(recorder.scan() for _ in range(20)) == b""
-    assert recorder.silent_since is not None
-
-
-def test_the_picture_shows_every_push_and_every_cut():
-    pytest.importorskip("matplotlib")
-    chart.prepare()
-    from matplotlib import pyplot as plt
-
-    rises = [
-        {"rise_ms": r, "seen_ms": [5.0, 9.0, 7.0], "applied_ms": [15.0, 19.0, 17.0], "missed": 1}
-        for r in (0.0, 20.0, 50.0, 100.0)
-    ]
-    cuts = {"closed_ms": [1.0, 2.0], "silent_ms": [110.0, None]}
-    figure = touch_to_stop.draw({"rises": rises, "cuts": cuts})
-    seen, applied, cut = figure.axes
-    for axis, first in ((seen, 5.0), (applied, 15.0)):
-        for line in axis.get_lines()[:4]:
-            np.testing.assert_allclose(line.get_xdata(), [0.0, first, first + 2, first + 4])
-            np.testing.assert_allclose(line.get_ydata(), [0.0, 0.25, 0.5, 0.75])
-    assert cut.get_lines()[1].get_ydata()[-1] == 0.5  # one never came
-    plt.close(figure)
-
-
-def test_the_page_holds_the_table_of_the_run_that_it_shows():
-    root = Path(__file__).parents[2]
-    data = json.loads((root / "docs/bench/touch_to_stop.json").read_text())
-    assert sum(entry["missed"] for entry in data["rises"]) == 0
-    assert touch_to_stop.table(data) in (root / "docs/lab/stop.md").read_text()
-
-
-@pytest.mark.slow
-def test_touch_to_stop_on_the_running_skin():
-    """Typical times only: the tail is the machine's, see docs/lab/stop.md."""
-    found = touch_to_stop.measure(4, 2, 0)["touch_to_stop"]
-    for entry in found["rises"]:
-        assert entry["missed"] == 0 and len(entry["seen_ms"]) == 4
-        assert np.median(entry["seen_ms"]) <= touch_to_stop.LIMIT_MS
-    for times in found["cuts"].values():
-        assert len(times) == 2 and max(times) <= touch_to_stop.CUT_LIMIT_MS
-
-
-# --- a fault that lasts ---
-
-
-def test_a_short_that_comes_under_a_touch_is_reported_and_a_sound_skin_is_not():
-    for name in ("sound", "one short"):
-        seen = watch.watched("strokes", watch.SKINS[name], False, 1, 1)
-        assert seen["fault"].any() == (name != "sound")
-        assert seen["doubted"].mean() < 0.2 if name == "sound" else seen["fault"].argmax() <= 20
+@pytest.mark.parametrize("part", run.MOVED)
+def test_a_part_that_left_says_where_it_went(part, capsys, tmp_path):
+    assert cli.main(["bench", part, "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert f"`python -m {run.MOVED[part]}`" in said
+    module = Path(__file__).parents[2].joinpath(*run.MOVED[part].split("."))
+    assert module.with_suffix(".py").is_file() or (module / "__main__.py").is_file()

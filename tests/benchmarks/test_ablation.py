@@ -5,9 +5,17 @@ import json
 import numpy as np
 import pytest
 
-from benchmarks import ablation
-from benchmarks.mechanisms import ALL_ON, BUNDLES, MECHANISMS, changes, numbers_of, sweep, variants
-from benchmarks.switchboard import installed
+from benchmarks.ablation import run as ablation
+from benchmarks.ablation.mechanisms import (
+    ALL_ON,
+    BUNDLES,
+    MECHANISMS,
+    changes,
+    numbers_of,
+    sweep,
+    variants,
+)
+from benchmarks.ablation.switchboard import installed
 from tactile_skin.calibration import tare
 from tactile_skin.calibration.at_rest import which_are_one
 from tactile_skin.findings.finding import Kind

@@ -8,13 +8,11 @@ import threading
 import numpy as np
 import pytest
 import serial
-from chips import needs_chip
-from firmware import CURVE, STEPS, frames_of, resistance, steady, time_constant
-from simulated import PATIENCE
+from support.chips import needs_chip
+from support.firmware import CURVE, STEPS, frames_of, resistance, steady, time_constant
+from support.simulated import PATIENCE
 
 from tactile_skin import Circuit, PressureCurve, compensate, diagnose, forward, measure_rest
-from tactile_skin.bench.damage import streams
-from tactile_skin.bench.damage.board import KNOTS
 from tactile_skin.board import description
 from tactile_skin.board.description import command, find_description
 from tactile_skin.board.firmware import build
@@ -22,11 +20,13 @@ from tactile_skin.board.firmware import chip as simulated_chip
 from tactile_skin.board.firmware.chip import BROWN_OUT, CLOCK, Chip
 from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.board.serial_port import SerialReader
-from tactile_skin.board.simulator import fabric
 from tactile_skin.errors import FirmwareError
 from tactile_skin.launch import launch
-from tactile_skin.learning import scenes
 from tactile_skin.physics.adc import Adc
+from tactile_skin.simulation import scenes
+from tactile_skin.simulation.board import KNOTS
+from tactile_skin.simulation.fabric import resting_curve
+from tactile_skin.simulation.touches import everyday
 
 # --- the binary ---
 
@@ -264,7 +264,7 @@ def rho_of(circuit: Circuit, ratio: float) -> float:
 def test_the_same_program_reads_boards_that_are_wired_otherwise(circuit, wired):
     """With resistors on the sense lines, and a decoder for the driven lines' multiplexer."""
     adc = Adc(circuit, full_scale=float(STEPS), **wired)
-    rest, force = fabric(CURVE, circuit.shape, 5), scenes.script("two_fingers", 8, 8)(0.0)
+    rest, force = resting_curve(CURVE, circuit.shape, 5), scenes.script("two_fingers", 8, 8)(0.0)
     with Chip(circuit, noise=1.0, adc=adc) as chip:
         seen = []
         for scene in (np.zeros(circuit.shape), force):
@@ -286,7 +286,7 @@ def test_a_stuck_select_line_is_what_the_doctor_says():
     shape, rng = (8, 8), np.random.default_rng(4)
     circuit, curve = Circuit(*shape), PressureCurve()
     gain = np.exp(0.06 * rng.standard_normal(shape))
-    scene = streams.everyday(np.ones(shape, bool), 14.0, rng, curve.max_force, hard=False)
+    scene = everyday(np.ones(shape, bool), 14.0, rng, curve.max_force, hard=False)
     parser, frames = BinaryParser(), []
     with Chip(circuit, noise=1.0) as chip:
         chip.stick(0b0100)

@@ -6,7 +6,7 @@ import threading
 import tty
 
 import pytest
-from chips import needs_avrdude
+from support.chips import needs_avrdude
 
 from tactile_skin import cli
 from tactile_skin.board import description

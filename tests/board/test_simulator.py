@@ -7,14 +7,14 @@ import time
 import numpy as np
 import pytest
 import serial
-from simulated import CIRCUIT, make_board, serving
+from support.simulated import CIRCUIT, make_board, serving
 
 from tactile_skin import Circuit, PressureCurve, forward
-from tactile_skin.board import simulator, terminal
+from tactile_skin.board import terminal
 from tactile_skin.board.formats import make_parser
 from tactile_skin.board.protocol import BinaryParser
-from tactile_skin.learning import scenes
 from tactile_skin.physics.adc import Adc
+from tactile_skin.simulation import fabric, scenes, simulator
 
 
 def frames_of(simulated, scans: int) -> list:
@@ -73,7 +73,7 @@ def test_its_cells_differ_at_rest():
     """As those of every fabric do; one voltage for all is what a board without a matrix reads."""
     simulated = make_board(circuit=Circuit(16, 16), seed=3)
     scatter = np.log(simulated.curve.rest_resistance / PressureCurve().rest_resistance)
-    assert scatter.std() == pytest.approx(simulator.REST_SCATTER, rel=0.2)
+    assert scatter.std() == pytest.approx(fabric.REST_SCATTER, rel=0.2)
     pressed = simulated.curve.resistance(5.0) / PressureCurve().resistance(5.0)
     assert np.abs(pressed - 1.0).max() < 0.01
 

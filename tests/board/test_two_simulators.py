@@ -1,7 +1,7 @@
 """The firmware on simavr and on avr8js, which share no code: byte for byte the same."""
 
-from chips import needs_both
-from firmware import on_both
+from support.chips import needs_both
+from support.firmware import on_both
 
 from tactile_skin.board.protocol import BinaryParser
 

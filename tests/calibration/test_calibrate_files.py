@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
+from support.weights import objects, stream
 from test_guide import SHAPE, Unknown, bodies
-from yardsticks.creep import Creeping
-from yardsticks.curve_fit import objects, stream
 
 from tactile_skin import PressureCurve, cli
 from tactile_skin.commands import train
@@ -12,6 +11,7 @@ from tactile_skin.errors import FileError
 from tactile_skin.launch import read_skin
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.recording.reference import read_reference
+from tactile_skin.simulation.unknown import Creeping
 
 
 @pytest.fixture(scope="module")
@@ -125,18 +125,18 @@ def test_a_file_in_which_the_skin_is_touched_is_no_rest(files, capsys):
 def test_a_scale_and_a_load_that_stands_give_curve_and_creep(tmp_path, capsys):
     """Each file has a clock of its own."""
     skin, rng = Creeping((8, 8), 7, share=0.05, time=1.0), np.random.default_rng(7)
-    frames, times, force, at = stream(skin.board, 25, 0.2, rng)
+    frames, times, force, at = stream(skin, 25, 0.2, rng)
     np.savez(tmp_path / "touches.npz", frames=frames, times=times + 1.7e9)
     lines = [f"{t:.3f},{f:.3f}" for t, f in zip(at, force, strict=True)]
     (tmp_path / "scale.csv").write_text("\n".join(["time,force", *lines]))
-    np.savez(tmp_path / "rest.npz", frames=skin.board.at_rest(200))
+    np.savez(tmp_path / "rest.npz", frames=skin.at_rest(200))
     times = np.arange(0.0, 120.0, 0.5)
     load = objects(1, (8, 8), rng)[0][0]
-    standing = skin.frames(times, load, np.ones(times.size))
+    standing = skin.standing(times, load, np.ones(times.size))
     np.savez(tmp_path / "standing.npz", frames=standing, times=times)
     (tmp_path / "mine.yaml").write_text(
-        f"/**: {{ros__parameters: {{circuit: {{rows: 8, cols: 8, r_par: {skin.board.r_par}, "
-        f"r_line: {skin.board.r_line}}}}}}}\n"
+        f"/**: {{ros__parameters: {{circuit: {{rows: 8, cols: 8, r_par: {skin.r_par}, "
+        f"r_line: {skin.r_line}}}}}}}\n"
     )
     words = [f"rest:={tmp_path / 'rest.npz'}", f"touches:={tmp_path / 'touches.npz'}"]
     words += [f"reference:={tmp_path / 'scale.csv'}", f"creep:={tmp_path / 'standing.npz'}"]
@@ -145,7 +145,7 @@ def test_a_scale_and_a_load_that_stands_give_curve_and_creep(tmp_path, capsys):
     found = read_skin(out)
     assert found.creep.share == pytest.approx(0.05, abs=0.005)
     hard = np.array([1.0, 3.0])
-    ratio = found.curve.resistance(hard) / skin.board.curve.resistance(hard)
+    ratio = found.curve.resistance(hard) / skin.curve.resistance(hard)
     assert ratio == pytest.approx(1.0, abs=0.15)
 
 

@@ -9,17 +9,17 @@ import time
 
 import numpy as np
 import pytest
-from yardsticks import calibrate
-from yardsticks.identify import Unknown
+from support.device import Device, run
 
-from tactile_skin.board import simulator
+from tactile_skin.simulation import simulator
+from tactile_skin.simulation.unknown import Unknown
 
 
 @pytest.fixture
 def port(tmp_path):
     """Of an unknown board on which nothing lies."""
     over, link = threading.Event(), tmp_path / "board"
-    device = calibrate.Device(Unknown((4, 4), seed=27))
+    device = Device(Unknown((4, 4), seed=27))
     serving = threading.Thread(
         target=simulator.serve, args=(device, link, lambda: not over.is_set())
     )
@@ -81,5 +81,5 @@ def test_a_measurement_is_counted_down(terminal):
 @pytest.mark.parametrize("readout", ["floating", "loaded-rows"])
 def test_from_what_the_user_knows_to_newtons(readout):
     """Guide, file and launched skin, on new things: within 5 % in the median."""
-    off = calibrate.run((8, 8), 28, readout)
+    off = run((8, 8), 28, readout)
     assert np.median(np.abs(off)) < 0.05

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from yardsticks.creep import Creeping, calibrated, felt
-from yardsticks.curve_fit import known, objects
+from support.creep import calibrated, felt
+from support.weights import known, objects
 
 from tactile_skin import Creep, PressureCurve, measure_creep, measure_rest
 from tactile_skin.calibration.creep import LIMIT, Standing, as_it_comes
+from tactile_skin.simulation.unknown import Creeping
 
 CURVE, CREEP = PressureCurve(), Creep(0.05, 1.0)
 SHAPE = 8, 8
@@ -121,9 +122,9 @@ def record():
     skin = Creeping(SHAPE, 41, share=0.05, time=1.0)
     force = objects(1, SHAPE, np.random.default_rng(41))[0][0]
     times = np.arange(0.0, 125.0, 0.25)
-    frames = skin.frames(times, force, (times >= 5.0) * 1.0)
-    circuit = known(skin.board)
-    return frames, times, circuit, measure_rest(skin.board.at_rest(), circuit)
+    frames = skin.standing(times, force, (times >= 5.0) * 1.0)
+    circuit = known(skin)
+    return frames, times, circuit, measure_rest(skin.at_rest(), circuit)
 
 
 def test_the_share_is_measured(record):
@@ -137,7 +138,7 @@ def test_a_fabric_that_does_not_creep(record):
     _, times, circuit, rest = record
     skin = Creeping(SHAPE, 41, share=0.0, time=1.0)
     force = objects(1, SHAPE, np.random.default_rng(41))[0][0]
-    frames = skin.frames(times[::4], force, np.ones(times[::4].size))
+    frames = skin.standing(times[::4], force, np.ones(times[::4].size))
     assert measure_creep(frames, times[::4], circuit, rest, CURVE).share < 0.001
 
 
@@ -173,10 +174,10 @@ def test_from_the_board_to_ten_minutes():
     circuit, rest, curve, creep = calibrated(skin, 10, 0, 42)
     force = objects(1, SHAPE, np.random.default_rng(43))[0][0]
     times = np.append(np.arange(0.0, 10.0, 0.5), np.arange(10.0, 600.0, 10.0))
-    frames = skin.frames(times, force, np.ones(times.size))
+    frames = skin.standing(times, force, np.ones(times.size))
     raw, found = felt(frames, times, circuit, rest, curve, creep)
     true = felt(
-        still.frames(times[:20], force, np.ones(20)), times[:20], circuit, rest, curve, creep
+        still.standing(times[:20], force, np.ones(20)), times[:20], circuit, rest, curve, creep
     )
     first = true[0].mean()
     assert raw[-5:].mean() > 1.09 * first

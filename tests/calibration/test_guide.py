@@ -7,10 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from yardsticks.creep import Creeping
-from yardsticks.curve_fit import objects
-from yardsticks.identify import Unknown, bodies
-from yardsticks.rest import noisy_cells
+from support.resting import noisy_cells
+from support.weights import bodies, objects
 
 from tactile_skin import compensate
 from tactile_skin.calibration.creep import LAID
@@ -19,6 +17,7 @@ from tactile_skin.guide import Guide, newtons, picture
 from tactile_skin.middleware import written
 from tactile_skin.middleware.config import read_skin
 from tactile_skin.physics.curve import GRAM, PressureCurve
+from tactile_skin.simulation.unknown import Creeping, Unknown
 
 SHAPE = 12, 12
 WEIGHTS = 3.0, 5.0, 8.0, 12.0, 17.0, 23.0, 30.0, 38.0, 44.0, 49.0  # N
@@ -111,7 +110,7 @@ def test_creep_is_measured_and_written(tmp_path):
     """By one object, on a skin whose file has a curve; that is then of a load that just came."""
     skin = Creeping((8, 8), seed=25, share=0.06, time=1.0)
     force = objects(1, (8, 8), np.random.default_rng(25))[0][0]
-    rest, load = skin.board.at_rest(), None
+    rest, load = skin.at_rest(), None
     heard, clock = [], 0.0
 
     def frames(seconds):
@@ -127,12 +126,12 @@ def test_creep_is_measured_and_written(tmp_path):
         heard.append(text)
         if "Take a thing" in text:
             times = np.arange(0.0, 125.0, 0.25)
-            load = skin.frames(times, force, np.ones(times.size))
+            load = skin.standing(times, force, np.ones(times.size))
         return ""
 
     source = tmp_path / "mine.yaml"
     source.write_text("/**: {ros__parameters: {circuit: {rows: 8, cols: 8}}}\n")
-    before, guide = read_skin(source), Guide(skin.board.supposed, frames, ask, heard.append)
+    before, guide = read_skin(source), Guide(skin.supposed, frames, ask, heard.append)
     guide.measure_creep(before.curve)
     assert guide.creep.share == pytest.approx(0.06, abs=0.006)
     assert any("110 s of 120 s" in text for text in heard)

@@ -5,14 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from yardsticks.identify import Unknown, UnknownDriven, bodies
-from yardsticks.tracker import run
+from support.tracked import run
+from support.weights import bodies
 
 from tactile_skin import Circuit, PressureCurve, identify, measure_rest
 from tactile_skin.calibration.identify import std_of
 from tactile_skin.calibration.rest import Rest, resting_conductance, supposing
 from tactile_skin.calibration.tare import Tare
 from tactile_skin.calibration.tracker import CircuitTracker
+from tactile_skin.simulation.unknown import Unknown, UnknownDriven
 from tactile_skin.solvers import evidence
 from tactile_skin.solvers.evidence import HARD, Evidence, Supposed
 

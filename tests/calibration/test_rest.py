@@ -2,19 +2,19 @@
 
 import numpy as np
 import pytest
-from yardsticks import rest as yardstick
-from yardsticks.identify import Unknown
+from support import resting
 
 from tactile_skin import measure_rest
+from tactile_skin.simulation.unknown import Unknown
 
 SHAPES = (4, 4), (8, 12), (16, 16)
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize("kind", yardstick.NOISY)
+@pytest.mark.parametrize("kind", resting.NOISY)
 def test_noisy_cells_are_named_and_not_used(shape, kind):
     board, rng = Unknown(shape, 31), np.random.default_rng(31)
-    cells, frames = yardstick.noisy(board, kind, 60, rng)
+    cells, frames = resting.noisy(board, kind, 60, rng)
     rest = measure_rest(frames, board.supposed)
     assert set(rest.noisy) == set(cells)
     assert rest.noise < 1.0
@@ -23,11 +23,11 @@ def test_noisy_cells_are_named_and_not_used(shape, kind):
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize("kind", yardstick.TOUCHED)
+@pytest.mark.parametrize("kind", resting.TOUCHED)
 def test_what_touches_is_refused(shape, kind):
     board, rng = Unknown(shape, 32), np.random.default_rng(32)
     with pytest.raises(ValueError, match="does something touch"):
-        measure_rest(yardstick.touched(board, kind, 60, rng), board.supposed)
+        measure_rest(resting.touched(board, kind, 60, rng), board.supposed)
 
 
 def test_neighbours_that_move_together_are_refused():

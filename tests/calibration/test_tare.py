@@ -6,12 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
-from tactile_skin.board import simulator
 from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.calibration.tare import Tare
 from tactile_skin.calibration.touched import AT_REST as MOST
-from tactile_skin.learning import scenes
 from tactile_skin.physics.curve import GRAM
+from tactile_skin.simulation import scenes, simulator
 from tactile_skin.solvers.evidence import SOFT, Supposed
 from tactile_skin.solvers.reading import check_reading
 

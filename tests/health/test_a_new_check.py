@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from yardsticks.doctor import Case
+from support.damaged import Case
 
 from tactile_skin import diagnose
 from tactile_skin.findings.finding import Finding, Kind, at

@@ -1,11 +1,11 @@
 """`diagnose` names the line or cell that is bad, and nothing on a sound board."""
 
 import re
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from support.damaged import KINDS, Case, explains
+from support.weights import known
 
 from tactile_skin import Circuit, cli, diagnose, forward
 from tactile_skin.board.frame import Counters
@@ -13,11 +13,7 @@ from tactile_skin.commands import doctor as command
 from tactile_skin.health.doctor.wiring import Wires, search
 from tactile_skin.middleware.config import skin_of
 from tactile_skin.physics.readouts import DRIVEN, READOUTS
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "yardsticks"))
-from doctor import KINDS, Case, explains
-from yardsticks.curve_fit import known
-from yardsticks.identify import Unknown
+from tactile_skin.simulation.unknown import Unknown
 
 SHAPE, SECONDS = (10, 12), 40.0
 

@@ -1,32 +1,28 @@
 """A board that is configured as another readout: the doctor names the one that fits."""
 
 import re
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from kirchhoff import forward_voltage
-from yardsticks.diodes import recorded as recorded_behind
+from support.damaged import KINDS as FAULTS
+from support.damaged import Case, explains
+from support.diodes import recorded as recorded_behind
+from support.kirchhoff import forward_voltage
 
 from tactile_skin import Circuit, PressureCurve, compensate, diagnose, measure_rest
-from tactile_skin.bench.damage import streams
-from tactile_skin.bench.damage.board import KNOTS, FaultBoard
-from tactile_skin.board import simulator
 from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.commands.doctor import touches_note
 from tactile_skin.health.doctor import ignored_diode
 from tactile_skin.health.doctor.recorded import record
 from tactile_skin.health.doctor.wiring import Damage, Wires, search
-from tactile_skin.learning import scenes
 from tactile_skin.physics.adc import Adc
 from tactile_skin.physics.circuit import forward
 from tactile_skin.physics.readouts import PASSIVE
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "yardsticks"))
-from doctor import KINDS as FAULTS
-from doctor import Case, explains
+from tactile_skin.simulation import scenes, simulator
+from tactile_skin.simulation.board import KNOTS, FaultBoard
+from tactile_skin.simulation.touches import everyday
 
 CURVE = PressureCurve()
 KINDS = [
@@ -50,7 +46,7 @@ def recorded(request):
     """A kind, and 40 s of touches of such a board, 20 frames a second."""
     circuit, rng = skin(request.param), np.random.default_rng(17)
     board = FaultBoard(circuit, CURVE, rng)
-    force = streams.everyday(circuit.populated, 40.0, rng, CURVE.max_force, hard=False).force
+    force = everyday(circuit.populated, 40.0, rng, CURVE.max_force, hard=False).force
     steps = board.ratio(force[:: KNOTS // 20]) * 1023.0
     steps += 0.5 * rng.standard_normal(steps.shape)
     return request.param, np.clip(np.rint(steps), 0.0, 1023.0) / 1023.0
@@ -224,7 +220,7 @@ def other_boards(circuit, seed):
     """40 s of light touches of a board that its owner is about to describe wrongly."""
     rng = np.random.default_rng(seed)
     board = FaultBoard(circuit, CURVE, rng)
-    force = streams.everyday(circuit.populated, 40.0, rng, CURVE.max_force, hard=False).force
+    force = everyday(circuit.populated, 40.0, rng, CURVE.max_force, hard=False).force
     steps = board.ratio(force[:: KNOTS // 20]) * 1023.0
     steps += 0.5 * rng.standard_normal(steps.shape)
     return np.clip(np.rint(steps), 0.0, 1023.0) / 1023.0

@@ -5,9 +5,9 @@ import pytest
 
 from tactile_skin import Circuit, PressureCurve, forward
 from tactile_skin.health.skin import Skin
-from tactile_skin.learning import scenes
 from tactile_skin.physics.adc import Adc
 from tactile_skin.physics.creep import Creep
+from tactile_skin.simulation import scenes
 
 CIRCUIT, CURVE = Circuit(8, 8), PressureCurve()
 FRAME = 0.01  # s

@@ -5,7 +5,8 @@ import pytest
 
 from tactile_skin import Circuit, PressureCurve, forward
 from tactile_skin.cli import main
-from tactile_skin.learning import network, scenes
+from tactile_skin.learning import network
+from tactile_skin.simulation import scenes
 
 CIRCUIT, CURVE = Circuit(), PressureCurve()
 

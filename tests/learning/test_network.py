@@ -7,8 +7,9 @@ import pytest
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.bench.measure import GHOST, frames
-from tactile_skin.learning import network, scenes
+from tactile_skin.learning import network
 from tactile_skin.physics.curve import GRAM
+from tactile_skin.simulation import scenes
 
 torch = pytest.importorskip("torch", reason="the extra train")
 make_net = pytest.importorskip("tactile_skin.learning.training").make_net
@@ -127,7 +128,7 @@ def test_shipped_weights_say_what_they_are():
     assert weights.meta["config"]["pairs"] >= 48_000
     assert weights.meta["config"]["validation"] >= 12_000
     assert weights.meta["config"]["start"] == ""  # from nothing, by a script that is here
-    assert (Path(__file__).parents[1] / "yardsticks" / weights.meta["made by"]).exists()
+    assert (Path(__file__).parents[2] / "benchmarks/training" / weights.meta["made by"]).exists()
     assert {"seed", "epochs", "loss"} <= set(weights.meta["config"])
     assert weights.meta["epoch"] >= 1 and weights.meta["validation_g"] > 0
 

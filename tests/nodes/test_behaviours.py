@@ -13,9 +13,7 @@ from test_nodes import FRAME, GEOMETRY, Chain
 
 from tactile_skin import Circuit, PressureCurve, compensate
 from tactile_skin.behaviours.stop import OUT_OF_DATE, StopConfig, StopPolicy
-from tactile_skin.board import simulator
 from tactile_skin.board.protocol import BinaryParser
-from tactile_skin.learning import scenes
 from tactile_skin.middleware.bus import Time
 from tactile_skin.msg import (
     DiagnosticArray,
@@ -31,6 +29,7 @@ from tactile_skin.nodes.observers.monitor import Monitor
 from tactile_skin.nodes.push_to_move import PushToMove
 from tactile_skin.nodes.stop_on_push import STATUS_TOPIC
 from tactile_skin.nodes.touch_events import PushListener, StrokeListener
+from tactile_skin.simulation import scenes, simulator
 from tactile_skin.touch.events import Pushed, Released
 
 ALL_AROUND = 2 * math.pi * 0.15 / 16  # m, pitch of 16 columns around the whole cylinder

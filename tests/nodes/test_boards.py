@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from tactile_skin import Circuit, PressureCurve, forward
-from tactile_skin.board.simulator import fabric
 from tactile_skin.calibration.tracker import CircuitTracker
 from tactile_skin.findings.finding import Kind
 from tactile_skin.middleware.bus import (
@@ -34,6 +33,7 @@ from tactile_skin.nodes.compensation import Compensation
 from tactile_skin.nodes.observers.monitor import Monitor
 from tactile_skin.nodes.stop_on_push import STATUS, STATUS_TOPIC, StopOnPush, stop_message_of
 from tactile_skin.physics.adc import NOT_READ, Adc
+from tactile_skin.simulation.fabric import resting_curve
 
 CELL_AREA = 1.44e-4
 CIRCUIT = Circuit(8, 12, r_ref=4700.0, r_par=70.0, adc_bits=12)
@@ -49,7 +49,7 @@ class Fed:
 
     def __init__(self, adc: Adc, **parameters):
         self.adc, self.rng = adc, np.random.default_rng(3)
-        self.curve = fabric(PressureCurve(), CIRCUIT.shape, seed=3)
+        self.curve = resting_curve(PressureCurve(), CIRCUIT.shape, seed=3)
         self.clock = ManualClock(10.0)
         context = Context(self.clock)
         self.executor = SingleThreadedExecutor()

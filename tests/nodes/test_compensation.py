@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from tactile_skin import Circuit, PressureCurve, forward
-from tactile_skin.learning import scenes
 from tactile_skin.middleware.bus import (
     Context,
     ManualClock,
@@ -24,6 +23,7 @@ from tactile_skin.msg import (
     image_array,
 )
 from tactile_skin.nodes.compensation import LATCHED, Compensation
+from tactile_skin.simulation import scenes
 
 CIRCUIT = Circuit(8, 8)
 FRAME = 0.01  # s

@@ -5,7 +5,6 @@ from collections import defaultdict
 import numpy as np
 import pytest
 
-from tactile_skin.learning.scenes import finger
 from tactile_skin.middleware.bus import (
     Context,
     ManualClock,
@@ -23,6 +22,7 @@ from tactile_skin.msg import (
     image,
 )
 from tactile_skin.nodes.gesture_feature import GestureFeature
+from tactile_skin.simulation.scenes import finger
 
 CELL_AREA = 1.44e-4  # m^2
 

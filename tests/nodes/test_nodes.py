@@ -6,12 +6,10 @@ from collections import defaultdict
 
 import numpy as np
 import pytest
-from simulated import CIRCUIT, PATIENCE, serving
+from support.simulated import CIRCUIT, PATIENCE, serving
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
-from tactile_skin.board import simulator
 from tactile_skin.board.protocol import BinaryParser
-from tactile_skin.learning import scenes
 from tactile_skin.middleware.bus import (
     Context,
     ManualClock,
@@ -44,6 +42,8 @@ from tactile_skin.nodes.observers.monitor import Monitor
 from tactile_skin.nodes.push_arrow import PushArrow
 from tactile_skin.nodes.serial_driver import SerialDriver
 from tactile_skin.nodes.stop_on_push import HEARTBEAT, LATCHED, STATUS_TOPIC, StopOnPush
+from tactile_skin.simulation import scenes, simulator
+from tactile_skin.simulation.fabric import resting_curve
 from tactile_skin.solvers import Estimate
 
 CELL_AREA = 1.44e-4  # m^2
@@ -737,7 +737,7 @@ def test_a_skin_that_is_loaded_from_the_start_stops_until_it_is_let_go():
             steps = np.rint(adc * 1023 * 64 + 32 * rng.standard_normal(adc.shape))
             chain.publish(steps.astype(np.uint16))
 
-    fabric = simulator.fabric(PressureCurve(), (16, 16), seed=1)
+    fabric = resting_curve(PressureCurve(), (16, 16), seed=1)
     texture = np.random.default_rng(2).uniform(0.7, 1.3, (16, 16))
     chain = Chain("auto")
     feel(0.2)

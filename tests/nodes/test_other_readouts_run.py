@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from support.chain import Chain
 
 from tactile_skin import Circuit, PressureCurve
-from tactile_skin.bench.damage.chain import Chain
-from tactile_skin.board.simulator import SCANS_PER_SECOND, Board
-from tactile_skin.learning import scenes
+from tactile_skin.simulation import scenes
+from tactile_skin.simulation.simulator import SCANS_PER_SECOND, Board
 
 
 def pushed(t: float) -> np.ndarray:

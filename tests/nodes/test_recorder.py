@@ -12,17 +12,16 @@ import time
 import numpy as np
 import pytest
 import yaml
-from simulated import CIRCUIT, PATIENCE, make_board, serving
+from support.simulated import CIRCUIT, PATIENCE, make_board, serving
 
 from tactile_skin import PressureCurve
-from tactile_skin.board import simulator
 from tactile_skin.errors import FileError, RosError
 from tactile_skin.launch import find, launch, read_plan
-from tactile_skin.learning import scenes
 from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Image
 from tactile_skin.recording import Recording
 from tactile_skin.replay.replay import Replay
 from tactile_skin.ros import launch_processes
+from tactile_skin.simulation import scenes, simulator
 
 pytest.importorskip("mcap")
 SHARED = {"circuit": {"rows": CIRCUIT.rows, "cols": CIRCUIT.cols}}
@@ -181,7 +180,7 @@ def test_a_full_disk_is_in_the_summary_and_in_the_status(tmp_path):
 
 
 def test_a_killed_process_leaves_all_but_the_last_second(tmp_path):
-    """Once here; twenty times by tests/yardsticks/recording.py."""
+    """Once here; twenty times by benchmarks.running.recording."""
     path = tmp_path / "a.mcap"
     command = [sys.executable, "-m", "tactile_skin", "record", path, "demo.launch.yaml"]
     process = subprocess.Popen(

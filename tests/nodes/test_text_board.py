@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from simulated import PATIENCE, TextBoard, commas, printed, serving
+from support.simulated import PATIENCE, TextBoard, commas, printed, serving
 
 from tactile_skin.board import protocol
 from tactile_skin.launch import launch, read_skin

@@ -1,3 +1,3 @@
 """Every test here runs over both implementations of the inner loops."""
 
-from implementations import implementation  # noqa: F401
+from support.implementations import implementation  # noqa: F401

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from kirchhoff import DIODES, behind_diodes, forward_voltage, nodal_reading
-from yardsticks import insole
+from support import insole
+from support.kirchhoff import DIODES, behind_diodes, forward_voltage, nodal_reading
 
 from tactile_skin import Circuit, PressureCurve, compensate
 from tactile_skin.board.text import TextParser
@@ -21,7 +21,7 @@ def test_by_default_a_count_is_the_ratio_times_the_largest_one():
 
 
 def test_an_esp32_reads_nothing_up_to_142_mv():
-    """Of the insole's recorder: 176.2 counts, on a divider of 4096.3 counts (yardsticks/insole)."""
+    """Of the insole's recorder: 176.2 counts, on a divider of 4096.3 counts (support/insole)."""
     adc = Adc(CIRCUIT, offset=176.2, full_scale=4096.3)
     np.testing.assert_allclose(adc.ratio_of(SAMPLES), np.minimum((STEPS + 176.2) / 4096.3, 1.0))
     assert adc.threshold(500.0) == pytest.approx(676.2 / 4096.3)
@@ -155,7 +155,7 @@ def test_what_leaves_no_reading_is_refused(kwargs, message):
         Adc(**{"circuit": CIRCUIT} | kwargs)
 
 
-def test_the_lines_of_a_real_insole_become_the_ratios_of_its_yardstick():
+def test_the_lines_of_a_real_insole_become_the_ratios_of_its_source():
     """32 x 10 with no sensor in some places, an ESP32's ADC, printed with empty fields."""
     with np.load(Path(__file__).parents[1] / "data" / "insole_floating.npz") as data:
         counts = data["counts"][::9]

@@ -1,10 +1,10 @@
 """The forward model against Kirchhoff's equations, and the laws that it must obey."""
 
-import kirchhoff
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support import kirchhoff
 
 from tactile_skin import Circuit, forward
 from tactile_skin.physics.circuit import jacobian

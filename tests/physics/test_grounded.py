@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from kirchhoff import nodal_reading
+from support.kirchhoff import nodal_reading
 
 from tactile_skin import Circuit
 from tactile_skin.physics.grounded import closed_form, within_bounds

@@ -11,11 +11,11 @@ import time
 
 import numpy as np
 import pytest
-from implementations import COMPILED
+from support.implementations import COMPILED
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
-from tactile_skin.learning import scenes
 from tactile_skin.physics import kernel, laplacian
+from tactile_skin.simulation import scenes
 
 pytestmark = pytest.mark.skipif(COMPILED is None, reason="no compiler was found at installation")
 SIZES = [(1, 1), (1, 5), (5, 1), (3, 2), (16, 16), (8, 24), (24, 8), (32, 32), (63, 1)]

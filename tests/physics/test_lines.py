@@ -1,12 +1,14 @@
 """The stripes' resistance, against two networks of another author's making."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from tactile_skin.bench.textile import two_terminal
 from tactile_skin.physics import laplacian, lines
 from tactile_skin.physics.circuit import Circuit, forward, jacobian
 from tactile_skin.physics.laplacian import two_terminal_resistance as ideal
+from tactile_skin.simulation.network import Wiring, between_leads
 
 
 def cells(shape, seed=0):
@@ -16,13 +18,14 @@ def cells(shape, seed=0):
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 4), (2, 2), (5, 7), (16, 16)])
-def test_the_literal_network_is_that_of_the_benchs_textile(shape):
+def test_the_literal_network_is_that_of_the_simulation(shape):
     """It eliminates the nodes otherwise: its unknowns are the cells' currents."""
     g = cells(shape)
     for r_line in (0.0, 0.1, 10.0, 1000.0):
+        wiring = replace(Wiring.sound(*shape), stripe=r_line, leakage=0.0)
         rows, cols = (np.full(n, r_line) for n in shape)
         found = lines.solve(g, rows, cols).rho
-        np.testing.assert_allclose(found, two_terminal(1.0 / g, r_line), rtol=1e-9)
+        np.testing.assert_allclose(found, between_leads(g[None], wiring)[0], rtol=1e-9)
 
 
 def test_a_single_crossing_by_hand():

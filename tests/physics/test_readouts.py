@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from kirchhoff import nodal_reading
+from support.kirchhoff import nodal_reading
 
 from tactile_skin import Circuit, forward
 from tactile_skin.physics import readouts

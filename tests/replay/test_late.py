@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from tactile_skin import Circuit, PressureCurve, forward
-from tactile_skin.learning import scenes
 from tactile_skin.middleware.bus import (
     Context,
     ManualClock,
@@ -17,6 +16,7 @@ from tactile_skin.nodes.compensation import Compensation
 from tactile_skin.recording import Recording, cdr, configuration
 from tactile_skin.recording.writer import Writer
 from tactile_skin.replay.replay import Replay
+from tactile_skin.simulation import scenes
 
 pytest.importorskip("mcap")
 CIRCUIT = Circuit(8, 8)

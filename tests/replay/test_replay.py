@@ -5,13 +5,13 @@ import pytest
 import yaml
 
 from tactile_skin import Circuit, PressureCurve, forward
-from tactile_skin.board.simulator import fabric
 from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Header, Image, Time, image
 from tactile_skin.recording import Recording, cdr, configuration
 from tactile_skin.recording.writer import Writer
 from tactile_skin.replay.compare import compare, draw, table
 from tactile_skin.replay.replay import Replay
 from tactile_skin.replay.results import Job, collect
+from tactile_skin.simulation.fabric import resting_curve
 
 pytest.importorskip("mcap")
 CIRCUIT = Circuit(6, 7)
@@ -23,7 +23,7 @@ NODES = "compensation", "gesture_feature", "serial_driver"
 
 def write(path, seconds=6.0, parameters=None, gap=None):
     """A skin at rest for 3 s, then a push of 40 N every other second; noise of 1 step."""
-    rng, curve = np.random.default_rng(4), fabric(PressureCurve(), CIRCUIT.shape, seed=4)
+    rng, curve = np.random.default_rng(4), resting_curve(PressureCurve(), CIRCUIT.shape, seed=4)
     attached = {f"/{name}": CELLS | (parameters or {}).get(name, {}) for name in NODES}
     writer = Writer(path, configuration.attachments(attached), START)
     shape = np.zeros(CIRCUIT.shape)

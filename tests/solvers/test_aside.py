@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
-from tactile_skin.bench.textile import Textile
-from tactile_skin.bench.textile import read as textile_read
-from tactile_skin.learning import scenes
 from tactile_skin.physics.curve import GRAM
+from tactile_skin.simulation import scenes
+from tactile_skin.simulation.textile import Textile
+from tactile_skin.simulation.textile import read as textile_read
 
 CIRCUIT, CURVE = Circuit(), PressureCurve()
 

@@ -5,8 +5,8 @@ import pytest
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.bench.measure import moving_touch
-from tactile_skin.learning import scenes
 from tactile_skin.physics.curve import GRAM
+from tactile_skin.simulation import scenes
 from tactile_skin.solvers import METHODS
 
 CIRCUIT, CURVE = Circuit(), PressureCurve()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
-from tactile_skin.learning import scenes
+from tactile_skin.simulation import scenes
 from tactile_skin.solvers import METHODS, Estimate
 
 CIRCUIT, CURVE = Circuit(), PressureCurve()

@@ -4,14 +4,14 @@ import dataclasses
 
 import numpy as np
 import pytest
-from yardsticks import prior as yardstick
-from yardsticks.solvers import accuracy, with_net
+from support.accuracy import accuracy, with_net
+from support.prior import family as by_family
+from support.prior import load as load_of
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
-from tactile_skin.bench import textile
-from tactile_skin.bench.faults import EVERYDAY, FAULTS, faulty
-from tactile_skin.learning import scenes
+from tactile_skin.bench.troubles import EVERYDAY, FAULTS, faulty
 from tactile_skin.physics.curve import GRAM
+from tactile_skin.simulation import scenes, textile
 from tactile_skin.solvers import map as map_solver
 from tactile_skin.solvers import prior
 from tactile_skin.solvers.map import _gauss_newton, _Point
@@ -162,7 +162,7 @@ def test_the_step_goes_down_the_true_cost():
 @pytest.mark.parametrize("family", ["bodies", "pictures"])
 def test_neighbours_say_more_of_a_cell_than_the_built_in_prior(family):
     """On touches that nothing was tuned on, with a spread that stays honest."""
-    table = yardstick.family(family, 30, seed=71, noise=SCAN_NOISE)
+    table = by_family(family, 30, seed=71, noise=SCAN_NOISE)
     error = {name: row["error"].mean() for name, row in table.items()}
     assert error["map"] < 0.97 * error["built-in prior"] < 0.97 * error["newton"]
     assert 0.58 < table["map"]["within"] < 0.78
@@ -188,7 +188,7 @@ def test_what_neighbours_say_gives_way_to_the_readings(monkeypatch):
 def test_hard_bodies_on_half_of_the_skin_are_no_load_on_all_of_it(seed):
     """The first guess lifts the cells beside them; as they return to rest, the level prior goes."""
     rng = np.random.default_rng(seed)
-    force = yardstick.load("large bodies", 1, rng)[0]
+    force = load_of("large bodies", 1, rng)[0]
     adc = scan(force, rng)
     found, exact = (
         np.abs(compensate(adc, CIRCUIT, CURVE, method, noise=SCAN_NOISE).force - force).mean()

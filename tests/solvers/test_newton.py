@@ -7,12 +7,12 @@ from hypothesis import strategies as st
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.bench.measure import moving_touch
-from tactile_skin.learning import scenes
 from tactile_skin.physics import laplacian
 from tactile_skin.physics.conjugate_gradients import conjugate_gradients
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.physics.laplacian import two_terminal_resistance
 from tactile_skin.physics.readouts import solve
+from tactile_skin.simulation import scenes
 from tactile_skin.solvers.newton import _height
 from tactile_skin.solvers.reading import check_reading
 

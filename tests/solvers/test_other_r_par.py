@@ -1,23 +1,24 @@
 """An r_par that is not the circuit's: found where it is, and not where it is not."""
 
 import dataclasses
+import zlib
 
 import numpy as np
 import pytest
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
-from tactile_skin.bench.damage import reliability, streams
-from tactile_skin.bench.damage.board import FaultBoard
-from tactile_skin.bench.textile import Textile, read
 from tactile_skin.calibration.rest import resting_conductance
-from tactile_skin.learning import scenes
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.physics.readouts import PASSIVE
+from tactile_skin.simulation import scenes, touches
+from tactile_skin.simulation.board import FaultBoard
+from tactile_skin.simulation.textile import Textile, read
 from tactile_skin.solvers.reading import SCAN_NOISE, check_reading
 from tactile_skin.solvers.rivals import other_r_par
 
 CIRCUIT, CURVE = Circuit(), PressureCurve()
-PALM = reliability._seed(67003, "16x16-loaded-rows", "text", "single", 1.0, True)
+_SKIN = "16x16-loaded-rows", "text", "single", 1.0, True
+PALM = [67003, *(zlib.crc32(str(word).encode()) for word in _SKIN)]  # its seed in the benchmark
 
 
 def block(force=250.0, circuit=CIRCUIT):
@@ -217,11 +218,11 @@ def test_an_even_load_on_all_cells_is_no_fault(readout, scatter):
 def test_a_palm_with_a_soft_rim_is_no_other_r_par():
     """Its rim leaves lightly touched cells; an r_par without them must explain as much.
 
-    One of the pushes of `bench faults` on sound boards, which was taken for one in 10 of 57 frames.
+    A push of `benchmarks.faults` on sound boards, taken for one in 10 of 57 frames.
     """
     circuit, rng = Circuit(16, 16, readout="loaded"), np.random.default_rng(PALM)
     board = FaultBoard(circuit, CURVE, rng, 1.0, "text", "single")
-    scene = streams.everyday(circuit.populated, 24.0, rng, CURVE.max_force, False)
+    scene = touches.everyday(circuit.populated, 24.0, rng, CURVE.max_force, False)
     rest = resting_conductance(board.ratio(np.zeros((1, 16, 16)))[0], circuit, 0.2)
     curve, noise = CURVE.resting_at(1.0 / rest), np.random.default_rng(1)
     force = scene.force[185:1000:5]

@@ -8,8 +8,8 @@ import pytest
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.bench.measure import frames
 from tactile_skin.calibration.rest import resting_conductance
-from tactile_skin.learning import scenes
 from tactile_skin.physics.curve import GRAM
+from tactile_skin.simulation import scenes
 from tactile_skin.solvers import check_reading
 from tactile_skin.solvers.fixed_point import first_guess
 from tactile_skin.solvers.reading import SCAN_NOISE

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from yardsticks import insole
+from support import insole
 
 with np.load(Path(__file__).parents[1] / "data" / "insole_floating.npz") as data:
     FRAMES, ROW, COL, RECORDING = (data[n] for n in ("counts", "row", "col", "recording"))

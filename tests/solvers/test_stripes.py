@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
-from tactile_skin.learning import scenes
 from tactile_skin.physics.curve import GRAM
+from tactile_skin.simulation import scenes
 from tactile_skin.solvers import METHODS
 
 CURVE = PressureCurve()

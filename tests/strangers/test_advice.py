@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from strangers.sim import counts, fabric, finger, touches
+from support.chain import Chain
+from support.strangers.sim import counts, fabric, finger, touches
 
 from tactile_skin import Circuit, diagnose, identify, measure_rest
-from tactile_skin.bench.damage.chain import Chain
 from tactile_skin.health.doctor.advice import Change, is_safe
 
 PALM = 45.0  # N

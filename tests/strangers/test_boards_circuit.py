@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from strangers.sim import counts, fabric, finger, touches
-from yardsticks import esp32
+from support import esp32
+from support.strangers.sim import counts, fabric, finger, touches
 
 from tactile_skin import (
     Circuit,
@@ -114,7 +114,7 @@ def test_a_method_that_takes_values_only_refuses_bounds():
 
 @pytest.mark.parametrize("r_ref", [1000.0, 4700.0])
 def test_an_esp32_is_felt_right_and_does_not_stop(r_ref):
-    """Of the chips that others measured, with noise; tests/yardsticks/esp32.py has more."""
+    """Of the chips that others measured, with noise; benchmarks/boards/esp32.py has more."""
     circuit, felt = board(r_ref), []
     readings, force = esp32.frames(circuit, (7, 1), 1, seconds=25.0, offset=0.0, gain=0.0)
     skin, faults = skin_of(Adc(circuit, table="esp32")), 0

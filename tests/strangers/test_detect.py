@@ -6,8 +6,8 @@ import re
 import numpy as np
 import pytest
 import yaml
-from strangers import boards, sim
-from strangers.pty_board import PtyBoard
+from support.strangers import boards, sim
+from support.strangers.pty_board import PtyBoard
 
 from tactile_skin import Circuit
 from tactile_skin.board.formats import make_format, make_parser

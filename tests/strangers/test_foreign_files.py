@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from strangers import sim
+from support.strangers import sim
 
 from tactile_skin import Circuit
 from tactile_skin.cli import main

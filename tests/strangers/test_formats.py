@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from strangers import boards, sim
+from support.strangers import boards, sim
 
 from tactile_skin import Circuit
 from tactile_skin.board.formats import make_format, make_parser

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from strangers import sim
 from strangers.test_advice import minus_baseline, played
+from support.strangers import sim
 
 from tactile_skin import Circuit, diagnose
 from tactile_skin.cli import main

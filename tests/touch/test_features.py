@@ -7,7 +7,7 @@ import pytest
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from tactile_skin.learning.scenes import finger
+from tactile_skin.simulation.scenes import finger
 from tactile_skin.touch import features
 from tactile_skin.touch.geometry import make_geometry
 

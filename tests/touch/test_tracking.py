@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_skin.learning.scenes import finger
+from tactile_skin.simulation.scenes import finger
 from tactile_skin.touch import features, tracking
 from tactile_skin.touch.geometry import make_geometry
 from tactile_skin.touch.gestures import Gestures

@@ -12,8 +12,8 @@ import pytest
 
 pytest.importorskip("websockets", reason="serves the page")
 
-import chromium
-from chromium import Chromium, until
+from support import chromium
+from support.chromium import Chromium, until
 
 if chromium.program() is None:
     pytest.skip("no Chromium here: apt-get install chromium", allow_module_level=True)

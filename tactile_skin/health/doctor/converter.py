@@ -10,7 +10,7 @@ from ...physics.circuit import Circuit
 from .readout import BETTER, Touched, misses
 
 # Times noise and model error by which touches of a linear ADC are missed: of boards with a measured
-# ESP32 (tests/yardsticks/esp32.py, seeds 31, 77 and 78; r_ref 1 to 10 kohm) 0.2 to 6.7, and 0.02 to
+# ESP32 (benchmarks.boards.esp32, seeds 31, 77 and 78; r_ref 1 to 10 kohm) 0.2 to 6.7, and 0.02 to
 # 1.1 with its table; of linear ones with r_par or r_ref off, or an offset, 0.8 at most.
 _MISSED = 1.2
 _SCALES = 0.9, 1.05, 1.1, 1.2, 1.3, 1.5  # of linear ADCs whose full scale is not the supply

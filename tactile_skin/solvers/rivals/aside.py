@@ -20,7 +20,7 @@ from ..reading import NEAR_REST, Reading
 from ..suspect import model_variance
 
 # Share of the readings of a frame that carry a value. Chosen on the first halves of recordings of
-# real insoles, scored on their second halves (tests/yardsticks/boards.py).
+# real insoles, scored on their second halves (benchmarks/accuracy/boards.py).
 _MOST = 0.1
 # Share of a column's readings, from one of its ends on, that miss what a touch that moves while the
 # rows are read in turn has left: at least half, where that errs above 30 g (16 x 16 and 8 x 12,

@@ -1,0 +1,1 @@
+"""What each mechanism that doubts readings is worth."""

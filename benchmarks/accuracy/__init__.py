@@ -1,0 +1,1 @@
+"""How far solvers and features are from the truth, and how fast."""

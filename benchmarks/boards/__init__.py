@@ -1,0 +1,1 @@
+"""Boards as they are: firmware, converters, text, another maker's insole."""

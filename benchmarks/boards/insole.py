@@ -1,0 +1,44 @@
+"""Real frames of a floating 32 x 10 insole: does the fit explain them, and what does it show?
+
+FRAMES.npz holds `counts` (n, 32, 10) int16, -1 where there is no sensor, `recording` (n,), which
+foot of which person a frame is of, and `row`, `col` (33, 15), the line numbers from 0 of each cell
+of the insole's picture, -1 where there is none. tests/data/insole_floating.npz is such a file;
+tests/data/insole_floating.txt names its source. docs/insole.md says where the constants are from.
+"""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+from support.insole import ADC_OFFSET, R_REF, circuit, controls, draw, summary, touched
+
+from .. import harness
+
+
+def main(arguments=None) -> None:
+    parser = harness.parser(__doc__, __spec__)
+    parser.add_argument("frames")
+    parser.add_argument("--picture", help="also draw one frame before and after, to this file")
+    parser.add_argument("--controls", type=int, default=40, help="frames for the controls")
+    parser.add_argument("--offset", type=float, default=ADC_OFFSET, help="counts, of the ADC")
+    parser.add_argument("--r-ref", type=float, default=R_REF, help="ohm, of the divider")
+    args = parser.parse_args(arguments)
+    with np.load(args.frames) as data:
+        frames, row, col, recording = (data[n] for n in ("counts", "row", "col", "recording"))
+    keep = touched(frames)
+    frames, recording = frames[keep], recording[keep]
+    skin = circuit(frames[0] >= 0, args.r_ref)
+    if args.picture:
+        draw(frames[(frames > 0).sum((1, 2)).argsort()[len(frames) // 2]], row, col, args.picture)
+    for name in np.unique(recording):
+        found = summary(frames[recording == name], skin, args.offset)
+        print("recording", name, json.dumps(found), flush=True)
+    if args.controls:
+        some = frames[:: max(len(frames) // args.controls, 1)]
+        for name, result in controls(some, row, col).items():
+            print(name, json.dumps(result), flush=True)
+
+
+if __name__ == "__main__":
+    harness.run(main)

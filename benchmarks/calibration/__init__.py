@@ -1,0 +1,1 @@
+"""What a skin learns of its board: rest, circuit, curve, creep."""

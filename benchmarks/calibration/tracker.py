@@ -1,0 +1,73 @@
+"""After how many touches a running skin knows its r_par.
+
+Boards as the doctor's without other faults, r_par off by each factor from the first
+frame on, through the compensation node on a driven clock at 25 or 100 frames a second. `known`: the
+circuit that the node computes with has an r_par within 3 % of `series_scale` of the true one, an
+r_drive within 3 ohm, and keeps them. The time is the tracker's alone, averaged over all frames.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from support.tracked import run
+
+from tactile_skin import Circuit
+from tactile_skin.middleware.threads import one_thread
+
+from .. import harness
+
+
+def y() -> float:
+    """One `numpy.linalg.solve` of 257 equations [s]."""
+    rng = np.random.default_rng(0)
+    a, b, times = rng.random((257, 257)), rng.random(257), []
+    for _ in range(30):
+        begun = time.perf_counter()
+        np.linalg.solve(a, b)
+        times.append(time.perf_counter() - begun)
+    return float(np.median(times))
+
+
+def main(arguments=None) -> list:
+    parser = harness.parser(__doc__, __spec__)
+    parser.add_argument("--boards", type=int, default=12)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seconds", type=float, default=25.0)
+    parser.add_argument("--off", type=float, nargs="+", default=[1.0, 0.8, 0.9, 1.1, 1.2])
+    parser.add_argument("--readout", default="floating")
+    parser.add_argument("--shapes", nargs="+", default=["8x8", "16x16"], metavar="ROWSxCOLS")
+    parser.add_argument("--r-ref", type=float, default=Circuit().r_ref, metavar="OHM")
+    parser.add_argument("--r-par", type=float, default=Circuit().r_par, metavar="OHM")
+    parser.add_argument("--r-drive", type=float, default=0.0, metavar="OHM")
+    args = parser.parse_args(arguments)
+    parts = {"r_ref": args.r_ref, "r_par": args.r_par, "r_drive": args.r_drive}
+    shapes = [tuple(map(int, name.split("x"))) for name in args.shapes]
+    with one_thread():
+        unit, rows = y(), []
+        for factor in args.off:
+            seeds = range(args.seed, args.seed + args.boards)
+            runs = [run(s, factor, args.seconds, shapes, args.readout, **parts) for s in seeds]
+            known = np.array([r[0] for r in runs])
+            off = np.array([r[1] for r in runs])
+            std = np.array([r[2] for r in runs])
+            with np.errstate(invalid="ignore"):
+                z = off / std
+            rms, most = np.sqrt(np.square(off).mean(0)), np.abs(off).max(0)
+            row = {"r_par": factor, "known": known, "off": off, "std": std}
+            rows.append(row | {"messages": [r[3] for r in runs]})
+            words, n = sum(bool(r[3]) for r in runs), len(runs)
+            cost = np.array([r[4] for r in runs])
+            print(
+                f"r_par x {factor:g}: known after touches {np.sort(known).tolist()}; "
+                f"a message on {words} of {n}; error, RMS {rms} ohm, {np.nanstd(z, axis=0)} std; "
+                f"at most {most}; a frame {cost[:, 0].mean() / unit:.2f} y, "
+                f"at most {1e3 * cost[:, 1].max():.0f} ms",
+                flush=True,
+            )
+    return rows
+
+
+if __name__ == "__main__":
+    harness.run(main)

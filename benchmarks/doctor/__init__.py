@@ -1,0 +1,1 @@
+"""What is said of damaged, wrongly described and sound boards."""

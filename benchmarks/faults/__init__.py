@@ -1,0 +1,1 @@
+"""Damaged boards through the complete chain, and what was missed."""

@@ -1,0 +1,1 @@
+"""The running skin: latency, signals, hours, recordings, the page."""

@@ -1,1 +1,0 @@
-"""`tactile-skin bench faults`: damaged boards through the whole chain, and what was missed."""

@@ -1,0 +1,169 @@
+"""The simulated board: the real bytes, on a real serial device (a pseudo-terminal).
+
+It does what the ATmega328P does: scan the matrix, low-pass every sample in integers, send a frame
+now and then. Its fabric's cells differ at rest, as any fabric's do. `Board` is the electronics and
+knows no port; `serve` puts it behind a pty.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from ..board import protocol, text
+from ..board.terminal import Terminal, open_terminal
+from ..physics.adc import Adc
+from ..physics.circuit import Circuit
+from ..physics.curve import PressureCurve
+from .fabric import resting_curve
+from .matrix import Matrix
+
+SCANS_PER_SECOND = 390  # paper section III-B
+FRAMES_PER_SECOND = 100
+_CATCHES_UP = 0.02  # s that the simulation may lag; what it lags more, it leaves out
+SPOKEN = "binary", "text"  # protocols
+BAUD = 1_000_000  # exact on a 16 MHz ATmega328P; a 16x16 frame of 529 bytes takes 5.3 ms
+
+
+class Board:
+    """The electronics: a matrix, ADC noise and rounding, recursive low-pass, framing.
+
+    Attributes:
+        matrix: as it truly is; may be changed.
+        curve: that of its cells.
+
+    Args:
+        seed: of the fabric and of the noise.
+        scene: time since start [s] -> (rows, cols) force per cell [N].
+        noise: RMS noise of one sample, in ADC steps.
+        frames_per_second: frames sent, at most SCANS_PER_SECOND.
+        kind: the protocol that it speaks, "binary" or "text".
+        adc: its converter; None: a count is the ratio times 2^bits - 1.
+    """
+
+    def __init__(
+        self,
+        circuit: Circuit,
+        curve: PressureCurve,
+        scene: Callable[[float], np.ndarray],
+        noise: float = 1.0,
+        frames_per_second: float = FRAMES_PER_SECOND,
+        seed: int = 0,
+        kind: str = "binary",
+        adc: Adc | None = None,
+    ):
+        if kind not in SPOKEN:
+            raise ValueError(f"protocol {kind!r}: must be one of {', '.join(SPOKEN)}")
+        if not 0 < frames_per_second <= SCANS_PER_SECOND:
+            raise ValueError(
+                f"frames_per_second = {frames_per_second!r}: "
+                f"must be above 0, at most {SCANS_PER_SECOND}"
+            )
+        if not noise >= 0:
+            raise ValueError(f"noise = {noise!r} ADC steps: must be 0 or more")
+        self.circuit, self.scene, self._adc = circuit, scene, adc or Adc(circuit)
+        self.matrix = Matrix.resting(circuit, curve, seed)
+        self.curve = resting_curve(curve, circuit.shape, seed)
+        self.noise, self.frames_per_second, self.kind = noise, frames_per_second, kind
+        self._fraction_bits = min(6, 16 - circuit.adc_bits)
+        self._rng = np.random.default_rng(seed)
+        self.restart()
+
+    def restart(self) -> None:
+        """As the reset line of a real board does when its port is opened."""
+        self._scans = 0
+        self._frames = self._sent = 0
+        self._filtered: np.ndarray | None = None
+
+    def skip(self, scans: int) -> None:
+        """Let the time of so many scans go by without them: the computer was too slow for them."""
+        self._scans += scans
+        self._frames = int(self._scans * self.frames_per_second / SCANS_PER_SECOND)
+
+    def scan(self) -> bytes:
+        """Read the whole matrix once; the frame if one is due, else nothing."""
+        t = self._scans / SCANS_PER_SECOND
+        steps = self._adc.count(self.matrix.ratio(self.scene(t)[None])[0])
+        sample = np.rint(steps + self.noise * self._rng.standard_normal(steps.shape))
+        sample = np.clip(sample, 0, self.circuit.full_scale).astype(np.int32)
+        sample <<= self._fraction_bits
+        if self._filtered is None:
+            self._filtered = sample
+        else:  # y += 3/8 (x - y): in noise like a mean of 4 scans, 5 ms behind
+            self._filtered = self._filtered + ((3 * (sample - self._filtered)) >> 3)
+        self._scans += 1
+        due = int(self._scans * self.frames_per_second / SCANS_PER_SECOND)
+        if due == self._frames:
+            return b""
+        self._frames = due
+        self._sent += 1
+        if self.kind == "text":
+            return text.line(self._filtered >> self._fraction_bits)
+        return protocol.encode(
+            self._sent - 1,
+            round(self._scans / SCANS_PER_SECOND * 1e6),
+            self._filtered,
+            self.circuit.adc_bits,
+            self._fraction_bits,
+        )
+
+
+def serve(
+    board: Board,
+    link: Path,
+    running: Callable[[], bool],
+    baud: int = BAUD,
+    on_ready: Callable[[], None] = lambda: None,
+    once: bool = False,
+) -> None:
+    """Put the board behind a pty whose name is the symbolic link `link`, in real time.
+
+    As on a USB board, opening the port restarts it, and what nobody reads is lost. A pty knows no
+    baud rate, so the bytes are paced here. Returns when `running()` is no longer true, or with
+    `once` when whoever read the port has left; calls `on_ready()` once the link is there.
+
+    Raises:
+        FileNotFoundError: there is no folder for `link`.
+        FileExistsError: `link` is there; only the link of a board that is gone is replaced.
+    """
+    with open_terminal(link) as terminal:
+        on_ready()
+        _pump(board, terminal, lambda: running() and not (once and terminal.left()), baud)
+
+
+def _pump(board: Board, terminal: Terminal, running: Callable[[], bool], baud: int) -> None:
+    tick = 1.0 / SCANS_PER_SECOND
+    bytes_per_tick = baud / 10 * tick  # 8N1: ten bits a byte
+    connected = False
+    pending = bytearray()
+    allowance = 0.0
+    next_tick = time.monotonic()
+    while running():
+        next_tick += tick
+        ahead = next_tick - time.monotonic()
+        time.sleep(max(0.0, ahead))
+        if ahead < -_CATCHES_UP:  # a real board's clock does not stand still meanwhile
+            missed = int(-ahead / tick)
+            board.skip(missed)
+            next_tick += missed * tick
+        was, connected = connected, terminal.connected()
+        if not connected:
+            next_tick = time.monotonic()
+            continue
+        if not was:
+            board.restart()
+            pending.clear()
+            allowance, next_tick = 0.0, time.monotonic()
+        terminal.read()  # the board takes no commands; unread input would stop the pty
+        frame = board.scan()
+        if not pending:  # a frame that is due while the last one still goes out is skipped
+            pending += frame
+        allowance = min(allowance + bytes_per_tick, len(pending))
+        n = int(allowance)
+        if n:
+            written = terminal.write(bytes(pending[:n]))
+            del pending[:written]
+            allowance -= written

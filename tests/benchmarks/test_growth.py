@@ -1,0 +1,56 @@
+"""Time against the number of cells."""
+
+import json
+
+import numpy as np
+import pytest
+
+from benchmarks.accuracy import growth
+from tactile_skin.bench import chart
+
+
+def test_a_power_law_has_its_exponent():
+    sizes = [8, 16, 32, 64]
+    assert growth.exponent(sizes, [9.0, *(s**3.0 for s in sizes[1:])]) == pytest.approx(1.5)
+    assert growth.exponent([16], [1.0]) is None
+
+
+# --- the pictures ---
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    pytest.importorskip("matplotlib")
+    chart.prepare()
+
+
+def lines(figure) -> set[tuple]:
+    return {
+        tuple(np.round(line.get_ydata(), 9))
+        for axis in figure.axes
+        for line in axis.get_lines()
+        if len(line.get_ydata())
+    }
+
+
+def test_what_is_drawn_is_what_is_written(drawn, tmp_path):
+    """The growth picture's curves are the numbers of the JSON beside it."""
+    from matplotlib import pyplot as plt
+
+    data = growth.measure(4, 1, sizes=(8, 16))["growth"]
+    machine = {"processor": "p", "cores": 1, "numpy": "n", "scipy": "s", "kernel": "k"}
+    figures = []
+
+    def draw(read_back):
+        figures.append(growth.draw(read_back))
+        return figures[-1]
+
+    chart.write(tmp_path, "growth", data | {"seed": 1, "quick": True, "machine": machine}, draw)
+    written = json.loads((tmp_path / "growth.json").read_text())
+    assert (tmp_path / "growth.png").stat().st_size > 10_000
+    curves = lines(figures[0])
+    for entry in written["methods"].values():
+        for key in ("p50_ms", "mean_g"):
+            if entry[key]:
+                assert tuple(np.round(entry[key], 9)) in curves
+    plt.close("all")

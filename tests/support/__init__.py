@@ -1,0 +1,1 @@
+"""What tests and benchmarks share: oracles, simulated boards, real parts; no scripts."""

@@ -1,0 +1,244 @@
+"""A skin on real ROS: a graph of processes, the bytes that are played to it, a plain subscriber."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import os
+import pickle
+import select
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import tty
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+
+from tactile_skin import launch, ros
+from tactile_skin.board.protocol import BinaryParser, encode
+from tactile_skin.physics.circuit import Circuit
+from tactile_skin.physics.curve import PressureCurve
+from tactile_skin.simulation import scenes, simulator
+from tactile_skin.simulation.fabric import resting_curve
+
+PATIENCE = 60.0  # s, for what must happen
+WARM_UP = 1.0  # s, not counted
+AHEAD = 1e-3  # s by which a stamp may lie before the last byte: the link's jitter is taken out
+DECIDED = ("skin/pressure", "skin/contacts", "skin/wrench", "skin/push_direction")
+
+
+# One fabric for every scene, as one skin has.
+FABRIC = resting_curve(PressureCurve(), Circuit().shape, seed=0)
+
+
+def endless(scene: str = "demo", seed: int = 0, curve: PressureCurve = FABRIC) -> Iterator[bytes]:
+    """The frames of a simulated board, a string of bytes per frame."""
+    circuit = Circuit()
+    played = simulator.Board(
+        circuit, PressureCurve(), scenes.script(scene, *circuit.shape), seed=seed
+    )
+    played.curve = curve
+    while True:
+        if frame := played.scan():
+            yield frame
+
+
+def record(
+    frames: int, scene: str = "demo", seed: int = 0, curve: PressureCurve = FABRIC
+) -> list[bytes]:
+    """So many of them."""
+    return list(itertools.islice(endless(scene, seed, curve), frames))
+
+
+class Player:
+    """Plays frames on a pseudo-terminal, numbered and timed anew as if one board had sent them all.
+
+    Attributes:
+        port: what a serial driver opens.
+        rate: frames a second.
+        written: when each frame's last byte was written [s, time of day].
+    """
+
+    def __init__(self, rate: float = simulator.FRAMES_PER_SECOND):
+        self.rate = rate
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        self.port = os.ttyname(self._slave)
+        self.written: list[float] = []
+        self._number = 0
+
+    def play(self, frames: Iterable[bytes], going: Callable[[], bool] = lambda: True) -> None:
+        """Write all of them, or as many as there are while `going`."""
+        tick = time.monotonic()
+        for frame in frames:
+            if not going():
+                return
+            tick += 1.0 / self.rate
+            time.sleep(max(0.0, tick - time.monotonic()))
+            self._write(self._anew(frame))
+            self.written.append(time.time())
+
+    def _anew(self, frame: bytes) -> bytes:
+        (read,) = BinaryParser().feed(frame)
+        now, bits = round(time.monotonic() * 1e6), read.adc_bits
+        self._number += 1
+        return encode(self._number, now, read.samples, bits, 16 - bits)
+
+    def _write(self, frame: bytes) -> None:
+        """Whole, if a reader that is late makes room within a second."""
+        deadline = time.monotonic() + 1.0
+        while frame and time.monotonic() < deadline:
+            try:
+                frame = frame[os.write(self._master, frame) :]
+            except BlockingIOError:
+                select.select([], [self._master], [], 0.1)
+
+    @contextlib.contextmanager
+    def playing(self, frames: Iterable[bytes]):
+        """Play them in a thread."""
+        over = threading.Event()
+        thread = threading.Thread(
+            target=self.play, args=(frames, lambda: not over.is_set()), name="player"
+        )
+        thread.start()
+        try:
+            yield
+        finally:
+            over.set()
+            thread.join()
+
+    def close(self) -> None:
+        os.close(self._master)
+        os.close(self._slave)
+
+
+class Graph:
+    """ROS on this machine alone, and processes on it; use it with `with`.
+
+    Attributes:
+        env: the environment of its processes.
+        processes: those that run, by name.
+    """
+
+    def __init__(self):
+        self._folder = Path(tempfile.mkdtemp(prefix="tactile_skin_ros_"))
+        self.processes: dict[str, subprocess.Popen] = {}
+        self._count = 0
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = probe.getsockname()[1]
+        self.env = os.environ | {
+            "ROS_HOME": str(self._folder / "ros"),
+            "ROS_LOG_DIR": str(self._folder / "ros"),
+            "ROS_DOMAIN_ID": str(port % 100),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "OMP_NUM_THREADS": "1",
+            "PYTHONUNBUFFERED": "1",
+        }
+
+    def __enter__(self) -> Graph:
+        return self
+
+    def __exit__(self, *_) -> None:
+        for process in self.processes.values():
+            process.send_signal(signal.SIGTERM)
+        for name in tuple(self.processes):
+            self.stop(name)
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def start(self, name: str, words: list[str]) -> None:
+        with open(self.log(name), "ab") as log:
+            self.processes[name] = subprocess.Popen(
+                words, env=self.env, stdout=log, stderr=log, start_new_session=True
+            )
+
+    def start_node(self, action: launch.NodeAction) -> None:
+        self.start(action.name, ros.command(action))
+
+    def log(self, name: str) -> Path:
+        """What a process has printed."""
+        return self._folder / f"{name}.log"
+
+    def said(self, name: str) -> str:
+        return self.log(name).read_text(errors="replace")
+
+    def stop(self, name: str, number: int = signal.SIGTERM) -> int:
+        """Send the signal and wait; the exit status."""
+        process = self.processes.pop(name)
+        process.send_signal(number)
+        try:
+            return process.wait(15.0)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            return process.wait()
+
+    def wait_for(self, happened: Callable[[], bool], what: str) -> None:
+        """Raises:
+        RuntimeError: it did not happen, or a process ended; with what the processes said.
+        """
+        deadline = time.monotonic() + PATIENCE
+        while not happened():
+            ended = [n for n, p in self.processes.items() if p.poll() is not None]
+            if ended or time.monotonic() > deadline:
+                said = "\n".join(f"--- {n}\n{self.said(n)[-2000:]}" for n in self.processes)
+                raise RuntimeError(f"not: {what}; ended: {ended}\n{said}")
+            time.sleep(0.02)
+
+    def listen(self, *topics: str) -> str:
+        """Start a plain subscriber, to all topics if none are named; its name."""
+        self._count += 1
+        name = f"listener_{self._count}"
+        path = self._folder / f"{name}.pickle"
+        words = [
+            sys.executable,
+            str(Path(__file__).with_name("listen_rclpy.py")),
+            str(path),
+            *topics,
+        ]
+        self.start(name, words)
+        return name
+
+    def hears(self, name: str, *words: str) -> bool:
+        """Whether the subscriber has said each of these."""
+        said = self.said(name)
+        return all(word in said for word in words)
+
+    def wait_until_heard(self, name: str, *topics: str) -> None:
+        topics = topics or (
+            *DECIDED,
+            "skin/adc",
+            "skin/stop",
+            "skin/stop_status",
+            "skin/diagnostics",
+        )
+        self.wait_for(
+            lambda: self.hears(name, *(f"heard {t}\n" for t in topics)), f"{name} hears {topics}"
+        )
+
+    def heard(self, name: str) -> list[tuple]:
+        """End the subscriber; what it noted: (topic, arrival [s], stamp [ns], values)."""
+        path = self._folder / f"{name}.pickle"
+        self.stop(name)
+        with path.open("rb") as file:
+            return pickle.load(file)  # our own file
+
+
+def plan_of(port: str, **parameters) -> dict[str, launch.NodeAction]:
+    """The nodes of skin.launch.yaml without the monitor, by name; more parameters for any."""
+    plan = launch.read_plan(launch.find("skin.launch.yaml"), {"port": port})
+    nodes = {a.name: a for a in plan.nodes if a.executable != "monitor"}
+    for name, values in parameters.items():
+        nodes[name].parameters += values.items()
+    return nodes
+
+
+def programs(port: str, separate: bool) -> list[launch.NodeAction]:
+    """What skin.launch.yaml starts on ROS, without the monitor."""
+    given = {"port": port, "monitor": "false", "separate": str(separate).lower()}
+    return launch.read_plan(launch.find("skin.launch.yaml"), given, in_process=False).nodes

@@ -1,0 +1,1 @@
+"""Boards as strangers have them: their sketches, their links, their readings."""
