@@ -95,14 +95,7 @@ def train(table: Table, about: dict, trees: int = TREES, seed: int = 0) -> Gestu
         ModuleNotFoundError: scikit-learn is missing.
     """
     classes, label = np.unique(table.label, return_inverse=True)
-    groups = _folds(table)
-    shares = np.zeros((len(label), len(classes)))
-    for group in np.unique(groups):
-        out = groups == group
-        fitted = _fit(table, label, ~out, trees, seed)
-        shares[np.ix_(out, fitted.classes_)] = fitted.predict_proba(
-            table.features[out].astype(np.float32)
-        )
+    shares = left_out(table, trees, seed)
 
     def loss(sharpness: float) -> float:
         right = sharpened(shares, sharpness)[np.arange(len(label)), label]
@@ -112,6 +105,23 @@ def train(table: Table, about: dict, trees: int = TREES, seed: int = 0) -> Gestu
     everything = np.ones(len(label), bool)
     forest = plain(_fit(table, label, everything, trees, seed))
     return GestureModel(tuple(map(str, classes)), forest, sharpness, about)
+
+
+def left_out(table: Table, trees: int = TREES, seed: int = 0) -> np.ndarray:
+    """Return (rows, classes) shares of the trees, each row by a forest that knew not its person.
+
+    With one person only, by one that knew not its take.
+    """
+    classes, label = np.unique(table.label, return_inverse=True)
+    groups = _folds(table)
+    shares = np.zeros((len(label), len(classes)))
+    for group in np.unique(groups):
+        out = groups == group
+        fitted = _fit(table, label, ~out, trees, seed)
+        shares[np.ix_(out, fitted.classes_)] = fitted.predict_proba(
+            table.features[out].astype(np.float32)
+        )
+    return shares
 
 
 def _folds(table: Table) -> np.ndarray:

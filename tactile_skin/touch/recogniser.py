@@ -34,6 +34,47 @@ NEW, HELD, DECIDED, ENDED = "new", "held", "decided", "ended"
 STATES = (NEW, HELD, DECIDED, ENDED)
 
 
+class Picture(NamedTuple):
+    """The mean of some frames."""
+
+    force: np.ndarray  # (rows, cols) [N], 0 on cells that are not surely touched
+    period: float  # since the picture before [s]
+    first: bool  # whether there was a pause before it
+
+
+class Pictures:
+    """Averages frames to PERIOD, and gates each cell by its standard deviation."""
+
+    def __init__(self):
+        self._frames: list[np.ndarray] = []
+        self._stds: list[np.ndarray] = []
+        self._start = self._last = -math.inf
+        self._first = True
+
+    def update(self, t: float, force: np.ndarray, std: np.ndarray | float = 0.0) -> Picture | None:
+        """Take a frame; return the picture that it completes.
+
+        Args:
+            t: when it was taken [s].
+            force: (rows, cols) on each cell [N].
+            std: (rows, cols) or one, standard deviation of the force [N].
+        """
+        step, self._last = t - self._last, t
+        if not 0.0 < step <= _PAUSE:  # how long this frame lasts is not known
+            self._frames, self._stds, self._start, self._first = [], [], t, True
+            return None
+        self._frames.append(force)
+        self._stds.append(np.broadcast_to(std, force.shape))
+        if t - self._start < PERIOD - step / 2:
+            return None
+        mean = np.mean(self._frames, axis=0)
+        spread = np.mean(self._stds, axis=0) / math.sqrt(len(self._frames))
+        felt = np.where(mean > np.maximum(LIMIT, GATE * spread), mean, 0.0)
+        picture = Picture(felt, t - self._start, self._first)
+        self._frames, self._stds, self._start, self._first = [], [], t, False
+        return picture
+
+
 class Named(NamedTuple):
     """A gesture as it is at a picture."""
 
@@ -88,45 +129,28 @@ class Recogniser:
         self.model, self.pitch, self.reach = model, pitch, reach
         self.min_probability = min_probability
         self._ids = 0
+        self._pictures = Pictures()
         self.reset()
 
     def reset(self) -> None:
         """Forget all gestures, the background too."""
         self._active: list[_Active] = []
         self._background: list[_Background] = []
-        self._frames: list[np.ndarray] = []
-        self._stds: list[np.ndarray] = []
-        self._start = self._last = -math.inf
-        self._pictures = 0
+        self._count = 0
 
     def update(self, t: float, force: np.ndarray, std: np.ndarray | float = 0.0) -> list[Named]:
-        """Take a frame.
-
-        Args:
-            t: when it was taken [s].
-            force: (rows, cols) on each cell [N].
-            std: (rows, cols) or one, standard deviation of the force [N].
+        """Take a frame, as `Pictures.update`.
 
         Returns:
             The gestures that go on or have just ended, where this frame completes a picture; else
             an empty list.
         """
-        step, self._last = t - self._last, t
-        if not 0.0 < step <= _PAUSE:  # how long this frame lasts is not known
+        picture = self._pictures.update(t, force, std)
+        if picture is None:
+            return []
+        if picture.first:
             self.reset()
-            self._start = self._last = t
-            return []
-        self._frames.append(force)
-        self._stds.append(np.broadcast_to(std, force.shape))
-        if t - self._start < PERIOD - step / 2:
-            return []
-        n = len(self._frames)
-        mean = np.mean(self._frames, axis=0)
-        spread = np.mean(self._stds, axis=0) / math.sqrt(n)
-        period = t - self._start
-        self._frames, self._stds, self._start = [], [], t
-        felt = mean > np.maximum(LIMIT, GATE * spread)
-        return self._picture(t, np.where(felt, mean, 0.0), period)
+        return self._picture(t, picture.force, picture.period)
 
     def _picture(self, t: float, force: np.ndarray, period: float) -> list[Named]:
         cells, owner, n = segment(force, TOUCHED)
@@ -143,7 +167,7 @@ class Recogniser:
                 self._active.append(active)
             active.cells = np.union1d(active.cells, touch)
             parts.setdefault(active.id, []).append(touch)
-        self._pictures += 1
+        self._count += 1
         named = []
         for active in tuple(self._active):
             own = np.zeros(force.shape)
@@ -221,7 +245,7 @@ class Recogniser:
     def _judge(self, active: _Active, final: bool) -> bool:
         """Ask the model; return whether the gesture has a label that it had not."""
         episode = active.episode
-        if not final and (self._pictures % EVERY or episode.duration < FIRST):
+        if not final and (self._count % EVERY or episode.duration < FIRST):
             return False
         active.probabilities = self.model.probabilities(episode.features())
         favourite = int(active.probabilities.argmax())
