@@ -52,7 +52,7 @@ def table_of(takes: Sequence[Take]) -> Table:
         rows = [*early, last]
         features += rows
         where += [number] * len(rows)
-        weight += [1.0 / len(early)] * len(early) + [1.0]
+        weight += [1.0 / max(len(early), 1)] * len(early) + [1.0]
         end += [False] * len(early) + [True]
     taken = np.array(where, int)
     return Table(
@@ -170,4 +170,5 @@ def plain(fitted) -> Forest:
         parts["share"].append(np.where(inner[:, None], 0.0, share).astype(np.float16))
         parts["roots"].append(np.array([start], np.int32))
         start += nodes.node_count
-    return Forest(*(np.concatenate(parts[name]) for name in Forest._fields))
+    forest = Forest(*(np.concatenate(parts[name]) for name in Forest._fields))
+    return forest._replace(share=forest.share.astype(float))

@@ -135,7 +135,7 @@ class Hand(NamedTuple):
 
     pose: str
     force: np.ndarray  # (T,) [N]
-    at: np.ndarray  # (T, 2) where it is [m]
+    at: np.ndarray  # (T, 2) where the middle of its pads is [m]
     angle: float  # [rad], of its fingers
     weights: np.ndarray | None = None  # (T, pads) of each pad, where they move by themselves
 
@@ -148,6 +148,8 @@ def pressed(mat: Mat, hand: Hand, person: Person, rng: np.random.Generator) -> n
     tremor = person.tremor * np.cumsum(rng.standard_normal((steps, 2)), 0) / np.sqrt(10.0)
     x, y = mat.points()
     sin, cos = np.sin(hand.angle), np.cos(hand.angle)
+    pads = np.array(POSES[hand.pose])
+    pads[:, :2] -= np.average(pads[:, :2], axis=0, weights=pads[:, 4])
     for k in hand.force.nonzero()[0]:
         at = hand.at[k] + tremor[k]
         dx, dy = x - at[0], y - at[1]
@@ -155,7 +157,7 @@ def pressed(mat: Mat, hand: Hand, person: Person, rng: np.random.Generator) -> n
         if person.left:
             u = -u
         picture = np.zeros(skin.shape)
-        for pad, (px, py, rx, ry, weight) in enumerate(POSES[hand.pose]):
+        for pad, (px, py, rx, ry, weight) in enumerate(pads.tolist()):
             if hand.weights is not None:
                 weight = weight * hand.weights[k, pad]
             along = (u - px * person.size) / (rx * person.size * _PAD)

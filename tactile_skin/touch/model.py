@@ -51,8 +51,9 @@ class GestureModel(NamedTuple):
             "about": self.about,
         }
         text = np.frombuffer(json.dumps(head).encode(), np.uint8)
+        small = self.forest._replace(share=self.forest.share.astype(np.float16))
         with open(path, "wb") as file:
-            np.savez_compressed(file, head=text, **self.forest._asdict())
+            np.savez_compressed(file, head=text, **small._asdict())
 
 
 def sharpened(shares: np.ndarray, sharpness: float) -> np.ndarray:
