@@ -27,6 +27,8 @@ class CommandParser(argparse.ArgumentParser):
 
     def _in_one_style(self, args: list[str]) -> list[str]:
         """Return files, then NAME:=VALUE, then the options that argparse knows."""
+        if any(action.nargs == argparse.PARSER for action in self._actions):
+            return list(args)  # the arguments of a step, which knows them
         options = {s.strip("-"): a for s, a in self._option_string_actions.items()}
         options = {name.replace("-", "_"): action for name, action in options.items()}
         takes_any = any(action.dest == "words" for action in self._actions)

@@ -29,6 +29,7 @@ COMMANDS = {  # name: what it does
     "detect": "find out what a board sends, at which baud rate, and write a parameter file that "
     "reads it",
     "doctor": "which wire or cell is bad: from recorded frames, or from the live board",
+    "gestures": "record gestures of your own, train a recogniser, see how good it is",
     "record": "start the skin and record all that it publishes, with its configuration (MCAP, ROS "
     "2)",
     "replay": "recorded readings through the same nodes again, or to NumPy and CSV",

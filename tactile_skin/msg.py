@@ -45,6 +45,12 @@ class Bool:
 
 
 @dataclass
+class String:
+    TYPE: ClassVar[str] = "std_msgs/msg/String"
+    data: str = ""
+
+
+@dataclass
 class Float32:
     TYPE: ClassVar[str] = "std_msgs/msg/Float32"
     data: float = 0.0

@@ -17,7 +17,7 @@ MAY = {
     "physics": ("files", "yaml_files"),  # the latter while it reads a file: no PyYAML otherwise
     "touch": ("files",),
     "behaviours": (),
-    "learning": ("files", "physics", "simulation"),  # the latter while it trains
+    "learning": ("files", "physics", "simulation", "touch"),  # the latter while it trains
     "solvers": ("files", "physics", "learning", "findings"),
     "readings": (),
     "findings": (),

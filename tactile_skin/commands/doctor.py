@@ -37,7 +37,7 @@ options, name:=value:
 exit status: 0 nothing found, 1 something found, 2 a mistake."""
 
 _BOARD = {leaf.name: leaf for leaf in leaves(parameters.Circuit)}  # circuit.* are arguments
-_KINDS = {
+_KINDS: dict[str, type] = {
     "config": str,
     "rest": str,
     "full_scale": float,

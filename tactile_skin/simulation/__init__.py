@@ -6,7 +6,7 @@ matrix.py    both, in one circuit               converter.py  noise, rounding, a
 textile.py   a matrix by the strength of its    unknown.py    boards whose circuit, curve and creep
              effects                                          are drawn
 board.py     a board in time, and its link      damage.py     what may happen to it
-simulator.py the board of `tactile-skin sim`
+simulator.py the board of `tactile-skin sim`    people/       hands that make gestures
 
 Imports physics and, for the bytes, board. The oracles of the tests share no code with it.
 """

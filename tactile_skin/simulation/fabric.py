@@ -57,7 +57,7 @@ class Fabric:
     @classmethod
     def resting(cls, circuit: Circuit, curve: PressureCurve, seed: int) -> Fabric:
         """Draw one whose cells scatter by 3 % at rest, and in nothing else."""
-        rest = 1.0 / resting_curve(curve, circuit.shape, seed).rest_resistance
+        rest = np.asarray(1.0 / resting_curve(curve, circuit.shape, seed).rest_resistance)
         return cls(curve, circuit.populated, np.ones(circuit.shape), rest)
 
     @property

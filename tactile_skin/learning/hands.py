@@ -1,0 +1,53 @@
+"""Takes of simulated people, on mats of several sizes, and of what is no gesture."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..simulation.people.hands import GESTURES, Mat, Person, perform
+from ..simulation.people.events import EVENTS, happen
+from ..touch.episode import LIMIT
+from ..touch.model import OTHER
+from ..touch.take import Take
+
+MATS = (Mat(16, 16, 0.018), Mat(20, 12, 0.014), Mat(16, 24, 0.025))
+PERIODS = (0.04, 0.04, 0.08)  # s between pictures: of the recogniser, and of a slow board
+PEOPLE = 40
+REPETITIONS = 4
+HAPPENINGS = 80  # of each kind of event
+
+
+def simulated(
+    people: range = range(PEOPLE),
+    repetitions: int = REPETITIONS,
+    happenings: int = HAPPENINGS,
+    events: tuple[str, ...] = tuple(EVENTS),
+) -> Iterator[Take]:
+    """Yield takes of simulated people, one after the other, then of events that are no gesture.
+
+    Args:
+        people: their numbers; the same one is the same person.
+        repetitions: of each gesture by each person.
+        happenings: of each event, which stand for so many different "people".
+    """
+    for number in people:
+        person = Person(number)
+        for k, gesture in enumerate(GESTURES):
+            for repetition in range(repetitions):
+                seed = number * 10_000 + k * 100 + repetition
+                mat, period = MATS[seed % 3], PERIODS[(seed // 3) % 3]
+                pictures = perform(gesture, person, mat, seed, period)
+                yield _take(gesture, f"simulated {number}", pictures, period, mat)
+    first = people.start * 10_000
+    for event in events:
+        for number in range(first, first + happenings):
+            mat, period = MATS[number % 3], PERIODS[(number // 3) % 3]
+            pictures = happen(event, mat, number, period)
+            yield _take(OTHER, f"{event} {number}", pictures, period, mat)
+
+
+def _take(label: str, person: str, pictures: np.ndarray, period: float, mat: Mat) -> Take:
+    felt = np.where(pictures > LIMIT, pictures, 0.0)
+    return Take(label, person, felt, period, mat.pitch)

@@ -1,0 +1,99 @@
+"""gesture_classes: skin/pressure -> what a hand does to the skin, by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ..middleware.bus import Time
+from ..middleware.config import circuit_of, describe, geometry_of
+from ..msg import Header, Image, PointCloud2, String, cloud_columns, cloud_of, image_array
+from ..touch.model import load_model
+from ..touch.recogniser import STATES, Named, Recogniser
+from . import QUEUE
+from .gesture_feature import heard
+
+SHIPPED = Path(__file__).parents[1] / "learning" / "hands.gestures.npz"
+_FIELDS = ("x", "y", "z", "id", "touch", "state", "force", "duration", "label")
+_CODE = {state: float(code) for code, state in enumerate(STATES)}
+_SAME = 2.0  # pitches within which a gesture is of a touch in skin/contacts
+
+
+class GestureClasses:
+    """Publishes skin/gesture, the name of a gesture once a decision, and skin/gesture_classes, a
+    point for each gesture that goes on or has just ended. It has no say in the stop.
+    """
+
+    def __init__(self, node):
+        self.geometry = geometry_of(node, circuit_of(node))
+        text = "file of a recogniser, from 'tactile-skin gestures train'; empty: the package's"
+        path = node.declare_parameter("gestures.model", "", describe(text)).value
+        text = "from which on a gesture is named; less sure ones are 'other'"
+        described = describe(text, 0.3, 1.0, read_only=False)
+        sure = node.declare_parameter("gestures.min_probability", 0.7, described).value
+        self.model = load_model(path or SHIPPED)
+        self.recogniser = Recogniser(self.model, self.geometry.pitch, sure)
+        self._std: np.ndarray | float = 0.0
+        self._contacts = np.zeros((0, 4))  # x, y, z [m], id
+        self._name = node.create_publisher(String, "skin/gesture", 10)
+        self._classes = node.create_publisher(PointCloud2, "skin/gesture_classes", 10)
+        node.on_set_parameters(self.on_parameters)
+        node.create_subscription(Image, "skin/pressure_std", self.on_std, QUEUE)
+        node.create_subscription(PointCloud2, "skin/contacts", self.on_contacts, QUEUE)
+        node.create_subscription(Image, "skin/pressure", self.on_pressure, QUEUE)
+
+    def on_parameters(self, values: dict) -> None:
+        self.recogniser.min_probability = values["gestures.min_probability"]
+
+    def on_std(self, msg: Image) -> None:
+        self._std = image_array(msg) * self.geometry.cell_area
+
+    def on_contacts(self, msg: PointCloud2) -> None:
+        columns = cloud_columns(msg, "x", "y", "z", "id")
+        self._contacts = np.stack([columns[name] for name in ("x", "y", "z", "id")], 1)
+
+    def on_pressure(self, msg: Image) -> None:
+        t = Time.from_msg(msg.header.stamp).nanoseconds / 1e9
+        force = image_array(msg) * self.geometry.cell_area
+        named = self.recogniser.update(t, force, self._std)
+        for gesture in named:
+            if gesture.decided:
+                self._name.publish(String(gesture.label))
+        if named and heard(self._classes):
+            self._classes.publish(self._cloud(named, msg.header))
+
+    def _cloud(self, named: list[Named], header: Header) -> PointCloud2:
+        """A point per gesture: x, y, z [m], id, touch (the nearest id in skin/contacts, 0: none),
+        state (0 new, 1 held, 2 decided, 3 ended), force [N], duration [s], label (place among the
+        classes, -1: not sure, or other), and the probability of each class."""
+        classes = self.model.classes
+        rows = []
+        for gesture in named:
+            at = self._position(gesture)
+            label = classes.index(gesture.label) if gesture.label in classes else -1
+            rows.append(
+                (
+                    *at.tolist(),
+                    gesture.id,
+                    self._touch_at(at) if gesture.force > 0.0 else 0.0,
+                    _CODE[gesture.state],
+                    gesture.force,
+                    gesture.duration,
+                    label,
+                    *(gesture.probabilities.tolist() or [0.0] * len(classes)),
+                )
+            )
+        return cloud_of((*_FIELDS, *(f"p_{name}" for name in classes)), rows, header)
+
+    def _position(self, gesture: Named) -> np.ndarray:
+        row, col = (round(place) for place in gesture.place)
+        return self.geometry.position[row, col]
+
+    def _touch_at(self, at: np.ndarray) -> float:
+        if not len(self._contacts):
+            return 0.0
+        away = np.linalg.norm(self._contacts[:, :3] - at, axis=1)
+        nearest = int(away.argmin())
+        near = away[nearest] < _SAME * self.geometry.pitch
+        return float(self._contacts[nearest, 3]) if near else 0.0

@@ -1,0 +1,1 @@
+"""Hands that make gestures, and events that are none."""

@@ -1,0 +1,113 @@
+"""A take: one performance of one gesture, as pictures in newtons, in a file of plain numbers."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import FileError
+
+SUFFIX = ".take.npz"
+MOST_BYTES = 50_000_000  # of a file: a minute of a 64 x 64 mat at 25 pictures a second
+VERSION = 1  # of the file
+
+
+class Take(NamedTuple):
+    """One performance of one gesture.
+
+    Attributes:
+        label: name of the gesture.
+        person: who made it.
+        pictures: (T, rows, cols) force on touched cells [N], 0 elsewhere.
+        period: between pictures [s].
+        pitch: distance between neighbouring cells [m].
+    """
+
+    label: str
+    person: str
+    pictures: np.ndarray
+    period: float
+    pitch: float
+
+    def save(self, path: str | Path) -> None:
+        """Write the take to an .npz file."""
+        head = {"version": VERSION, "label": self.label, "person": self.person}
+        head |= {"period": self.period, "pitch": self.pitch}
+        text = np.frombuffer(json.dumps(head).encode(), np.uint8)
+        with open(path, "wb") as file:
+            np.savez_compressed(file, head=text, pictures=self.pictures.astype(np.float32))
+
+
+def load_take(path: str | Path) -> Take:
+    """Read a take.
+
+    Raises:
+        FileError: the file is absent, too large, or no take.
+    """
+    path = Path(path)
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise FileError(f"{path}: larger than {MOST_BYTES} bytes: is it a take?")
+        with np.load(path, allow_pickle=False) as data:
+            head = json.loads(bytes(data["head"]).decode())
+            pictures = np.asarray(data["pictures"], float)
+        take = Take(
+            str(head["label"]),
+            str(head["person"]),
+            pictures,
+            float(head["period"]),
+            float(head["pitch"]),
+        )
+        if head["version"] != VERSION:
+            raise ValueError(f"version {head['version']}: must be {VERSION}")
+        if pictures.ndim != 3 or not (np.isfinite(pictures).all() and (pictures >= 0.0).all()):
+            raise ValueError("pictures must be (T, rows, cols), finite and 0 or more")
+        if not (take.period > 0.0 and take.pitch > 0.0):
+            raise ValueError("period and pitch must be above 0")
+    except OSError as error:
+        raise FileError(f"{path}: {error.strerror or error}") from error
+    except (ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
+        raise FileError(f"{path}: is no take: {error}") from error
+    return take
+
+
+def find_takes(paths: Iterable[str | Path]) -> Iterator[Path]:
+    """Yield the files of takes that are named, and those in the folders that are.
+
+    Raises:
+        FileError: a path to nothing, or a folder without takes.
+    """
+    for path in map(Path, paths):
+        if path.is_dir():
+            found = sorted(path.rglob(f"*{SUFFIX}"))
+            if not found:
+                raise FileError(f"{path}: holds no take (*{SUFFIX})")
+            yield from found
+        elif path.exists():
+            yield path
+        else:
+            raise FileError(f"{path}: does not exist")
+
+
+def touches(pictures: np.ndarray, period: float, pause: float = 1.0) -> list[np.ndarray]:
+    """Cut pictures where nothing touches for a while.
+
+    Args:
+        pictures: (T, rows, cols) [N], 0 on cells that are not touched.
+        period: between them [s].
+        pause: without a touch, which parts two takes [s].
+
+    Returns:
+        (T, rows, cols) of each take, from its first touch to its last.
+    """
+    on = pictures.any((1, 2)).nonzero()[0]
+    if len(on) == 0:
+        return []
+    ends = (np.diff(on) * period > pause).nonzero()[0]
+    starts, stops = np.r_[0, ends + 1], np.r_[ends, len(on) - 1]
+    return [pictures[on[a] : on[b] + 1] for a, b in zip(starts, stops, strict=True)]

@@ -1,0 +1,62 @@
+"""A recogniser learns from a few takes, and names those of people that it has not seen."""
+
+import numpy as np
+import pytest
+
+from tactile_skin.learning.gestures import GLANCES, glances, left_out, table_of, train
+from tactile_skin.learning.hands import simulated
+from tactile_skin.touch.episode import FEATURES
+from tactile_skin.touch.model import OTHER, load_model
+from tactile_skin.touch.take import Take
+
+pytest.importorskip("sklearn")
+KNOWN = ("pat", "poke", "stroke", "tickle")
+
+
+@pytest.fixture(scope="module")
+def table():
+    takes = [t for t in simulated(range(8), 3, 12, ("lean", "wall")) if t.label in (*KNOWN, OTHER)]
+    return table_of(takes)
+
+
+def test_people_that_it_has_not_seen_are_understood(table):
+    shares, classes = left_out(table, trees=30), np.unique(table.label)
+    right = classes[shares.argmax(1)] == table.label
+    assert right[table.end].mean() > 0.9
+    assert right[~table.end].mean() > 0.6  # some glances come before a gesture is itself
+
+
+def test_a_model_says_what_it_is_of_and_is_the_same_after_a_file(table, tmp_path):
+    model = train(table, {"people": 8}, trees=20)
+    assert model.classes == tuple(sorted((*KNOWN, OTHER))) and model.about == {"people": 8}
+    model.save(tmp_path / "model.npz")
+    read = load_model(tmp_path / "model.npz")
+    for row in table.features[:20]:
+        assert read.probabilities(row) == pytest.approx(model.probabilities(row))
+
+
+def test_probabilities_are_about_as_often_right(table):
+    classes = np.unique(table.label)
+    model = train(table, {}, trees=30)
+    from tactile_skin.touch.model import sharpened
+
+    sure = sharpened(left_out(table, trees=30), model.sharpness)
+    right = classes[sure.argmax(1)] == table.label
+    for low, high in ((0.5, 0.8), (0.8, 1.01)):
+        some = (sure.max(1) >= low) & (sure.max(1) < high)
+        assert right[some].mean() == pytest.approx(sure.max(1)[some].mean(), abs=0.12)
+
+
+def test_glances_are_those_of_a_gesture_that_goes_on():
+    spot = np.zeros((30, 8, 8))
+    spot[5:, 3, 3] = 1.0
+    early, last = glances(Take("hold", "me", spot, 0.04, 0.018))
+    assert len(early) == sum(t <= 25 * 0.04 for t in GLANCES)
+    durations = np.exp([row[FEATURES.index("duration")] for row in early])
+    assert durations == pytest.approx(GLANCES[: len(early)], abs=0.03)
+    assert last[FEATURES.index("silence")] == pytest.approx(0.4)
+
+
+def test_a_take_without_a_touch_is_left_out():
+    assert glances(Take("hold", "me", np.zeros((9, 8, 8)), 0.04, 0.018)) == ([], None)
+    assert len(table_of([Take("hold", "me", np.zeros((9, 8, 8)), 0.04, 0.018)]).label) == 0

@@ -1,0 +1,59 @@
+"""Simulated hands: the same person is the same hand; performances begin and end untouched."""
+
+import numpy as np
+import pytest
+
+from tactile_skin.simulation.people.hands import (
+    GESTURES,
+    Hand,
+    Mat,
+    Person,
+    perform,
+    pressed,
+    pulse,
+)
+from tactile_skin.simulation.people.events import EVENTS, happen
+
+MAT = Mat(16, 16, 0.018)
+PERIOD = 0.04
+
+
+@pytest.mark.parametrize("gesture", GESTURES)
+def test_a_performance_begins_and_ends_untouched(gesture):
+    pictures = perform(gesture, Person(3), MAT, 5, PERIOD)
+    assert pictures.shape[1:] == (16, 16) and np.isfinite(pictures).all()
+    assert (pictures >= 0.0).all() and pictures.max() > 0.05
+    assert not pictures[0].any() and pictures[-1].sum() < 0.1 * pictures.sum((1, 2)).max()
+
+
+@pytest.mark.parametrize("gesture", GESTURES)
+def test_the_same_numbers_are_the_same_performance(gesture):
+    first, again = (perform(gesture, Person(3), MAT, 5, PERIOD) for _ in range(2))
+    assert np.array_equal(first, again)
+    other = perform(gesture, Person(4), MAT, 5, PERIOD)
+    assert first.shape != other.shape or not np.array_equal(first, other)
+
+
+@pytest.mark.parametrize("event", EVENTS)
+def test_an_event_presses_and_is_the_same_again(event):
+    pictures = happen(event, MAT, 2, PERIOD)
+    assert np.isfinite(pictures).all() and (pictures >= 0.0).all() and pictures.max() > 0.0
+    assert np.array_equal(pictures, happen(event, MAT, 2, PERIOD))
+
+
+def test_a_hand_presses_with_its_force_where_it_is():
+    t = np.arange(0.0, 1.0, PERIOD)
+    force, at = 7.0 * pulse(t, 0.1, 0.8), np.repeat([[0.1, 0.2]], len(t), 0)
+    person = Person(1)
+    pictures = pressed(MAT, Hand("tip", force, at, 0.0), person, np.random.default_rng(0))
+    assert pictures.sum((1, 2)) == pytest.approx(force, abs=1e-9)
+    rows, cols = np.indices((16, 16))
+    total = pictures.sum()
+    centre = (pictures * (cols + 0.5)).sum() / total, (pictures * (rows + 0.5)).sum() / total
+    assert np.array(centre) * MAT.pitch == pytest.approx([0.1, 0.2], abs=0.006)
+
+
+def test_people_differ_in_size_strength_and_tempo():
+    people = [Person(number) for number in range(60)]
+    for name, least in (("size", 0.05), ("strength", 0.25), ("tempo", 0.1), ("tremor", 1e-4)):
+        assert np.std([getattr(person, name) for person in people]) > least

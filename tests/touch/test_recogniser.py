@@ -1,0 +1,131 @@
+"""Which touches are one gesture, and when it is named."""
+
+import numpy as np
+import pytest
+
+from tactile_skin.touch.episode import FEATURES, SILENCE
+from tactile_skin.touch.recogniser import DECIDED, ENDED, STILL, Named, Recogniser
+
+PITCH, RATE, SHAPE = 0.018, 100.0, (16, 16)
+
+
+class Walks:
+    """Stands for a model: a touch whose centre goes far is a stroke."""
+
+    classes = ("press", "stroke")
+
+    def __init__(self, sure: float = 0.95):
+        self.sure = sure
+
+    def probabilities(self, features) -> np.ndarray:
+        far = np.exp(features[FEATURES.index("net_path")]) > 0.05
+        return np.array([1.0 - self.sure, self.sure] if far else [self.sure, 1.0 - self.sure])
+
+
+def spot(row, col, force=2.0) -> np.ndarray:
+    rows, cols = np.indices(SHAPE)
+    cap = np.maximum(1.0 - ((rows - row) ** 2 + (cols - col) ** 2) / 1.5**2, 0.0)
+    return force * cap / cap.sum()
+
+
+def played(frames, recogniser=None, std=0.0) -> list[Named]:
+    recogniser = recogniser or Recogniser(Walks(), PITCH)
+    named = []
+    for k, frame in enumerate(frames):
+        named += recogniser.update(k / RATE, frame, std)
+    return named
+
+
+def nothing(seconds: float) -> list[np.ndarray]:
+    return [np.zeros(SHAPE)] * round(seconds * RATE)
+
+
+def resting(seconds: float, row=3.0, col=3.0, force=20.0) -> list[np.ndarray]:
+    return [spot(row, col, force)] * round(seconds * RATE)
+
+
+def stroke(seconds: float = 0.5, row=10.0, force=2.0) -> list[np.ndarray]:
+    return [spot(row, col, force) for col in np.linspace(2.0, 13.0, round(seconds * RATE))]
+
+
+def decisions(named: list[Named]) -> list[tuple[int, str]]:
+    return [(gesture.id, gesture.label) for gesture in named if gesture.decided]
+
+
+def test_a_gesture_is_named_when_the_model_is_sure_and_ends_after_a_silence():
+    named = played([*stroke(1.5), *nothing(1.0)])
+    assert decisions(named) == [(1, "press"), (1, "stroke")]  # it changes its mind
+    assert [g.state for g in named].count(DECIDED) == 2
+    last = named[-1]
+    assert last.state == ENDED and last.label == "stroke"
+    assert last.duration == pytest.approx(1.5 + SILENCE, abs=0.1)
+
+
+def test_one_that_the_model_is_never_sure_of_is_other():
+    named = played([*stroke(), *nothing(1.0)], Recogniser(Walks(sure=0.6), PITCH))
+    assert decisions(named) == [(1, "other")]
+    assert named[-1].state == ENDED
+
+
+def test_taps_in_one_place_are_one_gesture_and_two_hands_are_two():
+    tap = [spot(8.0, 8.0)] * 10
+    one = played([*tap, *nothing(0.2), *tap, *nothing(0.2), *tap, *nothing(1.0)])
+    assert {g.id for g in one} == {1}
+    apart = [a + spot(12.0, 13.0) for a in stroke(row=3.0)]
+    two = played([*apart, *nothing(1.0)])
+    assert {g.id: g.label for g in two if g.state == ENDED} == {1: "press", 2: "stroke"} or {
+        g.id: g.label for g in two if g.state == ENDED
+    } == {1: "stroke", 2: "press"}
+
+
+def test_fingers_of_one_hand_are_one_gesture():
+    hand = [spot(8.0, 4.0) + spot(8.0, 7.0) + spot(8.0, 10.0)] * 50
+    assert {g.id for g in played([*hand, *nothing(1.0)])} == {1}
+
+
+def test_what_stands_still_becomes_background_beside_which_others_are_named():
+    frames = [
+        *resting(STILL + 0.5),
+        *(still + moving for still, moving in zip(resting(0.5), stroke(), strict=True)),
+        *resting(1.0),
+    ]
+    ended = {g.id: g.label for g in played(frames) if g.state == ENDED}
+    assert ended == {1: "press", 2: "stroke"}
+
+
+def test_background_that_is_pressed_harder_is_a_gesture_again():
+    named = played([*resting(STILL + 0.5), *resting(0.5, force=60.0), *nothing(1.0)])
+    assert {g.id for g in named} == {1, 2}
+
+
+def test_background_that_has_left_is_forgotten():
+    named = played([*resting(STILL + 0.5), *nothing(0.5), *resting(0.5), *nothing(1.0)])
+    assert {g.id for g in named} == {1, 2}
+
+
+def test_a_noisy_skin_sees_less():
+    frames = [*stroke(force=1.0), *nothing(1.0)]
+    assert decisions(played(frames)) and not played(frames, std=1.0)
+
+
+def test_frames_that_stop_coming_end_everything():
+    recogniser = Recogniser(Walks(), PITCH)
+    assert played(stroke(), recogniser)
+    assert all(
+        g.id == 2
+        for k in range(8)
+        if (named := recogniser.update(9.0 + k / RATE, spot(8, 8)))
+        for g in named
+    )
+
+
+@pytest.mark.parametrize("rate", [8.0, 12.0, 25.0, 100.0, 390.0])
+def test_slow_and_fast_boards_name_the_same(rate):
+    recogniser, named = Recogniser(Walks(), PITCH), []
+    steps = round(1.0 * rate)
+    frames = [spot(10.0, col) for col in np.linspace(2.0, 13.0, steps)]
+    frames += [np.zeros(SHAPE)] * round(1.0 * rate)
+    for k, frame in enumerate(frames):
+        named += recogniser.update(k / rate, frame)
+    assert [g.label for g in named if g.state == ENDED] == ["stroke"]
+    assert named[-1].duration == pytest.approx(1.0 + SILENCE, abs=0.3)
