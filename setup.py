@@ -101,6 +101,7 @@ setup(
         "train": ["torch>=2.1", "tqdm>=4.66"],
         "progress": ["tqdm>=4.66"],  # of benchmarks
         "record": ["mcap>=1.6", "rosbags>=0.10"],
+        "gestures": ["scikit-learn>=1.3", "tqdm>=4.66"],  # to train, not to name
         "view": ["websockets>=14.0", "tqdm>=4.66"],
         "foxglove": ["foxglove-sdk>=0.14", "rosbags>=0.10", "mcap>=1.6"],
         "charts": ["matplotlib>=3.8"],
@@ -119,6 +120,7 @@ setup(
             "pytest-rerunfailures>=16.7",
             "rosbags>=0.10",
             "ruff>=0.15",
+            "scikit-learn>=1.3",
             "setuptools>=70.1",  # builds the wheel
             "threadpoolctl>=3.0",
             "tqdm>=4.66",

@@ -45,7 +45,7 @@ from .middleware.signals import SIGNALS, unwinding
 from .middleware.threads import one_thread
 from .msg import DiagnosticArray, Trigger
 from .nodes import diagnostics
-from .touch.events import Pushed, Released, Stroked
+from .touch.events import Gestured, Pushed, Released, Stroked
 
 __all__ = ["LaunchError", "Plan", "Skin", "find", "launch", "read_plan", "share_dir"]
 
@@ -286,20 +286,20 @@ class Skin:
         self._on_event(hook, Released, "stop_on_push")
 
     def on_stroke(self, hook: Callable) -> None:
-        """Call hook(velocity, confidence) when a stroke along the skin begins.
+        """Call hook(velocity, confidence) when a stroke along the skin begins; else as `on_push`.
 
         velocity: (3,) [m/s], in the base frame; confidence: 0 to 1.
-
-        Raises:
-            LaunchError: the launch file starts no gesture_feature.
         """
         self._on_event(hook, Stroked, "gesture_feature")
 
-    def _on_event(self, hook: Callable, kind: type, executable: str) -> None:
-        from .nodes.touch_events import PushListener, StrokeListener
+    def on_gesture(self, hook: Callable) -> None:
+        """Call hook(gesture), a `touch.events.Gesture`, when one is named; needs gestures:=true."""
+        self._on_event(hook, Gestured, "gestures")
 
-        listener = PushListener if executable == "stop_on_push" else StrokeListener
-        nodes = self._started(executable)
+    def _on_event(self, hook: Callable, kind: type, executable: str) -> None:
+        from .nodes.touch_events import LISTENERS
+
+        nodes, listener = self._started(executable), LISTENERS[kind]
         event_hook = EventHook(hook)
         self._hooks.append(event_hook)
 

@@ -45,6 +45,7 @@ PARTS = {
     "compensation": True,
     "gesture_feature": True,
     "stop_on_push": True,
+    "gestures": False,
     "cmd_vel_gate": False,
     "push_to_move": False,
     "monitor": False,

@@ -9,7 +9,6 @@ from collections import Counter
 from pathlib import Path
 
 from ..arguments import split
-from ..files import one_line
 
 EXAMPLES = """\
 Gestures of your own: record some takes of each, train, and run the skin with the model.
@@ -147,7 +146,8 @@ class _Live:
         from .. import launch
 
         given = {"monitor": "false"} | given
-        self._skin = launch.launch(launch.default_file(given), **given)
+        plan = launch.read_plan(launch.find(launch.default_file(given)), given)
+        self._skin = launch.Skin(plan)
         self._geometry = launch.read_skin(given.get("config")).geometry
         self.pitch = self._geometry.pitch
         self._frames: list = []
@@ -230,7 +230,10 @@ def _read(paths):
     from .. import extras
     from ..touch.take import find_takes, load_take
 
-    return [load_take(path) for path in extras.tqdm()(list(find_takes(paths)), desc="takes")]
+    return [
+        load_take(path)
+        for path in extras.tqdm()(list(find_takes(paths)), desc="takes", disable=None)
+    ]
 
 
 def _train(args) -> int:
@@ -248,7 +251,7 @@ def _train(args) -> int:
     if not args.alone:
         from ..learning.hands import PEOPLE, simulated
 
-        takes += extras.tqdm()(simulated(), desc="simulated hands", leave=False)
+        takes += extras.tqdm()(simulated(), desc="simulated hands", leave=False, disable=None)
         people.append(f"{PEOPLE} simulated")
     table = table_of(takes)
     if len(set(table.label)) < 2:
@@ -276,7 +279,7 @@ def _evaluate(args) -> int:
         model = load_model(args.model)
         classes = np.array(model.classes)
         shares = np.array([model.probabilities(row) for row in table.features])
-        print(f"{args.model}, of {one_line(model.about)}")
+        print(f"{args.model}: {model.about}")
     else:
         classes = np.unique(table.label)
         if len(classes) < 2:

@@ -13,7 +13,7 @@ from scipy.optimize import minimize_scalar
 
 from ..touch.episode import FEATURES, SILENCE, Episode
 from ..touch.forest import Forest
-from ..touch.model import GestureModel, sharpened
+from ..touch.model import CLIP, GestureModel, Logistic, common, sharpened
 from ..touch.take import Take
 
 # s of a gesture after which it is learnt as well: a decision need not wait for its end
@@ -24,6 +24,9 @@ CHOICE = 0.3  # share of the features that a node may choose from (as in the stu
 STRONGER = 0.3  # std of the logarithm of force: people press harder or lighter than those recorded
 COPIES = 3  # of each take, with other forces
 FOLDS = 4  # groups of people that are left out in turn, to see how sure the trees may be
+FREEDOM = 0.3  # inverse of the penalty on the regression's weights
+_STEADY = 1e-6  # added to the std of a feature that does not vary
+_NEVER = -50.0  # score of a class that a fit has not seen
 _SHARPEST = 8.0
 _LOGARITHMS_OF_FORCE = (
     *("force_mean", "force_max", "peak_mean", "peak_max", "pressure"),
@@ -67,7 +70,7 @@ def table_of(takes: Sequence[Take]) -> Table:
 
 def glances(take: Take) -> tuple[list[np.ndarray], np.ndarray | None]:
     """Return the features at GLANCES, and at the end of a take; None where nothing touches."""
-    touched = take.pictures.any((1, 2)).nonzero()[0]
+    touched = np.flatnonzero(take.pictures.any((1, 2)))
     if len(touched) == 0:
         return [], None
     episode = Episode(take.pictures.shape[1:], take.pitch, take.period)
@@ -102,25 +105,24 @@ def train(table: Table, about: dict, trees: int = TREES, seed: int = 0) -> Gestu
         return -float(table.weight @ np.log(right))
 
     sharpness = float(minimize_scalar(loss, bounds=(0.5, _SHARPEST), method="bounded").x)
-    everything = np.ones(len(label), bool)
-    forest = plain(_fit(table, label, everything, trees, seed))
-    return GestureModel(tuple(map(str, classes)), forest, sharpness, about)
+    forest, logistic = _fit(table, label, np.ones(len(label), bool), trees, seed)
+    return GestureModel(tuple(map(str, classes)), forest, logistic, sharpness, about)
 
 
 def left_out(table: Table, trees: int = TREES, seed: int = 0) -> np.ndarray:
-    """Return (rows, classes) shares of the trees, each row by a forest that knew not its person.
+    """Return (rows, classes) shares of each row by a forest and a line that knew not its person.
 
-    With one person only, by one that knew not its take.
+    With one person only, by those that knew not its take.
     """
     classes, label = np.unique(table.label, return_inverse=True)
     groups = _folds(table)
     shares = np.zeros((len(label), len(classes)))
     for group in np.unique(groups):
         out = groups == group
-        fitted = _fit(table, label, ~out, trees, seed)
-        shares[np.ix_(out, fitted.classes_)] = fitted.predict_proba(
-            table.features[out].astype(np.float32)
-        )
+        forest, logistic = _fit(table, label, ~out, trees, seed)
+        rows = table.features[out]
+        trees_say = np.array([forest.shares(row) for row in rows])
+        shares[out] = common(trees_say, logistic.shares(rows))
     return shares
 
 
@@ -130,29 +132,43 @@ def _folds(table: Table) -> np.ndarray:
     return (person if len(people) > 1 else table.take) % FOLDS
 
 
-def _fit(table: Table, label: np.ndarray, use: np.ndarray, trees: int, seed: int):
+def _fit(
+    table: Table, label: np.ndarray, use: np.ndarray, trees: int, seed: int
+) -> tuple[Forest, Logistic]:
     from sklearn.ensemble import ExtraTreesClassifier
+    from sklearn.linear_model import LogisticRegression
 
     rng = np.random.default_rng(seed)
     forces = [FEATURES.index(name) for name in _LOGARITHMS_OF_FORCE]
-    features, labels, weights = [], [], []
-    _, count = np.unique(label[use], return_counts=True)
-    balance = np.zeros(label.max() + 1)
-    balance[np.unique(label[use])] = 1.0 / count
-    take_of = table.take[use]
+    known, label_of = np.unique(label[use], return_inverse=True)
+    weight = table.weight[use] / np.bincount(label_of)[label_of]
+    rows = []
     for copy in range(COPIES):
-        rows = table.features[use].copy()
-        if copy:
-            stronger = STRONGER * rng.standard_normal(table.take.max() + 1)
-            rows[:, forces] += stronger[take_of][:, None]
-        features.append(rows)
-        labels.append(label[use])
-        weights.append(table.weight[use] * balance[label[use]])
-    forest = ExtraTreesClassifier(
+        stronger = STRONGER * rng.standard_normal(table.take.max() + 1) * (copy > 0)
+        rows.append(table.features[use])
+        rows[-1][:, forces] += stronger[table.take[use]][:, None]
+    features, labels = np.concatenate(rows), np.tile(label_of, COPIES)
+    weights = np.tile(weight, COPIES)
+    fitted = ExtraTreesClassifier(
         trees, max_features=CHOICE, min_samples_leaf=LEAF * COPIES, random_state=seed
+    ).fit(features.astype(np.float32), labels, weights)
+    mean, scale = features.mean(0), features.std(0) + _STEADY
+    regression = LogisticRegression(C=FREEDOM, max_iter=1000).fit(
+        np.clip((features - mean) / scale, -CLIP, CLIP), labels, weights / weights.mean() / COPIES
     )
-    together = np.concatenate(features).astype(np.float32)
-    return forest.fit(together, np.concatenate(labels), np.concatenate(weights))
+    return _of_all(plain(fitted), mean, scale, regression, known, label.max() + 1)
+
+
+def _of_all(forest: Forest, mean, scale, regression, known: np.ndarray, classes: int):
+    """Return forest and regression over all classes, where some were left out of the fit."""
+    share = np.zeros((len(forest.share), classes))
+    share[:, known] = forest.share
+    weights, bias = np.zeros((classes, len(mean))), np.full(classes, _NEVER)
+    if len(known) == 2:  # scikit-learn gives the difference of the two
+        weights[known[1]], bias[known] = regression.coef_[0], (0.0, regression.intercept_[0])
+    else:
+        weights[known], bias[known] = regression.coef_, regression.intercept_
+    return forest._replace(share=share), Logistic(mean, scale, weights, bias)
 
 
 def plain(fitted) -> Forest:

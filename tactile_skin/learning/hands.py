@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..simulation.people.hands import GESTURES, Mat, Person, perform
 from ..simulation.people.events import EVENTS, happen
+from ..simulation.people.hands import GESTURES, Mat, Person, perform
 from ..touch.episode import LIMIT
 from ..touch.model import OTHER
 from ..touch.take import Take

@@ -121,6 +121,20 @@ class GestureFeature(Framed):
 
 
 @dataclasses.dataclass(frozen=True)
+class Gestures:
+    """Names what a hand does; started by gestures:=true."""
+
+    circuit: Circuit = group(Circuit)
+    geometry: Geometry = group(Geometry)
+    model: str = parameter(
+        "", "", "file written by `tactile-skin gestures train`; empty: the shipped one"
+    )
+    min_probability: float = parameter(
+        0.7, "", "from which on a gesture is named; less sure ones are 'other'", 0.3, 1.0, live=True
+    )
+
+
+@dataclasses.dataclass(frozen=True)
 class StopOnPush:
     """What a push is, and when the robot is stopped for it."""
 
@@ -320,6 +334,7 @@ SECTIONS: dict[str, type] = {  # node -> its parameters, in the order of config/
     "serial_driver": SerialDriver,
     "compensation": Compensation,
     "gesture_feature": GestureFeature,
+    "gestures": Gestures,
     "stop_on_push": StopOnPush,
     "cmd_vel_gate": CmdVelGate,
     "push_to_move": PushToMove,

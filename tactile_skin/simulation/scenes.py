@@ -7,17 +7,26 @@ project's, and every figure names them. Two more are nearer to real touches (bod
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from ..physics.circuit import Circuit
 from ..physics.curve import GRAM
 from .bodies import bodies, pictures
+from .people.hands import Mat, Person, perform
 
 FAMILIES = ("blobs", "rects", "random")  # the paper's
 _FREE = {"bodies": bodies, "pictures": pictures}
 MAX_LOAD = 1000.0  # g a cell, as the paper's
 _SIDE = (2, 9)  # cells, shortest and longest side of a rectangle
 _NOISE = 0.05  # relative, of each cell
+_GESTURES = ("tap", "stroke", "tickle", "pat", "press", "hold")  # of the scene of that name
+_PERSON = 203  # who makes them; the shipped recogniser has not seen this one
+_PITCH = 0.018  # m, of the mat that is touched
+_STEP = 0.01  # s between its pictures
+_PAUSE = 1.5  # s between two gestures
+_MEASURED = 2.0  # s at the begin in which the rest is measured
 
 
 def sample(family: str, n: int, rows: int, cols: int, rng: np.random.Generator) -> np.ndarray:
@@ -155,8 +164,25 @@ def _demo(t, rows, cols):
     return force
 
 
+@lru_cache(maxsize=2)
+def _performed(rows: int, cols: int) -> np.ndarray:
+    """Return (T, rows, cols) of a person's gestures, one after the other [N]."""
+    mat, person = Mat(rows, cols, _PITCH), Person(_PERSON)
+    parts = [np.zeros((round(_MEASURED / _STEP), rows, cols))]
+    for seed, gesture in enumerate(_GESTURES):
+        parts.append(perform(gesture, person, mat, seed, _STEP))
+        parts.append(np.zeros((round(_PAUSE / _STEP), rows, cols)))
+    return np.concatenate(parts)
+
+
+def _gestures(t, rows, cols):
+    pictures = _performed(rows, cols)
+    return pictures[int(t / _STEP) % len(pictures)]
+
+
 SCRIPTS = {
     "demo": _demo,
+    "gestures": _gestures,
     "idle": _idle,
     "one_finger": _one_finger,
     "two_fingers": _two_fingers,

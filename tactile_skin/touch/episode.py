@@ -68,7 +68,7 @@ class _Moment(NamedTuple):
     rough: float  # 1, differences between neighbours over the force
 
 
-_NOTHING = _Moment(*(0.0,) * len(_Moment._fields))
+_NOTHING = _Moment(0.0, 0.0, 0.0, 0.0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Episode:
@@ -177,7 +177,8 @@ def _moment(force: np.ndarray, pitch: float, change: float) -> _Moment:
     share = f / total
     x, y = float(share @ cols), float(share @ rows)
     dx, dy = cols - x, rows - y
-    along_x, along_y, across = share @ (dx * dx), share @ (dy * dy), share @ (dx * dy)
+    along_x, along_y = float(share @ (dx * dx)), float(share @ (dy * dy))
+    across = float(share @ (dx * dy))
     mean = (along_x + along_y) / 2
     root = math.sqrt(max(mean * mean - (along_x * along_y - across * across), 0.0))
     # The box round the touch, with an untouched rim: all neighbours of its cells.
@@ -193,7 +194,7 @@ def _moment(force: np.ndarray, pitch: float, change: float) -> _Moment:
         area=f.size * cell,
         strong=np.count_nonzero(f > _STRONG * peak) * cell,
         maxima=highest.size,
-        hills=np.count_nonzero(highest > _HILL * peak),
+        hills=int(np.count_nonzero(highest > _HILL * peak)),
         x=x * pitch,
         y=y * pitch,
         length=math.sqrt(max(mean + root, 0.0)) * pitch,

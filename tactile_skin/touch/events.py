@@ -28,6 +28,19 @@ class Stroked(NamedTuple):
     confidence: float  # 0..1
 
 
+class Gesture(NamedTuple):
+    name: str  # a class of the recogniser, or "other"
+    probability: float  # of that class
+    id: int  # of the gesture, which may be named again with another name
+    position: np.ndarray  # (3,) [m], in the base frame
+    force: float  # [N]; 0 where the hand has gone
+    duration: float  # [s] until now
+
+
+class Gestured(NamedTuple):
+    gesture: Gesture
+
+
 class PushEvents:
     """Pairs the decisions of the stop with the place of the touch.
 

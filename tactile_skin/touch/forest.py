@@ -46,7 +46,7 @@ class Forest(NamedTuple):
             asked = self.feature[node]
             inner = asked != _LEAF
             if not inner.any():
-                return self.share[node].mean(0)
+                return np.asarray(self.share[node].mean(0))
             step = np.where(
                 features[asked] <= self.threshold[node], self.below[node], self.above[node]
             )

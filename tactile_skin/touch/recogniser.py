@@ -25,6 +25,7 @@ FIRST = 0.1  # s of a gesture before it is judged
 EVERY = 2  # pictures between two judgements
 STILL = 2.0  # s after which a touch that does not change is background
 _CHANGE = 0.2  # share of its force by which a still touch may vary: a hand breathes by 5 to 10 %
+_MOVED = 0.5  # pitches by which the centre of a still touch may move
 _HARDER = 1.5  # times its force from which on what was background is a gesture again
 _GONE = 0.3  # share of its force below which background has left
 _ITS_OWN = 0.5  # share of a touch's force on the cells of the background that make it background
@@ -45,7 +46,7 @@ class Picture(NamedTuple):
 class Pictures:
     """Averages frames to PERIOD, and gates each cell by its standard deviation."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._frames: list[np.ndarray] = []
         self._stds: list[np.ndarray] = []
         self._start = self._last = -math.inf
@@ -263,11 +264,8 @@ class Recogniser:
             return False
         force, row, col = np.array(active.course).T
         mean = force.mean()
-        return (
-            force.min() > 0.0
-            and np.abs(force - mean).max() < _CHANGE * mean
-            and max(np.ptp(row), np.ptp(col)) < 0.5
-        )
+        steady = force.min() > 0.0 and np.abs(force - mean).max() < _CHANGE * mean
+        return bool(steady and max(np.ptp(row), np.ptp(col)) < _MOVED)
 
     def _stands(self, active: _Active) -> None:
         own = active.episode.last > 0.0

@@ -105,7 +105,7 @@ def touches(pictures: np.ndarray, period: float, pause: float = 1.0) -> list[np.
     Returns:
         (T, rows, cols) of each take, from its first touch to its last.
     """
-    on = pictures.any((1, 2)).nonzero()[0]
+    on = np.flatnonzero(pictures.any((1, 2)))
     if len(on) == 0:
         return []
     ends = (np.diff(on) * period > pause).nonzero()[0]

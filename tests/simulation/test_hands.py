@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tactile_skin.simulation.people.events import EVENTS, happen
 from tactile_skin.simulation.people.hands import (
     GESTURES,
     Hand,
@@ -12,7 +13,6 @@ from tactile_skin.simulation.people.hands import (
     pressed,
     pulse,
 )
-from tactile_skin.simulation.people.events import EVENTS, happen
 
 MAT = Mat(16, 16, 0.018)
 PERIOD = 0.04

@@ -8,7 +8,7 @@ import pytest
 from tactile_skin.errors import FileError
 from tactile_skin.touch.episode import FEATURES
 from tactile_skin.touch.forest import Forest
-from tactile_skin.touch.model import GestureModel, load_model
+from tactile_skin.touch.model import TREES_SAY, GestureModel, Logistic, load_model
 
 N = len(FEATURES)
 
@@ -25,8 +25,14 @@ def stump(feature: int = 0, threshold: float = 0.5) -> Forest:
     )
 
 
-def model(forest: Forest | None = None) -> GestureModel:
-    return GestureModel(("pat", "stroke"), forest or stump(), 2.0, {"people": 3})
+def line(classes: int = 2) -> Logistic:
+    """Has no opinion."""
+    return Logistic(np.zeros(N), np.ones(N), np.zeros((classes, N)), np.zeros(classes))
+
+
+def model(forest: Forest | None = None, logistic: Logistic | None = None) -> GestureModel:
+    both = forest or stump(), logistic or line()
+    return GestureModel(("pat", "stroke"), *both, 2.0 / TREES_SAY, {"people": 3})
 
 
 def test_a_forest_answers_as_the_one_that_was_trained():
@@ -56,6 +62,16 @@ def test_a_model_is_the_same_after_a_file(tmp_path):
     for value in (0.0, 1.0):
         features = np.full(N, value)
         assert read.probabilities(features) == pytest.approx(model().probabilities(features))
+
+
+@pytest.mark.parametrize(
+    "logistic", [line(3), line()._replace(scale=np.zeros(N)), line()._replace(bias=[np.nan, 0.0])]
+)
+def test_a_damaged_regression_is_refused(tmp_path, logistic):
+    path = tmp_path / "damaged.gestures.npz"
+    model(logistic=logistic).save(path)
+    with pytest.raises(FileError, match="damaged"):
+        load_model(path)
 
 
 @pytest.mark.parametrize(

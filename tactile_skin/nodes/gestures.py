@@ -1,4 +1,4 @@
-"""gesture_classes: skin/pressure -> what a hand does to the skin, by name."""
+"""gestures: skin/pressure -> what a hand does to the skin, by name."""
 
 from __future__ import annotations
 
@@ -7,33 +7,30 @@ from pathlib import Path
 import numpy as np
 
 from ..middleware.bus import Time
-from ..middleware.config import circuit_of, describe, geometry_of
+from ..middleware.config import circuit_of, declared, geometry_of
 from ..msg import Header, Image, PointCloud2, String, cloud_columns, cloud_of, image_array
+from ..parameters.nodes import Gestures as Parameters
 from ..touch.model import load_model
 from ..touch.recogniser import STATES, Named, Recogniser
 from . import QUEUE
 from .gesture_feature import heard
 
-SHIPPED = Path(__file__).parents[1] / "learning" / "hands.gestures.npz"
+SHIPPED = Path(__file__).parents[1] / "learning" / "weights" / "gestures.npz"
 _FIELDS = ("x", "y", "z", "id", "touch", "state", "force", "duration", "label")
 _CODE = {state: float(code) for code, state in enumerate(STATES)}
 _SAME = 2.0  # pitches within which a gesture is of a touch in skin/contacts
 
 
-class GestureClasses:
+class Gestures:
     """Publishes skin/gesture, the name of a gesture once a decision, and skin/gesture_classes, a
     point for each gesture that goes on or has just ended. It has no say in the stop.
     """
 
     def __init__(self, node):
-        self.geometry = geometry_of(node, circuit_of(node))
-        text = "file of a recogniser, from 'tactile-skin gestures train'; empty: the package's"
-        path = node.declare_parameter("gestures.model", "", describe(text)).value
-        text = "from which on a gesture is named; less sure ones are 'other'"
-        described = describe(text, 0.3, 1.0, read_only=False)
-        sure = node.declare_parameter("gestures.min_probability", 0.7, described).value
-        self.model = load_model(path or SHIPPED)
-        self.recogniser = Recogniser(self.model, self.geometry.pitch, sure)
+        given = declared(node, Parameters)
+        self.geometry = geometry_of(given.geometry, circuit_of(given.circuit))
+        self.model = load_model(given.model or SHIPPED)
+        self.recogniser = Recogniser(self.model, self.geometry.pitch, given.min_probability)
         self._std: np.ndarray | float = 0.0
         self._contacts = np.zeros((0, 4))  # x, y, z [m], id
         self._name = node.create_publisher(String, "skin/gesture", 10)
@@ -44,7 +41,7 @@ class GestureClasses:
         node.create_subscription(Image, "skin/pressure", self.on_pressure, QUEUE)
 
     def on_parameters(self, values: dict) -> None:
-        self.recogniser.min_probability = values["gestures.min_probability"]
+        self.recogniser.min_probability = values["min_probability"]
 
     def on_std(self, msg: Image) -> None:
         self._std = image_array(msg) * self.geometry.cell_area

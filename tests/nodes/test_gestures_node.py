@@ -1,0 +1,104 @@
+"""The node gestures: names of what simulated hands do, on the topics."""
+
+from collections import defaultdict
+
+import numpy as np
+import pytest
+
+from tactile_skin.middleware.bus import (
+    Context,
+    ManualClock,
+    Node,
+    Parameter,
+    SingleThreadedExecutor,
+)
+from tactile_skin.msg import Header, Image, PointCloud2, String, cloud, cloud_columns, image
+from tactile_skin.nodes.gestures import SHIPPED, Gestures
+from tactile_skin.nodes.touch_events import GestureListener
+from tactile_skin.simulation.people.hands import GESTURES, Mat, Person, perform
+from tactile_skin.touch.model import load_model
+
+CELL_AREA = 1.44e-4  # m^2
+MAT = Mat(16, 16, 0.018)
+
+
+class Skin:
+    """The node alone, fed with forces a hundred times a second."""
+
+    def __init__(self, **parameters):
+        self.clock, self.executor = ManualClock(), SingleThreadedExecutor()
+        self.seen, self.named = defaultdict(list), []
+        context = Context(self.clock)
+        overrides = [Parameter(name, value) for name, value in parameters.items()]
+        self.node = Node("gestures", context=context, parameter_overrides=overrides)
+        observer = Node("observer", context=context)
+        for node in (self.node, observer):
+            self.executor.add_node(node)
+        for kind, topic in ((String, "skin/gesture"), (PointCloud2, "skin/gesture_classes")):
+            observer.create_subscription(kind, topic, self.seen[topic].append, 100)
+        GestureListener(observer, lambda event: self.named.append(event.gesture))
+        Gestures(self.node)
+        self.pressure = observer.create_publisher(Image, "skin/pressure", 10)
+        self.contacts = observer.create_publisher(PointCloud2, "skin/contacts", 10)
+
+    def feel(self, forces) -> None:
+        for force in forces:
+            self.clock.advance(0.01)
+            header = Header(self.clock.now().to_msg(), "base_link")
+            self.pressure.publish(image(force / CELL_AREA, "32FC1", header))
+            self.executor.spin_some()
+
+    def do(self, gesture: str, person: int = 70, seed: int = 1) -> None:
+        self.feel(perform(gesture, Person(person), MAT, seed, 0.01))
+        self.feel(np.zeros((60, 16, 16)))
+
+
+def test_what_a_hand_does_is_named_on_the_topics_and_to_hooks():
+    """People and performances that the shipped model was not trained on."""
+    right = 0
+    for k, gesture in enumerate(GESTURES):
+        skin = Skin()
+        skin.do(gesture, 200 + k, 7)
+        names = [message.data for message in skin.seen["skin/gesture"]]
+        assert names and [named.name for named in skin.named] == names
+        right += names[-1] == gesture
+        last = skin.named[-1]
+        assert last.id == 1 and 0.0 < last.duration < 8.0
+        assert np.abs(last.position[1:]).max() < 0.15
+    assert right >= 9
+
+
+def test_the_cloud_has_a_column_for_each_class():
+    skin = Skin()
+    skin.do("stroke")
+    columns = cloud_columns(skin.seen["skin/gesture_classes"][-1])
+    classes = load_model(SHIPPED).classes
+    assert [name for name in columns if name.startswith("p_")] == [f"p_{c}" for c in classes]
+    assert sum(columns[f"p_{name}"][0] for name in classes) == pytest.approx(1.0, abs=1e-5)
+    assert columns["state"][0] == 3.0 and classes[int(columns["label"][0])] == "stroke"
+
+
+def test_a_gesture_knows_its_touch_by_the_id_of_its_contact():
+    skin = Skin()
+    spot = np.zeros((16, 16))
+    spot[4, 11] = 3.0
+    header = Header(skin.clock.now().to_msg(), "base_link")
+    # column 11 is 3.5 pitches along y, row 4 the same up
+    place = {"x": [0.0], "y": [3.5 * 0.018], "z": [3.5 * 0.018], "id": [17.0]}
+    skin.contacts.publish(cloud({name: np.array(v) for name, v in place.items()}, header))
+    skin.feel([spot] * 30)
+    columns = cloud_columns(skin.seen["skin/gesture_classes"][-1])
+    assert columns["touch"].tolist() == [17.0]
+
+
+def test_a_model_that_is_none_is_an_error_that_names_the_file(tmp_path):
+    path = tmp_path / "mine.npz"
+    path.write_text("gestures")
+    with pytest.raises(ValueError, match="mine"):
+        Skin(model=str(path))
+
+
+def test_what_the_model_is_not_sure_of_is_other():
+    skin = Skin(min_probability=1.0)
+    skin.do("stroke")
+    assert [message.data for message in skin.seen["skin/gesture"]] == ["other"]
