@@ -19,7 +19,7 @@ from tactile_skin.simulation.scenes import FAMILIES
 from . import harness
 
 _DOCS = Path(__file__).parents[1] / "docs"
-_PAGES = [_DOCS / "accuracy.md", _DOCS / "bench.md"]
+_PAGES = [_DOCS / "lab" / "accuracy.md", _DOCS / "lab" / "bench.md"]
 
 
 def paper(figures: dict) -> list[str]:

@@ -30,7 +30,7 @@ def test_names_are_unique_and_each_fault_says_what_it_is():
 
 
 def test_the_page_lists_the_faults():
-    page = (Path(__file__).parents[2] / "docs/reliability.md").read_text()
+    page = (Path(__file__).parents[2] / "docs/lab/reliability.md").read_text()
     assert pages.fill(page, {"faults": table.listing(FAULTS)}) == page
     assert "| frozen scan |" in page
 

@@ -78,12 +78,12 @@ def test_the_page_holds_the_table_of_the_run_that_it_shows():
     root = Path(__file__).parents[2]
     data = json.loads((root / "docs/bench/touch_to_stop.json").read_text())
     assert sum(entry["missed"] for entry in data["rises"]) == 0
-    assert touch_to_stop.table(data) in (root / "docs/behaviours.md").read_text()
+    assert touch_to_stop.table(data) in (root / "docs/lab/stop.md").read_text()
 
 
 @pytest.mark.slow
 def test_touch_to_stop_on_the_running_skin():
-    """Typical times only: the tail is the machine's, see docs/behaviours.md."""
+    """Typical times only: the tail is the machine's, see docs/lab/stop.md."""
     found = touch_to_stop.measure(4, 2, 0)["touch_to_stop"]
     for entry in found["rises"]:
         assert entry["missed"] == 0 and len(entry["seen_ms"]) == 4

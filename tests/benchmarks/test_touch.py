@@ -76,7 +76,7 @@ def test_two_beside_have_one_free_line():
 
 def test_a_missed_bound_is_told(capsys, monkeypatch):
     """The command's exit status and its line say so."""
-    monkeypatch.setattr(touch, "METHOD", "naive")
+    monkeypatch.setattr(truth.found_in, "__defaults__", ("naive", 0.0))
     monkeypatch.setattr(touch, "QUICK", dict.fromkeys(touch.QUICK, 1) | {"singles": 8})
     assert touch.main(["--quick"]) == 1
     assert "MISSED" in capsys.readouterr().out

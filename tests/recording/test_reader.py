@@ -144,7 +144,7 @@ def test_types_that_are_not_known_are_listed_and_passed_over(tmp_path):
     path = recorded.write(tmp_path / "a.mcap", recorded.samples(3))
 
     class Later:
-        TYPE = "std_msgs/msg/String"
+        TYPE = "std_msgs/msg/Char"
 
     writer = Writer(tmp_path / "b.mcap", {}, 0)
     writer.write("/later", Later, 5, b"\0\1\0\0\1\0\0\0\0")
@@ -152,7 +152,7 @@ def test_types_that_are_not_known_are_listed_and_passed_over(tmp_path):
     writer.write("/skin/adc", msg.Image, 7, cdr.encode(message))
     writer.close()
     found = Recording(path.with_name("b.mcap"))
-    assert found.topics["/later"] == Topic("std_msgs/msg/String", 1)
+    assert found.topics["/later"] == Topic("std_msgs/msg/Char", 1)
     assert [topic for topic, _, _ in found.messages()] == ["/skin/adc"]
 
 

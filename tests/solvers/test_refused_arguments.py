@@ -48,8 +48,6 @@ STARTS = {
     "negative": (replace(LAST, force=hole(-1.0)), "start.force = -1.0 at row 2, column 3"),
     "shape": (replace(LAST, force=np.ones((6, 4))), "start has shape (6, 4): the circuit is"),
     "length": (replace(LAST, force=[1.0]), "start has shape (1,)"),
-    "r_par NaN": (replace(LAST, r_par=np.nan), "start.r_par = nan ohm"),
-    "r_par negative": (replace(LAST, r_par=-1.0), "start.r_par = -1.0 ohm"),
 }
 
 
