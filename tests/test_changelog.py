@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 PAGE = Path(__file__).parents[1] / "CHANGELOG.rst"
-KINDS = {"Added:", "Changed:", "Fixed:"}
+KINDS = {"Added:", "Changed:", "Removed:", "Fixed:"}
 
 
 def test_each_change_is_one_line_under_a_kind():
@@ -24,4 +24,4 @@ def test_bloom_can_read_it():
     versions = [version for version, _, _ in read.foreach_version()]
     assert versions == ["0.1.0", "0.2.0"]
     kinds = [str(part) for part in read.get_content_of_version("0.2.0") if str(part) in KINDS]
-    assert kinds == ["Added:", "Changed:", "Fixed:"]
+    assert kinds == ["Added:", "Changed:", "Removed:", "Fixed:"]

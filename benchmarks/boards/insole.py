@@ -3,7 +3,8 @@
 FRAMES.npz holds `counts` (n, 32, 10) int16, -1 where there is no sensor, `recording` (n,), which
 foot of which person a frame is of, and `row`, `col` (33, 15), the line numbers from 0 of each cell
 of the insole's picture, -1 where there is none. tests/data/insole_floating.npz is such a file;
-tests/data/insole_floating.txt names its source. docs/lab/insole.md says where the constants are from.
+tests/data/insole_floating.txt names its source. The constants are from
+docs/lab/insole.md.
 """
 
 from __future__ import annotations

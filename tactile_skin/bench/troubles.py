@@ -108,7 +108,7 @@ TROUBLES = (
     ),
     Trouble(
         "R_par off", "%", _OFF, _with("r_par", 0.01, 1.0),
-        reason="more than touches tell", kinds=("circuit",),
+        reason="more than touches show", kinds=("circuit",),
     ),
     Trouble(
         "R_ref off", "%", _OFF, _with("r_ref", 0.01, 1.0),
@@ -124,7 +124,7 @@ TROUBLES = (
     ),
     Trouble(
         "line resistance", "ohm a stripe", (0, 1, 3, 10, 30), _with("line"), sound=1,
-        reason="more than touches tell",
+        reason="more than touches show",
     ),
     Trouble(
         "lateral coupling", "%", (0, 0.5, 1, 2, 5), _with("lateral", 0.01), sound=0.5,
@@ -154,13 +154,13 @@ TROUBLES = (
         "pressed area", "% at 300 g", (10, 25, 50, 75, 100),
         scene=lambda n, strength, circuit, rng: pressed(n, strength / 100, 300.0, circuit, rng),
         sound=None,
-        reason="no cell can be told from the others: trust the sum",
+        reason="no cell differs from the others: trust the sum",
     ),
     Trouble(
         "all pressed", "g a cell", (50, 100, 300, 600, 1000),
         scene=lambda n, strength, circuit, rng: pressed(n, 1.0, strength, circuit, rng),
         sound=None,
-        reason="no cell can be told from the others: trust the sum",
+        reason="no cell differs from the others: trust the sum",
     ),
     Trouble(
         "saturated ADC", "% of full scale", (100, 80, 70, 60, 40), _with("ceiling", 0.01),

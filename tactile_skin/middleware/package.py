@@ -12,7 +12,7 @@ NODES = {  # exec -> class, imported when it is started
     "serial_driver": "serial_driver.SerialDriver",
     "compensation": "compensation.Compensation",
     "gesture_feature": "gesture_feature.GestureFeature",
-    "gestures": "gestures.Gestures",
+    "gestures": "observers.gestures.Gestures",
     "stop_on_push": "stop_on_push.StopOnPush",
     "cmd_vel_gate": "cmd_vel_gate.CmdVelGate",
     "push_to_move": "push_to_move.PushToMove",

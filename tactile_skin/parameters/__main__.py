@@ -1,4 +1,4 @@
-"""Write config/skin.yaml and docs/parameters.md anew: python -m tactile_skin.parameters."""
+"""Write config/skin.yaml and docs/parameters.md: python -m tactile_skin.parameters."""
 
 from pathlib import Path
 

@@ -154,7 +154,7 @@ _DEMO_PERIOD = 18.0  # s
 
 
 def _demo(t, rows, cols):
-    """Idle, one finger, two fingers, a push from the left, a stroke; then anew."""
+    """Idle, one finger, two fingers, a push from the left, a stroke; then again."""
     t %= _DEMO_PERIOD
     force = np.zeros((rows, cols))
     for start, end, scene in _DEMO:

@@ -84,7 +84,7 @@ class Board:
         self._frames = int(self._scans * self.frames_per_second / SCANS_PER_SECOND)
 
     def scan(self) -> bytes:
-        """Read the whole matrix once; the frame if one is due, else nothing."""
+        """Read the matrix once; the frame if one is due, else nothing."""
         t = self._scans / SCANS_PER_SECOND
         steps = self._adc.count(self.matrix.ratio(self.scene(t)[None])[0])
         sample = np.rint(steps + self.noise * self._rng.standard_normal(steps.shape))

@@ -81,7 +81,7 @@ def everyday(cells: np.ndarray, seconds: float, rng, most: float, hard: bool = T
 
 
 def long_pushes(cells: np.ndarray, seconds: float, rng, most: float) -> Scene:
-    """Pushes of 2.5 to 4.5 s each, a second apart."""
+    """Pushes of 2.5 to 4.5 s each, one a second later than the last."""
     return _played(cells, seconds, rng, most, ["push"], (2.5, 4.5), (0.8, 1.2))
 
 

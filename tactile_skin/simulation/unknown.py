@@ -84,7 +84,7 @@ class UnknownDriven(Unknown):
     """A loaded or grounded board: its stripes are ideal, its loads scatter by 5 to 8 %.
 
     Args:
-        readout: and which lines are driven: "loaded-columns", say.
+        readout: and which lines are driven: for example "loaded-columns".
         r_ref: pull-up or pull-down resistor [ohm].
 
     Attributes:

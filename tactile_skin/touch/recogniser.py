@@ -116,7 +116,7 @@ class Recogniser:
     Args:
         model: what it names.
         pitch: distance between neighbouring cells [m].
-        min_probability: from which on a gesture is named.
+        min_probability: of a gesture that is named.
         reach: touches within it of each other are one gesture [m].
     """
 

@@ -13,7 +13,7 @@ from tactile_skin.middleware.bus import (
     SingleThreadedExecutor,
 )
 from tactile_skin.msg import Header, Image, PointCloud2, String, cloud, cloud_columns, image
-from tactile_skin.nodes.gestures import SHIPPED, Gestures
+from tactile_skin.nodes.observers.gestures import SHIPPED, Gestures
 from tactile_skin.nodes.touch_events import GestureListener
 from tactile_skin.simulation.people.hands import GESTURES, Mat, Person, perform
 from tactile_skin.touch.model import load_model

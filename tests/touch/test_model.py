@@ -61,7 +61,9 @@ def test_a_model_is_the_same_after_a_file(tmp_path):
     assert read.classes == ("pat", "stroke") and read.about == {"people": 3}
     for value in (0.0, 1.0):
         features = np.full(N, value)
-        assert read.probabilities(features) == pytest.approx(model().probabilities(features), rel=1e-3)
+        assert read.probabilities(features) == pytest.approx(
+            model().probabilities(features), rel=1e-3
+        )
 
 
 @pytest.mark.parametrize(

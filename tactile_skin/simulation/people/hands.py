@@ -141,7 +141,7 @@ class Hand(NamedTuple):
 
 
 def pressed(mat: Mat, hand: Hand, person: Person, rng: np.random.Generator) -> np.ndarray:
-    """Return (T, rows, cols) force [N] of a hand; what lies beyond the edge presses beside it."""
+    """Return (T, rows, cols) force [N] of a hand; what lies beyond the edge presses elsewhere."""
     steps = len(hand.force)
     out = np.zeros((steps, mat.rows, mat.cols))
     skin = texture(mat, person.rough, rng)

@@ -6,16 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
-from ..middleware.bus import Time
-from ..middleware.config import circuit_of, declared, geometry_of
-from ..msg import Header, Image, PointCloud2, String, cloud_columns, cloud_of, image_array
-from ..parameters.nodes import Gestures as Parameters
-from ..touch.model import load_model
-from ..touch.recogniser import STATES, Named, Recogniser
-from . import QUEUE
-from .gesture_feature import heard
+from ...middleware.bus import Time
+from ...middleware.config import circuit_of, declared, geometry_of
+from ...msg import Header, Image, PointCloud2, String, cloud_columns, cloud_of, image_array
+from ...parameters.nodes import Gestures as Parameters
+from ...touch.model import load_model
+from ...touch.recogniser import STATES, Named, Recogniser
+from .. import QUEUE
+from ..gesture_feature import heard
 
-SHIPPED = Path(__file__).parents[1] / "learning" / "weights" / "gestures.npz"
+SHIPPED = Path(__file__).parents[2] / "learning" / "weights" / "gestures.npz"
 _FIELDS = ("x", "y", "z", "id", "touch", "state", "force", "duration", "label")
 _CODE = {state: float(code) for code, state in enumerate(STATES)}
 _SAME = 2.0  # pitches within which a gesture is of a touch in skin/contacts

@@ -1,0 +1,92 @@
+"""What takes teach: a recogniser, and how good it is."""
+
+from __future__ import annotations
+
+import datetime
+from collections import Counter
+
+_FEW = 3  # takes of a class, with fewer of which it is not trained
+
+
+def _read(paths):
+    from ... import extras
+    from ...touch.take import find_takes, load_take
+
+    return [
+        load_take(path)
+        for path in extras.tqdm()(list(find_takes(paths)), desc="takes", disable=None)
+    ]
+
+
+def train(args) -> int:
+    from ... import extras
+    from ...learning.gestures import table_of, train
+
+    if args.alone and not args.takes:
+        raise ValueError("--alone needs takes: name their files or folders")
+    takes = _read(args.takes)
+    count = Counter(take.label for take in takes)
+    few = [f"{name}: {n}" for name, n in sorted(count.items()) if n < _FEW]
+    if few:
+        raise ValueError(f"{_FEW} takes of a gesture at least are needed; of {', '.join(few)}")
+    people = sorted({take.person for take in takes})
+    if not args.alone:
+        from ...learning.hands import PEOPLE, simulated
+
+        takes += extras.tqdm()(simulated(), desc="simulated hands", leave=False, disable=None)
+        people.append(f"{PEOPLE} simulated")
+    table = table_of(takes)
+    if len(set(table.label)) < 2:
+        raise ValueError("one gesture alone cannot be recognised: record another one, or 'other'")
+    about = {
+        "trained": datetime.date.today().isoformat(),
+        "people": people,
+        "takes": dict(count),
+        "pitch": sorted({round(take.pitch, 4) for take in takes}),
+    }
+    model = train(table, about)
+    model.save(args.out)
+    print(f"{args.out}: {', '.join(model.classes)}; from {len(takes)} takes")
+    return 0
+
+
+def evaluate(args) -> int:
+    import numpy as np
+
+    from ...learning.gestures import left_out, table_of
+    from ...touch.model import load_model
+
+    table = table_of(_read(args.takes))
+    if args.model:
+        model = load_model(args.model)
+        classes = np.array(model.classes)
+        shares = np.array([model.probabilities(row) for row in table.features])
+        print(f"{args.model}: {model.about}")
+    else:
+        classes = np.unique(table.label)
+        if len(classes) < 2:
+            raise ValueError("takes of two gestures at least are needed")
+        shares = left_out(table)
+        people = len(set(table.person))
+        print("people left out in turn" if people > 1 else "one person: takes left out in turn")
+    named = classes[shares.argmax(1)]
+    label, named = table.label[table.end], named[table.end]
+    print(_confusion(label, named))
+    right = float((label == named).mean())
+    error = (right * (1.0 - right) / len(label)) ** 0.5
+    print(f"right: {right:.3f} +- {error:.3f} of {len(label)} takes")
+    return 0
+
+
+def _confusion(label, named) -> str:
+    """Return a table: a row a gesture, a column what it was taken for."""
+    import numpy as np
+
+    names = sorted({*label, *named})
+    wide = max(map(len, names))
+    heads = " ".join(f"{name[:7]:>7}" for name in names)
+    lines = [f"{'':{wide}}  {heads}"]
+    for name in sorted(set(label)):
+        counts = [int(np.count_nonzero((label == name) & (named == other))) for other in names]
+        lines.append(f"{name:{wide}}  " + " ".join(f"{n or '.':>7}" for n in counts))
+    return "\n".join(lines)

@@ -1,0 +1,91 @@
+"""`tactile-skin gestures`: takes are recorded, a recogniser is trained, and judged."""
+
+import numpy as np
+import pytest
+
+from tactile_skin import cli
+from tactile_skin.commands.gestures import record
+from tactile_skin.learning.hands import simulated
+from tactile_skin.touch.model import load_model
+from tactile_skin.touch.take import SUFFIX, load_take
+
+
+@pytest.fixture(scope="module")
+def takes(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("takes")
+    for k, take in enumerate(simulated(range(300, 303), 3, 0)):
+        if take.label in ("stroke", "tickle", "poke"):
+            take.save(folder / f"{k}{SUFFIX}")
+    return folder
+
+
+def test_a_recogniser_is_trained_from_ones_own_takes(takes, tmp_path, capsys):
+    pytest.importorskip("sklearn")
+    out = tmp_path / "mine.gestures.npz"
+    assert cli.main(["gestures", "train", str(takes), "--alone", "--out", str(out)]) == 0
+    model = load_model(out)
+    assert model.classes == ("poke", "stroke", "tickle")
+    assert model.about["takes"] == dict.fromkeys(model.classes, 9)
+    capsys.readouterr()
+    assert cli.main(["gestures", "evaluate", str(takes), "--model", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "right: 1.000 +- 0.000" in said  # those that it was trained on
+
+
+def test_people_are_left_out_in_turn(takes, capsys):
+    pytest.importorskip("sklearn")
+    assert cli.main(["gestures", "evaluate", str(takes)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "people left out in turn"
+    assert [line.split()[0] for line in lines[2:5]] == ["poke", "stroke", "tickle"]
+    assert float(lines[-1].split()[1]) > 0.7
+
+
+def test_few_takes_and_absent_ones_are_mistakes_that_are_named(takes, tmp_path, capsys):
+    one = tmp_path / f"one{SUFFIX}"
+    load_take(next(takes.iterdir())).save(one)
+    out = str(tmp_path / "model")
+    for words, said in (
+        (["train", str(one), "--alone", "--out", out], "3 takes of a gesture at least are needed"),
+        (["train", "--alone", "--out", out], "--alone needs takes"),
+        (["train", str(tmp_path / "absent"), "--out", out], "absent: does not exist"),
+        (["evaluate", str(one)], "takes of two gestures at least"),
+        (["record", "a/b"], "NAME 'a/b': must be of letters"),
+        (["record", "stroke", "--times", "0"], "--times 0: must be 1 or more"),
+    ):
+        assert cli.main(["gestures", *words]) == 2
+        assert said in capsys.readouterr().err
+    assert not (tmp_path / "model").exists()
+
+
+class Hands:
+    """Stands for the live skin: a touch, nothing, another touch."""
+
+    pitch = 0.018
+
+    def __init__(self, given):
+        self._left = [np.ones((4, 3, 3)), None, 2.0 * np.ones((5, 3, 3)), np.ones((6, 3, 3))]
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        pass
+
+    def take(self):
+        return self._left.pop(0), 0.04
+
+
+def test_takes_are_kept_repeated_and_ended_by_a_key(tmp_path, monkeypatch, capsys):
+    answers = iter(
+        ["", "", "", "", "r", "", "", "q"]
+    )  # start, keep, start (nothing), start, repeat
+    monkeypatch.setattr("builtins.input", lambda question: next(answers))
+    monkeypatch.setattr(record, "Live", Hands)
+    out = tmp_path / "takes"
+    words = ["gestures", "record", "wave", "--person", "anna", "--times", "5", "--out", str(out)]
+    assert cli.main(words) == 0
+    kept = sorted((load_take(path) for path in out.iterdir()), key=lambda take: len(take.pictures))
+    assert [len(take.pictures) for take in kept] == [4, 6]
+    assert {take[:2] for take in kept} == {("wave", "anna")}
+    assert "nothing touched the skin" in capsys.readouterr().out
