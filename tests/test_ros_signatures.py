@@ -64,7 +64,7 @@ DOCUMENTED = {
 }
 # fmt: on
 PYTHON = {"Thread", "start", "is_alive", "join", "current_thread", "append", "monotonic", "max"}
-PYTHON |= {"exception"}
+PYTHON |= {"exception", "check_installed"}
 PYTHON |= {"_qos", "_isolated", "_remedy", "_ended", "Ros2Node", "RosError", "compare_types"}
 PYTHON |= {"wait_until_heard", "split", "add", "items", "take", "log", "set"}
 
