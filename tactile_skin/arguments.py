@@ -27,8 +27,12 @@ class CommandParser(argparse.ArgumentParser):
 
     def _in_one_style(self, args: list[str]) -> list[str]:
         """Return files, then NAME:=VALUE, then the options that argparse knows."""
-        if any(action.nargs == argparse.PARSER for action in self._actions):
-            return list(args)  # the arguments of a step, which knows them
+        steps = [
+            name for a in self._actions if a.nargs == argparse.PARSER for name in a.choices or ()
+        ]
+        if steps:  # the parser of a step knows all other words
+            step = next((word for word in args if word in steps), None)
+            return [step, *(word for word in args if word != step)] if step else list(args)
         options = {s.strip("-"): a for s, a in self._option_string_actions.items()}
         options = {name.replace("-", "_"): action for name, action in options.items()}
         takes_any = any(action.dest == "words" for action in self._actions)

@@ -28,6 +28,7 @@ GIVEN = {  # command -> its files, and arguments
     "train": ([], {"config": "a.yaml", "epochs": "3", "rate": "0.01"}),
     "bench": (["recorded"], {"config": "a.yaml", "frames": "a.csv", "seed": "3"}),
     "export": (["paper", "a.onnx"], {}),
+    "gestures": (["train", "takes"], {"out": "a.npz"}),
     "detect": ([], {"port": "/dev/x", "baud": "9600", "out": "a.yaml"}),
 }
 
