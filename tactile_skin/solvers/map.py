@@ -84,7 +84,7 @@ def _map_estimate(reading: Reading, start: Estimate | None, prior) -> Estimate:
     if estimate.status == "suspect" and not reading.late():
         estimate = without_bad_contacts(reading, fit, estimate) or estimate
     asks = estimate.status == "ok" and prior is None
-    if asks and (finding := other_readout(reading, estimate, start)):
+    if asks and (finding := other_readout(reading, estimate, start, _touches)):
         return estimate.doubted(finding)
     explained = estimate.status == "ok" or (estimate.status == "suspect" and not warm)
     if estimate.aside is not None or not explained:
@@ -208,6 +208,14 @@ def _leaves_level(reading: Reading, point: _Point) -> bool:
     """
     at_rest = point.model.g < NEAR_REST * reading.bounds[0]
     return reading.noise_given and not prior_terms.is_broad(reading.circuit, at_rest)
+
+
+def _touches(reading: Reading, g: np.ndarray) -> np.ndarray:
+    """(rows, cols) conductance [S] of the likeliest touches near g: no load on the whole skin."""
+    low = reading.bounds[0]
+    g = np.where(g < NEAR_REST * low, low, g) * reading.circuit.populated
+    point = _Point.at(reading, g, False, None)
+    return _converge(reading, point, False, None, False)[0].model.g
 
 
 def _with_noise_at_rest(reading: Reading, g: np.ndarray) -> Reading:
