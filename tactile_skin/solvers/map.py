@@ -211,7 +211,7 @@ def _leaves_level(reading: Reading, point: _Point) -> bool:
 
 
 def _touches(reading: Reading, g: np.ndarray) -> np.ndarray:
-    """(rows, cols) conductance [S] of the likeliest touches near g: no load on the whole skin."""
+    """Return (rows, cols) conductance [S] of the likeliest touches near g, none on all the skin."""
     low = reading.bounds[0]
     g = np.where(g < NEAR_REST * low, low, g) * reading.circuit.populated
     point = _Point.at(reading, g, False, None)

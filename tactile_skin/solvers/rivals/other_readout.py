@@ -116,24 +116,24 @@ class _Touches:
         jacobian = reading.linearised(g, reading.spread).jacobian(cells, cells).astype(float)
         jacobian *= g.ravel()[cells]
         precision = jacobian.T @ jacobian
-        precision.flat[:: cells.size + 1] += 1.0  # what is known of a cell that no reading tells
+        precision.flat[:: cells.size + 1] += 1.0  # what is known of a cell that is in no reading
         self.spread = max(_EVEN, float(np.median(precision.diagonal() ** -0.5)))
         # A readout whose readings change more with the loads explains a frame by loads that differ
         # less, whichever readout is right: how much the readings narrow the loads down (Laplace).
         width = float(np.linalg.slogdet(precision)[1])
         self._unlikely = 0.5 * (float(np.square(misfit).sum()) + width)
 
-    def unlikely(self, beside: _Touches) -> float:
+    def unlikely(self, other: _Touches) -> float:
         """Minus the log of its likelihood, but for a constant.
 
         How hard all of a touch is says as much as one cell, not as all of them; and noise is no
         unevenness. So the pictures are compared at one level and with one spread.
 
         Args:
-            beside: what has these.
+            other: the explanation that it is compared with, which has these.
         """
-        picture = self._x * (beside.level / self.level)
-        return self._unlikely + roughness(picture, self._between, beside.spread)
+        picture = self._x * (other.level / self.level)
+        return self._unlikely + roughness(picture, self._between, other.spread)
 
 
 def _off(curve: PressureCurve) -> float:
