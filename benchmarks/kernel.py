@@ -1,10 +1,11 @@
-"""Shows what the compiled loop is worth: how much longer a frame takes without it.
+"""Shows what the compiled loops are worth: how much longer a frame takes without them.
 
     python -m benchmarks.kernel [--frames N]
 
-Every frame of `compensate(..., method="auto")` is solved with the loop compiled and in NumPy, in
-turns and by one thread, and the thread's time is taken: what else the machine does is left out. A
-loop stays compiled if it makes frames at least 1.15 times faster.
+Every frame of `compensate(..., method="auto")` is solved with the loops compiled and in NumPy,
+in turns and by one thread, and the thread's time is taken: what else the machine does is left out.
+Hardly one loop alone is worth its C: it is the group that has to make frames of each scene and size
+at least 1.15 times faster.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is imported
 import numpy as np
 
 from tactile_skin.bench.measure import NOISE, Clock, frames, moving_touch
-from tactile_skin.physics import kernel
+from tactile_skin.physics import compiled
 from tactile_skin.physics.circuit import Circuit, forward
 from tactile_skin.physics.curve import PressureCurve
 from tactile_skin.simulation import scenes
@@ -61,25 +62,25 @@ def measure(scene: str, size: int, n: int) -> Row:
     """Solve n frames by both implementations; a moving touch goes on from the frame before."""
     circuit, curve, clock = Circuit(size, size), PressureCurve(), Clock()
     taken, last = np.full((n, len(IN_TURNS)), np.inf), None
-    loops = kernel._compiled, None
+    loops = compiled.library, None
     for k, adc in enumerate(drawn(scene, n, circuit, curve)):
         found: Estimate | None = None
         for _ in range(REPEATS):
             for form, loop in enumerate(loops):
-                kernel._compiled = loop
+                compiled.library = loop
                 start = time.thread_time()
                 found = compensate(adc, circuit, curve, start=last, noise=NOISE["scan"])
                 taken[k, form] = min(taken[k, form], time.thread_time() - start)
-        kernel._compiled = loops[0]
+        compiled.library = loops[0]
         clock(int)  # y
         last = found if scene != "bodies" else None
-    compiled, plain = np.median(taken, 0) / clock.y
-    return Row(scene, size, compiled, plain, float(np.median(taken[:, 1] / taken[:, 0])))
+    fast, plain = np.median(taken, 0) / clock.y
+    return Row(scene, size, fast, plain, float(np.median(taken[:, 1] / taken[:, 0])))
 
 
 def measured(n: int) -> Iterator[Row]:
     """Measure every scene in every size."""
-    if kernel.implementation() != "compiled":
+    if compiled.implementation() != "compiled":
         raise SystemExit("nothing is compiled: install a C compiler, then run `pip install -e .`")
     return (measure(scene, size, n) for scene in SCENES for size in SIZES)
 

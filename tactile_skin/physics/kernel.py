@@ -1,59 +1,26 @@
-"""The fixed point, compiled (fixed_point.c) where setup.py found a compiler, else in NumPy.
+"""The accelerated fixed point g <- g * rho(g) / measured.
 
-It is the one inner loop whose compiled form makes a frame at least 1.15 times faster
-(`python -m benchmarks.kernel`). Both forms do the same.
+The compiled loop does it where there is one (compiled/), else NumPy does the same.
 """
 
 from __future__ import annotations
 
-import ctypes
 import time
-import warnings
-import zlib
 from collections.abc import Callable
-from importlib.util import find_spec
-from pathlib import Path
 
 import numpy as np
-from numpy.ctypeslib import ndpointer
 from scipy.linalg import lapack
 
+from . import compiled
 from .arrays import Floats, Ints
+from .compiled import implementation
 from .laplacian import connected_rho
 
-_HISTORY = 6  # earlier steps that are combined: Walker and Ni 2011; fixed_point.c's HISTORY
-_LINES = 64  # rows + cols; BLAS is as fast beyond
+__all__ = ["fixed_point", "implementation"]
+
+_HISTORY = 6  # earlier steps that are combined: Walker and Ni 2011; network.c's HISTORY
 _RIDGE = 1e-10  # share of the trace, by which the steps' Gram matrix is made regular
 _LEAST_RIDGE = 1e-30  # the same where all steps are nothing
-_SOURCE = Path(__file__).with_name("fixed_point.c")
-
-
-def _load(source: Path) -> Callable[..., int] | None:
-    """Return the compiled function; None: there is none, or it is not of `source`."""
-    spec = find_spec(f"{__package__}._fixed_point")
-    if spec is None or spec.origin is None:
-        return None
-    library = ctypes.CDLL(spec.origin)
-    if ctypes.c_uint32.in_dll(library, "source").value != zlib.crc32(source.read_bytes()):
-        warnings.warn(
-            "tactile_skin: the inner loops were compiled from other sources and are not used, "
-            "which takes up to 1.3 times the time: run `pip install -e .` again",
-            stacklevel=3,
-        )
-        return None
-    function = library.fixed_point
-    number, real = ctypes.c_int, ctypes.c_double
-    reals, numbers = ndpointer(np.float64, flags="C"), ndpointer(np.int32, flags="C")
-    function.argtypes = number, number, reals, number, numbers, *3 * [reals], *3 * [real], number
-    return function
-
-
-_compiled = _load(_SOURCE)
-
-
-def implementation() -> str:
-    """Return what runs for small skins: "compiled" or "in NumPy"."""
-    return "compiled" if _compiled else "in NumPy"
 
 
 def fixed_point(
@@ -81,20 +48,17 @@ def fixed_point(
             also (n,) of them.
         goal: sum of the squared misfits of the ADC ratios at which to stop.
         steps: at most so many.
-        deadline: `time.monotonic` at which to stop; compiled, at which not to begin: 60 steps of
-            `_LINES` lines take 6 ms.
+        deadline: `time.monotonic` at which to stop; compiled, at which not to begin.
         read: g (rows, cols) -> rho (rows, cols); None: `connected_rho`.
 
     Returns:
         g (rows, cols) and the steps taken.
     """
-    if _compiled and read is None and sum(g.shape) <= _LINES and time.monotonic() <= deadline:
-        there, n = np.array(g, float, order="C"), cells.size
-        if not n == measured.size == low.size == high.size:
-            raise ValueError("the fixed point needs a resistance and two bounds for each cell")
-        taken = _compiled(*g.shape, there, n, cells, measured, low, high, r_ref, r_par, goal, steps)
-        if taken >= 0:
-            return there, taken
+    if read is None and time.monotonic() <= deadline:
+        divider = float(r_ref), float(r_par)
+        found = compiled.fixed_point(g, cells, measured, low, high, divider, goal, steps)
+        if found is not None:
+            return found
     read = read or connected_rho
     g = g.copy()
     flat = g.reshape(-1)

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import lapack
 
+from . import compiled
 from .arrays import Bools, Floats, Floats32, Ints
 
 _LEAST_EIGENVALUE = 1e-15  # of the largest: below it the rounding of doubles is all there is
@@ -36,6 +37,8 @@ class Network(NamedTuple):
 
 def solve(g: Floats) -> Network:
     """Return the network of conductances g (rows, cols) [S], which must be connected."""
+    if (found := compiled.solve(g)) is not None:
+        return Network(*found)
     rows, cols = g.shape
     lines = rows + cols
     reduced, scaled, col_sum = _reduced_root(g)
@@ -57,6 +60,8 @@ def connected_rho(g: Floats) -> Floats:
     Returns:
         (rows, cols) [ohm].
     """
+    if (found := compiled.connected_rho(g)) is not None:
+        return found
     if g.shape[0] > g.shape[1]:  # eliminate the longer side: the inverse stays small
         return connected_rho(g.T).T
     root, scaled, col_sum = _reduced_root(g)
@@ -153,6 +158,8 @@ def hessian_product(k: Floats, p: Floats) -> Floats:
     It is K L(p) K between a's two lines; L(p) is the Laplacian of a network with conductances p,
     (rows, cols), of either sign.
     """
+    if (found := compiled.hessian_product(k, p)) is not None:
+        return found
     rows, cols = p.shape
     weighted = np.empty_like(k)
     np.matmul(p, k[rows:], out=weighted[:rows])
@@ -175,6 +182,8 @@ def sensitivity(k: Floats, weight: Floats, readings: Ints, one: Ints, other: Int
     Returns:
         (m, n).
     """
+    if (found := compiled.sensitivity(k, weight, readings, one, other)) is not None:
+        return found
     rows, cols = weight.shape
     row, col = np.divmod(readings, np.int32(cols))
     across = (k.take(one, 1) - k.take(other, 1)).astype(np.float32)

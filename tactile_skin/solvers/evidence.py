@@ -12,8 +12,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import get_lapack_funcs
-from scipy.ndimage import binary_dilation
+from scipy.linalg import lapack
 
 from ..physics import lines, readouts
 from ..physics.circuit import Circuit
@@ -41,7 +40,6 @@ _EXPLAINED = 30.0
 # Share of a reading by which the circuit's model misses a sound skin's beyond the noise (creep,
 # scans in turn).
 _MODEL = 0.0005
-_BESIDE = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], bool)
 MIN_SCALE = 0.15  # of r_ref: what a board's r_par may be where none is configured
 _MOST_PARTS = 300.0  # ohm, the same whatever r_ref is: two CD4051 have 250 at 5 V, and more below
 _RIDGE = 1e-5  # of the touched cells' precision: the readings may not determine all of them
@@ -76,7 +74,7 @@ def past(columns: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
 
 def solve(precision: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return precision^-1 b, of a matrix that is positive definite, or hardly."""
-    (posv,) = get_lapack_funcs(("posv",), (precision,))
+    posv = lapack.sposv if precision.dtype == np.float32 else lapack.dposv
     _, x, bad = posv(precision, b)
     return np.linalg.lstsq(precision, b, rcond=None)[0] if bad else x
 
@@ -202,9 +200,7 @@ class Supposed:
         touched = circuit.populated & (g > _EVIDENT * self.rest)
         if not touched.any():
             return None
-        touched = circuit.populated & (
-            touched | binary_dilation(g > self._hard * self.rest, _BESIDE)
-        )
+        touched = circuit.populated & (touched | _dilated(g > self._hard * self.rest))
         expected = self._network(np.where(touched, g, self.rest), further).adc
         width = _CUT_OFF / circuit.full_scale
         # by the model: noise must not choose
@@ -247,7 +243,7 @@ class Supposed:
             g: (rows, cols) of that fit [S].
             noise: RMS of a reading [ADC steps].
         """
-        touched = binary_dilation(g > self._hard * self.rest, _BESIDE) & self.circuit.populated
+        touched = _dilated(g > self._hard * self.rest) & self.circuit.populated
         cells = np.flatnonzero(touched)
         if not cells.size or cells.size > _FULL * reading.n_informative:
             return 0.0
@@ -311,6 +307,16 @@ class _Past(NamedTuple):
     misfit: np.ndarray  # (readings,) in standard deviations
     by_no_circuit: np.ndarray  # (readings,) what p leaves of it
     more: np.ndarray  # flat cells that are touched, too
+
+
+def _dilated(cells: np.ndarray) -> np.ndarray:
+    """(rows, cols) bool: these cells and the next in their rows and columns."""
+    more = cells.copy()  # ndimage takes longer for its checks
+    more[1:] |= cells[:-1]
+    more[:-1] |= cells[1:]
+    more[:, 1:] |= cells[:, :-1]
+    more[:, :-1] |= cells[:, 1:]
+    return more
 
 
 def _jacobian(model: Linearised, cells: np.ndarray) -> np.ndarray:

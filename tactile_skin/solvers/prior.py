@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import blas
 
 from ..learning import denoiser
-from ..physics import quadratic
+from ..physics import compiled, quadratic
 from ..physics.quadratic import inverse_diagonal, solve_in_box
 from .reading import Linearised, Reading
 from .suspect import NormalEquations
@@ -79,6 +79,8 @@ def touches(x: np.ndarray, between: Differences) -> Quadratic:
     Args:
         x: (rows, cols), 0 at rest and where there is no cell.
     """
+    if (found := compiled.touches(x, between.weight, _SPREAD)) is not None:
+        return Quadratic(*found)
     value, gradient, diagonal, entries = quadratic.roughness(x, between.weight, _SPREAD**2)
     above = x + _SPREAD
     value += float(np.log(above / _SPREAD).sum())
@@ -157,14 +159,17 @@ def add(one: Quadratic, other: Quadratic) -> Quadratic:
 def precision(jacobian, prior: Quadratic, between: Differences | None, free: np.ndarray):
     """(n, n) of the cost over the n free cells, upper triangle: J^T J and the prior's."""
     total = blas.ssyrk(1.0, jacobian.T, lower=1).T
+    entries = None if between is None else prior.entries
+    if compiled.add_terms(total, prior.diagonal, entries, free):
+        return total
     total.reshape(-1)[:: free.size + 1] += prior.diagonal.ravel()[free]
-    if prior.entries is None or between is None:
+    if entries is None or between is None:
         return total
     place = np.full(prior.diagonal.size, -1, np.int32)
     place[free] = np.arange(free.size)
     here, there = place[between.here], place[between.there]
     both = np.flatnonzero((here >= 0) & (there >= 0))
-    total[here[both], there[both]] += prior.entries[both]
+    total[here[both], there[both]] += entries[both]
     return total
 
 
@@ -227,7 +232,8 @@ def with_neighbours(
             return None
         # in g: the readings are closer to linear in g than in log g
         g = model.g.copy()
-        g.flat[free] = np.clip(here + np.clip(dx, _MOST_FALL, _MOST_RISE) * change, low, high)
+        dx = np.minimum(np.maximum(dx, _MOST_FALL), _MOST_RISE)
+        g.flat[free] = np.minimum(np.maximum(here + dx * change, low), high)
         adc = reading.model(g)
         if np.square(reading.misfit(adc) / reading.spread).sum() <= limit:
             std_x = std_x.copy()

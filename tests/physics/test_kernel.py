@@ -1,4 +1,4 @@
-"""The compiled fixed point against the same in NumPy, and what it leaves to that.
+"""The compiled loops against the same in NumPy, and what they leave to that.
 
 That both are right is what the other tests of physics and solvers say, which run over each.
 """
@@ -14,8 +14,11 @@ import pytest
 from support.implementations import COMPILED
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
-from tactile_skin.physics import kernel, laplacian
+from tactile_skin.learning.convolution import convolve
+from tactile_skin.physics import compiled, kernel, laplacian, quadratic
+from tactile_skin.physics.curve import Table
 from tactile_skin.simulation import scenes
+from tactile_skin.solvers import prior
 
 pytestmark = pytest.mark.skipif(COMPILED is None, reason="no compiler was found at installation")
 SIZES = [(1, 1), (1, 5), (5, 1), (3, 2), (16, 16), (8, 24), (24, 8), (32, 32), (63, 1)]
@@ -43,23 +46,25 @@ def problem(rng, shape) -> dict:
 
 def in_numpy(monkeypatch, **given):
     with monkeypatch.context() as patch:
-        patch.setattr(kernel, "_compiled", None)
+        patch.setattr(compiled, "library", None)
         return kernel.fixed_point(**given)
 
 
 def test_the_implementation_is_named(monkeypatch):
     assert kernel.implementation() == "compiled"
-    monkeypatch.setattr(kernel, "_compiled", None)
+    monkeypatch.setattr(compiled, "library", None)
     assert kernel.implementation() == "in NumPy"
 
 
-def test_what_was_compiled_from_another_source_is_not_used(tmp_path):
-    other = tmp_path / "fixed_point.c"
-    other.write_bytes(kernel._SOURCE.read_bytes())
-    assert kernel._load(other) is not None
-    other.write_text("int other;")
+def test_what_was_compiled_from_other_sources_is_not_used(tmp_path):
+    others = []
+    for source in compiled.SOURCES:
+        others.append(tmp_path / source.name)
+        others[-1].write_bytes(source.read_bytes())
+    assert compiled._load(others) is not None
+    others[0].write_text("int other;")
     with pytest.warns(UserWarning, match="compiled from other sources and are not used"):
-        assert kernel._load(other) is None
+        assert compiled._load(others) is None
 
 
 @pytest.mark.parametrize("shape", SIZES, ids=str)
@@ -110,7 +115,7 @@ def test_nan_does_not_become_a_bound(rng):
     given["measured"][7] = np.nan
     g, n = given["g"].copy(), given["cells"].size
     rest = given["measured"], given["low"], given["high"], 1780.0, 326.0, 0.0, 3
-    assert COMPILED(4, 4, g, n, given["cells"], *rest) == -1
+    assert COMPILED.fixed_point(4, 4, g, n, given["cells"], *rest) == -1
     assert np.isnan(g.flat[given["cells"][7]])
 
 
@@ -131,13 +136,13 @@ def test_what_is_no_such_array_is_refused(rng):
     with pytest.raises(ValueError, match="a resistance and two bounds for each cell"):
         kernel.fixed_point(**given | {"low": given["low"][1:]})
     for name in ("measured", "cells"):
-        with pytest.raises(ctypes.ArgumentError, match="must have data type"):
+        with pytest.raises(ctypes.ArgumentError, match="must be of"):
             kernel.fixed_point(**given | {name: given[name].astype(np.float32)})
     for cell in (-1, 16):
         outside = given["cells"].copy()
         outside[0] = cell
         rest = given["measured"], given["low"], given["high"], 1780.0, 326.0, 0.0, 3
-        assert COMPILED(4, 4, given["g"].copy(), outside.size, outside, *rest) == -1
+        assert COMPILED.fixed_point(4, 4, given["g"].copy(), outside.size, outside, *rest) == -1
 
 
 @pytest.mark.parametrize("family", ["blobs", "rects", "random"])
@@ -151,7 +156,7 @@ def test_estimates_are_numpys(monkeypatch, family, method):
             adc = np.rint(adc * 1023) / 1023
         found = compensate(adc, board, curve, method)
         with monkeypatch.context() as patch:
-            patch.setattr(kernel, "_compiled", None)
+            patch.setattr(compiled, "library", None)
             plain = compensate(adc, board, curve, method)
         assert found.status == plain.status
         # map stops at the noise, where rounding leaves more to choose from than for newton
@@ -159,3 +164,89 @@ def test_estimates_are_numpys(monkeypatch, family, method):
         np.testing.assert_allclose(found.force, plain.force, rtol=close, atol=0.1 * close)
         # a cell that rounding keeps at rest, or not, has another spread
         assert np.median(np.abs(found.std - plain.std)) < 1e-5
+
+
+def both(monkeypatch, function):
+    """What it returns compiled, and in NumPy."""
+    found = function()
+    with monkeypatch.context() as patch:
+        patch.setattr(compiled, "library", None)
+        return found, function()
+
+
+@pytest.mark.parametrize("shape", SIZES, ids=str)
+def test_the_network_is_numpys(rng, monkeypatch, shape):
+    g = np.exp(rng.normal(-8.0, 1.0, shape))
+    found, plain = both(monkeypatch, lambda: laplacian.solve(g))
+    for one, other in zip(found, plain, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
+    found, plain = both(monkeypatch, lambda: laplacian.connected_rho(g))
+    np.testing.assert_allclose(found, plain, rtol=1e-9)
+
+
+def test_arrays_of_any_order_are_read(rng):
+    """Of Fortran's order, read-only, or of every other cell."""
+    g = np.exp(rng.normal(-8.0, 1.0, (6, 8)))
+    expected = laplacian.connected_rho(g)
+    fixed, wide = g.copy(), np.repeat(g, 2, axis=1)
+    fixed.setflags(write=False)
+    for same in (np.asfortranarray(g), fixed, wide[:, ::2]):
+        np.testing.assert_array_equal(laplacian.connected_rho(same), expected)
+
+
+@pytest.mark.parametrize("shape", SIZES, ids=str)
+def test_the_prior_is_numpys(rng, monkeypatch, shape):
+    x = np.maximum(rng.normal(1.0, 2.0, shape), 0.0)
+    between = prior.Differences(shape, rng.random(shape) < 0.9)
+    found, plain = both(monkeypatch, lambda: prior.touches(x, between))
+    for one, other in zip(found, plain, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
+    free = np.flatnonzero(rng.random(shape) < 0.6)
+    jacobian = rng.standard_normal((x.size, free.size)).astype(np.float32)
+    for joined in (between, None):
+        one, other = both(
+            monkeypatch, lambda joined=joined: prior.precision(jacobian, plain, joined, free)
+        )
+        np.testing.assert_allclose(np.triu(one), np.triu(other), rtol=1e-6, atol=1e-4)
+
+
+@pytest.mark.parametrize("wide", [0.02, 0.3, 10.0])
+def test_the_programme_within_bounds_is_lapacks(rng, monkeypatch, wide):
+    for n in (1, 7, 40, 100, 101):
+        root = rng.standard_normal((2 * n, n))
+        precision = np.triu(root.T @ root + np.eye(n)).astype(np.float32)
+        b = rng.standard_normal(n) * n
+        low, high = -wide * rng.random(n), wide * rng.random(n)
+        found, plain = both(
+            monkeypatch, lambda given=(precision, b, low, high): quadratic.solve_in_box(*given)
+        )
+        np.testing.assert_allclose(found[0], plain[0], rtol=1e-3, atol=1e-4)
+        np.testing.assert_array_equal(found[2], plain[2])
+        np.testing.assert_allclose(np.triu(found[1]), np.triu(plain[1]), rtol=1e-3, atol=1e-3)
+
+
+@pytest.mark.parametrize("dilation", [1, 2, 3])
+@pytest.mark.parametrize("shape", [(1, 1), (3, 2), (8, 8), (5, 40)], ids=str)
+def test_the_convolution_is_numpys(rng, monkeypatch, shape, dilation):
+    picture = rng.standard_normal((5, *shape)).astype(np.float32)
+    layer = rng.standard_normal((4, 46)).astype(np.float32)
+    found, plain = both(monkeypatch, lambda: convolve(picture, layer, dilation))
+    np.testing.assert_allclose(found, plain, rtol=1e-4, atol=1e-4)
+
+
+def test_the_table_is_numpys(rng, monkeypatch):
+    points = np.sort(np.concatenate([np.linspace(-1.0, 3.0, 50), rng.uniform(-1.0, 3.0, 30)]))
+    points[40:43] = points[40]  # a step
+    table = Table(points, np.sort(rng.random(80)))
+    x = np.concatenate([rng.uniform(-2.0, 4.0, 500), points, [-np.inf, np.inf, np.nan]])
+    x = np.delete(x, np.flatnonzero(x == points[40]))  # where either end of the step is right
+    found, plain = both(monkeypatch, lambda: table(x))
+    np.testing.assert_allclose(found, plain, rtol=1e-12, atol=1e-12)
+
+
+def test_what_lies_outside_of_its_arrays_is_left_to_numpy(rng):
+    network, lines = laplacian.solve(np.exp(rng.normal(-8.0, 1.0, (4, 4)))), np.arange(4)
+    row, col = lines.astype(np.int32), (lines + 4).astype(np.int32)
+    for readings, one in ((row + np.int32(13), row), (row, row + np.int32(5))):
+        with pytest.raises(IndexError):
+            laplacian.sensitivity(network.k, np.ones((4, 4)), readings, one, col)

@@ -1,17 +1,17 @@
-"""Both implementations of the fixed point: tests/physics and tests/solvers run over each."""
+"""Both implementations of the inner loops: tests/physics and tests/solvers run over each."""
 
 import pytest
 
-from tactile_skin.physics import kernel
+from tactile_skin.physics import compiled
 
-COMPILED = kernel._compiled
+COMPILED = compiled.library
 
 
 @pytest.fixture(autouse=True, params=["compiled", "in NumPy"])
 def implementation(request):
-    """What `kernel` calls during one test."""
+    """What runs during one test."""
     if request.param == "compiled" and COMPILED is None:
         pytest.skip("no compiler was found at installation")
-    kernel._compiled = COMPILED if request.param == "compiled" else None
+    compiled.library = COMPILED if request.param == "compiled" else None
     yield request.param
-    kernel._compiled = COMPILED
+    compiled.library = COMPILED

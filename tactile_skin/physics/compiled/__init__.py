@@ -1,0 +1,241 @@
+"""The inner loops of small skins, compiled (the C files here) where setup.py found a compiler.
+
+The modules that have the same in NumPy ask here first: laplacian.py, quadratic.py, kernel.py,
+curve.py, solvers/prior.py and learning/convolution.py. Each function returns None where NumPy has
+to do it: nothing is compiled, the skin is large, or the numbers are singular to rounding.
+Together they make frames at least 1.15 times faster (`python -m benchmarks.kernel`).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import warnings
+import zlib
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays import Bools, Floats, Floats32, Ints
+
+LINES = 64  # rows + cols up to which the loops are faster than NumPy's BLAS
+CELLS = LINES**2 // 4  # of such a skin at most
+_UNKNOWNS = 100  # of a programme within bounds, the same
+SOURCES = sorted(Path(__file__).parent.glob("*.c"))
+_View = ctypes.c_char * 0  # of an array's memory, which it keeps
+
+
+class _Array:
+    """An argument: an array of one type; it is copied if it is not contiguous or is read-only."""
+
+    def __init__(self, kind: type[np.generic], optional: bool = False):
+        dtype, view = np.dtype(kind), _View.from_buffer
+
+        def from_param(array: Any) -> Any:  # as ctypes calls it
+            if optional and array is None:
+                return None
+            if array.dtype != dtype:
+                raise TypeError(f"array of {array.dtype}: must be of {dtype}")
+            try:
+                return view(array)  # five times faster than `array.ctypes`
+            except (TypeError, ValueError):
+                return np.ascontiguousarray(array).ctypes
+
+        self.from_param = from_param
+
+
+class _Out:
+    """An argument: a fresh array, which is what the function fills."""
+
+    from_param = _View.from_buffer
+
+
+_reals, _singles, _ints = _Array(np.float64), _Array(np.float32), _Array(np.int32)
+_reals_or_none = _Array(np.float64, optional=True)
+_int, _real = ctypes.c_int, ctypes.c_double
+_ARGUMENTS: dict[str, tuple[Any, ...]] = {
+    "connected_rho": (_int, _int, _reals, _Out),
+    "solve": (_int, _int, _reals, *3 * [_Out]),
+    "hessian_product": (_int, _int, _reals, _reals, _Out),
+    "sensitivity": (_int, _int, _reals, _reals, _int, _ints, _int, _ints, _ints, _Out),
+    "touches": (_int, _int, _reals, _reals, _real, *3 * [_Out]),
+    "add_terms": (_int, _int, _int, _ints, _reals, _reals_or_none, _Out),
+    "interpolate": (_int, _reals, _int, _reals, _reals, _ints, _Out),
+    "convolve": (*5 * [_int], _singles, _singles, _Out),
+    "solve_in_box": (_int, _singles, *3 * [_reals], *3 * [_Out]),
+    "fixed_point": (_int, _int, _Out, _int, _ints, *3 * [_reals], *3 * [_real], _int),
+}
+
+
+class Library:
+    """The compiled functions by their C names."""
+
+    def __init__(self, path: str):
+        # A call of some microseconds keeps Python's lock: another thread may hold it for 5 ms.
+        short, long = ctypes.PyDLL(path), ctypes.CDLL(path)
+        for name, arguments in _ARGUMENTS.items():
+            function = (long if name == "fixed_point" else short)[name]
+            function.argtypes = arguments
+            setattr(self, name, function)
+        self.touches.restype = _real
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any: ...
+
+
+def _is_of(path: str, sources: list[Path]) -> bool:
+    """Whether a library was compiled from these files."""
+    checksum = zlib.crc32(b"".join(source.read_bytes() for source in sources))
+    return ctypes.c_uint.in_dll(ctypes.CDLL(path), "source").value == checksum
+
+
+def _has_avx2() -> bool:
+    """Whether the processor has AVX2 and FMA, for which the loops are compiled once more."""
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as file:
+            flags = next((line.split() for line in file if line.startswith("flags")), [])
+    except OSError:
+        return False
+    return {"avx2", "fma"} <= set(flags)
+
+
+def _load(sources: list[Path]) -> Library | None:
+    """Return what was compiled; None: nothing, or not from `sources`."""
+    for name in ("_loops_avx2", "_loops") if _has_avx2() else ("_loops",):
+        spec = find_spec(f"{__package__}.{name}")
+        if spec is None or spec.origin is None:
+            continue
+        if _is_of(spec.origin, sources):
+            return Library(spec.origin)
+        warnings.warn(
+            "tactile_skin: the inner loops were compiled from other sources and are not used, "
+            "which takes up to twice the time: run `pip install -e .` again",
+            stacklevel=3,
+        )
+        break
+    return None
+
+
+library = _load(SOURCES)
+
+
+def implementation() -> str:
+    """Return what runs for small skins: "compiled" or "in NumPy"."""
+    return "compiled" if library else "in NumPy"
+
+
+def connected_rho(g: Floats) -> Floats | None:
+    """As laplacian.connected_rho."""
+    if library is None or sum(g.shape) > LINES:
+        return None
+    rho = np.empty(g.shape)
+    return None if library.connected_rho(*g.shape, g, rho) else rho
+
+
+def solve(g: Floats) -> tuple[Floats, Floats, Floats] | None:
+    """root, k and rho of laplacian.Network."""
+    lines = sum(g.shape)
+    if library is None or lines > LINES:
+        return None
+    root, k, rho = np.zeros((lines, lines)), np.zeros((lines, lines)), np.empty(g.shape)
+    return None if library.solve(*g.shape, g, root, k, rho) else (root, k, rho)
+
+
+def hessian_product(k: Floats, p: Floats) -> Floats | None:
+    """As laplacian.hessian_product."""
+    if library is None or not len(k) == sum(p.shape) <= LINES:
+        return None
+    out = np.empty(p.shape)
+    return None if library.hessian_product(*p.shape, k, p, out) else out
+
+
+def sensitivity(
+    k: Floats, weight: Floats, readings: Ints, one: Ints, other: Ints
+) -> Floats32 | None:
+    """As laplacian.sensitivity."""
+    if library is None or not len(k) == sum(weight.shape) <= LINES or one.size != other.size:
+        return None
+    m, n = readings.size, one.size
+    out = np.empty((m, n), np.float32)
+    given = *weight.shape, k, weight, m, readings, n, one, other
+    return None if library.sensitivity(*given, out) else out
+
+
+def touches(
+    x: Floats, weight: Floats, spread: float
+) -> tuple[float, Floats, Floats, Floats] | None:
+    """Value, gradient, diagonal and entries of prior.touches."""
+    rows, cols = x.shape
+    if library is None or weight.size != 2 * x.size - rows - cols:
+        return None
+    gradient, diagonal, entries = np.zeros(x.shape), np.zeros(x.shape), np.empty(weight.size)
+    cost = library.touches(rows, cols, x, weight, spread, gradient, diagonal, entries)
+    return cost, gradient, diagonal, entries
+
+
+def add_terms(
+    total: Floats32, diagonal: Floats, entries: Floats | None, free: npt.NDArray[np.integer]
+) -> bool:
+    """Add a prior's terms to the upper triangle of `total`, as prior.precision; whether it did."""
+    rows, cols = diagonal.shape
+    if library is None or total.shape != (free.size, free.size) or not total.flags.c_contiguous:
+        return False
+    if entries is not None and entries.size != 2 * diagonal.size - rows - cols:
+        return False
+    cells = free.astype(np.int32)
+    return not library.add_terms(rows, cols, free.size, cells, diagonal, entries, total)
+
+
+def interpolate(x: Floats, points: Floats, values: Floats, start: Ints) -> Floats | None:
+    """As curve.Table."""
+    if library is None or x.size > CELLS or x.dtype != float:
+        return None
+    out = np.empty(x.shape)
+    library.interpolate(x.size, x, points.size, points, values, start, out)
+    return out
+
+
+def solve_in_box(
+    precision: Floats32, b: Floats, low: Floats, high: Floats
+) -> tuple[Floats, Floats32, Bools] | None:
+    """As quadratic.solve_in_box."""
+    n = b.size
+    if library is None or n > _UNKNOWNS or not len(precision) == n == low.size == high.size:
+        return None
+    dx, factor, inside = np.zeros(n), np.empty(n * n, np.float32), np.empty(n, np.int32)
+    m = library.solve_in_box(n, precision, b, low, high, dx, factor, inside)
+    return None if m < 0 else (dx, factor[: m * m].reshape(m, m), inside.astype(bool))
+
+
+def convolve(picture: Floats32, layer: Floats32, dilation: int) -> Floats32 | None:
+    """As learning.convolution.convolve."""
+    channels, rows, cols = picture.shape
+    if library is None or rows + cols > LINES or layer.shape[1] != 9 * channels + 1:
+        return None
+    out = np.empty((len(layer), rows, cols), np.float32)
+    given = rows, cols, channels, len(layer), dilation, picture, layer
+    return None if library.convolve(*given, out) else out
+
+
+def fixed_point(
+    g: Floats,
+    cells: Ints,
+    measured: Floats,
+    low: Floats,
+    high: Floats,
+    divider: tuple[float, float],
+    goal: float,
+    steps: int,
+) -> tuple[Floats, int] | None:
+    """As kernel.fixed_point, of a divider's r_ref and r_par [ohm]; 60 steps of LINES take 6 ms."""
+    if library is None or sum(g.shape) > LINES:
+        return None
+    there, n = np.array(g, float, order="C"), cells.size
+    if not n == measured.size == low.size == high.size:
+        raise ValueError("the fixed point needs a resistance and two bounds for each cell")
+    given = *g.shape, there, n, cells, measured, low, high
+    taken = library.fixed_point(*given, *divider, goal, steps)
+    return None if taken < 0 else (there, taken)
