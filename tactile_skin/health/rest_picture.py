@@ -31,9 +31,12 @@ class RestPicture(Check):
         if window is None or seen.rest is None:
             return
         read = window.mean > 0.0
+        if np.count_nonzero(read) < _MANY:
+            self.found = self._before = None
+            return
         now, rest = window.mean[read], self._adc.rising_count(seen.rest)[read]
         noise = window.noise / _QUARTILE / WINDOW**0.5
-        found = self._look(now, rest, noise) if np.count_nonzero(read) >= _MANY else None
+        found = self._look(now, rest, noise)
         # On a small skin noise may hide in one window how far readings are apart, not in two.
         again = found == self._before or _ALIKE * noise < rest.std()
         self.found, self._before = found if again else None, found

@@ -17,7 +17,9 @@ def played(frames, rest):
     """What is said at the end of each window of frames [ADC steps]; rest [ADC steps]."""
     watch = Samples(RestPicture(ADC), BITS)
     said = [
-        watch.frame(np.rint(steps * FRACTION).astype(np.uint16), rest / ADC.full_scale)
+        watch.frame(
+            np.rint(np.maximum(steps, 0.0) * FRACTION).astype(np.uint16), rest / ADC.full_scale
+        )
         for steps in frames
     ]
     return said[9::10]
@@ -35,6 +37,14 @@ def windows_of(picture, noise, n=200):
 def test_one_voltage_is_told_at_whatever_height(level):
     said = windows_of(lambda rest, k: rest if k < 100 else level, 1.0)
     assert not any(said[:10]) and all("one voltage" in text for text in said[10:])
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("read", [0, 3])
+def test_readings_below_the_range_say_nothing(read):
+    """They are 0; few that are left are no picture."""
+    few = np.arange(16).reshape(4, 4) < read
+    assert not any(windows_of(lambda rest, k: np.where(few, rest, -9.0), 0.0))
 
 
 @pytest.mark.parametrize("bit", [6, 8, 9])
