@@ -27,7 +27,8 @@ _PAGE = """\
 
 All of [config/skin.yaml](../config/skin.yaml), with the ranges of the values. *Live* parameters may
 change while the node runs (`ros2 param set`); the others are read at the start. This page and the
-file are written by `python -m tactile_skin.parameters` from [the data](../tactile_skin/parameters/nodes.py).
+file are written by `python -m tactile_skin.parameters` from
+[the data](../tactile_skin/parameters/nodes.py).
 """
 
 

@@ -37,6 +37,7 @@ from .unrested import unrested
 # Where no circuit decides, readings are upside down if so much of all change is a fall, and no more
 # the other way round than is left: on sound boards hardly any change is one.
 _FALLS = 0.8
+_FEW = 4  # hardest touches that decide without `series`, and on the polarity: they take the time
 
 
 def diagnose(
@@ -82,7 +83,7 @@ def diagnose(
 
 
 def _fits(circuit: Circuit, seen: Recorded) -> bool:
-    return readout.misses(circuit, _touched(seen)) < readout.FITS
+    return readout.misses(circuit, _touched(seen, _FEW)) < readout.FITS
 
 
 def _upside_down(seen: Recorded, turned: Recorded, inverted: bool) -> list[Finding]:
@@ -116,7 +117,7 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     circuit = seen.circuit
     if finding := sent.one_voltage(seen) or sent.at_an_end(seen):
         return [finding]
-    touched = _touched(seen)
+    touched = _touched(seen, HARDEST if series else _FEW)
     fitting = readout.other(circuit, touched)
     named = fitting and any(c.circuit.r_par == circuit.r_par for c in fitting.changes)
     if fitting and named and not fitting.of_own_cells:
@@ -215,10 +216,10 @@ def ignored_diode(circuit: Circuit, rest: Rest, touches) -> Finding | None:
     return found[0] if found else None
 
 
-def _touched(seen: Recorded) -> readout.Touched:
-    """The untouched skin, and its hardest touches."""
+def _touched(seen: Recorded, n: int) -> readout.Touched:
+    """The untouched skin, and its n hardest touches."""
     at_rest = np.where(seen.read, seen.base / seen.circuit.full_scale, np.nan)
-    touches = np.where(seen.read, touches_of(seen, HARDEST), np.nan)
+    touches = np.where(seen.read, touches_of(seen, n), np.nan)
     return readout.Touched(at_rest, seen.usual_noise, touches)
 
 
