@@ -19,12 +19,14 @@ import tty
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
+import numpy as np
+
 from tactile_skin import launch, ros
 from tactile_skin.board.protocol import BinaryParser, encode
 from tactile_skin.physics.circuit import Circuit
 from tactile_skin.physics.curve import PressureCurve
 from tactile_skin.simulation import scenes, simulator
-from tactile_skin.simulation.fabric import resting_curve
+from tactile_skin.simulation.fabric import Fabric, resting_curve
 
 PATIENCE = 60.0  # s, for what must happen
 WARM_UP = 1.0  # s, not counted
@@ -42,7 +44,8 @@ def endless(scene: str = "demo", seed: int = 0, curve: PressureCurve = FABRIC) -
     played = simulator.Board(
         circuit, PressureCurve(), scenes.script(scene, *circuit.shape), seed=seed
     )
-    played.curve = curve
+    rest = np.broadcast_to(1.0 / curve.rest_resistance, circuit.shape)
+    played.matrix.fabric = Fabric(curve, circuit.populated, np.ones(circuit.shape), rest)
     while True:
         if frame := played.scan():
             yield frame
