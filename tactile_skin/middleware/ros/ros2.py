@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import logging
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -18,7 +19,7 @@ _logger = logging.getLogger("tactile_skin")
 
 def check_installed() -> None:
     """Raise RosError where rclpy is not installed."""
-    if not importlib.util.find_spec("rclpy"):
+    if not (sys.modules.get("rclpy") or importlib.util.find_spec("rclpy")):
         raise RosError("rclpy (ROS 2) is not installed: see docs/robot.md")
 
 
