@@ -16,6 +16,7 @@ import numpy as np
 from .episode import LIMIT, SILENCE, Episode
 from .features import segment
 from .model import OTHER, GestureModel
+from .tracking import IDS
 
 PERIOD = 0.04  # s between pictures: a slap is seen in two, and noise is averaged over four frames
 GATE = 3.0  # standard deviations above which a cell is touched
@@ -162,7 +163,7 @@ class Recogniser:
         for touch in touches:
             active = self._belongs_to(touch, cols)
             if active is None:
-                self._ids += 1
+                self._ids = self._ids % (IDS - 1) + 1
                 episode = Episode(force.shape, self.pitch, period)
                 active = _Active(self._ids, episode, t)
                 self._active.append(active)

@@ -35,7 +35,7 @@ _PART_OF = (
 )
 _STAYS = 0.3  # of a touch's force that is still on its cells, from which on it was not lifted
 _STANDING = np.zeros(3)
-_IDS = 2**24  # a float32, as PointCloud2 carries it, tells so many apart
+IDS = 2**24  # a float32, as PointCloud2 carries it, holds so many different ones
 
 
 class Touch(NamedTuple):
@@ -191,7 +191,7 @@ class Tracker:
         ]
 
     def _new(self, t: float) -> _Track:
-        self._ids = self._ids % (_IDS - 1) + 1
+        self._ids = self._ids % (IDS - 1) + 1
         return _Track(self._ids, t)
 
     def _assign(self, t: float, frame: Frame, claims: list[list[_Track]]) -> list[int]:

@@ -6,6 +6,11 @@ import pytest
 from tactile_skin import cli
 from tactile_skin.commands.gestures import record
 from tactile_skin.learning.hands import simulated
+from tactile_skin.middleware.bus import Time
+from tactile_skin.msg import Header, Image, image
+from tactile_skin.recording import cdr
+from tactile_skin.recording.writer import Writer
+from tactile_skin.touch.geometry import CELL_AREA
 from tactile_skin.touch.model import load_model
 from tactile_skin.touch.take import SUFFIX, load_take
 
@@ -56,6 +61,30 @@ def test_few_takes_and_absent_ones_are_mistakes_that_are_named(takes, tmp_path, 
         assert cli.main(["gestures", *words]) == 2
         assert said in capsys.readouterr().err
     assert not (tmp_path / "model").exists()
+
+
+def test_each_touch_of_a_recording_is_a_take(tmp_path, capsys):
+    path = tmp_path / "touches.mcap"
+    on = np.array([0] * 20 + [1] * 30 + [0] * 150 + [1] * 20 + [0] * 20)
+    writer = Writer(path, {}, 0)
+    for k, touched in enumerate(on):
+        t = (k + 1) * 10_000_000  # ns: a hundred frames a second
+        header = Header(Time(nanoseconds=t).to_msg(), "base_link")
+        spot = np.zeros((16, 16))
+        spot[5:7, 5:7] = touched * 2.0 / CELL_AREA
+        for topic, picture in (
+            ("adc", image(np.zeros((16, 16)), "16UC1", header)),
+            ("pressure", image(spot, "32FC1", header)),
+        ):
+            writer.write(f"/left/skin/{topic}", Image, t, cdr.encode(picture))
+    writer.close()
+    out = tmp_path / "takes"
+    assert cli.main(["gestures", "record", "hold", str(path), "--out", str(out)]) == 0
+    assert "2 takes of hold" in capsys.readouterr().out
+    seconds = sorted(take.period * len(take.pictures) for take in map(load_take, out.iterdir()))
+    # a picture of 0.04 s at each end may hold a part of it
+    assert seconds == pytest.approx([0.2, 0.3], abs=0.08)
+    assert all(take.pictures.max() == pytest.approx(2.0) for take in map(load_take, out.iterdir()))
 
 
 class Hands:

@@ -365,3 +365,12 @@ def test_a_load_of_nothing_has_no_level(recwarn):
     nothing = np.zeros((4, 4))
     assert prior.level(nothing, nothing - 1.0, np.ones((4, 4), bool))[0] == np.inf
     assert not recwarn.list
+
+
+@pytest.mark.slow
+def test_figures_on_300_frames_a_family():
+    for family, limit in (("blobs", 4.2), ("rects", 13.0)):
+        row = accuracy("map", family, "scan", 300, seed=12)
+        assert row["mean g"] < limit
+        assert 0.60 < row["touched within 1 std"] < 0.76
+        assert row["suspect"] <= 0.02

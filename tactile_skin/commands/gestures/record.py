@@ -53,7 +53,10 @@ def record(args) -> int:
                 print("  nothing touched the skin; is it calibrated, and is the touch hard enough?")
                 continue
             print(_shown(pictures, period))
-            if _asked("  Enter to keep, r to repeat ") != "r":
+            answer = _asked("  Enter to keep, r to repeat, q to end without it ")
+            if answer == "q":
+                break
+            if answer != "r":
                 keep(pictures, period, skin.pitch)
     print(f"{kept} takes of {args.name} in {args.out}")
     return 0 if kept else 1
@@ -76,18 +79,20 @@ def _recorded(path: str):
     from ...touch.recogniser import Pictures
 
     recording = Recording(path)
-    stamps, pressure = recording.images("skin/pressure")
+    pressure = recording.adc_topic.removesuffix("adc") + "pressure"
     geometry = recording.skin.geometry
-    std = dict(zip(*recording.images("skin/pressure_std"), strict=True))
+    std: dict = {}
+    if f"{pressure}_std" in recording.topics:
+        std = dict(zip(*recording.images(f"{pressure}_std"), strict=True))
     pictures, found, periods = Pictures(), [], []
-    for stamp, frame in zip(stamps, pressure, strict=True):
+    for stamp, frame in zip(*recording.images(pressure), strict=True):
         of_frame = std.get(stamp, 0.0) * geometry.cell_area
         picture = pictures.update(stamp / 1e9, frame * geometry.cell_area, of_frame)
         if picture is not None:
             found.append(picture.force)
             periods.append(picture.period)
     if not found:
-        raise ValueError(f"{path}: holds no skin/pressure: record it with 'tactile-skin record'")
+        raise ValueError(f"{path}: holds fewer than two pictures of {pressure}")
     return np.array(found), float(np.median(periods)), geometry.pitch
 
 
@@ -102,7 +107,7 @@ class Live:
         self._skin = launch.Skin(plan)
         self._geometry = launch.read_skin(given.get("config")).geometry
         self.pitch = self._geometry.pitch
-        self._frames: list = []
+        self._frames: list | None = None  # of the take that is made now
         self._std: object = 0.0
 
     def __enter__(self) -> Live:
@@ -124,9 +129,11 @@ class Live:
     def _on_pressure(self, message) -> None:
         from ...msg import image_array
 
+        if (frames := self._frames) is None:
+            return
         stamp = message.header.stamp
         force = image_array(message) * self._geometry.cell_area
-        self._frames.append((stamp.sec + stamp.nanosec / 1e9, force, self._std))
+        frames.append((stamp.sec + stamp.nanosec / 1e9, force, self._std))
 
     def take(self):
         """Return the pictures of the next touch and their period; None where none comes."""
@@ -138,14 +145,14 @@ class Live:
             print(f"  {left} ...", end="", flush=True)
             time.sleep(1.0)
         print(" now")
-        self._frames.clear()
+        frames = self._frames = []
         pictures, found, periods, taken = Pictures(), [], [], 0
         begun = silent = 0.0
         start = time.monotonic()
         while time.monotonic() - start < (_LONGEST if begun else _PATIENCE):
             time.sleep(0.02)
-            while taken < len(self._frames):
-                t, force, std = self._frames[taken]
+            while taken < len(frames):
+                t, force, std = frames[taken]
                 taken += 1
                 picture = pictures.update(t, force, std)
                 if picture is None:
@@ -159,6 +166,7 @@ class Live:
                     periods.append(picture.period)
             if begun and silent > _PAUSE:
                 break
+        self._frames = None
         if not found:
             return None, 0.0
         last = max(k for k, picture in enumerate(found) if picture.any())
