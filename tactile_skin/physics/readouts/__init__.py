@@ -22,7 +22,7 @@ from .floating import Floating
 from .grounded import Grounded
 from .loaded import Loaded
 from .readout import Pair, Readout
-from .virtual_ground import Separate
+from .virtual_ground import VirtualGround
 
 if TYPE_CHECKING:
     from ..circuit import Circuit
@@ -40,14 +40,14 @@ __all__ = [
     "Loaded",
     "Network",
     "Readout",
-    "Separate",
+    "VirtualGround",
     "apparent",
     "of_network",
     "sharing",
     "solve",
 ]
 
-_ALL: tuple[type[Readout], ...] = Floating, Loaded, Grounded, Separate
+_ALL: tuple[type[Readout], ...] = Floating, Loaded, Grounded, VirtualGround
 BY_NAME = {readout.name: readout for readout in _ALL}
 READOUTS = tuple(BY_NAME)
 PASSIVE = tuple(readout.name for readout in _ALL if readout.passive)

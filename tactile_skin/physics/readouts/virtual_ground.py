@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from ..circuit import Circuit
 
 
-class Separate(Readout):
+class VirtualGround(Readout):
     """Each reading is that of its own cell: adc = r_ref g / (1 + r_par g), as if with no end."""
 
     name = "virtual_ground"
