@@ -190,8 +190,9 @@ def main(arguments=None) -> int:
     parser.add_argument("--hang", action="store_true", help="with hooks that hang")
     parser.add_argument("--log", default=os.devnull, help="file that the runs' errors go to")
     args = parser.parse_args(arguments)
-    # A shell's background job ignores SIGINT, and hands that on to what it starts.
+    # A shell's background job ignores SIGINT, nohup SIGHUP; what they start inherits that.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
     folder = Path(tempfile.mkdtemp())
     file = folder / "lifetime.launch.yaml"
     file.write_text(FILE)

@@ -18,9 +18,12 @@ from . import network
 _CHUNK = 2000  # scenes made at a time: bounds memory, and seeds each chunk by its number
 # What a real board has, in turn: noise, noise with R_par and curve off, rounding alone, nothing.
 _BOARD = ("scan", "off", "scan", "adc10", "ideal")
-# Fingers, so that pairs of touches leave no ghosts; large bodies, as a hip or a lying arm.
-_FAMILIES = (*scenes.FAMILIES, "fingers", "bodies", "large bodies")
+# Fingers, so that pairs of touches leave no ghosts; large bodies, as a hip or a lying arm; touches
+# of all loads, so that light ones are seen, twice.
+_FAMILIES = (*scenes.FAMILIES, "fingers", "bodies", "large bodies", "touches", "touches")
 _LARGE = 1.0, 6.0  # cells, half of a side
+_LIGHTEST = 0.1  # N, of touches
+_HARDEST = 20.0  # N, of touches
 CHOICES = {
     "loss": ("l1", "mse"),
     "optimizer": ("soap", "sgd"),
@@ -38,7 +41,8 @@ class TrainingConfig:
             epoch by; a sixth each of blobs, rects, random, fingers, bodies and large bodies.
         epochs, batch: passes over the pairs, and pairs per step.
         rate: highest learning rate; a short linear rise, then a cosine to 0.
-        loss: "mse" as the paper, or "l1", which fits the mean absolute error that is reported.
+        loss: "mse" as the paper, or "l1", which fits the mean absolute error that is reported;
+            it counts lightly loaded frames more.
         optimizer: "sgd" as the paper, or "soap" (soap.py).
         readout: what the readings are like, see `scenes.read_out`; "board": a mix of all, some
             from boards whose R_par is off by up to 5 % and whose curve by up to 20 %.
@@ -141,6 +145,24 @@ def _fingers(n: int, rows: int, cols: int, rng) -> np.ndarray:
     return np.minimum(force, scenes.MAX_LOAD * GRAM)
 
 
+def _touches(n: int, rows: int, cols: int, rng) -> np.ndarray:
+    """(n, rows, cols) force [N] of 1 to 3 round touches whose loads are spread over decades."""
+    y, x = np.arange(rows)[:, None], np.arange(cols)
+    force = np.zeros((n, rows, cols))
+    count = rng.integers(1, 4, n)
+    for k in range(3):
+        row, col, width = (
+            rng.uniform(low, high, (n, 1, 1))
+            for low, high in ((0.0, rows - 1.0), (0.0, cols - 1.0), (0.6, 2.0))
+        )
+        load = np.exp(rng.uniform(np.log(_LIGHTEST), np.log(_HARDEST), (n, 1, 1)))
+        distance2 = ((y - row) ** 2 + (x - col) ** 2) / width**2
+        tip = np.where(distance2 < 9.0, np.exp(-0.5 * distance2), 0.0)
+        tip *= load / tip.sum((1, 2), keepdims=True)
+        force += np.where(count[:, None, None] > k, tip, 0.0)
+    return np.minimum(force, scenes.MAX_LOAD * GRAM)
+
+
 def _large_bodies(n: int, rows: int, cols: int, rng) -> np.ndarray:
     """(n, rows, cols) force [N] of bodies of up to 12 cells a side."""
     return np.minimum(bodies(n, rows, cols, rng, _LARGE), scenes.MAX_LOAD) * GRAM
@@ -148,4 +170,8 @@ def _large_bodies(n: int, rows: int, cols: int, rng) -> np.ndarray:
 
 _Sample = Callable[[int, int, int, np.random.Generator], np.ndarray]
 # families of training alone
-_OWN: dict[str, _Sample] = {"fingers": _fingers, "large bodies": _large_bodies}
+_OWN: dict[str, _Sample] = {
+    "fingers": _fingers,
+    "large bodies": _large_bodies,
+    "touches": _touches,
+}

@@ -5,29 +5,33 @@ Needs scikit-learn (the extra `gestures`); what it makes runs without.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+from scipy.optimize import brentq
 
-from ..touch.episode import FEATURES, SILENCE, Episode
+from ..touch.episode import FEATURES, SILENCE
 from ..touch.forest import Forest
-from ..touch.model import CLIP, GestureModel, Logistic, common, sharpened
+from ..touch.model import CLIP, OTHER, GestureModel, Logistic, common, sharpened
+from ..touch.recogniser import ENDED, Gathering, Gesture
 from ..touch.take import Take
 
 # s of a gesture after which it is learnt as well: a decision need not wait for its end
 GLANCES = (0.12, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5, 2.5)
-TREES = 100  # more change no figure by its standard error
-LEAF = 2  # takes in a leaf at least
+TREES = 60  # more change no figure by its standard error
+LEAF = 2  # takes in a leaf at least,
+LEAF_SHARE = 1 / 400  # and at least this share of them: many takes make no larger file
 CHOICE = 0.3  # share of the features that a node may choose from (as in the study of docs/gestures)
 STRONGER = 0.3  # std of the logarithm of force: people press harder or lighter than those recorded
 COPIES = 3  # of each take, with other forces
 FOLDS = 4  # groups of people that are left out in turn, to see how sure the trees may be
+OTHER_COUNTS = 4.0  # times a gesture: there are more kinds of it; chosen on simulated people
 FREEDOM = 0.3  # inverse of the penalty on the regression's weights
 _STEADY = 1e-6  # added to the std of a feature that does not vary
 _NEVER = -50.0  # score of a class that a fit has not seen
-_SHARPEST = 8.0
+_SHARPNESS = (0.3, 8.0)  # least and most
 _LOGARITHMS_OF_FORCE = (
     *("force_mean", "force_max", "peak_mean", "peak_max", "pressure"),
     *("rise", "fall", "change"),
@@ -40,51 +44,59 @@ class Table(NamedTuple):
     features: np.ndarray  # (rows, len(FEATURES))
     label: np.ndarray  # (rows,) str
     person: np.ndarray  # (rows,) str
-    weight: np.ndarray  # (rows,); those of a take sum to 2, half of them its end's
-    end: np.ndarray  # (rows,) bool: the gesture is over
+    weight: np.ndarray  # (rows,); those of a take sum to 2, half of them its ends'
+    end: np.ndarray  # (rows,) bool: the gesture that has most of the take's force is over
     take: np.ndarray  # (rows,) int
+
+
+class Glances(NamedTuple):
+    """What one of a take's gestures looks like: a recogniser may see several in one take."""
+
+    early: list[np.ndarray]  # features at GLANCES
+    last: np.ndarray  # features at its end
+    share: float  # of the take's impulse
 
 
 def table_of(takes: Sequence[Take]) -> Table:
     """Return the features of takes; those without a touch are left out."""
     features, where, weight, end = [], [], [], []
     for number, take in enumerate(takes):
-        early, last = glances(take)
-        if last is None:
-            continue
-        rows = [*early, last]
-        features += rows
-        where += [number] * len(rows)
-        weight += [1.0 / max(len(early), 1)] * len(early) + [1.0]
-        end += [False] * len(early) + [True]
-    taken = np.array(where, int)
+        for k, seen in enumerate(glances(take)):
+            features += [*seen.early, seen.last]
+            where += [number] * (len(seen.early) + 1)
+            weight += [seen.share / max(len(seen.early), 1)] * len(seen.early) + [seen.share]
+            end += [False] * len(seen.early) + [k == 0]
     return Table(
         np.array(features).reshape(-1, len(FEATURES)),
         np.array([takes[k].label for k in where], object).astype(str),
         np.array([takes[k].person for k in where], object).astype(str),
         np.array(weight),
         np.array(end, bool),
-        taken,
+        np.array(where, int),
     )
 
 
-def glances(take: Take) -> tuple[list[np.ndarray], np.ndarray | None]:
-    """Return the features at GLANCES, and at the end of a take; None where nothing touches."""
-    touched = np.flatnonzero(take.pictures.any((1, 2)))
-    if len(touched) == 0:
-        return [], None
-    episode = Episode(take.pictures.shape[1:], take.pitch, take.period)
-    early, due = [], list(GLANCES)
-    for picture in take.pictures[touched[0] : touched[-1] + 1]:
-        episode.add(picture)
-        if due and episode.duration >= due[0] - take.period / 2:
-            early.append(episode.features())
-            while due and episode.duration >= due[0] - take.period / 2:
-                del due[0]
-    nothing = np.zeros(take.pictures.shape[1:])
-    while episode.silence < SILENCE:
-        episode.add(nothing)
-    return early, episode.features()
+def glances(take: Take) -> list[Glances]:
+    """Return what a recogniser sees of a take, its hardest gesture first; of no touch nothing."""
+    gathering, nothing = Gathering(take.pitch), np.zeros(take.pictures.shape[1:])
+    silence = [nothing] * (math.ceil(SILENCE / take.period) + 1)
+    gathering.update(0.0, nothing)
+    early: dict[int, list[np.ndarray]] = {}
+    ended: list[Gesture] = []
+    for k, picture in enumerate([*take.pictures, *silence], 1):
+        for gesture in gathering.update(k * take.period, picture):
+            rows = early.setdefault(gesture.id, [])
+            due = GLANCES[len(rows) :]
+            if due and gesture.episode.duration >= due[0] - take.period / 2 and gesture.force:
+                rows.append(gesture.episode.features())
+            if gesture.state == ENDED:
+                ended.append(gesture)
+    ended.sort(key=lambda gesture: -gesture.impulse)
+    total = sum(gesture.impulse for gesture in ended)
+    return [
+        Glances(early[gesture.id], gesture.episode.features(), gesture.impulse / total)
+        for gesture in ended
+    ]
 
 
 def train(table: Table, about: dict, trees: int = TREES, seed: int = 0) -> GestureModel:
@@ -100,26 +112,32 @@ def train(table: Table, about: dict, trees: int = TREES, seed: int = 0) -> Gestu
     classes, label = np.unique(table.label, return_inverse=True)
     shares = left_out(table, trees, seed)
 
-    def loss(sharpness: float) -> float:
-        right = sharpened(shares, sharpness)[np.arange(len(label)), label]
-        return -float(table.weight @ np.log(right))
+    right = float(np.average(shares.argmax(1) == label, weights=table.weight))
 
-    sharpness = float(minimize_scalar(loss, bounds=(0.5, _SHARPEST), method="bounded").x)
-    forest, logistic = _fit(table, label, np.ones(len(label), bool), trees, seed)
+    def too_sure(sharpness: float) -> float:
+        sure = sharpened(shares, sharpness).max(1)
+        return float(np.average(sure, weights=table.weight)) - right
+
+    low, high = _SHARPNESS
+    if too_sure(high) < 0.0:
+        sharpness = high
+    else:
+        sharpness = float(brentq(too_sure, low, high)) if too_sure(low) < 0.0 else low
+    forest, logistic = fit(table, label, np.ones(len(label), bool), trees, seed)
     return GestureModel(tuple(map(str, classes)), forest, logistic, sharpness, about)
 
 
 def left_out(table: Table, trees: int = TREES, seed: int = 0) -> np.ndarray:
     """Return (rows, classes) shares of each row by a forest and a line that knew not its person.
 
-    With one person only, by those that knew not its take.
+    Where a gesture is of one person only, by those that knew not its take.
     """
     classes, label = np.unique(table.label, return_inverse=True)
     groups = _folds(table)
     shares = np.zeros((len(label), len(classes)))
     for group in np.unique(groups):
         out = groups == group
-        forest, logistic = _fit(table, label, ~out, trees, seed)
+        forest, logistic = fit(table, label, ~out, trees, seed)
         rows = table.features[out]
         trees_say = np.array([forest.shares(row) for row in rows])
         shares[out] = common(trees_say, logistic.shares(rows))
@@ -127,14 +145,25 @@ def left_out(table: Table, trees: int = TREES, seed: int = 0) -> np.ndarray:
 
 
 def _folds(table: Table) -> np.ndarray:
-    """Return (rows,) the group that each row is left out with: people, or takes of the only one."""
-    people, person = np.unique(table.person, return_inverse=True)
-    return (person if len(people) > 1 else table.take) % FOLDS
+    """Return (rows,) the group that each row is left out with: of people, or of takes where one
+    person alone has made a gesture."""
+    person = np.unique(table.person, return_inverse=True)[1]
+    alone = any(len(np.unique(person[table.label == label])) == 1 for label in set(table.label))
+    return (table.take if alone else person) % FOLDS
 
 
-def _fit(
-    table: Table, label: np.ndarray, use: np.ndarray, trees: int, seed: int
+def fit(
+    table: Table, label: np.ndarray, use: np.ndarray, trees: int = TREES, seed: int = 0
 ) -> tuple[Forest, Logistic]:
+    """Fit a forest and a line to some rows of a table.
+
+    Args:
+        label: (rows,) number of each row's class.
+        use: (rows,) bool.
+
+    Raises:
+        ModuleNotFoundError: scikit-learn is missing.
+    """
     from sklearn.ensemble import ExtraTreesClassifier
     from sklearn.linear_model import LogisticRegression
 
@@ -142,6 +171,7 @@ def _fit(
     forces = [FEATURES.index(name) for name in _LOGARITHMS_OF_FORCE]
     known, label_of = np.unique(label[use], return_inverse=True)
     weight = table.weight[use] / np.bincount(label_of)[label_of]
+    weight = np.where(table.label[use] == OTHER, OTHER_COUNTS * weight, weight)
     rows = []
     for copy in range(COPIES):
         stronger = STRONGER * rng.standard_normal(table.take.max() + 1) * (copy > 0)
@@ -149,8 +179,9 @@ def _fit(
         rows[-1][:, forces] += stronger[table.take[use]][:, None]
     features, labels = np.concatenate(rows), np.tile(label_of, COPIES)
     weights = np.tile(weight, COPIES)
+    leaf = max(LEAF, round(LEAF_SHARE * len(np.unique(table.take[use]))))
     fitted = ExtraTreesClassifier(
-        trees, max_features=CHOICE, min_samples_leaf=LEAF * COPIES, random_state=seed
+        trees, max_features=CHOICE, min_samples_leaf=leaf * COPIES, random_state=seed
     ).fit(features.astype(np.float32), labels, weights)
     mean, scale = features.mean(0), features.std(0) + _STEADY
     regression = LogisticRegression(C=FREEDOM, max_iter=1000).fit(

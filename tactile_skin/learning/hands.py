@@ -16,7 +16,7 @@ MATS = (Mat(16, 16, 0.018), Mat(20, 12, 0.014), Mat(16, 24, 0.025))
 PERIODS = (0.04, 0.04, 0.08)  # s between pictures: of the recogniser, and of a slow board
 PEOPLE = 40
 REPETITIONS = 4
-HAPPENINGS = 80  # of each kind of event
+HAPPENINGS = 240  # of each kind of event
 
 
 def simulated(

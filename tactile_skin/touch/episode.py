@@ -92,6 +92,11 @@ class Episode:
         self._touched = np.zeros(shape)
 
     @property
+    def pictures(self) -> int:
+        """How many it has taken."""
+        return self._count
+
+    @property
     def duration(self) -> float:
         """From the first picture to the last [s]."""
         return self._count * self.period

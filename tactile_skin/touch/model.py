@@ -64,7 +64,8 @@ class GestureModel(NamedTuple):
         classes: names, in the order of the probabilities.
         forest: over `episode.FEATURES`.
         logistic: over the same features.
-        sharpness: exponent that makes their shares probabilities; chosen on people left out.
+        sharpness: exponent that makes their shares probabilities: of people left out it is as sure
+            on average as it is right.
         about: what it was trained on: people, takes a class, boards, date.
     """
 

@@ -90,18 +90,54 @@ class Named(NamedTuple):
     duration: float  # [s]
 
 
-class _Active:
-    """A gesture that goes on."""
+class Gesture:
+    """One gesture as it goes on: the touches that belong together, and what they did so far.
+
+    Attributes:
+        id: from 1.
+        episode: its pictures, in numbers.
+        start: when it began [s].
+        state: NEW, HELD or ENDED.
+        still: whether it has ended because it stands still.
+        place: row and column of the centre of force.
+        force: [N]; 0 between two touches and when it has ended.
+        impulse: sum of its force over time [N s].
+        cells: (n,) flat numbers of all that it has touched.
+    """
 
     def __init__(self, number: int, episode: Episode, start: float):
         self.id, self.episode, self.start = number, episode, start
-        self.state, self.label, self.favourite = NEW, "", -1
-        self.probabilities = np.zeros(0)
+        self.state, self.still = NEW, False
         self.place = (0.0, 0.0)
-        self.force, self.seen = 0.0, start
-        self.cells = np.zeros(0, int)  # all that it has touched
+        self.force = self.impulse = 0.0
+        self.cells = np.zeros(0, int)
         # force, row and column of the last pictures
-        self.course: list[tuple[float, float, float]] = []
+        self._course: list[tuple[float, float, float]] = []
+
+    def follow(self, own: np.ndarray) -> None:
+        """Take the next picture of its cells (rows, cols) [N]."""
+        self.episode.add(own)
+        total = float(own.sum())
+        self.force = total
+        self.impulse += total * self.episode.period
+        if total > 0.0:
+            rows, cols = np.indices(own.shape)
+            self.place = float((own * rows).sum() / total), float((own * cols).sum() / total)
+        self._course.append((total, *self.place))
+        if len(self._course) * self.episode.period > STILL:
+            del self._course[0]
+        over = self.episode.silence >= SILENCE
+        self.still = not over and self._is_still()
+        if over or self.still:
+            self.state = ENDED
+
+    def _is_still(self) -> bool:
+        if (len(self._course) + 1) * self.episode.period < STILL:
+            return False
+        force, row, col = np.array(self._course).T
+        mean = force.mean()
+        steady = force.min() > 0.0 and np.abs(force - mean).max() < _CHANGE * mean
+        return bool(steady and max(np.ptp(row), np.ptp(col)) < _MOVED)
 
 
 class _Background(NamedTuple):
@@ -110,37 +146,35 @@ class _Background(NamedTuple):
     cells: np.ndarray  # (rows, cols) bool, of the touch and next to it
     force: float  # [N] when it became background
 
+    @classmethod
+    def of(cls, gesture: Gesture) -> _Background:
+        own = gesture.episode.last > 0.0
+        wide = np.pad(own, 1)
+        for axis in (0, 1):
+            wide = wide | np.roll(wide, 1, axis) | np.roll(wide, -1, axis)
+        return cls(wide[1:-1, 1:-1], gesture.force)
 
-class Recogniser:
-    """Follows the gestures on one skin.
+
+class Gathering:
+    """Gathers the touches that are one gesture: those near each other in space and time.
 
     Args:
-        model: what it names.
         pitch: distance between neighbouring cells [m].
-        min_probability: of a gesture that is named.
         reach: touches within it of each other are one gesture [m].
     """
 
-    def __init__(
-        self,
-        model: GestureModel,
-        pitch: float,
-        min_probability: float = 0.7,
-        reach: float = REACH,
-    ):
-        self.model, self.pitch, self.reach = model, pitch, reach
-        self.min_probability = min_probability
+    def __init__(self, pitch: float, reach: float = REACH):
+        self.pitch, self.reach = pitch, reach
         self._ids = 0
         self._pictures = Pictures()
         self.reset()
 
     def reset(self) -> None:
         """Forget all gestures, the background too."""
-        self._active: list[_Active] = []
+        self._active: list[Gesture] = []
         self._background: list[_Background] = []
-        self._count = 0
 
-    def update(self, t: float, force: np.ndarray, std: np.ndarray | float = 0.0) -> list[Named]:
+    def update(self, t: float, force: np.ndarray, std: np.ndarray | float = 0.0) -> list[Gesture]:
         """Take a frame, as `Pictures.update`.
 
         Returns:
@@ -154,31 +188,32 @@ class Recogniser:
             self.reset()
         return self._picture(t, picture.force, picture.period)
 
-    def _picture(self, t: float, force: np.ndarray, period: float) -> list[Named]:
+    def _picture(self, t: float, force: np.ndarray, period: float) -> list[Gesture]:
         cells, owner, n = segment(force, TOUCHED)
         flat, cols = force.ravel(), force.shape[1]
         touches = [cells[owner == k] for k in range(n)]
         touches = self._past_background(flat, touches)
         parts: dict[int, list[np.ndarray]] = {}
         for touch in touches:
-            active = self._belongs_to(touch, cols)
-            if active is None:
+            gesture = self._belongs_to(touch, cols)
+            if gesture is None:
                 self._ids = self._ids % (IDS - 1) + 1
                 episode = Episode(force.shape, self.pitch, period)
-                active = _Active(self._ids, episode, t)
-                self._active.append(active)
-            active.cells = np.union1d(active.cells, touch)
-            parts.setdefault(active.id, []).append(touch)
-        self._count += 1
-        named = []
-        for active in tuple(self._active):
+                gesture = Gesture(self._ids, episode, t)
+                self._active.append(gesture)
+            gesture.cells = np.union1d(gesture.cells, touch)
+            parts.setdefault(gesture.id, []).append(touch)
+        followed = self._active
+        for gesture in followed:
             own = np.zeros(force.shape)
-            for touch in parts.get(active.id, ()):
+            for touch in parts.get(gesture.id, ()):
                 own.ravel()[touch] = flat[touch]
-            self._follow(active, t, own)
-            named.append(self._name(active, t))
-            active.state = HELD
-        return named
+            if gesture.episode.duration > 0.0:
+                gesture.state = HELD
+            gesture.follow(own)
+        self._background += [_Background.of(gesture) for gesture in followed if gesture.still]
+        self._active = [gesture for gesture in followed if gesture.state != ENDED]
+        return followed
 
     def _past_background(self, flat: np.ndarray, touches: list[np.ndarray]) -> list[np.ndarray]:
         """Return the touches that are not background, and let go of background that has left."""
@@ -198,79 +233,86 @@ class Recogniser:
         self._background = kept
         return [touches[k] for k in free]
 
-    def _belongs_to(self, touch: np.ndarray, cols: int) -> _Active | None:
+    def _belongs_to(self, touch: np.ndarray, cols: int) -> Gesture | None:
         """Return the gesture that has touched nearest to this touch, within reach."""
         nearest, least = None, self.reach
         rows, columns = np.divmod(touch, cols)
-        for active in self._active:
-            r, c = np.divmod(active.cells, cols)
+        for gesture in self._active:
+            r, c = np.divmod(gesture.cells, cols)
             away = np.hypot(rows[:, None] - r, columns[:, None] - c).min() * self.pitch
             if away < least:
-                nearest, least = active, away
+                nearest, least = gesture, away
         return nearest
 
-    def _follow(self, active: _Active, t: float, own: np.ndarray) -> None:
-        active.episode.add(own)
-        total = float(own.sum())
-        active.force = total
-        if total > 0.0:
-            active.seen = t
-            rows, cols = np.indices(own.shape)
-            active.place = float((own * rows).sum() / total), float((own * cols).sum() / total)
-        active.course.append((total, *active.place))
-        if len(active.course) * active.episode.period > STILL:
-            del active.course[0]
 
-    def _name(self, active: _Active, t: float) -> Named:
-        over = active.episode.silence >= SILENCE
-        still = not over and self._is_still(active)
-        decided = self._judge(active, over or still)
-        state = DECIDED if decided else active.state
-        if over or still:
-            self._active.remove(active)
-            state = ENDED
-            if not active.label:
-                active.label, decided = OTHER, True
-            if still:
-                self._stands(active)
-        return Named(
-            active.id,
-            state,
-            decided,
-            active.label,
-            active.probabilities,
-            active.place,
-            active.force,
-            t - active.start,
-        )
+class _Opinion:
+    """What the model has said of a gesture."""
 
-    def _judge(self, active: _Active, final: bool) -> bool:
+    def __init__(self) -> None:
+        self.label, self.favourite = "", -1
+        self.probabilities = np.zeros(0)
+
+
+class Recogniser:
+    """Names the gestures on one skin.
+
+    Args:
+        model: what it names.
+        pitch: distance between neighbouring cells [m].
+        min_probability: of a gesture that is named.
+    """
+
+    def __init__(self, model: GestureModel, pitch: float, min_probability: float = 0.7):
+        self.model, self.min_probability = model, min_probability
+        self._gathering = Gathering(pitch)
+        self._opinions: dict[int, _Opinion] = {}  # of the gestures that go on, by id
+
+    def update(self, t: float, force: np.ndarray, std: np.ndarray | float = 0.0) -> list[Named]:
+        """Take a frame, as `Pictures.update`.
+
+        Returns:
+            The gestures that go on or have just ended, where this frame completes a picture; else
+            an empty list.
+        """
+        gestures = self._gathering.update(t, force, std)
+        if not gestures:
+            return []
+        self._opinions = {g.id: self._opinions.get(g.id) or _Opinion() for g in gestures}
+        named = []
+        for gesture in gestures:
+            opinion = self._opinions[gesture.id]
+            decided = self._judge(gesture, opinion)
+            state = DECIDED if decided and gesture.state != ENDED else gesture.state
+            named.append(
+                Named(
+                    gesture.id,
+                    state,
+                    decided,
+                    opinion.label,
+                    opinion.probabilities,
+                    gesture.place,
+                    gesture.force,
+                    t - gesture.start,
+                )
+            )
+        return named
+
+    def _judge(self, gesture: Gesture, opinion: _Opinion) -> bool:
         """Ask the model; return whether the gesture has a label that it had not."""
-        episode = active.episode
-        if not final and (self._count % EVERY or episode.duration < FIRST):
+        episode, final = gesture.episode, gesture.state == ENDED
+        if not final and (episode.pictures % EVERY or episode.duration < FIRST):
             return False
-        active.probabilities = self.model.probabilities(episode.features())
-        favourite = int(active.probabilities.argmax())
-        sure = active.probabilities[favourite] >= self.min_probability
-        again = final or favourite == active.favourite
-        active.favourite = favourite
+        opinion.probabilities = self.model.probabilities(episode.features())
+        favourite = int(opinion.probabilities.argmax())
+        sure = opinion.probabilities[favourite] >= self.min_probability
+        again = favourite == opinion.favourite
+        opinion.favourite = favourite
         label = self.model.classes[favourite]
-        if not (sure and again) or label == active.label:
+        if final and not sure:
+            label = OTHER  # what was named early on is withdrawn
+        elif not sure or not (again or final):
             return False
-        active.label = label
+        if label == opinion.label:
+            return False
+        opinion.label = label
         return True
-
-    def _is_still(self, active: _Active) -> bool:
-        if (len(active.course) + 1) * active.episode.period < STILL:
-            return False
-        force, row, col = np.array(active.course).T
-        mean = force.mean()
-        steady = force.min() > 0.0 and np.abs(force - mean).max() < _CHANGE * mean
-        return bool(steady and max(np.ptp(row), np.ptp(col)) < _MOVED)
-
-    def _stands(self, active: _Active) -> None:
-        own = active.episode.last > 0.0
-        wide = np.pad(own, 1)
-        for axis in (0, 1):
-            wide = wide | np.roll(wide, 1, axis) | np.roll(wide, -1, axis)
-        self._background.append(_Background(wide[1:-1, 1:-1], active.force))

@@ -15,7 +15,7 @@ training = pytest.importorskip("tactile_skin.learning.training")
 TrainingDied, train, Soap = training.TrainingDied, training.train, training.Soap
 
 CIRCUIT, CURVE = Circuit(6, 7), PressureCurve()
-TINY = TrainingConfig(pairs=600, validation=90, epochs=4, batch=50, rate=5e-3, seed=3)
+TINY = TrainingConfig(pairs=600, validation=90, epochs=4, batch=50, rate=5e-3, seed=4)
 
 
 @pytest.fixture(autouse=True)
@@ -41,7 +41,7 @@ def same(a: network.Weights, b: network.Weights) -> bool:
 def test_the_same_seed_gives_the_same_weights_and_another_does_not(tmp_path):
     first, _ = run(tmp_path / "a")
     assert same(first, run(tmp_path / "b")[0])
-    assert not same(first, run(tmp_path / "c", replace(TINY, seed=4))[0])
+    assert not same(first, run(tmp_path / "c", replace(TINY, seed=5))[0])
 
 
 def test_stripes_are_no_business_of_the_network(tmp_path):

@@ -143,6 +143,23 @@ def _shaken(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
     return _over(mat, _box(mat, rng, size, rng.uniform(0.0, 3.0), 0.5), force)
 
 
+def _flicker(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
+    """A bad cell, or the rim of something large: a cell or two that come and go."""
+    t = np.arange(0.0, rng.uniform(0.1, 3.0), period)
+    out = np.zeros((len(t), mat.rows, mat.cols))
+    row, col = rng.integers(mat.rows), rng.integers(mat.cols)
+    cells = [(row, col), (row, min(col + 1, mat.cols - 1))][: rng.integers(1, 3)]
+    seconds = np.exp(rng.uniform(-3.0, 0.5))  # that it stays
+    for cell in cells:
+        start = rng.uniform(0.0, seconds)
+        while start < t[-1]:
+            force = np.exp(rng.uniform(-2.3, 0.3))
+            while_on = (t >= start) & (t < start + seconds * rng.uniform(0.5, 1.5))
+            out[while_on, cell[0], cell[1]] = force
+            start += seconds * rng.uniform(1.2, 6.0)
+    return out
+
+
 EVENTS: dict[str, Callable[[Mat, np.random.Generator, float], np.ndarray]] = {
     "lean": _lean,
     "sit": _sit,
@@ -152,6 +169,7 @@ EVENTS: dict[str, Callable[[Mat, np.random.Generator, float], np.ndarray]] = {
     "cloth": _cloth,
     "carry": _carry,
     "shaken": _shaken,
+    "flicker": _flicker,
 }
 
 

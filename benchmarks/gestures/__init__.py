@@ -1,0 +1,1 @@
+"""What gestures are worth: which pictures serve, on which board, how soon, and what is none."""
