@@ -19,7 +19,7 @@ from tactile_skin.simulation.scenes import FAMILIES
 from . import harness
 
 _DOCS = Path(__file__).parents[1] / "docs"
-_PAGES = [_DOCS / "lab" / "accuracy.md", _DOCS / "lab" / "bench.md"]
+_PAGES = [_DOCS / "lab" / f"{name}.md" for name in ("accuracy", "bench", "gestures")]
 
 
 def paper(figures: dict) -> list[str]:
@@ -51,6 +51,33 @@ def compared(figures: dict) -> list[str]:
     ]
 
 
+def gestures(figures: dict) -> list[str]:
+    """A Markdown table of how many recorded gestures are named right by each method's pictures."""
+    kinds = dict.fromkeys(name.rsplit(", ", 1)[0] for name in figures)
+    methods = dict.fromkeys(name.rsplit(", ", 1)[1] for name in figures)
+    rows = [f"| | {' | '.join(f'`{m}`' for m in methods)} |", "|---" * (len(methods) + 1) + "|"]
+    for kind in kinds:
+        found = (figures.get(f"{kind}, {method}") for method in methods)
+        cells = (f"{f[0]:.3f} ± {f[1]:.3f}" if f else "" for f in found)
+        rows.append(f"| {kind} | {' | '.join(cells)} |")
+    return rows
+
+
+def decided(figures: dict) -> list[str]:
+    """A Markdown list of how soon gestures are named, and of what is named wrongly."""
+    return [
+        f"- {part}{', ' + kind if kind else ''}: "
+        + ", ".join(f"{name} {value:.3g}" for name, value in found.items())
+        for part, parts in figures.items()
+        for kind, found in (parts.items() if _nested(parts) else [("", parts)])
+        if found
+    ]
+
+
+def _nested(parts: dict) -> bool:
+    return any(isinstance(value, dict) for value in parts.values())
+
+
 def blocks(run: Path) -> dict[str, str]:
     """Name -> Markdown of what a page may hold of the run whose figures lie in a folder."""
 
@@ -68,6 +95,8 @@ def blocks(run: Path) -> dict[str, str]:
         "paper's families": "\n".join(paper(read("speed"))),
         "silent failures": wrapped(stability.silent(read("stability"))),
         "methods in trouble": "\n".join(compared(read("stability"))),
+        "gesture study": "\n".join(gestures(read("gestures")["figures"])),
+        "gesture decisions": wrapped(decided(read("gesture_decisions")["figures"])),
     }
 
 

@@ -47,21 +47,17 @@ _OWN = (("tap", "stroke", "squeeze"), ("pat", "tickle", "hold"), ("poke", "rub",
 
 
 def named(model: GestureModel, take: Take) -> tuple[str, float, str]:
-    """Return the first name of a take, after how long [s], and the last; "" is none."""
+    """Return the first name of a take, after how long [s], and the one at its end; "" is none."""
     recogniser = Recogniser(model, take.pitch)
-    shape = take.pictures.shape[1:]
-    quiet = np.zeros((round(_AFTER / take.period), *shape))
+    quiet = np.zeros((round(_AFTER / take.period), *take.pictures.shape[1:]))
     first, after, last = "", np.inf, ""
-    t = -take.period
-    recogniser.update(t, quiet[0])
-    for picture in np.concatenate([take.pictures, quiet]):
-        t += take.period
-        for gesture in recogniser.update(t, picture):
-            if not gesture.decided or gesture.label == OTHER:
-                continue
-            last = gesture.label
-            if not first:
-                first, after = last, gesture.duration
+    recogniser.update(0.0, quiet[0])
+    for k, picture in enumerate([*take.pictures, *quiet], 1):
+        for gesture in recogniser.update(k * take.period, picture):
+            if gesture.decided and gesture.label != OTHER and not first:
+                first, after = gesture.label, gesture.duration
+            if gesture.state == ENDED and gesture.label != OTHER:
+                last = gesture.label
     return first, after, last
 
 

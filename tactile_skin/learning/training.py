@@ -23,7 +23,8 @@ _LEAK = 0.05
 # A frame counts in the loss by its mean load to the power -_EVEN; else light touches count nothing,
 # and a finger of 0.5 N reads 0. Chosen of 0.5 and 0.6 (docs/lab/training.md).
 _EVEN = 0.6
-_LIGHT = 8e-5  # mean load, a share of the curve's end, below which frames count alike: 0.2 N in all
+# Mean load, a share of the curve's end, below which frames count alike: 0.2 N on 256 cells.
+_LIGHT = 0.2 / 256 / 9.8
 _USUAL = 0.03  # mean load of a frame that counts once
 
 

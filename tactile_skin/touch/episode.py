@@ -19,6 +19,7 @@ SILENCE = 0.4  # s without a touch that end a gesture: pats follow each other fa
 LONGEST = 10.0  # s of an episode that are kept: what a gesture is shows in less
 _TINY_FORCE = 1e-6  # N, keeps logarithms finite
 _TINY_LENGTH = 1e-6  # m, the same
+_AXES = 1e-4  # m, keeps ratios finite: a touch of one cell has no axes
 _STILL = 1e-3  # m: shorter ways of the centre are its own error (tracking._NOISE)
 _STRONG = 0.5  # of the hardest cell: cells that carry the touch
 _HILL = 0.35  # of the hardest cell: maxima above it are parts of the hand, not texture
@@ -66,6 +67,24 @@ class _Moment(NamedTuple):
     along_y: float  # [m^2]
     change: float  # [N], sum over the cells of |change since the last picture|
     rough: float  # 1, differences between neighbours over the force
+
+
+class _Touched(NamedTuple):
+    """The pictures with a touch: of each number the mean, the most and the standard deviation."""
+
+    mean: _Moment
+    most: _Moment
+    std: _Moment
+    roundness: float  # mean of width over length
+
+    @classmethod
+    def of(cls, table: np.ndarray) -> _Touched:
+        mean = table.mean(0)
+        std = np.sqrt(np.square(table - mean).mean(0))
+        length, width = (table[:, _Moment._fields.index(name)] for name in ("length", "width"))
+        roundness = float((width / (length + _AXES)).mean())
+        most = table.max(0)
+        return cls(_Moment(*mean), _Moment(*most), _Moment(*std), roundness)
 
 
 _NOTHING = _Moment(0.0, 0.0, 0.0, 0.0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -141,21 +160,21 @@ class Episode:
             return np.zeros(len(FEATURES))
         table = np.array(self._moments[:end])
         column = dict(zip(_Moment._fields, table.T, strict=True))
+        touched = _Touched.of(table[column["force"] > 0.0])
         values = [
             *_rhythm(column["force"], self.period),
-            *_amounts(column, self.pitch),
-            *_shape(column),
+            *_amounts(touched, self.pitch),
+            *_shape(touched),
             *_course(column, self.period),
             *_way(column, self.period),
             *_spectra(column, self.period),
-            *self._all_together(column),
+            *self._all_together(touched.mean),
             min(self.silence, SILENCE),
         ]
         return np.array(values, float)
 
-    def _all_together(self, column: dict[str, np.ndarray]) -> list[float]:
+    def _all_together(self, mean: _Moment) -> list[float]:
         """Describe what the gesture did to its cells in all."""
-        on = column["force"] > 0.0
         cell = self.pitch**2
         swept = np.count_nonzero(self._touched) * cell
         share = self._sum.ravel() / self._sum.sum()
@@ -163,11 +182,11 @@ class Episode:
         lifted = (self._most - self._least).sum() / self._most.sum()
         return [
             _log(swept, _TINY_LENGTH),
-            math.log(swept / column["area"][on].mean()),
+            math.log(swept / mean.area),
             -float(share @ np.log(share)),
             float(self._touched.max()) / (self._count - self._untouched),
             float(lifted),
-            float(column["rough"][on].mean()),
+            mean.rough,
         ]
 
 
@@ -233,35 +252,31 @@ def _rhythm(force: np.ndarray, period: float) -> list[float]:
     return [math.log(duration), float(on.mean()), math.log(bouts), bouts / duration]
 
 
-def _amounts(column: dict[str, np.ndarray], pitch: float) -> list[float]:
-    on = column["force"] > 0.0
+def _amounts(touched: _Touched, pitch: float) -> list[float]:
+    mean, most, std, _ = touched
     values = []
     for name, least in (("force", _TINY_FORCE), ("peak", _TINY_FORCE), ("area", _TINY_LENGTH)):
-        v = column[name][on]
-        values += [_log(v.mean(), least), _log(v.max(), least), v.std() / v.mean()]
-    force, peak = column["force"][on], column["peak"][on]
-    area, strong = column["area"][on], column["strong"][on]
-    mean_force = force.mean() / (area.mean() / pitch**2)  # on a cell
+        usual = getattr(mean, name)
+        variation = getattr(std, name) / usual
+        values += [_log(usual, least), _log(getattr(most, name), least), variation]
+    on_a_cell = mean.force / (mean.area / pitch**2)
     return [
         *values,
-        _log(strong.mean(), _TINY_LENGTH),
-        strong.mean() / area.mean(),
-        _log(force.sum() / area.sum(), _TINY_FORCE),
-        math.log(peak.mean() / mean_force),
+        _log(mean.strong, _TINY_LENGTH),
+        mean.strong / mean.area,
+        _log(mean.force / mean.area, _TINY_FORCE),
+        math.log(mean.peak / on_a_cell),
     ]
 
 
-def _shape(column: dict[str, np.ndarray]) -> list[float]:
-    on = column["force"] > 0.0
+def _shape(touched: _Touched) -> list[float]:
+    mean, most, std, roundness = touched
     values: list[float] = []
     for name in ("maxima", "hills"):
-        v = column[name][on]
-        values += [v.mean(), v.max(), v.std()]
+        values += [getattr(part, name) for part in (mean, most, std)]
     for name in ("length", "width"):
-        v = column[name][on]
-        values += [_log(s, _TINY_LENGTH) for s in (v.mean(), v.max(), v.std())]
-    # a tenth of a millimetre: a touch of one cell has no axes
-    return [*values, (column["width"][on] / (column["length"][on] + 1e-4)).mean()]
+        values += [_log(getattr(part, name), _TINY_LENGTH) for part in (mean, most, std)]
+    return [*values, roundness]
 
 
 def _course(column: dict[str, np.ndarray], period: float) -> list[float]:

@@ -249,7 +249,8 @@ class _Opinion:
     """What the model has said of a gesture."""
 
     def __init__(self) -> None:
-        self.label, self.favourite = "", -1
+        self.label = ""
+        self.surely = -1  # number of the class that it was last sure of, or -1
         self.probabilities = np.zeros(0)
 
 
@@ -305,8 +306,8 @@ class Recogniser:
         opinion.probabilities = self.model.probabilities(episode.features())
         favourite = int(opinion.probabilities.argmax())
         sure = opinion.probabilities[favourite] >= self.min_probability
-        again = favourite == opinion.favourite
-        opinion.favourite = favourite
+        again = favourite == opinion.surely
+        opinion.surely = favourite if sure else -1
         label = self.model.classes[favourite]
         if final and not sure:
             label = OTHER  # what was named early on is withdrawn

@@ -177,3 +177,14 @@ def test_two_fingers_leave_no_ghost(kind):
     adc = forward(Circuit(), PressureCurve().resistance(force))
     found = network.shipped(kind).predict(adc)
     assert found[force == 0].max() < GHOST * GRAM
+
+
+@pytest.mark.parametrize("newtons", [0.5, 2.0, 8.0])
+def test_the_papers_network_reads_light_and_hard_fingers(newtons):
+    """On noisy scans, anywhere on the mat; in the median within 15 %."""
+    rng, circuit, curve = np.random.default_rng(7012), Circuit(), PressureCurve()
+    places = rng.uniform(2.0, 13.0, (100, 2))
+    force = np.array([scenes.finger(16, 16, *place, newtons) for place in places])
+    adc = scenes.read_out(circuit, forward(circuit, curve.resistance(force)), "scan", rng)
+    found = network.shipped("paper").predict(adc).sum((1, 2))
+    assert np.median(found) == pytest.approx(newtons, rel=0.15)
