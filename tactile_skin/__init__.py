@@ -55,7 +55,7 @@ __all__ = [
     "measure_creep",
     "measure_rest",
 ]
-__version__ = "0.1.0"  # setup.py reads it here; package.xml repeats it
+__version__ = "0.2.0"  # setup.py reads it here; package.xml repeats it
 
 
 def __getattr__(name: str) -> object:

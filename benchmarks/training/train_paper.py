@@ -18,7 +18,7 @@ from tactile_skin.learning.training import train
 
 from .. import harness
 
-EXACT = TrainingConfig(pairs=80_000, validation=6_000, epochs=24, seed=51)
+EXACT = TrainingConfig(pairs=80_000, validation=16_000, epochs=24, seed=51)
 SCAN = replace(EXACT, readout="scan", pairs=24_000, epochs=5, rate=0.003, seed=42)
 SHARE = 0.2  # of the second run; chosen on seed 91043, scored on 91051
 
