@@ -1,6 +1,6 @@
 """Measurements with production code only: `tactile-skin bench`, one file per part.
 
-speed.py      speed against accuracy           cases.py    pictures of objects, sums of load
+speed.py      speed against accuracy           ghosts.py   what a reading on its own sees
 stability.py  where each method fails          troubles.py what goes wrong there, and how badly
 measure.py    time and error, for all parts    chart.py    style of the figures, and their JSON
 run.py        the parts in turn

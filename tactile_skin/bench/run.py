@@ -5,31 +5,21 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from ..replay import methods
-from . import cases, chart, speed, stability
+from . import chart, ghosts, speed, stability
 from .measure import machine
 
 PARTS = {  # name -> module, and the arguments of its `measure` in full and quick
     "speed": (speed, {"n": 300, "day_frames": 6000}, {"n": 6, "day_frames": 200}),
-    "cases": (cases, {"n": 4}, {"n": 1}),
+    "ghosts": (ghosts, {}, {}),
     "stability": (stability, {"n": 100, "boards": 2}, {"n": 2, "boards": 1}),
-    "recorded": (methods, {"n": 1000}, {"n": 30}),
-}
-ON_REQUEST = ("recorded",)  # needs a file
-MOVED = {  # parts that are run from a checkout
-    "faults": "benchmarks.faults",
-    "growth": "benchmarks.accuracy.growth",
-    "way": "benchmarks.running.way",
-    "touch_to_stop": "benchmarks.running.touch_to_stop",
 }
 
 
-def run(parts, out: Path, quick: bool, seed: int, tqdm, given=None) -> dict[str, dict]:
+def run(parts, out: Path, quick: bool, seed: int, tqdm) -> dict[str, dict]:
     """Measure parts of PARTS, and write NAME.json and NAME.png for each of their figures.
 
     Args:
         tqdm: progress bar, wraps a list.
-        given: part -> arguments of its `measure` in place of those in PARTS.
 
     Returns:
         name -> what stands in its JSON.
@@ -41,8 +31,7 @@ def run(parts, out: Path, quick: bool, seed: int, tqdm, given=None) -> dict[str,
     written = {}
     for part in parts:
         module, full, short = PARTS[part]
-        arguments = (short if quick else full) | (given or {}).get(part, {})
-        written |= figures_of(module, arguments, out, quick, seed, tqdm)
+        written |= figures_of(module, short if quick else full, out, quick, seed, tqdm)
     return written
 
 

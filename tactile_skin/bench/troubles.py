@@ -51,7 +51,7 @@ class Trouble:
         scene: (n, strength, circuit, rng) -> (n, rows, cols) force [N].
         bits: strength -> width of the ADC, which the solver knows.
         reason: why failures are silent, if they are.
-        kinds: of the doctor's findings that name it; of others any is one too many.
+        kinds: of the doctor's findings that name it.
     """
 
     name: str

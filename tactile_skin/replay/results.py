@@ -71,16 +71,20 @@ class Results:
 
 @dataclass(frozen=True)
 class Job:
-    """What to replay: arguments of Recording and Replay."""
+    """What to replay: arguments of Recording and Replay; `out`: recording to make of it."""
 
     path: str
     namespace: str = ""
     method: str = ""
     config: str = ""
+    out: str = ""
 
     def replay(self, begin: int = 0, end: int = EVER) -> Replay:
         source = Recording(self.path, self.namespace)
-        return Replay(source, self.method, self.config or None, begin=begin, end=end)
+        replay = Replay(source, self.method, self.config or None, begin=begin, end=end)
+        if self.out:
+            replay.record(self.out)
+        return replay
 
 
 def collect(job: Job, jobs: int = 1, track: Callable[[Iterable, int], Iterable] | None = None):

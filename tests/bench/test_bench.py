@@ -9,7 +9,7 @@ import pytest
 from support.accuracy import other_board, r_par_std
 
 from tactile_skin import Circuit, PressureCurve, cli, forward
-from tactile_skin.bench import cases, chart, run, speed, stability
+from tactile_skin.bench import chart, run, speed, stability
 from tactile_skin.bench.measure import Clock, day, errors
 from tactile_skin.bench.troubles import FAULTS, TROUBLES, UNEVEN, faulty, pressed
 from tactile_skin.physics.curve import GRAM
@@ -104,19 +104,6 @@ def test_most_of_a_day_is_idle():
     force, adc = day(2000, np.random.default_rng(7), CIRCUIT, CURVE)
     assert force.shape == adc.shape
     assert 0.4 < (force == 0).all((1, 2)).mean() < 0.9
-
-
-def test_objects_carry_their_load():
-    for name in cases.OBJECTS:
-        force = cases.pressed(name, 200.0)
-        assert force.shape == (16, 16) and force.max() == pytest.approx(200 * GRAM)
-        assert 8 < (force > 0).sum() < 160, name
-
-
-def test_a_scale_of_two_has_slope_two_and_no_spread():
-    truth = {"a": [1.0, 2.0], "b": [4.0]}
-    found = {"a": [2.0, 4.0], "b": [8.0]}
-    assert cases.scale(truth, found) == pytest.approx({"slope": 2.0, "spread": 0.0})
 
 
 @pytest.mark.parametrize(
@@ -257,7 +244,7 @@ def test_every_method_has_a_look_of_its_own():
 
 def test_an_unknown_part_is_named(capsys, tmp_path):
     assert cli.main(["bench", "colour", "--out", str(tmp_path / "out")]) == 2
-    assert "part 'colour': must be one of speed, cases" in capsys.readouterr().err
+    assert "part 'colour': must be one of speed, ghosts" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 
@@ -271,18 +258,8 @@ def test_without_matplotlib_the_extra_is_named(monkeypatch, capsys, tmp_path):
 def test_the_whole_command(tmp_path):
     pytest.importorskip("matplotlib")
     assert cli.main(["bench", "--quick", "--out", str(tmp_path), "--seed", "3"]) == 0
-    parts = [run.PARTS[name] for name in run.PARTS if name not in run.ON_REQUEST]
-    names = {name for module, _, _ in parts for name in module.DRAW}
+    names = {name for module, _, _ in run.PARTS.values() for name in module.DRAW}
     assert {path.stem for path in tmp_path.glob("*.png")} == names
     for name in names:
         written = json.loads((tmp_path / f"{name}.json").read_text())
         assert written["seed"] == 3 and written["machine"]["numpy"] == np.__version__
-
-
-@pytest.mark.parametrize("part", run.MOVED)
-def test_a_part_that_left_says_where_it_went(part, capsys, tmp_path):
-    assert cli.main(["bench", part, "--out", str(tmp_path / "out")]) == 2
-    said = capsys.readouterr().err
-    assert f"`python -m {run.MOVED[part]}`" in said
-    module = Path(__file__).parents[2].joinpath(*run.MOVED[part].split("."))
-    assert module.with_suffix(".py").is_file() or (module / "__main__.py").is_file()

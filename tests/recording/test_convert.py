@@ -133,14 +133,6 @@ def test_methods_are_compared(tmp_path, config, call):
     assert picture.exists()
 
 
-def test_step_by_step(tmp_path, config, call, monkeypatch):
-    answers = iter(["", "", "q"])
-    monkeypatch.setattr("builtins.input", lambda _: next(answers))
-    status, said, _ = call("replay", rest(tmp_path), f"config:={config}", "--step")
-    assert status == 0
-    assert said.count("cell") >= 3 and "readings  3 of" in said
-
-
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -150,7 +142,7 @@ def test_step_by_step(tmp_path, config, call, monkeypatch):
         (["a.mcap", "method:=magic"], "method 'magic': must be one of"),
         (["a.mcap", "sped:=2"], "argument 'sped' is unknown"),
         (["a.mcap", "rate:=fast"], "rate:=fast: must be a number"),
-        (["a.mcap", "--speed", "0"], "--speed = 0.0: must be above 0"),
+        (["a.mcap", "--jobs", "2", "--out", "b.mcap"], "--jobs = 2: must be 1 or more, and 1"),
         (["a.bag"], "must be one of .mcap"),
     ],
 )
