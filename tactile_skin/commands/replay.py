@@ -12,12 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from ..arguments import split
-from ..bench.chart import prepare
 from ..middleware.config import SkinConfig, read_skin
 from ..recording import Recording
 from ..recording.convert import export, to_recording
 from ..recording.frames import read_frames, recorded_skin
-from ..replay.compare import compare, draw, table
+from ..replay.compare import compare, table
 from ..replay.results import STATUS, Job, Results, collect
 from ..solvers import METHODS
 
@@ -28,7 +27,7 @@ examples:
   tactile-skin replay touches.mcap
   tactile-skin replay touches.mcap method:=map
   tactile-skin replay touches.mcap config:=calibrated.yaml --out again.mcap
-  tactile-skin replay touches.mcap --compare auto naive --picture compared.png
+  tactile-skin replay touches.mcap --compare auto naive
   tactile-skin replay touches.mcap --export touches.npz
   tactile-skin replay foreign.csv config:=foreign.yaml rate:=60 --out foreign.mcap
 name:=value:
@@ -49,12 +48,6 @@ def register(parser) -> None:
     parser.add_argument("words", nargs="*", metavar="FILE | NAME:=VALUE", help="recording; options")
     parser.add_argument(
         "--compare", nargs="+", metavar="METHOD", help="these methods side by side, as a table"
-    )
-    parser.add_argument(
-        "--picture",
-        type=Path,
-        default=Path("compared.png"),
-        help="of --compare (default compared.png)",
     )
     parser.add_argument(
         "--out", type=Path, help="recording to make of what the nodes publish (.mcap)"
@@ -91,7 +84,7 @@ def run(args) -> int:
             path = _imported(path, Path(folder), skin, config, given)
         job = Job(path, namespace, method, config or "")
         if args.compare:
-            return _compare(job, args.compare, args.picture)
+            return _compare(job, args.compare)
         _summarize(collect(replace(job, out=str(args.out or "")), args.jobs, _track))
     if args.out:
         print(f"{args.out}: all that the nodes published")
@@ -131,17 +124,12 @@ def _track(items, total: int):
     return tqdm(items, desc="replay", total=total, disable=None, leave=False)
 
 
-def _compare(job: Job, methods: list[str], picture: Path) -> int:
-    if not picture.parent.is_dir():
-        raise ValueError(f"--picture {picture}: there is no folder {picture.parent}")
-    prepare()
+def _compare(job: Job, methods: list[str]) -> int:
     n = Recording(job.path, job.namespace)
     count = n.topics[n.adc_topic].count
     found = compare(job, methods, lambda steps: _track(steps, count))
     _say_notes(job.path, found.results[0].notes)
     print(table(found))
-    draw(found).savefig(picture, dpi=100)
-    print(f"picture: {picture}")
     return 0
 
 
