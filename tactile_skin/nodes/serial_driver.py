@@ -181,8 +181,6 @@ class SerialDriver:
         elif lag > _SLOW:
             level, kind = diagnostics.WARN, "late"
             message = f"frames arrive {lag:.2f} s late: is the link too slow?"
-        elif reader.slow:
-            level, message, kind = diagnostics.WARN, reader.slow, "slow"
         elif self._unread.text:
             level, message, kind = diagnostics.WARN, self._unread.text, "unread"
         values = {
