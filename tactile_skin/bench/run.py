@@ -15,10 +15,12 @@ PARTS = {  # name -> module, and the arguments of its `measure` in full and quic
 }
 
 
-def run(parts, out: Path, quick: bool, seed: int, tqdm) -> dict[str, dict]:
-    """Measure parts of PARTS, and write NAME.json and NAME.png for each of their figures.
+def figures_of(module, arguments: dict, out: Path, quick: bool, seed: int, tqdm) -> dict[str, dict]:
+    """Measure one part, and write NAME.json and NAME.png for each of its figures.
 
     Args:
+        module: of the part, with `measure` and DRAW.
+        arguments: of its `measure`.
         tqdm: progress bar, wraps a list.
 
     Returns:
@@ -28,15 +30,6 @@ def run(parts, out: Path, quick: bool, seed: int, tqdm) -> dict[str, dict]:
         ModuleNotFoundError: matplotlib is not installed; nothing was measured.
         OSError: the folder cannot be made.
     """
-    written = {}
-    for part in parts:
-        module, full, short = PARTS[part]
-        written |= figures_of(module, short if quick else full, out, quick, seed, tqdm)
-    return written
-
-
-def figures_of(module, arguments: dict, out: Path, quick: bool, seed: int, tqdm) -> dict[str, dict]:
-    """Measure one part; a module with `measure` and DRAW. Otherwise as `run`."""
     chart.prepare()
     out.mkdir(parents=True, exist_ok=True)
 
