@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ..board.frame import Counters
 from ..middleware.bus import Context, Node, Parameter, SingleThreadedExecutor
 from ..middleware.config import adc_of, declared
 from ..middleware.parameter_file import ParameterFile
@@ -77,7 +76,7 @@ class Live:
         self._thread.start()
 
     @property
-    def counters(self) -> Counters:
+    def counters(self):
         """What was seen of the link."""
         return self._driver.counters
 

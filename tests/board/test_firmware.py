@@ -1,13 +1,11 @@
 """The firmware's binary on a simulated chip: what it sends, takes, and survives."""
 
-import contextlib
 import re
 import subprocess
 import threading
 
 import numpy as np
 import pytest
-import serial
 from support.chips import needs_chip
 from support.firmware import CURVE, STEPS, frames_of, resistance, steady, time_constant
 from support.simulated import PATIENCE
@@ -17,7 +15,7 @@ from tactile_skin.board import description
 from tactile_skin.board.description import command, find_description
 from tactile_skin.board.firmware import build
 from tactile_skin.board.firmware import chip as simulated_chip
-from tactile_skin.board.firmware.chip import BROWN_OUT, CLOCK, Chip
+from tactile_skin.board.firmware.chip import BROWN_OUT, Chip
 from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.errors import FirmwareError
 from tactile_skin.launch import launch
@@ -279,49 +277,6 @@ def test_the_same_program_reads_boards_that_are_wired_otherwise(circuit, wired):
 # --- behind a port ---
 
 
-SMALL = Circuit(8, 8)
-FORCE = scenes.script("two_fingers", *SMALL.shape)(0.0)
-
-
-@contextlib.contextmanager
-def serving(link, chip, scene):
-    """The chip behind the link, in a thread."""
-    done, ready = threading.Event(), threading.Event()
-    arguments = (chip, CURVE, scene, link, lambda: not done.is_set(), ready.set)
-    thread = threading.Thread(target=simulated_chip.serve, args=arguments)
-    thread.start()
-    assert ready.wait(PATIENCE)
-    try:
-        yield
-    finally:
-        done.set()
-        thread.join(PATIENCE)
-
-
-@pytest.fixture
-def served(tmp_path):
-    """The link to a chip that is served in a thread, until the test ends."""
-    link = tmp_path / "board"
-    with Chip(SMALL, noise=1.0) as chip, serving(link, chip, lambda t: FORCE):
-        yield link
-
-
-@needs_chip
-def test_a_serial_program_reads_frames_and_sends_commands(served):
-    with serial.serial_for_url(str(served), 1_000_000, timeout=PATIENCE) as port:
-        parser, found = BinaryParser(), None
-        received = b""
-        while parser.counters.frames < 5:
-            received += port.read(145)
-            parser.feed(received[-145:])
-        assert find_description(received).rows == 8
-        port.write(command(description.RATE, 50))
-        while found is None or found.rate != 50:
-            received = (received + port.read(145))[-2000:]
-            found = find_description(received)
-    assert parser.counters.corrupt == 0
-
-
 @needs_chip
 def test_a_push_on_the_simulated_chip_stops_the_robot(tmp_path):
     """The whole demo with board:=firmware; a simulation that is too slow stops it as stale."""
@@ -340,7 +295,3 @@ def test_a_push_on_the_simulated_chip_stops_the_robot(tmp_path):
             skin.spin(0.5)
             waited += 0.5
     assert pushed.is_set(), heard
-
-
-def test_the_clock_of_the_chip_is_that_of_the_board():
-    assert f"F_CPU={CLOCK}UL" in " ".join(map(str, build._COMPILE))

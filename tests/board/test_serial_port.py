@@ -376,25 +376,6 @@ def test_auto_leaves_a_board_of_another_size_for_the_next_port(sockets, heard, r
     assert heard.lines == [f"{other}: sends (4, 6), not (4, 5)", f"frames arrive on {own}"]
 
 
-def test_auto_says_once_what_is_wrong_with_each_of_several_ports(sockets, heard, reading):
-    for name, cols in (("a", 6), ("b", 7)):
-        sockets.plug(name, ("1a86", "7523", name), Circuit(4, cols))
-    looked = []
-
-    def look(frame):
-        looked.append(frame.samples.shape)
-        return refuse(frame)
-
-    reader = reading("auto", refuse=look)
-    heard.wait_for(lambda: len(heard.lines) >= 2)
-    until = time.monotonic() + PATIENCE
-    while len(looked) < 6 and time.monotonic() < until:
-        time.sleep(0.01)
-    reader.close()
-    assert len(looked) >= 6
-    assert len(heard.lines) == 2
-
-
 def test_auto_takes_no_other_board_while_its_own_is_unplugged(sockets, heard, reading):
     """It may sit elsewhere on the robot; the same one is found again in another socket."""
     own = sockets.plug("a")

@@ -209,20 +209,6 @@ def test_a_reader_gets_whole_frames_in_order(tmp_path):
     assert (parser.counters.corrupt, parser.counters.lost) == (0, 0)
 
 
-def test_the_first_frame_after_opening_is_number_0(tmp_path):
-    """Opened without pyserial, which throws away what came while it opened."""
-    with serving(tmp_path / "skin"):
-        port = os.open(tmp_path / "skin", os.O_RDONLY | os.O_NOCTTY)
-        try:
-            parser, frames = BinaryParser(), []
-            while not frames:
-                frames = parser.feed(os.read(port, 4096))
-        finally:
-            os.close(port)
-    assert frames[0].sequence == 0
-    assert parser.counters.skipped_bytes == 0
-
-
 def test_bytes_from_the_reader_do_no_harm(tmp_path):
     """The board takes no commands, and must not stop for what is written to it."""
     with (

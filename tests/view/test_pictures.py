@@ -11,7 +11,6 @@ from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Header, KeyValue
 from tactile_skin.nodes.gesture_feature import contact_cloud
 from tactile_skin.touch import features
 from tactile_skin.touch.tracking import Tracker
-from tactile_skin.view import pictures
 from tactile_skin.view.pictures import PUBLISHED, Pictures, findings
 from tactile_skin.view.snapshot import STOP, Collector, NodeStatus, Snapshot
 from tactile_skin.view.wire import pack, unpack
@@ -203,12 +202,3 @@ def test_lines_that_a_node_found_are_marked(rows, cols, marked):
     assert [(f["rows"], f["cols"]) for f in found] == marked
     assert all(f["text"] == "why" for f in found)
     assert findings(Snapshot(nodes={"compensation": NodeStatus(0, "why", values)})) == []
-
-
-@pytest.mark.parametrize(
-    ("text", "number"),
-    [("360.0", 360.0), ("-1", -1.0), ("nan", None), ("inf", None), ("unknown", None), (None, None)],
-)
-def test_a_value_that_is_no_finite_number_is_none(text, number):
-    """JSON has no word for it."""
-    assert pictures._number(text) == number

@@ -26,7 +26,7 @@ class Heard:
         self.seen: Seen = recognise(data, shape)
 
     def fits(self, shape: tuple[int, int]) -> bool:
-        """Whether it is a board of this shape; it is recognised anew where that leads to another.
+        """Whether it is a board of this shape; it is recognised again where that leads to another.
 
         A reading whose high byte never changes looks like the head of a packet.
         """
