@@ -37,7 +37,7 @@ def run(args) -> int:
             raise ValueError(f"part {part!r}: must be one of {', '.join(bench.PARTS)}")
     if args.seed < 0:
         raise ValueError(f"--seed = {args.seed}: must be 0 or more")
-    written = {}
+    written: dict[str, dict] = {}
     for part in args.parts or bench.PARTS:
         module, full, short = bench.PARTS[part]
         given = short if args.quick else full

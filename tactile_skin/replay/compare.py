@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import textwrap
-import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
@@ -44,17 +43,15 @@ def compare(
     kept: list[list] = [[] for _ in methods]
     cell: list[np.ndarray] = []
     with one_thread():
-        begun = time.process_time()
         replays = [replace(job, method=method).replay() for method in methods]
         for steps in track(zip(*replays, strict=True)):
             force = np.array([step.force for step in steps])
             cell.append(np.abs(force - force[0]).mean((1, 2)))
             for step, into in zip(steps, kept, strict=True):
                 into.append(step.without_picture())
-        cpu = time.process_time() - begun
     if not cell:
         raise ValueError(f"{job.path}: holds no reading")
-    found = [Results.of(k, cpu, r.notes) for k, r in zip(kept, replays, strict=True)]
+    found = [Results.of(k, r.notes) for k, r in zip(kept, replays, strict=True)]
     return Compared(list(methods), found, np.array(cell).T)
 
 

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.accuracy import other_board, r_par_std
 
 from tactile_skin import Circuit, PressureCurve, cli, forward
 from tactile_skin.bench import chart, run, speed, stability
@@ -25,26 +24,6 @@ SMALL = Circuit(5, 4)
 def resistance():
     force = scenes.sample("blobs", 3, 16, 16, np.random.default_rng(0))
     return CURVE.resistance(force)
-
-
-# --- boards that are not as configured ---
-
-
-def test_what_an_exact_inverse_misses_by_is_the_boards_doing():
-    row = other_board("blobs", "R_par", 6, seed=1)
-    force = scenes.sample("blobs", 6, 16, 16, np.random.default_rng(1))
-    load = np.abs(force).mean() / GRAM
-    assert 0.02 * load < row["newton"] < load
-    assert row["physics"] < 2.0 * row["newton"]
-    both = other_board("blobs", "both", 6, seed=1)
-    curve = other_board("blobs", "curve", 6, seed=1)
-    assert curve["newton"] < both["newton"]
-
-
-def test_a_frame_tells_r_par_less_where_the_rest_is_not_known():
-    row = r_par_std("rects", 4, seed=1)
-    known, alike = row["rest known"][0], row["rest alike"][0]
-    assert 0.3 < known < alike < 16.3, "5 % of 326 ohm"
 
 
 # --- troubles do what they say ---
@@ -194,15 +173,6 @@ def test_the_stability_picture_shows_each_share(drawn):
         shares += list(wide * split / len(silent))
     np.testing.assert_allclose(lengths, sorted(shares), atol=1e-9)
     plt.close(figure)
-
-
-@pytest.mark.parametrize(
-    ("verdict", "section"),
-    [("noise hides", "silent"), ("told: the robot stops", "told"), ("right, or told", "told"),
-     ("compensated", "right")],
-)  # fmt: skip
-def test_a_trouble_stands_where_its_verdict_says(verdict, section):
-    assert stability._section({"verdict": verdict, "reason": "noise hides"}) == section
 
 
 # --- the pictures ---
