@@ -5,12 +5,11 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from . import chart, ghosts, speed, stability
+from . import chart, speed, stability
 from .measure import machine
 
 PARTS = {  # name -> module, and the arguments of its `measure` in full and quick
     "speed": (speed, {"n": 300, "day_frames": 6000}, {"n": 6, "day_frames": 200}),
-    "ghosts": (ghosts, {}, {}),
     "stability": (stability, {"n": 100, "boards": 2}, {"n": 2, "boards": 1}),
 }
 

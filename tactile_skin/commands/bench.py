@@ -8,8 +8,8 @@ from ..arguments import check_folder
 
 EXAMPLES = (
     "Each picture NAME.png stands beside NAME.json, which holds the numbers drawn.\n"
-    "parts: speed, ghosts, stability; all of them take ten minutes, with --quick one. Times are\n"
-    "best read on an idle machine.\n"
+    "parts: speed, stability; both take ten minutes, with --quick one. Times are best read on an\n"
+    "idle machine.\n"
     "examples:\n  tactile-skin bench --quick\n  tactile-skin bench speed --out figures"
 )
 

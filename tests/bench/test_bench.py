@@ -214,7 +214,7 @@ def test_every_method_has_a_look_of_its_own():
 
 def test_an_unknown_part_is_named(capsys, tmp_path):
     assert cli.main(["bench", "colour", "--out", str(tmp_path / "out")]) == 2
-    assert "part 'colour': must be one of speed, ghosts" in capsys.readouterr().err
+    assert "part 'colour': must be one of speed, stability" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 

@@ -1,14 +1,18 @@
-"""Show the ghosts: two fingers and a palm, as they press, as they read, and as they are found."""
+"""Two fingers and a palm are shown as they press, as they read, and as they are found."""
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 
-from ..physics.circuit import Circuit, forward
-from ..physics.curve import GRAM, PressureCurve
-from ..simulation import scenes
-from ..solvers import compensate
-from .measure import NOISE
+from tactile_skin.bench.measure import NOISE
+from tactile_skin.physics.circuit import Circuit, forward
+from tactile_skin.physics.curve import GRAM, PressureCurve
+from tactile_skin.simulation import scenes
+from tactile_skin.solvers import compensate
+
+from .. import harness
 
 _TITLES = {"naive": "each reading on its own", "auto": "tactile_skin"}
 
@@ -61,3 +65,12 @@ def draw(data: dict):
 
 
 DRAW = {"ghosts": draw}
+
+
+def main(arguments=None) -> None:
+    given = harness.picture_parser(__doc__, __spec__).parse_args(arguments)
+    harness.draw(sys.modules[__name__], {}, given)
+
+
+if __name__ == "__main__":
+    harness.run(main)
