@@ -113,8 +113,6 @@ setup(
         "charts": ["matplotlib>=3.8"],
         "docs": ["mkdocs>=1.6,<2", "mkdocs-material>=9.5"],
         "completion": ["argcomplete>=3.0"],  # of the command, in a shell
-        # of trained networks, to be run elsewhere
-        "onnx": ["torch>=2.1", "onnx>=1.16", "onnxscript>=0.2"],
         "test": [
             "argcomplete>=3.0",
             "foxglove-sdk>=0.14",

@@ -34,7 +34,6 @@ COMMANDS = {  # name: what it does
     "2)",
     "replay": "recorded readings through the same nodes again, or to NumPy and CSV",
     "train": "train a network for your board: its circuit and curve from a parameter file",
-    "export": "write a trained network as ONNX, for a runtime without Python",
     "bench": "measure every method and draw it: speed against accuracy, and where each method "
     "fails",
 }

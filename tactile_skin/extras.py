@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 
-def torch(extra: str):
+def torch():
     """PyTorch; ModuleNotFoundError names the extra of ours that has it."""
     try:
         import torch
     except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(f"needs PyTorch: pip install 'tactile_skin[{extra}]'") from error
+        raise ModuleNotFoundError("needs PyTorch: pip install 'tactile_skin[train]'") from error
     return torch
 
 

@@ -196,7 +196,6 @@ def test_what_is_no_file(refused, tmp_path, wrong):
         ("sim", "--link", "x", "--config", path),
         ("train", "--config", path),
         ("train", "--start", path),
-        ("export", path, "out.onnx"),
         ("launch", with_weights(tmp_path, path)),
         ("launch", with_table(tmp_path, path)),
         ("launch", path),
@@ -214,7 +213,6 @@ def test_an_empty_file_name(refused):
         ("launch", "skin.launch.yaml", "port:=loop://", "config:="),
         ("launch", ""),
         ("sim", "--link", "x", "--config", ""),
-        ("export", "", "out.onnx"),
     ):
         refused(*words, named=": ")
 
@@ -224,9 +222,6 @@ def test_where_results_go(refused, tmp_path):
     (tmp_path / "bad").write_text("precious")
     holds(refused("train", "--out", "bad"), "--out bad: must be a folder")
     holds(refused("bench", "--out", "bad"), "--out bad: must be a folder")
-    holds(refused("export", "paper", "bad/x.onnx"), "must be a file in a folder that exists")
-    (tmp_path / "bad2").mkdir()
-    holds(refused("export", "paper", "bad2"), "must be a file in a folder that exists")
     assert (tmp_path / "bad").read_text() == "precious"
 
 
@@ -519,8 +514,6 @@ def test_bad_weights(refused, tmp_path, wrong):
     make, words = BAD_WEIGHTS[wrong]
     (tmp_path / "bad.npz").write_bytes(make())
     holds(refused("launch", with_weights(tmp_path, "bad.npz"), named="weights bad.npz"), words)
-    if wrong != "senseless":
-        holds(refused("export", "bad.npz", "out.onnx", named="weights bad.npz"), words)
 
 
 def test_good_weights_are_taken_in_any_order_and_packing(tmp_path):

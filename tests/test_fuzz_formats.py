@@ -68,25 +68,15 @@ def fuzz(name: str, sound: int, damaged_bytes: int, seed: int):
     return recovered, wrong, int((~stream.sound).sum()), stream.damaged_bytes
 
 
-def check(name: str, recovered: float, wrong: int, damaged: int) -> None:
+@pytest.mark.parametrize("amount", [QUICK, pytest.param(FULL, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", FORMATS)
+def test_sound_frames_come_through_damaged_bytes(name, amount):
+    recovered, wrong, damaged, size = fuzz(name, *amount, seed=3)
+    print(f"\n{name}: {size} damaged bytes: {recovered:.2%} recovered, {wrong} of {damaged} read")
     assert recovered >= 0.97
     if name in SUMS:  # so many pass a sum by chance, and four standard deviations
         expected = damaged / 2 ** SUMS[name]
         assert wrong <= expected + 4.0 * expected**0.5 + 1.0
-
-
-@pytest.mark.parametrize("name", FORMATS)
-def test_sound_frames_come_through_damaged_bytes(name):
-    recovered, wrong, damaged, _ = fuzz(name, *QUICK, seed=3)
-    check(name, recovered, wrong, damaged)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", FORMATS)
-def test_sound_frames_come_through_millions_of_damaged_bytes(name):
-    recovered, wrong, damaged, size = fuzz(name, *FULL, seed=4)
-    print(f"\n{name}: {size} damaged bytes: {recovered:.2%} recovered, {wrong} of {damaged} read")
-    check(name, recovered, wrong, damaged)
 
 
 @pytest.mark.parametrize("byte", [b"7", b"[", b"\xff"])

@@ -79,7 +79,7 @@ for name in ("rclpy", "std_msgs", "sensor_msgs"):
     sys.modules[name] = None
 class Missing:
     def find_spec(name, path=None, target=None):
-        if name in ("torch", "threadpoolctl", "tqdm", "matplotlib", "onnx"):
+        if name in ("torch", "threadpoolctl", "tqdm", "matplotlib"):
             raise ModuleNotFoundError(name)
 sys.meta_path.insert(0, Missing)
 for name in {modules!r}:

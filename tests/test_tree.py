@@ -56,18 +56,7 @@ MAY = {
         "nodes",
     ),
     "ros": ("files", "yaml_files", "msg", "parameters", "middleware", "nodes", "launch"),
-    "replay": (
-        "msg",
-        "parameters",
-        "middleware",
-        "physics",
-        "solvers",
-        "calibration",
-        "health",
-        "recording",
-        "nodes",
-        "launch",
-    ),
+    "replay": ("msg", "parameters", "middleware", "physics", "recording", "nodes", "launch"),
     "bench": None,  # everything but the command line
     "guide": ("physics", "solvers", "findings", "calibration", "health"),
     "arguments": (),
@@ -213,6 +202,6 @@ def test_a_pure_folder_works_without_pyyaml(folder):
 
 
 def test_a_robot_needs_no_pytorch_to_run():
-    """Only training, and the export of what it made, import torch; extras.py within a command."""
+    """Only training imports torch; extras.py within a command."""
     users = [p.stem for p in MODULE_PATHS if "torch" in imports(p)[1]]
-    assert set(users) == {"training", "soap", "export", "extras"}
+    assert set(users) == {"training", "soap", "extras"}

@@ -24,10 +24,9 @@ GIVEN = {  # command -> its files, and arguments
     "calibrate": ([], {"config": "a.yaml", "out": "b.yaml", "rest": "r.csv", "1.2kg": "x.csv"}),
     "doctor": (["a.csv"], {"config": "a.yaml", "rows": "8", "adc_offset": "-12.5"}),
     "record": (["o.mcap", "skin.launch.yaml"], {"port": "x", "max_duration": "5", "last": "2"}),
-    "replay": (["a.mcap"], {"config": "a.yaml", "method": "map", "speed": "1", "out": "b.mcap"}),
+    "replay": (["a.mcap"], {"config": "a.yaml", "method": "map", "jobs": "1", "out": "b.mcap"}),
     "train": ([], {"config": "a.yaml", "epochs": "3", "rate": "0.01"}),
-    "bench": (["recorded"], {"config": "a.yaml", "frames": "a.csv", "seed": "3"}),
-    "export": (["paper", "a.onnx"], {}),
+    "bench": (["speed"], {"out": "figures", "seed": "3"}),
     "gestures": (["train", "takes"], {"out": "a.npz"}),
     "detect": ([], {"port": "/dev/x", "baud": "9600", "out": "a.yaml"}),
 }
@@ -56,10 +55,10 @@ def test_every_command_is_tried():
 
 
 def test_switches_and_lists_have_both_styles():
-    assert parsed("replay", "a", "--step") == parsed("replay", "step:=true", "a")
-    assert parsed("replay", "a", "step:=false") == parsed("replay", "a")
-    both = parsed("replay", "--compare", "auto", "naive", "--speed", "1", "a")
-    assert both == parsed("replay", "compare:=auto,naive", "speed:=1", "a")
+    assert parsed("bench", "speed", "--quick") == parsed("bench", "quick:=true", "speed")
+    assert parsed("bench", "speed", "quick:=false") == parsed("bench", "speed")
+    both = parsed("replay", "--compare", "auto", "naive", "--jobs", "1", "a")
+    assert both == parsed("replay", "compare:=auto,naive", "jobs:=1", "a")
     assert both["compare"] == ["auto", "naive"]
     assert parsed("launch", "--view")["words"] == ["view:=true"]
 
@@ -70,7 +69,7 @@ def test_switches_and_lists_have_both_styles():
         (["sim", "--link", "x", "--ratte", "5"], "'ratte' is unknown; did you mean 'rate'?"),
         (["sim", "link:=x", "ratte:=5"], "'ratte' is unknown; did you mean 'rate'?"),
         (["calibrate", "--config", "a", "config:=b"], "argument 'config' is given twice"),
-        (["replay", "a", "step:=5"], "step:=5: must be true or false"),
+        (["bench", "quick:=5"], "quick:=5: must be true or false"),
         (["train", "--config"], "expected one argument"),
     ],
 )
@@ -112,7 +111,7 @@ def test_help_loads_no_command():
 
 
 @pytest.mark.parametrize(
-    ("line", "expected"), [("tactile-skin do", "doctor"), ("tactile-skin replay --sp", "--speed")]
+    ("line", "expected"), [("tactile-skin do", "doctor"), ("tactile-skin replay --jo", "--jobs")]
 )
 def test_a_shell_completes_commands_and_options(line, expected):
     """As argcomplete asks for it: the answer comes on file 8."""
@@ -130,7 +129,7 @@ def test_help_of_each_command_needs_no_extra():
 import sys
 class Missing:
     def find_spec(name, path=None, target=None):
-        if name in ("torch", "tqdm", "matplotlib", "mcap", "rosbags", "websockets", "onnx"):
+        if name in ("torch", "tqdm", "matplotlib", "mcap", "rosbags", "websockets"):
             raise ModuleNotFoundError(name)
 sys.meta_path.insert(0, Missing)
 from tactile_skin.cli import COMMANDS, make_parser

@@ -14,7 +14,7 @@ import numpy as np
 from support.strangers import boards
 
 from tactile_skin.board.formats import make_parser
-from tactile_skin.commands.detect import BAUDS, Heard
+from tactile_skin.board.recognise.listen import BAUDS, Heard
 
 from .. import harness
 

@@ -1,9 +1,8 @@
 """Measurements with production code only: `tactile-skin bench`, one file per part.
 
-speed.py      speed against accuracy           cases.py    pictures of objects, sums of load
+speed.py      speed against accuracy           run.py      a part: measure, write, draw
 stability.py  where each method fails          troubles.py what goes wrong there, and how badly
 measure.py    time and error, for all parts    chart.py    style of the figures, and their JSON
-run.py        the parts in turn
 
 What no user runs is in benchmarks/, which is not installed.
 """

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..physics.circuit import Circuit, forward
+from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from ..physics.readouts import PASSIVE
 from ..simulation import scenes
@@ -17,8 +17,6 @@ from .measure import NOISE, Clock, day, errors, frames
 TOUCHES = "bodies"  # the family whose times and errors a point shows: no solver was made for it
 FAMILIES = (*scenes.FAMILIES, "bodies", "pictures")
 WIRED = tuple(m for m in METHODS if m not in ("cnn", "physics"))  # networks know floating ones only
-PAPER = {"cnn_g": 11.0, "naive_g": 150.0}  # its sections V and VI
-FRAME_MS = 10.0  # at 100 frames a second
 USES = {  # what to take when, in lines; the first is for a robot
     "auto": "a robot: as accurate as the frame allows,\nand reports what it does not trust",
     "map": "single frames, missing readings, prior knowledge;\na standard deviation for each cell",
@@ -36,7 +34,7 @@ def measure(n: int, day_frames: int, seed: int, track=lambda items: items) -> di
     Returns:
         the figure "speed" as plain data: for each readout a list of points {method, p50_ms,
         p99_ms, p50_y, p99_y, mean_g, families}, times and mean_g of bodies; `wirings`, the same
-        of noisy boards wired otherwise than the paper's, of the same bodies; `day`; `forward`.
+        of noisy boards wired otherwise than the paper's, of the same bodies; `day`.
     """
     circuit, curve = Circuit(), PressureCurve()
     clocks, families = {}, {(r, m): {} for r in scenes.READOUTS for m in METHODS}
@@ -62,23 +60,12 @@ def measure(n: int, day_frames: int, seed: int, track=lambda items: items) -> di
         for wiring in PASSIVE[1:]
     }
     rng = np.random.default_rng([seed, len(cases)])
-    resistance = curve.resistance(scenes.sample("blobs", 1, *circuit.shape, rng)[0])
-    clock = Clock()
-    for _ in range(500):
-        clock(forward, circuit, resistance)
     return {
         "speed": {
             "frames": n,
             "readouts": readouts,
             "wirings": wirings,
             "day": stream(day_frames, rng, circuit, curve),
-            "paper": PAPER,
-            "frame_ms": FRAME_MS,
-            # the paper's way solves 256 systems of 257 equations for the same readings
-            "forward": {
-                "p50_y": clock.quantile(0.5),
-                "literal_over_forward": 256 / clock.quantile(0.5),
-            },
         }
     }
 
@@ -137,34 +124,6 @@ def stream(n: int, rng, circuit: Circuit, curve: PressureCurve) -> dict:
     }
 
 
-def table(data: dict) -> str:
-    """The figures of all families as text, and those of bodies by wiring."""
-    lines = [
-        f"{data['frames']} frames a family and readout, times in y",
-        f"forward model: {data['forward']['p50_y']:.3f} y for all readings, the literal equations "
-        f"{data['forward']['literal_over_forward']:.0f} times that",
-        f"auto over a day: mean {data['day']['mean_y']:.2f} y, {data['day']['mean_g']:.2f} g",
-        "",
-        "method       readout  family   mean g  p95 g   sum err  ghosts   p50 y   p99 y",
-    ]
-    for method in METHODS:
-        for readout, points in data["readouts"].items():
-            (families,) = (p["families"] for p in points if p["method"] == method)
-            for family, r in families.items():
-                lines.append(
-                    f"{method:<12} {readout:<8} {family:<7} {r['mean_g']:7.2f} {r['p95_g']:7.1f} "
-                    f"{100 * r['sum_error']:7.1f} % {r['ghosts']:6.2f} {r['p50_y']:7.2f} "
-                    f"{r['p99_y']:7.2f}"
-                )
-    lines += ["", "method       wiring    bodies, scan: mean g   p50 y   p99 y"]
-    for wiring, points in data["wirings"].items():
-        lines += [
-            f"{p['method']:<12} {wiring:<9} {p['mean_g']:20.2f} {p['p50_y']:7.2f} {p['p99_y']:7.2f}"
-            for p in points
-        ]
-    return "\n".join(lines)
-
-
 def choice(data: dict) -> list[str]:
     """Return a Markdown table of a run: what to take, `scan` readings."""
     noisy, exact = ({p["method"]: p for p in data["readouts"][r]} for r in ("scan", "ideal"))
@@ -195,6 +154,7 @@ def grams(mean_g: float) -> str:
 _FLOOR = 0.02  # g; what errs less is drawn there
 _BEST = "auto"  # what a robot takes
 _APART = 15.0  # points between two names
+_FRAME_MS = 10.0  # at 100 frames a second
 _PANELS = {  # the first three have one scale of errors
     ("readouts", "scan"): "floating, as the paper's: a noisy board",
     ("wirings", "loaded"): "loaded lines: a noisy board",
@@ -213,7 +173,7 @@ def draw(data: dict):
         points = sorted(data[key][name], key=lambda p: (p["mean_g"], p["p99_ms"]))
         error = {p["method"]: max(p["mean_g"], _FLOOR) for p in points}
         ends = error.values() if name == "ideal" else shown
-        axis.set(xscale="log", yscale="log", xlim=(0.03, data["frame_ms"]))
+        axis.set(xscale="log", yscale="log", xlim=(0.03, _FRAME_MS))
         axis.set_ylim(0.75 * min(ends), 1.4 * max(ends))
         figure.draw_without_rendering()  # where a value lies is known from here on
         below = -np.inf  # the last name's height [points]
@@ -227,8 +187,8 @@ def draw(data: dict):
             height = axis.bbox.height * 72.0 / figure.dpi  # points
             below = max(place * height, below + _APART)
             axis.annotate(
-                f"{p['method']}  {_label(p['mean_g'])}",
-                (min(p["p99_ms"], data["frame_ms"]), y),
+                f"{p['method']}  {grams(p['mean_g'])} g",
+                (min(p["p99_ms"], _FRAME_MS), y),
                 (1.03, below / height),
                 textcoords="axes fraction",
                 annotation_clip=False,
@@ -246,12 +206,6 @@ def draw(data: dict):
     for axis in axes[:, 0]:
         axis.set_ylabel("mean error on free bodies [g a cell]")
     return figure
-
-
-def _label(mean_g: float) -> str:
-    if mean_g < _FLOOR:
-        return f"below {_FLOOR:g} g"
-    return f"{mean_g:.{0 if mean_g >= 20.0 else 1}f} g"
 
 
 DRAW = {"speed": draw}

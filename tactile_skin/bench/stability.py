@@ -1,9 +1,9 @@
 """What to worry about: each trouble at each strength, and what becomes of the picture.
 
-Readings come from `textile`, a model richer than any solver's. A frame is judged twice. *Alone*: by
-the configured circuit and the shipped curve. *Running*: by what a skin has measured of its board
-before, its rest without a touch and its circuit from 30 earlier frames (`measure_rest` and
-`identify`). The doctor is given a recording of the same touches.
+Readings come from `textile`, a model richer than any solver's. A frame is judged by what a running
+skin has measured of its board before, its rest without a touch and its circuit from 30 earlier
+frames (`measure_rest` and `identify`). The methods are compared on frames alone: by the configured
+circuit and the shipped curve.
 
 A frame *fails* when its mean error on the cells that are touched, or said to be, exceeds 30 g and a
 fifth of their load. It is *reported* if the method calls it suspect or failed or refuses it, or if
@@ -15,15 +15,14 @@ from __future__ import annotations
 import concurrent.futures
 import multiprocessing
 import os
-from dataclasses import replace
+import textwrap
 from typing import NamedTuple
 
 import numpy as np
 
 from ..calibration.identify import identify
-from ..calibration.rest import Rest, measure_rest, supposing
+from ..calibration.rest import measure_rest, supposing
 from ..calibration.tare import Tare
-from ..health.doctor import diagnose
 from ..middleware.threads import one_thread
 from ..physics.circuit import Circuit
 from ..physics.curve import GRAM, PressureCurve
@@ -40,10 +39,7 @@ SILENT = 0.02  # share of the frames beyond which silent failures are listed
 METHOD = "auto"  # that a robot uses
 _RATE = 100.0  # frames a second
 _AT_REST, _LEARNT = 125, 30  # frames without a touch, and of touches, that a running skin has seen
-_HELD, _PAUSE = 6, 18  # frames of each touch, and between two, that the doctor sees
 _COMPARED = 5  # frames of each board that all methods are compared by
-# Compared with the circuit known exactly.
-IDENTIFIABLE = "noise", "R_par off", "line resistance"
 
 
 def measure(n: int, boards: int, seed: int, track=lambda items: items) -> dict:
@@ -54,23 +50,17 @@ def measure(n: int, boards: int, seed: int, track=lambda items: items) -> dict:
     Returns:
         the figure "stability" as plain data.
     """
-    # Strengths that are no trouble are the same skin, whatever the trouble is.
-    cases = {
-        (t, k): _sound_case(trouble, k) or (t, k)
+    tasks = [
+        (t, k, b)
         for t, trouble in enumerate(TROUBLES)
         for k in range(len(trouble.strengths))
-    }
-    tasks = [(*case, b) for case in dict.fromkeys(cases.values()) for b in range(boards)]
+        for b in range(boards)
+    ]
     spawn = multiprocessing.get_context("spawn")
     with concurrent.futures.ProcessPoolExecutor(os.cpu_count(), spawn) as pool:
         running = [pool.submit(_task, *task, max(n // boards, 1), seed) for task in tasks]
         results = dict(zip(tasks, (one.result() for one in track(running)), strict=True))
-    seen = {at: [results[(*case, b)][0] for b in range(boards)] for at, case in cases.items()}
-    troubled = [at for at in cases if TROUBLES[at[0]].strengths[at[1]] != TROUBLES[at[0]].sound]
-    methods = {
-        method: [results[(*cases[at], b)][1][method] for at in troubled for b in range(boards)]
-        for method in METHODS
-    }
+    troubled = [t for t in tasks if TROUBLES[t[0]].strengths[t[1]] != TROUBLES[t[0]].sound]
     return {
         "stability": {
             "frames": max(n // boards, 1) * boards,
@@ -78,28 +68,24 @@ def measure(n: int, boards: int, seed: int, track=lambda items: items) -> dict:
             "scenes": "bodies",
             "method": METHOD,
             "troubles": [
-                _summary(trouble, [seen[t, k] for k in range(len(trouble.strengths))])
+                _summary(
+                    trouble,
+                    [
+                        _shares([results[t, k, b][0] for b in range(boards)])
+                        for k in range(len(trouble.strengths))
+                    ],
+                )
                 for t, trouble in enumerate(TROUBLES)
             ],
-            "methods": {method: _shares(outcomes) for method, outcomes in methods.items()},
+            "methods": {
+                method: _shares([results[task][1][method] for task in troubled])
+                for method in METHODS
+            },
         }
     }
 
 
-def _sound_case(trouble: Trouble, k: int) -> tuple[int, int] | None:
-    """Of all skins without a trouble, the first of TROUBLES that is this one."""
-    if trouble.strengths[k] != trouble.sound:
-        return None
-
-    def skin(of: Trouble):
-        return of.textile(of.sound), of.bits(of.sound)
-
-    same = (t for t, other in enumerate(TROUBLES) if other.sound is not None)
-    first = next(t for t in same if skin(TROUBLES[t]) == skin(trouble))
-    return first, TROUBLES[first].strengths.index(TROUBLES[first].sound)
-
-
-def _task(t: int, k: int, board: int, n: int, seed: int) -> tuple[Found, dict]:
+def _task(t: int, k: int, board: int, n: int, seed: int) -> tuple[Outcome, dict]:
     with one_thread():
         return _on_board(TROUBLES[t], TROUBLES[t].strengths[k], n, [seed, board])
 
@@ -112,52 +98,24 @@ class Outcome(NamedTuple):
     reported: np.ndarray
 
 
-class Found(NamedTuple):
-    """Of one board.
-
-    Attributes:
-        alone, running: by what is known of it; known: with its true circuit, where that can be
-            found, else None.
-        circuit: that was learnt.
-        refused: why its rest was; empty if it was not.
-        named: kinds of the doctor's findings.
-    """
-
-    alone: Outcome
-    running: Outcome
-    known: Outcome | None
-    circuit: Circuit
-    refused: str
-    named: tuple[str, ...]
-
-
-def _on_board(trouble: Trouble, strength: float, n: int, seed) -> tuple[Found, dict]:
-    """n frames of one board, and those of all methods that each judges alone."""
+def _on_board(trouble: Trouble, strength: float, n: int, seed) -> tuple[Outcome, dict]:
+    """n frames on a running skin, and those of all methods that each judges alone."""
     rng = np.random.default_rng([*seed, 1])
     circuit, curve = Circuit(adc_bits=trouble.bits(strength)), PressureCurve()
-    textile = trouble.textile(strength)
-    board = Sample(textile, circuit, curve, [*seed, 0])
+    board = Sample(trouble.textile(strength), circuit, curve, [*seed, 0])
     touches = board.expose(scenes.sample("bodies", _LEARNT, *circuit.shape, rng))
     force = trouble.scene(n, strength, circuit, rng)
     adc = board.sample(board.expose(force), rng)
     idle = board.at_rest(_AT_REST, rng)
     known = learn(idle, board.sample(touches, rng), circuit, curve)
-    alone = judge(adc, force, circuit, curve, METHOD)
-    given = {"noise": known.noise}
-    running = alone._replace(reported=np.full(n, True))
-    if not known.refused:
-        running = judge(adc, force, known.circuit, known.curve, METHOD, **given)
-    exact = None
-    if known.rest is not None and trouble.name in IDENTIFIABLE:
-        r_par = circuit.r_par * textile.r_par
-        true = replace(circuit, r_par=r_par, r_line=textile.line)
-        exact = judge(adc, force, true, _resting(curve, known.rest, true), METHOD, **given)
-    named = tuple(sorted({f.kind for f in diagnose(_recording(board, touches, rng), circuit)}))
+    running = judge(adc, force, known.circuit, known.curve, METHOD, noise=known.noise)
+    if known.refused:
+        running = running._replace(reported=np.full(n, True))
     compared = {
         method: judge(adc[:_COMPARED], force[:_COMPARED], circuit, curve, method)
         for method in METHODS
     }
-    return Found(alone, running, exact, known.circuit, known.refused, named), compared
+    return running, compared
 
 
 class Learnt(NamedTuple):
@@ -166,7 +124,6 @@ class Learnt(NamedTuple):
     circuit: Circuit
     curve: PressureCurve
     noise: float | None
-    rest: Rest | None
     refused: str
 
 
@@ -180,30 +137,18 @@ def learn(idle, touches, circuit: Circuit, curve: PressureCurve) -> Learnt:
     for k, frame in enumerate(idle):
         tare.update(k / _RATE, frame, np.zeros(circuit.shape))
     if not tare.measured:
-        return Learnt(circuit, curve, None, None, str(tare.found or ""))
+        return Learnt(circuit, curve, None, str(tare.found or ""))
     try:
         rest = measure_rest(idle, circuit)
     except ValueError as error:
-        return Learnt(circuit, curve, None, None, str(error))
+        return Learnt(circuit, curve, None, str(error))
     noise = max(rest.noise, ROUNDING_NOISE)
     try:
         found = identify(touches, circuit, rest).circuit
-        return Learnt(found, _resting(curve, rest, found), noise, rest, "")
+        curve = curve.resting_at(1.0 / supposing(rest, found).conductance)
+        return Learnt(found, curve, noise, "")
     except ValueError:  # no skin rests so: the configured circuit stays
-        return Learnt(circuit, tare.curve, noise, rest, "")
-
-
-def _resting(curve: PressureCurve, rest: Rest, circuit: Circuit) -> PressureCurve:
-    return curve.resting_at(1.0 / supposing(rest, circuit).conductance)
-
-
-def _recording(board: Sample, touches: np.ndarray, rng) -> np.ndarray:
-    """(n, rows, cols) frames of touches that come and go, as the doctor wants them."""
-    frames = [board.at_rest(_AT_REST + len(touches) * _PAUSE, rng)]
-    for k, touch in enumerate(touches):
-        pause = slice(_AT_REST + k * _PAUSE, _AT_REST + (k + 1) * _PAUSE)
-        frames += [board.sample(np.repeat(touch[None], _HELD, 0), rng), frames[0][pause]]
-    return np.concatenate([frames[0][:_AT_REST], *frames[1:]])
+        return Learnt(circuit, tare.curve, noise, "")
 
 
 def judge(adc, force, circuit: Circuit, curve: PressureCurve, method: str, **given) -> Outcome:
@@ -237,33 +182,14 @@ def _shares(outcomes: list[Outcome]) -> dict:
     }
 
 
-def _summary(trouble: Trouble, runs: list[list[Found]]) -> dict:
-    """One trouble: a list for each figure, an entry for each strength.
-
-    Args:
-        runs: for each strength, what was found on each board.
-    """
-
-    def column(name: str) -> dict:
-        shares = [_shares([getattr(found, name) for found in boards]) for boards in runs]
-        return {key: [share[key] for share in shares] for key in shares[0]}
-
-    exact = [[found.known for found in boards if found.known is not None] for boards in runs]
-    right = set(trouble.kinds)
-    running = column("running") | {
-        "known_g": [_shares(known)["mean_g"] if known else None for known in exact],
-        "named": [float(np.mean([bool(right & {*f.named}) for f in boards])) for boards in runs],
-        "misnamed": [float(np.mean([bool({*f.named} - right) for f in boards])) for boards in runs],
-        "refused": [float(np.mean([bool(f.refused) for f in boards])) for boards in runs],
-        "r_par": [float(np.mean([f.circuit.r_par for f in boards])) for boards in runs],
-        "r_line": [float(np.mean([np.mean(f.circuit.r_line) for f in boards])) for boards in runs],
-    }
+def _summary(trouble: Trouble, shares: list[dict]) -> dict:
+    """One trouble: a list for each share, an entry for each strength."""
+    running = {key: [share[key] for share in shares] for key in shares[0]}
     return {
         "trouble": trouble.name,
         "unit": trouble.unit,
         "strengths": [float(s) for s in trouble.strengths],
         "sound": trouble.sound,
-        "alone": column("alone"),
         "running": running,
         "reason": trouble.reason,
         "verdict": verdict(trouble, running),
@@ -327,16 +253,15 @@ def draw(data: dict):
             label = f"{trouble['trouble']} [{trouble['unit']}]"
             axis.text(-0.1, y + 0.5, label, va="center", ha="right", fontsize=9)
             if name == "silent":
-                reason = _folded(trouble["reason"])
+                reason = textwrap.fill(trouble["reason"], 34)
                 axis.text(_STRIP + 0.1, y + 0.5, reason, va="center", fontsize=8.5)
             y += 1.0
     axis.set_xlim(-1.9, _STRIP + 2.4)
     axis.set_ylim(y, 0.0)
     axis.set_axis_off()
     handles = [plt.Rectangle((0, 0), 1, 1, facecolor=shade) for shade in _SHADES.values()]
-    handles.append(axis.plot([], [], "o", color="black", markersize=3.5)[0])
-    labels = ["right", "reported: the robot stops", "silently wrong", "the doctor names it"]
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
+    labels = ["right", "reported: the robot stops", "silently wrong"]
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=9, frameon=False)
     return figure
 
 
@@ -365,14 +290,6 @@ def _strip(axis, y: float, trouble: dict) -> None:
             (k + 0.06) * width, y + 0.5, text, va="center", fontsize=8, zorder=3,
             color="#777777" if usual else "black", fontweight="bold" if ":" in text else "normal",
         )  # fmt: skip
-        if shares["named"][k] >= 0.8:
-            axis.plot((k + 0.87) * width, y + 0.3, "o", color="black", markersize=3, zorder=3)
-
-
-def _folded(text: str) -> str:
-    import textwrap
-
-    return "\n".join(textwrap.wrap(text, 34))
 
 
 DRAW = {"stability": draw}

@@ -51,7 +51,6 @@ class Trouble:
         scene: (n, strength, circuit, rng) -> (n, rows, cols) force [N].
         bits: strength -> width of the ADC, which the solver knows.
         reason: why failures are silent, if they are.
-        kinds: of the doctor's findings that name it; of others any is one too many.
     """
 
     name: str
@@ -62,7 +61,6 @@ class Trouble:
     bits: Callable[[float], int] = lambda strength: 10
     sound: float | None = 0.0
     reason: str = ""
-    kinds: tuple[str, ...] = ()
 
 
 def _bodies(n: int, circuit: Circuit, rng) -> np.ndarray:
@@ -108,11 +106,11 @@ TROUBLES = (
     ),
     Trouble(
         "R_par off", "%", _OFF, _with("r_par", 0.01, 1.0),
-        reason="more than touches show", kinds=("circuit",),
+        reason="more than touches show",
     ),
     Trouble(
         "R_ref off", "%", _OFF, _with("r_ref", 0.01, 1.0),
-        reason="scales all forces: the doctor names it", kinds=("circuit",),
+        reason="scales all forces: the doctor names it",
     ),
     Trouble(
         "curve off", "% of R", (0, 10, 20, 35, 50), _with("curve", 0.01),
@@ -136,19 +134,19 @@ TROUBLES = (
     ),
     Trouble(
         "open leads", "lines", (0, 1, 2, 3, 4), _with("open"),
-        reason="the fabric leads around it", kinds=("open",),
+        reason="the fabric leads around it",
     ),
     Trouble(
         "broken stripes", "lines", (0, 1, 2, 3, 4), _with("broken"),
-        reason="the fabric leads around it", kinds=("broken", "dead"),
+        reason="the fabric leads around it",
     ),
     Trouble(
         "short", "pairs of lines", (0, 1, 2), _with("short"),
-        reason="weak where the pressure is low", kinds=("short",),
+        reason="weak where the pressure is low",
     ),
     Trouble(
         "stuck cells", "cells", (0, 1, 2, 4, 8), _with("stuck"),
-        reason="reads like a finger", kinds=("stuck",),
+        reason="reads like a finger",
     ),
     Trouble(
         "pressed area", "% at 300 g", (10, 25, 50, 75, 100),
@@ -164,7 +162,7 @@ TROUBLES = (
     ),
     Trouble(
         "saturated ADC", "% of full scale", (100, 80, 70, 60, 40), _with("ceiling", 0.01),
-        sound=100, reason="few cells reach the ceiling: the doctor names it", kinds=("saturation",),
+        sound=100, reason="few cells reach the ceiling: the doctor names it",
     ),
     Trouble(
         "lines at full scale", "lines", (0, 1, 2, 4), _with("full_scale"),

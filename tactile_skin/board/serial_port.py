@@ -22,9 +22,6 @@ from .terminal import is_simulated
 
 _EARLY = 1.0  # s of bytes without a frame after which the message says what they are, if known
 _ASK_AGAIN = 0.5  # s without an answer after which a board is asked again
-_SLOW_SHARE = 0.5  # of the watchdog, by which bytes lie apart where a frame takes longer than it
-_PATIENCE = 2.5  # times the usual gap between bytes, after which a slow board is silent
-_MOST_PATIENCE = 30.0  # s
 _IN_USE = "is in use by another program (two programs cannot read one board)"
 _NOT_ALLOWED = "may not be opened by this user: is it in the group dialout?"
 _GONE = "is gone: was the board unplugged?"
@@ -124,9 +121,7 @@ class SerialReader:
         self._refuse = refuse
         self._board: tuple | None = None  # identity of the board that "auto" found
         self._reported: dict[str, str] = {}  # port -> why it gave no frame, since one last did
-        self._heard_at: float | None = None  # when bytes last came, over all connections
         self._seen = "", ""  # why there is no frame, and what arrived when that was new
-        self._gaps = 0.0, 0.0  # s between the last bytes and those before, twice
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"serial {port}", daemon=True)
 
@@ -193,8 +188,6 @@ class SerialReader:
             data = port.read(wanted if wanted > 1 else max(1, port.in_waiting))
             frames = self.parser.feed(data) if data else []
             heard += len(data)
-            if data:
-                self._note_gap(time.monotonic())
             if frames:
                 last_frame, heard, look_at, asked = time.monotonic(), 0, 1, -math.inf
                 if self.connected_to is None:
@@ -206,7 +199,7 @@ class SerialReader:
                     self._on_frame(frame)
                 continue
             silence = time.monotonic() - last_frame
-            if silence > max(self.watchdog, self.patience):
+            if silence > self.watchdog:
                 self._lost(self._unusable(port, heard), port.name)
                 return
             early = silence > _EARLY and self.connected_to is None and self.port != "auto"
@@ -215,27 +208,9 @@ class SerialReader:
                 if why := explain(self.parser):
                     self._lost(self._unusable(port, heard, why), port.name)
 
-    def _note_gap(self, now: float) -> None:
-        gap = now - (self._heard_at or now)
-        if gap > _EARLY or gap > _SLOW_SHARE * self.watchdog:
-            self._gaps = self._gaps[1], gap
-        self._heard_at = now
-
-    @property
-    def patience(self) -> float:
-        """How long a board that is slower than the watchdog may be silent [s]; 0: none is.
-
-        One gap is a board that hung; a second one is its pace.
-        """
-        pace = min(self._gaps)
-        slow = pace > _SLOW_SHARE * self.watchdog
-        return min(_PATIENCE * pace, _MOST_PATIENCE) if slow else 0.0
-
     def _unusable(self, port, heard: int, why: str = "") -> str:
         """Why there is no frame, in a text that stays the same while the cause does."""
         if not heard:
-            if self.patience:
-                return f"{port.name}: {self.slow}"
             return f"{port.name}: no bytes for {self.watchdog:g} s, reopening it"
         why = why or explain(self.parser) or "check serial_driver.baud and serial_driver.protocol"
         if why != self._seen[0]:
@@ -244,16 +219,6 @@ class SerialReader:
         return (
             f"{port.name} at {self.baud} baud: bytes arrive, but no frame: {why}{shown}. More: "
             f"tactile-skin detect port:={self.port} [config:=FILE]"
-        )
-
-    @property
-    def slow(self) -> str:
-        """What to say of a board that is slower than the watchdog; empty if it is not."""
-        if not self.patience:
-            return ""
-        return (
-            f"a frame takes {min(self._gaps):.2g} s, longer than serial_driver.watchdog = "
-            f"{self.watchdog:g} s: too slow for a stop"
         )
 
     def _found(self, name: str) -> None:

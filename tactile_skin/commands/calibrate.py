@@ -28,7 +28,6 @@ from ..physics.curve import PressureCurve
 from ..readings.processed import Kind, processed
 from ..recording.reference import read_reference
 from ..replay.sources import Live, Recorded
-from . import train
 
 _NAME = "tactile-skin calibrate"
 _OF_BOARD = {"port": str, "baud": int, "protocol": str}
@@ -79,11 +78,6 @@ def register(parser) -> None:
         help="port, baud or protocol, instead of the parameter file's; or recordings",
     )
     parser.add_argument(
-        "--train",
-        choices=("paper", "physics"),
-        help="then train this network for the board, and enter its weights in the file",
-    )
-    parser.add_argument(
         "--config", type=Path, help="parameter file with what you know of the board"
     )
     parser.add_argument(
@@ -100,16 +94,10 @@ def run(args) -> int:
     words, live = args.words, args.creep is True
     if args.creep and not live:  # creep:=FILE is one of the recordings
         words = [*words, f"creep:={args.creep}"]
-    return calibrate(args.out, args.config, words, live, args.train)
+    return calibrate(args.out, args.config, words, live)
 
 
-def calibrate(
-    out: Path,
-    config: Path | None,
-    words: list[str],
-    creep: bool = False,
-    network: str | None = None,
-) -> int:
+def calibrate(out: Path, config: Path | None, words: list[str], creep: bool = False) -> int:
     """Guide through the steps, on a live board or through files, and write what was learnt.
 
     Args:
@@ -117,11 +105,10 @@ def calibrate(
         config: parameter file with what is known of the board; None: the defaults.
         words: NAME:=VALUE, of the board (port, baud, protocol) or of files (rest, a weight ...).
         creep: measure only how much a standing load gains, of a live board that is calibrated.
-        network: to train for the board that was found, "paper" or "physics"; None: none.
 
     Returns:
-        the exit status: 1 if there were weights to find the curve by and there is none, or the
-        training died. Without a curve, and nothing else that was learnt, no file is written.
+        the exit status: 1 if there were weights to find the curve by and there is none. Without a
+        curve, and nothing else that was learnt, no file is written.
     """
     check_writable(out)
     skin = read_skin(config)
@@ -158,10 +145,6 @@ def calibrate(
         print(f"To use it until then:\n  {use}")
     else:
         print(f"{out} is written. Use it:\n  {use}")
-    if network:
-        return 0 if train.enter(out, network) and not no_curve else 1
-    if why := train.misfit(out):
-        print(why)
     return int(no_curve)
 
 

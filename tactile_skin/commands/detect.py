@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
-import serial
 import yaml
 
 from ..arguments import split
 from ..board.formats import Format
-from ..board.recognise import recognise, shown
+from ..board.recognise import shown
 from ..board.recognise.lines import sides
+from ..board.recognise.listen import BAUDS, Heard, listen
 from ..board.recognise.seen import Seen
-from ..board.serial_port import PORT_ERRORS, check_port
 from ..files import read_bytes
-from ..middleware.config import read_skin
+from ..middleware.config import read_skin, skin_of
 from ..physics.readouts import DRIVEN, READOUTS
 
 EXAMPLES = """\
@@ -41,15 +39,9 @@ options, name:=value; what is missing is asked, and Enter takes the value in bra
   r_ref        reference resistor [ohm]
   full_scale   what is printed of an input at the supply: 1023 of 10 bits, 5.0 of volts"""
 
-BAUDS = (115_200, 1_000_000, 9_600, 500_000, 57_600, 250_000, 230_400, 921_600, 2_000_000, 38_400)
-# What makes boards answer that send nothing by themselves, in the order in which they are tried.
-REQUESTS = ("A", "\n", "r", "?")
 _SECONDS = 4.0  # s: an Arduino that is opened is in its boot loader for 2
-_ASKED = 1.0  # s that an answer may take
-_MOST = 100_000  # bytes that are enough
 _LARGEST = 1 << 26  # bytes of a file
 _WIDTHS = (8, 10, 12, 14, 16)  # bits of ADCs
-_MOST_LINES = 64  # rows or columns of a skin
 _R_PAR = {"loaded": 25.0, "grounded": 0.0, "virtual_ground": 0.0}  # ohm: of an Arduino's pin
 _R_DRIVE = 25.0  # ohm of an Arduino's pin
 _KINDS = {
@@ -66,30 +58,6 @@ _KINDS = {
     "r_ref": float,
     "full_scale": float,
 }
-
-
-class Heard:
-    """What arrived at one baud rate, and what it was recognised as."""
-
-    def __init__(self, data: bytes, baud: int, request: str = "", shape=None):
-        self.data, self.baud, self.request = data, baud, request
-        self.seen: Seen = recognise(data, shape)
-
-    def fits(self, shape: tuple[int, int]) -> bool:
-        """Whether it is a board of this shape; it is recognised anew where that leads to another.
-
-        A reading whose high byte never changes looks like the head of a packet.
-        """
-        if shape[0] * shape[1] != self.seen.cells:
-            seen = recognise(self.data, shape)
-            if seen.protocol and seen.cells == shape[0] * shape[1]:
-                self.seen = seen
-        return shape[0] * shape[1] == self.seen.cells
-
-    @property
-    def rank(self) -> tuple:
-        """The higher, the better it is understood."""
-        return self.seen.sure, bool(self.seen.protocol), self.seen.text, self.seen.frames
 
 
 def register(parser) -> None:
@@ -109,12 +77,17 @@ def run(args) -> int:
     out = Path(given.get("out", "mine.yaml"))
     if out.exists():
         raise ValueError(f"{out}: exists: give out:=NAME for another file")
-    shape = _shape(given)
+    if ("rows" in given) != ("cols" in given):
+        raise ValueError("rows and cols: give both, or none")
+    shape = (given["rows"], given["cols"]) if "rows" in given else None
+    bauds, seconds = (given["baud"],) if "baud" in given else BAUDS, given.get("seconds", _SECONDS)
+    if not 0.5 <= seconds <= 60.0:
+        raise ValueError(f"seconds:={seconds:g}: must be from 0.5 to 60")
     if files:
-        found = Heard(read_bytes(files[0], _LARGEST), given.get("baud", BAUDS[0]), shape=shape)
+        found = Heard(read_bytes(files[0], _LARGEST), bauds[0], shape=shape)
     else:
-        found = listen(given["port"], given, shape)
-    return conclude(found, given, out, _ask)
+        found = listen(given["port"], bauds, seconds, print, shape)
+    return conclude(found, given, shape, out, _ask)
 
 
 def _known(given: dict) -> dict:
@@ -127,67 +100,13 @@ def _known(given: dict) -> dict:
     return known | {"pull_up": skin.adc.inverted}
 
 
-def listen(port: str, given: dict, shape=None, opener: Callable = serial.serial_for_url) -> Heard:
-    """Return the best understood of what arrives at usual baud rates.
-
-    Args:
-        opener: (port, baud, timeout=) -> an open port.
-
-    Raises:
-        ValueError: no such port, or bytes at no baud rate.
-    """
-    check_port(port)
-    seconds = given.get("seconds", _SECONDS)
-    if not 0.5 <= seconds <= 60.0:
-        raise ValueError(f"seconds:={seconds:g}: must be from 0.5 to 60")
-    bauds = (given["baud"],) if "baud" in given else BAUDS
-    best: Heard | None = None
-    try:
-        for heard in _at_each(port, bauds, seconds, shape, opener):
-            n, seen = len(heard.data), heard.seen
-            print(f"{heard.baud:>8} baud: {n} bytes: {seen.about if n else 'silent'}", flush=True)
-            best = heard if best is None or heard.rank > best.rank else best
-            if seen.sure:
-                break
-    except PORT_ERRORS as error:
-        raise ValueError(f"port {port}: {error}") from error
-    if best is None or not best.data:
-        raise ValueError(
-            f"port {port}: no byte arrives at {', '.join(map(str, bauds))} baud, nor an answer to "
-            f"{', '.join(map(repr, REQUESTS))}: is the board supplied, does its sketch print?"
-        )
-    return best
-
-
-def _at_each(port, bauds, seconds, shape, opener) -> Iterator[Heard]:
-    for baud in bauds:
-        with opener(port, baud, timeout=0.05) as line:
-            data = _read(line, seconds)
-            if data:
-                yield Heard(data, baud, shape=shape)
-                continue
-            for request in REQUESTS:
-                line.write(request.encode())
-                if answer := _read(line, _ASKED):
-                    answers = [answer]
-                    until = time.monotonic() + seconds
-                    while time.monotonic() < until:
-                        line.write(request.encode())
-                        answers.append(_read(line, 0.25 * _ASKED))
-                    yield Heard(b"".join(answers), baud, request, shape)
-                    break
-            else:
-                yield Heard(b"", baud, shape=shape)
-
-
-def _read(line, seconds: float) -> bytes:
-    data, end = b"", time.monotonic() + seconds
-    while time.monotonic() < end and len(data) < _MOST:
-        data += line.read(4096)
-    return data
-
-
-def conclude(found: Heard, given: dict, out: Path, ask: Callable[[str], str]) -> int:
+def conclude(
+    found: Heard,
+    given: dict,
+    shape: tuple[int, int] | None,
+    out: Path,
+    ask: Callable[[str], str],
+) -> int:
     """Say what was found, ask for the rest, and write the file; return the exit status."""
     seen = found.seen
     print(f"what arrives:\n  {shown(seen.sample or found.data, seen.text, 200)}")
@@ -196,7 +115,8 @@ def conclude(found: Heard, given: dict, out: Path, ask: Callable[[str], str]) ->
         return 1
     how = "sure" if seen.sure else "not sure: compare with the sketch"
     print(f"{seen.about}: {seen.protocol}, {seen.frames} frames at {found.baud} baud ({how})")
-    answers = _answers(found, given, ask)
+    rows, cols = _cells(found, shape, ask)
+    answers = _answers(found.seen, given | {"rows": rows, "cols": cols}, ask)
     out.write_text(text_of(found, answers))
     print(f"{out} is written. See it live:")
     print(f"  tactile-skin launch port:={given.get('port', 'PORT')} config:={out}")
@@ -204,22 +124,24 @@ def conclude(found: Heard, given: dict, out: Path, ask: Callable[[str], str]) ->
     return 0
 
 
-def _answers(found: Heard, given: dict, ask) -> dict:
-    """What no byte tells: cells, readout, resistor and scale, as given or typed."""
-    answers = dict(given)
-    shape = _shape(given) or found.seen.shape
+def _cells(found: Heard, shape: tuple[int, int] | None, ask) -> tuple[int, int]:
+    """Rows and columns, as given, as the bytes say, or as typed."""
+    shape = shape or found.seen.shape
     while shape is None or not found.fits(shape):
         cells = found.seen.cells
-        rows, cols = sides(cells)
-        typed = ask(f"rows x columns of its {cells} cells [{rows} x {cols}]: ")
-        typed = typed or f"{rows} x {cols}"
+        usual = "{} x {}".format(*sides(cells))
+        typed = ask(f"rows x columns of its {cells} cells [{usual}]: ") or usual
         shape = _two(typed)
         if shape is None or not found.fits(shape):
+            wrong = f"{typed!r}: must be rows x columns, {cells} cells together"
             if not sys.stdin.isatty():
-                raise ValueError(f"{typed}: must be rows x columns, {cells} cells together")
-            print(f"  {typed!r}: must be rows x columns, {cells} cells together")
-    seen = found.seen
-    answers["rows"], answers["cols"] = shape
+                raise ValueError(wrong)
+            print(f"  {wrong}")
+    return shape
+
+
+def _answers(seen: Seen, answers: dict, ask) -> dict:
+    """What no byte tells: readout, resistor and scale, as given or typed."""
     if "readout" not in answers:
         about = (
             f"wiring: {', '.join(READOUTS)}; with -columns behind if the columns are driven, "
@@ -230,20 +152,16 @@ def _answers(found: Heard, given: dict, ask) -> dict:
             raise ValueError(f"wiring -{strange.pop()}: must be -columns or -pullup")
         answers.setdefault("pull_up", "pullup" in ends)
         answers.setdefault("driven", "columns" if "columns" in ends else DRIVEN[0])
-    if answers.setdefault("driven", DRIVEN[0]) not in DRIVEN:
-        raise ValueError(f"driven {answers['driven']!r}: must be one of {', '.join(DRIVEN)}")
-    if answers["readout"] not in READOUTS:
-        raise ValueError(f"readout {answers['readout']!r}: must be one of {', '.join(READOUTS)}")
     if "r_ref" not in answers:
         answers["r_ref"] = _number(
             "r_ref", ask("reference resistor r_ref [ohm] [1780]: ") or "1780"
         )
     if not seen.adc_bits and "full_scale" not in answers:
-        usual = _usual_scale(seen)
+        usual = f"{_usual_scale(seen):g}"
         typed = ask(
-            f"what an input at the supply prints; largest so far {seen.largest:g} [{usual:g}]: "
+            f"what an input at the supply prints; largest so far {seen.largest:g} [{usual}]: "
         )
-        answers["full_scale"] = _number("full_scale", typed or f"{usual:g}")
+        answers["full_scale"] = _number("full_scale", typed or usual)
     return answers
 
 
@@ -272,17 +190,6 @@ def _number(name: str, text: str) -> float:
     return number
 
 
-def _shape(given: dict) -> tuple[int, int] | None:
-    if ("rows" in given) != ("cols" in given):
-        raise ValueError("rows and cols: give both, or none")
-    if "rows" not in given:
-        return None
-    for name in ("rows", "cols"):
-        if not 1 <= given[name] <= _MOST_LINES:
-            raise ValueError(f"{name}:={given[name]}: must be from 1 to {_MOST_LINES}")
-    return given["rows"], given["cols"]
-
-
 def _usual_scale(seen: Seen) -> float:
     """The smallest usual full scale that holds all readings."""
     if seen.decimals and seen.largest <= 1.0:
@@ -294,25 +201,26 @@ def _usual_scale(seen: Seen) -> float:
 
 
 def text_of(found: Heard, answers: dict) -> str:
-    """Return the parameter file."""
+    """Return the parameter file.
+
+    Raises:
+        ValueError: an answer that no circuit has.
+    """
     seen = found.seen
     scale = answers.get("full_scale", 0.0)
     width = [bits for bits in _WIDTHS if 2**bits - 1 == scale]
-    bits = seen.adc_bits or (width[0] if width else _fine(scale, seen.step))
-    circuit = {
-        "rows": answers["rows"],
-        "cols": answers["cols"],
-        "r_ref": answers["r_ref"],
-        "adc_bits": bits,
-    }
+    circuit = {name: answers[name] for name in ("rows", "cols", "r_ref")}
+    circuit["adc_bits"] = seen.adc_bits or (width[0] if width else _fine(scale, seen.step))
     readout = answers["readout"]
     if readout != "floating":
-        circuit |= {"readout": readout, "driven": answers["driven"], "r_par": _R_PAR[readout]}
+        circuit |= {"readout": readout, "driven": answers.get("driven", DRIVEN[0])}
+        circuit["r_par"] = _R_PAR.get(readout, 0.0)
     if readout == "grounded":
         circuit["r_drive"] = _R_DRIVE
     circuit |= {name: answers[name] for name in ("r_par", "r_drive") if name in answers}
     if answers.get("pull_up"):
         circuit["inverted"] = True
+    skin_of({f"circuit.{name}": value for name, value in circuit.items()}, "")
     driver = {"protocol": seen.protocol, "baud": found.baud}
     form = _form(seen.format, 0.0 if width else scale, found.request)
     if form:

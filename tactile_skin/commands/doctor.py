@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import asdict
 
 import numpy as np
@@ -13,12 +12,12 @@ from ..findings.finding import Finding, Kind
 from ..health.doctor import diagnose
 from ..health.doctor.recorded import record
 from ..middleware.config import SkinConfig, read_skin, skin_of
-from ..middleware.parameter_file import ParameterFile
 from ..parameters import shared as parameters
 from ..parameters.fields import leaves
 from ..physics.adc import Adc
 from ..physics.circuit import Circuit
 from ..recording.frames import read_frames, recorded_skin
+from ..replay.sources import Live
 
 EXAMPLES = """\
 Hands off for some seconds, then press everywhere with fingers and palm, twenty touches or more,
@@ -54,7 +53,6 @@ _CORRUPT, _LOST = 0.005, 0.05  # shares of the frames from which on the link is 
 # with 10 bits that is configured as 12 they read 0.25 at most.
 _LOW = 0.3
 _FEW_TOUCHES = 5
-_CONNECT = 10.0  # s to wait for the first frame
 
 
 def register(parser) -> None:
@@ -77,13 +75,14 @@ def run(args) -> int:
         if files and "config" not in given
         else read_skin(given.get("config"))
     )
-    adc = _adc(skin, given)
+    board = _board(skin, given)
+    adc = skin_of(board, "").adc
     circuit = adc.circuit
     found: list[Finding] = []
     if files:
         frames = _ratio(files[0], adc, given.get("full_scale"))
     else:
-        frames, found = _listen(adc, given)
+        frames, found = _listen(given, board)
     check_all_is_sent(frames, circuit, adc.threshold(skin.threshold), skin.threshold)
     rest = None
     if "rest" in given:
@@ -179,8 +178,8 @@ def _digit(number: int, place: int) -> str:
     return str(number // 10**place % 10) if number >= 10**place or place == 0 else " "
 
 
-def _adc(skin: SkinConfig, given: dict) -> Adc:
-    """Return the board's converter, with what the arguments change of it and of its circuit."""
+def _board(skin: SkinConfig, given: dict) -> dict:
+    """The parameters of the board, with what the arguments change of them."""
     board = asdict(skin.board)
     changed = {name: given[name] for name in _BOARD if name in given}
     dropped: dict = {}  # what was another board's
@@ -191,8 +190,7 @@ def _adc(skin: SkinConfig, given: dict) -> Adc:
         dropped |= {"diode": 0.0} if changed["readout"] == "grounded" else {"r_drive": 0.0}
     if "adc_bits" in changed:
         dropped["adc_full_scale"] = 0.0
-    board |= dropped | changed
-    return skin_of({f"circuit.{name}": value for name, value in board.items()}, "").adc
+    return {f"circuit.{name}": value for name, value in (board | dropped | changed).items()}
 
 
 def _ratio(path: str, adc: Adc, full_scale: float | None) -> np.ndarray:
@@ -203,61 +201,26 @@ def _ratio(path: str, adc: Adc, full_scale: float | None) -> np.ndarray:
     return found.ratio(adc)
 
 
-def _listen(adc: Adc, given: dict) -> tuple[np.ndarray, list[Finding]]:
+def _listen(given: dict, board: dict) -> tuple[np.ndarray, list[Finding]]:
     """Frames of the live board, and what is wrong with its link."""
-    from ..board.formats import make_format, make_parser
-    from ..board.serial_port import SerialReader, check_port
-
-    circuit, port = adc.circuit, given["port"]
-    driver: dict = {}
-    if "config" in given:
-        overrides = ParameterFile(given["config"]).overrides("/serial_driver")
-        driver = {p.name: p.value for p in overrides}
-        given = {k: v for k, v in driver.items() if k in ("baud", "protocol")} | given
-    described = {k.removeprefix("format."): v for k, v in driver.items() if k.startswith("format.")}
-    seconds, baud = given.get("seconds", 60.0), given.get("baud", 1_000_000)
-    protocol = given.get("protocol", "binary")
+    seconds = given.get("seconds", 60.0)
     if not _SECONDS[0] <= seconds <= _SECONDS[1]:
         raise ValueError(f"seconds:={seconds:g}: must be from {_SECONDS[0]:g} to {_SECONDS[1]:g}")
-    size = circuit.rows, circuit.cols, circuit.adc_bits
-    fmt = make_format(protocol, described)
-    check_port(port)
-    kept: list = []
-    wrong: list[str] = []
-
-    def take(frame):
-        sent = (*frame.samples.shape, frame.adc_bits)
-        if sent == size:
-            kept.append(frame)
-        elif not wrong:
-            wrong.append("the board sends {} x {} at {} bits".format(*sent))
-
-    reader = SerialReader(port, baud, lambda: make_parser(protocol, *size, fmt), take, print)
-    reader.start()
+    driver = {name: given[name] for name in ("port", "baud", "protocol") if name in given}
+    # frames that repeat are what is looked for: they are not held back
+    live = Live(given.get("config"), board | driver | {"frozen_after": 0.0})
     try:
-        begun = time.monotonic()
-        while not kept and not wrong and time.monotonic() - begun < _CONNECT:
-            time.sleep(0.05)
-        if kept:
-            print(
-                f"hands off for 5 s, then press everywhere, with pauses: {seconds:g} s", flush=True
-            )
-            begun = time.monotonic()
-            time.sleep(seconds)
-        passed = time.monotonic() - begun
+        live(0.0)
+        print(f"hands off for 5 s, then press everywhere, with pauses: {seconds:g} s", flush=True)
+        frames = live(seconds)
+        counters, reconnects = live.counters, live.reconnects
     finally:
-        reader.close()
-    if wrong:
-        raise ValueError(f"{wrong[0]}, the configuration says {size[0]} x {size[1]} at {size[2]}")
-    if not kept:
-        raise ValueError(f"no frame for {_CONNECT:g} s: {reader.trouble or 'the board is silent'}")
-    counters, n = reader.parser.counters, len(kept)
+        live.close()
     print(
-        f"{n / passed:.0f} frames a second, {counters.corrupt} damaged (CRC or line), "
-        f"{counters.lost} lost, {max(reader.reconnects, 0)} reconnections"
+        f"{len(frames) / seconds:.0f} frames a second, {counters.corrupt} damaged (CRC or line), "
+        f"{counters.lost} lost, {reconnects} reconnections"
     )
-    frames = np.array([adc.ratio_of(adc.marked(f.samples, f.unread)) for f in kept])
-    return frames, _link(counters, n, max(reader.reconnects, 0))
+    return frames, _link(counters, len(frames), reconnects)
 
 
 def _link(counters, frames: int, reconnects: int) -> list[Finding]:

@@ -6,20 +6,17 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from ..arguments import split
-from ..bench.chart import prepare
 from ..middleware.config import SkinConfig, read_skin
-from ..middleware.threads import one_thread
 from ..recording import Recording
 from ..recording.convert import export, to_recording
 from ..recording.frames import read_frames, recorded_skin
-from ..replay.compare import compare, draw, table
-from ..replay.replay import Replay, Step
+from ..replay.compare import compare, table
 from ..replay.results import STATUS, Job, Results, collect
 from ..solvers import METHODS
 
@@ -28,10 +25,9 @@ FILE is a recording (.mcap), or frames of any board: .npy, .npz of (n, rows, col
 a line, with its time in front or not; ADC counts, or ratios from 0 to 1.
 examples:
   tactile-skin replay touches.mcap
-  tactile-skin replay touches.mcap --speed 1
-  tactile-skin replay touches.mcap method:=map --step
+  tactile-skin replay touches.mcap method:=map
   tactile-skin replay touches.mcap config:=calibrated.yaml --out again.mcap
-  tactile-skin replay touches.mcap --compare auto naive --picture compared.png
+  tactile-skin replay touches.mcap --compare auto naive
   tactile-skin replay touches.mcap --export touches.npz
   tactile-skin replay foreign.csv config:=foreign.yaml rate:=60 --out foreign.mcap
 name:=value:
@@ -44,7 +40,6 @@ name:=value:
 _KINDS = {"method": str, "config": str, "namespace": str, "rate": float, "full_scale": float}
 _RATE = 100.0  # frames a second
 _SHOWN = 20  # stops that the summary lists
-_LINE = 0.1  # s between two live lines
 
 
 def register(parser) -> None:
@@ -52,17 +47,7 @@ def register(parser) -> None:
     parser.epilog = EXAMPLES
     parser.add_argument("words", nargs="*", metavar="FILE | NAME:=VALUE", help="recording; options")
     parser.add_argument(
-        "--speed", type=float, help="times real time (default: as fast as possible)", metavar="X"
-    )
-    parser.add_argument("--step", action="store_true", help="one reading at each Enter")
-    parser.add_argument(
         "--compare", nargs="+", metavar="METHOD", help="these methods side by side, as a table"
-    )
-    parser.add_argument(
-        "--picture",
-        type=Path,
-        default=Path("compared.png"),
-        help="of --compare (default compared.png)",
     )
     parser.add_argument(
         "--out", type=Path, help="recording to make of what the nodes publish (.mcap)"
@@ -87,10 +72,8 @@ def run(args) -> int:
     for name in [method] * bool(method) + (args.compare or []):
         if name not in METHODS:
             raise ValueError(f"method {name!r}: must be one of {', '.join(METHODS)}")
-    if args.speed is not None and not args.speed > 0.0:
-        raise ValueError(f"--speed = {args.speed}: must be above 0")
-    if args.jobs < 1:
-        raise ValueError(f"--jobs = {args.jobs}: must be 1 or more")
+    if args.jobs < 1 or (args.out and args.jobs > 1):
+        raise ValueError(f"--jobs = {args.jobs}: must be 1 or more, and 1 with --out")
     skin = recorded_skin(files[0]) if config is None else read_skin(config)
     namespace = given.get("namespace", "")
     if args.export:
@@ -101,10 +84,10 @@ def run(args) -> int:
             path = _imported(path, Path(folder), skin, config, given)
         job = Job(path, namespace, method, config or "")
         if args.compare:
-            return _compare(job, args.compare, args.picture)
-        if args.step or args.speed or args.out:
-            return _play(job, args)
-        _summarize(collect(job, args.jobs, _track))
+            return _compare(job, args.compare)
+        _summarize(collect(replace(job, out=str(args.out or "")), args.jobs, _track))
+    if args.out:
+        print(f"{args.out}: all that the nodes published")
     return 0
 
 
@@ -141,60 +124,13 @@ def _track(items, total: int):
     return tqdm(items, desc="replay", total=total, disable=None, leave=False)
 
 
-def _compare(job: Job, methods: list[str], picture: Path) -> int:
-    if not picture.parent.is_dir():
-        raise ValueError(f"--picture {picture}: there is no folder {picture.parent}")
-    prepare()
+def _compare(job: Job, methods: list[str]) -> int:
     n = Recording(job.path, job.namespace)
     count = n.topics[n.adc_topic].count
     found = compare(job, methods, lambda steps: _track(steps, count))
     _say_notes(job.path, found.results[0].notes)
     print(table(found))
-    draw(found).savefig(picture, dpi=100)
-    print(f"picture: {picture}")
     return 0
-
-
-def _play(job: Job, args) -> int:
-    """At a pace, stepwise, or into a new recording."""
-    started = time.process_time()
-    with one_thread():
-        replay = job.replay()
-        if args.out:
-            replay.record(args.out)
-        steps = [step.without_picture() for step in _shown(replay, args.speed, args.step)]
-    _summarize(Results.of(steps, time.process_time() - started, replay.notes))
-    if args.out:
-        print(f"{args.out}: all that the nodes published")
-    return 0
-
-
-def _shown(replay: Replay, speed: float | None, stepwise: bool) -> Iterator[Step]:
-    """The steps with a line of text: at a pace, each after Enter, or as they come."""
-    begun, first, shown = time.monotonic(), None, 0.0
-    for step in replay:
-        first = step.stamp if first is None else first
-        t = (step.stamp - first) * 1e-9
-        if speed:
-            time.sleep(max(0.0, begun + t / speed - time.monotonic()))
-        if stepwise or (sys.stdout.isatty() and time.monotonic() - shown >= _LINE):
-            shown = time.monotonic()
-            print(
-                "" if stepwise else "\r\x1b[2K",
-                f"{t:8.2f} s  {step.status:<7}  {step.total:6.1f} N  cell {step.peak:5.2f} N  ",
-                f"STOP {step.stop}" if step.stop else "free",
-                sep="",
-                end="",
-                flush=True,
-            )
-        yield step
-        try:
-            if stepwise and input("  Enter: next, q: end "):
-                return
-        except EOFError:
-            return
-    if shown and not stepwise:
-        print()
 
 
 def _summarize(found: Results) -> None:

@@ -64,6 +64,7 @@ def show(words: list[str], tqdm: Callable) -> int:
     from ..view.pictures import Pictures
     from ..view.process import address_of, listen
     from ..view.recorded import Recorded
+    from ..view.server import serve
 
     files, given = split(words, _KINDS)
     if len(files) > 1:
@@ -88,11 +89,5 @@ def show(words: list[str], tqdm: Callable) -> int:
             )
         print(f"{path} in a browser: {address_of(listening)} (Ctrl-C ends)", flush=True)
         with contextlib.suppress(KeyboardInterrupt):
-            asyncio.run(_serve(listening, shown, pictures))
+            asyncio.run(serve(listening, shown, pictures, asyncio.Event(), False))
     return 0
-
-
-async def _serve(listening, shown, pictures) -> None:
-    from ..view.server import serve
-
-    await serve(listening, shown, pictures, asyncio.Event(), False)

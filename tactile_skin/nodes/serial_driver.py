@@ -9,7 +9,7 @@ import numpy as np
 
 from ..board.absent import Absent, Unread
 from ..board.formats import make_format, make_parser
-from ..board.frame import Frame
+from ..board.frame import Counters, Frame
 from ..board.liveness import JITTER, Liveness, Verdict
 from ..board.recognise import explain
 from ..board.serial_port import SerialReader, check_port
@@ -124,7 +124,7 @@ class SerialDriver:
 
     def on_timer(self) -> None:
         """Once a second: measure the rate and the losses, and report."""
-        counters = self._reader.parser.counters
+        counters = self.counters
         counts = counters.frames, counters.corrupt, counters.lost, counters.out_of_range
         since, *before = self._mark
         self._mark = self._now(), *counts
@@ -138,6 +138,21 @@ class SerialDriver:
             self._beyond = explain(self._reader.parser), counters.largest
         self._report()
 
+    @property
+    def counters(self) -> Counters:
+        """What was seen of the frames."""
+        return self._reader.parser.counters
+
+    @property
+    def reconnects(self) -> int:
+        """How often the port was opened again."""
+        return max(0, self._reader.reconnects)
+
+    @property
+    def trouble(self) -> str:
+        """Why frames are not published; empty if they are."""
+        return self._trouble or self._reader.trouble
+
     def _on_link(self, text: str) -> None:
         """In the reader's thread: the connection came or went."""
         self._trouble, self._verdict, self._unread = "", _NEW, Unread()  # of another connection
@@ -145,7 +160,7 @@ class SerialDriver:
         self.node.get_logger().info(text)
 
     def _report(self) -> None:
-        reader, counters = self._reader, self._reader.parser.counters
+        reader, counters = self._reader, self.counters
         level, message, kind = diagnostics.OK, f"frames from {reader.connected_to}", ""
         lag = self._verdict.lag
         if self._trouble:
@@ -166,8 +181,6 @@ class SerialDriver:
         elif lag > _SLOW:
             level, kind = diagnostics.WARN, "late"
             message = f"frames arrive {lag:.2f} s late: is the link too slow?"
-        elif reader.slow:
-            level, message, kind = diagnostics.WARN, reader.slow, "slow"
         elif self._unread.text:
             level, message, kind = diagnostics.WARN, self._unread.text, "unread"
         values = {
@@ -183,7 +196,7 @@ class SerialDriver:
             "lag": f"{lag:.3f}",
             "skipped_bytes": counters.skipped_bytes,
             "restarts": counters.restarts,
-            "reconnects": max(0, reader.reconnects),
+            "reconnects": self.reconnects,
         }
         if kind:
             values[diagnostics.KIND] = kind

@@ -21,7 +21,7 @@ _TEXT = 0.5  # share of a line's fields that are no numbers, at least, where it 
 _PART = 0.5  # share of a frame's fields that a damaged line holds, at least
 
 
-class _Line(NamedTuple):
+class Line(NamedTuple):
     """A line that is not empty.
 
     Attributes:
@@ -45,7 +45,7 @@ def read_text(text: str, circuit: Circuit) -> Found:
         ValueError: it holds none, or lines of another size.
     """
     lines = text.splitlines()
-    numeric, texts = _sort(lines, _separator(lines[:_SAMPLE]))
+    numeric, texts = sort_lines(lines)
     if not numeric:
         raise ValueError("holds no line of numbers")
     weight: Counter[int] = Counter()
@@ -98,9 +98,10 @@ def _words(line: str, separator: str | None) -> list[str]:
     return [w.strip().replace(",", ".") if separator != "," else w.strip() for w in words]
 
 
-def _sort(lines: list[str], separator: str | None) -> tuple[list[_Line], list[_Line]]:
-    """Lines of numbers, and the others, each with the run that follows it."""
+def sort_lines(lines: list[str]) -> tuple[list[Line], list[Line]]:
+    """Return lines of numbers, and the others, each with the run that follows it."""
     numeric, texts, run, apart = [], [], 0, True
+    separator = _separator(lines[:_SAMPLE])
     for k, line in enumerate(lines, 1):
         words = _words(line, separator) if line.strip() else []
         numbers, text = _numbers(words)
@@ -108,11 +109,11 @@ def _sort(lines: list[str], separator: str | None) -> tuple[list[_Line], list[_L
         if not words or (text and text >= _TEXT * (len(words) - trails)):
             apart = True
             if words:
-                texts.append(_Line(k, words, numbers, trails, run + 1))
+                texts.append(Line(k, words, numbers, trails, run + 1))
         else:
             run += apart
             apart = False
-            numeric.append(_Line(k, words, numbers, trails, run))
+            numeric.append(Line(k, words, numbers, trails, run))
     return numeric, texts
 
 
@@ -123,13 +124,13 @@ def _numbers(words: list[str]) -> tuple[np.ndarray, int]:
     return numbers, sum(words[k].lower() not in ABSENT for k in absent)
 
 
-def _name_and_value(line: _Line) -> tuple[str, str]:
+def _name_and_value(line: Line) -> tuple[str, str]:
     """What a line of text says, as "Time: 10:00" does; empty if it says nothing so."""
     match = _SAID.match(" ".join(line.words))
     return (match[1].strip(), match[2].strip()) if match else ("", "")
 
 
-def _said(texts: list[_Line], runs: int) -> dict[str, dict[int, str]]:
+def _said(texts: list[Line], runs: int) -> dict[str, dict[int, str]]:
     """Name -> {run: value} of what stands above at least half of the runs.
 
     Raises:
@@ -149,7 +150,7 @@ def _said(texts: list[_Line], runs: int) -> dict[str, dict[int, str]]:
 
 
 def _table(
-    numeric: list[_Line],
+    numeric: list[Line],
     width: int,
     trails: bool,
     header: list[str],

@@ -1,9 +1,8 @@
-"""Methods side by side over one recording: a table, and a picture."""
+"""Methods side by side over one recording, as a table."""
 
 from __future__ import annotations
 
 import textwrap
-import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
@@ -14,7 +13,6 @@ from ..physics.curve import GRAM
 from .results import STATUS, Job, Results
 
 _WIDTH = 100  # characters of a line
-_BARS = 0.07  # height of the bars, share of the picture's
 _TOUCHED = 0.2  # N on a cell from which on a reading counts as touched: gesture_feature's own
 
 
@@ -25,15 +23,11 @@ class Compared:
     Attributes:
         results: of each method.
         cell: (m, n) mean absolute difference of a cell [N].
-        worst: index of the reading in which two methods differ most.
-        pictures: (m, rows, cols) of that reading [N].
     """
 
     methods: list[str]
     results: list[Results]
     cell: np.ndarray
-    worst: int
-    pictures: np.ndarray
 
 
 def compare(
@@ -48,23 +42,17 @@ def compare(
         raise ValueError(f"methods {', '.join(methods)}: give two or more")
     kept: list[list] = [[] for _ in methods]
     cell: list[np.ndarray] = []
-    worst, most, pictures = 0, -1.0, None
     with one_thread():
-        begun = time.process_time()
         replays = [replace(job, method=method).replay() for method in methods]
-        for k, steps in enumerate(track(zip(*replays, strict=True))):
+        for steps in track(zip(*replays, strict=True)):
             force = np.array([step.force for step in steps])
             cell.append(np.abs(force - force[0]).mean((1, 2)))
-            largest = float(np.nan_to_num(cell[-1]).max())
-            if largest > most:
-                worst, most, pictures = k, largest, force
             for step, into in zip(steps, kept, strict=True):
                 into.append(step.without_picture())
-        cpu = time.process_time() - begun
-    if pictures is None:
+    if not cell:
         raise ValueError(f"{job.path}: holds no reading")
-    found = [Results.of(k, cpu, r.notes) for k, r in zip(kept, replays, strict=True)]
-    return Compared(list(methods), found, np.array(cell).T, worst, pictures)
+    found = [Results.of(k, r.notes) for k, r in zip(kept, replays, strict=True)]
+    return Compared(list(methods), found, np.array(cell).T)
 
 
 def table(compared: Compared) -> str:
@@ -107,47 +95,3 @@ def _aligned(lines: list[tuple[str, ...]]) -> list[str]:
         )
         for line in lines
     ]
-
-
-def draw(compared: Compared):
-    """Total force over time, and the reading in which the methods differ most."""
-    from matplotlib import pyplot as plt
-
-    first, m = compared.results[0], len(compared.methods)
-    figure, axes = plt.subplot_mosaic(
-        [["time"] * m, list(range(m))], figsize=(max(8.0, 3.2 * m), 6.4), layout="constrained"
-    )
-    for name, found in zip(compared.methods, compared.results, strict=True):
-        axes["time"].plot(found.times, found.total, label=name, linewidth=1.0)
-    axes["time"].set_ylim(bottom=-_BARS * axes["time"].get_ylim()[1])
-    for low, found in enumerate(compared.results):
-        axes["time"].fill_between(
-            found.times,
-            low / m * 0.8 * _BARS,
-            (low + 1) / m * 0.8 * _BARS,
-            where=found.stops != "",
-            transform=axes["time"].get_xaxis_transform(),
-            color=f"C{low}",
-            linewidth=0.0,
-        )
-    axes["time"].axvline(first.times[compared.worst], color="0.5", linewidth=0.8)
-    axes["time"].set_title("The same readings, by each method")
-    axes["time"].set_xlabel(
-        "time [s]  (bars: the robot would be stopped; line: the reading below, "
-        "in which the methods differ most)"
-    )
-    axes["time"].set_ylabel("force of all cells [N]")
-    axes["time"].grid(alpha=0.25)
-    axes["time"].legend(frameon=False)
-    top = float(np.nanmax(compared.pictures)) or 1.0
-    for k, name in enumerate(compared.methods):
-        shown = axes[k].imshow(compared.pictures[k], vmin=0.0, vmax=top, cmap="viridis")
-        apart = compared.cell[k, compared.worst] / GRAM
-        title = f"{name}, {first.times[compared.worst]:.2f} s"
-        if k:
-            title = f"{name}: {apart:.1f} g a cell from {compared.methods[0]}"
-        axes[k].set_title(title, fontsize=10)
-        axes[k].set_xlabel("column")
-    axes[0].set_ylabel("row")
-    figure.colorbar(shown, ax=[axes[k] for k in range(m)], label="force on a cell [N]")
-    return figure

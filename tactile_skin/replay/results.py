@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import multiprocessing
-import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -31,7 +30,6 @@ class Results:
         status: (n,) index in STATUS.
         stops: (n,) reasons; empty while the robot is free.
         seconds: (n,) that compensation, features and stop took.
-        cpu: processor time, of all processes together [s].
         notes: what was left out of the recording, in words.
     """
 
@@ -41,11 +39,10 @@ class Results:
     status: np.ndarray
     stops: np.ndarray
     seconds: np.ndarray
-    cpu: float
     notes: list[str]
 
     @classmethod
-    def of(cls, steps: list[Step], cpu: float, notes: list[str]) -> Results:
+    def of(cls, steps: list[Step], notes: list[str]) -> Results:
         return cls(
             np.array([s.stamp for s in steps], np.int64),
             np.array([s.total for s in steps]),
@@ -53,7 +50,6 @@ class Results:
             np.array([STATUS.index(s.status) for s in steps], int),
             np.array([s.stop for s in steps], object),
             np.array([s.seconds for s in steps]),
-            cpu,
             notes,
         )
 
@@ -71,16 +67,20 @@ class Results:
 
 @dataclass(frozen=True)
 class Job:
-    """What to replay: arguments of Recording and Replay."""
+    """What to replay: arguments of Recording and Replay; `out`: recording to make of it."""
 
     path: str
     namespace: str = ""
     method: str = ""
     config: str = ""
+    out: str = ""
 
     def replay(self, begin: int = 0, end: int = EVER) -> Replay:
         source = Recording(self.path, self.namespace)
-        return Replay(source, self.method, self.config or None, begin=begin, end=end)
+        replay = Replay(source, self.method, self.config or None, begin=begin, end=end)
+        if self.out:
+            replay.record(self.out)
+        return replay
 
 
 def collect(job: Job, jobs: int = 1, track: Callable[[Iterable, int], Iterable] | None = None):
@@ -110,22 +110,17 @@ def collect(job: Job, jobs: int = 1, track: Callable[[Iterable, int], Iterable] 
         edges = [first + (last + 1 - first) * k // n for k in range(n + 1)]
         with ProcessPoolExecutor(jobs, _SPAWN) as pool:
             parts = list(track(pool.map(_part, [job] * n, edges, edges[1:]), n))
-    steps = [step for part, _, _ in parts for step in part]
+    steps = [step for part, _ in parts for step in part]
     if not steps:
         raise ValueError(f"{job.path}: holds no reading")
-    notes = list(dict.fromkeys(note for _, _, notes in parts for note in notes))
-    return Results.of(steps, sum(cpu for _, cpu, _ in parts), notes)
+    return Results.of(steps, list(dict.fromkeys(note for _, notes in parts for note in notes)))
 
 
 def _part(
     job: Job, begin: int, end: int, track=lambda steps: steps
-) -> tuple[list[Step], float, list[str]]:
-    """The steps of what was recorded from begin to before end [ns since 1970], in this process, its
-    processor time [s], and notes."""
-    started, kept = time.process_time(), []
+) -> tuple[list[Step], list[str]]:
+    """The steps of what was recorded from begin to before end [ns since 1970], and notes."""
     with one_thread():
         replay = job.replay(max(0, begin - round(LEAD * 1e9)), end)
-        for step in track(replay):
-            if step.stamp >= begin:
-                kept.append(step.without_picture())
-    return kept, time.process_time() - started, replay.notes
+        kept = [step.without_picture() for step in track(replay) if step.stamp >= begin]
+    return kept, replay.notes

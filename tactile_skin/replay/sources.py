@@ -60,7 +60,7 @@ class Recorded:
 class Live:
     """Frames of a board, through the same driver node as on the robot."""
 
-    def __init__(self, source: Path | None, overrides: dict):
+    def __init__(self, source: Path | str | None, overrides: dict):
         self._executor, self._context = SingleThreadedExecutor(), Context()
         parameters = ParameterFile(source).overrides("/serial_driver") if source else []
         parameters += [Parameter(name, value) for name, value in overrides.items()]
@@ -75,6 +75,16 @@ class Live:
         self._thread = threading.Thread(target=self._executor.spin, daemon=True)
         self._thread.start()
 
+    @property
+    def counters(self):
+        """What was seen of the link."""
+        return self._driver.counters
+
+    @property
+    def reconnects(self) -> int:
+        """How often the port was opened again."""
+        return self._driver.reconnects
+
     def _on_adc(self, msg: Image) -> None:
         self._frames.append(self._adc.ratio_of(image_array(msg)))
 
@@ -84,10 +94,7 @@ class Live:
         until, patience = time.monotonic() + seconds, time.monotonic() + seconds + _PATIENCE
         while time.monotonic() < until or not self._frames:
             if time.monotonic() > patience:
-                raise ValueError(
-                    "no frame for 10 s: is the board connected, are port, baud and protocol right? "
-                    "`tactile-skin launch` names what arrives"
-                )
+                raise ValueError(f"no frame for {_PATIENCE:g} s: {self._driver.trouble}")
             time.sleep(0.02)
         return np.array(self._frames)
 

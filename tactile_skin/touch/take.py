@@ -15,6 +15,7 @@ from ..errors import FileError
 SUFFIX = ".take.npz"
 MOST_BYTES = 50_000_000  # of a file: a minute of a 64 x 64 mat at 25 pictures a second
 VERSION = 1  # of the file
+PAUSE = 1.0  # s without a touch, which parts two takes
 
 
 class Take(NamedTuple):
@@ -94,13 +95,12 @@ def find_takes(paths: Iterable[str | Path]) -> Iterator[Path]:
             raise FileError(f"{path}: does not exist")
 
 
-def touches(pictures: np.ndarray, period: float, pause: float = 1.0) -> list[np.ndarray]:
+def touches(pictures: np.ndarray, period: float) -> list[np.ndarray]:
     """Cut pictures where nothing touches for a while.
 
     Args:
         pictures: (T, rows, cols) [N], 0 on cells that are not touched.
         period: between them [s].
-        pause: without a touch, which parts two takes [s].
 
     Returns:
         (T, rows, cols) of each take, from its first touch to its last.
@@ -108,6 +108,6 @@ def touches(pictures: np.ndarray, period: float, pause: float = 1.0) -> list[np.
     on = np.flatnonzero(pictures.any((1, 2)))
     if len(on) == 0:
         return []
-    ends = (np.diff(on) * period > pause).nonzero()[0]
+    ends = (np.diff(on) * period > PAUSE).nonzero()[0]
     starts, stops = np.r_[0, ends + 1], np.r_[ends, len(on) - 1]
     return [pictures[on[a] : on[b] + 1] for a, b in zip(starts, stops, strict=True)]

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import json
 import math
+import pickle
 import socket
 
 from ..middleware.config import skin_of
@@ -69,7 +70,7 @@ class Live:
         scheduled = bool(self._waiting)
         try:
             while data := self._skin.recv(LARGEST):
-                if data[:1] != b"{":  # a snapshot: it begins with the length of its head
+                if data[:1] != b"{":  # a snapshot, as pickled by the skin that started this
                     self._waiting = data
                 elif self._answer is not None and not self._answer.done():
                     self._answer.set_result(json.loads(data))
@@ -84,7 +85,7 @@ class Live:
 
     def _take(self) -> None:
         self._taken_at = asyncio.get_running_loop().time()
-        self.newest, self._number = Snapshot.unpack(self._waiting), self._number + 1
+        self.newest, self._number = pickle.loads(self._waiting), self._number + 1
         self._waiting = b""
         self._news.set()
         self._news = asyncio.Event()

@@ -10,6 +10,7 @@ import contextlib
 import importlib.util
 import json
 import os
+import pickle
 import socket
 import subprocess
 import sys
@@ -51,7 +52,7 @@ class PageProcess:
     def show(self, snapshot: Snapshot) -> None:
         """Never waits."""
         try:
-            self._ours.send(snapshot.pack(), socket.MSG_DONTWAIT)
+            self._ours.send(pickle.dumps(snapshot), socket.MSG_DONTWAIT)
         except BlockingIOError:
             self.dropped += 1
         except OSError:  # it ended

@@ -80,10 +80,7 @@ class Recorded:
     def _read(self, block: int) -> list[Snapshot]:
         """The snapshots of a block, from the file."""
         begin, collector = self._blocks[block]
-        end = self._recording.span[1] + 1
-        if block + 1 < len(self._blocks):
-            end = self._blocks[block + 1][0] + 1
-        messages = self._recording.messages(*self._topics, begin=begin - _AROUND, end=end + _AROUND)
+        messages = self._recording.messages(*self._topics, begin=begin - _AROUND)
         entries = dropwhile(lambda m: (self._topics[m[0]], m[1]) != (ADC, begin), messages)
         found = []
         for _, snapshot in self._readings(collector.copy(), entries):

@@ -8,7 +8,6 @@ import numpy as np
 
 from ..middleware.bus import DurabilityPolicy, QoSProfile, Time
 from ..msg import DiagnosticArray, DiagnosticStatus, Image, PointCloud2, cloud_columns, image_array
-from .wire import pack, unpack
 
 STOP = "skin/stop_status"
 DIAGNOSTICS = "skin/diagnostics"
@@ -65,34 +64,6 @@ class Snapshot:
     stop: bool | None = None
     reason: str = ""
     nodes: dict[str, NodeStatus] = field(default_factory=dict)
-
-    def pack(self) -> bytes:
-        head = {
-            "stamp": self.stamp,
-            "read_at": self.read_at,
-            "stop": self.stop,
-            "reason": self.reason,
-            "nodes": {n: [s.level, s.message, s.values] for n, s in self.nodes.items()},
-        }
-        pictures = {"adc": self.adc, "pressure": self.pressure, "std": self.std, "rest": self.rest}
-        arrays = {name: picture for name, picture in pictures.items() if picture is not None}
-        return pack(head, arrays | {"contacts": self.contacts})
-
-    @classmethod
-    def unpack(cls, data: bytes) -> Snapshot:
-        head, arrays = unpack(data)
-        return cls(
-            head["stamp"],
-            head["read_at"],
-            arrays.get("adc"),
-            arrays.get("pressure"),
-            arrays.get("std"),
-            arrays["contacts"],
-            arrays.get("rest"),
-            head["stop"],
-            head["reason"],
-            {name: NodeStatus(*said) for name, said in head["nodes"].items()},
-        )
 
 
 class Collector:

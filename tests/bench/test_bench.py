@@ -6,10 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.accuracy import other_board, r_par_std
 
 from tactile_skin import Circuit, PressureCurve, cli, forward
-from tactile_skin.bench import cases, chart, run, speed, stability
+from tactile_skin.bench import chart, run, speed, stability
 from tactile_skin.bench.measure import Clock, day, errors
 from tactile_skin.bench.troubles import FAULTS, TROUBLES, UNEVEN, faulty, pressed
 from tactile_skin.physics.curve import GRAM
@@ -25,26 +24,6 @@ SMALL = Circuit(5, 4)
 def resistance():
     force = scenes.sample("blobs", 3, 16, 16, np.random.default_rng(0))
     return CURVE.resistance(force)
-
-
-# --- boards that are not as configured ---
-
-
-def test_what_an_exact_inverse_misses_by_is_the_boards_doing():
-    row = other_board("blobs", "R_par", 6, seed=1)
-    force = scenes.sample("blobs", 6, 16, 16, np.random.default_rng(1))
-    load = np.abs(force).mean() / GRAM
-    assert 0.02 * load < row["newton"] < load
-    assert row["physics"] < 2.0 * row["newton"]
-    both = other_board("blobs", "both", 6, seed=1)
-    curve = other_board("blobs", "curve", 6, seed=1)
-    assert curve["newton"] < both["newton"]
-
-
-def test_a_frame_tells_r_par_less_where_the_rest_is_not_known():
-    row = r_par_std("rects", 4, seed=1)
-    known, alike = row["rest known"][0], row["rest alike"][0]
-    assert 0.3 < known < alike < 16.3, "5 % of 326 ohm"
 
 
 # --- troubles do what they say ---
@@ -104,19 +83,6 @@ def test_most_of_a_day_is_idle():
     force, adc = day(2000, np.random.default_rng(7), CIRCUIT, CURVE)
     assert force.shape == adc.shape
     assert 0.4 < (force == 0).all((1, 2)).mean() < 0.9
-
-
-def test_objects_carry_their_load():
-    for name in cases.OBJECTS:
-        force = cases.pressed(name, 200.0)
-        assert force.shape == (16, 16) and force.max() == pytest.approx(200 * GRAM)
-        assert 8 < (force > 0).sum() < 160, name
-
-
-def test_a_scale_of_two_has_slope_two_and_no_spread():
-    truth = {"a": [1.0, 2.0], "b": [4.0]}
-    found = {"a": [2.0, 4.0], "b": [8.0]}
-    assert cases.scale(truth, found) == pytest.approx({"slope": 2.0, "spread": 0.0})
 
 
 @pytest.mark.parametrize(
@@ -209,15 +175,6 @@ def test_the_stability_picture_shows_each_share(drawn):
     plt.close(figure)
 
 
-@pytest.mark.parametrize(
-    ("verdict", "section"),
-    [("noise hides", "silent"), ("told: the robot stops", "told"), ("right, or told", "told"),
-     ("compensated", "right")],
-)  # fmt: skip
-def test_a_trouble_stands_where_its_verdict_says(verdict, section):
-    assert stability._section({"verdict": verdict, "reason": "noise hides"}) == section
-
-
 # --- the pictures ---
 
 
@@ -257,7 +214,7 @@ def test_every_method_has_a_look_of_its_own():
 
 def test_an_unknown_part_is_named(capsys, tmp_path):
     assert cli.main(["bench", "colour", "--out", str(tmp_path / "out")]) == 2
-    assert "part 'colour': must be one of speed, cases" in capsys.readouterr().err
+    assert "part 'colour': must be one of speed, stability" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 
@@ -271,18 +228,8 @@ def test_without_matplotlib_the_extra_is_named(monkeypatch, capsys, tmp_path):
 def test_the_whole_command(tmp_path):
     pytest.importorskip("matplotlib")
     assert cli.main(["bench", "--quick", "--out", str(tmp_path), "--seed", "3"]) == 0
-    parts = [run.PARTS[name] for name in run.PARTS if name not in run.ON_REQUEST]
-    names = {name for module, _, _ in parts for name in module.DRAW}
+    names = {name for module, _, _ in run.PARTS.values() for name in module.DRAW}
     assert {path.stem for path in tmp_path.glob("*.png")} == names
     for name in names:
         written = json.loads((tmp_path / f"{name}.json").read_text())
         assert written["seed"] == 3 and written["machine"]["numpy"] == np.__version__
-
-
-@pytest.mark.parametrize("part", run.MOVED)
-def test_a_part_that_left_says_where_it_went(part, capsys, tmp_path):
-    assert cli.main(["bench", part, "--out", str(tmp_path / "out")]) == 2
-    said = capsys.readouterr().err
-    assert f"`python -m {run.MOVED[part]}`" in said
-    module = Path(__file__).parents[2].joinpath(*run.MOVED[part].split("."))
-    assert module.with_suffix(".py").is_file() or (module / "__main__.py").is_file()

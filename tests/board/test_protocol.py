@@ -1,6 +1,5 @@
 """The wire format: whatever the wire does to the bytes, only frames that were sent come out."""
 
-import itertools
 import math
 import re
 
@@ -15,10 +14,6 @@ from tactile_skin.board.frame import Counters
 from tactile_skin.board.protocol import BinaryParser, crc16, encode
 from tactile_skin.board.recognise import explain
 from tactile_skin.board.text import TextParser
-
-# A CRC of 16 bits lets one damaged frame in 65,536 pass. So what is drawn must not differ from run
-# to run: derandomize.
-deterministic = settings(derandomize=True, deadline=None, max_examples=200)
 
 
 def samples_of(k: int, rows: int = 3, cols: int = 5) -> np.ndarray:
@@ -47,18 +42,6 @@ def content(frame) -> tuple:
 def sent(k: int) -> tuple:
     samples = samples_of(k)
     return k, 10_000 * k, 10, samples.shape, samples.tobytes()
-
-
-def feed_in_pieces(parser, data: bytes, cuts) -> list:
-    """Feed the data cut at the given places, as often as a place is named."""
-    edges = [0, *sorted(c % (len(data) + 1) for c in cuts), len(data)]
-    frames = []
-    for start, end in itertools.pairwise(edges):
-        frames += parser.feed(data[start:end])
-    return frames
-
-
-cut_lists = st.lists(st.integers(0, 10_000), max_size=40)
 
 
 # --- layout -----------------------------------------------------------------------------------
@@ -133,15 +116,6 @@ def test_round_trip_of_every_size(rows, cols, sequence, device_time):
 # --- chunks -----------------------------------------------------------------------------------
 
 
-@settings(deadline=None)
-@given(cut_lists)
-def test_any_chunking_gives_the_same_frames(cuts):
-    parser = BinaryParser()
-    frames = feed_in_pieces(parser, stream(*range(5)), cuts)
-    assert [content(f) for f in frames] == [sent(k) for k in range(5)]
-    assert parser.counters == Counters(frames=5)
-
-
 def test_a_frame_comes_with_its_last_byte():
     """Neither earlier nor only with the next frame."""
     parser, data = BinaryParser(), frame_bytes(0)
@@ -162,61 +136,6 @@ def test_no_flipped_byte_passes(place):
         assert [content(f) for f in parser.feed(bytes(data))] == [sent(0), sent(2)]
         assert (parser.counters.frames, parser.counters.lost) == (2, 1)
         assert parser.counters.skipped_bytes == len(frame_bytes(1))
-
-
-damage = st.lists(
-    st.tuples(
-        st.sampled_from(["flip", "insert", "delete"]),
-        st.integers(0, 10_000),
-        st.binary(min_size=1, max_size=30),
-    ),
-    min_size=1,
-    max_size=6,
-)
-
-
-def damaged(data: bytes, hits) -> bytes:
-    data = bytearray(data)
-    for kind, place, junk in hits:
-        place %= len(data) + 1
-        if kind == "flip":
-            for k, byte in enumerate(junk):
-                if place + k < len(data):
-                    data[place + k] ^= byte
-        elif kind == "insert":
-            data[place:place] = junk
-        else:
-            del data[place : place + len(junk)]
-    return bytes(data)
-
-
-@deterministic
-@given(damage, cut_lists)
-def test_damage_never_makes_a_frame_and_the_next_clean_ones_arrive(hits, cuts):
-    """Flipped, inserted and lost bytes cost the frames that they hit, and no other."""
-    parser = BinaryParser()
-    data = damaged(stream(*range(6)), hits) + stream(6, 7)
-    frames = [content(f) for f in feed_in_pieces(parser, data, cuts)]
-    assert set(frames) <= {sent(k) for k in range(8)}
-    assert [f[0] for f in frames] == sorted({f[0] for f in frames})  # in order, none twice
-    assert frames[-2:] == [sent(6), sent(7)]
-    passed = sum(len(frame_bytes(f[0])) for f in frames)
-    assert parser.counters.skipped_bytes == len(data) - passed  # nothing else was waited for
-
-
-@deterministic
-@given(st.binary(max_size=300), cut_lists)
-def test_garbage_before_the_first_frame_is_skipped(garbage, cuts):
-    parser = BinaryParser()
-    frames = feed_in_pieces(parser, garbage + stream(0, 1), cuts)
-    assert [content(f) for f in frames] == [sent(0), sent(1)]
-    assert parser.counters.skipped_bytes == len(garbage)
-
-
-@pytest.mark.parametrize("garbage", [protocol.MAGIC * 50, b"\xa5" * 99, protocol.MAGIC + b"\x01"])
-def test_garbage_made_of_magic_is_skipped(garbage):
-    parser = BinaryParser()
-    assert [content(f) for f in parser.feed(garbage + frame_bytes(0))] == [sent(0)]
 
 
 @pytest.mark.parametrize("start", range(1, len(frame_bytes(0))))
@@ -335,20 +254,13 @@ def test_gaps_of_the_sequence_are_counted(sequences, lost, restarts):
     assert parser.counters == Counters(len(sequences), 0, lost, restarts, 0)
 
 
-def test_a_bad_checksum_is_counted_once():
+@pytest.mark.parametrize("place", [3, 20])  # rows, a sample
+def test_a_damaged_frame_is_counted_once(place):
     data = bytearray(stream(0, 1, 2))
-    data[len(frame_bytes(0)) + 20] ^= 0x10  # in the samples
+    data[len(frame_bytes(0)) + place] ^= 0x10
     parser = BinaryParser()
     parser.feed(bytes(data))
     assert parser.counters == Counters(2, 1, 1, 0, len(frame_bytes(1)))
-
-
-def test_a_bad_header_behind_a_good_frame_is_counted():
-    data = bytearray(stream(0, 1, 2))
-    data[len(frame_bytes(0)) + 3] ^= 0x10  # rows
-    parser = BinaryParser()
-    parser.feed(bytes(data))
-    assert parser.counters.corrupt == 1
 
 
 # --- text -------------------------------------------------------------------------------------
@@ -367,18 +279,6 @@ def text_parser() -> TextParser:
 
 
 STEPS = np.array([[0, 1, 2], [500, 1022, 1023]])
-
-
-@settings(deadline=None)
-@given(cut_lists)
-def test_any_chunking_of_text_gives_the_same_frames(cuts):
-    parser = text_parser()
-    frames = feed_in_pieces(parser, b"".join(line((STEPS + k) % 1024) for k in range(4)), cuts)
-    assert len(frames) == 4
-    for k, frame in enumerate(frames):
-        np.testing.assert_array_equal(frame.samples, (STEPS + k) % 1024 * 64)
-    assert [f.sequence for f in frames] == [1, 2, 3, 4]
-    assert parser.counters == Counters(frames=4)
 
 
 @pytest.mark.parametrize("end", [b"\n", b"\r\n", b",\n", b", \r\n", b"  \n"])
@@ -547,17 +447,6 @@ def test_an_endless_line_is_not_kept():
     assert parser.counters.corrupt == 0
 
 
-@deterministic
-@given(st.binary(max_size=400), cut_lists)
-def test_no_bytes_upset_the_text_parser(data, cuts):
-    """Whatever comes out has the right shape; the line after the damage is read."""
-    parser = text_parser()
-    for frame in feed_in_pieces(parser, data, cuts):
-        assert frame.samples.shape == (2, 3)
-    (frame,) = parser.feed(b"\n" + line(STEPS))[-1:]
-    np.testing.assert_array_equal(frame.samples, STEPS * 64)
-
-
 # --- choice -----------------------------------------------------------------------------------
 
 
@@ -567,12 +456,3 @@ def test_a_parser_is_chosen_by_name():
     assert (text.rows, text.cols, text.adc_bits) == (2, 3, 12)
     with pytest.raises(ValueError, match=r"protocol 'morse': must be one of binary, text, packets"):
         make_parser("morse", 2, 3, 10)
-
-
-def test_parsers_keep_no_state_between_them():
-    """Half a frame in one parser is nothing to another."""
-    first, second = BinaryParser(), BinaryParser()
-    half = math.ceil(len(frame_bytes(0)) / 2)
-    first.feed(frame_bytes(0)[:half])
-    assert second.feed(frame_bytes(0)[half:]) == []
-    assert len(first.feed(frame_bytes(0)[half:])) == 1

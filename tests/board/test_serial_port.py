@@ -15,7 +15,6 @@ from tactile_skin import Circuit
 from tactile_skin.board import serial_port
 from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.board.serial_port import SerialReader, check_port
-from tactile_skin.board.text import TextParser
 
 
 class Heard:
@@ -377,25 +376,6 @@ def test_auto_leaves_a_board_of_another_size_for_the_next_port(sockets, heard, r
     assert heard.lines == [f"{other}: sends (4, 6), not (4, 5)", f"frames arrive on {own}"]
 
 
-def test_auto_says_once_what_is_wrong_with_each_of_several_ports(sockets, heard, reading):
-    for name, cols in (("a", 6), ("b", 7)):
-        sockets.plug(name, ("1a86", "7523", name), Circuit(4, cols))
-    looked = []
-
-    def look(frame):
-        looked.append(frame.samples.shape)
-        return refuse(frame)
-
-    reader = reading("auto", refuse=look)
-    heard.wait_for(lambda: len(heard.lines) >= 2)
-    until = time.monotonic() + PATIENCE
-    while len(looked) < 6 and time.monotonic() < until:
-        time.sleep(0.01)
-    reader.close()
-    assert len(looked) >= 6
-    assert len(heard.lines) == 2
-
-
 def test_auto_takes_no_other_board_while_its_own_is_unplugged(sockets, heard, reading):
     """It may sit elsewhere on the robot; the same one is found again in another socket."""
     own = sockets.plug("a")
@@ -479,34 +459,6 @@ def test_who_raises_when_he_is_told_ends_no_reading(tmp_path, heard, error, caps
     assert f"{error!r} while that was reported" in capsys.readouterr().err
 
 
-def test_a_text_board_of_another_size_is_told_from_a_silent_one(heard):
-    """Its lines are no frames: how long they are is said, and how long they should be."""
-    master, slave = os.openpty()
-    tty.setraw(slave)
-    reader = SerialReader(
-        os.ttyname(slave),
-        115_200,
-        lambda: TextParser(8, 11),
-        heard.on_frame,
-        heard.say,
-        watchdog=0.1,
-    )
-    reader.start()
-    try:
-        pause = threading.Event()
-        while not heard.lines:
-            os.write(master, b",".join([b"7"] * 96) + b"\n")
-            pause.wait(0.005)
-        heard.wait_for_line(
-            f"{reader.port} at 115200 baud: bytes arrive, but no frame: a frame a line, 96 "
-            "readings; circuit.rows = 8 x circuit.cols = 11 are 88 readings"
-        )
-    finally:
-        reader.close()
-        os.close(master)
-        os.close(slave)
-
-
 def test_auto_without_ports_says_so(monkeypatch, heard, reading):
     monkeypatch.setattr(serial_port, "candidates", list)
     reading("auto")
@@ -521,12 +473,6 @@ def test_a_missing_port_is_refused_by_name(monkeypatch, tmp_path):
     port = tmp_path / "ttyUSB0"
     with pytest.raises(ValueError, match=f"port {port}: does not exist.*found: /dev/ttyUSB3"):
         check_port(str(port))
-
-
-@pytest.mark.skipif(os.name != "posix", reason="elsewhere a port is no file")
-def test_a_name_without_its_folder_is_refused_too():
-    with pytest.raises(ValueError, match="port ttyUSB77: does not exist"):
-        check_port("ttyUSB77")
 
 
 def test_an_unknown_url_is_refused():

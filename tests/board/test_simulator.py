@@ -48,12 +48,6 @@ def test_device_time_is_that_of_the_scan():
     assert set(np.round(np.diff(times) / scan)) <= {3, 4}
 
 
-def test_sequence_numbers_wrap():
-    simulated = make_board(frames_per_second=390, circuit=Circuit(1, 1))
-    simulated._frames = simulated._scans = simulated._sent = 65_535
-    assert [f.sequence for f in frames_of(simulated, 3)] == [65_535, 0, 1]
-
-
 @pytest.mark.parametrize("scene", ["idle", "two_fingers"])
 @pytest.mark.parametrize("adc_bits", [8, 10, 12])
 def test_without_noise_it_sends_the_forward_models_reading(scene, adc_bits):
@@ -215,20 +209,6 @@ def test_a_reader_gets_whole_frames_in_order(tmp_path):
     assert (parser.counters.corrupt, parser.counters.lost) == (0, 0)
 
 
-def test_the_first_frame_after_opening_is_number_0(tmp_path):
-    """Opened without pyserial, which throws away what came while it opened."""
-    with serving(tmp_path / "skin"):
-        port = os.open(tmp_path / "skin", os.O_RDONLY | os.O_NOCTTY)
-        try:
-            parser, frames = BinaryParser(), []
-            while not frames:
-                frames = parser.feed(os.read(port, 4096))
-        finally:
-            os.close(port)
-    assert frames[0].sequence == 0
-    assert parser.counters.skipped_bytes == 0
-
-
 def test_bytes_from_the_reader_do_no_harm(tmp_path):
     """The board takes no commands, and must not stop for what is written to it."""
     with (
@@ -284,18 +264,6 @@ def test_a_link_of_somebody_else_is_neither_replaced_nor_removed(tmp_path, there
     with pytest.raises(FileExistsError, match=f"skin exists and is a link to {device}"):
         simulator.serve(make_board(), link, lambda: False)
     assert os.readlink(link) == str(device)
-
-
-def test_a_link_to_a_terminal_that_is_open_stays(tmp_path):
-    """It may be another board's, or anybody's."""
-    master, slave = os.openpty()
-    link = tmp_path / "skin"
-    link.symlink_to(os.ttyname(slave))
-    with pytest.raises(FileExistsError, match="made by somebody else"):
-        simulator.serve(make_board(), link, lambda: False)
-    assert os.readlink(link) == os.ttyname(slave)
-    for end in (master, slave):
-        os.close(end)
 
 
 def test_a_board_that_serves_once_ends_when_its_reader_has_left(tmp_path, monkeypatch):

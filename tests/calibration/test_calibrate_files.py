@@ -6,7 +6,6 @@ from support.weights import objects, stream
 from test_guide import SHAPE, Unknown, bodies
 
 from tactile_skin import PressureCurve, cli
-from tactile_skin.commands import train
 from tactile_skin.errors import FileError
 from tactile_skin.launch import read_skin
 from tactile_skin.physics.curve import GRAM
@@ -72,28 +71,6 @@ def test_weights_without_a_curve_are_a_failure(files, capsys, touched):
         assert read_skin(out).circuit.r_par == pytest.approx(board.r_par, rel=0.05)
     else:
         assert f"{out} is not written" in err
-
-
-@pytest.mark.parametrize("fails", [False, True])
-def test_a_network_is_trained_on_request(files, monkeypatch, fails):
-    asked = []
-    monkeypatch.setattr(train, "enter", lambda *given: asked.append(given) or not fails)
-    status, out = calibrate(files[0], f"rest:={files[0] / 'rest.npy'}", "--train", "physics")
-    assert asked == [(out, "physics")] and status == fails
-
-
-def test_a_network_of_another_skin_is_named(files, capsys):
-    folder, _ = files
-    config = folder / "mine.yaml"
-    own = config.read_text()
-    config.write_text(own + "/**/compensation: {ros__parameters: {method: physics}}\n")
-    try:
-        status, out = calibrate(folder, f"rest:={folder / 'rest.npy'}")
-    finally:
-        config.write_text(own)
-    said = capsys.readouterr().out
-    assert status == 0 and "made for another skin: rows = 16" in said
-    assert f"tactile-skin train --config {out} " in said
 
 
 @pytest.mark.parametrize(

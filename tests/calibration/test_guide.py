@@ -92,8 +92,9 @@ def test_each_step_says_what_it_found(done):
         assert words in heard
 
 
-@pytest.mark.parametrize("kind", ["scatters", "jumps", "drops to 0"])
-@pytest.mark.parametrize("shape", [(4, 4), (8, 8), (16, 16)])
+@pytest.mark.parametrize(
+    ("shape", "kind"), [((4, 4), "scatters"), ((8, 8), "jumps"), ((16, 16), "drops to 0")]
+)
 def test_noisy_cells_are_named_and_left_out(shape, kind):
     """As is a cell with a loose contact; the rest of the skin is calibrated all the same."""
     board = Unknown(shape, seed=23)

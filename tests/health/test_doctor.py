@@ -250,17 +250,21 @@ def test_a_mistake_is_one_line(recordings, words, match, capsys, monkeypatch):
     assert match in err and err.count("\n") == 1
 
 
+def changed(skin, given):
+    return skin_of(command._board(skin, given), "").adc
+
+
 def test_arguments_change_the_board_and_what_its_readout_does_not_know_is_dropped():
     given = {"rows": 8, "cols": 9, "r_line": 5.0, "adc_offset": 3.0, "diode": 0.58}
     skin = skin_of({f"circuit.{name}": value for name, value in given.items()}, "")
-    adc = command._adc(skin, {"driven": "rows", "r_par": 70.0, "inverted": True})
+    adc = changed(skin, {"driven": "rows", "r_par": 70.0, "inverted": True})
     assert adc.circuit == Circuit(8, 9, r_line=5.0, r_par=70.0)
     assert (adc.offset, adc.inverted, adc.diode) == (3.0, True, 0.58)
-    adc = command._adc(skin, {"readout": "grounded", "r_drive": 40.0, "driven": "columns"})
+    adc = changed(skin, {"readout": "grounded", "r_drive": 40.0, "driven": "columns"})
     grounded = Circuit(8, 9, readout="grounded", driven="columns", r_drive=40.0)
     assert adc.circuit == grounded and adc.diode == 0.0
     with pytest.raises(ValueError, match=r"circuit.r_ref .* = -5.0: must be from 1.0 to"):
-        command._adc(skin, {"r_ref": -5.0})
+        changed(skin, {"r_ref": -5.0})
 
 
 def test_the_picture_marks_cells_and_lines():

@@ -7,12 +7,13 @@ from tactile_skin import cli
 from tactile_skin.commands.gestures import record
 from tactile_skin.learning.hands import simulated
 from tactile_skin.middleware.bus import Time
+from tactile_skin.middleware.config import skin_of
 from tactile_skin.msg import Header, Image, image
 from tactile_skin.recording import cdr
 from tactile_skin.recording.writer import Writer
 from tactile_skin.touch.geometry import CELL_AREA
 from tactile_skin.touch.model import load_model
-from tactile_skin.touch.take import SUFFIX, load_take
+from tactile_skin.touch.take import PAUSE, SUFFIX, load_take
 
 
 @pytest.fixture(scope="module")
@@ -87,34 +88,24 @@ def test_each_touch_of_a_recording_is_a_take(tmp_path, capsys):
     assert all(take.pictures.max() == pytest.approx(2.0) for take in map(load_take, out.iterdir()))
 
 
-class Hands:
-    """Stands for the live skin: a touch, nothing, another touch."""
-
-    pitch = 0.018
-
-    def __init__(self, given):
-        self._left = [np.ones((4, 3, 3)), None, 2.0 * np.ones((5, 3, 3)), np.ones((6, 3, 3))]
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *error):
-        pass
-
-    def take(self):
-        return self._left.pop(0), 0.04
+def test_a_take_is_over_when_the_skin_is_left_alone():
+    course = record.Course(skin_of({}, "").geometry)
+    touch = np.zeros((16, 16))
+    touch[5:7, 5:7] = 2.0 / CELL_AREA
+    for k in range(1, 100):
+        course.add(k / 100, touch if 20 <= k < 50 else 0.0 * touch)
+        assert course.takes(PAUSE) == []
+    for k in range(100, 170):
+        course.add(k / 100, 0.0 * touch)
+    ((pictures, period, pitch),) = course.takes(PAUSE)
+    assert period * len(pictures) == pytest.approx(0.3, abs=0.08)
+    assert pictures.max() == pytest.approx(2.0) and pitch > 0.0
+    assert course.takes() == []
 
 
-def test_takes_are_kept_repeated_and_ended_by_a_key(tmp_path, monkeypatch, capsys):
-    answers = iter(
-        ["", "", "", "", "r", "", "", "q"]
-    )  # start, keep, start (nothing), start, repeat
-    monkeypatch.setattr("builtins.input", lambda question: next(answers))
-    monkeypatch.setattr(record, "Live", Hands)
-    out = tmp_path / "takes"
-    words = ["gestures", "record", "wave", "--person", "anna", "--times", "5", "--out", str(out)]
-    assert cli.main(words) == 0
-    kept = sorted((load_take(path) for path in out.iterdir()), key=lambda take: len(take.pictures))
-    assert [len(take.pictures) for take in kept] == [4, 6]
-    assert {take[:2] for take in kept} == {("wave", "anna")}
-    assert "nothing touched the skin" in capsys.readouterr().out
+def test_takes_are_made_on_a_live_skin(tmp_path, capsys):
+    words = ["gestures", "record", "tap", "scene:=gestures", "--times", "1", "--person", "anna"]
+    assert cli.main([*words, "--out", str(tmp_path)]) == 0
+    (take,) = map(load_take, tmp_path.iterdir())
+    assert take[:2] == ("tap", "anna") and take.pictures.any()
+    assert "1 takes of tap" in capsys.readouterr().out

@@ -12,6 +12,7 @@ import pytest
 
 pytest.importorskip("websockets", reason="serves the page")
 
+from support.page import unpack
 from websockets.asyncio.client import connect
 
 from tactile_skin.errors import LaunchError
@@ -35,7 +36,6 @@ from tactile_skin.msg import (
 from tactile_skin.nodes.observers.view import View
 from tactile_skin.view.process import listen
 from tactile_skin.view.snapshot import LATCHED, STOP
-from tactile_skin.view.wire import unpack
 
 PATIENCE = 30.0  # s, for what must happen
 

@@ -124,21 +124,11 @@ def test_the_reason_of_a_stop_from_the_first_reading_on_is_said(tmp_path, config
 
 
 def test_methods_are_compared(tmp_path, config, call):
-    path, picture = rest(tmp_path, 60), tmp_path / "a.png"
-    words = (f"config:={config}", "--compare", "map", "naive", "--picture", picture)
-    status, said, _ = call("replay", path, *words)
+    words = f"config:={config}", "--compare", "map", "naive"
+    status, said, _ = call("replay", rest(tmp_path, 60), *words)
     assert status == 0
     lines = said.partition("\n\n")[2].splitlines()
     assert [line.split()[0] for line in lines[:3]] == ["method", "map", "naive"]
-    assert picture.exists()
-
-
-def test_step_by_step(tmp_path, config, call, monkeypatch):
-    answers = iter(["", "", "q"])
-    monkeypatch.setattr("builtins.input", lambda _: next(answers))
-    status, said, _ = call("replay", rest(tmp_path), f"config:={config}", "--step")
-    assert status == 0
-    assert said.count("cell") >= 3 and "readings  3 of" in said
 
 
 @pytest.mark.parametrize(
@@ -150,7 +140,7 @@ def test_step_by_step(tmp_path, config, call, monkeypatch):
         (["a.mcap", "method:=magic"], "method 'magic': must be one of"),
         (["a.mcap", "sped:=2"], "argument 'sped' is unknown"),
         (["a.mcap", "rate:=fast"], "rate:=fast: must be a number"),
-        (["a.mcap", "--speed", "0"], "--speed = 0.0: must be above 0"),
+        (["a.mcap", "--jobs", "2", "--out", "b.mcap"], "--jobs = 2: must be 1 or more, and 1"),
         (["a.bag"], "must be one of .mcap"),
     ],
 )

@@ -81,12 +81,16 @@ def write(path, without=()):
     return compensation
 
 
-def test_late_readings_are_replayed_to_the_bit(tmp_path):
-    live = write(tmp_path / "a.mcap")
-    assert (
-        live.skipped > 20 and live.skin.taken["fixed_point"] > 50
-    )  # that there is something to show
-    found = Recording(tmp_path / "a.mcap")
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    path = tmp_path_factory.mktemp("late") / "a.mcap"
+    live = write(path)
+    # that there is something to show
+    assert live.skipped > 20 and live.skin.taken["fixed_point"] > 50
+    return Recording(path)
+
+
+def test_late_readings_are_replayed_to_the_bit(found):
     stamps, pressure = found.images("/skin/pressure")
     replay = Replay(found)
     steps = list(replay)
@@ -97,9 +101,7 @@ def test_late_readings_are_replayed_to_the_bit(tmp_path):
     assert replay.notes == [f"{n} readings that the robot skipped, being late"]
 
 
-def test_another_method_takes_every_reading_in_time(tmp_path):
-    write(tmp_path / "a.mcap")
-    found = Recording(tmp_path / "a.mcap")
+def test_another_method_takes_every_reading_in_time(found):
     replay = Replay(found, method="auto")
     assert [step.stamp for step in replay] == found.stamps.tolist()
     assert not replay.driven.nodes["compensation"].skin.taken["fixed_point"]
@@ -111,9 +113,7 @@ def test_a_recording_that_does_not_say_when_takes_every_reading_in_time(tmp_path
     assert len(list(Replay(found))) == len(found.stamps)
 
 
-def test_a_part_takes_what_waited_at_its_end(tmp_path):
-    write(tmp_path / "a.mcap")
-    found = Recording(tmp_path / "a.mcap")
+def test_a_part_takes_what_waited_at_its_end(found):
     edge = START + 3_000_000_000
     parts = Replay(found, end=edge), Replay(found, begin=edge)
     stamps = {step.stamp for part in parts for step in part}

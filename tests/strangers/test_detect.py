@@ -27,7 +27,7 @@ KINDS = {  # printed by -> what is typed
 
 
 class Stranger:
-    """An 8 x 8 board with pull-ups; a finger of 20 N from 8 s to 11 s of each 12 s."""
+    """An 8 x 8 board with pull-ups; a finger of 20 N from 5 s to 7 s of each 8 s."""
 
     circuit = Circuit(8, 8, r_ref=35e3, r_par=25.0, readout="loaded")
 
@@ -37,7 +37,7 @@ class Stranger:
         self.finger = sim.finger((8, 8), 2, 5, 20.0)
 
     def __call__(self, k: int) -> bytes:
-        pressed = 8.0 < k / RATE % 12.0 < 11.0
+        pressed = 5.0 < k / RATE % 8.0 < 7.0
         force = self.finger if pressed else 0.0 * self.finger
         steps = sim.counts(self.circuit, self.curve, force, self.rng, inverted=True)
         return boards.sent(self.make, [steps], k)
@@ -56,7 +56,7 @@ def test_from_an_unknown_board_to_the_right_picture(kind, tmp_path, monkeypatch,
     mine = tmp_path / "mine.yaml"
     monkeypatch.setattr("sys.stdin", io.StringIO("\n".join(answers) + "\n"))
     with PtyBoard(Stranger(boards.TEXT[kind]), RATE) as board:
-        assert main(["detect", f"port:={board.port}", f"out:={mine}"]) == 0
+        assert main(["detect", f"port:={board.port}", "seconds:=2", f"out:={mine}"]) == 0
     said = capsys.readouterr().out
     assert "(sure)" in said and "what arrives:" in said
     pictures = []
@@ -66,7 +66,7 @@ def test_from_an_unknown_board_to_the_right_picture(kind, tmp_path, monkeypatch,
             skin.node.create_subscription(
                 Image, "skin/pressure", lambda m: pictures.append(image_array(m)), 100
             )
-            skin.spin(10.5)
+            skin.spin(6.9)
     pressed = max(pictures, key=np.sum) * 0.012**2  # N
     assert np.unravel_index(pressed.argmax(), pressed.shape) == (2, 5)
     assert pressed.sum() == pytest.approx(20.0, rel=0.25)

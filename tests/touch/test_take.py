@@ -49,6 +49,6 @@ def test_what_is_no_take_is_refused_by_name(tmp_path):
 def test_touches_are_parted_by_a_pause():
     on = np.array([0, 1, 1, 0, 0, 1, 0, 0, 0, 0, 0, 0, 1, 0])
     pictures = on[:, None, None] * np.ones((14, 2, 2))
-    parts = touches(pictures, period=0.2, pause=1.0)
+    parts = touches(pictures, period=0.2)
     assert [len(part) for part in parts] == [5, 1]
     assert touches(np.zeros((5, 2, 2)), 0.2) == []

@@ -167,18 +167,7 @@ def test_it_fits_a_phone(live, browser, scheme):
     assert colours == len(set(cells))
 
 
-def test_it_says_when_the_data_are_old(tmp_path):
-    words = ("launch", "scene:=two_fingers", "monitor:=false", "view:=true")
-    with running(*words) as (address, end), Chromium(tmp_path / "profile") as browser:
-        browser.open(address)
-        until(lambda: drawn(browser) > 5, "snapshots are drawn")
-        end()
-        browser.until(f"{TEXT.format('old')}.includes('old')")
-        browser.until("document.body.classList.contains('old')")
-        browser.until(f"{TEXT.format('stop')}.includes('STOP UNKNOWN')")
-
-
-def test_it_does_not_call_a_robot_free_whose_skin_hangs(tmp_path):
+def test_it_does_not_call_a_robot_free_whose_skin_hangs_or_ended(tmp_path):
     words = ("launch", "scene:=two_fingers", "monitor:=false", "view:=true")
     with running(*words) as (address, end), Chromium(tmp_path / "profile") as browser:
         browser.open(address)
@@ -188,6 +177,10 @@ def test_it_does_not_call_a_robot_free_whose_skin_hangs(tmp_path):
         browser.until(f"{TEXT.format('old')}.includes('s old')")
         end(signal.SIGCONT)
         browser.until(f"{TEXT.format('stop')}.includes('FREE')")
+        end()
+        browser.until(f"{TEXT.format('old')}.includes('old')")
+        browser.until("document.body.classList.contains('old')")
+        browser.until(f"{TEXT.format('stop')}.includes('STOP UNKNOWN')")
 
 
 def test_a_recording_is_scrubbed(recording, browser):

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.page import unpack
 
 from tactile_skin import forward
 from tactile_skin.middleware.config import skin_of
@@ -11,10 +12,9 @@ from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Header, KeyValue
 from tactile_skin.nodes.gesture_feature import contact_cloud
 from tactile_skin.touch import features
 from tactile_skin.touch.tracking import Tracker
-from tactile_skin.view import pictures
 from tactile_skin.view.pictures import PUBLISHED, Pictures, findings
 from tactile_skin.view.snapshot import STOP, Collector, NodeStatus, Snapshot
-from tactile_skin.view.wire import pack, unpack
+from tactile_skin.view.wire import packed_with, parts_of
 
 SKIN = skin_of({"geometry.shape": "cylinder"}, "")
 RNG = np.random.default_rng(5)
@@ -53,20 +53,10 @@ def test_numbers_and_arrays_come_back_as_they_were_packed():
         "b": np.uint16([[1], [65535], [3]]),
         "none": np.zeros((0, 8), np.float32),
     }
-    head, found = unpack(pack({"x": 1, "text": "µ"}, arrays))
-    assert head == {"x": 1, "text": "µ"} and found.keys() == arrays.keys()
+    head, found = unpack(packed_with({"more": 2}, *parts_of({"text": "µ"}, arrays)))
+    assert head == {"more": 2, "text": "µ"} and found.keys() == arrays.keys()
     for name, array in arrays.items():
         np.testing.assert_array_equal(found[name], array)
-
-
-def test_a_snapshot_comes_through_the_wire():
-    nodes = {"compensation": NodeStatus(1, "a message", {"residual": "0.5"})}
-    sent = snapshot_of(touched(), stop=True, reason="push", nodes=nodes, read_at=7.0)
-    got = Snapshot.unpack(sent.pack())
-    assert (got.stamp, got.read_at, got.stop, got.reason) == (1.0, 7.0, True, "push")
-    assert got.nodes == nodes
-    np.testing.assert_array_equal(got.adc, sent.adc)
-    assert got.rest is None
 
 
 def test_a_picture_belongs_to_its_reading():
@@ -96,7 +86,7 @@ def test_the_spread_that_the_skin_published_is_drawn_as_it_is():
     assert collector.snapshot().std is None, "of another reading"
     assert drawn(collector.snapshot())[1]["std"].max() < 0.5
     collector.take("skin/pressure_std", image(spread / area, "32FC1", header(1.0)))
-    snapshot = Snapshot.unpack(collector.snapshot().pack())
+    snapshot = collector.snapshot()
     np.testing.assert_allclose(drawn(snapshot)[1]["std"], spread, rtol=1e-6)
     assert drawn(snapshot, a="map")[1]["std"].max() < 0.5
 
@@ -203,12 +193,3 @@ def test_lines_that_a_node_found_are_marked(rows, cols, marked):
     assert [(f["rows"], f["cols"]) for f in found] == marked
     assert all(f["text"] == "why" for f in found)
     assert findings(Snapshot(nodes={"compensation": NodeStatus(0, "why", values)})) == []
-
-
-@pytest.mark.parametrize(
-    ("text", "number"),
-    [("360.0", 360.0), ("-1", -1.0), ("nan", None), ("inf", None), ("unknown", None), (None, None)],
-)
-def test_a_value_that_is_no_finite_number_is_none(text, number):
-    """JSON has no word for it."""
-    assert pictures._number(text) == number

@@ -11,6 +11,7 @@ import pytest
 
 pytest.importorskip("websockets", reason="serves the page")
 
+from support.page import unpack
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
@@ -19,7 +20,6 @@ from tactile_skin.view import server
 from tactile_skin.view.pictures import Pictures
 from tactile_skin.view.server import names_this_host, read_wanted, serve
 from tactile_skin.view.snapshot import Snapshot
-from tactile_skin.view.wire import unpack
 
 PATIENCE = 20.0  # s, for what must happen
 

@@ -36,7 +36,6 @@ struct chip {
     double noise;               /* RMS, ADC steps */
     uint32_t seed;
     uint32_t byte_cycles;       /* that the line takes for a byte */
-    uint8_t stuck, stuck_at;    /* select pins that do not move: rows below, columns above */
     uint8_t row, col;
     double level, target;       /* at the last switch, and where it goes */
     avr_cycle_count_t switched, started;
@@ -101,10 +100,8 @@ static void on_port(struct avr_irq_t *irq, uint32_t value, void *parameter)
     struct chip *chip = parameter;
     avr_t *avr = chip->avr;
     uint8_t is_row = irq == avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ('B'), IOPORT_IRQ_REG_PORT);
-    uint8_t stuck = is_row ? chip->stuck & 15 : chip->stuck >> 4;
-    uint8_t stuck_at = is_row ? chip->stuck_at & 15 : chip->stuck_at >> 4;
     uint8_t pins = is_row ? value & avr->data[DDRB] & 15 : (value & avr->data[DDRD]) >> 4;
-    *(is_row ? &chip->row : &chip->col) = (pins & ~stuck) | (stuck_at & stuck);
+    *(is_row ? &chip->row : &chip->col) = pins;
     avr_cycle_count_t held = avr->cycle - chip->started;
     if (held < chip->hold) /* too early: the ADC reads neither this crossing nor that */
         avr_raise_irq(chip->adc + ADC_IRQ_ADC0, 0);
@@ -282,12 +279,6 @@ int chip_hang(struct chip *chip)
             return 1;
         }
     return 0;
-}
-
-void chip_stick(struct chip *chip, uint8_t pins, uint8_t levels)
-{
-    chip->stuck = pins;
-    chip->stuck_at = levels;
 }
 
 void chip_set_byte_cycles(struct chip *chip, uint32_t cycles)

@@ -134,10 +134,6 @@ class Chip:
         if not self._library.chip_hang(self._chip):
             raise FirmwareError("there is no endless loop in the binary")
 
-    def stick(self, pins: int, levels: int = 0) -> None:
-        """Select pins that no longer move: bits 0 to 3 the rows' S0 to S3, 4 to 7 the columns'."""
-        self._library.chip_stick(self._chip, pins, levels)
-
     def slow_line(self, cycles: int) -> None:
         """The serial line takes so many cycles for a byte, instead of 160."""
         self._library.chip_set_byte_cycles(self._chip, cycles)

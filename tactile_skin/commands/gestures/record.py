@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import time
 
 from ...arguments import split
 
-_LONGEST = 8.0  # s of a take
-_PATIENCE = 10.0  # s for a take to begin
-_PAUSE = 0.8  # s without a touch that end a take
-_COUNTDOWN = 2  # s
+_LOOK = 0.1  # s between two looks whether a take is over
 
 
 def record(args) -> int:
     """Write takes to files until there are enough; returns the exit status."""
-    from ...touch.take import SUFFIX, Take, touches
+    from ...touch.take import SUFFIX, Take
 
     if args.times < 1:
         raise ValueError(f"--times {args.times}: must be 1 or more")
@@ -23,163 +21,97 @@ def record(args) -> int:
         if not text.replace("-", "").replace("_", "").isalnum():
             raise ValueError(f"{option} {text!r}: must be of letters, digits, - and _")
     files, given = split(args.words, None)
+    if len(files) > 1:
+        raise ValueError(f"one recording, not {len(files)}: {' '.join(files)}")
     args.out.mkdir(parents=True, exist_ok=True)
     kept = 0
-
-    def keep(pictures, period: float, pitch: float) -> None:
-        nonlocal kept
-        kept += 1
-        stamp = datetime.datetime.now().strftime("%Y%m%d-%H%M%S")
-        path = args.out / f"{args.name}-{args.person}-{stamp}-{kept}{SUFFIX}"
-        Take(args.name, args.person, pictures, period, pitch).save(path)
-
-    if files:
-        if len(files) > 1:
-            raise ValueError(f"one recording, not {len(files)}: {' '.join(files)}")
-        pictures, period, pitch = _recorded(files[0])
-        for take in touches(pictures, period):
-            keep(take, period, pitch)
-        print(f"{files[0]}: {kept} takes of {args.name} in {args.out}")
-        return 0 if kept else 1
-    with Live(given) as skin:
-        while kept < args.times:
-            answer = _asked(
-                f"{args.name}, take {kept + 1} of {args.times}: Enter to start, q to end "
-            )
-            if answer == "q":
+    with contextlib.suppress(KeyboardInterrupt):
+        for pictures, period, pitch in _recorded(files[0]) if files else _live(given, args):
+            kept += 1
+            stamp = datetime.datetime.now().strftime("%Y%m%d-%H%M%S")
+            path = args.out / f"{args.name}-{args.person}-{stamp}-{kept}{SUFFIX}"
+            Take(args.name, args.person, pictures, period, pitch).save(path)
+            force = pictures.sum((1, 2)).max()
+            print(f"  {path.name}: {len(pictures) * period:.1f} s, up to {force:.1f} N")
+            if kept == args.times and not files:
                 break
-            pictures, period = skin.take()
-            if pictures is None:
-                print("  nothing touched the skin; is it calibrated, and is the touch hard enough?")
-                continue
-            print(_shown(pictures, period))
-            answer = _asked("  Enter to keep, r to repeat, q to end without it ")
-            if answer == "q":
-                break
-            if answer != "r":
-                keep(pictures, period, skin.pitch)
     print(f"{kept} takes of {args.name} in {args.out}")
     return 0 if kept else 1
 
 
-def _asked(question: str) -> str:
-    """Return the answer in lower case; q where nobody is there to answer."""
-    try:
-        return input(question).strip().lower()
-    except EOFError:
-        print()
-        return "q"
+class Course:
+    """Pictures of what was felt, as a recogniser sees them, until they are taken."""
+
+    def __init__(self, geometry):
+        from ...touch.recogniser import Pictures
+
+        self._geometry, self._pictures = geometry, Pictures()
+        self._found: list = []
+        self._periods: list[float] = []
+
+    def add(self, t: float, pressure, std=0.0) -> None:
+        """A frame at t [s]: (rows, cols) pressure and its standard deviation [Pa]."""
+        area = self._geometry.cell_area
+        if picture := self._pictures.update(t, pressure * area, std * area):
+            self._found.append(picture.force)
+            self._periods.append(picture.period)
+
+    def takes(self, pause: float = 0.0) -> list[tuple]:
+        """Pictures (T, rows, cols) [N], period [s] and pitch [m] of each touch so far; none before
+        nothing has touched for a pause [s]."""
+        import numpy as np
+
+        from ...touch.take import touches
+
+        if not self._found:
+            return []
+        pictures, period = np.array(self._found), float(np.median(self._periods))
+        silent = pictures[max(0, len(pictures) - round(pause / period)) :]
+        if pause and silent.any():
+            return []
+        self._found, self._periods = [], []
+        return [(take, period, self._geometry.pitch) for take in touches(pictures, period)]
 
 
-def _recorded(path: str):
-    """Return (T, rows, cols) pictures of a recording [N], their period [s] and the pitch [m]."""
-    import numpy as np
-
+def _recorded(path: str) -> list[tuple]:
+    """The takes of a recording."""
     from ...recording.reader import Recording
-    from ...touch.recogniser import Pictures
 
     recording = Recording(path)
     pressure = recording.adc_topic.removesuffix("adc") + "pressure"
-    geometry = recording.skin.geometry
-    std: dict = {}
+    course, std = Course(recording.skin.geometry), {}
     if f"{pressure}_std" in recording.topics:
         std = dict(zip(*recording.images(f"{pressure}_std"), strict=True))
-    pictures, found, periods = Pictures(), [], []
     for stamp, frame in zip(*recording.images(pressure), strict=True):
-        of_frame = std.get(stamp, 0.0) * geometry.cell_area
-        picture = pictures.update(stamp / 1e9, frame * geometry.cell_area, of_frame)
-        if picture is not None:
-            found.append(picture.force)
-            periods.append(picture.period)
-    if not found:
-        raise ValueError(f"{path}: holds fewer than two pictures of {pressure}")
-    return np.array(found), float(np.median(periods)), geometry.pitch
+        course.add(stamp / 1e9, frame, std.get(stamp, 0.0))
+    return course.takes()
 
 
-class Live:
-    """The skin of a launch file, of which takes are made."""
+def _live(given: dict[str, str], args):
+    """Yield the takes of the skin of a launch file, as they are made."""
+    from ... import launch
+    from ...msg import Image, image_array
+    from ...touch.take import PAUSE
 
-    def __init__(self, given: dict[str, str]):
-        from ... import launch
+    plan = launch.read_plan(launch.find(launch.default_file(given)), {"monitor": "false"} | given)
+    course = Course(launch.read_skin(given.get("config")).geometry)
+    std: list = [0.0]
 
-        given = {"monitor": "false"} | given
-        plan = launch.read_plan(launch.find(launch.default_file(given)), given)
-        self._skin = launch.Skin(plan)
-        self._geometry = launch.read_skin(given.get("config")).geometry
-        self.pitch = self._geometry.pitch
-        self._frames: list | None = None  # of the take that is made now
-        self._std: object = 0.0
+    def on_std(message) -> None:
+        std[0] = image_array(message)
 
-    def __enter__(self) -> Live:
-        from ...msg import Image
-
-        self._skin.__enter__()
-        self._skin.node.create_subscription(Image, "skin/pressure_std", self._on_std, 10)
-        self._skin.node.create_subscription(Image, "skin/pressure", self._on_pressure, 10)
-        return self
-
-    def __exit__(self, *error) -> None:
-        self._skin.__exit__(*error)
-
-    def _on_std(self, message) -> None:
-        from ...msg import image_array
-
-        self._std = image_array(message) * self._geometry.cell_area
-
-    def _on_pressure(self, message) -> None:
-        from ...msg import image_array
-
-        if (frames := self._frames) is None:
-            return
+    def on_pressure(message) -> None:
         stamp = message.header.stamp
-        force = image_array(message) * self._geometry.cell_area
-        frames.append((stamp.sec + stamp.nanosec / 1e9, force, self._std))
+        course.add(stamp.sec + stamp.nanosec / 1e9, image_array(message), std[0])
 
-    def take(self):
-        """Return the pictures of the next touch and their period; None where none comes."""
-        import numpy as np
-
-        from ...touch.recogniser import Pictures
-
-        for left in range(_COUNTDOWN, 0, -1):
-            print(f"  {left} ...", end="", flush=True)
-            time.sleep(1.0)
-        print(" now")
-        frames = self._frames = []
-        pictures, found, periods, taken = Pictures(), [], [], 0
-        begun = silent = 0.0
-        start = time.monotonic()
-        while time.monotonic() - start < (_LONGEST if begun else _PATIENCE):
-            time.sleep(0.02)
-            while taken < len(frames):
-                t, force, std = frames[taken]
-                taken += 1
-                picture = pictures.update(t, force, std)
-                if picture is None:
-                    continue
-                touched = bool(picture.force.any())
-                if touched and not begun:
-                    begun, start = t, time.monotonic()
-                silent = 0.0 if touched else silent + picture.period
-                if begun:
-                    found.append(picture.force)
-                    periods.append(picture.period)
-            if begun and silent > _PAUSE:
-                break
-        self._frames = None
-        if not found:
-            return None, 0.0
-        last = max(k for k, picture in enumerate(found) if picture.any())
-        return np.array(found[: last + 1]), float(np.median(periods))
-
-
-_SHADES = " .:-=+*#%@"
-
-
-def _shown(pictures, period: float) -> str:
-    """Return the most force on each cell as text, and how long and how hard it was."""
-    most = pictures.max(0)
-    shades = (most / most.max() * (len(_SHADES) - 1)).round().astype(int)
-    lines = ["  |" + "".join(_SHADES[k] * 2 for k in row) + "|" for row in shades]
-    total = pictures.sum((1, 2)).max()
-    return "\n".join([*lines, f"  {len(pictures) * period:.1f} s, up to {total:.1f} N"])
+    with launch.Skin(plan) as skin:
+        skin.node.create_subscription(Image, "skin/pressure_std", on_std, 10)
+        skin.node.create_subscription(Image, "skin/pressure", on_pressure, 10)
+        print(
+            f"{args.name}, {args.times} times: hands off for two seconds, then make the gesture, "
+            f"and leave the skin alone for {PAUSE:g} s after each; Ctrl-C ends",
+            flush=True,
+        )
+        while not skin.failed:
+            time.sleep(_LOOK)
+            yield from course.takes(PAUSE)

@@ -1,0 +1,94 @@
+"""Listen to an unknown board at one baud rate after the other."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+
+import serial
+
+from ..serial_port import PORT_ERRORS, check_port
+from . import recognise
+from .seen import Seen
+
+BAUDS = (115_200, 1_000_000, 9_600, 500_000, 57_600, 250_000, 230_400, 921_600, 2_000_000, 38_400)
+# What makes boards answer that send nothing by themselves, in the order in which they are tried.
+REQUESTS = ("A", "\n", "r", "?")
+_ASKED = 1.0  # s that an answer may take
+_MOST = 100_000  # bytes that are enough
+
+
+class Heard:
+    """What arrived at one baud rate, and what it was recognised as."""
+
+    def __init__(self, data: bytes, baud: int, request: str = "", shape=None):
+        self.data, self.baud, self.request = data, baud, request
+        self.seen: Seen = recognise(data, shape)
+
+    def fits(self, shape: tuple[int, int]) -> bool:
+        """Whether it is a board of this shape; it is recognised again where that leads to another.
+
+        A reading whose high byte never changes looks like the head of a packet.
+        """
+        if shape[0] * shape[1] != self.seen.cells:
+            seen = recognise(self.data, shape)
+            if seen.protocol and seen.cells == shape[0] * shape[1]:
+                self.seen = seen
+        return shape[0] * shape[1] == self.seen.cells
+
+    @property
+    def rank(self) -> tuple:
+        """The higher, the better it is understood."""
+        return self.seen.sure, bool(self.seen.protocol), self.seen.text, self.seen.frames
+
+
+def listen(port: str, bauds, seconds: float, say: Callable[[str], None], shape=None) -> Heard:
+    """Return the best understood of what arrives at some baud rates.
+
+    Args:
+        seconds: to listen at each.
+        say: takes a line for each.
+        shape: (rows, cols) that are expected; None: nothing is known.
+
+    Raises:
+        ValueError: no such port, or bytes at no baud rate.
+    """
+    check_port(port)
+    best: Heard | None = None
+    try:
+        for heard in _at_each(port, bauds, seconds, shape):
+            n, seen = len(heard.data), heard.seen
+            say(f"{heard.baud:>8} baud: {n} bytes: {seen.about if n else 'silent'}")
+            best = heard if best is None or heard.rank > best.rank else best
+            if seen.sure:
+                break
+    except PORT_ERRORS as error:
+        raise ValueError(f"port {port}: {error}") from error
+    if best is None or not best.data:
+        raise ValueError(
+            f"port {port}: no byte arrives at {', '.join(map(str, bauds))} baud, nor an answer to "
+            f"{', '.join(map(repr, REQUESTS))}: is the board supplied, does its sketch print?"
+        )
+    return best
+
+
+def _at_each(port: str, bauds, seconds: float, shape) -> Iterator[Heard]:
+    for baud in bauds:
+        with serial.serial_for_url(port, baud, timeout=0.05) as line:
+            data, request = _read(line, seconds), ""
+            for asked in () if data else REQUESTS:
+                line.write(asked.encode())
+                if data := _read(line, _ASKED):
+                    request, until = asked, time.monotonic() + seconds
+                    while time.monotonic() < until:
+                        line.write(asked.encode())
+                        data += _read(line, 0.25 * _ASKED)
+                    break
+            yield Heard(data, baud, request, shape)
+
+
+def _read(line, seconds: float) -> bytes:
+    data, end = b"", time.monotonic() + seconds
+    while time.monotonic() < end and len(data) < _MOST:
+        data += line.read(4096)
+    return data
