@@ -16,18 +16,15 @@ PATIENCE = 3.0  # s, if none did: they may have something to save
 LAUNCHED = "TACTILE_SKIN_LAUNCHED"  # in a command's environment: its launcher holds its stdin open
 
 
-def tool_path() -> str:
-    return os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
-
-
 def start_command(command: list[str]) -> subprocess.Popen:
     """Start a command; the tools of this Python's environment come first on its PATH."""
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     try:
         return subprocess.Popen(
             command,
             # Ends with this process, however that ends: who finds LAUNCHED may wait for it.
             stdin=subprocess.PIPE,
-            env=os.environ | {"PATH": tool_path(), LAUNCHED: str(os.getpid())},
+            env=os.environ | {"PATH": path, LAUNCHED: str(os.getpid())},
             # a session of its own: Ctrl-C ends the nodes first, and they end the command
             start_new_session=True,
         )

@@ -7,15 +7,13 @@ slow subscriber delays nobody but itself.
 """
 
 from .calls import Client, Service, Timer
-from .clock import Clock, Duration, ManualClock, Time
+from .clock import Clock, ManualClock, Time
 from .executors import MultiThreadedExecutor, SingleThreadedExecutor
 from .node import Node
 from .parameters import (
+    ANYTHING,
     SET_PARAMETERS,
-    FloatingPointRange,
-    IntegerRange,
     Parameter,
-    ParameterDescriptor,
     ParameterError,
     SetParameters,
 )
@@ -31,19 +29,16 @@ from .topics import (
 )
 
 __all__ = [
+    "ANYTHING",
     "SET_PARAMETERS",
     "Client",
     "Clock",
     "Context",
     "DurabilityPolicy",
-    "Duration",
-    "FloatingPointRange",
-    "IntegerRange",
     "ManualClock",
     "MultiThreadedExecutor",
     "Node",
     "Parameter",
-    "ParameterDescriptor",
     "ParameterError",
     "Publisher",
     "QoSProfile",

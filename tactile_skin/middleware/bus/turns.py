@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 from typing import TYPE_CHECKING
 
@@ -61,15 +60,9 @@ class Turns:
         return True
 
     def _timer(self, now: int | None):
-        first, node = math.inf, None
-        for each in self._nodes:
-            for timer in each._timers:
-                if timer._due < first:
-                    first, node = timer._due, each
-        if node is None:
-            return None
+        node = min(self._nodes, key=lambda each: each._first_due())
         now = node.context.clock.now().nanoseconds if now is None else now
-        if first > now or (job := node._take_timer(now)) is None:
+        if (job := node._take_timer(now)) is None:
             return None
         self._timer_was_last = True
         return node, job
