@@ -38,7 +38,7 @@ from .middleware.launched import (
 )
 from .middleware.logs import QueuedLog
 from .middleware.package import PACKAGE, RECORDER, find, node_class, share_dir
-from .middleware.processes import PATIENCE, end_commands, start_command
+from .middleware.processes import end_commands, start_command
 from .middleware.signals import SIGNALS, unwinding
 from .middleware.threads import one_thread
 from .msg import DiagnosticArray, Trigger
@@ -60,6 +60,7 @@ _POLL = 0.02  # s between two checks of `spin` for signals, nodes and commands
 _CLOSE_WITHIN = 0.1  # s that the end of one node may keep the others waiting
 _END_WITHIN = 0.3  # s for all final messages, and for hooks to receive the stop
 _HURRY = 0.5  # s after which commands of the launch file are killed, if a signal asked for the end
+_PATIENCE = 3.0  # s, if none did: they may have something to save
 
 
 class Skin:
@@ -162,7 +163,7 @@ class Skin:
             return
         self._ended = True
         now = time.monotonic()
-        until, patience, hurry = (now + s for s in (_END_WITHIN, PATIENCE, _HURRY))
+        until, patience, hurry = (now + s for s in (_END_WITHIN, _PATIENCE, _HURRY))
         self._context.try_shutdown()
         for hook in self._hooks:
             if isinstance(hook, StopHook):

@@ -12,7 +12,6 @@ from pathlib import Path
 
 from ..errors import LaunchError
 
-PATIENCE = 3.0  # s, if none did: they may have something to save
 LAUNCHED = "TACTILE_SKIN_LAUNCHED"  # in a command's environment: its launcher holds its stdin open
 
 
@@ -32,17 +31,14 @@ def start_command(command: list[str]) -> subprocess.Popen:
         raise LaunchError(f"executable {shlex.join(command)}: {error.strerror}") from error
 
 
-def end_commands(processes: list[subprocess.Popen], deadline: Callable[[], float] | None = None):
+def end_commands(processes: list[subprocess.Popen], deadline: Callable[[], float]):
     """Ask them to end, and kill those that have not at `deadline()`, a monotonic time [s].
 
-    It is asked for again and again; None: 3 s from now.
+    It is asked for again and again.
     """
-    patience = time.monotonic() + PATIENCE
     for process in processes:
         process.terminate()
-    while any(process.poll() is None for process in processes):
-        if time.monotonic() >= (deadline() if deadline else patience):
-            break
+    while any(process.poll() is None for process in processes) and time.monotonic() < deadline():
         time.sleep(0.005)
     for process in processes:
         process.kill()
