@@ -26,7 +26,6 @@ from .topics import (
     default_context,
     type_name,
 )
-from .turns import Wake
 
 _TOPIC, _SERVICE = "rostopic://", "rosservice://"  # before a remapping that is for one kind
 
@@ -60,7 +59,7 @@ class Node:
         self._described: dict[str, About] = {}
         self._on_set: Callable | None = None
         self._lock = threading.RLock()
-        self._wake = Wake()
+        self._wake = threading.Event()
         # Whose message or request comes next, in the order of their arrival, one entry for each.
         self._inbox: deque[Subscription | Service] = deque()
         self._gone = False
