@@ -188,7 +188,7 @@ class StandIn:
                 "QoSProfile": lambda **_: None,
             },
         }
-        parts["rclpy"]["try_shutdown"] = lambda: None
+        parts["rclpy"]["try_shutdown"] = lambda: self.work.put(None)  # its executor ends
         for name, attributes in parts.items():
             module = types.ModuleType(name)
             vars(module).update(attributes)
