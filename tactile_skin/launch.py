@@ -22,7 +22,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 
 from .behaviours.hooks import EventHook, StopHook
 from .errors import LaunchError
@@ -31,16 +31,14 @@ from .middleware.launch_file import NodeAction, Plan, read_plan
 from .middleware.launched import (
     by_thread,
     check_commands,
-    check_files,
-    check_names,
+    check_parameters,
     make_node,
     naming_its_file,
     parameters_of,
-    remaps,
 )
 from .middleware.logs import QueuedLog
-from .middleware.package import CLASSES, PACKAGE, RECORDER, find, share_dir
-from .middleware.processes import PATIENCE, end_commands, start_command
+from .middleware.package import PACKAGE, RECORDER, find, node_class, share_dir
+from .middleware.processes import end_commands, start_command
 from .middleware.signals import SIGNALS, unwinding
 from .middleware.threads import one_thread
 from .msg import DiagnosticArray, Trigger
@@ -62,6 +60,7 @@ _POLL = 0.02  # s between two checks of `spin` for signals, nodes and commands
 _CLOSE_WITHIN = 0.1  # s that the end of one node may keep the others waiting
 _END_WITHIN = 0.3  # s for all final messages, and for hooks to receive the stop
 _HURRY = 0.5  # s after which commands of the launch file are killed, if a signal asked for the end
+_PATIENCE = 3.0  # s, if none did: they may have something to save
 
 
 class Skin:
@@ -130,30 +129,27 @@ class Skin:
         """
         from .parameters.nodes import all_names
 
+        names: dict[str, frozenset[str] | None] = {}
+        for action in self._plan.nodes:
+            name, ours = action.full_name, action.package == PACKAGE
+            if name in names:
+                raise LaunchError(f"{action.file}: node {name}: there are two of this name")
+            names[name] = all_names(action.executable) if ours else None
+        check_parameters(self._plan, names)
         for action in self._plan.nodes:
             SIGNALS.raise_pending()  # the last one took a while
             handle = self._make_node(action)
-            name = handle.get_fully_qualified_name()
-            if any(name == other.get_fully_qualified_name() for other in self._handles):
-                raise LaunchError(f"{action.file}: node {name}: there are two of this name")
             self._handles.append(handle)
-            kind = class_of(action)
-            if action.user is None:
-                self._check_names(action, name, all_names(action.kind))
-            with naming_its_file(action, name):
-                self._nodes.append(kind(handle))
-            if action.user is not None:  # it says which it has once it is made
-                self._check_names(action, name, handle.parameter_names())
-        check_files(self._plan.nodes, self._handles)
+            with naming_its_file(action):
+                self._nodes.append(class_of(action)(handle))
+            if action.package != PACKAGE:
+                names[action.full_name] = frozenset(handle.parameter_names())
+        check_parameters(self._plan, names)
         check_commands(self._handles)
         return self._handles
 
     def _make_node(self, action: NodeAction) -> Node:
         return make_node(action, self._context)
-
-    def _check_names(self, action: NodeAction, full_name: str, own: Collection[str]) -> None:
-        """Refuse parameters that the node does not know."""
-        check_names(action, full_name, own)
 
     @SIGNALS.deferred
     def __exit__(self, *_) -> None:
@@ -167,7 +163,7 @@ class Skin:
             return
         self._ended = True
         now = time.monotonic()
-        until, patience, hurry = (now + s for s in (_END_WITHIN, PATIENCE, _HURRY))
+        until, patience, hurry = (now + s for s in (_END_WITHIN, _PATIENCE, _HURRY))
         self._context.try_shutdown()
         for hook in self._hooks:
             if isinstance(hook, StopHook):
@@ -316,7 +312,7 @@ class Skin:
                 for pair in action.remappings
             ]
             name = f"{kind.__name__.lower()}_hook_{len(self._hooks)}"
-            node = Node(name, context=self._context, namespace=here, cli_args=remaps(pairs))
+            node = Node(name, context=self._context, namespace=here, remappings=pairs)
             listener(node, tell)
             self._executor.add_node(node)
 
@@ -368,19 +364,12 @@ def _close(handle: Node, node) -> None:
         handle.get_logger().exception("close() raised")
 
 
-def class_of(action: NodeAction):
+def class_of(action: NodeAction) -> type:
     """Return the class of a launch file's node; LaunchError names the file."""
-    if action.user is None:
-        return node_class(action.executable)
     try:
-        return action.user.load()
+        return node_class(action.executable, action.package)
     except LaunchError as error:
         raise LaunchError(f"{action.file}: {error}") from error
-
-
-def node_class(executable: str):
-    module, name = CLASSES[executable].rsplit(".", 1)
-    return getattr(importlib.import_module(f".nodes.{module}", __package__), name)
 
 
 def launch(path=None, context: Context | None = None, **arguments) -> Skin:

@@ -1,7 +1,7 @@
 """A user's YAML: each refusal is one line that names file, line and key.
 
-What PyYAML's `safe_load` reads, less what it accepts silently: repeated keys, and keys that are not
-text. Dates stay text.
+What PyYAML's `safe_load` reads, less what it accepts silently: repeated keys, and keys that are
+not text.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from .errors import FileError
 from .files import read_text, shorten
 
 YAML_BYTES = 64 * 1024  # ten skins in one file, with curves of a hundred points, stay within
-_DATE = "tag:yaml.org,2002:timestamp"
 _TEXT = "tag:yaml.org,2002:str", "tag:yaml.org,2002:merge"  # tags of keys; the latter is <<
 
 
@@ -41,23 +40,11 @@ def parse_yaml(text: str, where):
         mark = error.problem_mark or error.context_mark
         place = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
         raise FileError(f"{where}: not valid YAML: {place}{error.problem}") from error
-    except yaml.reader.ReaderError as error:
-        line = text.count("\n", 0, error.position) + 1
-        raise FileError(
-            f"{where}: not valid YAML: line {line}: character U+{ord(text[error.position]):04X}"
-        ) from error
-    except RecursionError as error:
-        raise FileError(f"{where}: too deep: lists and maps in one another") from error
-    except (ValueError, LookupError, OverflowError) as error:  # of "!!int x", say
-        raise FileError(f"{where}: not valid YAML: {error}") from error
+    except (yaml.YAMLError, ValueError, LookupError, OverflowError, RecursionError) as error:
+        raise FileError(f"{where}: not valid YAML: {' '.join(str(error).split())}") from error
 
 
 class _Loader(yaml.SafeLoader):
-    yaml_implicit_resolvers = {  # noqa: RUF012
-        first: [(tag, pattern) for tag, pattern in resolvers if tag != _DATE]
-        for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
-    }
-
     def construct_document(self, node):
         return self.construct_object(node, deep=True)  # refuses what holds itself
 

@@ -18,8 +18,6 @@ import yaml
 from support.simulated import CIRCUIT, serving
 
 from tactile_skin import PressureCurve
-from tactile_skin.behaviours.admittance import ANGULAR, AdmittanceConfig
-from tactile_skin.behaviours.gate import GateConfig
 from tactile_skin.behaviours.hooks import EventHook
 from tactile_skin.findings.finding import Finding, Kind
 from tactile_skin.launch import (
@@ -30,8 +28,7 @@ from tactile_skin.launch import (
     read_plan,
     share_dir,
 )
-from tactile_skin.middleware import launched
-from tactile_skin.middleware.bus import Context, Node, ParameterError
+from tactile_skin.middleware.bus import Context, ParameterError
 from tactile_skin.msg import Bool, Header, PointCloud2, Twist, cloud
 from tactile_skin.nodes.stop_on_push import LATCHED
 from tactile_skin.simulation import simulator
@@ -75,64 +72,24 @@ def test_arguments_have_defaults_and_are_given(plan):
     assert words(plan(entities)) == [["one"]]
     assert words(plan(entities, a="two")) == [["two"]]
     assert plan(entities).arguments["a"].description == "letters"
-    assert plan(entities).arguments["a"].default == "one"
+    with pytest.raises(LaunchError, match="argument 'aa' is unknown; did you mean 'a'"):
+        plan(entities, aa="two")
 
 
-def test_a_default_may_hold_earlier_arguments(plan):
-    entities = "- arg: {name: a, default: one}\n- arg: {name: b, default: $(var a)-two}\n"
-    assert words(plan(entities + echoed("$(var b)"), a="1")) == [["1-two"]]
-
-
-def test_let(plan):
-    assert words(plan("- let: {name: a, value: 5}\n" + echoed("$(var a)$(var a)"))) == [["55"]]
-
-
-def test_env(plan, monkeypatch):
+def test_substitutions(plan, write, tmp_path, monkeypatch):
+    """$(anon x) is the same in an included file, another in the next launch."""
     monkeypatch.setenv("SKIN_A", "here")
     monkeypatch.delenv("SKIN_B", raising=False)
-    assert words(plan(echoed("$(env SKIN_A) $(env SKIN_A no) $(env SKIN_B default)"))) == [
-        ["here", "here", "default"]
-    ]
-
-
-def test_dirname_is_the_folder_of_the_launch_file(plan, tmp_path):
-    assert words(plan(echoed("$(dirname)"))) == [[str(tmp_path.resolve())]]
-
-
-def test_find_pkg_share(plan):
-    assert words(plan(echoed("$(find-pkg-share tactile_skin)/config"))) == [
-        [str(share_dir() / "config")]
-    ]
-
-
-def test_exec_in_pkg_is_a_program_of_the_package(plan, tmp_path, monkeypatch):
-    """Where colcon has put it, or pip; what is not on the PATH, by this Python."""
-    line = echoed("$(exec-in-pkg tactile-skin tactile_skin)")
-    module = [sys.executable, "-m", "tactile_skin"]
-    monkeypatch.setattr("shutil.which", lambda name, path: None)
-    assert words(plan(line)) == [module]
-    monkeypatch.setattr("shutil.which", lambda name, path: name)
-    assert words(plan(line)) == [["tactile-skin"]]
-    tmp_path = tmp_path / "a robot"  # with a space
-    for folder in ("lib/tactile_skin", "share/tactile_skin"):
-        (tmp_path / folder).mkdir(parents=True)
-    built = tmp_path / "lib" / "tactile_skin" / "tactile-skin"
-    built.touch()
-    monkeypatch.setattr(
-        "tactile_skin.middleware.launch_file.share_dir", lambda: tmp_path / "share/tactile_skin"
-    )
-    assert words(plan(line)) == [[str(built)]]
-
-
-def test_anon_is_one_name_within_a_launch(write, plan):
-    """The same in an included file, another in the next launch, one per name."""
+    share = "$(find-pkg-share tactile_skin)/config"
+    text = f"$(env SKIN_A no) $(env SKIN_B default) $(dirname) {share} $(anon a)"
     write(echoed("$(anon a)"), "inner.launch.yaml")
-    entities = echoed("$(anon a) $(anon b)") + "- include: {file: $(dirname)/inner.launch.yaml}\n"
-    (a, b), (inner,) = words(plan(entities))
-    assert a == inner
-    assert a.startswith("a_")
-    assert b.startswith("b_")
-    assert words(plan(entities))[0][0] != a
+    entities = echoed(text) + "- include: {file: $(dirname)/inner.launch.yaml}\n"
+    (*found, name), inner = words(plan(entities))
+    assert found == ["here", "default", str(tmp_path.resolve()), str(share_dir() / "config")]
+    assert [name] == inner
+    assert name.startswith("a_") and name != words(plan(entities))[0][-1]
+    program = plan(echoed("$(exec-in-pkg tactile-skin tactile_skin)"))
+    assert words(program) == [[sys.executable, "-m", "tactile_skin"]]
 
 
 @pytest.mark.parametrize(
@@ -140,12 +97,9 @@ def test_anon_is_one_name_within_a_launch(write, plan):
     [
         ("if: true", True),
         ("if: 'false'", False),
-        ("if: '1'", True),
-        ("if: $(var on)", True),
         ("unless: $(var on)", False),
-        ("unless: 'False'", True),
         ("unless: 0", True),
-        ("if: true, unless: true", False),
+        ("if: '1', unless: 'True'", False),
     ],
 )
 @pytest.mark.parametrize("entity", ["node", "executable", "include"])
@@ -193,31 +147,23 @@ def test_a_node_and_what_it_is_given(plan):
             - {from: skin/stop, to: $(var who)/stop}
         """
     ).nodes
-    assert (node.executable, node.name, node.namespace) == ("stop_on_push", "guard", "left")
+    assert (node.executable, node.full_name) == ("stop_on_push", "/left/guard")
     # a substitution's text is read as YAML, as ROS 2 does
-    assert node.parameters == [("threshold", 12.5), ("release", 3.0), ("text", "7")]
+    assert node.values() == {"threshold": 12.5, "release": 3.0, "text": "7"}
     assert node.remappings == [("skin/stop", "guard/stop")]
-
-
-def test_commands_are_split_like_a_shell_does(plan):
-    assert plan("- executable: {cmd: 'run \"two words\" --x=1'}\n").commands == [
-        ["run", "two words", "--x=1"]
-    ]
 
 
 # --- what is refused ---
 
+STOP = NODE % ", %s"
 GRAMMAR = {  # what is wrong -> (entities, what the message must hold)
     "unknown entity": ("- group: {}\n", ["group: not understood", "node", "include"]),
-    "no map": ("- node\n", ["'node'", "must be one of"]),
+    "null": ("- null\n", ["None: must be one of arg"]),
     "two in one": ("- {arg: {name: a}, let: {name: b, value: c}}\n", ["must be one of"]),
     "body is no map": ("- node: 5\n", ["node: must map keys to values"]),
-    "unknown key": (NODE % ", respawns: true", ["node: key 'respawns'", "remap"]),
-    "key of another entity": ("- let: {name: a, default: b}\n", ["let: key 'default'", "value"]),
+    "unknown key": (STOP % "respawns: true", ["node: key 'respawns'", "remap"]),
     "missing key": ("- node: {pkg: tactile_skin}\n", ["node: needs the key 'exec'"]),
-    "let without value": ("- let: {name: a}\n", ["let: needs the key 'value'"]),
     "unknown substitution": (echoed("$(eval 1+1)"), ["$(eval 1+1)", "$(var x)", "$(anon x)"]),
-    "substitution in substitution": (echoed("$(env $(var a))"), ["$(var a)", "not known"]),
     "open bracket": (echoed("$(var a"), ["$(var a", "not understood"]),
     "unknown variable": (
         "- let: {name: b, value: c}\n" + echoed("$(var a)"),
@@ -225,44 +171,32 @@ GRAMMAR = {  # what is wrong -> (entities, what the message must hold)
     ),
     "environment": (echoed("$(env SKIN_UNSET)"), ["$(env SKIN_UNSET)", "not set"]),
     "package": (echoed("$(find-pkg-share nav2)"), ["$(find-pkg-share nav2)", "tactile_skin"]),
-    "program": (
-        echoed("$(exec-in-pkg a tactile_skin)"),
-        ["no program 'a'", "tactile-skin"],
-    ),
-    "another package's program": (
-        echoed("$(exec-in-pkg a nav2)"),
-        ["$(exec-in-pkg a nav2)", "tactile_skin"],
-    ),
-    "argument without value": ("- arg: {name: a}\n", ["argument a has no default", "a:=value"]),
-    "condition": (NODE % ", if: maybe", ["node: if = 'maybe'", "true or false"]),
-    "node of another package": (
-        "- node: {pkg: nav2, exec: planner}\n",
-        ["nav2/planner: pkg", "tactile_skin.nodes", "executable"],
-    ),
+    "argument without value": ("- arg: {name: a}\n", ["arg: a has no default", "a:=value"]),
+    "argument with blanks": ("- arg: {name: a b, default: a}\n", ["arg: name = 'a b'"]),
+    "condition": (STOP % "if: maybe", ["node: if = 'maybe'", "true or false"]),
+    "a list for a text": (STOP % "if: [true]", ["node: if = [True]: must be text"]),
     "unknown node": (
         "- node: {pkg: tactile_skin, exec: stop}\n",
-        ["tactile_skin/stop: exec", "stop_on_push"],
+        ["node stop: exec", "stop_on_push"],
     ),
-    "param without value": (NODE % ", param: [{name: a}]", ["stop_on_push: param", "'a'"]),
-    "param is no list": (NODE % ", param: {from: a.yaml}", ["stop_on_push: param", "list of maps"]),
-    "param holds words": (NODE % ", param: [threshold]", ["stop_on_push: param", "threshold"]),
+    "name with a slash": (STOP % "name: a/b", ["name = 'a/b': must be of letters"]),
+    "namespace of blanks": (STOP % "namespace: a b", ["namespace = 'a b': must be names"]),
+    "param without value": (STOP % "param: [{name: a}]", ["param", "'a'", "needs the key 'value'"]),
+    "param is no list": (STOP % "param: {from: a.yaml}", ["stop_on_push: param", "list of maps"]),
+    "param holds words": (STOP % "param: [threshold]", ["stop_on_push: param", "threshold"]),
     "param is no YAML": (
-        NODE % ", param: [{name: method, value: '[x'}]",
+        STOP % "param: [{name: method, value: '[x'}]",
         ["stop_on_push: param method = '[x'", "not valid YAML"],
     ),
-    "remap without to": (NODE % ", remap: [{from: a}]", ["stop_on_push: remap", "from and to"]),
-    "remap is no list": (
-        NODE % ", remap: {from: a, to: b}",
-        ["stop_on_push: remap", "list of maps"],
-    ),
+    "remap without to": (STOP % "remap: [{from: a}]", ["remap", "needs the key 'to'"]),
+    "remap to nothing": (STOP % "remap: [{from: a, to: ''}]", ["remap: to = '': must be a topic"]),
+    "cmd empty": ("- executable: {cmd: ''}\n", ["cmd = '': must name a program"]),
+    "cmd with an open quote": ("- executable: {cmd: 'echo \"a'}\n", ["No closing quotation"]),
     "include of nothing": (
         "- include: {file: $(dirname)/no.launch.yaml}\n",
         ["no.launch.yaml", "No such file"],
     ),
-    "include arg is no list": (
-        "- include: {file: a.yaml, arg: {name: a, value: b}}\n",
-        ["include: arg", "list of maps"],
-    ),
+    "include itself": ("- include: {file: $(dirname)/test.launch.yaml}\n", ["includes itself"]),
     "include arg with more": (
         "- include: {file: a.yaml, arg: [{name: a, value: b, default: c}]}\n",
         ["include: arg", "default"],
@@ -281,23 +215,11 @@ def test_what_is_not_understood_is_refused_by_name(write, wrong, monkeypatch):
         assert text in str(error.value)
 
 
-@pytest.mark.parametrize("text", ["", "nodes: []", "launch: {}", "launch: []\nmore: 1", "- 1", "5"])
+@pytest.mark.parametrize("text", ["", "launch: {}", "launch: []\nmore: 1", "- 1", "launch: ["])
 def test_what_is_no_launch_file_is_refused(tmp_path, text):
     (tmp_path / "x.yaml").write_text(text)
-    with pytest.raises(LaunchError, match=r"x\.yaml: must hold one list named launch"):
+    with pytest.raises(LaunchError, match=r"x\.yaml: (must hold one list|not valid YAML)"):
         read_plan(tmp_path / "x.yaml", {})
-
-
-def test_what_is_no_yaml_is_refused(tmp_path):
-    (tmp_path / "x.yaml").write_text("launch: [")
-    with pytest.raises(LaunchError, match=r"x\.yaml: not valid YAML"):
-        read_plan(tmp_path / "x.yaml", {})
-
-
-def test_an_unknown_argument_is_refused_with_those_that_are(write):
-    path = write("- arg: {name: port, default: auto}\n")
-    with pytest.raises(LaunchError, match="argument 'prot' is unknown; did you mean 'port'"):
-        read_plan(path, {"prot": "x"})
 
 
 # --- parameters ---
@@ -309,77 +231,11 @@ def start(path, **arguments) -> None:
         pass
 
 
-@pytest.fixture
-def with_config(write, tmp_path):
-    """A function that starts stop_on_push with a parameter file of this content."""
-
-    def run(content) -> None:
-        text = content if isinstance(content, str) else yaml.safe_dump(content)
-        (tmp_path / "skin.yaml").write_text(text)
-        start(write(NODE % ", param: [{from: $(dirname)/skin.yaml}]"))
-
-    return run
-
-
-def section(name="stop_on_push", **parameters) -> dict:
-    return {name: {"ros__parameters": parameters}}
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        section(threshold=20.0, release=5),
-        section("/stop_on_push", threshold=20.0),
-        section("/**", threshold=20.0),
-        section("serial_driver", baud=9600),  # a node of the package that this launch lacks
-    ],
-)
-def test_good_parameter_files_are_taken(with_config, content):
-    with_config(content)
-
-
-PARAMETERS = {  # what is wrong -> (parameter file, what the message must hold)
-    "unknown parameter": (
-        section(treshold=1.0),
-        ["skin.yaml: stop_on_push: parameter 'treshold'", "did you mean 'threshold'?"],
-    ),
-    "unknown for every node": (
-        section("/**", treshold=1.0),
-        ["skin.yaml: /**: parameter 'treshold' is unknown", "threshold"],
-    ),
-    "nested": (
-        section(limits={"force": 1.0}),
-        ["skin.yaml: stop_on_push: parameter 'limits.force' is unknown"],
-    ),
-    "unknown node": (section("stop_on_psuh", threshold=1.0), ["skin.yaml: stop_on_psuh: no such"]),
-    "wrong type": (section(threshold="high"), ["threshold of node stop_on_push", "float"]),
-    "out of range": (section(hold=-1.0), ["hold of node stop_on_push = -1.0", "from 0.0 to 60.0"]),
-    "contradiction": (section(release=50.0), ["release = 50.0 N", "threshold"]),
-    "no ros__parameters": ({"stop_on_push": {"threshold": 1.0}}, ["skin.yaml: stop_on_push: must"]),
-    "no map": ("- 1\n", ["skin.yaml: holds [1]: must map node names"]),
-    "empty": ("", ["skin.yaml: is empty: must map node names"]),
-    "no YAML": ("a: [", ["skin.yaml: not valid YAML"]),
-}
-
-
-@pytest.mark.parametrize("wrong", PARAMETERS)
-def test_wrong_parameter_files_are_refused_by_name(with_config, wrong):
-    content, named = PARAMETERS[wrong]
-    with pytest.raises(ValueError) as error:
-        with_config(content)
-    for text in named:
-        assert text in str(error.value)
-
-
-def test_a_missing_parameter_file_is_named(write):
-    with pytest.raises(ValueError, match=r"none\.yaml"):
-        start(write(NODE % ", param: [{from: none.yaml}]"))
-
-
 @pytest.mark.parametrize(
     ("param", "named"),
     [
         ("{name: treshold, value: 1.0}", "launch.yaml: parameter 'treshold' is unknown"),
+        ("{name: threshold, value: [1.0]}", "= [1.0]: must be of type float"),
         ("{name: threshold, value: high}", "parameter threshold of node stop_on_push = 'high'"),
         ("{name: hold, value: 61.0}", "must be from 0.0 to 60.0"),
     ],
@@ -392,10 +248,10 @@ def test_wrong_parameters_of_a_launch_file_are_refused(write, param, named):
 
 def test_later_parameters_win(write, tmp_path):
     """A file's own section over /**, and what stands later in the launch file over both."""
-    content = section("/**", threshold=11.0, release=1.0, hold=1.0) | section(
-        threshold=12.0, release=2.0
+    (tmp_path / "skin.yaml").write_text(
+        "/**: {ros__parameters: {threshold: 11.0, release: 1.0, hold: 1.0}}\n"
+        "stop_on_push: {ros__parameters: {threshold: 12.0, release: 2.0}}\n"
     )
-    (tmp_path / "skin.yaml").write_text(yaml.safe_dump(content))
     params = ", param: [{from: $(dirname)/skin.yaml}, {name: threshold, value: 13.0}]"
     with launch(write(NODE % params)) as skin:
         config = skin._nodes[0].policy.config
@@ -419,11 +275,7 @@ def test_a_parameter_file_counts_where_no_argument_is_given(tmp_path, file):
 
     def values(**arguments) -> dict[str, dict]:
         arguments |= {"config": str(config), "cmd_vel_gate": "true", "view": "true"}
-        nodes = read_plan(find(file), arguments).nodes
-        return {
-            n.name: {p.name: p.value for p in launched.given(n)["parameter_overrides"]}
-            for n in nodes
-        }
+        return {node.name: node.values() for node in read_plan(find(file), arguments).nodes}
 
     found = values()
     assert {name: found[name] for name in sections} == sections
@@ -444,21 +296,8 @@ def test_the_shipped_launch_files_parse(name):
         "monitor",
     ]
     assert len(found.commands) == (name == "demo.launch.yaml")
-    assert ("method", "naive") in found.nodes[1].parameters
+    assert found.nodes[1].values()["method"] == "naive"
     assert all(a.description for a in found.arguments.values())
-
-
-def test_the_demo_opens_the_port_that_its_board_makes():
-    found = read_plan(share_dir() / "launch" / "demo.launch.yaml", {})
-    (command,) = found.commands
-    link = command[command.index("--link") + 1]
-    assert ("port", link) in found.nodes[0].parameters
-
-
-def test_a_port_that_does_not_exist_is_named(tmp_path):
-    port = tmp_path / "ttyUSB9"
-    with pytest.raises(ValueError, match=f"port {port}: does not exist"):
-        start(share_dir() / "launch" / "skin.launch.yaml", port=port)
 
 
 # --- the running skin ---
@@ -560,24 +399,6 @@ def test_a_hook_that_comes_late_is_told_how_it_stands(write):
         assert all(stop for stop, _ in late.calls)
 
 
-def test_own_subscriptions_hear_the_topics(write):
-    seen = threading.Event()
-    with launch(write(PATIENT_STOP)) as skin:
-        skin.node.create_subscription(Bool, "skin/stop", lambda m: seen.set(), LATCHED)
-        assert seen.wait(PATIENCE)
-
-
-def test_remapping_and_namespace_reach_the_node(write):
-    context, seen = Context(), threading.Event()
-    params = ", namespace: left, remap: [{from: skin/stop, to: /halt}]"
-    with launch(write(NODE % params), context) as skin:
-        node = Node("observer", context=context)
-        node.create_subscription(Bool, "/halt", lambda m: seen.set(), LATCHED)
-        skin._executor.add_node(node)
-        assert seen.wait(PATIENCE)
-        assert skin._handles[0].get_fully_qualified_name() == "/left/stop_on_push"
-
-
 def test_the_garbage_collector_does_not_look_at_what_stays(write):
     """A look at all of NumPy stops every thread for several frames' time."""
     before = len(gc.get_objects())
@@ -607,11 +428,6 @@ def test_a_command_that_fails_ends_the_run_by_name(write):
     ended = pytest.raises(LaunchError, match="ended with 3")
     with launch(write(command("raise SystemExit(3)"))) as skin, ended:
         skin.spin(timeout=PATIENCE)
-
-
-def test_a_command_that_is_not_there_is_named(write):
-    with pytest.raises(LaunchError, match="executable no-such-tool --x: No such file"):
-        start(write("- executable: {cmd: no-such-tool --x}\n"))
 
 
 def test_commands_end_with_the_skin(write):
@@ -687,11 +503,6 @@ def test_a_hook_finds_the_stop_node_wherever_it_is(write, place):
     with launch(write(NODE % place)) as skin:
         skin.on_stop(heard)
         heard.wait_for_reason("no reading yet")
-
-
-def test_a_hook_without_a_stop_node_is_refused(write):
-    with launch(write(NOTHING)) as skin, pytest.raises(LaunchError, match="no stop_on_push"):
-        skin.on_stop(print)
 
 
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT", "SIGHUP"])
@@ -992,7 +803,7 @@ def test_event_hooks_find_their_topics_behind_remappings(write):
         assert topics == {"/left/halt", *skin_topics}
 
 
-@pytest.mark.parametrize("name", ["on_push", "on_release", "on_stroke", "reset_stop"])
+@pytest.mark.parametrize("name", ["on_stop", "on_push", "on_gesture", "reset_stop"])
 def test_what_needs_a_node_that_is_not_there_is_refused(write, name):
     with launch(write(NOTHING)) as skin, pytest.raises(LaunchError, match="starts no"):
         getattr(skin, name)(*([] if name == "reset_stop" else [print]))
@@ -1007,16 +818,8 @@ def test_a_bare_name_is_that_of_a_shipped_file(monkeypatch, tmp_path):
     assert find("skin.launch.yaml") == share_dir() / "launch" / "skin.launch.yaml"
     (tmp_path / "skin.launch.yaml").touch()
     assert find("skin.launch.yaml") == Path("skin.launch.yaml")
-
-
-@pytest.mark.parametrize("folder", ["/no/such/robot", "robot", "."])
-def test_a_path_to_nothing_does_not_start_a_shipped_file(monkeypatch, tmp_path, folder):
-    """Of the same name: it would run with another robot's configuration."""
-    monkeypatch.chdir(tmp_path)
-    path = f"{folder}/skin.launch.yaml"
-    for given in (path, Path(path)) if folder != "." else (path,):
-        with pytest.raises(LaunchError, match=rf"launch file {path}: does not exist.*name alone"):
-            launch(given, port="loop://")
+    with pytest.raises(LaunchError, match=r"robot/skin\.launch\.yaml: No such file"):
+        launch("robot/skin.launch.yaml")  # not the shipped one, which knows nothing of that robot
 
 
 # --- reset ---
@@ -1096,20 +899,6 @@ def test_a_reset_may_be_asked_for_in_a_callback(write):
     assert answers[0] == (False, "still stopped: stale: no reading yet")
 
 
-def test_a_stop_node_that_does_not_answer_is_named(write):
-    hangs, release = threading.Event(), threading.Event()
-    with launch(write(LATCHED_STOP)) as skin:
-
-        def hang():
-            hangs.set()
-            release.wait(PATIENCE)
-
-        skin._handles[0].create_timer(0.001, hang)
-        assert hangs.wait(PATIENCE)
-        assert skin.reset_stop(0.01) == (False, "/stop_on_push/reset does not answer")
-        release.set()
-
-
 def test_a_reset_that_was_given_up_does_not_happen_later(write):
     """What the hung stop node finds in its queue when it goes on must not free the robot."""
     heard, hangs, release = Heard(), threading.Event(), threading.Event()
@@ -1164,11 +953,12 @@ def test_a_cut_cable_stops(tmp_path, cut):
     for action in plan.nodes:
         known = {"serial_driver": ("port", *circuit), "stop_on_push": ()}
         names = known.get(action.executable, tuple(circuit))
-        action.parameters = [(name, parameters[name]) for name in names]
+        action.parameters.clear()
+        action.give({name: parameters[name] for name in names})
         if action.executable == "compensation":
-            action.parameters += [(name, parameters[name]) for name in ("method", "suspect_stops")]
+            action.give({name: parameters[name] for name in ("method", "suspect_stops")})
         if action.executable == "stop_on_push":
-            action.parameters = [("stale_after", 0.5)]  # a busy machine
+            action.give({"stale_after": 0.5})  # a busy machine
     heard, simulated = Heard(), Mute(CIRCUIT, PressureCurve(), lambda t: np.zeros((4, 5)))
     with serving(tmp_path / "s", simulated) as served, Skin(plan) as skin:
         skin.on_stop(heard)
@@ -1208,27 +998,3 @@ def test_the_last_word_to_the_base_is_zero(write, executable):
         skin.spin(0.1)
     assert len(seen) >= 2
     assert seen[-1] == Twist()
-
-
-@pytest.mark.parametrize("name", ["cmd_vel_gate", "push_to_move"])
-def test_the_shipped_launch_file_starts_them_when_asked(name):
-    found = read_plan(share_dir() / "launch" / "skin.launch.yaml", {name: "true"})
-    assert name in [n.executable for n in found.nodes]
-
-
-def test_the_shipped_parameters_are_the_defaults(write):
-    """And none is misspelt: of a node that is not started nobody would tell."""
-    config = share_dir() / "config" / "skin.yaml"
-    shipped = f", param: [{{from: {config}}}]"
-    entities = node("cmd_vel_gate", shipped)
-    entities += node("push_to_move", shipped + ", remap: [{from: cmd_vel, to: led}]")
-    entities += node("gesture_feature", shipped)  # circuit and geometry stand under /**
-    entities += node("compensation", shipped) + node("serial_driver", ", param: [{%s}]")
-    entities = entities.replace("{%s}", "{name: port, value: 'loop://'}")
-    with launch(write(entities)) as skin:
-        gate, led = skin._nodes[:2]
-        assert gate.gate.config == GateConfig()
-        assert led.admittance.config == AdmittanceConfig()
-    turning = ", param: [{name: turns, value: true}]"
-    with launch(write(node("push_to_move", turning))) as skin:
-        assert skin._nodes[0].admittance.config.angular == ANGULAR

@@ -1,19 +1,16 @@
 """What ROS 2's users write on a command line, in a parameter file and in package.xml."""
 
 import importlib.util
-import os
 import subprocess
 import sys
-import time
 import xml.etree.ElementTree as ET
-from pathlib import Path
 
 import pytest
+import yaml
 
 from tactile_skin import launch, ros
 from tactile_skin.errors import ParameterError
-from tactile_skin.launch import LaunchError
-from tactile_skin.middleware.bus import Context, Node
+from tactile_skin.launch import LaunchError, Skin
 from tactile_skin.middleware.parameter_file import ParameterFile
 
 # As far as this package needs them: rosdep/base.yaml, rosdep/python.yaml and the packages of the
@@ -124,22 +121,8 @@ def test_a_file_for_another_namespace_is_refused(tmp_path):
     path.write_text("stop_on_push: {ros__parameters: {threshold: 20.0}}\n")
     plan = ros.plan_of("stop_on_push", arguments("-r", "__ns:=/left", "--params-file", str(path)))
     with pytest.raises(ParameterError, match="must be /\\*\\*/stop_on_push") as error:
-        ros.Program("stop_on_push", plan).build()
+        Skin(plan).build()
     assert "is not for the node /left/stop_on_push" in str(error.value)
-
-
-def test_one_file_for_two_skins(tmp_path):
-    path = tmp_path / "skin.yaml"
-    path.write_text(
-        "left/stop_on_push: {ros__parameters: {threshold: 21.0}}\n"
-        "right: {stop_on_push: {ros__parameters: {threshold: 22.0}}}\n"
-    )
-    for side, threshold in (("left", 21.0), ("right", 22.0)):
-        plan = ros.plan_of("skin", arguments("-r", f"__ns:={side}", "--params-file", str(path)))
-        plan.nodes = [node for node in plan.nodes if node.kind == "stop_on_push"]
-        (handle,) = ros.Program("skin", plan).build()
-        assert handle.get_fully_qualified_name() == f"/{side}/stop_on_push"
-        assert handle.get_parameter("threshold").value == threshold
 
 
 # --- arguments ---
@@ -164,28 +147,13 @@ def test_arguments_for_one_node_of_several():
     assert set(nodes) == {"serial_driver", "compensation", "gesture_feature", "stop_on_push"}
     assert nodes["stop_on_push"].name == "guard"
     assert nodes["compensation"].name == "compensation"  # not all of them "whole"
-    assert nodes["stop_on_push"].parameters == [("threshold", 20.0)]
+    assert nodes["stop_on_push"].values() == {"threshold": 20.0}
     assert nodes["compensation"].parameters == []
     assert nodes["stop_on_push"].namespace == "left"
-    made = ros.Program("skin", ros.Plan(nodes=[nodes["stop_on_push"]])).build()[0]
+    (made,) = Skin(ros.Plan(nodes=[nodes["stop_on_push"]])).build()
     assert made.resolve_topic_name("skin/stop") == "/halt"
     other = nodes["compensation"].remappings
     assert other == [("skin/stop", "/other")]
-
-
-def test_a_remapping_may_be_for_topics_or_services_only():
-    rules = ["-r", "rostopic://~/reset:=/a", "-r", "rosservice://~/reset:=/b"]
-    node = Node("n", context=Context(), cli_args=rules)
-    assert node.resolve_topic_name("~/reset") == "/a"
-    assert node.resolve_service_name("~/reset") == "/b"
-    args = arguments("-r", "n:rosservice://~/reset:=/b")
-    assert args.remappings == [("n", "rosservice://~/reset:=/b")]
-
-
-def test_of_two_remappings_the_first_counts():
-    """As in rcl."""
-    node = Node("n", context=Context(), cli_args=["-r", "a:=b", "-r", "a:=c"])
-    assert node.resolve_topic_name("a") == "/b"
 
 
 def test_the_parts_of_a_skin_are_chosen_by_parameters(tmp_path):
@@ -198,33 +166,6 @@ def test_the_parts_of_a_skin_are_chosen_by_parameters(tmp_path):
         ros.plan_of("skin", arguments("-p", "monitor:='yes'"))
 
 
-def test_what_the_shipped_launch_file_gives_is_taken():
-    """Also for parts that do not run: `stamped`, and the duration of a monitor."""
-    given = {"monitor": "false", "port": "/dev/null"}
-    plan = launch.read_plan(launch.find("skin.launch.yaml"), given, in_process=False)
-    ros._check(plan.nodes)
-
-
-def test_on_ros_a_skin_is_one_program_unless_asked_otherwise(tmp_path):
-    """In one process without ROS each node is the plan's, whatever is asked for. And a launch file
-    may say when a program lives again."""
-
-    def kinds(file="skin.launch.yaml", in_process=False, **given) -> list[str]:
-        plan = launch.read_plan(launch.find(file), given, in_process)
-        return [action.kind for action in plan.nodes]
-
-    separate = ["serial_driver", "compensation", "gesture_feature", "stop_on_push", "monitor"]
-    assert kinds() == kinds("demo.launch.yaml") == ["skin"]
-    assert kinds(separate="true") == kinds("demo.launch.yaml", separate="true") == separate
-    assert kinds(in_process=True) == kinds(in_process=True, separate="false") == separate
-    path = tmp_path / "a.launch.yaml"
-    own = "{pkg: tactile_skin, exec: %s, respawn: 'true', respawn_delay: '2.0', on_exit: shutdown}"
-    path.write_text(f"launch: [node: {own % 'skin'}]\n")
-    assert kinds(path) == ["skin"]
-    with pytest.raises(LaunchError, match="exec: must be one of serial_driver"):
-        kinds(path, in_process=True)
-
-
 @pytest.mark.parametrize("name", ["launch_params_abc", "robot.yaml"])
 def test_an_argument_that_was_not_given_leaves_the_parameter_file(tmp_path, name):
     """`ros2 launch` hands an empty one over as an empty text; elsewhere that is a value."""
@@ -232,7 +173,7 @@ def test_an_argument_that_was_not_given_leaves_the_parameter_file(tmp_path, name
     config.write_text("/**/stop_on_push: {ros__parameters: {threshold: 12.0}}\n")
     written.write_text("/**: {ros__parameters: {threshold: '', release: 3.0}}\n")
     words = ["--params-file", str(config), "--params-file", str(written)]
-    program = ros.Program("stop_on_push", ros.plan_of("stop_on_push", arguments(*words)))
+    program = Skin(ros.plan_of("stop_on_push", arguments(*words)))
     if name == "robot.yaml":
         with pytest.raises(LaunchError, match="threshold of node stop_on_push = ''"):
             program.build()
@@ -242,38 +183,12 @@ def test_an_argument_that_was_not_given_leaves_the_parameter_file(tmp_path, name
     assert (config.threshold, config.release) == (12.0, 3.0)
 
 
-def test_a_launch_file_hands_over_only_what_is_given(tmp_path):
-    given = {"port": "/dev/null", "use_sim_time": "true"}
-    plan = launch.read_plan(launch.find("skin.launch.yaml"), given, in_process=False)
-    (skin,) = plan.nodes
-    words = ros.command(skin)
-    assert "use_sim_time:=true" in words and not any(w.startswith("method:=") for w in words)
-
-
-def children() -> set[str]:
-    """Process ids of what this process has started."""
-    return set(Path(f"/proc/self/task/{os.getpid()}/children").read_text().split())
-
-
-@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="Linux shows the children")
-@pytest.mark.parametrize("wrong", ["", "hots"])
-def test_a_check_before_the_start_leaves_no_page_open(tmp_path, wrong):
-    """Its port would be taken when the node itself starts."""
-    before = children()
-    config = tmp_path / "mine.yaml"
-    config.write_text("/**/view: {ros__parameters: {port: 0}}\n")
-    given = {"port": "/dev/null", "config": str(config), "view": "true", "view_host": "127.0.0.1"}
-    plan = launch.read_plan(launch.find("skin.launch.yaml"), given, in_process=False)
-    if wrong:
-        plan.nodes[-1].parameters += [(wrong, "x"), ("port", 99999)]
-        with pytest.raises(LaunchError, match="parameter 'hots' is unknown"):
-            ros._check(plan.nodes)
-    else:
-        ros._check(plan.nodes)
-    wait = time.monotonic() + 30.0
-    while children() > before and time.monotonic() < wait:
-        time.sleep(0.05)
-    assert children() <= before
+def test_what_the_shipped_launch_file_gives_the_program_is_taken():
+    """Also for parts that do not run: `stamped`, and the duration of a monitor."""
+    shipped = yaml.safe_load(launch.find("skin.launch.yaml").read_text())["launch"]
+    (skin,) = [e["node"] for e in shipped if e.get("node", {}).get("exec") == "skin"]
+    plan = ros.plan_of("skin", arguments())
+    assert {p["name"] for p in skin["param"]} <= plan.for_all | {"config", "use_sim_time"}
 
 
 # --- misspelt names ---
@@ -287,7 +202,7 @@ def test_a_misspelt_name_in_a_launch_file_is_refused(tmp_path, name):
     path.write_text("/**: {ros__parameters: {tresh_hold: 20.0, port: /dev/null}}\n")
     plan = ros.plan_of("skin", arguments("--params-file", str(path)))
     plan.nodes = [node for node in plan.nodes if node.kind in ("stop_on_push", "serial_driver")]
-    program = ros.Program("skin", plan)
+    program = Skin(plan)
     if name == "robot.yaml":
         program.build()
     else:
@@ -305,5 +220,5 @@ def test_names_are_checked_before_values(tmp_path, whole):
     if whole:
         words = ["-p", "treshold:=60.0", "-p", "release:=50.0"]
     plan = ros.plan_of("stop_on_push", arguments(*words))
-    with pytest.raises(LaunchError, match=r"'treshold' is unknown; did you mean 'threshold'"):
-        ros.Program("stop_on_push", plan).build()
+    with pytest.raises(ValueError, match=r"'treshold' is unknown; did you mean 'threshold'"):
+        Skin(plan).build()

@@ -9,9 +9,18 @@ import time
 from pathlib import Path
 
 import numpy as np
-from support.ros_graph import AHEAD, DECIDED, WARM_UP, Graph, Player, endless, programs, record
+from support.ros_graph import (
+    AHEAD,
+    DECIDED,
+    WARM_UP,
+    Graph,
+    Player,
+    endless,
+    plan_of,
+    program,
+    record,
+)
 
-from tactile_skin import ros
 from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.simulation import simulator
 
@@ -62,17 +71,18 @@ def memory(pids: list[int]) -> float:
     return sum(int(line.split()[1]) for line in lines) * 1024 / 1e6
 
 
-def measure(
-    version: int, seconds: float, topics: list[str], seed: int = 0, separate: bool = False
-) -> dict:
+def measure(seconds: float, topics: list[str], seed: int = 0, separate: bool = False) -> dict:
     """Latencies of a run of `seconds`, as `latencies` gives them, the number of frames, and the
     memory of the skin's processes [MB]."""
     frames = record(round((seconds + WARM_UP) * simulator.FRAMES_PER_SECOND), seed=seed)
     player, skip = Player(), round(WARM_UP * simulator.FRAMES_PER_SECOND)
-    with Graph(version) as graph:
-        for action in programs(player.port, separate):
-            graph.start_node(action)
-        pids = [process.pid for name, process in graph.processes.items() if name != "master"]
+    with Graph() as graph:
+        if separate:
+            for action in plan_of(player.port).values():
+                graph.start_node(action)
+        else:
+            graph.start("skin", program("skin", "-p", f"port:={player.port}"))
+        pids = [process.pid for process in graph.processes.values()]
         name = graph.listen(*topics)
         with player.playing(endless("idle", seed + 1)):
             graph.wait_until_heard(name, *topics)
@@ -90,7 +100,6 @@ def measure(
 
 def main(arguments=None) -> None:
     parser = harness.parser(__doc__, __spec__)
-    parser.add_argument("--ros", type=int, choices=(1, 2))
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--separate", action="store_true", help="a process for each node")
@@ -98,9 +107,8 @@ def main(arguments=None) -> None:
         "topics", nargs="*", metavar="TOPIC", help="that the subscriber hears (default: all)"
     )
     args = parser.parse_args(arguments)
-    version = ros.choose(args.ros)
-    found = measure(version, args.seconds, args.topics, args.seed, args.separate)
-    print(f"ROS {version}: {found['frames']} frames, board's last byte to a plain subscriber")
+    found = measure(args.seconds, args.topics, args.seed, args.separate)
+    print(f"{found['frames']} frames, board's last byte to a plain subscriber")
     print(f"{found['programs']} processes of the skin hold {found['memory']:.0f} MB")
     for topic, values in found["latency"].items():
         p50, p99, worst = np.percentile(values, (50, 99, 100)) * 1e3

@@ -218,7 +218,7 @@ def _skin(pipe, link: str, stop: dict) -> None:
     plan.nodes = [action for action in plan.nodes if action.executable != "monitor"]
     for action in plan.nodes:
         if action.executable == "stop_on_push":
-            action.parameters += [("hold", 0.05), *stop.items()]  # free again before the next
+            action.give({"hold": 0.05} | stop)  # free again before the next
     calls: list[tuple[float, bool, str]] = []
 
     def hang(stop: bool, reason: str) -> None:

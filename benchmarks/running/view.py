@@ -168,7 +168,7 @@ def main(arguments=None) -> None:
     for action in actions.values():
         plan.nodes.remove(action)
     action = actions[FOXGLOVE if args.foxglove else "view"]
-    action.parameters.append(("port", 0))
+    action.give({"port": 0})
     with Skin(plan) as skin:
         measure(skin, action, kinds, args)
 

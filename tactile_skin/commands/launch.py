@@ -23,12 +23,6 @@ def register(parser) -> None:
         "words", nargs="*", metavar="FILE | NAME:=VALUE", help="launch file; arguments"
     )
     parser.add_argument(
-        "--ros",
-        type=int,
-        choices=(2,),
-        help="start its programs as processes on ROS 2 (default: all nodes in this one, no ROS)",
-    )
-    parser.add_argument(
         "-s", "--show-args", action="store_true", help="print its arguments and end"
     )
 
@@ -37,23 +31,17 @@ def run(args) -> int:
     """Start it, and wait for its end."""
     from .. import launch
 
-    plan, file = plan_of(args.words, in_process=not args.ros)
+    plan, file = plan_of(args.words)
     if args.show_args:
         for argument in plan.arguments.values():
             print(f"{argument.name}:={argument.default}\n    {argument.description}")
         return 0
     if not plan.nodes and not plan.commands:
         raise ValueError(f"{file}: starts nothing: must have a node or an executable")
-    if args.ros:
-        from .. import ros
-        from ..middleware.ros.ros2 import check_installed
-
-        check_installed()
-        return ros.launch_processes(plan)
     return spin(launch.Skin(plan))
 
 
-def plan_of(words: list[str], default: str = "", in_process: bool = True, **given: str):
+def plan_of(words: list[str], default: str = "", **given: str):
     """Return the plan of a launch file, or of the default one, with its arguments; and the file."""
     from .. import launch
 
@@ -61,7 +49,7 @@ def plan_of(words: list[str], default: str = "", in_process: bool = True, **give
     if len(files) > 1:
         raise ValueError(f"one launch file, not {len(files)}: {' '.join(files)}")
     file = files[0] if files else default or launch.default_file(arguments)
-    return launch.read_plan(launch.find(file), arguments | given, in_process), file
+    return launch.read_plan(launch.find(file), arguments | given), file
 
 
 def spin(skin) -> int:

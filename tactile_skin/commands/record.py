@@ -44,5 +44,5 @@ def run(args) -> int:
     recorder = plan.nodes[-1]
     for name in ("last", "max_duration", "max_size"):
         if (value := getattr(args, name)) is not None:
-            recorder.parameters.append((name, value))
+            recorder.give({name: value})
     return spin(launch.Skin(plan))

@@ -34,7 +34,7 @@ def run(args) -> int:
         return show(args.words, extras.tqdm())
     from . import launch
 
-    args.words, args.show_args, args.ros = [*args.words, "view:=true"], False, None
+    args.words, args.show_args = [*args.words, "view:=true"], False
     return launch.run(args)
 
 

@@ -8,21 +8,14 @@ import numpy as np
 
 from ..errors import ParameterError
 from ..parameters import shared
-from ..parameters.fields import About, Leaf, members
+from ..parameters.fields import Leaf, members
 from ..parameters.nodes import Compensation
 from ..physics.adc import Adc
 from ..physics.circuit import Circuit
 from ..physics.creep import Creep
 from ..physics.curve import PressureCurve
 from ..touch.geometry import Geometry, make_geometry
-from .bus import (
-    Context,
-    FloatingPointRange,
-    IntegerRange,
-    Node,
-    Parameter,
-    ParameterDescriptor,
-)
+from .bus import Context, Node, Parameter
 from .parameter_file import SHARED, ParameterFile, unknown_parameter
 
 
@@ -66,7 +59,7 @@ def read_skin(path=None, node: str = "compensation") -> SkinConfig:
     if path is None:
         return skin_of({}, "")
     file = ParameterFile(path)
-    file.check([node.rsplit("/", 1)[-1]])
+    file.check({node.rsplit("/", 1)[-1]: None})
     return skin_of({p.name: p.value for p in file.overrides(f"/{node.strip('/')}")}, str(path))
 
 
@@ -101,35 +94,15 @@ def declared(node: Node, kind: type, prefix: str = "") -> Any:
     """Declare all parameters of a dataclass on a node, and return it with the node's values.
 
     Raises:
-        ParameterError: a value of a wrong type or out of range.
+        ParameterError: a value that is not allowed.
     """
     values: dict[str, Any] = {}
     for name, member in members(kind):
         if isinstance(member, Leaf):
-            about = describe(member.about, member.default)
-            value = node.declare_parameter(prefix + name, member.default, about).value
-            if member.about.choices and value not in member.about.choices:
-                raise ParameterError(
-                    f"node {node.get_name()}: {prefix}{name} = {value!r}: must be one of "
-                    f"{', '.join(member.about.choices)}"
-                )
-            values[name] = value
+            values[name] = node.declare_parameter(prefix + name, member.default, member.about).value
         else:
             values[name] = declared(node, member, f"{prefix}{name}.")
     return kind(**values)
-
-
-def describe(about: About, default) -> ParameterDescriptor:
-    """Return a parameter's descriptor, as ROS has it."""
-    bounds: dict[str, Any] = {}
-    if about.low is not None and about.high is not None:
-        if isinstance(default, int):
-            bounds = {"integer_range": [IntegerRange(int(about.low), int(about.high))]}
-        else:
-            bounds = {"floating_point_range": [FloatingPointRange(about.low, about.high)]}
-    return ParameterDescriptor(
-        about.description, read_only=not about.live, dynamic_typing=about.any_type, **bounds
-    )
 
 
 def circuit_of(given: shared.Circuit) -> Circuit:

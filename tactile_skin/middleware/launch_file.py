@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 import re
 import shlex
-import shutil
 import sys
 import uuid
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,12 +15,11 @@ from typing import Any
 from ..errors import FileError, LaunchError, did_you_mean
 from ..files import shorten
 from ..yaml_files import parse_yaml, read_yaml
-from .package import COMPOSED, FOXGLOVE, NODES, PACKAGE, RECORDER, share_dir
-from .parameter_file import CONFIG, ParameterFile
-from .processes import tool_path
-from .user_nodes import UserNode, find_user_node
+from .bus import Parameter
+from .package import FOXGLOVE, NODES, PACKAGE, RECORDER, share_dir
+from .parameter_file import CONFIG, ParameterFile, values_for
 
-_SEPARATE = "separate"  # argument of a launch file: a process for each node
+_SEPARATE = "separate"  # argument by which a launch file asks ROS for a process for each node
 
 
 @dataclass
@@ -38,76 +37,93 @@ LIVE = Argument("foxglove", "false", "serve all topics to the Foxglove app")
 class NodeAction:
     executable: str
     name: str
-    namespace: str
-    parameters: list  # in order: ParameterFile or (name, value)
-    remappings: list[tuple[str, str]]
+    namespace: str = ""
+    parameters: list[ParameterFile | Parameter] = field(default_factory=list)  # the last wins
+    remappings: list[tuple[str, str]] = field(default_factory=list)
     file: Path = Path()  # the launch file
-    user: UserNode | None = None  # None: a node of this package
+    package: str = PACKAGE
 
     @property
     def kind(self) -> str:
         """Which node it is: a name in NODES, or package/executable of a user's."""
-        return f"{self.user.package}/{self.executable}" if self.user else self.executable
+        own = self.package == PACKAGE
+        return self.executable if own else f"{self.package}/{self.executable}"
+
+    @property
+    def full_name(self) -> str:
+        """The node's name, its namespace in front."""
+        return "/" + f"{self.namespace}/{self.name}".strip("/")
+
+    def values(self) -> dict[str, Any]:
+        """Return what it is given, name -> value."""
+        return {p.name: p.value for p in values_for(self.full_name, self.parameters)}
+
+    def give(self, values: Mapping[str, Any]) -> None:
+        """Give it parameters, name -> value, over those that it has."""
+        self.parameters += [Parameter(*item) for item in values.items()]
 
 
 @dataclass
 class Plan:
-    """What a launch file, with its arguments filled in, asks for."""
+    """What a launch file, with its arguments filled in, asks for.
+
+    Attributes:
+        for_all: names of parameters that may be given to all nodes, though not each has them.
+    """
 
     nodes: list[NodeAction] = field(default_factory=list)
     commands: list[list[str]] = field(default_factory=list)
     arguments: dict[str, Argument] = field(default_factory=dict)
+    for_all: frozenset[str] = frozenset()
+
+    def files(self) -> list[ParameterFile]:
+        """Return each parameter file that a node is given, once."""
+        given = [p for action in self.nodes for p in action.parameters]
+        return list(dict.fromkeys(p for p in given if isinstance(p, ParameterFile)))
 
 
-_LIFETIME = {"respawn", "respawn_delay", "on_exit"}  # of a process of its own
-_KEYS = {  # entity -> keys that it must have, others that are understood, others that are ignored
-    "arg": ({"name"}, {"default", "description"}, set[str]()),
-    "let": ({"name", "value"}, set[str](), set[str]()),
-    "node": (
-        {"pkg", "exec"},
-        {"name", "namespace", "param", "remap", "if", "unless"},
-        {"output", *_LIFETIME},
-    ),
-    "executable": ({"cmd"}, {"if", "unless"}, {"output", "name", *_LIFETIME}),
-    "include": ({"file"}, {"arg", "if", "unless"}, set[str]()),
+_PROCESS = {"output", "respawn", "respawn_delay", "on_exit"}  # of one that ROS starts: ignored
+_CONDITIONS = {"if", "unless"}
+_KEYS = {  # entity -> keys that it must have, others that it may have
+    "arg": ({"name"}, {"default", "description"}),
+    "let": ({"name", "value"}, set[str]()),
+    "node": ({"pkg", "exec"}, {"name", "namespace", "param", "remap"} | _CONDITIONS | _PROCESS),
+    "executable": ({"cmd"}, {"name"} | _CONDITIONS | _PROCESS),
+    "include": ({"file"}, {"arg"} | _CONDITIONS),
 }
-_ALLOWED = {  # what a text is -> how it must look, in words
-    "name": (re.compile(r"[A-Za-z_]\w*", re.ASCII), "of letters, digits and _"),
-    "namespace": (re.compile(r"/?([A-Za-z_]\w*/?)*", re.ASCII), "names between slashes"),
-    "topic": (re.compile(r"(~?/)?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII), "a topic"),
+_NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
+_NAMESPACE = re.compile(r"/?([A-Za-z_]\w*/?)*", re.ASCII)
+_TOPIC = re.compile(r"(~?/)?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
+_ALLOWED = {
+    _NAME: "of letters, digits and _",
+    _NAMESPACE: "names between slashes",
+    _TOPIC: "a topic",
 }
+_SUBSTITUTION = re.compile(r"\$\(([\w-]+)((?:\s+[^()\s]+)*)\)")
 
 
-def read_plan(path, arguments: dict[str, str], in_process: bool = True) -> Plan:
+def read_plan(path, arguments: dict[str, str]) -> Plan:
     """Read a launch file and fill in its arguments.
-
-    Args:
-        in_process: the nodes will share this process; then the argument `separate`, by which a
-            launch file asks ROS for a process per node, is true: each is a node of the plan.
 
     Raises:
         LaunchError: an unknown entity, key, substitution or argument, or a value that is missing.
     """
     given = dict(arguments)
     record, live = (given.pop(a.name, a.default) for a in (RECORD, LIVE))
-    reader = _Reader(given | ({_SEPARATE: "true"} if in_process else {}), in_process)
+    reader = _Reader(given | {_SEPARATE: "true"})  # each node is one of this process
     reader.file(Path(path))
     plan = reader.plan
     if unknown := sorted(given.keys() - plan.arguments):
         meant = did_you_mean(unknown[0], plan.arguments)
         raise LaunchError(f"{path}: argument {unknown[0]!r} is unknown{meant}")
     plan.arguments |= {a.name: a for a in (RECORD, LIVE)}
-    if _is_true(live, f"{path}: {LIVE.name}: if"):
-        plan.nodes.append(_observer(FOXGLOVE, plan, Path(path)))
+    files = plan.files()  # an observer hears all nodes, and is given the files that they have
+    if _is_true(live, f"{path}: {LIVE.name}"):
+        plan.nodes.append(NodeAction(FOXGLOVE, FOXGLOVE, "", [*files], [], Path(path)))
     if record:
-        plan.nodes.append(_observer(RECORDER, plan, Path(path), ("path", record)))
+        to = Parameter("path", record)
+        plan.nodes.append(NodeAction(RECORDER, RECORDER, "", [*files, to], [], Path(path)))
     return plan
-
-
-def _observer(kind: str, plan: Plan, file: Path, *given: tuple[str, str | None]) -> NodeAction:
-    """Return a node that hears all others, with the parameter files that they have."""
-    files = [p for action in plan.nodes for p in action.parameters if isinstance(p, ParameterFile)]
-    return NodeAction(kind, kind, "", [*dict.fromkeys(files), *given], [], file)
 
 
 class _Reader:
@@ -116,13 +132,13 @@ class _Reader:
     As in ROS 2, an included file sees all arguments, and what is set stays.
     """
 
-    def __init__(self, variables: dict[str, str], in_process: bool):
+    def __init__(self, variables: dict[str, str]):
         self.plan = Plan()
-        self._variables, self._in_process = variables, in_process
+        self._variables = variables
         self._set: set[str] = set()  # names that launch files themselves have set
         self._anonymous: dict[str, str] = {}
         self._parameter_files: dict[str, ParameterFile] = {}
-        self._including: list[Path] = []  # the file that is read, and those around it
+        self._including: list[Path] = []  # the file that is read is the last, those around it first
 
     def file(self, path: Path) -> None:
         """Carry out the entities of a launch file."""
@@ -132,47 +148,44 @@ class _Reader:
             raise LaunchError(f"launch file {path}: {error.strerror}") from error
         except FileError as error:
             raise LaunchError(f"launch file {error}") from error
-        if path.resolve() in self._including:
+        if any(path.resolve() == other.resolve() for other in self._including):
             raise LaunchError(f"launch file {path}: includes itself, by {self._including[-1]}")
-        if not (isinstance(data, dict) and set(data) == {"launch"}) or not isinstance(
-            data["launch"], list
-        ):
+        entities = data.get("launch") if isinstance(data, dict) and len(data) == 1 else None
+        if not isinstance(entities, list):
             raise LaunchError(f"launch file {path}: must hold one list named launch")
-        self._including.append(path.resolve())
-        for entity in data["launch"]:
+        self._including.append(path)
+        for entity in entities:
             kind, body = _checked(entity, path)
             where = f"{path}: {kind}"
-            if self._wanted(body, path, where):
-                getattr(self, f"_{kind}")(body, path, where)
+            if self._wanted(body, where):
+                getattr(self, f"_{kind}")(body, where)
         self._including.pop()
 
-    def _wanted(self, body: dict, path: Path, where: str) -> bool:
+    def _wanted(self, body: dict, where: str) -> bool:
         return all(
-            _is_true(self._fill(body[key], path, f"{where}: {key}"), f"{where}: {key}") is wish
+            _is_true(self._text(body, key, where), f"{where}: {key}") is wish
             for key, wish in (("if", True), ("unless", False))
             if key in body
         )
 
-    def _arg(self, body: dict, path: Path, where: str) -> None:
-        name = _named(body["name"], "name", f"{where}: name")
-        default = None
-        if "default" in body:
-            default = self._fill(body["default"], path, f"{where}: default")
+    def _arg(self, body: dict, where: str) -> None:
+        name = self._named(body, "name", where, _NAME)
+        default = self._text(body, "default", where) if "default" in body else None
         argument = Argument(name, default, str(body.get("description", "")))
         if name not in self._set:
             self.plan.arguments.setdefault(name, argument)
         if name not in self._variables:
             if default is None:
-                raise LaunchError(f"{path}: argument {name} has no default: give {name}:=value")
+                raise LaunchError(f"{where}: {name} has no default: give {name}:=value")
             self._variables[name] = default
 
-    def _let(self, body: dict, path: Path, where: str) -> None:
-        name = _named(body["name"], "name", f"{where}: name")
-        self._variables[name] = self._fill(body["value"], path, f"{where}: value")
+    def _let(self, body: dict, where: str) -> None:
+        name = self._named(body, "name", where, _NAME)
+        self._variables[name] = self._text(body, "value", where)
         self._set.add(name)
 
-    def _executable(self, body: dict, path: Path, where: str) -> None:
-        text = self._fill(body["cmd"], path, f"{where}: cmd")
+    def _executable(self, body: dict, where: str) -> None:
+        text = self._text(body, "cmd", where)
         try:
             words = shlex.split(text)
         except ValueError as error:  # an open quote
@@ -181,81 +194,97 @@ class _Reader:
             raise LaunchError(f"{where}: cmd = {shorten(text)}: must name a program")
         self.plan.commands.append(words)
 
-    def _include(self, body: dict, path: Path, where: str) -> None:
-        for item in _maps(body, "arg", {"name", "value"}, where):
-            self._let(item, path, f"{where}: arg")
-        self.file(Path(self._fill(body["file"], path, f"{where}: file")))
+    def _include(self, body: dict, where: str) -> None:
+        for item in _items(body, "arg", {"name", "value"}, where):
+            self._let(item, f"{where}: arg")
+        self.file(Path(self._text(body, "file", where)))
 
-    def _node(self, body: dict, path: Path, where: str) -> None:
-        package = self._fill(body["pkg"], path, f"{where}: pkg")
-        executable = self._fill(body["exec"], path, f"{where}: exec")
-        there, user = NODES if self._in_process else (COMPOSED, *NODES), None
-        if package == PACKAGE and executable not in there:
-            raise LaunchError(
-                f"{where} {package}/{executable}: exec: must be one of {', '.join(there)}"
-            )
-        if package != PACKAGE:
-            try:
-                user = find_user_node(package, executable)
-            except LaunchError as error:
-                raise LaunchError(f"{path}: {error}; start other programs as executable") from error
+    def _node(self, body: dict, where: str) -> None:
+        package, executable = (self._text(body, key, where) for key in ("pkg", "exec"))
         where = f"{where} {executable}"
+        if package == PACKAGE and executable not in NODES:
+            raise LaunchError(f"{where}: exec: must be one of {', '.join(NODES)}")
+        action = NodeAction(executable, executable, file=self._including[-1], package=package)
+        if "name" in body:
+            action.name = self._named(body, "name", where, _NAME)
+        if "namespace" in body:
+            action.namespace = self._named(body, "namespace", where, _NAMESPACE)
+        for item in _items(body, "param", None, where):
+            if "from" in item:
+                action.parameters.append(self._parameter_file(item, "from", where))
+            elif item["name"] == CONFIG and package == PACKAGE:
+                action.parameters.append(self._parameter_file(item, "value", where))
+            elif (value := self._value(item, where)) != "":
+                action.parameters.append(Parameter(str(item["name"]), value))
+        for item in _items(body, "remap", {"from", "to"}, where):
+            source, to = (
+                self._named(item, key, f"{where}: remap", _TOPIC) for key in ("from", "to")
+            )
+            action.remappings.append((source, to))
+        self.plan.nodes.append(action)
 
-        def named(value, what: str, key: str) -> str:
-            filled = self._fill(value, path, key) if isinstance(value, str) else value
-            return _named(filled, what, f"{where}: {key}")
-
-        parameters: list[ParameterFile | tuple[str, Any]] = []
-        for item in _maps(body, "param", None, where):
-            if set(item) == {"from"}:
-                parameters.append(
-                    self._parameter_file(self._fill(item["from"], path, f"{where}: param: from"))
-                )
-            elif set(item) != {"name", "value"}:
-                raise LaunchError(f"{where}: param {shorten(item)}: needs from, or name, value")
-            elif item["name"] == CONFIG and user is None:
-                parameters.append(
-                    self._parameter_file(
-                        self._fill(item["value"], path, f"{where}: param {CONFIG}")
-                    )
-                )
-            elif (
-                value := self._value(item["value"], path, f"{where}: param {item['name']}")
-            ) != "":
-                parameters.append((str(item["name"]), value))
-        remappings = [
-            (named(item["from"], "topic", "remap: from"), named(item["to"], "topic", "remap: to"))
-            for item in _maps(body, "remap", {"from", "to"}, where)
-        ]
-        name = named(body.get("name", executable), "name", "name")
-        namespace = named(body.get("namespace", ""), "namespace", "namespace")
-        self.plan.nodes.append(
-            NodeAction(executable, name, namespace, parameters, remappings, path, user)
-        )
-
-    def _parameter_file(self, name: str) -> ParameterFile:
+    def _parameter_file(self, item: dict, key: str, where: str) -> ParameterFile:
         """Return the parameter file of this name; one serves all nodes."""
+        name = self._text(item, key, f"{where}: param")
         if name not in self._parameter_files:
             self._parameter_files[name] = ParameterFile(name, own=True)
         return self._parameter_files[name]
 
-    def _value(self, value, path: Path, where: str):
+    def _value(self, item: dict, where: str):
         """Return a parameter's value: a text is read as YAML, as ROS 2 does.
 
         An empty text is that of an argument that was not given: what stands before it holds.
         """
-        if not isinstance(value, str) or not (text := self._fill(value, path, where)):
-            return value if not isinstance(value, str) else ""
+        if not isinstance(item["value"], str):
+            return item["value"]
+        text = self._text(item, "value", where)
         try:
-            return parse_yaml(text, f"{where} = {shorten(text)}")
+            given = f"{where}: param {item['name']} = {shorten(text)}"
+            return parse_yaml(text, given) if text else ""
         except FileError as error:
             raise LaunchError(str(error)) from error
 
-    def _fill(self, value, path: Path, where: str) -> str:
+    def _named(self, body: dict, key: str, where: str, pattern: re.Pattern) -> str:
+        text = self._text(body, key, where)
+        if not pattern.fullmatch(text):
+            raise LaunchError(f"{where}: {key} = {shorten(text)}: must be {_ALLOWED[pattern]}")
+        return text
+
+    def _text(self, body: dict, key: str, where: str) -> str:
         """Return the text of a value, its substitutions carried out."""
+        value = body[key]
         if not isinstance(value, (str, int, float)):
-            raise LaunchError(f"{where} = {shorten(value)}: must be text or a number")
-        return substitute(str(value), self._variables, path, self._anonymous)
+            raise LaunchError(f"{where}: {key} = {shorten(value)}: must be text or a number")
+        filled = _SUBSTITUTION.sub(self._substitute, str(value))
+        if "$(" in filled:
+            raise LaunchError(f"{where}: {key} = {shorten(value)}: $( is not understood")
+        return filled
+
+    def _substitute(self, found: re.Match) -> str:
+        path = self._including[-1]
+        match [found[1], *found[2].split()]:
+            case ["var", name]:
+                if name not in self._variables:
+                    known = ", ".join(self._variables) or "none"
+                    raise LaunchError(f"{path}: $(var {name}): not known here; there are: {known}")
+                return self._variables[name]
+            case ["env", name, *default] if len(default) <= 1:
+                if (there := os.environ.get(name, *default)) is None:
+                    raise LaunchError(f"{path}: $(env {name}): not set, and no default given")
+                return there
+            case ["dirname"]:
+                return str(path.resolve().parent)
+            case ["anon", name]:
+                unique = f"{name}_{os.getpid()}_{uuid.uuid4().hex[:8]}"
+                return self._anonymous.setdefault(name, unique)
+            case ["find-pkg-share", package] if package == PACKAGE:
+                return str(share_dir())
+            case ["exec-in-pkg", "tactile-skin", package] if package == PACKAGE:
+                return f"{shlex.quote(sys.executable)} -m {PACKAGE}"
+        raise LaunchError(
+            f"{path}: {found[0]}: not understood; must be $(var x), $(env X [default]), $(dirname),"
+            f" $(anon x), $(find-pkg-share {PACKAGE}) or $(exec-in-pkg tactile-skin {PACKAGE})"
+        )
 
 
 def _checked(entity, path: Path) -> tuple[str, dict]:
@@ -265,91 +294,40 @@ def _checked(entity, path: Path) -> tuple[str, dict]:
     ((kind, body),) = entity.items()
     if kind not in _KEYS:
         raise LaunchError(f"{path}: {kind}: not understood; must be one of {', '.join(_KEYS)}")
-    if not isinstance(body, dict):
-        raise LaunchError(f"{path}: {kind}: must map keys to values")
-    needed, optional, ignored = _KEYS[kind]
-    known = needed | optional | ignored
-    if unknown := sorted(body.keys() - known):
-        raise LaunchError(
-            f"{path}: {kind}: key {unknown[0]!r} is not understood; "
-            f"must be one of {', '.join(sorted(known))}"
-        )
-    if missing := sorted(needed - body.keys()):
-        raise LaunchError(f"{path}: {kind}: needs the key {missing[0]!r}")
+    _check_keys(body, *_KEYS[kind], f"{path}: {kind}")
     return kind, body
 
 
-def _maps(body: dict, key: str, keys: set[str] | None, where: str) -> list[dict]:
-    """Return a list of maps, each with these keys; None: any."""
+def _items(body: dict, key: str, keys: set[str] | None, where: str) -> list[dict]:
+    """Return a list of maps, each with these keys; None: those of a parameter."""
     items = body.get(key, [])
-    if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
+    if not isinstance(items, list):
         raise LaunchError(f"{where}: {key} = {shorten(items)}: must be a list of maps")
     for item in items:
-        if keys is not None and set(item) != keys:
-            needs = " and ".join(sorted(keys))
-            raise LaunchError(f"{where}: {key} {shorten(item)}: needs {needs}")
+        from_file = isinstance(item, dict) and "from" in item
+        _check_keys(
+            item,
+            keys or ({"from"} if from_file else {"name", "value"}),
+            set(),
+            f"{where}: {key} {shorten(item)}",
+        )
     return items
 
 
-def _named(value, what: str, where: str) -> str:
-    pattern, allowed = _ALLOWED[what]
-    if not isinstance(value, str) or not pattern.fullmatch(value):
-        raise LaunchError(f"{where} = {shorten(value)}: must be {allowed}")
-    return value
+def _check_keys(body, needed: set[str], optional: set[str], where: str) -> None:
+    if not isinstance(body, dict):
+        raise LaunchError(f"{where}: must map keys to values")
+    known = needed | optional
+    if unknown := sorted(body.keys() - known):
+        raise LaunchError(
+            f"{where}: key {unknown[0]!r} is not understood; "
+            f"must be one of {', '.join(sorted(known))}"
+        )
+    if missing := sorted(needed - body.keys()):
+        raise LaunchError(f"{where}: needs the key {missing[0]!r}")
 
 
 def _is_true(text: str | None, where: str) -> bool:
     if (said := str(text).strip().lower()) not in ("true", "false", "1", "0"):
         raise LaunchError(f"{where} = {shorten(text)}: must be true or false")
     return said in ("true", "1")
-
-
-# --- substitutions ---
-
-_SUBSTITUTION = re.compile(r"\$\(([\w-]+)((?:\s+[^()\s]+)*)\)")
-
-
-def substitute(text: str, variables: dict, path: Path, anonymous: dict) -> str:
-    """Fill in $(var x), $(env X default), $(dirname), $(anon x), $(find-pkg-share pkg) and
-    $(exec-in-pkg x pkg)."""
-
-    def value(found: re.Match) -> str:
-        match [found[1], *found[2].split()]:
-            case ["var", name]:
-                if name not in variables:
-                    known = ", ".join(variables) or "none"
-                    raise LaunchError(f"{path}: $(var {name}): not known here; there are: {known}")
-                return variables[name]
-            case ["env", name, *default] if len(default) <= 1:
-                if (there := os.environ.get(name, *default)) is None:
-                    raise LaunchError(f"{path}: $(env {name}): not set, and no default given")
-                return there
-            case ["dirname"]:
-                return str(path.resolve().parent)
-            case ["anon", name]:
-                return anonymous.setdefault(name, f"{name}_{os.getpid()}_{uuid.uuid4().hex[:8]}")
-            case ["find-pkg-share", package] if package == PACKAGE:
-                return str(share_dir())
-            case ["exec-in-pkg", name, package] if package == PACKAGE:
-                return _program(name, path)
-        raise LaunchError(
-            f"{path}: {found[0]}: not understood; must be $(var x), $(env X [default]), "
-            f"$(dirname), $(anon x), $(find-pkg-share {PACKAGE}) or $(exec-in-pkg x {PACKAGE})"
-        )
-
-    filled = _SUBSTITUTION.sub(value, text)
-    if "$(" in filled:
-        raise LaunchError(f"{path}: {text!r}: a substitution that is not understood")
-    return filled
-
-
-def _program(name: str, path: Path) -> str:
-    """Return how to start the package's command: as it was installed, else by this Python."""
-    if name != "tactile-skin":
-        raise LaunchError(f"{path}: {PACKAGE} has no program {name!r}; there is: tactile-skin")
-    built = share_dir().parents[1] / "lib" / PACKAGE / name
-    if built.exists():
-        return shlex.quote(str(built))
-    if shutil.which(name, path=tool_path()):
-        return name
-    return f"{shlex.quote(sys.executable)} -m {PACKAGE}"

@@ -1,7 +1,8 @@
-"""What the package brings: its programs, its launch and config folders."""
+"""What the package brings, its nodes, its launch and config folders, and the nodes of a user's."""
 
 from __future__ import annotations
 
+import importlib
 import os
 from pathlib import Path
 
@@ -39,19 +40,34 @@ def share_dir() -> Path:
 
 
 def find(path) -> Path:
-    """A launch file as given; a bare name that is no file here, among those of the package.
+    """A launch file as given; a bare name that is no file here, among those of the package."""
+    shipped = share_dir() / "launch" / Path(path).name
+    # who names a folder does not mean another file of the same name
+    bare = not os.path.dirname(path) and not Path(path).exists()
+    return shipped if bare and shipped.is_file() else Path(path)
+
+
+def node_class(executable: str, package: str = PACKAGE) -> type:
+    """Return the class of a node: one of ours, or one in a module of a user's.
 
     Raises:
-        LaunchError: a path to nothing whose last part is the name of one of the package.
+        LaunchError: the module cannot be imported, or has no such class.
     """
-    if Path(path).exists():
-        return Path(path)
-    shipped = share_dir() / "launch" / Path(path).name
-    if not shipped.is_file():
-        return Path(path)  # to be named when it is read
-    if os.path.dirname(path):  # who names a folder does not mean another file of the same name
+    module, name = package, executable
+    if package == PACKAGE:
+        module, name = f"{PACKAGE}.nodes.{CLASSES[executable]}".rsplit(".", 1)
+    where = f"node {package}/{executable}"
+    try:
+        found = importlib.import_module(module)
+    except (ImportError, TypeError, ValueError) as error:  # the latter of a name that is none
         raise LaunchError(
-            f"launch file {path}: does not exist; the one of {PACKAGE} is meant by its name alone: "
-            f"{shipped.name}"
-        )
-    return shipped
+            f"{where}: pkg: must be {PACKAGE} or a Python module: importing {module} failed: "
+            f"{error}; other programs are started by executable"
+        ) from error
+    kind = getattr(found, name, None)
+    if not isinstance(kind, type):
+        own = [n for n, v in vars(found).items() if isinstance(v, type)]
+        own = [n for n in own if vars(found)[n].__module__ == found.__name__]
+        there = ", ".join(own) or "none"
+        raise LaunchError(f"{where}: exec: {module} has no class {name!r}; there are: {there}")
+    return kind

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import functools
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 
 from ..errors import FileError, ParameterError, did_you_mean
@@ -15,8 +15,6 @@ from .bus import Parameter
 from .package import CLASSES, COMPOSED, NODES
 
 SHARED = ("circuit", "curve", "geometry")  # parameters that several nodes read
-
-
 # parameters that ROS itself declares and takes; what ends with a point is a prefix
 THEIRS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 CONFIG = "config"  # parameter of a program: its parameter file, which must be there
@@ -85,7 +83,7 @@ class ParameterFile:
             if concerns(section, node):
                 found |= values
         return [
-            Parameter(key, value)
+            Parameter(key, value, str(self.path))
             for key, value in found.items()
             if not (self.by_launch and value == "")
         ]
@@ -95,37 +93,36 @@ class ParameterFile:
         paths = [v.pop(CONFIG) for v in self.sections.values() if self.by_launch and CONFIG in v]
         return [ParameterFile(path, own=True) for path in paths]
 
-    def check(self, nodes: Collection[str] = (), names: Collection[str] = ()) -> None:
+    def check(self, nodes: Mapping[str, Collection[str] | None]) -> None:
         """Refuse what is misspelt, and a file that is of another package.
 
         Args:
-            nodes: names of nodes besides those that a program of this package has.
-            names: parameters of theirs, which `/**` may give.
+            nodes: name of each node that runs -> names of its parameters; None: not known yet.
 
         Raises:
             ParameterError: naming the section and the parameter.
         """
         from ..parameters.nodes import own_names, shared_names  # here: reading a file needs none
 
-        shared, shipped = shared_names(), {node: own_names(node) for node in CLASSES}
-        everyone = shared.union(*shipped.values(), names)
-        known = {"*", "**", *CLASSES, *nodes}
+        shared = shared_names()
+        known: dict[str, Collection[str] | None] = {n: own_names(n) | shared for n in CLASSES}
+        known |= nodes
+        everyone = shared.union(*filter(None, known.values()))
         if not self.own:  # ROS's: which nodes the program runs
-            known, shipped = known | {COMPOSED}, shipped | {COMPOSED: frozenset(NODES)}
+            known[COMPOSED] = shared | NODES.keys()
+        known |= dict.fromkeys(_WILDCARDS, None if None in known.values() else everyone)
         lasts = [section.rsplit("/", 1)[-1] for section in self.sections]
-        foreign = not known.intersection(lasts)
+        foreign = not known.keys() & set(lasts)
         for last, (section, values) in zip(lasts, self.sections.items(), strict=True):
             where = self.name_of(section)
             if last not in known:
                 if self.own or foreign or _misspelt(last, known):
-                    meant = did_you_mean(last, known)
-                    raise ParameterError(f"{where}: no such node{meant}")
+                    raise ParameterError(f"{where}: no such node{did_you_mean(last, known)}")
                 continue
-            wild = last in ("*", "**")
-            allowed = everyone if wild else shipped.get(last, frozenset()) | shared
-            unknown = [k for k in values if k not in allowed and not k.startswith(THEIRS)]
-            for name in unknown if wild or last in shipped else ():
-                of_skin = not wild or self.own or name.split(".")[0] in SHARED
+            if (allowed := known[last]) is None:
+                continue
+            for name in unknown_of(values, allowed):
+                of_skin = last not in _WILDCARDS or self.own or name.split(".")[0] in SHARED
                 if of_skin or _misspelt(name, allowed):
                     raise ParameterError(unknown_parameter(where, name, allowed))
 
@@ -142,9 +139,23 @@ class ParameterFile:
         if alike and not any(concerns(section, node) for section in alike):
             found = " and ".join(self._names[section] for section in alike)
             raise ParameterError(
-                f"{self.path}: {found}: is not for the node /{node.strip('/')}: "
-                f"must be /**/{name}, for any namespace, or /{node.strip('/')}"
+                f"{self.path}: {found}: is not for the node {node}: "
+                f"must be /**/{name}, for any namespace, or {node}"
             )
+
+
+def values_for(node: str, given: Iterable[ParameterFile | Parameter]) -> list[Parameter]:
+    """Return what files and single values say for the node of this full name; the last wins."""
+    found = {}
+    for item in given:
+        for p in item.overrides(node) if isinstance(item, ParameterFile) else [item]:
+            found[p.name] = p
+    return list(found.values())
+
+
+def unknown_of(names: Iterable[str], known: Collection[str]) -> list[str]:
+    """Return the names that are neither known nor ROS's own."""
+    return [name for name in names if name not in known and not name.startswith(THEIRS)]
 
 
 def unknown_parameter(where: str, name: str, known: Collection[str]) -> str:

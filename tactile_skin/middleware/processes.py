@@ -12,22 +12,18 @@ from pathlib import Path
 
 from ..errors import LaunchError
 
-PATIENCE = 3.0  # s, if none did: they may have something to save
 LAUNCHED = "TACTILE_SKIN_LAUNCHED"  # in a command's environment: its launcher holds its stdin open
-
-
-def tool_path() -> str:
-    return os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
 
 
 def start_command(command: list[str]) -> subprocess.Popen:
     """Start a command; the tools of this Python's environment come first on its PATH."""
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     try:
         return subprocess.Popen(
             command,
             # Ends with this process, however that ends: who finds LAUNCHED may wait for it.
             stdin=subprocess.PIPE,
-            env=os.environ | {"PATH": tool_path(), LAUNCHED: str(os.getpid())},
+            env=os.environ | {"PATH": path, LAUNCHED: str(os.getpid())},
             # a session of its own: Ctrl-C ends the nodes first, and they end the command
             start_new_session=True,
         )
@@ -35,17 +31,14 @@ def start_command(command: list[str]) -> subprocess.Popen:
         raise LaunchError(f"executable {shlex.join(command)}: {error.strerror}") from error
 
 
-def end_commands(processes: list[subprocess.Popen], deadline: Callable[[], float] | None = None):
+def end_commands(processes: list[subprocess.Popen], deadline: Callable[[], float]):
     """Ask them to end, and kill those that have not at `deadline()`, a monotonic time [s].
 
-    It is asked for again and again; None: 3 s from now.
+    It is asked for again and again.
     """
-    patience = time.monotonic() + PATIENCE
     for process in processes:
         process.terminate()
-    while any(process.poll() is None for process in processes):
-        if time.monotonic() >= (deadline() if deadline else patience):
-            break
+    while any(process.poll() is None for process in processes) and time.monotonic() < deadline():
         time.sleep(0.005)
     for process in processes:
         process.kill()

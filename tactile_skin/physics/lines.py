@@ -9,9 +9,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse import csgraph
-from scipy.sparse.linalg import splu
 
 from . import laplacian
 from .arrays import Floats
@@ -80,6 +77,11 @@ def solve(g: Floats, r_row: Floats, r_col: Floats) -> Lines:
         g: (rows, cols) conductance of the cells [S], 0 where there is none.
         r_row, r_col: (rows,) and (cols,) resistance of each stripe from lead to far end [ohm].
     """
+    # Here: most skins have no such stripes, and a simulated board starts sooner without.
+    from scipy import sparse
+    from scipy.sparse import csgraph
+    from scipy.sparse.linalg import splu
+
     rows, cols = g.shape
     on_row = np.arange(g.size).reshape(g.shape)
     on_col = on_row + g.size

@@ -98,12 +98,11 @@ class Replay:
         plan = _plan(config)
         self._actions = {f"/{action.name}": action for action in plan.nodes}
         for action in plan.nodes:
-            known = dict(action.parameters)
-            values = {} if config else self._recorded(action.executable, known)
+            values = {} if config else self._recorded(action.executable, action.values())
             values |= (parameters or {}).get(action.executable, {})
             if action.executable == "compensation":
                 values |= {"time_limit": _PATIENT} | ({"method": method} if method else {})
-            action.parameters = list((known | values).items())
+            action.give(values)
         self.driven = Driven(plan, max(begin, source.span[0]))
         self.cell_area = self.driven.nodes["gesture_feature"].geometry.cell_area
         self._unknown = np.full(self.cell_area.shape, np.nan)
@@ -120,7 +119,7 @@ class Replay:
         Raises:
             FileError, OSError: the file cannot be made.
         """
-        values = {name: dict(a.parameters) for name, a in self._actions.items()}
+        values = {name: a.values() for name, a in self._actions.items()}
         attachments = configuration.attachments(values)
         now = self.driven.now
         self._writer = writer = Writer(path, attachments, now())
@@ -210,5 +209,6 @@ def _plan(config) -> Plan:
     values = parameters_of(skin._handles)
     plan.nodes = [action for action in plan.nodes if action.executable in _NODES]
     for action in plan.nodes:
-        action.parameters = list(values[f"/{action.name}"].items())
+        action.parameters.clear()
+        action.give(values[f"/{action.name}"])
     return plan

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from pathlib import Path
 
 import numpy as np
 
-from ..middleware.bus import Context, Node, Parameter, SingleThreadedExecutor
+from ..middleware.bus import Context, MultiThreadedExecutor, Node, Parameter
 from ..middleware.config import adc_of, declared
 from ..middleware.parameter_file import ParameterFile
 from ..msg import Image, image_array
@@ -61,7 +60,7 @@ class Live:
     """Frames of a board, through the same driver node as on the robot."""
 
     def __init__(self, source: Path | str | None, overrides: dict):
-        self._executor, self._context = SingleThreadedExecutor(), Context()
+        self._executor, self._context = MultiThreadedExecutor(), Context()
         parameters = ParameterFile(source).overrides("/serial_driver") if source else []
         parameters += [Parameter(name, value) for name, value in overrides.items()]
         node = Node("serial_driver", context=self._context, parameter_overrides=parameters)
@@ -70,10 +69,7 @@ class Live:
         self._adc = adc_of(declared(listener, Shared).circuit)
         self._frames: list[np.ndarray] = []
         listener.create_subscription(Image, "skin/adc", self._on_adc, QUEUE)
-        for each in (node, listener):
-            self._executor.add_node(each)
-        self._thread = threading.Thread(target=self._executor.spin, daemon=True)
-        self._thread.start()
+        self._executor.add_node(node, listener)
 
     @property
     def counters(self):

@@ -11,7 +11,6 @@ from functools import lru_cache
 from importlib.resources import as_file, files
 
 import numpy as np
-from scipy.ndimage import gaussian_filter, map_coordinates
 
 _FINE = 8  # points a cell and side, of which the pressure is the mean
 _LOAD = 30.0, 1000.0  # g a cell, lightest and heaviest body
@@ -62,6 +61,8 @@ def _scene(y: np.ndarray, x: np.ndarray, half, rng) -> np.ndarray:
 
 
 def _texture(shape, rng) -> np.ndarray:
+    from scipy.ndimage import gaussian_filter  # here: most simulated boards feel no bodies
+
     grain = gaussian_filter(rng.standard_normal(shape), _GRAIN)
     return np.maximum(1.0 + _TEXTURE * grain / grain.std(), 0.1)
 
@@ -78,6 +79,8 @@ def pictures(n: int, rows: int, cols: int, rng: np.random.Generator) -> np.ndarr
 
     Each is scaled, turned and cropped to the skin; its heaviest cell bears 30 to 1000 g.
     """
+    from scipy.ndimage import map_coordinates
+
     recorded = _recorded()
     y, x = (np.mgrid[0 : rows * _FINE, 0 : cols * _FINE] + 0.5) / _FINE
     y, x = y - rows / 2, x - cols / 2  # cells, from the skin's middle

@@ -10,19 +10,17 @@ import pytest
 from tactile_skin.middleware.bus import (
     Context,
     DurabilityPolicy,
-    FloatingPointRange,
-    IntegerRange,
     ManualClock,
     MultiThreadedExecutor,
     Node,
     Parameter,
-    ParameterDescriptor,
     ParameterError,
     QoSProfile,
     SingleThreadedExecutor,
     Time,
 )
 from tactile_skin.msg import Bool, Float32, Trigger
+from tactile_skin.parameters.fields import About
 
 PATIENCE = 20.0  # s, for what must happen; how fast it does is not tested
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -89,13 +87,6 @@ def test_signature_is_rclpys(method):
     assert parameters == ["self", *RCLPY[method]]
 
 
-def test_a_nodes_constructor_takes_rclpys_names():
-    parameters = inspect.signature(Node).parameters
-    assert next(iter(parameters)) == "node_name"
-    rclpys = {"context", "cli_args", "namespace", "parameter_overrides"}
-    assert {n for n, p in parameters.items() if p.kind is p.KEYWORD_ONLY} == rclpys
-
-
 # --- topics ---
 
 
@@ -111,27 +102,6 @@ def test_a_message_reaches_every_subscriber_once(bench):
     assert first == second == [message]
     bench.spin()
     assert len(first) == 1
-
-
-def test_publish_only_queues(bench):
-    """The callback runs in its executor, not in the publisher's call."""
-    seen = []
-    node = bench.node()
-    node.create_subscription(Float32, "t", seen.append, 10)
-    node.create_publisher(Float32, "t", 10).publish(Float32())
-    assert seen == []
-
-
-def test_messages_of_several_topics_keep_their_order(bench):
-    seen, node = [], bench.node()
-    publishers = {}
-    for name in "ab":
-        node.create_subscription(Float32, name, lambda m, n=name: seen.append((n, m.data)), 10)
-        publishers[name] = node.create_publisher(Float32, name, 10)
-    for k, name in enumerate("abba"):
-        publishers[name].publish(Float32(k))
-    bench.spin()
-    assert seen == [("a", 0), ("b", 1), ("b", 2), ("a", 3)]
 
 
 def test_spin_some_runs_what_callbacks_bring_about(bench):
@@ -250,20 +220,12 @@ def test_names_are_resolved_as_in_ros(bench, namespace, topic, full):
     assert node.create_publisher(Float32, topic, 1).topic_name == full
 
 
-def test_a_nodes_full_name(bench):
-    node = bench.node("driver", namespace="left")
-    assert (node.get_name(), node.get_namespace()) == ("driver", "/left")
-    assert node.get_fully_qualified_name() == "/left/driver"
-    root = bench.node("driver")
-    assert (root.get_namespace(), root.get_fully_qualified_name()) == ("/", "/driver")
-
-
 def test_remapping(bench):
-    """Of relative, absolute and private names, of topics and services."""
+    """Of relative, absolute and private names, of topics and services; the first rule counts."""
     node = bench.node(
         "driver",
         namespace="left",
-        cli_args=["--ros-args", "-r", "adc:=raw", "--remap", "~/x:=/y", "-r", "/a:=b"],
+        remappings=[("adc", "raw"), ("~/x", "/y"), ("/a", "b"), ("/a", "not")],
     )
     assert node.resolve_topic_name("adc") == "/left/raw"
     assert node.resolve_topic_name("/left/adc") == "/left/raw"
@@ -271,12 +233,10 @@ def test_remapping(bench):
     assert node.resolve_topic_name("/a") == "/left/b"
     assert node.resolve_topic_name("other") == "/left/other"
     assert node.create_service(Trigger, "adc", print).srv_name == "/left/raw"
-
-
-@pytest.mark.parametrize("args", [["-p", "a:=1"], ["-r"], ["-r", "a=b"], ["adc:=raw"]])
-def test_other_arguments_are_refused(args):
-    with pytest.raises(ValueError, match="cli_args"):
-        Node("n", context=Context(), cli_args=args)
+    rules = [("rostopic://~/reset", "/a"), ("rosservice://~/reset", "/b")]
+    node = bench.node("n", remappings=rules)
+    assert node.resolve_topic_name("~/reset") == "/a"
+    assert node.resolve_service_name("~/reset") == "/b"
 
 
 # --- timers ---
@@ -305,17 +265,6 @@ def test_missed_ticks_are_skipped(bench):
     assert len(calls) == 2
 
 
-def test_a_timer_is_called_exactly_when_due(bench):
-    calls = []
-    bench.node().create_timer(0.5, lambda: calls.append(1))
-    bench.spin()
-    assert calls == []
-    bench.spin(0.5)
-    assert calls == [1]
-    bench.spin()
-    assert calls == [1]
-
-
 def test_a_cancelled_timer_is_silent_until_reset(bench):
     calls = []
     timer = bench.node().create_timer(0.1, lambda: calls.append(1))
@@ -327,20 +276,6 @@ def test_a_cancelled_timer_is_silent_until_reset(bench):
     assert calls == []
     bench.spin(0.01)
     assert calls == [1]
-
-
-def test_a_timer_may_cancel_itself(bench):
-    calls, node = [], bench.node()
-
-    def once():
-        calls.append(1)
-        timer.cancel()
-
-    timer = node.create_timer(0.1, once)
-    bench.spin(1.0)
-    bench.spin(1.0)
-    assert calls == [1]
-    assert node.callback_errors == 0
 
 
 @pytest.mark.parametrize("period", [0, -1.0, float("nan")])
@@ -410,15 +345,6 @@ def test_slow_timers_take_turns_among_themselves(bench):
     assert all(len(set(calls[k : k + 4])) == 4 for k in range(0, 100, 4))
 
 
-def test_spinning_once_ends_though_a_timer_is_always_due(bench):
-    calls, node = [], bench.node()
-    slow_timer(bench, node, calls)
-    bench.spin()
-    assert calls == ["timer"]
-    bench.executor.spin_once(timeout_sec=0)
-    assert calls == ["timer"] * 2
-
-
 # --- services ---
 
 
@@ -430,7 +356,6 @@ def answer(request, response):
 def test_a_service_answers(bench):
     bench.node("server").create_service(Trigger, "reset", answer)
     client = bench.node("client").create_client(Trigger, "reset")
-    assert client.service_is_ready()
     future = client.call_async(Trigger.Request())
     assert not future.done()
     bench.spin()
@@ -452,7 +377,6 @@ def test_the_asker_gets_the_servers_exception(bench):
 
 def test_a_service_that_nobody_offers_is_an_error(bench):
     client = bench.node().create_client(Trigger, "reset")
-    assert not client.service_is_ready()
     with pytest.raises(RuntimeError, match="service /reset is not offered"):
         client.call_async(Trigger.Request())
 
@@ -472,7 +396,6 @@ def test_the_asker_hears_that_the_server_went(bench):
     server.destroy_node()
     with pytest.raises(RuntimeError, match="its node is gone"):
         future.result(0)
-    assert not client.service_is_ready()
 
 
 def test_a_question_that_was_withdrawn_is_not_asked(bench):
@@ -536,77 +459,40 @@ def test_requests_that_were_withdrawn_take_no_place(bench):
 # --- parameters ---
 
 
-def declared(value, default, **ranges):
+def declared(value, default, **about):
     node = Node("driver", context=Context(), parameter_overrides=[Parameter("p", value)])
-    return node.declare_parameter("p", default, ParameterDescriptor(**ranges)).value
-
-
-def test_a_default_holds_unless_overridden():
-    node = Node("driver", context=Context(), parameter_overrides=[Parameter("a", 2)])
-    assert node.declare_parameter("a", 1).value == 2
-    assert node.declare_parameter("b", 1).value == 1
-    assert node.get_parameter("a") == Parameter("a", 2)
+    return node.declare_parameter("p", default, About("", "", **about)).value
 
 
 @pytest.mark.parametrize(
     ("value", "default"),
-    [(True, False), (3, 1), (2.5, 1.0), ("x", ""), ([1.0], []), (["a"], ["b"])],
+    [(True, False), (3, 1), ("x", ""), ([1.0], []), (["a"], ["b"]), (3, 1.0), ([1, 2.5], [0.0])],
 )
 def test_a_value_of_the_defaults_type_is_taken(value, default):
-    assert declared(value, default) == value
-
-
-@pytest.mark.parametrize(("value", "default"), [(3, 1.0), ([1, 2.5], [0.0])])
-def test_whole_numbers_are_floats_where_floats_are_wanted(value, default):
-    """In YAML, 3 is an integer."""
+    """In YAML, 3 is an integer: a float where floats are wanted."""
     taken = declared(value, default)
-    flat = taken if isinstance(taken, list) else [taken]
-    assert all(type(v) is float for v in flat)
     assert taken == value
+    first, wanted = (v[0] if isinstance(v, list) and v else v for v in (taken, default))
+    assert wanted == [] or type(first) is type(wanted)
 
 
 @pytest.mark.parametrize(
     ("value", "default"),
-    [
-        (1.5, 1),
-        (True, 1),
-        (1, True),
-        (True, 1.0),
-        ("1", 1),
-        (1, "1"),
-        (None, 1.0),
-        (None, ""),
-        (1.0, [1.0]),
-        ([1.0], 1.0),
-        (["a"], [1.0]),
-        ([True], [1]),
-        ([1.5], [1]),
-        ({"a": 1}, 1.0),
-    ],
+    [(1.5, 1), (True, 1), (1, True), ("1", 1), (None, ""), (1.0, [1.0]), (["a"], [1.0])],
 )
 def test_a_value_of_another_type_is_refused_by_name(value, default):
     with pytest.raises(ParameterError, match=r"parameter p of node driver = .*: must be"):
         declared(value, default)
 
 
-@pytest.mark.parametrize("value", [0.0, 0.5, 1, [0.0, 1.0]])
-def test_values_within_the_range_are_taken(value):
-    default = [0.5] if isinstance(value, list) else 0.5
-    assert declared(value, default, floating_point_range=[FloatingPointRange(0.0, 1.0)]) == value
-
-
 @pytest.mark.parametrize("value", [-0.1, 1.1, float("nan"), float("inf"), [0.5, 2.0]])
 def test_values_outside_the_range_are_refused(value):
     default = [0.5] if isinstance(value, list) else 0.5
+    assert declared([0.0, 1.0], [0.5], low=0.0, high=1.0) == [0.0, 1.0]
     with pytest.raises(
         ParameterError, match=r"p of node driver = .*: must be (finite|from 0\.0 to 1\.0)"
     ):
-        declared(value, default, floating_point_range=[FloatingPointRange(0.0, 1.0)])
-
-
-def test_integers_have_ranges_too():
-    with pytest.raises(ParameterError, match="= 65: must be from 1 to 64"):
-        declared(65, 16, integer_range=[IntegerRange(1, 64)])
+        declared(value, default, low=0.0, high=1.0)
 
 
 def test_undeclared_parameters_are_errors_and_listed():
@@ -739,13 +625,6 @@ def test_time_to_message_and_back():
     time = Time(12 * 10**9 + 34)
     assert (time.to_msg().sec, time.to_msg().nanosec) == (12, 34)
     assert Time.from_msg(time.to_msg()) == time
-    assert (Time(50) - Time(20)).nanoseconds == 30
-
-
-def test_the_clock_is_driven():
-    clock = ManualClock(5.0)
-    clock.advance(0.25)
-    assert clock.now() == Time(5_250_000_000)
 
 
 # --- executors and shutdown ---
@@ -807,23 +686,6 @@ def test_callbacks_of_one_node_never_overlap(threads):
     assert node_threads == {"node n"}
 
 
-def test_a_thread_lives_on_after_an_exception(threads):
-    seen = threading.Event()
-
-    def callback(message):
-        if message.data == 0:
-            raise ValueError("bad")
-        seen.set()
-
-    node = Node("n", context=Context())
-    node.create_subscription(Float32, "t", callback, 10)
-    threads.add_node(node)
-    publisher = node.create_publisher(Float32, "t", 10)
-    publisher.publish(Float32(0))
-    publisher.publish(Float32(1))
-    assert seen.wait(PATIENCE)
-
-
 def test_timers_run_in_threads_too(threads):
     called = threading.Event()
     node = Node("n", context=Context())
@@ -866,42 +728,6 @@ def test_a_destroyed_node_is_gone(bench):
     assert seen == []
     other.create_service(Trigger, "reset", answer)  # the name is free again
     node.destroy_node()  # twice does no harm
-
-
-def test_spin_ends_with_its_context():
-    context = Context()
-    node, executor = Node("n", context=context), SingleThreadedExecutor()
-    executor.add_node(node)
-    node.create_timer(0.001, context.try_shutdown)
-    spinning = threading.Thread(target=executor.spin)
-    spinning.start()
-    assert context.wait(PATIENCE)
-    spinning.join(PATIENCE)
-    assert not spinning.is_alive()
-    assert not context.ok()
-
-
-def test_spin_ends_at_shutdown():
-    executor, context = SingleThreadedExecutor(), Context()
-    executor.add_node(Node("n", context=context))
-    spinning = threading.Thread(target=executor.spin)
-    spinning.start()
-    executor.shutdown()
-    spinning.join(PATIENCE)
-    assert not spinning.is_alive()
-    assert context.ok()
-
-
-def test_spin_once_waits_for_a_message(bench):
-    """One that another thread publishes while it waits."""
-    seen, node = [], bench.node()
-    node.create_subscription(Float32, "t", seen.append, 10)
-    publisher = node.create_publisher(Float32, "t", 10)
-    other = threading.Timer(0.01, lambda: publisher.publish(Float32(1.0)))
-    other.start()
-    bench.executor.spin_once(timeout_sec=PATIENCE)
-    other.join()
-    assert values(seen) == [1.0]
 
 
 def test_nodes_share_a_context_unless_given_one():

@@ -41,7 +41,7 @@ def test_a_file_says_how_the_matrix_is_read(tmp_path):
     circuit = read_skin(write(tmp_path, text)).circuit
     assert (circuit.readout, circuit.driven) == ("loaded", "columns")
     text = SKIN.replace("r_par: 100.0", "readout: half open", 1)
-    with pytest.raises(ValueError, match=r"mine.yaml.*readout = 'half open'.*floating, loaded"):
+    with pytest.raises(ValueError, match=r"mine.yaml: .*readout of node .* = 'half open'.*loaded"):
         read_skin(write(tmp_path, text))
 
 

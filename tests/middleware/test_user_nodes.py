@@ -1,10 +1,9 @@
-"""A launch file starts nodes of other packages: entry points, or classes of a module."""
+"""A launch file starts nodes of other packages: classes of a module."""
 
 import pytest
 
-from tactile_skin import ros
-from tactile_skin.errors import LaunchError, RosError
-from tactile_skin.launch import launch, read_plan
+from tactile_skin.errors import LaunchError
+from tactile_skin.launch import launch
 from tactile_skin.msg import Bool
 
 CODE = """
@@ -34,21 +33,12 @@ def write(tmp_path, monkeypatch):
         path.write_text(NODE % (package, executable))
         return path
 
-    yield write
+    return write
 
 
-@pytest.fixture
-def installed(tmp_path, write):
-    """The distribution Robot-Lamps, whose node `lamp` is skin_lamps.Lamp."""
-    info = tmp_path / "robot_lamps-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: Robot-Lamps\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[tactile_skin.nodes]\nlamp = skin_lamps:Lamp\n")
-
-
-def runs(path) -> None:
+def test_a_class_of_a_module(write):
     seen = []
-    with launch(path) as skin:
+    with launch(write("skin_lamps", "Lamp")) as skin:
         skin.node.create_subscription(Bool, "left/lamp", seen.append, 10)
         for _ in range(200):
             if seen:
@@ -57,55 +47,21 @@ def runs(path) -> None:
     assert seen[0] == Bool(False)
 
 
-def test_a_class_of_a_module(write):
-    runs(write("skin_lamps", "Lamp"))
-
-
-@pytest.mark.usefixtures("installed")
-@pytest.mark.parametrize("package", ["robot_lamps", "Robot-Lamps", "skin_lamps"])
-def test_an_entry_point_of_an_installed_package(write, package):
-    """Its package is named as it is installed, or as it is imported."""
-    runs(write(package, "lamp"))
-
-
-def refused(path) -> str:
+@pytest.mark.parametrize(
+    ("package", "executable", "named"),
+    [
+        ("no_such.module", "Lamp", "pkg: must be tactile_skin or a Python module: importing"),
+        ("..", "Lamp", "importing .. failed"),
+        ("skin_broken", "Lamp", "failed: No module named 'no_such_module_at_all'"),
+        ("skin_lamps", "lamp", "exec: skin_lamps has no class 'lamp'; there are: Lamp"),
+    ],
+)
+def test_what_is_no_node_is_refused_by_name(write, package, executable, named):
+    path = write(package, executable)
     with pytest.raises(LaunchError) as error, launch(path):
         pass
-    assert str(error.value).startswith(f"{path}: node ")
-    return str(error.value)
-
-
-@pytest.mark.usefixtures("installed")
-def test_a_package_that_is_not_there(write):
-    message = refused(write("no_such_package", "lamp"))
-    assert "no_such_package/lamp: pkg: no installed package of this name" in message
-    assert (
-        "tactile_skin.nodes (there are: Robot-Lamps)" in message and "no Python module" in message
-    )
-
-
-@pytest.mark.parametrize("package", ["..", "a b", "no_such.module", "skin_lamps.none"])
-def test_a_package_that_cannot_be_one(write, package):
-    assert "pkg: " in refused(write(package, "lamp"))
-
-
-@pytest.mark.usefixtures("installed")
-def test_an_entry_point_that_the_package_does_not_have(write):
-    assert "exec: robot_lamps has no node of this name; there are: lamp" in refused(
-        write("robot_lamps", "lmap")
-    )
-
-
-@pytest.mark.parametrize("name", ["Lmap", "lamp"])
-def test_a_class_that_the_module_does_not_have(write, name):
-    assert f"exec: skin_lamps has no class {name!r}; there are: Lamp" in refused(
-        write("skin_lamps", name)
-    )
-
-
-def test_a_module_that_cannot_be_imported(write):
-    message = refused(write("skin_broken", "Lamp"))
-    assert "importing skin_broken failed: No module named 'no_such_module_at_all'" in message
+    assert str(error.value).startswith(f"{path}: node {package}/{executable}: ")
+    assert named in str(error.value)
 
 
 def test_an_unknown_parameter_of_it_is_refused(write):
@@ -116,9 +72,3 @@ def test_an_unknown_parameter_of_it_is_refused(write):
         launch(path),
     ):
         pass
-
-
-def test_processes_on_ros_refuse_it(write):
-    plan = read_plan(write("skin_lamps", "Lamp"), {})
-    with pytest.raises(RosError, match=r"mine\.launch\.yaml: node skin_lamps/Lamp: --ros starts"):
-        ros.launch_processes(plan)

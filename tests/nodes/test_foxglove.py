@@ -238,5 +238,5 @@ def test_any_launch_file_may_have_it():
 
     assert FOXGLOVE not in kinds() + kinds(foxglove="false")
     assert FOXGLOVE in kinds(foxglove="true") and kinds(foxglove="true", record="x")[-2] == FOXGLOVE
-    with pytest.raises(LaunchError, match="foxglove: if = 'x': must be true or false"):
+    with pytest.raises(LaunchError, match="foxglove = 'x': must be true or false"):
         kinds(foxglove="x")

@@ -137,7 +137,7 @@ class Chain:
         raise AssertionError(f"stopped is {self.stopped} after {at_most} frames: {self.reason}")
 
     def errors(self) -> int:
-        return sum(n.callback_errors for n in self.executor._nodes)
+        return sum(n.callback_errors for n, _ in self.executor._nodes)
 
     def report(self, level, message="", name="elsewhere") -> None:
         status = DiagnosticStatus(level, name, message, "tactile_skin")
@@ -579,7 +579,7 @@ def test_the_chain_finds_the_force_of_two_fingers():
 
 
 def test_an_unknown_method_is_refused():
-    with pytest.raises(ValueError, match=r"method = 'magic': must be one of .*cnn"):
+    with pytest.raises(ValueError, match=r"method of node .* = 'magic': must be one of .*cnn"):
         Chain("magic")
 
 
@@ -717,7 +717,7 @@ def test_a_board_of_another_size_is_an_error_and_gives_no_reading(driven, wrong)
     ("wrong", "named"),
     [
         ({"port": "/dev/ttyNONE0"}, "port /dev/ttyNONE0: does not exist"),
-        ({"protocol": "morse"}, "protocol = 'morse': must be one of binary, text"),
+        ({"protocol": "morse"}, "protocol of node .* = 'morse': must be one of binary, text"),
         ({"baud": 0}, "baud of node serial_driver = 0: must be from 300"),
     ],
 )

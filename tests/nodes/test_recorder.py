@@ -15,12 +15,11 @@ import yaml
 from support.simulated import CIRCUIT, PATIENCE, make_board, serving
 
 from tactile_skin import PressureCurve
-from tactile_skin.errors import FileError, RosError
-from tactile_skin.launch import find, launch, read_plan
+from tactile_skin.errors import FileError
+from tactile_skin.launch import launch
 from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Image
 from tactile_skin.recording import Recording
 from tactile_skin.replay.replay import Replay
-from tactile_skin.ros import launch_processes
 from tactile_skin.simulation import scenes, simulator
 
 pytest.importorskip("mcap")
@@ -154,12 +153,6 @@ def test_a_file_that_is_there_ends_the_launch_before_it_begins(tmp_path, config)
     with pytest.raises(ValueError, match="is there already"):
         skin.__enter__()
     assert path.read_bytes() == b""
-
-
-def test_on_ros_it_says_what_records_there():
-    plan = read_plan(find("skin.launch.yaml"), {"port": "loop://", "record": "a.mcap"})
-    with pytest.raises(RosError, match="ros2 bag record"):
-        launch_processes(plan)
 
 
 def test_a_full_disk_is_in_the_summary_and_in_the_status(tmp_path):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.interpolate import PchipInterpolator
 
 from tactile_skin import PressureCurve
 from tactile_skin.physics.curve import GRAM
@@ -21,6 +22,16 @@ def test_passes_through_the_default_points():
     grams = np.array([0, 5, 10, 20, 50, 100, 200, 500, 1000])
     ohm = [40000, 12000, 6500, 3500, 1500, 800, 420, 170, 85]
     np.testing.assert_allclose(CURVE.resistance(grams * GRAM), ohm, rtol=1e-9)
+
+
+@given(st.lists(st.floats(0.01, 3.0), min_size=2, max_size=12), st.randoms())
+def test_between_its_points_it_is_scipys_pchip(falls, dice):
+    """An independent computation of the same cubic."""
+    resistance = 10.0 * np.exp(np.cumsum(falls)[::-1])
+    force = np.concatenate([[0.0], np.cumsum([dice.uniform(0.01, 5.0) for _ in falls[1:]])])
+    curve = PressureCurve(force, resistance)
+    theirs = PchipInterpolator(np.sqrt(force), np.log(resistance))(curve._root)
+    np.testing.assert_allclose(-curve._log_g, theirs, rtol=1e-12)
 
 
 def test_falls_everywhere():

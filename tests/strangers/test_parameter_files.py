@@ -79,9 +79,7 @@ def launched(path):
 
 
 def of_program(words):
-    return ros.Program(
-        "skin", ros.plan_of("skin", split_arguments(["--ros-args", *words])[1])
-    ).build()
+    return Skin(ros.plan_of("skin", split_arguments(["--ros-args", *words])[1])).build()
 
 
 def by_ros2_launch(path):

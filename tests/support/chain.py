@@ -43,7 +43,7 @@ class Chain:
         given["compensation"].setdefault("time_limit", _PATIENT)
         given["gesture_feature"].setdefault("geometry.shape", "plane")
         for action in plan.nodes:
-            action.parameters += list(given.get(action.executable, {}).items())
+            action.give(given.get(action.executable, {}))
         self._driven = Driven(plan, _EPOCH)
         self._driver = self._driven.nodes["serial_driver"]
         self._area = self._driven.nodes["gesture_feature"].geometry.cell_area

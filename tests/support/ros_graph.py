@@ -20,9 +20,11 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
+import yaml
 
-from tactile_skin import launch, ros
+from tactile_skin import launch
 from tactile_skin.board.protocol import BinaryParser, encode
+from tactile_skin.middleware.parameter_file import ParameterFile
 from tactile_skin.physics.circuit import Circuit
 from tactile_skin.physics.curve import PressureCurve
 from tactile_skin.simulation import scenes, simulator
@@ -162,7 +164,7 @@ class Graph:
             )
 
     def start_node(self, action: launch.NodeAction) -> None:
-        self.start(action.name, ros.command(action))
+        self.start(action.name, command(action))
 
     def log(self, name: str) -> Path:
         """What a process has printed."""
@@ -237,11 +239,22 @@ def plan_of(port: str, **parameters) -> dict[str, launch.NodeAction]:
     plan = launch.read_plan(launch.find("skin.launch.yaml"), {"port": port})
     nodes = {a.name: a for a in plan.nodes if a.executable != "monitor"}
     for name, values in parameters.items():
-        nodes[name].parameters += values.items()
+        nodes[name].give(values)
     return nodes
 
 
-def programs(port: str, separate: bool) -> list[launch.NodeAction]:
-    """What skin.launch.yaml starts on ROS, without the monitor."""
-    given = {"port": port, "monitor": "false", "separate": str(separate).lower()}
-    return launch.read_plan(launch.find("skin.launch.yaml"), given, in_process=False).nodes
+def command(action: launch.NodeAction) -> list[str]:
+    """The command line that starts a node of a launch file, as `ros2 launch` would."""
+    words = []
+    for item in action.parameters:
+        if isinstance(item, ParameterFile):
+            words += ["-p", f"config:={item.path.resolve()}"]
+        else:
+            value = yaml.safe_dump(item.value, default_flow_style=True, width=sys.maxsize)
+            words += ["-p", f"{item.name}:={value.splitlines()[0]}"]
+    return program(action.executable, *words)
+
+
+def program(name: str, *words: str) -> list[str]:
+    """A program of `ros2 run tactile_skin`, with ROS's arguments."""
+    return [sys.executable, "-m", "tactile_skin.ros", name, "--ros-args", *words]

@@ -1,21 +1,20 @@
 """Topics, services, timers and parameters within one process, with rclpy's signatures.
 
-A node written against this module runs unchanged on rclpy's Node. What differs is chosen for a
-robot's stop: queues are bounded and drop the oldest (counted), a callback that raises is logged,
-counted and isolated, and `MultiThreadedExecutor` gives each node a thread of its own, so that a
-slow subscriber delays nobody but itself.
+A node written against this module runs unchanged on rclpy's Node, but for the descriptors of its
+parameters, which are `parameters.fields.About`. What else differs is chosen for a robot's stop:
+queues are bounded and drop the oldest (counted), a callback that raises is logged, counted and
+isolated, and `MultiThreadedExecutor` gives each node a thread of its own, so that a slow subscriber
+delays nobody but itself.
 """
 
 from .calls import Client, Service, Timer
-from .clock import Clock, Duration, ManualClock, Time
+from .clock import Clock, ManualClock, Time
 from .executors import MultiThreadedExecutor, SingleThreadedExecutor
 from .node import Node
 from .parameters import (
+    ANYTHING,
     SET_PARAMETERS,
-    FloatingPointRange,
-    IntegerRange,
     Parameter,
-    ParameterDescriptor,
     ParameterError,
     SetParameters,
 )
@@ -31,19 +30,16 @@ from .topics import (
 )
 
 __all__ = [
+    "ANYTHING",
     "SET_PARAMETERS",
     "Client",
     "Clock",
     "Context",
     "DurabilityPolicy",
-    "Duration",
-    "FloatingPointRange",
-    "IntegerRange",
     "ManualClock",
     "MultiThreadedExecutor",
     "Node",
     "Parameter",
-    "ParameterDescriptor",
     "ParameterError",
     "Publisher",
     "QoSProfile",

@@ -75,9 +75,6 @@ class Client:
     def __init__(self, node: Node, srv_type: type, name: str):
         self.srv_type, self.srv_name, self._context = srv_type, name, node.context
 
-    def service_is_ready(self) -> bool:
-        return self.srv_name in self._context._services
-
     def call_async(self, request) -> Future:
         """Ask; the Future gets the response, or the exception that the server raised.
 

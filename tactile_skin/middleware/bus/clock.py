@@ -9,11 +9,6 @@ from ... import msg
 
 
 @dataclass(frozen=True, order=True)
-class Duration:
-    nanoseconds: int = 0
-
-
-@dataclass(frozen=True, order=True)
 class Time:
     nanoseconds: int = 0
 
@@ -23,9 +18,6 @@ class Time:
     @classmethod
     def from_msg(cls, stamp: msg.Time) -> Time:
         return cls(stamp.sec * 10**9 + stamp.nanosec)
-
-    def __sub__(self, other: Time) -> Duration:
-        return Duration(self.nanoseconds - other.nanoseconds)
 
 
 class Clock:

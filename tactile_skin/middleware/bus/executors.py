@@ -2,51 +2,39 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 
 from .node import Node
-from .turns import Turns, Wake
+from .turns import Turns
 
 
 class SingleThreadedExecutor:
     """Runs the callbacks of its nodes in the calling thread."""
 
     def __init__(self):
-        self._nodes: list[Node] = []
-        self._wake = Wake()
-        self._stop = False
+        self._nodes: list[tuple[Node, Turns]] = []
 
     def add_node(self, node: Node) -> None:
-        node._wake = self._wake
-        self._nodes.append(node)
+        self._nodes.append((node, Turns((node,))))
 
     def spin_some(self) -> None:
-        """Call everything that is due now, what that brings about included; never waits."""
-        now = self._now()
-        while any([node._run_ready(at) for node, at in now]):
+        """Call everything that is due now, what that brings about included; never waits.
+
+        What becomes due while others run is not waited for.
+        """
+        now = [(turns, node.context.clock.now().nanoseconds) for node, turns in self._nodes]
+        while any([_run_all(turns, at) for turns, at in now]):
             pass
 
-    def _now(self) -> list[tuple[Node, int]]:
-        """Each node and its time [ns]: what becomes due while others run is not waited for."""
-        return [(node, node.context.clock.now().nanoseconds) for node in self._nodes]
 
-    def spin_once(self, timeout_sec: float | None = None) -> None:
-        """Call what is due; wait for it at most so long."""
-        self._wake.clear()
-        if not any([node._run_ready(at) for node, at in self._now()]):
-            self._wake.wait(_soonest(self._nodes, timeout_sec))
-            for node, at in self._now():
-                node._run_ready(at)
-
-    def spin(self) -> None:
-        """Run until `shutdown`, or until the context of the nodes goes down."""
-        while not self._stop and all(node.context.ok() for node in self._nodes):
-            self.spin_once(timeout_sec=0.1)
-
-    def shutdown(self) -> None:
-        self._stop = True
-        self._wake.set()
+def _run_all(turns: Turns, now: int) -> bool:
+    """Call all that is due at `now` [ns]; whether there was anything."""
+    ran = False
+    while turns.run_one(now):
+        ran = True
+    return ran
 
 
 class MultiThreadedExecutor:
@@ -97,7 +85,9 @@ class MultiThreadedExecutor:
         return not any(thread.is_alive() for thread in self._threads.values())
 
 
-def _soonest(nodes, timeout: float | None = None) -> float | None:
-    """How long until a timer of the nodes is due [s], at most `timeout`; None: there is none."""
-    waits = [wait for node in nodes if (wait := node._until_due()) is not None]
-    return min(waits if timeout is None else [*waits, timeout], default=None)
+def _soonest(nodes: tuple[Node, ...]) -> float | None:
+    """How long until a timer of the nodes is due [s]; None: there is none."""
+    due = min(node._first_due() for node in nodes)
+    if due == math.inf:
+        return None
+    return max(0.0, (due - nodes[0].context.clock.now().nanoseconds) / 1e9)

@@ -8,18 +8,13 @@ import math
 import sys
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 
+from ...errors import ParameterError
+from ...parameters.fields import About
 from .calls import DUE, Client, Service, Timer
-from .parameters import (
-    SET_PARAMETERS,
-    Parameter,
-    ParameterDescriptor,
-    ParameterError,
-    SetParameters,
-    checked,
-)
+from .parameters import ANYTHING, SET_PARAMETERS, Parameter, SetParameters, checked
 from .topics import (
     Context,
     DurabilityPolicy,
@@ -31,7 +26,6 @@ from .topics import (
     default_context,
     type_name,
 )
-from .turns import Turns, Wake
 
 _TOPIC, _SERVICE = "rostopic://", "rosservice://"  # before a remapping that is for one kind
 
@@ -42,7 +36,8 @@ class Node:
     Args:
         node_name: last part of its full name.
         context: the topics it sees; None: those of the process.
-        cli_args: ``["--ros-args", "-r", "from:=to", ...]``; topic and service remappings.
+        remappings: (from, to) of topics and services; the first for a name counts, as in ROS, and
+            rostopic:// or rosservice:// in front limits one to its kind.
         namespace: prefix of its relative names.
         parameter_overrides: values that win over the defaults its parameters are declared with.
     """
@@ -52,7 +47,7 @@ class Node:
         node_name: str,
         *,
         context: Context | None = None,
-        cli_args: list[str] | None = None,
+        remappings: Sequence[tuple[str, str]] = (),
         namespace: str = "",
         parameter_overrides: list[Parameter] | None = None,
     ):
@@ -61,10 +56,10 @@ class Node:
         self._namespace = "/" + namespace.strip("/") if namespace.strip("/") else "/"
         self._overrides = {p.name: p.value for p in parameter_overrides or []}
         self._parameters: dict[str, Parameter] = {}
-        self._described: dict[str, ParameterDescriptor] = {}
+        self._described: dict[str, About] = {}
         self._on_set: Callable | None = None
         self._lock = threading.RLock()
-        self._wake = Wake()
+        self._wake = threading.Event()
         # Whose message or request comes next, in the order of their arrival, one entry for each.
         self._inbox: deque[Subscription | Service] = deque()
         self._gone = False
@@ -74,11 +69,8 @@ class Node:
         self._publishers: list[Publisher] = []
         self._errors: dict[int, tuple[int, float]] = {}
         self._in_callback = False
-        self._turns = Turns((self,))
-        # The first rule counts, as in ROS; rostopic:// and rosservice:// limit one to their kind.
-        rules = list(reversed(_remap_rules(cli_args or [])))
-        self._topic_remappings = dict(self._remapping(r) for r in rules if _SERVICE not in r)
-        self._service_remappings = dict(self._remapping(r) for r in rules if _TOPIC not in r)
+        self._topic_remappings = self._remapping(remappings, _TOPIC, _SERVICE)
+        self._service_remappings = self._remapping(remappings, _SERVICE, _TOPIC)
         self.context.node_names.add(self.get_fully_qualified_name())
 
     # names
@@ -123,9 +115,12 @@ class Node:
             return f"{self.get_fully_qualified_name()}/{name[2:]}"
         return f"{self._namespace.rstrip('/')}/{name}"
 
-    def _remapping(self, rule: str) -> tuple[str, str]:
-        source, _, target = rule.removeprefix(_TOPIC).removeprefix(_SERVICE).partition(":=")
-        return self._expand(source), self._expand(target)
+    def _remapping(self, rules, kind: str, other: str) -> dict[str, str]:
+        return {
+            self._expand(source.removeprefix(kind)): self._expand(target)
+            for source, target in reversed(rules)
+            if not source.startswith(other)
+        }
 
     # what a node is made of
 
@@ -179,20 +174,18 @@ class Node:
     def get_logger(self) -> logging.Logger:
         return logging.getLogger(f"tactile_skin.{self._name}")
 
-    def declare_parameter(
-        self, name: str, value, descriptor: ParameterDescriptor | None = None
-    ) -> Parameter:
+    def declare_parameter(self, name: str, value, descriptor: About = ANYTHING) -> Parameter:
         """Announce a parameter; its value is the override, or the given default.
 
         Raises:
-            ParameterError: the override has another type, or lies outside the descriptor's range.
+            ParameterError: the override has another type, or is not what the descriptor allows.
         """
         if name in self._parameters:
             raise ParameterError(f"parameter {name} of node {self._name} is declared twice")
         override = self._overrides.get(name, value)
-        valid = checked(self._name, name, override, value, descriptor or ParameterDescriptor())
+        valid = checked(self._name, name, override, value, descriptor)
         self._parameters[name] = Parameter(name, valid)
-        self._described[name] = descriptor or ParameterDescriptor()
+        self._described[name] = descriptor
         return self._parameters[name]
 
     def get_parameter(self, name: str) -> Parameter:
@@ -201,7 +194,7 @@ class Node:
         return self._parameters[name]
 
     def on_set_parameters(self, callback: Callable[[dict[str, object]], None]) -> None:
-        """Let parameters change while the node runs: those that are not declared `read_only`.
+        """Let parameters change while the node runs: those that are declared `live`.
 
         Args:
             callback: called in the node's thread with name -> new value of all parameters that may
@@ -216,13 +209,13 @@ class Node:
         try:
             for p in request.parameters:
                 old = self.get_parameter(p.name)
-                if self._described[p.name].read_only:
+                described = self._described[p.name]
+                if not described.live:
                     raise ParameterError(
                         f"parameter {p.name} of node {self._name} is read at the start only"
                     )
-                described = self._described[p.name]
                 changed[p.name] = checked(self._name, p.name, p.value, old.value, described)
-            free = [name for name, d in self._described.items() if not d.read_only]
+            free = [name for name, d in self._described.items() if d.live]
             self._on_set({name: self._parameters[name].value for name in free} | changed)
         except ValueError as error:
             response.reason = str(error)
@@ -252,13 +245,10 @@ class Node:
 
     # what an executor does with it
 
-    def _until_due(self) -> float | None:
-        """How long until the next timer is due [s], if there is one."""
+    def _first_due(self) -> float:
+        """When the next timer is due [ns]; infinite: there is none."""
         with self._lock:
-            due = min(map(DUE, self._timers), default=math.inf)
-        if due == math.inf:
-            return None
-        return max(0.0, (due - self.context.clock.now().nanoseconds) / 1e9)
+            return min(map(DUE, self._timers), default=math.inf)
 
     def _take_timer(self, now: int):
         """The call of the timer that is due first, as (callback, arguments, future), or None."""
@@ -277,13 +267,6 @@ class Node:
                 return None
             self._in_callback = True
             return self._inbox.popleft()._next()
-
-    def _run_ready(self, now: int) -> bool:
-        """Call every message and every timer that is due at `now` [ns]; whether there was any."""
-        ran = False
-        while self._turns.run_one(now):
-            ran = True
-        return ran
 
     def _idle(self) -> bool:
         """Whether no message waits and no callback runs."""
@@ -351,17 +334,3 @@ def _complain(what: str, broken: BaseException) -> None:
     """What could not be logged goes to stderr, if there is one."""
     with contextlib.suppress(Exception):
         print(f"{what}, and {type(broken).__name__} while that was reported", file=sys.stderr)
-
-
-def _remap_rules(cli_args: list[str]) -> list[str]:
-    rules, rest = [], list(cli_args)
-    while rest:
-        word = rest.pop(0)
-        if word == "--ros-args":
-            continue
-        if word not in ("-r", "--remap") or not rest or ":=" not in rest[0]:
-            raise ValueError(f"cli_args: {word!r}: only '-r from:=to' is understood")
-        if rest[0].startswith("__"):
-            raise ValueError(f"cli_args: {rest[0]!r}: only topics and services can be remapped")
-        rules.append(rest.pop(0))
-    return rules

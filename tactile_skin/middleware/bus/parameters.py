@@ -1,4 +1,4 @@
-"""Parameters: declared with a default, checked against its type and range."""
+"""Parameters: declared with a default, checked against its type and what is said of it."""
 
 from __future__ import annotations
 
@@ -7,34 +7,18 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from ...errors import ParameterError
+from ...parameters.fields import About
 
-
-@dataclass(frozen=True)
-class FloatingPointRange:
-    from_value: float
-    to_value: float
-
-
-@dataclass(frozen=True)
-class IntegerRange:
-    from_value: int
-    to_value: int
-
-
-@dataclass(frozen=True)
-class ParameterDescriptor:
-    description: str = ""
-    additional_constraints: str = ""
-    read_only: bool = False
-    dynamic_typing: bool = False
-    floating_point_range: list[FloatingPointRange] = field(default_factory=list)
-    integer_range: list[IntegerRange] = field(default_factory=list)
+ANYTHING = About("", "", live=True)  # of a parameter of which nothing is said
 
 
 @dataclass(frozen=True)
 class Parameter:
+    """Attributes: `source`, the file that gives the value; empty: none does."""
+
     name: str
     value: Any = None
+    source: str = field(default="", compare=False)
 
 
 class SetParameters:
@@ -55,7 +39,7 @@ class SetParameters:
 SET_PARAMETERS = "~/set_parameters_atomically"
 
 
-def checked(node: str, name: str, value, default, descriptor: ParameterDescriptor):
+def checked(node: str, name: str, value, default, about: About):
     """The value in its default's type, or ParameterError with what is allowed."""
     where = f"parameter {name} of node {node}"
     if isinstance(default, float) and type(value) is int:
@@ -66,17 +50,16 @@ def checked(node: str, name: str, value, default, descriptor: ParameterDescripto
         if default and any(type(v) is not type(default[0]) for v in value):
             kind = type(default[0]).__name__
             raise ParameterError(f"{where} = {value!r}: must be a list of {kind}")
-    elif type(value) is not type(default) and not descriptor.dynamic_typing:
+    elif type(value) is not type(default) and not about.any_type:
         kind = type(default).__name__
         raise ParameterError(f"{where} = {value!r}: must be of type {kind}, as {default!r} is")
-    numbers: list = value if isinstance(value, list) else [value]
-    if any(isinstance(v, float) and not math.isfinite(v) for v in numbers):
-        raise ParameterError(f"{where} = {value!r}: must be finite")
-    ranges: list[Any] = [*descriptor.floating_point_range, *descriptor.integer_range]
-    for bounds in ranges:
-        for v in numbers:
-            if not bounds.from_value <= v <= bounds.to_value:
-                raise ParameterError(
-                    f"{where} = {v!r}: must be from {bounds.from_value} to {bounds.to_value}"
-                )
+    for v in value if isinstance(value, list) else [value]:
+        if isinstance(v, float) and not math.isfinite(v):
+            raise ParameterError(f"{where} = {value!r}: must be finite")
+        if about.low is not None and about.high is not None and not about.low <= v <= about.high:
+            low, high = (type(v)(bound) for bound in (about.low, about.high))
+            raise ParameterError(f"{where} = {v!r}: must be from {low} to {high}")
+    if about.choices and value not in about.choices:
+        allowed = ", ".join(about.choices)
+        raise ParameterError(f"{where} = {value!r}: must be one of {allowed}")
     return value

@@ -68,10 +68,6 @@ class Context:
         """Ask everything that spins in this context to end."""
         self._down.set()
 
-    def wait(self, timeout_sec: float | None = None) -> bool:
-        """Wait for the shutdown; whether it came."""
-        return self._down.wait(timeout_sec)
-
     def _claim(self, topic: str, msg_type: type) -> None:
         known = self._topic_type.setdefault(topic, msg_type)
         if known is not msg_type:

@@ -1,35 +1,11 @@
-"""Which call comes next in a thread, and how it waits for one."""
+"""Which call comes next in a thread."""
 
 from __future__ import annotations
 
-import math
-import threading
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from .node import Node
-
-
-class Wake:
-    """An Event for the one thread that waits on it: a lock does, and costs less."""
-
-    def __init__(self):
-        self._unset = threading.Lock()
-        self._unset.acquire()
-
-    def set(self) -> None:
-        if self._unset.locked():
-            try:
-                self._unset.release()
-            except RuntimeError:
-                return  # another thread was faster
-
-    def clear(self) -> None:
-        self._unset.acquire(blocking=False)
-
-    def wait(self, timeout_sec: float | None) -> None:
-        """Wait until set, and clear it."""
-        self._unset.acquire(timeout=-1 if timeout_sec is None else timeout_sec)
 
 
 class Turns:
@@ -61,15 +37,9 @@ class Turns:
         return True
 
     def _timer(self, now: int | None):
-        first, node = math.inf, None
-        for each in self._nodes:
-            for timer in each._timers:
-                if timer._due < first:
-                    first, node = timer._due, each
-        if node is None:
-            return None
+        node = min(self._nodes, key=lambda each: each._first_due())
         now = node.context.clock.now().nanoseconds if now is None else now
-        if first > now or (job := node._take_timer(now)) is None:
+        if (job := node._take_timer(now)) is None:
             return None
         self._timer_was_last = True
         return node, job

@@ -26,7 +26,7 @@ class RosArguments:
     parameters: list[tuple[str | None, ParameterFile | Parameter]] = dataclasses.field(
         default_factory=list
     )
-    remappings: list[tuple[str | None, str]] = dataclasses.field(default_factory=list)
+    remappings: list[tuple[str | None, tuple[str, str]]] = dataclasses.field(default_factory=list)
     names: dict[str | None, str] = dataclasses.field(default_factory=dict)
     namespaces: dict[str | None, str] = dataclasses.field(default_factory=dict)
     logs: list[str] = dataclasses.field(default_factory=list)  # words for ROS itself
@@ -42,23 +42,9 @@ class RosArguments:
         """For the node of these names, as the program and as the command line have it."""
         return [item for node, item in self.parameters if node in (None, *names)]
 
-    def remappings_of(self, *names: str) -> list[str]:
-        """from:=to, the first of which counts."""
+    def remappings_of(self, *names: str) -> list[tuple[str, str]]:
+        """(from, to), the first of which counts."""
         return [rule for node, rule in self.remappings if node in (None, *names)]
-
-    def overrides(self, full_name: str) -> list[Parameter]:
-        """For the node of this full name; what comes later wins."""
-        name = full_name.rsplit("/", 1)[-1]
-        return overrides_of(self.parameters_of(name), full_name)
-
-
-def overrides_of(items: list, full_name: str) -> list[Parameter]:
-    """What files and single values say for a node; what comes later wins."""
-    found = {}
-    for item in items:
-        for p in item.overrides(full_name) if isinstance(item, ParameterFile) else [item]:
-            found[p.name] = p
-    return list(found.values())
 
 
 def split_arguments(words: list[str]) -> tuple[list[str], RosArguments]:
@@ -110,7 +96,7 @@ def _take(word: str, rest: list[str], args: RosArguments) -> None:
             args.namespaces.setdefault(found["node"], to)
         else:
             kind = f"{found['kind']}://" if found["kind"] else ""
-            args.remappings.append((found["node"], f"{kind}{name}:={to}"))
+            args.remappings.append((found["node"], (kind + name, to)))
     else:
         raise ValueError(
             f"--ros-args: {word!r}: must be -r [node:]from:=to, -p [node:]name:=value, "

@@ -1,4 +1,4 @@
-"""A node of the bus whose topics and services are those of ROS."""
+"""A node of the bus whose topics, services and parameters are those of ROS."""
 
 from __future__ import annotations
 
@@ -8,13 +8,16 @@ import time
 from collections.abc import Callable
 
 from ... import msg
+from ...parameters.fields import About
 from .. import bus
 from ..parameter_file import THEIRS
 from .messages import from_ros, ros_class, to_ros
-from .ros2 import Ros2, Ros2Node
+from .process import Process
 
 _SERVICE_WITHIN = 5.0  # s, for a node's answer
 _STILL = 0.25  # s without news from /clock: ten messages of `ros2 bag play --clock`
+_COMPARE = 2.0  # s, between two looks at what others publish and subscribe to
+_logger = logging.getLogger("tactile_skin")
 
 
 class _RosClock:
@@ -25,14 +28,15 @@ class _RosClock:
         self._theirs, self._last, self._since = theirs, 0, time.monotonic()
 
     def now(self) -> bus.Time:
-        return bus.Time(self._theirs.now() if self._theirs.simulated else time.time_ns())
+        simulated = self._theirs.ros_time_is_active
+        return bus.Time(self._theirs.now().nanoseconds if simulated else time.time_ns())
 
     @property
     def stands_still(self) -> bool:
         """Whether it has shown the same for a while: who waits for it would wait for ever."""
-        if not self._theirs.simulated:
+        if not self._theirs.ros_time_is_active:
             return False
-        shown, t = self._theirs.now(), time.monotonic()
+        shown, t = self._theirs.now().nanoseconds, time.monotonic()
         if shown != self._last:
             self._last, self._since = shown, t
         return t - self._since > _STILL
@@ -41,18 +45,18 @@ class _RosClock:
 class _Publisher:
     """Hands messages to the nodes of this process, and to ROS if anybody is there to hear them."""
 
-    def __init__(self, inside: bus.Publisher, send: Callable, count: Callable):
+    def __init__(self, inside: bus.Publisher, theirs):
         self.msg_type, self.topic_name = inside.msg_type, inside.topic_name
-        self._inside, self._send, self._count = inside, send, count
+        self._inside, self._theirs = inside, theirs
         self._kept = inside.qos_profile.durability is bus.DurabilityPolicy.TRANSIENT_LOCAL
 
     def publish(self, message) -> None:
         self._inside.publish(message)
-        if self._kept or self._count():
-            self._send(to_ros(message))
+        if self._kept or self._theirs.get_subscription_count():
+            self._theirs.publish(to_ros(message))
 
     def get_subscription_count(self) -> int:
-        return self._inside.get_subscription_count() + self._count()
+        return self._inside.get_subscription_count() + self._theirs.get_subscription_count()
 
 
 class RosNode(bus.Node):
@@ -62,12 +66,12 @@ class RosNode(bus.Node):
     to another. `connect` opens the rest to ROS, once all are there.
 
     Attributes:
-        ros: what `Ros2` made for it.
+        ros: rclpy's node.
     """
 
     def __init__(
         self,
-        ros: Ros2,
+        process: Process,
         node_name: str,
         *,
         namespace: str = "",
@@ -82,20 +86,32 @@ class RosNode(bus.Node):
             parameter_overrides=[p for p in given if p not in theirs],
             **kwargs,
         )
-        self.ros = ros.node(node_name, self.get_namespace(), theirs)
-        self._clock = _RosClock(self.ros)
+        self.ros, clock = process.node(node_name, self.get_namespace(), theirs)
+        self._clock = _RosClock(clock)
+        self._acknowledged = process.publishers
         self._connected = False
         self._not_taken = 0
+        self._kinds: dict[str, type] = {}  # topic -> what this node takes it to be
+        self._told: set[tuple[str, str]] = set()
+        self.ros.create_timer(_COMPARE, _isolated("the graph", self._compare_types))
 
     def get_clock(self):
         return self._clock
 
     def create_publisher(self, msg_type, topic: str, qos_profile: bus.QoSProfile | int):
+        from rclpy.qos_overriding_options import QoSOverridingOptions
+
         inside = super().create_publisher(msg_type, topic, qos_profile)
-        theirs = ros_class(msg_type)
-        return _Publisher(
-            inside, *self.ros.advertise(theirs, inside.topic_name, inside.qos_profile)
+        kind, name = ros_class(msg_type), inside.topic_name
+        theirs = self.ros.create_publisher(
+            kind,
+            name,
+            _qos(inside.qos_profile),
+            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
+        self._acknowledged.append(theirs)
+        self._kinds[name] = kind
+        return _Publisher(inside, theirs)
 
     def create_subscription(self, msg_type, topic: str, callback, qos_profile):
         return self._hear(super().create_subscription(msg_type, topic, callback, qos_profile))
@@ -112,7 +128,8 @@ class RosNode(bus.Node):
         self._connected, self._shared = True, set(map(self.resolve_topic_name, shared))
         for subscription in tuple(self._subscriptions):
             self._hear(subscription)
-        self.ros.on_set(self._set_from_ros)  # not before: rclpy asks it for what is declared, too
+        # not before: rclpy asks it for what is declared, too
+        self.ros.add_on_set_parameters_callback(self._set_from_ros)
 
     def _hear(self, subscription):
         """The subscription, of what arrives on ROS."""
@@ -125,11 +142,13 @@ class RosNode(bus.Node):
                 taken = from_ros(msg_type, message)
                 if topic not in self._shared or not self._is_of_this_process(taken):
                     subscription.put(taken)
-            except Exception:  # logged by whoever called
+            except Exception:
                 self._not_taken += 1
                 raise
 
-        self.ros.subscribe(ros_class(msg_type), topic, arrived, subscription.qos_profile)
+        self._kinds[topic] = kind = ros_class(msg_type)
+        taker = _isolated(f"a message on {topic}", arrived)
+        self.ros.create_subscription(kind, topic, taker, _qos(subscription.qos_profile))
         return subscription
 
     def _is_of_this_process(self, message) -> bool:
@@ -151,7 +170,7 @@ class RosNode(bus.Node):
                 found = srv_type.Response(success=False, message=str(error) or repr(error))
             return to_ros(found, response)
 
-        self.ros.serve(ros_class(srv_type), service.srv_name, answer)
+        self.ros.create_service(ros_class(srv_type), service.srv_name, answer)
         return service
 
     def create_client(self, srv_type, srv_name: str):
@@ -162,21 +181,82 @@ class RosNode(bus.Node):
         """As of a node of the bus, and the messages of ROS that could not be converted."""
         return super().callback_errors + self._not_taken
 
-    def declare_parameter(self, name: str, value, descriptor=None) -> bus.Parameter:
+    def declare_parameter(
+        self, name: str, value, descriptor: About = bus.ANYTHING
+    ) -> bus.Parameter:
+        """As a node of the bus does, and show it to `ros2 param`."""
+        from rcl_interfaces import msg as rcl
+
         parameter = super().declare_parameter(name, value, descriptor)
-        self.ros.declare(name, parameter.value, descriptor or bus.ParameterDescriptor())
+        described = rcl.ParameterDescriptor(
+            description=descriptor.description,
+            read_only=not descriptor.live,
+            dynamic_typing=descriptor.any_type,
+        )
+        low, high = descriptor.low, descriptor.high
+        if low is not None and high is not None:
+            if isinstance(value, int):
+                bounds = rcl.IntegerRange(from_value=int(low), to_value=int(high))
+                described.integer_range.append(bounds)
+            else:
+                floats = rcl.FloatingPointRange(from_value=float(low), to_value=float(high))
+                described.floating_point_range.append(floats)
+        self.ros.declare_parameter(name, parameter.value, described, ignore_override=True)
         return parameter
 
-    def _set_from_ros(self, parameters: list[bus.Parameter]) -> str:
-        """Why parameters cannot be set, or nothing; in ROS's thread: the node's own does it."""
-        ours = [p for p in parameters if p.name in self._parameters]
-        if not ours:
-            return ""
-        client = super().create_client(bus.SetParameters, bus.SET_PARAMETERS)
+    def _set_from_ros(self, parameters):
+        """Whether parameters can be set, and why not; the node's own thread does it."""
+        from rcl_interfaces import msg as rcl
+
+        ours = [bus.Parameter(p.name, p.value) for p in parameters if p.name in self._parameters]
+        reason = ""
+        if ours:
+            client = super().create_client(bus.SetParameters, bus.SET_PARAMETERS)
+            try:
+                reason = _ask(client, bus.SetParameters.Request(ours)).reason
+            except Exception as error:  # raised here it would end rclpy's executor
+                reason = str(error) or repr(error)
+        return rcl.SetParametersResult(successful=not reason, reason=reason)
+
+    def _compare_types(self) -> None:
+        """Warn of others who use a topic of this node for another type: DDS connects them not."""
+        for topic, kind in self._kinds.items():
+            ours = f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
+            for end in (
+                *self.ros.get_publishers_info_by_topic(topic),
+                *self.ros.get_subscriptions_info_by_topic(topic),
+            ):
+                other = topic, end.node_name
+                if end.topic_type not in ("", ours) and other not in self._told:
+                    self._told.add(other)
+                    self.get_logger().warning(
+                        f"{topic}: {end.node_name} has {end.topic_type}, this node {ours}: "
+                        f"they do not hear each other{_remedy(ours, end.topic_type)}"
+                    )
+
+
+def _qos(qos: bus.QoSProfile):
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+
+    return QoSProfile(depth=qos.depth, durability=DurabilityPolicy[qos.durability.name])
+
+
+def _remedy(ours: str, theirs: str) -> str:
+    if {ours, theirs} == {"geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"}:
+        return f": set stamped to {str(theirs.endswith('Stamped')).lower()}"
+    return ""
+
+
+def _isolated(what: str, callback: Callable) -> Callable:
+    """A callback whose exceptions are logged: one would end rclpy's executor."""
+
+    def call(*arguments) -> None:
         try:
-            return _ask(client, bus.SetParameters.Request(ours)).reason
-        except Exception as error:
-            return str(error) or repr(error)
+            callback(*arguments)
+        except Exception:
+            _logger.exception("%s was not taken", what)
+
+    return call
 
 
 def _ask(client: bus.Client, request):
@@ -199,20 +279,32 @@ class ToRos(logging.Handler):
     """What is logged goes to ROS, its console and /rosout, under the name of its node.
 
     Attributes:
-        nodes: name -> what `Ros2` made for it; the first speaks for all others.
+        nodes: name -> rclpy's node; the first speaks for all others.
     """
 
     def __init__(self):
         super().__init__()
-        self.nodes: dict[str, Ros2Node] = {}
+        self.nodes: dict = {}
 
     def emit(self, record: logging.LogRecord) -> None:
         name = record.name.rsplit(".", 1)[-1]
         node = self.nodes.get(name) or next(iter(self.nodes.values()), None)
         try:
             if node is not None:
-                node.log(record.levelno, self.format(record))
+                _log(node.get_logger(), record.levelno, self.format(record))
             elif logging.lastResort is not None:
                 logging.lastResort.handle(record)
         except Exception:  # a ROS that is gone
             self.handleError(record)
+
+
+def _log(logger, level: int, text: str) -> None:
+    """Say it; a line for each severity: rclpy wants no other on the same."""
+    if level >= logging.ERROR:
+        logger.error(text)
+    elif level >= logging.WARNING:
+        logger.warning(text)
+    elif level >= logging.INFO:
+        logger.info(text)
+    else:
+        logger.debug(text)

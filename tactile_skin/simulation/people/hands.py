@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
 
 FINE = 3  # points a cell along each axis, over which pressure is averaged
 _PAD = 1.25  # radii of a pad at which its pressure ends
@@ -91,6 +90,8 @@ class Mat(NamedTuple):
 
 def texture(mat: Mat, rough: float, rng: np.random.Generator) -> np.ndarray:
     """Return (rows * FINE, cols * FINE) factors of the pressure, of mean 1 and std `rough`."""
+    from scipy.ndimage import gaussian_filter  # here: most simulated boards feel no hands
+
     noise = rng.standard_normal((mat.rows * FINE, mat.cols * FINE))
     smooth = gaussian_filter(noise, _TEXTURE / mat.pitch * FINE)
     return np.clip(1.0 + rough * smooth / smooth.std(), 0.1, None)
