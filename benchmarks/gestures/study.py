@@ -2,7 +2,7 @@
 
     python -m benchmarks.gestures.study FILE [--boards ABC] [--quick]
 
-Trains on all people but one and names that one's gestures: alone, beside a second contact that
+Trains on all people but one and names that one's gestures: alone, next to a second contact that
 stands, and on a board that the recogniser was not trained on. FILE holds recordings of real hands
 (benchmarks/gestures/recorded.py says which, and where they come from).
 """
@@ -166,12 +166,12 @@ def main(arguments=None) -> dict:
     for method, found in seen(scenes, Board.of(first, given.seed), METHODS, given.seed).items():
         table = renamed(tables[first][method], "12")
         alone = Table(*(part[np.isin(table.label, BESIDE)] for part in table))
-        note(f"beside nothing, {method}", right(alone, alone))
+        note(f"alone, {method}", right(alone, alone))
         changed = table_of([by_change(take) for take in found])
-        note(f"beside a contact, what changed, {method}", right(alone, renamed(changed, "12")))
+        note(f"next to a contact, what changed, {method}", right(alone, renamed(changed, "12")))
         touched = [by_touches(*pair) for pair in zip(found, standing, strict=True)]
         note(
-            f"beside a contact, by touches, {method}",
+            f"next to a contact, by touches, {method}",
             right(alone, renamed(table_of(touched), "12")),
         )
     return figures

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from support.marks import slow
 from support.resting import noisy_cells
 from support.weights import bodies, objects
 
@@ -93,7 +94,8 @@ def test_each_step_says_what_it_found(done):
 
 
 @pytest.mark.parametrize(
-    ("shape", "kind"), [((4, 4), "scatters"), ((8, 8), "jumps"), ((16, 16), "drops to 0")]
+    ("shape", "kind"),
+    [((4, 4), "scatters"), slow((8, 8), "jumps"), slow((16, 16), "drops to 0")],
 )
 def test_noisy_cells_are_named_and_left_out(shape, kind):
     """As is a cell with a loose contact; the rest of the skin is calibrated all the same."""

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.marks import slow
 from support.tracked import run
 from support.weights import bodies
 
@@ -126,7 +127,7 @@ DRIVEN = "loaded-rows", "loaded-columns", "grounded-rows", "grounded-columns"
 
 
 @pytest.mark.parametrize("readout", DRIVEN)
-@pytest.mark.parametrize("off", [0.8, 1.0, 1.2])
+@pytest.mark.parametrize("off", [0.8, slow(1.0), slow(1.2)])
 def test_r_par_of_driven_lines_is_found(readout, off):
     """Grounded, it is what is left of the sum with r_ref, and told with r_drive."""
     board = UnknownDriven(SHAPE, 44000, readout, r_par=off)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.marks import slow
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.board.protocol import BinaryParser
@@ -136,7 +137,7 @@ def test_a_touch_that_begins_as_a_measurement_ends_is_not_learnt():
         assert after.count("ok") > 0.9 * len(after)
 
 
-@pytest.mark.parametrize("newtons", [2.0, 5.0])
+@pytest.mark.parametrize("newtons", [2.0, slow(5.0)])
 def test_a_soft_palm_is_not_learnt_while_it_comes_and_goes(newtons):
     """No cell of it weighs as much as a touch. Half learnt, the skin read below its rest after it,
     and was suspect for ten seconds."""

@@ -10,6 +10,7 @@ from support.damaged import KINDS as FAULTS
 from support.damaged import Case, explains
 from support.diodes import recorded as recorded_behind
 from support.kirchhoff import forward_voltage
+from support.marks import slow
 
 from tactile_skin import Circuit, PressureCurve, compensate, diagnose, measure_rest
 from tactile_skin.board.protocol import BinaryParser
@@ -65,7 +66,7 @@ def test_the_readout_that_fits_is_named(recorded, supposed):
 
 
 @pytest.mark.parametrize("kind", KINDS, ids="-".join)
-@pytest.mark.parametrize("seed", [58502, 58504])
+@pytest.mark.parametrize("seed", [58502, slow(58504)])
 def test_fingers_are_no_noise_and_readings_upside_down_are_named(kind, seed):
     """Single cells under fingers, which lower the other readings of a grounded line."""
     circuit, rng, frames = skin(kind), np.random.default_rng(seed), []
@@ -82,7 +83,7 @@ def test_fingers_are_no_noise_and_readings_upside_down_are_named(kind, seed):
     assert finding.kind == "polarity" and "circuit.inverted" in finding.remedy
 
 
-@pytest.mark.parametrize("seed", [41, 42, 44])
+@pytest.mark.parametrize("seed", [41, slow(42), slow(44)])
 @pytest.mark.parametrize("readout", PASSIVE)
 def test_readings_upside_down_are_named_whatever_a_skin_rests_at(readout, seed):
     """Pull-ups of 35 kohm: cells rest about the middle of the range, and a palm takes all of it."""
@@ -96,7 +97,7 @@ def test_readings_upside_down_are_named_whatever_a_skin_rests_at(readout, seed):
     assert [finding.kind for finding in found[1:]] == ["readout"] * (readout != "floating")
 
 
-@pytest.mark.parametrize("part", [slice(110, 1500, 3), slice(110, 2500, 5)])
+@pytest.mark.parametrize("part", [slice(110, 1500, 3), slow(slice(110, 2500, 5))])
 @pytest.mark.parametrize("kind", [("loaded", (9, 9), 35e3), ("floating", (16, 16), 1780.0)])
 def test_a_skin_that_is_hardly_left_alone_is_upside_down_rather_than_broken(kind, part):
     """The demo, of which a running skin keeps what it stopped for: else lines were shorted."""
@@ -115,15 +116,8 @@ def test_a_skin_that_is_hardly_left_alone_is_upside_down_rather_than_broken(kind
     assert finding.kind == "polarity"
 
 
-@pytest.mark.parametrize(
-    "diode",
-    [
-        "1N4148",
-        "BAT85",
-        *(pytest.param(diode, marks=pytest.mark.slow) for diode in ("1N4001", "BAV99")),
-    ],
-)
-@pytest.mark.parametrize("r_ref, supply", [(1780.0, 5.0), (10e3, 5.0), (1780.0, 3.3)])
+@pytest.mark.parametrize("diode", ["1N4148", *map(slow, ("BAT85", "1N4001", "BAV99"))])
+@pytest.mark.parametrize("r_ref, supply", [(1780.0, 5.0), slow(10e3, 5.0), slow(1780.0, 3.3)])
 def test_diodes_that_are_not_configured_are_named(diode, r_ref, supply):
     """Else a hard push is felt as a fifth, in silence: any touch is explained by other cells."""
     circuit, frames = recorded_behind(52, r_ref, diode, supply)
@@ -144,7 +138,9 @@ def test_the_touches_of_calibrate_name_diodes_too(diode):
     assert ignored_diode(grounded, rest, frames[seen.peaks]) is None
 
 
-@pytest.mark.parametrize("wrong", [{}, {"r_par": 326.0}, {"r_par": 0.0}, {"r_ref": 9e3}])
+@pytest.mark.parametrize(
+    "wrong", [{}, slow({"r_par": 326.0}), slow({"r_par": 0.0}), slow({"r_ref": 9e3})]
+)
 def test_other_settings_that_are_wrong_are_no_diodes(wrong):
     circuit, frames = recorded_behind(51, 10e3, None)
     found = diagnose(frames, replace(circuit, **wrong))
@@ -163,7 +159,7 @@ def test_a_skin_that_is_never_left_alone_is_neither_upside_down_nor_damaged():
 @pytest.mark.parametrize(
     "kind, readout",
     [
-        (kind, readout)
+        (kind, readout) if readout == "loaded" else slow(kind, readout)
         for kind in FAULTS
         for readout in (PASSIVE[2:] if kind == "drivers" else PASSIVE[1:])
         if kind not in ("bits", "saturation")
@@ -230,7 +226,7 @@ PULL_UP = Circuit(9, 9, readout="loaded", r_ref=35000.0, r_par=25.0)
 DIRECT = Circuit(12, 10, readout="grounded", r_ref=4700.0, r_par=0.0)
 
 
-@pytest.mark.parametrize("seed", [78201, 78202])
+@pytest.mark.parametrize("seed", [78201, slow(78202)])
 @pytest.mark.parametrize(
     "true, supposed",
     [

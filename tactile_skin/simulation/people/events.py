@@ -147,7 +147,7 @@ def _flicker(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
     """A bad cell, or the rim of something large: a cell or two that come and go."""
     t = np.arange(0.0, rng.uniform(0.1, 3.0), period)
     out = np.zeros((len(t), mat.rows, mat.cols))
-    row, col = rng.integers(mat.rows), rng.integers(mat.cols)
+    row, col = int(rng.integers(mat.rows)), int(rng.integers(mat.cols))
     cells = [(row, col), (row, min(col + 1, mat.cols - 1))][: rng.integers(1, 3)]
     seconds = np.exp(rng.uniform(-3.0, 0.5))  # that it stays
     for cell in cells:
@@ -155,7 +155,7 @@ def _flicker(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
         while start < t[-1]:
             force = np.exp(rng.uniform(-2.3, 0.3))
             while_on = (t >= start) & (t < start + seconds * rng.uniform(0.5, 1.5))
-            out[while_on, cell[0], cell[1]] = force
+            out[:, cell[0], cell[1]][while_on] = force
             start += seconds * rng.uniform(1.2, 6.0)
     return out
 
