@@ -155,6 +155,7 @@ class Pictures:
             found.append(
                 {
                     "id": int(number),
+                    "gesture": snapshot.gestures.get(int(number), ""),
                     "force": force,
                     "row": place[0],
                     "col": place[1],

@@ -11,6 +11,7 @@ from ..msg import DiagnosticArray, DiagnosticStatus, Image, PointCloud2, cloud_c
 
 STOP = "skin/stop_status"
 DIAGNOSTICS = "skin/diagnostics"
+GESTURES = "skin/gesture_classes"
 LAG = 20  # readings that a pressure picture may come behind: 0.2 s at 100 a second
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 # topic -> its type, and how many of its newest messages count
@@ -25,6 +26,7 @@ OTHERS = {
     "skin/rest": (Image, LATCHED),
     STOP: (DiagnosticArray, LATCHED),
     DIAGNOSTICS: (DiagnosticArray, 50),
+    GESTURES: (PointCloud2, 10),
 }
 TOPICS = READINGS | OTHERS
 CONTACT = ("x", "y", "z", "force", "id", "vx", "vy", "vz")
@@ -49,6 +51,7 @@ class Snapshot:
         adc: (rows, cols) uint16 of skin/adc; None as long as there is none.
         pressure, std: (rows, cols) float32 [Pa], of the same reading if there are.
         contacts: (n, 8) float32, the columns CONTACT.
+        gestures: id of a contact -> the name of its gesture, as far as it is sure.
         rest: (rows, cols) float32, resistance of the untouched cells [ohm], once measured.
         stop: whether the robot is stopped, with its reason; None: nobody said.
         nodes: name -> what it said last on diagnostics.
@@ -60,6 +63,7 @@ class Snapshot:
     pressure: np.ndarray | None = None
     std: np.ndarray | None = None
     contacts: np.ndarray = field(default_factory=lambda: np.zeros((0, len(CONTACT)), np.float32))
+    gestures: dict[int, str] = field(default_factory=dict)
     rest: np.ndarray | None = None
     stop: bool | None = None
     reason: str = ""
@@ -99,6 +103,8 @@ class Collector:
         elif topic == "skin/contacts":
             columns = cloud_columns(message, *CONTACT)
             self._others["contacts"] = np.stack([columns[name] for name in CONTACT], 1)
+        elif topic == GESTURES:
+            self._others["gestures"] = _named(cloud_columns(message))
         elif topic == "skin/rest":
             self._others["rest"] = image_array(message)
         else:
@@ -132,3 +138,12 @@ def _said(status: DiagnosticStatus) -> NodeStatus:
     return NodeStatus(
         status.level, status.message, {pair.key: pair.value for pair in status.values}
     )
+
+
+def _named(columns: dict[str, np.ndarray]) -> dict[int, str]:
+    """Return id of a contact -> name, of skin/gesture_classes."""
+    classes = [name.removeprefix("p_") for name in columns if name.startswith("p_")]
+    labels, touches = columns["label"].astype(int).tolist(), columns["touch"].astype(int).tolist()
+    return {
+        touch: classes[label] for touch, label in zip(touches, labels, strict=True) if label >= 0
+    }

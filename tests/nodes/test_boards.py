@@ -25,6 +25,7 @@ from tactile_skin.msg import (
     Image,
     KeyValue,
     PointCloud2,
+    String,
     cloud,
     image,
     image_array,
@@ -216,6 +217,23 @@ def test_a_reason_longer_than_the_terminal_is_printed_whole_once(monkeypatch):
     assert len(lines) == 2
     live = lines[1].split("\r\x1b[2K")[-1]
     assert len(live) < 80 and re.match(r"SIMULATED +0\.0/s  STOP stale: readings come", live)
+
+
+def test_the_live_line_names_a_gesture_for_a_while():
+    clock = ManualClock(10.0)
+    context, executor = Context(clock), SingleThreadedExecutor()
+    node, observer = Node("monitor", context=context), Node("observer", context=context)
+    monitor = Monitor(node)
+    executor.add_node(node)
+    observer.create_publisher(String, "skin/gesture", 10).publish(String("stroke"))
+    executor.spin_some()
+    lines = []
+    for _ in range(2):
+        monitor.out = io.StringIO()
+        monitor.live_line()
+        lines.append(monitor.out.getvalue())
+        clock.advance(2.5)
+    assert lines[0].endswith("  stroke\n") and "stroke" not in lines[1]
 
 
 def test_a_warning_is_printed_whole_once():

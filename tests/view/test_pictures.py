@@ -8,12 +8,12 @@ from support.page import unpack
 
 from tactile_skin import forward
 from tactile_skin.middleware.config import skin_of
-from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Header, KeyValue, Time, image
+from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Header, KeyValue, Time, cloud, image
 from tactile_skin.nodes.gesture_feature import contact_cloud
 from tactile_skin.touch import features
 from tactile_skin.touch.tracking import Tracker
 from tactile_skin.view.pictures import PUBLISHED, Pictures, findings
-from tactile_skin.view.snapshot import STOP, Collector, NodeStatus, Snapshot
+from tactile_skin.view.snapshot import CONTACT, STOP, Collector, NodeStatus, Snapshot
 from tactile_skin.view.wire import packed_with, parts_of
 
 SKIN = skin_of({"geometry.shape": "cylinder"}, "")
@@ -175,6 +175,19 @@ def test_contacts_and_push_are_where_they_press():
     assert head["push"]["row"] == pytest.approx(5.5, abs=0.1)
     assert np.hypot(*head["push"]["way"]) < 0.05  # a push along the normal
     assert head["push"]["direction"][0] < 0.0
+
+
+def test_a_contact_has_the_name_of_its_gesture():
+    """By its id; a gesture without a touch, or without a name yet, is nobody's."""
+    collector = Collector()
+    collector.take("skin/adc", image(samples(touched(5, 12)), "16UC1", header(1.0)))
+    where = {name: np.zeros(2) for name in CONTACT} | {"id": np.array([3.0, 4.0])}
+    collector.take("skin/contacts", cloud(where, header(1.0)))
+    classes = {"p_pat": [0.1, 0.9, 0.2], "p_stroke": [0.9, 0.1, 0.3]}
+    named = {"touch": [4.0, 0.0, 3.0], "label": [1.0, 0.0, -1.0]} | classes
+    collector.take("skin/gesture_classes", cloud(named, header(1.0)))
+    head, _ = drawn(collector.snapshot())
+    assert [(c["id"], c["gesture"]) for c in head["contacts"]] == [(3, ""), (4, "stroke")]
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from ...msg import (
     DiagnosticStatus,
     Image,
     PointCloud2,
+    String,
     Twist,
     TwistStamped,
     Vector3Stamped,
@@ -30,6 +31,7 @@ from ..touch import xyz
 
 _FIRST_FRAME_WITHIN = 20.0  # s, before a run of limited duration gives up
 _KEPT = 200_000  # latencies
+_GESTURE_SHOWN = 2.0  # s
 _EVERY_DECISION = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -61,6 +63,7 @@ class Monitor:
         self._warned: dict[str, tuple] = {}  # the same of those that were printed
         self._contacts, self._force = 0, 0.0
         self._direction = (0.0, 0.0, 0.0)
+        self._gesture, self._named_at = "", 0  # the last one that was named, and when [ns]
         self._cmd_vel: Twist | None = None  # while a node of the skin moves the robot
         self._waiting = "no decision yet"
         self._printed = False  # a live line was printed
@@ -70,6 +73,7 @@ class Monitor:
         node.create_subscription(Image, "skin/adc", self.on_adc, 100)
         node.create_subscription(PointCloud2, "skin/contacts", self.on_contacts, 100)
         node.create_subscription(Vector3Stamped, "skin/push_direction", self.on_direction, 100)
+        node.create_subscription(String, "skin/gesture", self.on_gesture, 10)
         node.create_subscription(kind_of(given.stamped), "cmd_vel", self.on_cmd_vel, 1)
         node.create_subscription(DiagnosticArray, STATUS_TOPIC, self.on_status, _EVERY_DECISION)
         node.create_subscription(DiagnosticArray, diagnostics.TOPIC, self.on_diagnostics, 100)
@@ -98,6 +102,9 @@ class Monitor:
 
     def on_direction(self, msg: Vector3Stamped) -> None:
         self._direction = xyz(msg.vector)
+
+    def on_gesture(self, msg: String) -> None:
+        self._gesture, self._named_at = msg.data, self._now()
 
     def on_cmd_vel(self, msg: Twist | TwistStamped) -> None:
         self._cmd_vel = twist_of(msg)
@@ -177,6 +184,8 @@ class Monitor:
             f"{rate_text}  drops {self.drops}  contacts {self._contacts} {self._force:6.1f} N  "
             f"{push:<26} {'STOP ' + reason if reason else 'free'}"
         )
+        if self._gesture and now - self._named_at < _GESTURE_SHOWN * 1e9:
+            line += f"  {self._gesture}"
         if self._cmd_vel is not None:
             linear, turn = self._cmd_vel.linear, self._cmd_vel.angular.z
             # 0.0 is added after rounding, so that nothing reads as -0.00

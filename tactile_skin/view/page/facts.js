@@ -41,7 +41,7 @@ export function showContacts(contacts) {
   while (body.rows.length > contacts.length) body.deleteRow(-1);
   while (body.rows.length < contacts.length) {
     const row = body.insertRow();
-    for (let k = 0; k < 4; k++) row.insertCell();
+    for (let k = 0; k < 5; k++) row.insertCell();
   }
   contacts.forEach((c, k) => {
     const texts = [
@@ -49,6 +49,7 @@ export function showContacts(contacts) {
       fixed(c.force, 1, " N"),
       `${c.row.toFixed(1)}, ${c.col.toFixed(1)}`,
       fixed(100 * c.speed, 1, " cm/s"),
+      c.gesture,
     ];
     texts.forEach((text, n) => say(body.rows[k].cells[n], text));
   });

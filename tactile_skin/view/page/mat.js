@@ -172,7 +172,7 @@ export class Mat {
     ctx.strokeRect(x, y, this.cell, this.cell);
   }
 
-  /** Each contact: its id, and where it is in half a second at its velocity. */
+  /** Each contact: its id, its gesture if there is a name, and where it is in half a second at its velocity. */
   contacts(contacts) {
     const ctx = this.context;
     const size = 13 * this.ratio;
@@ -188,9 +188,12 @@ export class Mat {
       ctx.lineWidth = 3 * this.ratio;
       ctx.lineJoin = "round";
       ctx.strokeStyle = "#000000";
-      ctx.strokeText(contact.id, ...from);
       ctx.fillStyle = "#ffffff";
-      ctx.fillText(contact.id, ...from);
+      const below = [from[0], from[1] + 1.8 * size];
+      for (const [text, at] of [[contact.id, from], [contact.gesture, below]]) {
+        ctx.strokeText(text, ...at);
+        ctx.fillText(text, ...at);
+      }
     }
   }
 
