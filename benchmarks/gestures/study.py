@@ -30,6 +30,7 @@ _STANDS = 8  # pictures of it before the gesture, and half as many after
 _TRIES = 60  # at places for it that the gesture does not reach
 _OVERLAP = 0.03  # share of the gesture that may lie on it
 _ITS_OWN = 0.5  # share of a touch's force on the standing contact that makes it its own
+_TOGETHER = 1.0  # m of reach: a recording is one gesture, of both hands
 _QUICK = 4  # every fourth recording
 _STANDING = (0, 25, 31)  # recorded gestures that stand: a palm, an arm, a face
 # of the twelve, those that leave room for a standing contact
@@ -153,7 +154,7 @@ def main(arguments=None) -> dict:
         # the paper's network is for the paper's board
         methods = [method for method in METHODS if name == "A" or method != "cnn"]
         made = seen(takes, board, methods, given.seed)
-        tables[name] = {method: table_of(found) for method, found in made.items()}
+        tables[name] = {method: table_of(found, _TOGETHER) for method, found in made.items()}
     first = given.boards[0]
     for classes in ("6", "12", "32"):
         for method, table in tables[first].items():
@@ -167,12 +168,12 @@ def main(arguments=None) -> dict:
         table = renamed(tables[first][method], "12")
         alone = Table(*(part[np.isin(table.label, BESIDE)] for part in table))
         note(f"alone, {method}", right(alone, alone))
-        changed = table_of([by_change(take) for take in found])
+        changed = table_of([by_change(take) for take in found], _TOGETHER)
         note(f"next to a contact, what changed, {method}", right(alone, renamed(changed, "12")))
         touched = [by_touches(*pair) for pair in zip(found, standing, strict=True)]
         note(
             f"next to a contact, by touches, {method}",
-            right(alone, renamed(table_of(touched), "12")),
+            right(alone, renamed(table_of(touched, _TOGETHER), "12")),
         )
     return figures
 

@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 from ..touch.episode import FEATURES, SILENCE
 from ..touch.forest import Forest
 from ..touch.model import CLIP, OTHER, GestureModel, Logistic, common, sharpened
-from ..touch.recogniser import ENDED, Gathering, Gesture
+from ..touch.recogniser import ENDED, REACH, Gathering, Gesture
 from ..touch.take import Take
 
 # s of a gesture after which it is learnt as well: a decision need not wait for its end
@@ -57,11 +57,15 @@ class Glances(NamedTuple):
     share: float  # of the take's impulse
 
 
-def table_of(takes: Sequence[Take]) -> Table:
-    """Return the features of takes; those without a touch are left out."""
+def table_of(takes: Sequence[Take], reach: float = REACH) -> Table:
+    """Return the features of takes; those without a touch are left out.
+
+    Args:
+        reach: touches within it of each other are one gesture [m]: large, and two hands are one.
+    """
     features, where, weight, end = [], [], [], []
     for number, take in enumerate(takes):
-        for k, seen in enumerate(glances(take)):
+        for k, seen in enumerate(glances(take, reach)):
             features += [*seen.early, seen.last]
             where += [number] * (len(seen.early) + 1)
             weight += [seen.share / max(len(seen.early), 1)] * len(seen.early) + [seen.share]
@@ -76,9 +80,9 @@ def table_of(takes: Sequence[Take]) -> Table:
     )
 
 
-def glances(take: Take) -> list[Glances]:
+def glances(take: Take, reach: float = REACH) -> list[Glances]:
     """Return what a recogniser sees of a take, its hardest gesture first; of no touch nothing."""
-    gathering, nothing = Gathering(take.pitch), np.zeros(take.pictures.shape[1:])
+    gathering, nothing = Gathering(take.pitch, reach), np.zeros(take.pictures.shape[1:])
     silence = [nothing] * (math.ceil(SILENCE / take.period) + 1)
     gathering.update(0.0, nothing)
     early: dict[int, list[np.ndarray]] = {}
