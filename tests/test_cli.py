@@ -141,7 +141,7 @@ MISTAKES = {  # what is wrong -> (words after `launch`, what the line must hold)
         ["other.npz", "r_par"],
     ),
     "missing parameter file": (lambda folder: ["config:=none.yaml"], ["none.yaml"]),
-    "method": (lambda folder: ["method:=magic"], ["method = 'magic'", "cnn"]),
+    "method": (lambda folder: ["method:=magic"], ["method", "'magic'", "cnn"]),
     "value that is no YAML": (lambda folder: ["method:=[x"], ["method", "'[x'"]),
     "argument": (lambda folder: ["prot:=x"], ["'prot'", "port"]),
     "missing launch file": (lambda folder: ["none.launch.yaml"], ["none.launch.yaml"]),
