@@ -55,8 +55,10 @@ class TrainingDied(TactileSkinError, RuntimeError):
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return the end of a message that refuses an unknown name: the known name that it resembles,
-    or all of them where they are few, or nothing."""
+    """Return the end of a message that refuses an unknown name.
+
+    It is the known name that it resembles, or all of them where they are few, or nothing.
+    """
     known = sorted(known)
     last = name.rsplit(".", 1)[-1]
     moved = [other for other in known if other.rsplit(".", 1)[-1] == last]  # rows, circuit.rows

@@ -13,7 +13,7 @@ def torch():
 
 
 def tqdm():
-    """The progress bar; ModuleNotFoundError names the extra that has it."""
+    """Return the progress bar; ModuleNotFoundError names the extra that has it."""
     try:
         from tqdm import tqdm
     except ModuleNotFoundError as error:

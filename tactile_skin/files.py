@@ -55,12 +55,12 @@ def read_text(path, most: int) -> str:
 
 
 def shorten(value) -> str:
-    """A value's repr, for a message: cut in its middle where it is long."""
+    """Return a value's repr, for a message: cut in its middle where it is long."""
     return _cut(repr(value), _SHOWN)
 
 
 def one_line(error: BaseException) -> str:
-    """An exception's message on one line of bounded length."""
+    """Return an exception's message on one line of bounded length."""
     text = str(error)
     if isinstance(error, OSError) and error.filename is not None and error.strerror:
         text = f"{error.filename}: {error.strerror}"

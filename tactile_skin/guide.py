@@ -74,7 +74,9 @@ class Guide:
         say: Say,
         count_down: CountDown = lambda seconds: None,
     ):
-        """Args:
+        """Prepare the guided steps.
+
+        Args:
         circuit: as it is configured.
         frames, ask, say: where frames and answers come from, and words go.
         count_down: before a measurement; recorded frames need none.
@@ -232,8 +234,7 @@ class Guide:
             self._say(f"  {found}")
 
     def _new_touch(self, touches: list[np.ndarray]) -> tuple[np.ndarray | None, str]:
-        """The mean frame of a touch that stands and was not there before; None: there is none, and
-        why what touches does not count."""
+        """Return the mean frame of a new touch that stands, or None and why there is none."""
         frames = self.rest.quiet(self._frames(_GLANCE))
         if len(frames) < 2:
             return None, ""
@@ -384,7 +385,7 @@ def newtons(text: str) -> float | None:
 
 
 def picture(force: np.ndarray) -> str:
-    """A text picture of (rows, cols) [N], one character for two of a terminal's a cell."""
+    """Return a text picture of (rows, cols) [N], one character for two of a terminal's a cell."""
     share = force / max(force.max(), 1e-9)
     shade = np.minimum((share * len(_SHADES)).astype(int), len(_SHADES) - 1)
     lines = ["".join(2 * _SHADES[k] for k in row) for row in shade]

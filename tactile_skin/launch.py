@@ -204,8 +204,7 @@ class Skin:
             self._executor.drain(max(0.0, drained - time.monotonic()))
 
     def spin(self, timeout: float | None = None) -> None:
-        """Wait until a node ends the launch, a command fails, a signal asks for the end, or
-        `timeout` seconds went by.
+        """Wait until a node, a failed command, a signal or `timeout` [s] ends the launch.
 
         Raises:
             LaunchError: a command of the launch file ended by itself with an error.
@@ -336,7 +335,7 @@ class Skin:
         return all(a.success for a in answers), "; ".join(a.message for a in answers)
 
     def _reset(self, handle: Node, timeout: float):
-        """The answer of the node's service ~/reset."""
+        """Return the answer of the node's service ~/reset."""
         name = f"{handle.get_fully_qualified_name()}/reset"
         future = self.node.create_client(Trigger, name).call_async(Trigger.Request())
         try:
@@ -346,7 +345,7 @@ class Skin:
             return Trigger.Response(False, f"{name} does not answer")
 
     def _started(self, executable: str) -> list[Node]:
-        """The nodes of a kind, of which there must be one."""
+        """Return the nodes of a kind, of which there must be one."""
         found = self._of_kind(executable, self._handles)
         if not found:
             raise LaunchError(f"the launch file starts no {executable}")

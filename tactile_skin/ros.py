@@ -80,7 +80,7 @@ class RosSkin(launch.Skin):
 
 
 def run(executable: str, words: list[str] | None = None) -> int:
-    """A program of `ros2 run tactile_skin` until SIGTERM or SIGINT: a node, or `skin`.
+    """Run a program of `ros2 run tactile_skin` until SIGTERM or SIGINT: a node, or `skin`.
 
     Returns:
         the exit status: 0, 1 for a run that failed or a ROS that did, 2 for a mistake.
@@ -102,14 +102,14 @@ def run(executable: str, words: list[str] | None = None) -> int:
 
 
 def _about(executable: str) -> str:
-    """The first line of the node's module."""
+    """Return the first line of the node's module."""
     if executable == COMPOSED:
         return f"All nodes of a skin in one process: {', '.join(PARTS)}."
     return (sys.modules[node_class(executable).__module__].__doc__ or "").splitlines()[0]
 
 
 def plan_of(executable: str, args: RosArguments) -> Plan:
-    """The nodes of a program, with what its command line gives them.
+    """Return the nodes of a program, with what its command line gives them.
 
     A launch file also gives `skin` what is for any of its parts, whether or not they run.
 
@@ -129,7 +129,7 @@ def plan_of(executable: str, args: RosArguments) -> Plan:
 
 
 def _parts(args: RosArguments) -> list[str]:
-    """The nodes that `skin` runs."""
+    """Return the nodes that `skin` runs."""
     name, wanted = args.name_of(COMPOSED), dict(PARTS)
     for p in values_for(f"{args.namespace_of(COMPOSED)}/{name}", args.parameters_of(name)):
         if p.name in PARTS:
@@ -142,7 +142,7 @@ def _parts(args: RosArguments) -> list[str]:
 
 
 def __getattr__(name: str):
-    """An entry point for each node of NODES, under its name, and for all of them together."""
+    """Return an entry point for each node of NODES, by its name, and for all together."""
     if name in NODES or name == COMPOSED:
         return functools.partial(run, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

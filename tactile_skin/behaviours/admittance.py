@@ -57,7 +57,7 @@ class Axis:
             )
 
     def step(self, velocity: np.ndarray, force: np.ndarray, dt: float) -> np.ndarray:
-        """The velocity (n,) after dt [s] under a force (n,) that holds meanwhile."""
+        """Return the velocity (n,) after dt [s] under a force (n,) that holds meanwhile."""
         size = float(np.linalg.norm(force))
         if size <= self.dead_band:
             force = np.zeros_like(force)
@@ -73,7 +73,7 @@ class Axis:
 
 
 def _within(vector: np.ndarray, length: float) -> np.ndarray:
-    """The vector, shortened to a length."""
+    """Return the vector, shortened to a length."""
     size = float(np.linalg.norm(vector))
     return vector if size <= length else vector * (length / size)
 
@@ -84,7 +84,9 @@ ANGULAR = Axis(mass=2.0, damping=8.0, dead_band=1.0, max_speed=0.5, max_accelera
 
 @dataclass(frozen=True)
 class AdmittanceConfig:
-    """Attributes:
+    """What a robot that follows a push may do.
+
+    Attributes:
     linear: along the floor, x and y together.
     angular: about the vertical; None: the robot does not turn.
     touch_timeout: how old the last reading may be [s]: the dead man's switch.
@@ -122,7 +124,7 @@ class Admittance:
         self._velocity = np.zeros(3)  # (3,) along x, y [m/s] and about z [rad/s]
 
     def stop(self, t: float, message: StopMessage) -> None:
-        """A message of the stop."""
+        """Take a message of the stop."""
         self._stop = t, message
 
     def touch(
@@ -132,7 +134,7 @@ class Admittance:
         force: Sequence[float] | np.ndarray,
         torque: Sequence[float] | np.ndarray,
     ) -> None:
-        """What a reading says of the touch, in the base frame.
+        """Take what a reading says of the touch, in the base frame.
 
         Args:
             total: sum of the cells' forces [N].
@@ -151,7 +153,7 @@ class Admittance:
             self._trouble = "pushes from several sides"
 
     def step(self, t: float) -> Motion:
-        """The velocity from now on; call it on a timer, and with each reading if you like."""
+        """Return the velocity from now on; call it on a timer, with each reading if you want."""
         config = self.config
         if self._seen > t + MAX_AHEAD:  # the clock was set back: what was seen is of no time
             self._seen = -math.inf

@@ -38,7 +38,9 @@ class Motion(NamedTuple):
 
 @dataclass(frozen=True)
 class GateConfig:
-    """Attributes:
+    """When the gate lets a command pass.
+
+    Attributes:
     command_timeout: how old the last command may be [s]: the dead man's switch.
     stop_timeout: how long the stop may be silent [s].
     touch_timeout: how old the reading with the push's direction may be [s].
@@ -74,18 +76,18 @@ class Gate:
         self._trouble = "its direction is unknown"  # why there is no `_push`
 
     def command(self, t: float, linear: npt.ArrayLike, angular: npt.ArrayLike) -> None:
-        """A velocity is asked for: (3,) [m/s] and (3,) [rad/s], in the base frame."""
+        """Take a velocity that is asked for: (3,) [m/s] and (3,) [rad/s], in the base frame."""
         self._command = t, np.asarray(linear, float), np.asarray(angular, float)
 
     def stop(self, t: float, message: StopMessage) -> None:
-        """A message of the stop."""
+        """Take a message of the stop."""
         self._stop = t, message
         self._forget_what_is_over()
 
     def touch(
         self, stamp: float, total: float, force: npt.ArrayLike, places: npt.ArrayLike
     ) -> None:
-        """What a reading says of the touch, in the base frame.
+        """Take what a reading says of the touch, in the base frame.
 
         Args:
             total: sum of the cells' forces [N].
@@ -109,7 +111,7 @@ class Gate:
         self._forget_what_is_over()
 
     def decide(self, t: float) -> Motion:
-        """What the robot may do at t, also when nothing comes: call it on a timer."""
+        """Return what the robot may do at t, also when nothing comes: call it on a timer."""
         if self._seen > t + MAX_AHEAD:  # the clock was set back: what was seen is of no time
             self._seen = -math.inf
         since, linear, angular = self._command
@@ -140,7 +142,7 @@ class Gate:
         return Motion(share * linear, share * angular, "push: motion against it")
 
     def _forget_what_is_over(self) -> None:
-        """A push keeps its last direction while it is held after the release, and no longer."""
+        """Forget the last direction of a push that is over and held no longer."""
         if not self._stop[1].stop and self._total < self.config.touch:
             self._push, self._trouble = None, "its direction is unknown"
 

@@ -38,7 +38,7 @@ class StopMessages:
         }
 
     def hear(self, t: float, topic: str, message: StopMessage) -> bool:
-        """The stop node behind `topic` said this; whether it differs from the last message."""
+        """Take what the stop node behind `topic` said; return whether that is new."""
         before, self._messages[topic] = self._messages[topic][1], (t, message)
         return before[:2] != message[:2]
 
@@ -109,7 +109,7 @@ class StopHook:
         self._thread.start()
 
     def hear(self, topic: str, message: StopMessage) -> None:
-        """The stop node behind `topic` decided; returns at once."""
+        """Take a decision of the stop node behind `topic`; return at once."""
         with self._changed:
             new = self._messages.hear(self._now(), topic, message)
             if message.stop and self._missed is None:
@@ -190,7 +190,7 @@ class EventHook:
         self._thread.start()
 
     def tell(self, *arguments: object) -> None:
-        """An event happened; returns at once."""
+        """Take an event that happened; return at once."""
         with self._changed:
             if len(self._events) >= _WAITING:
                 self._events.popleft()

@@ -24,12 +24,16 @@ _MAX_PARAMETER = 1.0  # s, upper limit of the parameter stale_after
 
 
 class Pace:
-    """Attributes:
+    """Measures how far apart readings come, and so how old the last one may be.
+
+    Attributes:
     stale_after: how old the last reading may be, in force now [s].
     """
 
     def __init__(self, stale_after: float):
-        """Args:
+        """Start without a reading.
+
+        Args:
         stale_after: [s]; 0: measured.
         """
         self.forget()
@@ -42,7 +46,7 @@ class Pace:
         self._follow()
 
     def forget(self) -> None:
-        """The clock was set: nothing is known of the readings' distance; what is in force stays."""
+        """Forget how far apart readings come, since the clock was set; what is in force stays."""
         self._gaps: deque[float] = deque(maxlen=_KEPT)
         self._named = self._named_gap = 0.0  # s
 
@@ -52,7 +56,7 @@ class Pace:
         return _middle(self._gaps) if len(self._gaps) >= _ENOUGH else None
 
     def gap(self, seconds: float) -> None:
-        """A reading came, so long after the last one."""
+        """Take how long after the last reading one came [s]."""
         self._gaps.append(seconds)
         self._follow()
 
@@ -70,7 +74,7 @@ class Pace:
         return max(5.0 * self.stale_after, 3.0 * self._named)
 
     def slow(self) -> str:
-        """What is wrong if readings keep coming and none is in time; one text for one cause."""
+        """Return what is wrong if readings come and none is in time; one text for one cause."""
         lately = list(self._gaps)[-_LATELY:]
         if not lately:
             return "readings have only just resumed"

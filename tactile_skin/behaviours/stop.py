@@ -68,7 +68,7 @@ class StopMessage(NamedTuple):
     causes: tuple[Cause, ...] = ()
 
     def at(self, t: float) -> Decision:
-        """The decision at t: a "free" that has expired is a stop."""
+        """Return the decision at t: a "free" that has expired is a stop."""
         if self.stop or t <= self.until:
             return Decision(self.stop, self.reason, self.causes)
         return Decision(True, OUT_OF_DATE, (Cause.STALE,))
@@ -76,7 +76,9 @@ class StopMessage(NamedTuple):
 
 @dataclass(frozen=True)
 class StopConfig:
-    """Attributes:
+    """When to stop, and when to be free again.
+
+    Attributes:
     threshold: contact force that is a push [N].
     release: contact force below which a push is over [N]; at most the threshold.
     peak: force on one cell that is a push [N]: a hard edge, whose cells end before they reach
@@ -148,7 +150,7 @@ class StopPolicy:
     def reading(
         self, t: float, force: float, peak: float = 0.0, stamp: float | None = None
     ) -> Decision:
-        """A reading arrived at t.
+        """Take a reading that arrived at t.
 
         Args:
             force: total contact force [N].
@@ -198,7 +200,7 @@ class StopPolicy:
         return self.decide(t)
 
     def fault(self, source: str, message: str, waiting: bool = False) -> None:
-        """A stage reports itself as wrong, or as valid again with an empty message.
+        """Take a stage's report that it is wrong, or valid again with an empty message.
 
         Args:
             waiting: it is not wrong, but not ready yet.
@@ -230,7 +232,7 @@ class StopPolicy:
         return self._held_until is not None
 
     def decide(self, t: float) -> Decision:
-        """What holds at t, also when no reading comes: call it on a timer."""
+        """Return what holds at t, also when no reading comes: call it on a timer."""
         reasons = self._causes(t)
         self._was_free = self._was_free or not reasons
         for reason in reasons:

@@ -100,7 +100,7 @@ def moving_touch(n: int, rng, shape=(16, 16), speed: float = 0.3, rate: float = 
 
 
 def day(n: int, rng, circuit: Circuit, curve: PressureCurve):
-    """A day-like stream: 70 % of the frames idle, 20 % one moving touch, 10 % three.
+    """Return a day-like stream: 70 % of the frames idle, 20 % one moving touch, 10 % three.
 
     Returns:
         force [N] and `scan` readings, at least n frames, in runs of 50.

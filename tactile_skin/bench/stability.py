@@ -197,7 +197,7 @@ def _summary(trouble: Trouble, shares: list[dict]) -> dict:
 
 
 def verdict(trouble: Trouble, running: dict) -> str:
-    """What becomes of a trouble on a running skin, in some words.
+    """Return what becomes of a trouble on a running skin, in some words.
 
     Args:
         running: a list for each of "silent", "reported", an entry for each strength.
@@ -236,7 +236,7 @@ _STRIP, _BAR = 4.6, 0.62  # width of a row's bars [inches], height of a bar [row
 
 
 def draw(data: dict):
-    """A row a trouble, in sections by what becomes of it on a running skin, a bar a strength."""
+    """Draw a row a trouble, in sections by what becomes of it on a skin, a bar a strength."""
     from matplotlib import pyplot as plt
 
     sections = {name: [] for name in _SECTIONS}
@@ -273,7 +273,7 @@ def _section(trouble: dict) -> str:
 
 
 def _strip(axis, y: float, trouble: dict) -> None:
-    """The bars of one trouble, each split into what is right, told and silent; its strengths."""
+    """Draw the bars of one trouble, split into what is right, reported and silent, by strength."""
     shares, strengths = trouble["running"], trouble["strengths"]
     width = _STRIP / len(strengths)
     for k, strength in enumerate(strengths):

@@ -36,7 +36,9 @@ class Absent:
     """
 
     def __init__(self, named: np.ndarray, populated: np.ndarray):
-        """Args:
+        """Watch the crossings of a board.
+
+        Args:
         named: (rows, cols) bool, crossings that the configuration says are not read.
         populated: (rows, cols) bool, crossings that carry a cell.
         """

@@ -82,7 +82,7 @@ class Description:
 
 
 def find_description(data: bytes) -> Description | None:
-    """The last whole description among the bytes of a board; None if there is none."""
+    """Return the last complete description among the bytes of a board; None if there is none."""
     start = len(data)
     while (start := data.rfind(MAGIC, 0, start)) >= 0:
         body, crc = data[start : start + _BODY.size], data[start + _BODY.size : start + SIZE]
@@ -94,7 +94,7 @@ def find_description(data: bytes) -> Description | None:
 
 
 def command(letter: str, value: int = 0) -> bytes:
-    """The bytes of a command: DESCRIBE, RATE, FILTER or RAW.
+    """Return the bytes of a command: DESCRIBE, RATE, FILTER or RAW.
 
     Raises:
         ValueError: a value that the board would not take.

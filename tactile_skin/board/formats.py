@@ -31,7 +31,7 @@ def fields() -> dict[str, dataclasses.Field]:
 
 
 def make_format(protocol: str, values: dict) -> Format:
-    """The description of a format from what a parameter file says under `format`.
+    """Return the description of a format from what a parameter file says under `format`.
 
     Raises:
         ValueError: an unknown protocol or name, one of another protocol, or a value that is none.
@@ -51,7 +51,7 @@ def make_format(protocol: str, values: dict) -> Format:
 
 
 def make_parser(protocol: str, rows: int, cols: int, adc_bits: int, fmt: Format = None) -> Parser:
-    """A parser of a protocol named in PROTOCOLS, of a board of this size.
+    """Return a parser of a protocol named in PROTOCOLS, of a board of this size.
 
     Args:
         fmt: of `make_format`; None: the default of the protocol.

@@ -90,5 +90,5 @@ class Parser:
 
 
 def about(text: str, default, *bounds):
-    """A field of a description of a format: what the parameter of its name is."""
+    """Declare a field of a description of a format: what the parameter of its name is."""
     return dataclasses.field(default=default, metadata={"about": text, "bounds": bounds})

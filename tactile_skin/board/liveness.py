@@ -44,7 +44,7 @@ class Delay:
         self._stretch = 0.0, 0  # s, and frames in it, of text that may have been queued
 
     def frame(self, t: float, device_time_us: int | None) -> tuple[float, bool]:
-        """A frame arrived at t [s]: its lag [s], and whether the board's clock went backward."""
+        """Take a frame that arrived at t [s]; return its lag [s], and if the clock went back."""
         backward = False
         before, board = self._last or (t, None)
         if self._last is None:
@@ -63,7 +63,7 @@ class Delay:
         return self._lag, backward
 
     def restart(self, t: float) -> None:
-        """The board restarted: nothing is known of its clock."""
+        """Forget the board's clock, since it restarted."""
         self._since, self._board, self._lag, self._floor = t, 0.0, 0.0, t
         self._floors.clear()
         self._floors.append((t, t))
@@ -78,7 +78,9 @@ class Delay:
             self._floors.popleft()
 
     def _by_pace(self, elapsed: float) -> None:
-        """Of text: a gap may have queued frames. Each of them stands for one usual interval; at the
+        """Return the lag of a text frame [s], by the frames' pace.
+
+        Of text: a gap may have queued frames. Each of them stands for one usual interval; at the
         usual pace none is queued, and what is missing was lost. The mean interval is the usual one,
         since USB delivers frames in groups.
         """
@@ -140,7 +142,7 @@ class Repeats:
         self._run, self._since = 0, math.inf
 
     def frame(self, t: float, samples: np.ndarray) -> str:
-        """What is wrong with the frame that arrived at t [s]; empty if nothing.
+        """Return what is wrong with the frame that arrived at t [s]; empty if nothing.
 
         The text is the same for as long as the fault lasts: another one is another reason to stop.
         """
@@ -191,7 +193,7 @@ class StillLines:
         self._stood = self._seen = 0.0  # times that a cell did, of so many
 
     def frame(self, t: float, samples: np.ndarray) -> str:
-        """What is wrong with the frame that arrived at t [s]; empty if nothing."""
+        """Return what is wrong with the frame that arrived at t [s]; empty if nothing."""
         self.rows = self.cols = ()
         moved = samples != self._last if self._last is not None else np.ones(samples.shape, bool)
         self._last = samples
@@ -272,7 +274,7 @@ class Liveness:
         self._restarts: deque[float] = deque(maxlen=_RESTARTS)
 
     def frame(self, t: float, frame: Frame, restarted: bool = False) -> Verdict:
-        """A frame arrived at t, of a monotonic clock [s].
+        """Take a frame that arrived at t, of a monotonic clock [s].
 
         Args:
             restarted: whether its number says that the board restarted.

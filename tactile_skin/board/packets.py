@@ -42,7 +42,7 @@ CHECKS: dict[str, tuple[int, Literal["little", "big"], Callable[[bytes], int]]] 
 
 
 def check_of(name: str, data: bytes) -> bytes:
-    """The bytes of a check of CHECKS over `data`."""
+    """Return the bytes of a check of CHECKS over `data`."""
     size, order, function = CHECKS[name]
     return (function(data) % (1 << 8 * size)).to_bytes(size, order)
 

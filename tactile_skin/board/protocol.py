@@ -48,7 +48,7 @@ def crc16(data) -> int:
 
 
 def encode(sequence: int, device_time_us: int, samples, adc_bits: int, fraction_bits: int) -> bytes:
-    """A binary frame; samples: (rows, cols) in ADC steps * 2**fraction_bits.
+    """Return a binary frame; samples: (rows, cols) in ADC steps * 2**fraction_bits.
 
     Raises:
         ValueError: a sample that its 16 bits cannot hold; cut off it would be another reading.
@@ -135,8 +135,7 @@ class BinaryParser(Parser):
             frames.append(Frame(samples, adc_bits, sequence, device_time))
 
     def _header(self):
-        """The header's fields behind version; None if it is damaged, out of range or of another
-        board's layout."""
+        """Return the header's fields after the version; None: damaged, or another layout."""
         crc = _CRC.unpack_from(self._buffer, _HEADER.size)[0]
         if crc16(bytes(self._buffer[: _HEADER.size])) != crc:
             return None

@@ -41,13 +41,16 @@ PORT_ERRORS = (serial.SerialException, OSError, termios.error)  # what a vanishe
 
 
 def candidates() -> list[str]:
-    """Serial ports that may be a board: those on USB."""
+    """Return the serial ports that may be a board: those on USB."""
     return sorted(p.device for p in list_ports.comports() if p.vid is not None)
 
 
 def identity(device: str) -> tuple:
-    """What a board is known by when it is plugged in again: its USB ids, and its serial number or,
-    where it has none, its USB socket. The device's name where it is not on USB."""
+    """Return what a board is known by when it is plugged in again.
+
+    These are its USB ids, and its serial number or, where it has none, its USB socket; the
+    device's name where it is not on USB.
+    """
     for port in list_ports.comports():
         if port.device == device and port.vid is not None:
             return port.vid, port.pid, port.serial_number or port.location
@@ -247,7 +250,7 @@ class SerialReader:
 
 
 def _number(error: BaseException) -> int | None:
-    """The errno behind an error of pyserial's, which tells some in a text alone."""
+    """Return the errno behind an error of pyserial's, which gives some in a text alone."""
     for each in (error, error.__context__):
         number = getattr(each, "errno", None) or (each.args[0] if each and each.args else None)
         if isinstance(number, int):
@@ -256,7 +259,7 @@ def _number(error: BaseException) -> int | None:
 
 
 def _explain(port: str, error: Exception) -> str:
-    """What is wrong with a port, for a person who can mend it."""
+    """Return what is wrong with a port, for a person who can mend it."""
     number = _number(error)
     if number is None and "device disconnected" in str(error):  # pyserial: it reads as if at an end
         number = errno.EIO

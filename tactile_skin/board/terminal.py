@@ -44,7 +44,7 @@ class Terminal:
         return time.monotonic() - self._last > _LEFT_FOR
 
     def read(self) -> bytes:
-        """What was sent to the board until `connected` was called last; empty if nothing."""
+        """Return what was sent to the board until `connected` was called last; empty if nothing."""
         if not self._events & select.POLLIN:
             return b""
         try:
@@ -66,7 +66,7 @@ class Terminal:
 
 @contextlib.contextmanager
 def open_terminal(link: Path) -> Iterator[Terminal]:
-    """A pty whose name is the symbolic link `link`, while the context lasts.
+    """Open a pty whose name is the symbolic link `link`, while the context lasts.
 
     A folder of its own, which is not there yet, is made and removed again.
 

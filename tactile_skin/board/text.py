@@ -43,7 +43,7 @@ _VALUES, _PLACES = "values", ("index", "row", "col")
 
 
 def line(samples: np.ndarray) -> bytes:
-    """A frame as sketches print it; samples: (rows, cols) whole numbers, in ADC steps."""
+    """Return a frame as sketches print it; samples: (rows, cols) whole numbers, in ADC steps."""
     return b",".join(b"%d" % s for s in samples.ravel().tolist()) + b"\r\n"
 
 
@@ -84,7 +84,7 @@ class TextFormat:
         return [name for name in _FIELD.findall(self.line) if name in _PLACES]
 
     def pattern(self) -> re.Pattern:
-        """What a line of readings matches, without its end."""
+        """Return what a line of readings matches, without its end."""
         parts = []
         for text, name in zip(*[iter([*_FIELD.split(self.line), ""])] * 2, strict=True):
             words = text.split()
@@ -154,7 +154,7 @@ class TextParser(Parser):
         return frames
 
     def _line(self, line: bytes) -> list[Frame]:
-        """The frame that a line completes, if any."""
+        """Return the frame that a line completes, if any."""
         match = self._pattern.fullmatch(line) if self._pattern else None
         numbers = None
         if len(line) <= self._longest and (match or not self._pattern):
@@ -189,7 +189,7 @@ class TextParser(Parser):
         return self._border()
 
     def _spoil(self) -> None:
-        """A line was damaged: what is left of its frame is none."""
+        """Drop what is left of the frame, since a line was damaged."""
         self.counters.corrupt += 1
         self._next = -1
         self._filled[:] = False
@@ -208,7 +208,7 @@ class TextParser(Parser):
         return self._frame(self._values) if self._early and self._next == self._cells else []
 
     def _border(self) -> list[Frame]:
-        """A frame ends here, and another begins."""
+        """End a frame here, and begin another."""
         whole, begun = self._next == self._cells, self._next > 0
         self._next = 0
         if whole and not self._early:
@@ -257,7 +257,7 @@ class TextParser(Parser):
         return [Frame(samples, self.adc_bits, self.counters.frames % _SEQUENCES, None, unread)]
 
     def _numbers(self, text: bytes) -> np.ndarray | None:
-        """A line's numbers, NaN for those not read; None if it holds anything else."""
+        """Return a line's numbers, NaN for those not read; None if it holds anything else."""
         if text.translate(None, _PLAIN + _WORDS):
             if b":" in text or b"=" in text:
                 text = _LABEL.sub(b" ", text)
@@ -286,7 +286,7 @@ class TextParser(Parser):
             return None
 
     def _without_trailing(self, words: list[bytes]) -> list[bytes]:
-        """A separator that ends the line adds no field; an empty last field does.
+        """Return the fields without the one that a separator at the line's end would add.
 
         Where lines are known to end with one, an empty last field is a number that was lost.
         """
@@ -301,7 +301,7 @@ class TextParser(Parser):
         return words[:-1]
 
     def _in_range(self, numbers: np.ndarray, decimals: bool) -> np.ndarray | None:
-        """The numbers in ADC steps; None if they cannot be, or may be volts."""
+        """Return the numbers in ADC steps; None if they cannot be, or may be volts."""
         if np.isnan(numbers).all():
             return numbers
         largest, top = float(np.nanmax(numbers)), 2**self.adc_bits - 1
@@ -326,6 +326,6 @@ def _balanced(text: bytes) -> bool:
 
 
 def _plain(line: bytes) -> float:
-    """The share of a line's bytes that a line of numbers may hold."""
+    """Return the share of a line's bytes that a line of numbers may hold."""
     line = line.strip()
     return 1.0 - len(line.translate(None, _PLAIN + _WORDS)) / max(len(line), 1)

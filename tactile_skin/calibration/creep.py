@@ -32,7 +32,7 @@ _ERROR = 5e-4  # share of the conductance by which a mean frame errs at least
 
 
 def as_it_comes(curve: PressureCurve, creep: Creep, known: Creep | None = None) -> PressureCurve:
-    """The curve of a load that has just come, from one by objects that had lain for `LAID` s.
+    """Return the curve of a load that has just come, from one by objects that lay for `LAID` s.
 
     What a cell conducts at rest has not crept.
 

@@ -327,7 +327,7 @@ def _summary(weights, used, error: float, hardest: float) -> str:
 
 
 def _words(weights, used, off, objects, odd) -> list[str]:
-    """What a person should know besides."""
+    """Return what a person should know besides."""
     words = []
     for k in odd:
         mine = np.flatnonzero(objects == k)

@@ -106,7 +106,7 @@ def _converter_end(frames, circuit: Circuit) -> tuple[float, int]:
 
 
 def _the_cautious(frames, circuit: Circuit, rest: Rest, sharp: Solution, end: float) -> Solution:
-    """What is found with soft rims supposed, if it contradicts what is found without."""
+    """Return what is found with soft rims supposed, if it contradicts what is found without."""
     soft = _solve_frames(frames, circuit, rest, sharp.off, SOFT, end)
     if soft is None:
         return sharp
@@ -220,7 +220,7 @@ def _bounded(off: np.ndarray, information: np.ndarray, circuit: Circuit) -> np.n
 
 
 def shifted(circuit: Circuit, off: np.ndarray) -> Circuit:
-    """The circuit with (2,) ohm more, neither resistance below 0."""
+    """Return the circuit with (2,) ohm more, neither resistance below 0."""
     given = zip(names(circuit), off, strict=True)
     return replace(circuit, **{n: np.maximum(getattr(circuit, n) + more, 0.0) for n, more in given})
 
@@ -263,7 +263,8 @@ def _unknown_rest(rest: Rest, supposed: Supposed) -> np.ndarray:
 
 
 def _identified(circuit: Circuit, solution: Solution, ended: int) -> Identified:
-    """
+    """Return what was identified, in numbers and words.
+
     Args:
         ended: readings that are at the converter's end.
     """

@@ -60,7 +60,7 @@ class Rest:
 
 
 def measure_rest(frames, circuit: Circuit) -> Rest:
-    """The rest of a skin that nothing touches.
+    """Return the rest of a skin that nothing touches.
 
     A few readings may scatter by themselves, as that of a loose contact: these are named. What
     touches changes a cell, and so the readings of its whole row and column.
@@ -270,7 +270,7 @@ def mask_of(cells, shape: tuple[int, int]) -> np.ndarray:
 
 
 def supposing(rest: Rest, circuit: Circuit) -> Rest:
-    """The same readings, by another circuit."""
+    """Return the same readings, by another circuit."""
     noise = rest.noise / rest.frames**0.5
     found = resting_conductance(rest.adc, circuit, noise, rest.noisy)
     return replace(rest, conductance=found)

@@ -88,7 +88,7 @@ class Tare:
         self._drifted: tuple[float, np.ndarray] | None = None  # s, and what was read then
 
     def suppose(self, circuit: Circuit) -> None:
-        """The same readings at rest, of another circuit.
+        """Suppose the same readings at rest, of another circuit.
 
         Raises:
             ValueError: no skin reads so with it; the tare stays as it was.

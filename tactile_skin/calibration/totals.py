@@ -40,7 +40,8 @@ class Totals(NamedTuple):
 
     @classmethod
     def of(cls, ramps: np.ndarray, total: np.ndarray, slope: np.ndarray | None = None) -> Totals:
-        """
+        """Return the sums over frames of known total force.
+
         Args:
             ramps: (n, rows, cols, k) [S] how far each cell rises along each ramp.
             total: (n,) [N].

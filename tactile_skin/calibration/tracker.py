@@ -79,7 +79,9 @@ class CircuitTracker:
     """
 
     def __init__(self, circuit: Circuit, r_par_std: float | None = None):
-        """Args:
+        """Follow a skin from its configured circuit.
+
+        Args:
         circuit: as it is configured.
         r_par_std: how well its r_par was known when the curve was found with it [ohm]; None: as
             well as a data sheet says it, and the curve is of the fabric alone.
@@ -109,7 +111,7 @@ class CircuitTracker:
         self._t = -np.inf  # s, since when one waits
 
     def offer(self, t: float, adc: np.ndarray, noise: float) -> None:
-        """A frame with a touch. While one stands, their mean is to be asked when there is time.
+        """Take a frame with a touch; while one stands, their mean is asked when there is time.
 
         Args:
             t: when it was read [s].
@@ -137,8 +139,9 @@ class CircuitTracker:
 
     @property
     def unknown(self) -> float:
-        """By how much what lies in series may exceed that of `circuit` [ohm]: the best guess, which
-        need not be sure enough to be used, and one standard deviation.
+        """Return by how much what lies in series may exceed that of `circuit` [ohm].
+
+        This is the best guess, which may not be sure enough to be used, and its std.
 
         An ohm of r_drive hides as much of a touch as one of r_par does on a loaded matrix.
         """
@@ -273,7 +276,7 @@ class CircuitTracker:
 
     @property
     def _relevant(self) -> np.ndarray:
-        """(2,) [ohm]"""
+        """Return what is relevant of each resistance (2,) [ohm]."""
         return np.array([RELEVANT * series_scale(self._configured), _RELEVANT_OTHER])
 
     def _beyond(self, off: np.ndarray) -> bool:
@@ -296,13 +299,12 @@ class CircuitTracker:
 
     @staticmethod
     def _chi2(asked: _Asked, off: np.ndarray) -> float:
-        """A reading, that the frame leaves with this circuit, to first order."""
+        """Return the misfit a reading that the frame leaves with this circuit, to first order."""
         e, step = asked.evidence, off - asked.at
         return float((e.chi2 - 2.0 * e.score @ step + step @ e.information @ step) / e.count)
 
     def _solve(self, asked: list[_Asked]) -> Solution:
-        """Return what touches say together, with as much less information as they differ by more
-        than noise."""
+        """Return what touches say together; less surely where they differ by more than noise."""
         assert self._rest is not None and self._supposed is not None
         evidence, at = [a.evidence for a in asked], [a.at for a in asked]
         found = Solution.of(evidence, at, self._configured, self._rest, self._supposed)

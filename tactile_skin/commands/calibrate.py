@@ -191,7 +191,7 @@ def split_words(words: list[str]) -> tuple[dict, list[tuple[str, str]]]:
 
 
 def from_files(skin: SkinConfig, files: dict, loads: list[tuple[str, str]]) -> Guide:
-    """The three steps with recorded frames in place of a board and a person.
+    """Take the three steps with recorded frames in place of a board and a person.
 
     Args:
         files: rest, and touches if there are; rate: frames a second, of files without times.
@@ -257,7 +257,7 @@ def _check_all_is_sent(skin: SkinConfig, rest: np.ndarray, touches: np.ndarray |
 
 
 def _ask(text: str) -> str:
-    """What is typed from now on: an Enter of the step before is no answer."""
+    """Return what is typed from now on: an Enter of the step before is no answer."""
     if sys.stdin.isatty():
         termios.tcflush(sys.stdin, termios.TCIFLUSH)
     *above, question = text.splitlines()

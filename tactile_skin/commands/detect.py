@@ -91,7 +91,7 @@ def run(args) -> int:
 
 
 def _known(given: dict) -> dict:
-    """What a parameter file that is given says of the wiring: it is not asked, nor lost."""
+    """Return what a parameter file that is given says of the wiring: it is not asked, nor lost."""
     if "config" not in given:
         return {}
     skin = read_skin(Path(given["config"]))
@@ -141,7 +141,7 @@ def _cells(found: Heard, shape: tuple[int, int] | None, ask) -> tuple[int, int]:
 
 
 def _answers(seen: Seen, answers: dict, ask) -> dict:
-    """What no byte tells: readout, resistor and scale, as given or typed."""
+    """Return what no byte tells: readout, resistor and scale, as given or typed."""
     if "readout" not in answers:
         about = (
             f"wiring: {', '.join(READOUTS)}; with -columns behind if the columns are driven, "
@@ -191,7 +191,7 @@ def _number(name: str, text: str) -> float:
 
 
 def _usual_scale(seen: Seen) -> float:
-    """The smallest usual full scale that holds all readings."""
+    """Return the smallest usual full scale that holds all readings."""
     if seen.decimals and seen.largest <= 1.0:
         return 1.0
     if seen.decimals:
@@ -245,7 +245,7 @@ def _fine(scale: float, step: float) -> int:
 
 
 def _form(fmt: Format, scale: float, request: str) -> dict:
-    """What differs from the protocol's default description."""
+    """Return what differs from the protocol's default description."""
     if fmt is None:
         return {}
     fmt = dataclasses.replace(fmt, full_scale=scale, request=request)

@@ -102,7 +102,7 @@ def run(args) -> int:
 
 
 def unseen(circuit: Circuit) -> str:
-    """What might be wrong though nothing was found."""
+    """Return what might be wrong though nothing was found."""
     series = "r_drive" if circuit.readout == "grounded" else "r_par"
     words = [
         "two lines that are exchanged with all their neighbours",
@@ -114,7 +114,7 @@ def unseen(circuit: Circuit) -> str:
 
 
 def touches_note(frames: np.ndarray, circuit: Circuit, rest: Rest | None) -> str:
-    """What to record instead if hardly a touch was seen; empty if some were.
+    """Return what to record instead if hardly a touch was seen; empty if some were.
 
     Args:
         frames: (n, rows, cols) ADC ratio, NaN where a crossing was not read.
@@ -129,7 +129,7 @@ def touches_note(frames: np.ndarray, circuit: Circuit, rest: Rest | None) -> str
 
 
 def scale_note(frames: np.ndarray, circuit: Circuit) -> str:
-    """What to check if hard presses read little; empty if they do not.
+    """Return what to check if hard presses read little; empty if they do not.
 
     Readings that are all too small by one factor are those of another fabric behind another r_par:
     no frame tells, and the forces found are far too small.
@@ -150,7 +150,7 @@ def scale_note(frames: np.ndarray, circuit: Circuit) -> str:
 
 
 def picture(found: list[Finding], circuit: Circuit) -> str:
-    """The mat in text: `.` a sound cell, `X` a bad one, `-` and `|` bad lines, blank: no cell."""
+    """Return the mat in text: `.` a sound cell, `X` a bad one, `-` and `|` bad lines."""
     marks = np.where(circuit.populated, ".", " ")
     rows, cols = {r for f in found for r in f.rows}, {c for f in found for c in f.cols}
     cells = {(f.rows[0], f.cols[0]) for f in found if len(f.rows) == len(f.cols) == 1}
@@ -179,7 +179,7 @@ def _digit(number: int, place: int) -> str:
 
 
 def _board(skin: SkinConfig, given: dict) -> dict:
-    """The parameters of the board, with what the arguments change of them."""
+    """Return the parameters of the board, with what the arguments change of them."""
     board = asdict(skin.board)
     changed = {name: given[name] for name in _BOARD if name in given}
     dropped: dict = {}  # what was another board's

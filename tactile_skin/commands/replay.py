@@ -64,7 +64,7 @@ def register(parser) -> None:
 
 
 def run(args) -> int:
-    """The exit status."""
+    """Return the exit status."""
     files, given = split(args.words, _KINDS)
     if len(files) != 1:
         raise ValueError(f"give one FILE, not {len(files)}")
@@ -92,7 +92,7 @@ def run(args) -> int:
 
 
 def _imported(path: str, folder: Path, skin: SkinConfig, config: str | None, given: dict) -> str:
-    """A recording of a foreign file's frames."""
+    """Return a recording of a foreign file's frames."""
     rate = given.get("rate")
     frames = read_frames(path, skin.circuit, rate=rate, full_scale=given.get("full_scale"))
     _say_notes(path, frames.notes)

@@ -88,7 +88,7 @@ def run(args) -> int:
 
 
 def _line_of(config) -> tuple[str, int]:
-    """The protocol and the baud rate of a parameter file's serial_driver."""
+    """Return the protocol and the baud rate of a parameter file's serial_driver."""
     overrides = [] if config is None else ParameterFile(config).overrides("/serial_driver")
     given = {p.name: p.value for p in overrides}
     return given.get("protocol", "binary"), given.get("baud", BAUD)

@@ -20,7 +20,9 @@ _EXAMPLES |= {"settings": "..."}
 
 
 class Words(NamedTuple):
-    """Templates: {at} is the lines or cells, {line} "row" or "column", {detail} and the numbers are
+    """How a finding is worded.
+
+    Templates: {at} is the lines or cells, {line} "row" or "column", {detail} and the numbers are
     the finding's.
     """
 

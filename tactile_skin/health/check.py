@@ -17,7 +17,9 @@ _CALM = 0.25  # of the readings are not moved by a touch
 
 
 class Window(NamedTuple):
-    """Attributes:
+    """What some frames show.
+
+    Attributes:
     mean, spread: (rows, cols) of each reading in some frames [ADC steps].
     noise: spread of the readings that nothing moves.
     low: (rows, cols) lowest mean of each reading so far: at rest.
@@ -87,7 +89,9 @@ class Check:
     found: Finding | None = None
 
     def __init__(self, adc: Adc, threshold: float = 0.0):
-        """Args:
+        """Start with nothing known of the skin.
+
+        Args:
         adc: the board's converter, with its circuit.
         threshold: ADC ratio up to which it is known to send 0 or no reading.
         """

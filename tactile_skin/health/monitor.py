@@ -49,7 +49,9 @@ class Monitor:
     """
 
     def __init__(self, adc: Adc, threshold: float, *, rest_known: bool):
-        """Args:
+        """Watch a skin that is read by this converter.
+
+        Args:
         adc, threshold: as of `Check`.
         rest_known: whether the rest of the cells need not be measured.
         """
@@ -65,11 +67,11 @@ class Monitor:
         self._checks = [make(self._adc, self._threshold) for make in CHECKS if make not in skipped]
 
     def forget_doubts(self) -> None:
-        """The rest was measured for the first time: what was in doubt before was so without it."""
+        """Forget doubts, since the rest was measured for the first time."""
         self._doubt, self.doubtful = Doubt(), False
 
     def explained(self) -> None:
-        """The circuit is known better: what the skin at rest read otherwise is explained."""
+        """Forget what the skin at rest read otherwise, since the circuit is known better."""
         for check in self._checks:
             if isinstance(check, Untouched):
                 check.forget()

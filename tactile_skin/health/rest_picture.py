@@ -42,7 +42,7 @@ class RestPicture(Check):
         self.found, self._before = found if again else None, found
 
     def _look(self, now: np.ndarray, rest: np.ndarray, noise: float) -> Finding | None:
-        """What (n,) mean readings show, whose noise is known [ADC steps]."""
+        """Return what (n,) mean readings show, whose noise is known [ADC steps]."""
         most = rest.std() / (_STILL_ALIKE if self.found else _ALIKE)
         up = float(np.median(now - rest))
         if now.var() - noise**2 < most**2:

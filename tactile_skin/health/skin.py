@@ -66,7 +66,9 @@ class Skin:
         weights,
         warn: Callable[[str], None],
     ):
-        """Args:
+        """Prepare a skin of which nothing has been read.
+
+        Args:
         adc: the board's converter, with its circuit.
         curve: of the fabric.
         creep: what a standing load gains, which is taken out of what is published.
@@ -178,7 +180,7 @@ class Skin:
         return force
 
     def refuse(self, why: str) -> None:
-        """A frame of which nothing can be made."""
+        """Refuse a frame of which nothing can be made."""
         self.status, self.message, self._doubt = "failed", why, None
 
     def _hurries(self, adc: np.ndarray) -> bool:
@@ -209,7 +211,7 @@ class Skin:
             self._last = None
 
     def _learn_circuit(self, t: float, adc: np.ndarray, touched: bool, stopped: bool) -> None:
-        """What lies in series, by touches; worked out while none is there, or a stop is."""
+        """Learn what lies in series, by touches; work it out while none is there, or a stop is."""
         known = self._follows and self._tare.measured and self._adc.table is None
         if not known or self._method in _LEARNED:
             return

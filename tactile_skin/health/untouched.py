@@ -52,7 +52,7 @@ class Untouched(Check):
         self.forget()
 
     def forget(self) -> None:
-        """What is read now is right: somebody has checked the skin, or it is explained."""
+        """Take what is read now for right: somebody has checked the skin, or it is explained."""
         self.found: Finding | None = None
         self._rest: np.ndarray | None = None  # before what was found
         self._found_at = -np.inf  # s
@@ -113,8 +113,10 @@ class Untouched(Check):
             self.forget()
 
     def _common(self, now, rest, noise: float, known, limit: float) -> tuple[float, bool]:
-        """Log conductance that nearly all cells have gained, or lost; 0 if some did neither. And
-        whether all did evenly, as of the supply: a load that goes leaves no cells so alike.
+        """Return the log conductance that nearly all cells gained or lost, and whether evenly.
+
+        It is 0 if some did neither. Evenly: as of the supply; a load that goes leaves no cells so
+        alike.
 
         A cell that changes moves the readings of others, too: if those say so, the cells are found.
         """

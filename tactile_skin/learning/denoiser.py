@@ -52,7 +52,7 @@ class Denoiser:
         self._layers = [layer_of(state[f"{name}.weight"], state[f"{name}.bias"]) for name in names]
 
     def __call__(self, x, std, own, unknown, cells) -> tuple[np.ndarray, np.ndarray]:
-        """The likely x of each cell, and its standard deviation, (rows, cols) each.
+        """Return the likely x of each cell, and its standard deviation, (rows, cols) each.
 
         Args:
             x: (rows, cols) log conductance over that at rest, as a fit found it.
@@ -74,6 +74,6 @@ class Denoiser:
 
 @cache
 def shipped() -> Denoiser:
-    """The network that comes with the package."""
+    """Return the network that comes with the package."""
     with np.load(SHIPPED) as arrays:
         return Denoiser(dict(arrays))

@@ -149,8 +149,10 @@ def left_out(table: Table, trees: int = TREES, seed: int = 0) -> np.ndarray:
 
 
 def _folds(table: Table) -> np.ndarray:
-    """Return (rows,) the group that each row is left out with: of people, or of takes where one
-    person alone has made a gesture."""
+    """Return (rows,) the group that each row is left out with.
+
+    Groups are of people, or of takes where one person alone has made a gesture.
+    """
     person = np.unique(table.person, return_inverse=True)[1]
     alone = any(len(np.unique(person[table.label == label])) == 1 for label in set(table.label))
     return (table.take if alone else person) % FOLDS

@@ -42,7 +42,7 @@ _LEAST_SEEN = 1e-6  # of log10: a cell that hardly shows in its own reading
 
 
 def physics_inputs(adc: np.ndarray, circuit: Circuit, curve: PressureCurve) -> np.ndarray:
-    """What the circuit says of a reading, for the second network.
+    """Return what the circuit says of a reading, for the second network.
 
     Args:
         adc: (n, rows, cols) ADC ratio.
@@ -92,12 +92,12 @@ def _range_of(circuit: Circuit, curve: PressureCurve):
 
 
 def head(kind: str) -> list[tuple[int, int]]:
-    """Inputs and outputs of each of the plain convolutions of a network of `NETWORKS`."""
+    """Return inputs and outputs of each of the plain convolutions of a network of `NETWORKS`."""
     return list(zip(_HEAD, (*_HEAD[1:], _OUTPUTS[kind]), strict=True))
 
 
 def shapes(kind: str, rows: int, cols: int) -> dict[str, tuple[int, ...]]:
-    """The arrays of a network of `NETWORKS` by PyTorch's names, and the shape of each."""
+    """Return the arrays of a network of `NETWORKS` by PyTorch's names, and the shape of each."""
     inputs = 1 if kind == "paper" else PHYSICS_INPUTS
     found: dict[str, tuple[int, ...]] = dict.fromkeys(("input_mean", "input_std"), (inputs, 1, 1))
     if kind == "paper":
@@ -215,7 +215,7 @@ class Weights:
 
 
 def _checked(state: dict, wanted: dict[str, tuple[int, ...]]) -> dict[str, np.ndarray]:
-    """The arrays as float32, in the order of `wanted`; ValueError unless they are just those."""
+    """Return the arrays as float32, in the order of `wanted`; ValueError for any others."""
     for what, names in (("missing", wanted.keys() - state), ("unknown", state.keys() - wanted)):
         if names:
             raise ValueError(f"array {min(names)!r} is {what}: must be {', '.join(wanted)}")
@@ -273,7 +273,7 @@ def load(path) -> Weights:
 
 
 def _unpack(data: bytes) -> dict[str, np.ndarray]:
-    """The arrays of an .npz, as `save` writes it; any exception if it is not one."""
+    """Return the arrays of an .npz, as `save` writes it; any exception if it is not one."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         members = archive.infolist()
     if len(members) > _MOST_ARRAYS or len({m.filename for m in members}) < len(members):
@@ -290,5 +290,5 @@ def _unpack(data: bytes) -> dict[str, np.ndarray]:
 
 @cache
 def shipped(name: str) -> Weights:
-    """The weights that come with the package, for the default circuit and curve."""
+    """Return the weights that come with the package, for the default circuit and curve."""
     return load(SHIPPED / f"{name}.npz")

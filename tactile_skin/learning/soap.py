@@ -15,7 +15,9 @@ _TURN = 10  # steps from one turn of the axes to the next: the paper's
 
 
 class Soap(torch.optim.Optimizer):
-    """Args:
+    """Adam in the axes in which each layer's gradients vary (SOAP).
+
+    Args:
     params: tensors, of each of which the first axis counts a layer's outputs.
     lr: length of a step.
     """
@@ -33,7 +35,7 @@ class Soap(torch.optim.Optimizer):
 
 
 def _step(state: dict, gradient: torch.Tensor) -> torch.Tensor:
-    """(outputs, inputs) of a layer's gradient; the state of the layer moves on."""
+    """Return the step (outputs, inputs) of a layer's gradient; move the layer's state on."""
     products = {"outputs": gradient @ gradient.T, "inputs": gradient.T @ gradient}
     if not state:
         state |= {"count": 0, "mean": torch.zeros_like(gradient)}

@@ -29,8 +29,10 @@ _USUAL = 0.03  # mean load of a frame that counts once
 
 
 class _Net(nn.Module):
-    """A network of the given inputs, which are standardised: fixed, not trained. Without it a third
-    of the runs dies at once."""
+    """A network of the given inputs, which are standardised: fixed, not trained.
+
+    Without it a third of the runs dies at once.
+    """
 
     input_mean: torch.Tensor
     input_std: torch.Tensor
@@ -86,7 +88,7 @@ class PhysicsNet(_Net):
 
 
 def _stages(kind: str, channels: int) -> tuple[nn.ModuleList, nn.ModuleList]:
-    """The paper's dilated convolutions side by side, and the plain ones behind them."""
+    """Make the paper's dilated convolutions side by side, and the plain ones behind them."""
     context = [nn.Conv2d(channels, 9, 3, padding=d, dilation=d) for d in network.DILATIONS]
     head = [nn.Conv2d(a, b, 3, padding=1) for a, b in network.head(kind)]
     return nn.ModuleList(context), nn.ModuleList(head)
@@ -102,14 +104,16 @@ def _through(x, context, head):
 
 
 def _last(force, training: bool):
-    """The output neuron: a ReLU, which leaks in training. Most cells are at rest, so that the
-    answer 0 everywhere is tempting, and a plain ReLU would never come back from it.
+    """Apply the output neuron: a ReLU, which leaks in training.
+
+    Most cells are at rest, so that the answer 0 everywhere is tempting, and a plain ReLU would
+    never come back from it.
     """
     return nn.functional.leaky_relu(force, _LEAK if training else 0.0)
 
 
 def make_net(kind: str, rows: int, cols: int) -> PaperNet | PhysicsNet:
-    """A new network of `network.NETWORKS`, He-initialised from torch's global seed.
+    """Make a new network of `network.NETWORKS`, He-initialised from torch's global seed.
 
     The physics network starts as the fixed point: its last weights are 0. Of the paper's, neurons
     that have no sibling start open: the last by its bias, the line kernels as means of their line.
@@ -259,7 +263,7 @@ def train(
 
 
 def _resumed(checkpoint: Path, run: dict, device: str) -> dict:
-    """What the checkpoint of this run holds; ValueError if it is damaged, or of another run."""
+    """Return what the run's checkpoint holds; ValueError if it is damaged or another run's."""
     advice = "give another --out, or --restart to begin anew"
     try:
         state = torch.load(checkpoint, weights_only=True, map_location=device)
@@ -279,7 +283,7 @@ def _resumed(checkpoint: Path, run: dict, device: str) -> dict:
 
 
 def _state_of(config: TrainingConfig, shape: tuple[int, int]) -> dict:
-    """The state of the weights to start from; ValueError if they are of another network."""
+    """Return the state of the weights to start from; ValueError if they are of another network."""
     start = config.start
     weights = network.shipped(start) if start in network.NETWORKS else network.load(start)
     if weights.kind != config.network:
@@ -341,7 +345,7 @@ def _check_alive(epoch: int, loss: float, constant: float, spread: float) -> Non
 
 
 def _copy_of(net: nn.Module) -> dict[str, torch.Tensor]:
-    """The net's state now, free of memory layouts."""
+    """Return the net's state now, free of memory layouts."""
     return {k: v.detach().clone().contiguous() for k, v in net.state_dict().items()}
 
 

@@ -96,7 +96,7 @@ class QueuedLog(logging.Handler):
 
 
 def _above(logger: logging.Logger) -> list[logging.Handler]:
-    """The handlers that a logger's records go up to."""
+    """Return the handlers that a logger's records go up to."""
     found, above = [], logger.parent
     while above is not None:
         found += above.handlers

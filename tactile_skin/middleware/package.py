@@ -40,7 +40,7 @@ def share_dir() -> Path:
 
 
 def find(path) -> Path:
-    """A launch file as given; a bare name that is no file here, among those of the package."""
+    """Find a launch file: as given, or by a bare name among those of the package."""
     shipped = share_dir() / "launch" / Path(path).name
     # who names a folder does not mean another file of the same name
     bare = not os.path.dirname(path) and not Path(path).exists()

@@ -73,11 +73,11 @@ class ParameterFile:
         self.sections[full] = _flat({} if values is None else values, f"{self.path}: {name}")
 
     def name_of(self, section: str) -> str:
-        """A section as the file has it, for messages."""
+        """Return a section as the file has it, for messages."""
         return f"{self.path}: {self._names[section]}"
 
     def overrides(self, node: str) -> list[Parameter]:
-        """What the file says for the node of this full name; what comes later in it wins."""
+        """Return what the file says for the node of this full name; what comes later in it wins."""
         found: dict = {}
         for section, values in self.sections.items():
             if concerns(section, node):

@@ -58,7 +58,7 @@ class Signals:
         return self._acted > -math.inf or self._pending is not None
 
     def enter(self) -> None:
-        """A skin begins: install handlers where Python's or the system's default ones stand."""
+        """Begin a skin: install handlers where Python's or the system's default ones stand."""
         if not self._skins:
             self.asked = self._pending = None
             self._acted = -math.inf
@@ -70,7 +70,7 @@ class Signals:
                 self._before[number] = signal.signal(number, self._on_signal)
 
     def leave(self) -> None:
-        """A skin has ended: after the last one the previous handlers are restored."""
+        """End a skin: after the last one the previous handlers are restored."""
         self._skins -= 1
         if self._skins or threading.current_thread() is not threading.main_thread():
             return
@@ -116,7 +116,7 @@ class Signals:
 
 
 def unwinding(number: int) -> BaseException:
-    """The exception that ends a program in the way of this signal."""
+    """Return the exception that ends a program in the way of this signal."""
     return KeyboardInterrupt() if number == signal.SIGINT else SystemExit(128 + number)
 
 

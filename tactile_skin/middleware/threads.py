@@ -15,7 +15,7 @@ _MAPS = Path("/proc/self/maps")  # of Linux: what the process has loaded
 
 
 def one_thread() -> contextlib.AbstractContextManager:
-    """A context within which the process's BLAS libraries run one thread each.
+    """Return a context within which the process's BLAS libraries run one thread each.
 
     threadpoolctl is used where it is installed. Without it only OpenBLAS is found, and on Linux
     only: NumPy's and SciPy's wheels and Debian bring that one.

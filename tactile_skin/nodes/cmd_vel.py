@@ -18,8 +18,9 @@ _STILL = Motion(np.zeros(3), np.zeros(3), "the clock stands still")
 
 
 class CmdVel:
-    """Publishes cmd_vel at least 50 times a second, zeros included: a base that keeps its last
-    command stops. The final message is zero.
+    """Publishes cmd_vel at least 50 times a second, zeros included.
+
+    A base that keeps its last command stops so. The final message is zero.
 
     It reports on diagnostics why motion is not permitted, always at level OK: an error there would
     be another stop.

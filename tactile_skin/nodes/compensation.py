@@ -25,7 +25,9 @@ _APART = 0.02  # s apart that old ones are taken, for the stop to know that ther
 
 
 class Compensation:
-    """Publishes skin/pressure (32FC1, Pa, row-major) with the reading's stamp; skin/pressure_std,
+    """Publishes the force picture of each reading, how sure it is, and what is wrong.
+
+    Publishes skin/pressure (32FC1, Pa, row-major) with the reading's stamp; skin/pressure_std,
     one standard deviation of it; skin/taken, when it took each reading up, from which a replay
     knows which were late; skin/rest (32FC1, the resistance of each cell at rest, ohm) once it was
     measured; and diagnostics once a second and whenever the level changes: WARN for a suspect

@@ -27,7 +27,7 @@ def places(rows, cols) -> dict[str, str]:
 
 
 def report(node, level: int, message: str, values: dict, header: Header | None = None):
-    """A DiagnosticArray of one status, named after the node, its namespace included."""
+    """Return a DiagnosticArray of one status, named after the node, its namespace included."""
     values = values | {"dropped": node.dropped, "callback_errors": node.callback_errors}
     pairs = [KeyValue(key, str(value)) for key, value in values.items()]
     status = DiagnosticStatus(level, name_of(node), message, hardware_id(node), pairs)
@@ -56,10 +56,10 @@ def ensure_reported(node) -> None:
 
 
 def hardware_id(node) -> str:
-    """The skin that a node belongs to: one in each namespace."""
+    """Return the skin that a node belongs to: one in each namespace."""
     return f"tactile_skin{node.get_namespace().rstrip('/')}"
 
 
 def name_of(node) -> str:
-    """The node's name in diagnostics: with its namespace, so that two skins do not mix."""
+    """Return the node's name in diagnostics: with its namespace, so that two skins do not mix."""
     return node.get_fully_qualified_name().lstrip("/")

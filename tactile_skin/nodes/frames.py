@@ -22,7 +22,7 @@ class TFMessage:
 
 
 def hear(node) -> Frames:
-    """The frames of /tf and /tf_static, as they arrive."""
+    """Return the frames of /tf and /tf_static, as they arrive."""
     frames, refused = Frames(), set()
 
     def take(message: TFMessage, static: bool) -> None:

@@ -34,7 +34,9 @@ _GESTURE = ("x", "y", "z", "id", "state", *Gesture._fields)
 
 
 class GestureFeature:
-    """Publishes per frame, in the base frame: skin/contacts, skin/wrench, skin/centre,
+    """Publishes what touches the skin.
+
+    Publishes per frame, in the base frame: skin/contacts, skin/wrench, skin/centre,
     skin/push_direction with skin/push_confidence, skin/stroke [m/s] with skin/stroke_confidence;
     and skin/gestures while something touches and at its release.
     """
@@ -112,8 +114,10 @@ def heard(publisher) -> bool:
 
 
 def contact_cloud(touches: list[Touch], header: Header) -> PointCloud2:
-    """A point per touch that is there: x, y, z [m], force [N], area [m^2], peak [N on one cell],
-    id, vx, vy, vz [m/s], state (0 new, 1 held; 2 released, in skin/gestures).
+    """Return a point per touch that is there.
+
+    Its fields are x, y, z [m], force [N], area [m^2], peak [N on one cell], id, vx, vy, vz [m/s],
+    state (0 new, 1 held; 2 released, in skin/gestures).
 
     A released touch is no point: whoever takes points for obstacles would stop for it.
     """
@@ -126,8 +130,10 @@ def contact_cloud(touches: list[Touch], header: Header) -> PointCloud2:
 
 
 def gesture_cloud(touches: list[Touch], gestures: list[Gesture], header: Header) -> PointCloud2:
-    """A point per touch, those just released included: x, y, z [m], id, state, and the fields of
-    `gestures.Gesture`."""
+    """Return a point per touch, those just released included.
+
+    Its fields are x, y, z [m], id, state, and those of `gestures.Gesture`.
+    """
     rows = [
         (*touch.contact.position.tolist(), touch.id, _CODE[touch.state], *gesture)
         for touch, gesture in zip(touches, gestures, strict=True)

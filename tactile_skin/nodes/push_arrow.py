@@ -15,8 +15,9 @@ from . import QUEUE
 
 
 class PushArrow:
-    """Publishes an arrow that ends at the centre of force and points where the push goes; without
-    a push, an empty polygon.
+    """Publishes an arrow that ends at the centre of force and points where the push goes.
+
+    Without a push it is an empty polygon.
     """
 
     def __init__(self, node):
@@ -30,8 +31,7 @@ class PushArrow:
         self._centre = msg
 
     def on_direction(self, msg: Vector3Stamped) -> None:
-        """The centre of the same frame was published before, so that it is here in general; a
-        picture may be a frame behind."""
+        """Take the direction; the centre of its frame is here in general, or a frame behind."""
         p, d = self._centre.point, msg.vector
         points = arrow(np.array([p.x, p.y, p.z]), np.array([d.x, d.y, d.z]), self.length)
         polygon = Polygon([Point32(*map(float, point)) for point in points])

@@ -11,8 +11,9 @@ from .touch import Touch, on_touch
 
 
 class PushToMove:
-    """Publishes cmd_vel with every reading, and at least 50 times a second: see admittance.py,
-    cmd_vel.py.
+    """Publishes cmd_vel with every reading, and at least 50 times a second.
+
+    See admittance.py and cmd_vel.py.
 
     It takes the place of the stop for pushes, and only for them: it moves while skin/stop_status is
     free or says push and nothing else.

@@ -27,7 +27,9 @@ _NEW = Verdict(0.0, True, "")  # before the first frame
 
 
 class SerialDriver:
-    """Publishes skin/adc (16UC1: ADC steps * 2**(16 - adc_bits); 65535: not read), stamped with the
+    """Publishes the frames of the board, and what is wrong with them.
+
+    Publishes skin/adc (16UC1: ADC steps * 2**(16 - adc_bits); 65535: not read), stamped with the
     arrival of the frame's last byte, less the time that it was held back on its way; and
     diagnostics once a second. Frames that no living board sends (liveness.py) are not published,
     and are an ERROR, which stops the robot; so is a link that damages or loses half of the frames.

@@ -44,7 +44,7 @@ _END = 0.95  # of the curve's last force, which noise keeps a cell from reading 
 
 
 def stop_message_of(msg: DiagnosticArray, t: float) -> StopMessage:
-    """The decision in a message of skin/stop_status received at t, and until when it is valid.
+    """Return the decision in a message of skin/stop_status at t, and until when it is valid.
 
     "Free" without `good_for`, or with a stamp ahead of t, is not valid at all.
     """
@@ -72,7 +72,9 @@ def causes_of(status: DiagnosticStatus) -> tuple[Cause, ...]:
 
 
 class StopOnPush:
-    """Publishes skin/stop (Bool, latched, with every decision: a heartbeat) and skin/stop_status
+    """Publishes whether the robot must stop, and why.
+
+    Publishes skin/stop (Bool, latched, with every decision: a heartbeat) and skin/stop_status
     (DiagnosticArray with the stamp of the reading that it is based on; ERROR and the reason while
     stopped; `good_for`, how long after its stamp "free" is valid [s], the stale_after in force;
     `interval`, usual between readings [s]).
@@ -141,7 +143,7 @@ class StopOnPush:
         self._heartbeat.reset()
 
     def _at_most(self, peak: float, force: float) -> float:
-        """Times its force [N] that a touch with so much on its hardest cell [N] may have.
+        """Return how many times its force a touch may have with so much on its hardest cell [N].
 
         A series resistance that is not known hides as much of the cells' own, times the cells that
         share it; the hardest conducts most, and hides most.
@@ -156,7 +158,7 @@ class StopOnPush:
         return max(float(curve.force(behind)) / peak, 1.0)
 
     def on_diagnostics(self, msg: DiagnosticArray) -> None:
-        """A stage that reports ERROR stops the robot; WARN and OK do not."""
+        """Take diagnostics: a stage that reports ERROR stops the robot; WARN and OK do not."""
         for status in msg.status:
             if status.name != diagnostics.name_of(self.node):
                 bad = status.level >= DiagnosticStatus.ERROR
@@ -237,6 +239,6 @@ class StopOnPush:
 
 
 def _unless_negative(newtons: np.ndarray, together) -> float:
-    """The contacts' forces together; the lowest if that is negative: others must not hide it."""
+    """Add up the contacts' forces; the lowest if it is negative: others must not hide it."""
     lowest = float(newtons.min(initial=0.0))
     return lowest if lowest < 0.0 else float(together(newtons, initial=0.0))

@@ -25,7 +25,7 @@ class Touch(NamedTuple):
     frame: str = ""  # in which all this is
 
     def seen_from(self, pose: Pose) -> Touch:
-        """The same in another frame, in which its own has this pose."""
+        """Return the same in another frame, in which its own has this pose."""
         force = pose.rotation @ self.force
         centre = pose.rotation @ self.centre + pose.translation
         torque = pose.rotation @ self.torque + np.cross(pose.translation, force)
@@ -69,5 +69,5 @@ def on_touch(node, callback: Callable[[Touch], None]) -> None:
 
 
 def xyz(v) -> tuple[float, float, float]:
-    """A Vector3 or Point as numbers."""
+    """Return a Vector3 or Point as numbers."""
     return v.x, v.y, v.z

@@ -11,7 +11,9 @@ _MEMBER = "member"  # key of a field's metadata: a Leaf, or the dataclass of a g
 
 @dataclasses.dataclass(frozen=True)
 class About:
-    """Attributes:
+    """What is known of a parameter.
+
+    Attributes:
     unit: of the value, or of each in a list; empty: it has none.
     text: what it is; what follows a semicolon says what special values mean.
     low, high: range of the value, or of each in a list; None: any.

@@ -221,19 +221,19 @@ class CmdVelGate(Framed):
 
 def _axis(default: Axis, about: str, linear: bool) -> type:
     """Return the parameters of an axis of motion: along the floor, or about the vertical."""
-    N, m, kg = ("N", "m", "kg") if linear else ("N m", "rad", "kg m^2")
+    newton, metre, kilogram = ("N", "m", "kg") if linear else ("N m", "rad", "kg m^2")
     damping = "N s/m" if linear else "N m s/rad"
     specs = {
         "mass": parameter(
-            default.mass, kg, "virtual mass" if linear else "virtual inertia", 0.01, 1e4
+            default.mass, kilogram, "virtual mass" if linear else "virtual inertia", 0.01, 1e4
         ),
         "damping": parameter(default.damping, damping, "force per velocity", 0.01, 1e5),
         "dead_band": parameter(
-            default.dead_band, N, "below which the robot does not move", 0.0, 500.0
+            default.dead_band, newton, "below which the robot does not move", 0.0, 500.0
         ),
-        "max_speed": parameter(default.max_speed, f"{m}/s", "largest velocity", 0.001, 2.0),
+        "max_speed": parameter(default.max_speed, f"{metre}/s", "largest velocity", 0.001, 2.0),
         "max_acceleration": parameter(
-            default.max_acceleration, f"{m}/s^2", "largest change of it", 0.001, 10.0
+            default.max_acceleration, f"{metre}/s^2", "largest change of it", 0.001, 10.0
         ),
     }
     made = dataclasses.make_dataclass(

@@ -124,7 +124,7 @@ class Adc:
         return unread if self.scanned is None else unread | ~self.scanned
 
     def marked(self, samples: Samples, unread: Bools | None = None) -> Samples:
-        """Samples as skin/adc carries them: NOT_READ where no reading is, and only there.
+        """Return samples as skin/adc carries them: NOT_READ where no reading is, and only there.
 
         Args:
             unread: (rows, cols) bool, what the board itself says that it did not read.
@@ -148,7 +148,7 @@ class Adc:
         return self.ratio(np.where(absent, np.nan, steps) if absent.any() else steps)
 
     def ratio(self, count: Value) -> Value:
-        """A reading [ADC steps] -> ADC ratio in [0, 1]; what lies beyond is noise, and cut off.
+        """Turn a reading [ADC steps] into an ADC ratio in [0, 1]; noise beyond is cut off.
 
         The low-pass may round the largest reading up by less than a step. With a diode a picture
         is needed, (..., rows, cols): all that a line's readings say tells its current.
@@ -160,7 +160,7 @@ class Adc:
         return ratio
 
     def count(self, ratio: Value) -> Value:
-        """The inverse of `ratio`, where nothing is cut off [ADC steps]."""
+        """Return the inverse of `ratio`, where nothing is cut off [ADC steps]."""
         share = ratio
         for _ in range(_DIODE_ROUNDS if self.diode else 0):
             share = np.multiply(ratio, self._behind_diode(share))
@@ -228,14 +228,14 @@ class Adc:
         return float(self.share(steps) if self.inverted else self.ratio(steps))
 
     def rising(self, samples: Samples) -> Samples:
-        """Samples that rise with pressure whatever the polarity; 0 where there is no reading."""
+        """Return samples that rise with pressure whatever the polarity; 0 where not read."""
         absent = self.unread(samples)
         if self.inverted:
             samples = self._top - np.minimum(samples, self._top)
         return np.where(absent, samples.dtype.type(0), samples) if absent.any() else samples
 
     def rising_count(self, ratio: Value) -> Value:
-        """What `rising` makes of a ratio, a number or (rows, cols) [ADC steps]."""
+        """Return what `rising` makes of a ratio, a number or (rows, cols) [ADC steps]."""
         count = self.count(ratio)
         return self.circuit.full_scale - count if self.inverted else count
 

@@ -149,7 +149,7 @@ class Circuit:
         return self.readout_class.has_cross_talk
 
     def read_as(self, readout: str, driven: str) -> Circuit:
-        """The same without what that readout does not model."""
+        """Return the same without what that readout does not model."""
         r_drive = self.r_drive if readouts.BY_NAME[readout].knows_r_drive else 0.0
         return replace(self, readout=readout, driven=driven, r_line=0.0, r_drive=r_drive)
 
@@ -171,7 +171,7 @@ class Circuit:
             return np.maximum(self.r_ref / adc - self.readout_class.in_series(self), 0.0)
 
     def describe(self) -> dict[str, Any]:
-        """The circuit as plain numbers and strings, as it is kept beside trained weights."""
+        """Return the circuit as plain numbers and strings, as it is kept beside trained weights."""
         mask = None if self.mask is None else ["".join("01"[int(c)] for c in r) for r in self.mask]
         return {
             "rows": int(self.rows),
@@ -198,7 +198,7 @@ class Circuit:
 
 
 def circuit_from(description: dict[str, Any]) -> Circuit:
-    """The circuit of a `Circuit.describe()`.
+    """Return the circuit of a `Circuit.describe()`.
 
     Raises:
         ValueError: a key is missing or unknown, or as `Circuit`.

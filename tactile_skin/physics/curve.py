@@ -210,7 +210,7 @@ class PressureCurve:
         return float(self.points[-1][0] * least)
 
     def _gain_of(self, values: float | Floats) -> float | Floats:
-        """That of the cells, if the values are theirs."""
+        """Return the gain of the cells, if the values are theirs."""
         if self.gain is None or np.shape(values)[-2:] != self.gain.shape:
             return 1.0
         return self.gain
@@ -261,7 +261,7 @@ class PressureCurve:
         return slope
 
     def describe(self) -> dict[str, list[float]]:
-        """The curve's points as plain lists, as kept beside trained weights and read by `load`.
+        """Return the curve's points as plain lists, as trained weights keep them.
 
         Offset and gain, which belong to one skin, are left out.
         """

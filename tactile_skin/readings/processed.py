@@ -119,13 +119,13 @@ def processed(
 
 
 def _calm(steps: np.ndarray) -> np.ndarray:
-    """The frames in which least touches."""
+    """Return the frames in which least touches."""
     level = steps.sum(1)
     return steps[level <= np.quantile(level, _CALM)]
 
 
 def _mean(steps: np.ndarray) -> float:
-    """What a usual cell reads where least touches."""
+    """Return what a usual cell reads where least touches."""
     return float(np.median(_calm(steps).mean(0)))
 
 

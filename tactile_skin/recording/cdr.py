@@ -25,7 +25,7 @@ _PARTS = "reader", "records", "stream_reader", "writer"
 
 @functools.cache
 def mcap():
-    """The library of the container.
+    """Return the library of the container.
 
     Raises:
         ModuleNotFoundError: it is not installed.
@@ -63,7 +63,9 @@ def _imported(module: str):
 
 
 def check() -> None:
-    """Raises:
+    """Check that the libraries of recordings are installed.
+
+    Raises:
     ModuleNotFoundError: a library is not installed.
     """
     mcap(), _store()
@@ -76,7 +78,7 @@ def definition(kind: type[Message]) -> str:
 
 
 def encode(message: Message) -> bytes:
-    """A message of msg.py -> CDR."""
+    """Encode a message of msg.py as CDR."""
     if isinstance(data := getattr(message, "data", None), bytes):
         message = dataclasses.replace(message, data=np.frombuffer(data, np.uint8))
     return bytes(_store().serialize_cdr(message, message.TYPE))

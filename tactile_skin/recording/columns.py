@@ -132,7 +132,7 @@ def _median(values: np.ndarray) -> float:
 
 
 def _role(column: Column, cycle: int, level: float) -> tuple[Role, float] | None:
-    """What the column is, and the weight of what shows it; None: it may be a cell.
+    """Return what the column is, and the weight of what shows it; None: it may be a cell.
 
     Args:
         level: what cells read, at least.
@@ -231,7 +231,7 @@ def unit_of(name: str) -> str | None:
 
 
 def _unit_by_value(values: np.ndarray) -> str:
-    """The unit in which times are those of today, or else their steps those of a board."""
+    """Return the unit in which times are those of today, or else their steps those of a board."""
     steps = np.diff(values[~np.isnan(values)])
     step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
     now = float(np.nanmedian(values)) if len(values) else 0.0
@@ -242,7 +242,9 @@ def _unit_by_value(values: np.ndarray) -> str:
 
 
 class Stamps(NamedTuple):
-    """Attributes:
+    """Times in a column.
+
+    Attributes:
     seconds: (n,) since 1970, or of the day; NaN: none.
     day, clock: whether they say the day, and the time of day.
     """

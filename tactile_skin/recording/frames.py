@@ -182,7 +182,7 @@ def _timed(found: Frames, rate: float | None) -> Frames:
 
 
 def recorded_skin(path) -> SkinConfig:
-    """The configuration that a recording was made with; of other files, all defaults.
+    """Return the configuration that a recording was made with; of other files, all defaults.
 
     Raises:
         FileError, OSError: as Recording.
@@ -235,7 +235,7 @@ def _of_numpy(path, data: bytes, kind: str, circuit: Circuit) -> Found:
 
 
 def _of_array(path, values: np.ndarray, circuit: Circuit) -> Found:
-    """The frames of an array, by its shape."""
+    """Return the frames of an array, by its shape."""
     shape, size = circuit.shape, circuit.rows * circuit.cols
     given = values.shape
     if values.ndim > 3 or (values.ndim == 3 and shape not in (given[1:], given[:2])):

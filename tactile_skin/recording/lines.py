@@ -79,7 +79,7 @@ def read_text(text: str, circuit: Circuit) -> Found:
 
 
 def _separator(lines: list[str]) -> str | None:
-    """The one of the file; None: spaces."""
+    """Return the separator of the file; None: spaces."""
     counts = {mark: sum(line.count(mark) for line in lines) for mark in ";\t,"}
     for mark in ";\t,":  # a comma may be the point of decimals
         if counts[mark] >= len(lines) / 2 and counts[mark]:
@@ -125,7 +125,7 @@ def _numbers(words: list[str]) -> tuple[np.ndarray, int]:
 
 
 def _name_and_value(line: Line) -> tuple[str, str]:
-    """What a line of text says, as "Time: 10:00" does; empty if it says nothing so."""
+    """Return what a line of text says, as "Time: 10:00" does; empty if it says nothing so."""
     match = _SAID.match(" ".join(line.words))
     return (match[1].strip(), match[2].strip()) if match else ("", "")
 
@@ -156,7 +156,7 @@ def _table(
     header: list[str],
     said: dict[str, dict[int, str]],
 ) -> Table:
-    """The lines of one width; what is left of a damaged one holds its place."""
+    """Return the lines of one width; what is left of a damaged one holds its place."""
     kept = [line for line in numeric if len(line.words) > _PART * width]
     damaged = np.array([len(line.words) != width + trails for line in kept])
     blank = np.full(width, np.nan)

@@ -152,7 +152,7 @@ class Recording:
                 raise FileError(f"{self.path}: {topic} at {t} ns: {error}") from error
 
     def _of(self, kind: type[_M], topic: str, begin: int = 0, end: int = EVER) -> Iterator[_M]:
-        """The messages of this kind of a topic; as `messages`."""
+        """Return the messages of this kind of a topic; as `messages`."""
         for _, _, message in self.messages(topic, begin=begin, end=end):
             if isinstance(message, kind):
                 yield message
@@ -167,8 +167,10 @@ class Recording:
     def readings(
         self, begin: int = 0, end: int = EVER
     ) -> Iterator[tuple[int, Image | DiagnosticArray]]:
-        """What the skin's driver published, by its stamps [ns since 1970]: skin/adc, and its own
-        diagnostics; of a part, as `messages`."""
+        """Return what the skin's driver published, by its stamps [ns since 1970].
+
+        These are skin/adc, and its own diagnostics; of a part, as `messages`.
+        """
         here = self.adc_topic.removesuffix(ADC)
         driver = f"{here}serial_driver".lstrip("/")
         topics = self.adc_topic, self.diagnostics_topic
@@ -246,7 +248,7 @@ class Recording:
                 return None
 
     def _scan(self) -> tuple[Counter[int], tuple[int, int]]:
-        """The same, by reading all of it."""
+        """Do the same by reading all of it."""
         counts: Counter[int] = Counter()
         first, last = EVER, 0
         for channel, t, _ in self._messages():
@@ -255,7 +257,7 @@ class Recording:
         return counts, (first, last) if counts else (0, 0)
 
     def _declare(self, record) -> None:
-        """A schema or a channel."""
+        """Take a schema or a channel."""
         if hasattr(record, "topic"):
             self._channels[record.id] = record.topic, self._schemas.get(record.schema_id, "")
         else:
@@ -309,7 +311,7 @@ class Recording:
     def _wanted(
         self, records: list, begin: int, end: int, topics: tuple[str, ...]
     ) -> Iterator[tuple[int, int, bytes]]:
-        """The messages of the topics and of the time; other records are kept."""
+        """Return the messages of the topics and of the time; other records are kept."""
         library = cdr.mcap().records
         for record in records:
             if isinstance(record, library.Message):

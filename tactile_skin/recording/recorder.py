@@ -27,8 +27,11 @@ _SLICE = (
 
 @dataclass(frozen=True)
 class Limits:
-    """duration: longest recording [s]; size: largest, all its files together [bytes]; last: keep
-    no more than so long before each stop, and 2 s after it [s]; 0: keep everything."""
+    """When a recording ends, and what of it is kept.
+
+    duration: longest recording [s]; size: largest, all its files together [bytes]; last: keep
+    no more than so long before each stop, and 2 s after it [s]; 0: keep everything.
+    """
 
     duration: float = float("inf")
     size: float = float("inf")
@@ -40,7 +43,9 @@ class LimitReached(Exception):
 
 
 class Recorder:
-    """Args:
+    """Writes messages to a file, in a thread of its own.
+
+    Args:
         path: file to make, .mcap is added where it has no suffix; or folder for files named after
             their time: one that is there, or a name that ends in /, which is made. With
             `limits.last` the time of the stop is part of each file's name.
@@ -87,7 +92,7 @@ class Recorder:
         self._thread.start()
 
     def put(self, topic: str, t: int, message: Message) -> None:
-        """A message received at t [ns since 1970]; never blocks. For any thread."""
+        """Take a message received at t [ns since 1970]; never block. For any thread."""
         if self.trouble:
             return
         if len(self._waiting) >= _WAITING:
@@ -96,7 +101,7 @@ class Recorder:
             self._waiting.append((topic, t, message))
 
     def stop(self, t: int) -> None:
-        """The robot was stopped at t [ns since 1970]: with `limits.last`, keep what led to it."""
+        """Keep what led to a stop at t [ns since 1970], with `limits.last`."""
         self._store.stop(t)
 
     def close(self, timeout: float | None = None) -> None:
@@ -232,7 +237,7 @@ class Ring:
 
 
 def _target(name: str) -> Path:
-    """The file, or the folder, which is made."""
+    """Return the file, or the folder, which is made."""
     path = Path(name)
     if path.is_dir():
         return path

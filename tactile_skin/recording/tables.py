@@ -59,7 +59,7 @@ class Table:
         return Column(name, self.numbers[lines, k], words)
 
     def told(self, name: str, frames: np.ndarray) -> Column:
-        """What is said above each of the lines, as a column."""
+        """Return what is said above each of the lines, as a column."""
         words = [self.said[name].get(run, "") for run in self.runs[frames]]
         numbers = np.array([number(word) for word in words])
         return Column(name, numbers, words if np.isnan(numbers).any() else [])
@@ -207,7 +207,7 @@ def _damaged(table: Table, cells: range) -> np.ndarray:
 
 
 def _first_lines(runs: np.ndarray, lines: int) -> np.ndarray:
-    """The first line of each frame.
+    """Return the first line of each frame.
 
     Of a run with a remainder nobody knows which lines are missing, but for the last one's end.
     """
@@ -220,7 +220,7 @@ def _first_lines(runs: np.ndarray, lines: int) -> np.ndarray:
 
 
 def _tell_others(table: Table, split: columns.Split, kept, found: Found, cells: range) -> None:
-    """Times and notes from what is no cell: columns, and what is said above each frame."""
+    """Take times and notes from what is no cell: columns, and what is said above each frame."""
     width, timed, places = table.numbers.shape[1], [], []
     outside = [k for k in range(width) if k not in cells]
     for k, role in zip(outside, split.roles, strict=True):

@@ -13,7 +13,9 @@ _PROFILE = "ros2"  # MCAP's name of what is written here
 
 
 class Writer:
-    """Args:
+    """Writes a recording.
+
+    Args:
         path: file to make; it must not be there.
         attachments: name -> bytes, to be written first.
         now: time of the attachments [ns since 1970].
@@ -52,7 +54,7 @@ class Writer:
         return 0.0 if self._span is None else (self._span[1] - self._span[0]) * 1e-9
 
     def write(self, topic: str, kind: type[Message], t: int, data: bytes) -> None:
-        """A message as CDR, received at t [ns since 1970]; topic: full name."""
+        """Write a message as CDR, received at t [ns since 1970]; topic: full name."""
         if topic not in self._channels:
             if kind not in self._schemas:
                 text = cdr.definition(kind).encode()

@@ -56,7 +56,7 @@ def compare(
 
 
 def table(compared: Compared) -> str:
-    """What is compared, and a line for each method."""
+    """Return what is compared, and a line for each method."""
     first, reference = compared.results[0], compared.methods[0]
     touched = first.peak > _TOUCHED
     head = (

@@ -42,7 +42,7 @@ class Driven:
             self._clock.advance(min(ahead, _STEP) / 1e9)
 
     def now(self) -> int:
-        """What the clock shows [ns since 1970]."""
+        """Return what the clock shows [ns since 1970]."""
         return self._clock.now().nanoseconds
 
     def until(self, t: int) -> None:

@@ -131,7 +131,7 @@ class Replay:
             self.driven.observer.create_subscription(cdr.KINDS[kind], topic, take, STATUS)
 
     def _recorded(self, executable: str, known: dict) -> dict:
-        """The recorded parameters of a node; those that it does not know are left out."""
+        """Return the recorded parameters of a node; those that it does not know are left out."""
         attached, folder = self._source.attachments, Path(self._folder.name)
         values = configuration.unpack(self._source.node_parameters(executable), attached, folder)
         unknown = sorted(set(values) - set(known))
@@ -201,7 +201,7 @@ class Replay:
 
 
 def _plan(config) -> Plan:
-    """The nodes that follow the board, with a value for every parameter."""
+    """Return the nodes that follow the board, with a value for every parameter."""
     arguments = {"config": str(config)} if config else {}
     plan = read_plan(find("skin.launch.yaml"), arguments | {"port": _NO_PORT, "monitor": "false"})
     skin = Skin(plan, Context())

@@ -119,7 +119,7 @@ def collect(job: Job, jobs: int = 1, track: Callable[[Iterable, int], Iterable] 
 def _part(
     job: Job, begin: int, end: int, track=lambda steps: steps
 ) -> tuple[list[Step], list[str]]:
-    """The steps of what was recorded from begin to before end [ns since 1970], and notes."""
+    """Return the steps of what was recorded from begin to before end [ns since 1970], and notes."""
     with one_thread():
         replay = job.replay(max(0, begin - round(LEAD * 1e9)), end)
         kept = [step.without_picture() for step in track(replay) if step.stamp >= begin]

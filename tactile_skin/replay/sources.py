@@ -28,7 +28,8 @@ class Recorded:
         self._adc, self._default, self._given = adc, rate or _RATE, (rate, full_scale)
 
     def open(self, path: str) -> None:
-        """
+        """Open a file of frames.
+
         Raises:
             FileError, OSError: as read_frames.
         """

@@ -158,7 +158,7 @@ class FaultBoard:
         return [] if out is None else self.link(out.t + self.on_the_way, self.encode(out))
 
     def encode(self, sent: Sent) -> bytes:
-        """The frame's bytes."""
+        """Return the frame's bytes."""
         if self.protocol == "text":
             return b",".join(b"%d" % v for v in sent.samples.ravel().tolist()) + b"\r\n"
         return wire.encode(
@@ -172,7 +172,9 @@ class FaultBoard:
 
 @dataclass(frozen=True)
 class Fault:
-    """Attributes:
+    """One fault, as it is done to a board.
+
+    Attributes:
     name, about: for tables, and one line for docs.
     damage: changes the board at the moment of the fault; may draw from board.rng.
     must_stop: none of the data that comes can be trusted: the robot must be stopped at once.

@@ -68,7 +68,7 @@ def _texture(shape, rng) -> np.ndarray:
 
 
 def _cells(load: np.ndarray, rng) -> np.ndarray:
-    """The mean over each cell of a finer picture, with noise."""
+    """Return the mean over each cell of a finer picture, with noise."""
     rows, cols = (size // _FINE for size in load.shape)
     cells = load.reshape(rows, _FINE, cols, _FINE).mean((1, 3))
     return np.maximum(cells * (1.0 + _NOISE * rng.standard_normal(cells.shape)), 0.0)

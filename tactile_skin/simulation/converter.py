@@ -15,7 +15,9 @@ _CHANGES = 10.0  # a second, of a loose contact
 
 @dataclass
 class Converter:
-    """Attributes:
+    """An ADC, with what may be wrong with it.
+
+    Attributes:
     full_scale: its largest count.
     noise: RMS of a sample [ADC steps]; extra_noise: the same on top, (rows, cols).
     gain, offset: function of a time [s] -> factor, ADC steps.

@@ -47,7 +47,7 @@ def _lead(board: FaultBoard) -> None:
 
 
 def _broken(board: FaultBoard) -> None:
-    """A stripe is cut: its far part becomes a stripe of its own, that no address selects."""
+    """Cut a stripe: its far part becomes a stripe of its own, that no address selects."""
     axis = _axis(board, 1)
     if board.circuit.shape[1 - axis] < 2:
         axis = 1 - axis  # only the longer stripes can be cut
@@ -115,8 +115,7 @@ def _swapped(board: FaultBoard) -> None:
 
 
 def _missing(board: FaultBoard) -> None:
-    """A clock pulse too many: from some line on each address reads the next one's, the last the
-    first's."""
+    """Add a clock pulse: from some line on each address reads the next line, the last the first."""
     axis = _axis(board, 2)
     lines = _addresses(board, axis)
     at = int(board.rng.integers(len(lines)))
@@ -124,7 +123,7 @@ def _missing(board: FaultBoard) -> None:
 
 
 def _doubled(board: FaultBoard) -> None:
-    """A clock pulse too few: a line is read twice, those behind it are one late."""
+    """Lose a clock pulse: a line is read twice, those behind it are one late."""
     axis = _axis(board, 2)
     lines = _addresses(board, axis)
     at = int(board.rng.integers(1, len(lines)))
@@ -152,7 +151,7 @@ def _loose(board: FaultBoard) -> None:
 
 
 def _towards(end: float, start: float = 0.0):
-    """A drift from `start` to `end` in _DRIFT seconds."""
+    """Return a drift from `start` to `end` in _DRIFT seconds."""
     return lambda t: start + (end - start) * min(t / _DRIFT, 1.0)
 
 

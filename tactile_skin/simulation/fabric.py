@@ -21,7 +21,9 @@ _LIFTS = 0.1  # chance that a loose cell changes from a picture to the next: a t
 
 @dataclass
 class Fabric:
-    """Attributes:
+    """The cells of one mat, as they truly are.
+
+    Attributes:
     curve: of the usual cell. Beyond its end the fabric goes on conducting more.
     populated: (rows, cols) bool, where there is a cell.
     gain: (rows, cols), times which a load adds to a cell's conductance.

@@ -15,7 +15,9 @@ from .network import Diode, Wiring, voltage_ratio
 
 @dataclass
 class Matrix:
-    """Attributes:
+    """One mat with its wiring.
+
+    Attributes:
     circuit: the true one; of its stripes the wiring knows more.
     fabric: the cells.
     wiring: stripes, leads and multiplexers.

@@ -86,7 +86,9 @@ class Wiring:
 
 
 class Diode(NamedTuple):
-    """Attributes:
+    """A diode through which a line is driven.
+
+    Attributes:
     saturation: current [A].
     emission: coefficient of Shockley's law.
     series: resistance [ohm].

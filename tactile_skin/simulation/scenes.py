@@ -75,7 +75,7 @@ READOUTS = ("ideal", "adc10", "scan")
 
 
 def read_out(circuit: Circuit, adc: np.ndarray, readout: str, rng: np.random.Generator):
-    """What a board makes of the ideal ADC ratio, same shape.
+    """Return what a board makes of the ideal ADC ratio, same shape.
 
     ideal: nothing. adc10: rounded to the circuit's ADC steps (10 bits, by default). scan: 1 ADC
     step RMS noise on each sample, rounded, mean of 4 scans - what a board of 390 scans a second
@@ -99,7 +99,7 @@ def read_out(circuit: Circuit, adc: np.ndarray, readout: str, rng: np.random.Gen
 
 
 def finger(rows: int, cols: int, row: float, col: float, newtons: float, width: float = 0.9):
-    """A fingertip pressed on the skin: (rows, cols) force [N], summing to `newtons`.
+    """Return a fingertip pressed on the skin: (rows, cols) force [N], summing to `newtons`.
 
     Args:
         row, col: centre, in cells.
@@ -134,12 +134,12 @@ def _two_fingers(t, rows, cols):
 
 
 def _push_left(t, rows, cols):
-    """A palm on the robot's left: high columns, see geometry.py."""
+    """Return a palm on the robot's left: high columns, see geometry.py."""
     return finger(rows, cols, 0.5 * (rows - 1), cols - 3.0, 60.0, width=1.6)
 
 
 def _stroke(t, rows, cols):
-    """A finger drawn across the columns, there and back in 4 s."""
+    """Return a finger drawn across the columns, there and back in 4 s."""
     phase = 0.5 - 0.5 * np.cos(2 * np.pi * t / 4.0)
     return finger(rows, cols, 0.5 * (rows - 1), 2.0 + phase * (cols - 5.0), 5.0)
 
@@ -192,7 +192,7 @@ SCRIPTS = {
 
 
 def script(name: str, rows: int, cols: int):
-    """A scripted scene: function of the time [s] that gives (rows, cols) force per cell [N].
+    """Return a scripted scene: function of the time [s] that gives (rows, cols) force per cell [N].
 
     Raises:
         ValueError: an unknown name.

@@ -39,7 +39,9 @@ class Touch(NamedTuple):
 
 @dataclass
 class Scene:
-    """Attributes:
+    """Touches over time.
+
+    Attributes:
     force: (n, rows, cols) [N], at the knots.
     touches: what was drawn.
     """
@@ -136,7 +138,7 @@ def _place(shape, rng):
 
 
 def _loaded(picture, newtons: float) -> np.ndarray:
-    """The picture scaled to a load."""
+    """Return the picture scaled to a load."""
     total = picture.sum()
     return picture * (newtons / total) if total > 0.1 else 0.0 * picture  # beside a mask's cells
 

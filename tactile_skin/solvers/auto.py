@@ -39,7 +39,7 @@ def auto(reading: Reading, start: Estimate | None = None, prior=None) -> Estimat
 
 
 def _idle_estimate(reading: Reading, rest: np.ndarray, prior) -> Estimate | None:
-    """The estimate of an untouched skin if this is one, else None."""
+    """Return the estimate of an untouched skin if this is one, else None."""
     peak = np.abs(reading.misfit(rest)).max()
     at_rest = prior is None and peak <= max(_IDLE_PEAK * reading.noise, _EXACT_IDLE_PEAK)
     if at_rest and not (reading.noise and by_residual(reading, rest)):
@@ -50,6 +50,6 @@ def _idle_estimate(reading: Reading, rest: np.ndarray, prior) -> Estimate | None
 
 @lru_cache(maxsize=16)
 def _idle(circuit, curve, noise: float) -> Estimate:
-    """The estimate of an untouched skin."""
+    """Return the estimate of an untouched skin."""
     reading = check_reading(rest_reading(circuit, curve), circuit, curve, noise=noise)
     return estimate_from_force(np.zeros(circuit.shape), reading, "rest")

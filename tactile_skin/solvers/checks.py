@@ -44,7 +44,7 @@ def check_prior(prior, circuit: Circuit) -> tuple[np.ndarray, np.ndarray]:
 
 
 def uneven_noise(noise, circuit: Circuit) -> tuple[float, np.ndarray]:
-    """The usual noise of (rows, cols) readings [ADC steps], and by how much each exceeds it."""
+    """Return the usual noise of readings [ADC steps], and by how much each exceeds it."""
     noise = _picture("noise", noise, circuit)
     good = (noise > 0.0) & (noise < circuit.full_scale)
     if not good.all():
@@ -54,7 +54,7 @@ def uneven_noise(noise, circuit: Circuit) -> tuple[float, np.ndarray]:
 
 
 def _picture(name: str, value, circuit: Circuit) -> np.ndarray:
-    """A number or (rows, cols) as (rows, cols) floats, 1 where there is no cell."""
+    """Return a number or (rows, cols) as (rows, cols) floats, 1 where there is no cell."""
     try:
         array = np.asarray(value)
     except ValueError:  # lists of unequal length

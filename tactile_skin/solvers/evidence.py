@@ -135,8 +135,10 @@ class Supposed:
 
     @cached_property
     def shift(self) -> np.ndarray:
-        """(rows, cols) [S/ohm] by which a cell at rest conducts more for each ohm more of r_par: so
-        that the untouched skin reads what it read."""
+        """Return (rows, cols) [S/ohm] that a cell at rest conducts more for each ohm more of r_par.
+
+        So the untouched skin reads what it read.
+        """
         return self._resting.cells_for(self._cells, -self._resting.by_r_par)
 
     @cached_property
@@ -271,7 +273,7 @@ class Supposed:
         return [self._pattern(model, *pair) for pair in zip(changes, shifts, strict=True)]
 
     def _past_touched(self, model: Linearised, touched: np.ndarray, further) -> _Past:
-        """What is left past what the touched cells can take, and held cells that are touched."""
+        """Return what the touched cells cannot take, and the held cells that are touched."""
         jacobian = _jacobian(model, self._cells)
         free = touched.flat[self._cells]
         pictures = (*self._patterns(model, further), model.misfit)
@@ -320,13 +322,13 @@ def _dilated(cells: np.ndarray) -> np.ndarray:
 
 
 def _jacobian(model: Linearised, cells: np.ndarray) -> np.ndarray:
-    """(readings, cells) d model / d log g, in standard deviations."""
+    """Return (readings, cells) d model / d log g, in standard deviations."""
     readings = np.arange(model.g.size, dtype=np.int32)
     return model.jacobian(readings, cells) * model.g.flat[cells]
 
 
 def _fit(at, g: np.ndarray, unknown: np.ndarray, most: float) -> Linearised:
-    """The unknown cells of a frame, all others as they are: Levenberg and Marquardt in log g.
+    """Fit the unknown cells of a frame, all others as they are: Levenberg and Marquardt in log g.
 
     Args:
         at: g (rows, cols) [S] -> the model there.

@@ -18,7 +18,7 @@ _TARGET = 0.25  # ADC steps RMS at which to stop: below rounding to whole steps
 
 
 def fixed_point(reading: Reading) -> Estimate:
-    """The fixed point until the reading is met to the ADC's rounding."""
+    """Iterate the fixed point until the reading is met to the ADC's rounding."""
     reading.need_all_cells("fixed_point")
     if reading.circuit.readout in readouts.CLOSED_FORM:
         g, iterations, _ = closed_form(reading, grounded.FAST)

@@ -16,12 +16,12 @@ _OWN_SHARE = 0.95  # of the current at a crossing, from which on its cell is fou
 
 
 def cnn(reading: Reading, weights=None) -> Estimate:
-    """The paper's network: one pass over the ADC picture, no iteration."""
+    """Apply the paper's network: one pass over the ADC picture, no iteration."""
     return _learned(reading, weights, "cnn", "paper")
 
 
 def physics(reading: Reading, weights=None) -> Estimate:
-    """A network of the same size, fed with a few steps of the fixed point."""
+    """Apply a network of the same size, fed with a few steps of the fixed point."""
     return _learned(reading, weights, "physics", "physics")
 
 
@@ -44,7 +44,7 @@ def _learned(reading: Reading, weights, method: str, kind: str) -> Estimate:
 
 
 def _with_single_cells(force: np.ndarray, there: tuple, reading: Reading):
-    """The force with cells that their reading determines alone; `network_of` it, if known.
+    """Return the force with cells that their reading determines alone; `network_of` it, if known.
 
     Args:
         there: `network_of` the force.

@@ -93,7 +93,7 @@ def _map_estimate(reading: Reading, start: Estimate | None, prior) -> Estimate:
 
 
 def _unchanged(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | None:
-    """The last frame's estimate if it explains this one as well: the load is the same.
+    """Return the last frame's estimate if it explains this one as well: the load is the same.
 
     The misfit of readings of the same load to the last fit is noise, and a little more for the
     noise that that fit had absorbed.
@@ -110,7 +110,9 @@ def _unchanged(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | N
 def _fit(
     reading: Reading, g: np.ndarray, prior, warm: bool = False, fits: int = _MAX_FITS, level=True
 ) -> Estimate:
-    """Args:
+    """Fit the load to a reading.
+
+    Args:
     warm: g is close to the answer; a step that went as predicted is then the last one.
     fits: that may be made to measure the noise, where it was not given.
     level: whether the load may be one of the level prior.
@@ -219,7 +221,7 @@ def _touches(reading: Reading, g: np.ndarray) -> np.ndarray:
 
 
 def _with_noise_at_rest(reading: Reading, g: np.ndarray) -> Reading:
-    """The reading with the noise of those cells that the first guess g [S] has at rest."""
+    """Return the reading with the noise of those cells that the first guess g [S] has at rest."""
     low = reading.bounds[0]
     at_rest = reading.known & reading.circuit.populated & (g < NEAR_REST * low)
     adc = reading.model(np.where(at_rest, low, g))
@@ -329,7 +331,7 @@ def _gauss_newton(reading: Reading, point: _Point) -> _Step:
 
 
 def _conjugate_gradients(point: _Point, between, free: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The Gauss-Newton step without its matrix: a product costs O(lines^3)."""
+    """Solve for the Gauss-Newton step without its matrix: a product costs O(lines^3)."""
     diagonal = point.curvature.ravel()[free]
     picture = np.zeros(point.gx.shape)
     network, square = point.model.network, point.model.weight**2

@@ -163,7 +163,7 @@ def _height(reading: Reading, g: np.ndarray, network, gradient) -> float:
 
 
 def _step_solver(reading: Reading, network, g: np.ndarray, free: np.ndarray):
-    """A function that solves (- d rho_a / d g_b) x = b over the free cells, to single precision.
+    """Return a function that solves (- d rho_a / d g_b) x = b over the free cells.
 
     Floating, that is (t_ab^2), which scaled by sqrt(g) on both sides has a diagonal (g rho)^2 <= 1.
     """
@@ -186,7 +186,7 @@ def _step_solver(reading: Reading, network, g: np.ndarray, free: np.ndarray):
 
 
 def _unsymmetric_solver(reading: Reading, network, g: np.ndarray, free: np.ndarray):
-    """The same of other readouts, scaled by rho and by g."""
+    """Return the same of other readouts, scaled by rho and by g."""
     rho, cols = reading.rho_of(network), reading.circuit.cols
     falls = (rho + reading.apparent[1]) / network.adc  # - d rho / d adc
     ends = free // cols, reading.circuit.rows + free % cols
@@ -198,7 +198,7 @@ def _unsymmetric_solver(reading: Reading, network, g: np.ndarray, free: np.ndarr
 
 
 def _matrix_free_solver(network: laplacian.Network, g: np.ndarray, free: np.ndarray):
-    """The same without the matrix: a product costs O(lines^3), the diagonal is rho^2."""
+    """Return the same without the matrix: a product costs O(lines^3), the diagonal is rho^2."""
     picture = np.zeros(g.shape)
 
     def product(p):

@@ -94,7 +94,7 @@ def roughness(x: np.ndarray, between: Differences, spread: float) -> float:
 
 
 def level(force: np.ndarray, slope: np.ndarray, cells: np.ndarray) -> Quadratic:
-    """A load on the whole skin: each cell's force is uniform from 0 to one unknown level.
+    """Return a load on the whole skin: each cell's force is uniform from 0 to one unknown level.
 
     The level is twice the mean force; a uniform spread has mean / sqrt(3).
 
@@ -174,7 +174,7 @@ def precision(jacobian, prior: Quadratic, between: Differences | None, free: np.
 
 
 def product(terms: Quadratic, x: np.ndarray, between: Differences) -> np.ndarray:
-    """The precision times x, (rows, cols)."""
+    """Return the precision times x, (rows, cols)."""
     total = terms.diagonal * x
     if terms.entries is not None:
         for one, other in ((between.here, between.there), (between.there, between.here)):
@@ -192,7 +192,7 @@ def with_neighbours(
     std_x: np.ndarray,
     extra=None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """What the neighbours of each unknown say of it, after a fit, in place of `touches`.
+    """Return what the neighbours of each unknown say of it, after a fit, in place of `touches`.
 
     A fit knows some cells well, and some of a hard patch hardly at all. A small network
     (learning/denoiser.py) says from it what is likely of each cell, and how surely; one more step

@@ -61,12 +61,14 @@ class Reading:
     noise_ratio: np.ndarray | None = None
 
     def with_noise(self, noise: float) -> Reading:
-        """The same frame with a noise that was measured in it [ADC steps]."""
+        """Return the same frame with a noise that was measured in it [ADC steps]."""
         return replace(self, noise=min(max(noise, ROUNDING_NOISE), MAX_NOISE))
 
     def above_cut_off(self) -> Reading:
-        """The same frame with readings next to 0 known as that only: where lines are driven, hard
-        loads push others there."""
+        """Return the same frame with readings next to 0 known as that only.
+
+        Where lines are driven, hard loads push others there.
+        """
         threshold = max(self.threshold, _CUT_OFF / self.circuit.full_scale)
         low = self.known & (self.adc <= threshold)
         free = self.circuit.readout in ("floating", "virtual_ground")
@@ -76,7 +78,7 @@ class Reading:
         return replace(self, adc=adc, known=known, capped=self.capped | low, threshold=threshold)
 
     def behind(self, added: np.ndarray) -> Reading:
-        """The same frame if nothing lay in series but r_par: without (rows, cols) [ohm] more."""
+        """Return the same frame if only r_par lay in series: without (rows, cols) [ohm] more."""
         r_ref = self.circuit.r_ref
         with np.errstate(divide="ignore"):
             adc = r_ref / np.maximum(r_ref / self.adc - added, r_ref)
@@ -125,8 +127,10 @@ class Reading:
 
     @cached_property
     def rho(self) -> np.ndarray:
-        """(rows, cols) measured resistance [ohm], kept finite and above 0: two-terminal, or as
-        `readouts.apparent` says."""
+        """Return (rows, cols) measured resistance [ohm], kept finite and above 0.
+
+        It is two-terminal, or as `readouts.apparent` says.
+        """
         return self._rho_at(self.adc)
 
     def _rho_at(self, adc: np.ndarray) -> np.ndarray:
@@ -176,7 +180,7 @@ class Reading:
         return float((misfit @ misfit / max(self.n_informative, 1)) ** 0.5)
 
     def linearised(self, g: np.ndarray, std, network=None) -> Linearised:
-        """The model of the frame at conductances g (rows, cols) [S].
+        """Return the model of the frame at conductances g (rows, cols) [S].
 
         Args:
             std: standard deviation of a reading [ADC steps], a number or (rows, cols).
@@ -231,7 +235,7 @@ def check_reading(
     noise=None,
     time_limit: float | None = None,
 ) -> Reading:
-    """The frame as a `Reading`; ValueError says what is wrong with it, and where."""
+    """Return the frame as a `Reading`; ValueError says what is wrong with it, and where."""
     adc = np.asarray(adc, dtype=float)
     if adc.shape != circuit.shape:
         raise ValueError(f"reading has shape {adc.shape}: the circuit is {circuit.shape}")
@@ -324,7 +328,7 @@ def noise_at_rest(misfit: np.ndarray) -> float | None:
 
 
 def robust_std(magnitudes: np.ndarray) -> float:
-    """Standard deviation of normal values from their magnitudes; a fifth may be outliers."""
+    """Return the std of normal values by their magnitudes; a fifth may be outliers."""
     kept = max(1, round(_KEPT * magnitudes.size))
     return _STD_OVER_MEAN * float(np.partition(magnitudes.ravel(), kept - 1)[:kept].mean())
 

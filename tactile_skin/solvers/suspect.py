@@ -81,8 +81,9 @@ def _rest_steps(circuit, curve) -> np.ndarray:
 
 
 def _place(bad: np.ndarray, known: np.ndarray) -> tuple[Where, dict, np.ndarray]:
-    """Return the line that most of the bad readings are on, as `Finding` takes it, empty if there
-    is none; count, of: of so many readings; (rows, cols) bool, which are meant.
+    """Return the line that most of the bad readings are on, as `Finding` takes it; empty: none.
+
+    count, of: of so many readings; and (rows, cols) bool, which are meant.
     """
     count = int(np.count_nonzero(bad))
     for axis, turned, there in ((0, bad, known), (1, bad.T, known.T)):
@@ -98,7 +99,7 @@ def _place(bad: np.ndarray, known: np.ndarray) -> tuple[Where, dict, np.ndarray]
 def saturation(
     reading: Reading, minimum: int = _FLAT, others: float = _FLAT_OTHERS
 ) -> Finding | None:
-    """Return that the largest readings lie at one value, with few below: a saturated input?
+    """Return that the largest readings lie at one value, with few below, as of a saturated input.
 
     A flat touch reads like that too: only the circuit shows whether there are cells that read so.
     """
@@ -172,14 +173,14 @@ class NormalEquations(NamedTuple):
     factor: np.ndarray  # (n, n) U of U^T U = J^T J + curvature of the prior
 
     def absorbed(self) -> float:
-        """Number of readings that the unknowns take: trace(H^-1 J^T J)."""
+        """Return the number of readings that the unknowns take: trace(H^-1 J^T J)."""
         if not self.unknowns.size:
             return 0.0
         return float(np.square(lapack.strtrs(self.factor, self.jacobian.T, trans=1)[0]).sum())
 
 
 def beside_sums(reading: Reading, misfit: np.ndarray) -> np.ndarray:
-    """A fit's misfit (rows, cols), without the mean of each sense line of a grounded matrix.
+    """Return a fit's misfit (rows, cols), without the mean of each sense line of a grounded matrix.
 
     Of a line that is loaded hard the readings' sum hardly changes. So the prior, which pulls all of
     its cells one way, leaves some of the sum, which is no noise.
@@ -209,7 +210,7 @@ def estimate_from_force(
     slack=None,
     network=None,
 ) -> Estimate:
-    """The estimate of a method that finds forces only: standard deviation and status by the misfit.
+    """Return the estimate of a method that finds forces only; std and status by the misfit.
 
     The standard deviation is what each cell's resistance would have to change by, alone, to meet
     its own reading. An impossible reading is always suspect,

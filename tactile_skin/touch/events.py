@@ -62,7 +62,7 @@ class PushEvents:
         return self._begin() if self._here() else []
 
     def stop(self, stamp: float, pushed: bool) -> list[Pushed | Released]:
-        """The stop decided on the reading of this stamp: whether a push is on."""
+        """Take the stop decided on the reading of this stamp: whether a push is on."""
         began = pushed and self._since is None
         if began:
             self._since, self._reported = stamp, False

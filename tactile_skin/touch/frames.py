@@ -72,11 +72,11 @@ class Frames:
         self._parents: dict[str, tuple[str, Pose, float]] = {}  # child -> parent, pose, stamp [s]
 
     def take(self, parent: str, child: str, pose: Pose, stamp: float = math.inf) -> None:
-        """The pose of `child` in `parent`; `stamp`: when it was so [s], always by default."""
+        """Take the pose of `child` in `parent`; `stamp`: when it was so [s], always by default."""
         self._parents[child.lstrip("/")] = parent.lstrip("/"), pose, stamp
 
     def lookup(self, target: str, source: str, t: float) -> Pose:
-        """The pose of `source` in `target` at t [s].
+        """Return the pose of `source` in `target` at t [s].
 
         Raises:
             LookupError: they are not connected, or by a transform that is too old.

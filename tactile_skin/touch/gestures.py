@@ -52,7 +52,7 @@ class Gestures:
         self._ids: list[int] = []
 
     def update(self, t: float, frame: Frame, touches: list[Touch]) -> list[Gesture]:
-        """A gesture for each of `tracking.Tracker.update`'s touches, in their order.
+        """Return a gesture for each of `tracking.Tracker.update`'s touches, in their order.
 
         Args:
             t: when the frame was taken [s].
@@ -95,7 +95,9 @@ class _Course:
         self.largest = self.largest_area = 0.0
 
     def take(self, t: float, contact: Contact, hardest: float, changed: float, jump: float) -> None:
-        """Args:
+        """Take the next contact of the touch.
+
+        Args:
         hardest: pressure on one cell [Pa]; changed: sum of |change of force| [N]; jump: a
             centre that moves so far at once [m] did not move, the touch joined another.
         """

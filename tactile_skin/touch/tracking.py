@@ -65,7 +65,7 @@ class _Track:
         self.joined = t
 
     def take(self, t: float, contact: Contact, members: list[_Track], pitch: float) -> None:
-        """The touch is this contact at t; a centre that jumps says nothing of how it moves."""
+        """Take a contact at t for the touch; a centre that jumps says nothing of how it moves."""
         self.state, jumped = NEW, True
         if self.born < t:
             off = contact.position - self.foreseen(t)
@@ -153,7 +153,7 @@ class Tracker:
         self._ids = 0
 
     def update(self, t: float, frame: Frame) -> list[Touch]:
-        """The touches of a frame.
+        """Return the touches of a frame.
 
         Args:
             t: when it was taken [s].
@@ -232,7 +232,7 @@ class Tracker:
         found: list[Contact],
         claims: list[list[_Track]],
     ) -> None:
-        """A touch is several contacts now: who of those that joined it is which."""
+        """Part a touch that is several contacts now: who of those that joined it is which."""
         members = track.members
         alone = [m.foreseen_alone(t) for m in members] if members[1:] else [track.foreseen(t)]
         away = _distances(alone, [found[k].position for k in pieces])

@@ -1,5 +1,7 @@
-"""The page's process of a running skin: `python -m tactile_skin.view LISTENING SKIN`, two open
-sockets' numbers. It is started by process.py, and ends with the skin."""
+"""Serves the page of a running skin: `python -m tactile_skin.view LISTENING SKIN`.
+
+These are two open sockets' numbers. It is started by process.py, and ends with the skin.
+"""
 
 import asyncio
 import contextlib

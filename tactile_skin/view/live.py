@@ -53,7 +53,7 @@ class Live:
         self._tell({"watched": pages > 0})
 
     async def ask(self, name: str) -> dict:
-        """What the skin answers to a request."""
+        """Return what the skin answers to a request."""
         async with self._asking:
             self._answer = asyncio.get_running_loop().create_future()
             self._tell({"ask": name})

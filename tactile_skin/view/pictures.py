@@ -42,7 +42,7 @@ class Pictures:
         self._last: dict[str, Estimate] = {}  # of the snapshot before, where the next one starts
 
     def hello(self) -> dict:
-        """What holds for all snapshots."""
+        """Return what holds for all snapshots."""
         circuit, geometry = self.skin.circuit, self.skin.geometry
         return {
             "rows": circuit.rows,
@@ -55,7 +55,7 @@ class Pictures:
         }
 
     def message(self, snapshot: Snapshot, a: str, b: str, more: dict) -> bytes:
-        """The message for a page that compares methods a and b; pages that do so share the work.
+        """Return the message for pages that compare methods a and b; they share the work.
 
         Args:
             a, b: a method, or PUBLISHED.
@@ -135,7 +135,7 @@ class Pictures:
         return self.skin.adc.ratio_of(adc)
 
     def _known(self, snapshot: Snapshot) -> tuple[Circuit, PressureCurve]:
-        """The circuit and the curve as the skin has found them, by what it says."""
+        """Return the circuit and the curve as the skin has found them, by what it says."""
         circuit, curve = self.skin.circuit, self.skin.curve
         circuit = replace(
             circuit,
@@ -166,7 +166,7 @@ class Pictures:
         return found
 
     def _push(self, force: np.ndarray) -> dict | None:
-        """The push of a picture; `way`: what of it lies in the mat, in cells of the unit vector."""
+        """Return the push of a picture; `way`: what lies in the mat, in cells."""
         push = features.analyse_frame(force, self.skin.geometry, _CELL).push
         if not push.direction.any():
             return None
@@ -181,7 +181,7 @@ class Pictures:
         }
 
     def _on_mat(self, position: np.ndarray, vector: np.ndarray) -> tuple[list, list]:
-        """A point (3,) [m] as (row, column) of the mat, and a vector there as rows and columns."""
+        """Return a point (3,) [m] as (row, column), and a vector there as rows and columns."""
         at = self.skin.geometry.position
         cells = self.skin.circuit.populated
         off = np.where(cells, np.square(at - position).sum(-1), np.inf)
@@ -198,7 +198,7 @@ class Pictures:
         return np.linalg.pinv(steps)
 
     def _numbers(self, snapshot: Snapshot) -> dict[str, object]:
-        """What the nodes say of themselves."""
+        """Return what the nodes say of themselves."""
         values: dict[str, str] = {}
         for status in snapshot.nodes.values():
             values |= status.values
@@ -254,14 +254,14 @@ def _slope(at: np.ndarray, k: int, axis: int) -> np.ndarray:
 
 
 def _value(snapshot: Snapshot, name: str, default: _T) -> float | _T:
-    """A number that a node gives among its values."""
+    """Return a number that a node gives among its values."""
     texts = (s.values[name] for s in snapshot.nodes.values() if name in s.values)
     number = next(map(_number, texts), None)
     return default if number is None else number
 
 
 def _method(snapshot: Snapshot) -> str:
-    """The method of what the skin published, as compensation says once a second."""
+    """Return the method of what the skin published, as compensation says once a second."""
     said = (s.values.get("method") for s in snapshot.nodes.values())
     return next((method for method in said if method in METHODS), _DEFAULT)
 

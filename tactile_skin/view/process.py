@@ -59,7 +59,7 @@ class PageProcess:
             self.watched = False
 
     def requests(self) -> Iterator[str]:
-        """What the pages ask for, as it comes, until the process ends."""
+        """Yield what the pages ask for, as it comes, until the process ends."""
         while data := self._receive():
             said = json.loads(data)
             self.watched = said.get("watched", self.watched)
@@ -89,7 +89,7 @@ class PageProcess:
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """A socket that listens there.
+    """Return a socket that listens there.
 
     Raises:
         LaunchError: the address is taken, or none of this computer's, or websockets is missing.

@@ -21,8 +21,9 @@ _AROUND = 1_000_000_000  # ns by which a message may be out of order in the file
 
 
 class Recorded:
-    """Keeps the times and the forces of all readings, and snapshots of the last few seconds that
-    were asked for: the others are read from the file when they are asked for.
+    """Keeps times and forces of all readings, and the last few seconds of snapshots asked for.
+
+    The others are read from the file when they are asked for.
 
     Args:
         recording: that is shown.
@@ -63,8 +64,10 @@ class Recorded:
         self._damage = recording.damage
 
     def _readings(self, collector: Collector, messages) -> Iterator:
-        """(time of recording of a reading that comes [ns] or None, snapshot of the one before or
-        None): all that follows a reading has been said when the next one comes."""
+        """Yield the time of a reading that comes [ns], and the snapshot of the one before it.
+
+        Either may be None. All that follows a reading has been said when the next one comes.
+        """
         before = False
         for name, t, message in messages:
             if self._topics[name] == ADC:
@@ -78,7 +81,7 @@ class Recorded:
             yield None, collector.snapshot()
 
     def _read(self, block: int) -> list[Snapshot]:
-        """The snapshots of a block, from the file."""
+        """Return the snapshots of a block, from the file."""
         begin, collector = self._blocks[block]
         messages = self._recording.messages(*self._topics, begin=begin - _AROUND)
         entries = dropwhile(lambda m: (self._topics[m[0]], m[1]) != (ADC, begin), messages)
@@ -106,7 +109,7 @@ class Recorded:
         }
 
     async def snapshot(self, wanted: Wanted) -> tuple[int, Snapshot]:
-        """The reading at a time, or the last before it."""
+        """Return the reading at a time, or the last before it."""
         k = max(0, int(np.searchsorted(self._times, wanted.at + 1e-6, side="right")) - 1)
         return k + 1, self._block(k // _BLOCK)[k % _BLOCK]
 

@@ -79,7 +79,8 @@ class Wanted:
 
 
 def read_wanted(text: str | bytes) -> Wanted:
-    """
+    """Read what a page wants.
+
     Raises:
         ValueError: not what a page says.
     """
@@ -126,7 +127,7 @@ class Source(Protocol):
     """Where snapshots come from."""
 
     def hello(self) -> dict:
-        """What holds for all of them."""
+        """Return what holds for all of them."""
 
     async def snapshot(self, wanted: Wanted) -> tuple[int, Snapshot]:
         """One, and its number."""
@@ -135,11 +136,12 @@ class Source(Protocol):
         """So many pages are open."""
 
     async def ask(self, name: str) -> dict:
-        """What is answered to "tare" or "reset"."""
+        """Return what is answered to "tare" or "reset"."""
 
 
 class Server:
-    """
+    """Serves the page's files and its WebSocket.
+
     Args:
         source: where snapshots come from.
         controls: whether pages may ask for "tare" and "reset".
@@ -156,7 +158,7 @@ class Server:
         self._files["/"] = self._files["/index.html"]
 
     def answer(self, connection: ServerConnection, request: Request) -> Response | None:
-        """A file, or a refusal; None: a page that may have its WebSocket."""
+        """Return a file, or a refusal; None: a page that may have its WebSocket."""
         hosts, origins = (request.headers.get_all(name) for name in ("Host", "Origin"))
         if len(hosts) != 1 or not names_this_host(hosts[0], _reached(connection)):
             return _text(HTTPStatus.MISDIRECTED_REQUEST, "this host has another name")

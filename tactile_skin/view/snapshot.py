@@ -90,7 +90,8 @@ class Collector:
         return other
 
     def take(self, topic: str, message) -> None:
-        """
+        """Take a message of a topic.
+
         Raises:
             ValueError: a message that holds something else than the topic carries.
         """
@@ -118,7 +119,7 @@ class Collector:
                 self._solved[topic] = stamp, image_array(message)
 
     def snapshot(self) -> Snapshot:
-        """The newest reading that there is a pressure picture of; without one, the newest."""
+        """Return the newest reading with a pressure picture; without one, the newest."""
         if not self._readings:
             return Snapshot(nodes=self._nodes, **self._others)
         solved, _ = self._solved.get("skin/pressure", (None, None))

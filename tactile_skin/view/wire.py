@@ -32,7 +32,7 @@ def parts_of(head: dict, arrays: dict[str, np.ndarray]) -> tuple[str, bytes]:
 
 
 def packed_with(more: dict, head: str, arrays: bytes) -> bytes:
-    """A message of the parts, with more in its head."""
+    """Return a message of the parts, with more in its head."""
     text = f"{_json(more)[:-1]},{head[1:]}" if more else head
     said = _padded(text.encode(), b" ")
     return b"".join((_LENGTH.pack(len(said)), said, arrays))

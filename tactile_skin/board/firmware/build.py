@@ -52,7 +52,7 @@ def size(elf: Path) -> Size:
 
 
 def hex_file(elf: Path) -> Path:
-    """The binary as Intel HEX beside the ELF file: what a programmer takes."""
+    """Make the binary as Intel HEX next to the ELF file: what a programmer takes."""
     path = elf.with_suffix(".hex")
     run(["avr-objcopy", "-O", "ihex", "-R", ".eeprom", elf, path], "binutils-avr")
     return path
@@ -71,7 +71,7 @@ def chip_library(folder: Path) -> Path:
 
 
 def run(command: list, packages: str, seconds: float = 60.0) -> str:
-    """What a tool prints, within some seconds.
+    """Run a tool, and return what it prints within some seconds.
 
     Raises:
         FirmwareError: it is not there, or fails; with what to install, or its first complaint.

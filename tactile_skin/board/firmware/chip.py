@@ -103,7 +103,7 @@ class Chip:
         self._folder.cleanup()
 
     def feel(self, resistance: np.ndarray) -> None:
-        """What the cells conduct from now on: (rows, cols) [ohm]."""
+        """Let the cells conduct so from now on: (rows, cols) [ohm]."""
         steps = self._adc.count(forward(self.circuit, resistance))
         ratio = np.zeros((build.MAX_LINES, build.MAX_LINES))
         ratio[: self.circuit.rows, : self.circuit.cols] = np.clip(steps / _ADC_STEPS, 0.0, 1.0)
@@ -130,12 +130,12 @@ class Chip:
         self._library.chip_reset(self._chip, cause)
 
     def hang(self) -> None:
-        """The program runs astray, into a loop that never ends."""
+        """Let the program run astray, into a loop that never ends."""
         if not self._library.chip_hang(self._chip):
             raise FirmwareError("there is no endless loop in the binary")
 
     def slow_line(self, cycles: int) -> None:
-        """The serial line takes so many cycles for a byte, instead of 160."""
+        """Let the serial line take so many cycles for a byte, instead of 160."""
         self._library.chip_set_byte_cycles(self._chip, cycles)
 
     def measured(self) -> Measured:

@@ -20,7 +20,7 @@ _WRITTEN_WITHIN = 60.0  # s; it takes some seconds
 
 
 def find_chip(port: str) -> tuple[int, int]:
-    """The chip's signature and the boot loader's baud rate; nothing is written.
+    """Return the chip's signature and the boot loader's baud rate; write nothing.
 
     Raises:
         FirmwareError: no boot loader answers.
@@ -41,7 +41,7 @@ def find_chip(port: str) -> tuple[int, int]:
 
 
 def check_signature(port: str, signature: int) -> str:
-    """The name of the chip.
+    """Return the name of the chip.
 
     Raises:
         FirmwareError: it is another one than the firmware is for.
@@ -67,7 +67,7 @@ def write(port: str, baud: int, signature: int, image: Path) -> None:
 
 
 def ask(port: str) -> description.Description | None:
-    """What the board says of itself; None if it does not answer in some seconds."""
+    """Ask the board what it says of itself; None if it does not answer in some seconds."""
     received = b""
     with serial.serial_for_url(port, 1_000_000, timeout=0.1) as line:
         until = time.monotonic() + _ANSWERS_WITHIN
@@ -80,7 +80,7 @@ def ask(port: str) -> description.Description | None:
 
 
 def _avrdude(port: str, baud: int, part: str = "m328p", *action: str) -> str:
-    """What avrdude prints; without an action it reads the signature, and writes nothing."""
+    """Run avrdude, and return what it prints; without an action it only reads the signature."""
     # -F: another signature is reported by check_signature, in one line
     what = action or ("-F", "-n")
     command = ["avrdude", "-c", "arduino", "-p", part, "-P", port, "-b", str(baud), *what]

@@ -23,7 +23,7 @@ BAUD = "is serial_driver.baud that of the board's sketch?"
 
 
 def recognise(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
-    """What a sample of bytes is.
+    """Return what a sample of bytes is.
 
     Args:
         shape: (rows, cols) that are expected; None: nothing is known.
@@ -69,7 +69,7 @@ def sample(parser: Parser) -> str:
 
 
 def _last(parser: Parser, shape: tuple[int, int] | None) -> Seen | None:
-    """What the last bytes are; None: they are too few."""
+    """Return what the last bytes are; None: they are too few."""
     data = bytes(parser.tail[-_SAMPLE:])
     seen = recognise(data, shape)
     return seen if len(data) >= _MANY or seen.frames else None
@@ -95,7 +95,7 @@ def _reason(parser: Parser, seen: Seen) -> str:
 
 
 def _of_text(parser: TextParser, seen: Seen) -> str:
-    """What is wrong with lines: their format, their number of readings, or the numbers' scale."""
+    """Return what is wrong with lines: format, number of readings, or the numbers' scale."""
     counters, top = parser.counters, 2**parser.adc_bits - 1
     full = parser.format.full_scale
     wanted = parser.rows * parser.cols
@@ -134,14 +134,14 @@ def _of_text(parser: TextParser, seen: Seen) -> str:
 
 
 def _typed(value: str | int) -> str:
-    """A value as it is typed into a YAML file."""
+    """Return a value as it is typed into a YAML file."""
     if isinstance(value, int):
         return str(value)
     return "'" + value.replace("'", "''") + "'" if value.isprintable() else json.dumps(value)
 
 
 def _beyond(seen: Seen, largest: float) -> str:
-    """What numbers beyond the ADC's range may be."""
+    """Return what numbers beyond the ADC's range may be."""
     bits = int(largest).bit_length()
     kinds = []
     if bits <= 16 and not seen.decimals:

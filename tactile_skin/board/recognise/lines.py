@@ -126,7 +126,7 @@ def _rises(column: np.ndarray) -> bool:
 
 
 def _roles(lead: np.ndarray, readings: int) -> tuple[list[str], int, tuple[int, ...], bool]:
-    """What each number in front of the readings is.
+    """Return what each number in front of the readings is.
 
     Args:
         lead: (lines, k) numbers.
@@ -159,7 +159,7 @@ def _roles(lead: np.ndarray, readings: int) -> tuple[list[str], int, tuple[int, 
 
 
 def _template(kind: tuple, lead: list[str], front: list[str], behind: int) -> str:
-    """The description of a line; `#` in its label stands for the numbers of `lead`."""
+    """Return the description of a line; `#` in its label stands for the numbers of `lead`."""
     label, skips, _, more, separator = kind
     names = iter(lead)
     text = re.sub("#", lambda _: f"{{{next(names)}}}", label)
@@ -203,7 +203,7 @@ def _repeats_after(values: np.ndarray) -> int:
 
 
 def recognise_lines(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
-    """What text is.
+    """Return what text is.
 
     Args:
         shape: (rows, cols) that are expected; None: nothing is known.
@@ -232,7 +232,7 @@ _NO_NUMBERS = "text arrives, but no lines of numbers"
 
 
 def _structure(lines, kind: tuple, end: bytes, shape: tuple[int, int] | None) -> Seen:
-    """What a frame is made of."""
+    """Return what a frame is made of."""
     chosen = [line for line in lines if line and line.kind == kind]
     lead = np.array([line.lead for line in chosen])
     values = np.array([line.values for line in chosen])
@@ -319,7 +319,7 @@ def _behind(values: np.ndarray, cells: int) -> tuple[int, bool]:
 
 
 def sides(cells: int) -> tuple[int, int]:
-    """The rows and columns of so many cells whose shape is nearest to a square, rows first."""
+    """Return the (rows, columns) of so many cells whose shape is nearest to a square."""
     rows = next(n for n in range(int(cells**0.5), 0, -1) if cells % n == 0)
     return rows, cells // rows
 

@@ -29,7 +29,7 @@ _EVEN = 0.5  # rows over columns of most boards, at least
 
 
 def recognise_packets(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
-    """What bytes that are no text are; `about` is empty where no period is in them."""
+    """Return what bytes that are no text are; `about` is empty where no period is in them."""
     period, start = _period(data)
     if not period:
         return Seen("", _delimited(data), data[:64])
@@ -119,7 +119,7 @@ def _described(packets: np.ndarray, shape: tuple[int, int] | None) -> Seen | Non
 
 
 def _words(body: np.ndarray, packets: np.ndarray, fixed: int, rest: tuple, cells: int):
-    """The readings: words that are smooth from packet to packet, behind head and counters."""
+    """Return the readings: words that are smooth over the packets, behind head and counters."""
     check, unchecked, tail, proved = rest
     begin = _behind_counters(packets, fixed)
     cuts = [
@@ -171,7 +171,7 @@ def _cuts(body: np.ndarray, head: int, spare: int, cells: int, begin: int):
 
 
 def _delimited(data: bytes) -> str:
-    """What byte ends packets of different sizes; empty if none does."""
+    """Return what byte ends packets of different sizes; empty if none does."""
     for value in (0xFF, 0x00, 0xC0, 0x7E):
         gaps = np.diff(np.flatnonzero(np.frombuffer(data, np.uint8) == value))
         if len(gaps) >= _REPEATS and gaps.min() > _SHORTEST and gaps.std() < 0.3 * gaps.mean():

@@ -46,7 +46,7 @@ class Seen:
 
 
 def shown(sample: bytes, text: bool, most: int = _SHOWN) -> str:
-    """A sample in one line, with what cannot be printed escaped."""
+    """Return a sample in one line, with what cannot be printed escaped."""
     cut = sample[:most]
     line = (
         cut.decode("ascii", "backslashreplace").encode("unicode_escape").decode()

@@ -50,15 +50,17 @@ class Course:
         self._periods: list[float] = []
 
     def add(self, t: float, pressure, std=0.0) -> None:
-        """A frame at t [s]: (rows, cols) pressure and its standard deviation [Pa]."""
+        """Take a frame at t [s]: (rows, cols) pressure and its standard deviation [Pa]."""
         area = self._geometry.cell_area
         if picture := self._pictures.update(t, pressure * area, std * area):
             self._found.append(picture.force)
             self._periods.append(picture.period)
 
     def takes(self, pause: float = 0.0) -> list[tuple]:
-        """Pictures (T, rows, cols) [N], period [s] and pitch [m] of each touch so far; none before
-        nothing has touched for a pause [s]."""
+        """Return pictures (T, rows, cols) [N], period [s] and pitch [m] of each touch so far.
+
+        There are none before nothing has touched for a pause [s].
+        """
         import numpy as np
 
         from ...touch.take import touches
@@ -74,7 +76,7 @@ class Course:
 
 
 def _recorded(path: str) -> list[tuple]:
-    """The takes of a recording."""
+    """Return the takes of a recording."""
     from ...recording.reader import Recording
 
     recording = Recording(path)

@@ -217,7 +217,7 @@ def ignored_diode(circuit: Circuit, rest: Rest, touches) -> Finding | None:
 
 
 def _touched(seen: Recorded, n: int) -> readout.Touched:
-    """The untouched skin, and its n hardest touches."""
+    """Return the untouched skin, and its n hardest touches."""
     at_rest = np.where(seen.read, seen.base / seen.circuit.full_scale, np.nan)
     touches = np.where(seen.read, touches_of(seen, n), np.nan)
     return readout.Touched(at_rest, seen.usual_noise, touches)

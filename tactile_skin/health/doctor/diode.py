@@ -80,7 +80,7 @@ def unknown_diode(circuit: Circuit, seen: Touched, quiet: int) -> list[Finding]:
 
 
 def _with_r_par(circuit: Circuit, seen: Touched, quiet: int) -> _Agreement | None:
-    """The touches with the r_par that they ask for; None: they agree with the configured one."""
+    """Return the touches with the r_par that they ask for; None: it is the configured one."""
     for step in range(_R_PAR_STEPS + 1):
         found = _agreement(circuit, seen, quiet)
         if found.misfit < 1.0:

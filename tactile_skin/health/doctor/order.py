@@ -88,8 +88,7 @@ def _one_late(pictures: np.ndarray) -> Vote | None:
 
 
 def transposed(seen: Recorded) -> Vote | None:
-    """The touches' vote if the samples come column by column, or the rows are the
-    columns; None: they do not.
+    """Return the touches' vote if the samples' rows and columns are exchanged; None: they are not.
 
     On a square skin that is another touch's picture, and no reading tells.
     """
@@ -125,7 +124,9 @@ def distances(pictures: np.ndarray) -> np.ndarray:
 
 
 class Vote(NamedTuple):
-    """Attributes:
+    """What touches prefer.
+
+    Attributes:
     touches: that were counted.
     share: of the variation that the other order saves.
     """
@@ -139,13 +140,13 @@ class Vote(NamedTuple):
 
 
 def vote(now: np.ndarray, other: np.ndarray) -> Vote | None:
-    """What touches, of (touches,) variation in this order and in the other, prefer; None: this."""
+    """Return what touches prefer, by (touches,) variation in each order; None: this one."""
     found = best_vote(now, (now - other)[:, None])
     return found and found[1]
 
 
 def best_vote(now: np.ndarray, saved: np.ndarray) -> tuple[int, Vote] | None:
-    """The order that most touches prefer, and by how much; None: there is none.
+    """Return the order that most touches prefer, and by how much; None: there is none.
 
     Args:
         now: (touches,) variation in this order.
@@ -164,7 +165,7 @@ def best_vote(now: np.ndarray, saved: np.ndarray) -> tuple[int, Vote] | None:
 
 
 def exchanged(apart: np.ndarray) -> tuple[tuple[int, int], Vote] | None:
-    """The two lines without whose exchange the touches are smoother; None: there are none.
+    """Return the two lines without whose exchange the touches are smoother; None: there are none.
 
     Args:
         apart: as `distances` has it.

@@ -112,7 +112,7 @@ class Fitting(NamedTuple):
 
 
 def _wired(circuit: Circuit) -> str:
-    """A matrix as it is read, in words."""
+    """Return a matrix as it is read, in words."""
     if circuit.readout == "floating":
         return "a floating matrix"
     return f"a {circuit.readout} matrix with driven {circuit.driven}"
@@ -124,7 +124,7 @@ def entered(settings: dict) -> str:
 
 
 def _read(supposed: Circuit, change: Change) -> str:
-    """A change, in words."""
+    """Return a change, in words."""
     if change.scale != 1.0:
         ((name, value),) = change.settings(supposed).items()
         return f"an ADC of another width ({name.removeprefix('circuit.')} {value})"

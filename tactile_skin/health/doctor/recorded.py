@@ -28,7 +28,9 @@ _HALF_CLOSED = 0.5 * (LINE_OPEN + _LINE_CLOSED)  # neither, of a line that does 
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """Attributes:
+    """Readings of a board, with what every check asks of them.
+
+    Attributes:
     circuit: as it is supposed.
     steps: (n, rows, cols) readings [ADC steps].
     read: (rows, cols) bool, crossings that were ever read.
@@ -77,7 +79,7 @@ class Recorded:
         return self.closed[axis] < _HALF_CLOSED
 
     def turned(self, axis: int, picture: np.ndarray) -> np.ndarray:
-        """The picture, (..., rows, cols), with the lines of an axis first of the last two."""
+        """Return the picture (..., rows, cols) with the lines of an axis first of the last two."""
         return picture if axis == 0 else picture.swapaxes(-1, -2)
 
 
@@ -165,7 +167,7 @@ def _activity(change: np.ndarray, closed) -> np.ndarray:
 
 
 def _peaks(level: np.ndarray, n: int, calm: float) -> np.ndarray:
-    """The strongest frame of each touch."""
+    """Return the strongest frame of each touch."""
     noise = float(np.std(level[level <= np.quantile(level, 2 * _QUIET)]))
     size = max(_LEAST_APART, int(_APART * n)) * 2 + 1
     top = (level == maximum_filter1d(level, size)) & (

@@ -64,7 +64,7 @@ def in_series(seen: Recorded, skip, noisy, wires: wiring.Wires) -> list[Finding]
 
 
 def _finding(name: str, supposed: Circuit, found: Identified) -> Finding:
-    """The finding that touches fit another resistance in series."""
+    """Return the finding that touches fit another resistance in series."""
     value, given = getattr(found.circuit, name), getattr(supposed, name)
     numbers = {"frames": found.frames, name: value, "std": found.std[name], "supposed": given}
     if name == "r_drive":

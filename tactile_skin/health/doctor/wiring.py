@@ -34,7 +34,9 @@ _TRIED = 4  # lines, and cells, that are looked at in each turn
 
 
 class Damage(NamedTuple):
-    """Attributes:
+    """One damage of the wiring, or of a cell.
+
+    Attributes:
     kind: "lead" (size: ohm more), "resistor" (size: its ohm, infinite if it is missing), "broken"
         (at: first crossing that is cut off), or "cell" (line, at: row, column; size: times the
         usual cell's conductance).
@@ -86,7 +88,7 @@ class Wires:
         )
 
     def with_one(self, damage: Damage) -> Wires:
-        """The same with a damage more."""
+        """Return the same wiring with one more damage."""
         axis, line, size = damage.axis, damage.line, damage.size
         if damage.kind == "cell":
             cells = self.cells.copy()
@@ -103,14 +105,16 @@ class Wires:
         return replace(self, lead=lead)
 
     def reading(self, axis: int, line: int, other: int) -> Wires:
-        """The same where an address selects another line, or none, -1."""
+        """Return the same where an address selects another line, or none, -1."""
         reads = [lines.copy() for lines in self.reads]
         reads[axis][line] = other
         return replace(self, reads=reads)
 
     def resistance(self) -> np.ndarray:
-        """(rows, cols) [ohm] that a divider of r_ref and r_par would read so: the two-terminal one
-        of a floating matrix."""
+        """Return (rows, cols) [ohm] that a divider of r_ref and r_par would read so.
+
+        It is the two-terminal resistance of a floating matrix.
+        """
         rows, cols = self.cells.shape
         indices = np.indices(self.cells.shape)
         nodes = rows + cols
@@ -133,7 +137,7 @@ class Wires:
         return measured_resistance(self.circuit, adc)
 
     def fitted(self, rho: np.ndarray, known: np.ndarray) -> tuple[Wires, np.ndarray, np.ndarray]:
-        """The same with the usual cell's resistance that readings tell.
+        """Return the same with the resistance of the usual cell that the readings give.
 
         Args:
             rho, known: as for `search`.
@@ -158,7 +162,7 @@ def measured_resistance(circuit: Circuit, adc: np.ndarray) -> np.ndarray:
 
 
 def search(circuit: Circuit, rho: np.ndarray, known: np.ndarray, wires: Wires):
-    """The damages that explain a rest.
+    """Return the damages that explain a rest.
 
     Args:
         rho: (rows, cols) resistance that was measured, as `measured_resistance` [ohm].
@@ -294,7 +298,7 @@ class _Fit:
             yield damage._replace(gain=gain)
 
     def _size(self, damage: Damage) -> float:
-        """What a cell conducts, times the usual one, if it reads as it does.
+        """Return what a cell conducts, times the usual one, if it reads as it does.
 
         One conductance of a network changes a voltage by s d / (1 + t d), where d is its change:
         two others tell s and t.

@@ -47,12 +47,12 @@ class Service:
             node.context._services[name] = self
 
     def _next(self):
-        """The oldest request's call, as (callback, arguments, future)."""
+        """Return the oldest request's call, as (callback, arguments, future)."""
         request, future = self._queue.popleft()
         return self.callback, (request, self.srv_type.Response()), future
 
     def _put(self, request, future: Future) -> None:
-        """A request has arrived, in whatever thread.
+        """Take a request that has arrived, in whatever thread.
 
         Raises:
             RuntimeError: too many wait already.

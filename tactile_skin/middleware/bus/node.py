@@ -140,7 +140,7 @@ class Node:
         return subscription
 
     def create_tap(self, msg_type, topic: str, callback) -> Tap:
-        """A subscription whose callback runs in the publisher's thread; rclpy has none.
+        """Subscribe with a callback that runs in the publisher's thread; rclpy has none.
 
         Latched messages that are there come first.
         """
@@ -251,7 +251,7 @@ class Node:
             return min(map(DUE, self._timers), default=math.inf)
 
     def _take_timer(self, now: int):
-        """The call of the timer that is due first, as (callback, arguments, future), or None."""
+        """Return the call of the timer due first (callback, arguments, future), or None."""
         with self._lock:
             timer = min(self._timers, key=DUE, default=None)
             if timer is None or timer._due > now:
@@ -261,7 +261,7 @@ class Node:
             return timer.callback, (), None
 
     def _take_message(self):
-        """The call of the oldest message or request, as (callback, arguments, future), or None."""
+        """Return the oldest message's or request's call (callback, arguments, future), or None."""
         with self._lock:
             if not self._inbox:
                 return None
@@ -331,6 +331,6 @@ def _settle(settle, value) -> None:
 
 
 def _complain(what: str, broken: BaseException) -> None:
-    """What could not be logged goes to stderr, if there is one."""
+    """Write what could not be logged to stderr, if there is one."""
     with contextlib.suppress(Exception):
         print(f"{what}, and {type(broken).__name__} while that was reported", file=sys.stderr)

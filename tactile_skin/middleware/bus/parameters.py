@@ -40,7 +40,7 @@ SET_PARAMETERS = "~/set_parameters_atomically"
 
 
 def checked(node: str, name: str, value, default, about: About):
-    """The value in its default's type, or ParameterError with what is allowed."""
+    """Return the value in its default's type, or ParameterError with what is allowed."""
     where = f"parameter {name} of node {node}"
     if isinstance(default, float) and type(value) is int:
         value = float(value)

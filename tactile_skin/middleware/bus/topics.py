@@ -39,7 +39,7 @@ def type_name(kind: type) -> str:
 
 
 def as_qos(profile: QoSProfile | int) -> QoSProfile:
-    """A depth alone is a profile, as in rclpy."""
+    """Return a profile; a depth alone is one, as in rclpy."""
     return profile if isinstance(profile, QoSProfile) else QoSProfile(depth=profile)
 
 
@@ -123,7 +123,7 @@ class Subscription:
             context._subscriptions[topic] += (self,)
 
     def put(self, message) -> None:
-        """A message has arrived, in whatever thread."""
+        """Take a message that has arrived, in whatever thread."""
         node = self._node
         with node._lock:
             if node._gone:
@@ -137,7 +137,7 @@ class Subscription:
         node._wake.set()
 
     def _next(self):
-        """The oldest message's call, as (callback, arguments, future)."""
+        """Return the oldest message's call, as (callback, arguments, future)."""
         return self.callback, (self._queue.popleft(),), None
 
 

@@ -32,7 +32,7 @@ class RosArguments:
     logs: list[str] = dataclasses.field(default_factory=list)  # words for ROS itself
 
     def name_of(self, node: str, alone: bool = True) -> str:
-        """What the node is called; `alone`: a name for all nodes of the process is its own."""
+        """Return the node's name; `alone`: a name for all nodes of the process is its own."""
         return self.names.get(node) or (self.names.get(None) if alone else None) or node
 
     def namespace_of(self, node: str) -> str:
@@ -48,7 +48,7 @@ class RosArguments:
 
 
 def split_arguments(words: list[str]) -> tuple[list[str], RosArguments]:
-    """A command line -> (what is the program's own, what is ROS's).
+    """Split a command line into the program's own words and ROS's.
 
     Raises:
         ValueError: a ROS argument that is not understood, by name.

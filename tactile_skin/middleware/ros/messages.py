@@ -29,7 +29,7 @@ def ros_class(kind: type) -> type:
 
 
 def to_ros(message, made=None):
-    """A message of msg.py -> ROS's own, field by field; `made`: the object to fill, if it is made.
+    """Make ROS's own message of one of msg.py, field by field; `made`: the object to fill.
 
     Fields have the same names. Where their Python types differ, the fresh object's own value shows
     which is wanted.
@@ -54,7 +54,7 @@ def _encoded(value, like):
 
 
 def from_ros(kind: type, message):
-    """A message of ROS -> the one of msg.py that is its like."""
+    """Make the message of msg.py that is the like of one of ROS."""
     return kind(*(_decoded(hint, getattr(message, name)) for name, hint in _fields(kind)))
 
 

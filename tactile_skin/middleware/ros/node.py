@@ -21,8 +21,10 @@ _logger = logging.getLogger("tactile_skin")
 
 
 class _RosClock:
-    """The time of day, which processes and machines share, or a simulation's. Timers run on the
-    bus's own clock, which neither jumps nor stands still."""
+    """The time of day, which processes and machines share, or a simulation's.
+
+    Timers run on the bus's own clock, which neither jumps nor stands still.
+    """
 
     def __init__(self, theirs):
         self._theirs, self._last, self._since = theirs, 0, time.monotonic()
@@ -132,7 +134,7 @@ class RosNode(bus.Node):
         self.ros.add_on_set_parameters_callback(self._set_from_ros)
 
     def _hear(self, subscription):
-        """The subscription, of what arrives on ROS."""
+        """Return the subscription, of what arrives on ROS."""
         msg_type, topic = subscription.msg_type, subscription.topic_name
         if not self._connected or (topic not in self._shared and self.context.publishes(topic)):
             return subscription
@@ -152,8 +154,10 @@ class RosNode(bus.Node):
         return subscription
 
     def _is_of_this_process(self, message) -> bool:
-        """Whether it is a report that has arrived already, within the process. Transforms do not
-        say whose they are, and may arrive twice."""
+        """Return whether it is a report that has arrived already, within the process.
+
+        Transforms do not say whose they are, and may arrive twice.
+        """
         return isinstance(message, msg.DiagnosticArray) and all(
             f"/{status.name}" in self.context.node_names for status in message.status
         )
@@ -248,7 +252,7 @@ def _remedy(ours: str, theirs: str) -> str:
 
 
 def _isolated(what: str, callback: Callable) -> Callable:
-    """A callback whose exceptions are logged: one would end rclpy's executor."""
+    """Return a callback whose exceptions are logged: one would end rclpy's executor."""
 
     def call(*arguments) -> None:
         try:
@@ -260,7 +264,7 @@ def _isolated(what: str, callback: Callable) -> Callable:
 
 
 def _ask(client: bus.Client, request):
-    """The response, or the exception that the node raised.
+    """Return the response, or the exception that the node raised.
 
     Raises:
         RuntimeError: it does not answer in time; what it has not begun does not happen later.

@@ -19,7 +19,9 @@ _NODES = 50  # messages of `diagnostics`, one from each node, that may wait toge
 
 
 class Foxglove:
-    """Serves every topic of its process, also those that appear later, by foxglove-sdk's WebSocket
+    """Serves the topics of its process to the Foxglove app.
+
+    Serves every topic of its process, also those that appear later, by foxglove-sdk's WebSocket
     server, with the schemas that a recording has: the newest message of each, 30 times a second,
     and all of `diagnostics`. What no app has subscribed to costs nothing; the rest is encoded by a
     thread of this node's own, as much of it at 390 readings a second as at 30.
@@ -58,7 +60,7 @@ class Foxglove:
         node.get_logger().info("open a connection in Foxglove: %s", self.address)
 
     def _listen(self) -> None:
-        """A channel for each topic that is new."""
+        """Make a channel for each topic that is new."""
         for topic, (name,) in self.node.get_topic_names_and_types():
             if topic in self._heard or name not in cdr.KINDS:
                 continue

@@ -22,7 +22,9 @@ _SAME = 2.0  # pitches within which a gesture is of a touch in skin/contacts
 
 
 class Gestures:
-    """Publishes skin/gesture, the name of a gesture once a decision, and skin/gesture_classes, a
+    """Publishes the names of gestures.
+
+    Publishes skin/gesture, the name of a gesture once a decision, and skin/gesture_classes, a
     point for each gesture that goes on or has just ended. It has no say in the stop.
     """
 
@@ -61,9 +63,12 @@ class Gestures:
             self._classes.publish(self._cloud(named, msg.header))
 
     def _cloud(self, named: list[Named], header: Header) -> PointCloud2:
-        """A point per gesture: x, y, z [m], id, touch (the nearest id in skin/contacts, 0: none),
-        state (0 new, 1 held, 2 decided, 3 ended), force [N], duration [s], label (place among the
-        classes, -1: not sure, or other), and the probability of each class."""
+        """Return a point per gesture.
+
+        Its fields are x, y, z [m], id, touch (the nearest id in skin/contacts, 0: none), state (0
+        new, 1 held, 2 decided, 3 ended), force [N], duration [s], label (place among the classes,
+        -1: not sure, or other), and the probability of each class.
+        """
         classes = self.model.classes
         rows = []
         for gesture in named:

@@ -110,7 +110,7 @@ class Monitor:
         self._cmd_vel = twist_of(msg)
 
     def on_status(self, msg: DiagnosticArray) -> None:
-        """The stop hook: every decision, with the stamp of the reading it rests on."""
+        """Take every decision of the stop, with the stamp of the reading it rests on."""
         now, stamp = self._now(), Time.from_msg(msg.header.stamp).nanoseconds
         while self._pending and self._pending[0] < stamp:
             self._pending.popleft()

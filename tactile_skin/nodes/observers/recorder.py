@@ -13,10 +13,11 @@ _CLOSE = 0.1  # s that the disk has at the end; what it takes longer it does in 
 
 
 class RecorderNode:
-    """Records every topic of its process, also those that appear later. It never holds the others
-    up: they put their messages into a queue that a thread of the recorder's own looks at now and
-    then. What the disk cannot take is dropped and counted, and a full one ends the recording with a
-    warning in diagnostics, not with a stop.
+    """Records every topic of its process, also those that appear later.
+
+    It never holds the others up: they put their messages into a queue that a thread of the
+    recorder's own looks at now and then. What the disk cannot take is dropped and counted, and a
+    full one ends the recording with a warning in diagnostics, not with a stop.
     """
 
     def __init__(self, node):
@@ -70,7 +71,7 @@ class RecorderNode:
         return take
 
     def _on_stop(self, topic: str, t: int, message: Bool) -> None:
-        """A stop that begins is kept; that of the start, or of the end, is no incident."""
+        """Keep a stop that begins; that of the start, or of the end, is no incident."""
         begins = message.data and not self._stopped.get(topic, True)
         if self._recorder is not None and begins and self.node.context.ok():
             self._recorder.stop(t)

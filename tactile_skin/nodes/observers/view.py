@@ -25,9 +25,10 @@ _CALLS = {
 
 
 class View:
-    """Serves the page from a process of its own and hands it the newest of each topic, once a
-    reading, after the stop's decision; nothing while no page is open. A page that lags, or hangs,
-    loses snapshots and keeps nobody waiting.
+    """Serves the page from a process of its own.
+
+    It hands it the newest of each topic, once a reading, after the stop's decision, and nothing
+    while no page is open. A page that lags, or hangs, loses snapshots and keeps nobody waiting.
     """
 
     def __init__(self, node):

@@ -38,7 +38,7 @@ class Floating(Readout):
         self._circuit = circuit
 
     def behind(self, added: Floats) -> Floating:
-        """The same with (rows, cols) [ohm] more before each reading."""
+        """Return the same with (rows, cols) [ohm] more before each reading."""
         other = copy(self)
         other.__dict__.pop("_slope", None)
         other.adc = self._circuit.ratio(self.rho + added)
@@ -110,7 +110,7 @@ class Floating(Readout):
 
     @classmethod
     def apparent(cls, circuit: Circuit, adc: Floats) -> tuple[Floats | float, float]:
-        """It is the two-terminal resistance."""
+        """Return the two-terminal resistance."""
         return 1.0, cls.in_series(circuit)
 
     @classmethod

@@ -43,7 +43,7 @@ class Loaded(Driven):
 
     @classmethod
     def apparent(cls, circuit: Circuit, adc: Floats) -> tuple[Floats | float, float]:
-        """It is r_ref times voltage over current of the own cell.
+        """Return r_ref times voltage over current of the own cell.
 
         That is as if no current came to its sense line from other cells; the voltage is the driven
         line's own, behind r_par.
@@ -54,7 +54,7 @@ class Loaded(Driven):
 
     @classmethod
     def through_driver(cls, circuit: Circuit, currents: Floats) -> Floats:
-        """It returns through the reference resistors of all sense lines."""
+        """Return the current through the reference resistors of all sense lines."""
         if currents.ndim < 2:  # no picture
             return currents
         along = -1 - circuit.sense_axis

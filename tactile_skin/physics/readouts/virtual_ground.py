@@ -66,7 +66,7 @@ class VirtualGround(Readout):
         leads: Pair,
         r_ref: Floats,
     ) -> Floats:
-        """A row that is joined to a column is a short circuit."""
+        """Treat a row that is joined to a column as a short circuit."""
         a, b = lines
         g = np.where(a[:, None] == b, np.inf, -laplacian[np.ix_(a, b)])
         with np.errstate(divide="ignore"):
@@ -80,7 +80,7 @@ class VirtualGround(Readout):
 
     @classmethod
     def apparent(cls, circuit: Circuit, adc: Floats) -> tuple[Floats | float, float]:
-        """It is the cell."""
+        """Return the cell's resistance."""
         return 1.0, circuit.r_par
 
     @classmethod

@@ -38,7 +38,7 @@ Fit = Callable[[Reading, np.ndarray], Estimate]
 
 
 def without_bad_contacts(reading: Reading, fit: Fit, estimate: Estimate) -> Estimate | None:
-    """The estimate of a suspect frame without the readings that are impossible beside the others.
+    """Return the estimate of a suspect frame without readings that contradict the others.
 
     None: there are none, or too many, or the others are not explained either.
     """

@@ -1,4 +1,4 @@
-"""Does a frame ask for another r_par than the circuit's? (docs/derivation.md, "Which R_par")"""
+"""Does a frame ask for another r_par than the circuit's? See docs/derivation.md, "Which R_par"."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Does another readout than the circuit's explain a frame? (docs/derivation.md, "When to doubt")
+"""Does another readout than the circuit's explain a frame? See docs/derivation.md, "When to doubt".
 
 Where few cells are at rest, those of a wrong readout can meet the readings as those of the right
 one do, and the misfit tells nothing.
