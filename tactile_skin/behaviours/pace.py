@@ -24,7 +24,7 @@ _MAX_PARAMETER = 1.0  # s, upper limit of the parameter stale_after
 
 
 class Pace:
-    """Measures how far apart readings come, and so how old the last one may be.
+    """Measures the pace of readings, and so how old the last one may be.
 
     Attributes:
     stale_after: how old the last reading may be, in force now [s].
@@ -46,7 +46,7 @@ class Pace:
         self._follow()
 
     def forget(self) -> None:
-        """Forget how far apart readings come, since the clock was set; what is in force stays."""
+        """Forget the pace of readings, since the clock was set; what is in force stays."""
         self._gaps: deque[float] = deque(maxlen=_KEPT)
         self._named = self._named_gap = 0.0  # s
 
