@@ -57,14 +57,15 @@ class Glances(NamedTuple):
     share: float  # of the take's impulse
 
 
-def table_of(takes: Sequence[Take], reach: float = REACH) -> Table:
+def table_of(takes: Sequence[Take], reach: float = REACH, track=iter) -> Table:
     """Return the features of takes; those without a touch are left out.
 
     Args:
         reach: touches within it of each other are one gesture [m]: large, and two hands are one.
+        track: wraps the takes, for a progress bar.
     """
     features, where, weight, end = [], [], [], []
-    for number, take in enumerate(takes):
+    for number, take in enumerate(track(takes)):
         for k, seen in enumerate(glances(take, reach)):
             features += [*seen.early, seen.last]
             where += [number] * (len(seen.early) + 1)
@@ -114,8 +115,14 @@ def train(table: Table, about: dict, trees: int = TREES, seed: int = 0) -> Gestu
         ModuleNotFoundError: scikit-learn is missing.
     """
     classes, label = np.unique(table.label, return_inverse=True)
-    shares = left_out(table, trees, seed)
+    sharpness = sharpness_of(table, left_out(table, trees, seed))
+    forest, logistic = fit(table, label, np.ones(len(label), bool), trees, seed)
+    return GestureModel(tuple(map(str, classes)), forest, logistic, sharpness, about)
 
+
+def sharpness_of(table: Table, shares: np.ndarray) -> float:
+    """Return the exponent by which shares (rows, classes) are as sure as they are right."""
+    label = np.unique(table.label, return_inverse=True)[1]
     right = float(np.average(shares.argmax(1) == label, weights=table.weight))
 
     def too_sure(sharpness: float) -> float:
@@ -124,11 +131,8 @@ def train(table: Table, about: dict, trees: int = TREES, seed: int = 0) -> Gestu
 
     low, high = _SHARPNESS
     if too_sure(high) < 0.0:
-        sharpness = high
-    else:
-        sharpness = float(brentq(too_sure, low, high)) if too_sure(low) < 0.0 else low
-    forest, logistic = fit(table, label, np.ones(len(label), bool), trees, seed)
-    return GestureModel(tuple(map(str, classes)), forest, logistic, sharpness, about)
+        return high
+    return float(brentq(too_sure, low, high)) if too_sure(low) < 0.0 else low
 
 
 def left_out(table: Table, trees: int = TREES, seed: int = 0) -> np.ndarray:

@@ -44,7 +44,12 @@ def test_people_are_left_out_in_turn(takes, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "people left out in turn"
     assert [line.split()[0] for line in lines[2:5]] == ["poke", "stroke", "tickle"]
-    assert float(lines[-1].split()[1]) > 0.7
+    (right,) = (line for line in lines if line.startswith("right: "))
+    assert float(right.split()[1]) > 0.7
+    people = {take.person for take in map(load_take, takes.iterdir())}
+    assert {line.split(": ")[0] for line in lines if " takes" in line} == people | {"right"}
+    soon = [line.split() for line in lines if " s  " in line]
+    assert soon and all(0.0 <= float(row[3]) <= 1.0 for row in soon)
 
 
 def test_few_takes_and_absent_ones_are_mistakes_that_are_named(takes, tmp_path, capsys):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import functools
 from collections import Counter
 
 _FEW = 3  # takes of a class, with fewer of which it is not trained
@@ -35,7 +36,8 @@ def train(args) -> int:
 
         takes += extras.tqdm()(simulated(), desc="simulated hands", leave=False, disable=None)
         people.append(f"{PEOPLE} simulated")
-    table = table_of(takes)
+    track = functools.partial(extras.tqdm(), desc="features", leave=False, disable=None)
+    table = table_of(takes, track=track)
     if len(set(table.label)) < 2:
         raise ValueError("one gesture alone cannot be recognised: record another one, or 'other'")
     about = {
@@ -53,8 +55,8 @@ def train(args) -> int:
 def evaluate(args) -> int:
     import numpy as np
 
-    from ...learning.gestures import left_out, table_of
-    from ...touch.model import load_model
+    from ...learning.gestures import left_out, sharpness_of, table_of
+    from ...touch.model import load_model, sharpened
 
     table = table_of(_read(args.takes))
     if args.model:
@@ -67,15 +69,44 @@ def evaluate(args) -> int:
         if len(classes) < 2:
             raise ValueError("takes of two gestures at least are needed")
         shares = left_out(table)
+        shares = sharpened(shares, sharpness_of(table, shares))
         people = len(set(table.person))
         print("people left out in turn" if people > 1 else "one person: takes left out in turn")
     named = classes[shares.argmax(1)]
-    label, named = table.label[table.end], named[table.end]
-    print(_confusion(label, named))
-    right = float((label == named).mean())
-    error = (right * (1.0 - right) / len(label)) ** 0.5
-    print(f"right: {right:.3f} +- {error:.3f} of {len(label)} takes")
+    label, ends = table.label[table.end], named[table.end]
+    print(_confusion(label, ends))
+    for person in sorted(set(table.person)):
+        his = table.person[table.end] == person
+        print(f"{person}: {_share(label[his] == ends[his])}")
+    print(f"right: {_share(label == ends)}")
+    print(_soon(table, named == table.label, shares.max(1)))
     return 0
+
+
+def _share(right) -> str:
+    mean = float(right.mean())
+    error = (mean * (1.0 - mean) / len(right)) ** 0.5
+    return f"{mean:.3f} +- {error:.3f} of {len(right)} takes"
+
+
+def _soon(table, right, sure) -> str:
+    """Return a table: how many gestures are named so soon, and how many of these rightly."""
+    import numpy as np
+
+    from ...learning.gestures import GLANCES
+    from ...parameters.nodes import Gestures
+    from ...touch.episode import FEATURES
+
+    least = Gestures.min_probability
+    after = np.exp(table.features[:, FEATURES.index("duration")])
+    lines = [f"sure to {least:g} after   of all   of these right"]
+    for k, seconds in enumerate(GLANCES[:-1]):
+        now = ~table.end & (after >= seconds - 0.02) & (after < GLANCES[k + 1] - 0.02)
+        named = now & (sure >= least)
+        if named.any():
+            of_all, rightly = named.sum() / now.sum(), right[named].mean()
+            lines.append(f"{seconds:17.2f} s   {of_all:6.3f}   {rightly:8.3f}")
+    return "\n".join(lines)
 
 
 def _confusion(label, named) -> str:
