@@ -255,11 +255,12 @@ def _joined(seen: Recorded, wires: wiring.Wires, rho, known, pairs, found: list)
         off = seen.turned(axis, log)[a, read]
         touching = replace(wires, joined=[*wires.joined, (axis, a, b)])
         twice = wires.reading(axis, b, a)
-        short, double = (
-            abs(np.median(off - np.log(seen.turned(axis, w.resistance() / alone)[a, read])))
-            for w in (touching, twice)
-        )
-        if read.any() and short < double:
+
+        def misfit(supposed: wiring.Wires, axis=axis, a=a, read=read, off=off, alone=alone):
+            more = seen.turned(axis, supposed.resistance() / alone)[a, read]
+            return abs(np.median(off - np.log(more)))
+
+        if read.any() and misfit(touching) < misfit(twice):
             wires = touching
             found.append(Finding(Kind.SHORT, "lines", **lines(axis, a, b)))
         else:
