@@ -248,7 +248,7 @@ class Recording:
                 return None
 
     def _scan(self) -> tuple[Counter[int], tuple[int, int]]:
-        """Do the same by reading all of it."""
+        """Count the messages of each channel, and find `span`, by reading all of it."""
         counts: Counter[int] = Counter()
         first, last = EVER, 0
         for channel, t, _ in self._messages():
