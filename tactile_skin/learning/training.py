@@ -190,14 +190,9 @@ def train(
     scale = curve.max_force
     checkpoint = out / "checkpoint.pt"
     state = _resumed(checkpoint, run, device) if resume and checkpoint.exists() else None
-    sets = {}
-    for which, n in (("train", config.pairs), ("validation", config.validation)):
-        bar = lambda chunks, which=which: track(chunks, desc=f"{which} pairs")  # noqa: E731
-        seed = (config.seed, which == "validation")
-        pairs = make_pairs(circuit, curve, n, config.network, config.readout, seed, bar)
-        pairs = torch.from_numpy(pairs[0]), torch.from_numpy(pairs[1]) / scale
-        sets[which] = tuple(part.to(device) for part in pairs)
-    inputs, target = sets["train"]
+    pairs = _pairs(circuit, curve, config, "train", device, track)
+    validation = _pairs(circuit, curve, config, "validation", device, track)
+    inputs, target = pairs
     constant = _constant_loss(target, config.loss)
 
     net = make_net(config.network, *circuit.shape)
@@ -216,26 +211,9 @@ def train(
         best, history = _Best(**state["best"]), state["history"]
         say(f"resuming {checkpoint} after epoch {len(history)} of {config.epochs}")
 
-    steps = math.ceil(config.pairs / config.batch)
     for epoch in range(len(history), config.epochs):
-        order = torch.randperm(
-            config.pairs, generator=torch.Generator().manual_seed(config.seed * 100_003 + epoch)
-        )
-        net.train()
-        total = 0.0
-        batches = track(order.split(config.batch), desc=f"epoch {epoch + 1}/{config.epochs}")
-        for step, pick in enumerate(batches):
-            progress = (epoch + step / steps) / config.epochs
-            for group in optimizer.param_groups:
-                group["lr"] = config.rate * _schedule(progress)
-            optimizer.zero_grad(set_to_none=True)
-            loss = _loss(net(inputs[pick]), target[pick], config.loss)
-            loss.backward()
-            torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
-            optimizer.step()
-            total += loss.item() * len(pick)
-        train_loss = total / config.pairs
-        error, spread = _validate(net, *sets["validation"])
+        train_loss = _train_epoch(net, optimizer, pairs, config, epoch, track)
+        error, spread = _validate(net, *validation)
         error_g = error * scale / GRAM
         history.append({"epoch": epoch + 1, "loss": train_loss, "validation_g": error_g})
         if error_g < best.error:
@@ -294,6 +272,64 @@ def _state_of(config: TrainingConfig, shape: tuple[int, int]) -> dict:
             f"{weights.rows} x {weights.cols}, not {shape[0]} x {shape[1]}"
         )
     return {name: torch.from_numpy(np.array(array)) for name, array in weights.state.items()}
+
+
+def _pairs(
+    circuit: Circuit, curve: PressureCurve, config: TrainingConfig, which: str, device: str, track
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Make the pairs "train" or "validation" on a device: inputs, and force as a share of the end.
+
+    Shapes are those of `make_pairs`; the end is the curve's largest force.
+    """
+    validation = which == "validation"
+    n = config.validation if validation else config.pairs
+    inputs, force = make_pairs(
+        circuit,
+        curve,
+        n,
+        config.network,
+        config.readout,
+        (config.seed, validation),
+        lambda chunks: track(chunks, desc=f"{which} pairs"),
+    )
+    target = torch.from_numpy(force) / curve.max_force
+    return torch.from_numpy(inputs).to(device), target.to(device)
+
+
+def _train_epoch(
+    net: _Net,
+    optimizer: torch.optim.Optimizer,
+    pairs: tuple[torch.Tensor, torch.Tensor],
+    config: TrainingConfig,
+    epoch: int,
+    track,
+) -> float:
+    """Train the net on all pairs once, in an order of the epoch's own; return the mean loss.
+
+    Args:
+        pairs: as `_pairs` makes them.
+        epoch: its number, from 0.
+        track: as in `train`.
+    """
+    inputs, target = pairs
+    steps = math.ceil(config.pairs / config.batch)
+    order = torch.randperm(
+        config.pairs, generator=torch.Generator().manual_seed(config.seed * 100_003 + epoch)
+    )
+    net.train()
+    total = 0.0
+    batches = track(order.split(config.batch), desc=f"epoch {epoch + 1}/{config.epochs}")
+    for step, pick in enumerate(batches):
+        progress = (epoch + step / steps) / config.epochs
+        for group in optimizer.param_groups:
+            group["lr"] = config.rate * _schedule(progress)
+        optimizer.zero_grad(set_to_none=True)
+        loss = _loss(net(inputs[pick]), target[pick], config.loss)
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
+        optimizer.step()
+        total += loss.item() * len(pick)
+    return total / config.pairs
 
 
 def _schedule(progress: float, rise: float = 0.03) -> float:

@@ -64,20 +64,41 @@ class Circuit:
     r_drive: float = 0.0
 
     def __post_init__(self) -> None:
+        self._check_choices()
+        self._check_sizes()
+        self._check_resistances()
+        object.__setattr__(self, "r_line", self._checked_r_line())
+        if not self.readout_class.knows_r_drive and self.r_drive:
+            raise ValueError(
+                f"r_drive = {self.r_drive!r} ohm: must be 0 for readout = {self.readout!r}, where "
+                "the driver's resistance is part of r_par"
+            )
+        if self.mask is not None:
+            object.__setattr__(self, "mask", self._checked_mask(self.mask))
+
+    def _check_choices(self) -> None:
         for choice, allowed in (("readout", readouts.READOUTS), ("driven", readouts.DRIVEN)):
             if getattr(self, choice) not in allowed:
                 raise ValueError(
                     f"{choice} = {getattr(self, choice)!r}: must be one of {', '.join(allowed)}"
                 )
+
+    def _check_sizes(self) -> None:
         for name, low, high in (("rows", 1, 255), ("cols", 1, 255), ("adc_bits", 1, 16)):
             value = getattr(self, name)
             if not isinstance(value, (int, np.integer)) or not low <= value <= high:
                 raise ValueError(f"{name} = {value!r}: must be a whole number from {low} to {high}")
+
+    def _check_resistances(self) -> None:
+        """Refuse what is no resistance, and keep the others as floats [ohm]."""
         for name, least in (("r_ref", "above 0"), ("r_par", "0 or more"), ("r_drive", "0 or more")):
             value = getattr(self, name)
             if not np.isfinite(value) or value < 0 or (value == 0 and name == "r_ref"):
                 raise ValueError(f"{name} = {value!r} ohm: must be finite and {least}")
             object.__setattr__(self, name, float(value))
+
+    def _checked_r_line(self) -> float | Floats:
+        """Return r_line [ohm] as a float or read-only (rows + cols,); ValueError if it is bad."""
         r_line = np.array(self.r_line, dtype=float)
         if r_line.shape not in ((), (self.rows + self.cols,)):
             raise ValueError(
@@ -91,21 +112,18 @@ class Circuit:
                 f"r_line = {self.r_line!r} ohm: must be 0 for readout = {self.readout!r}, whose "
                 "stripes are taken as ideal"
             )
-        if not self.readout_class.knows_r_drive and self.r_drive:
-            raise ValueError(
-                f"r_drive = {self.r_drive!r} ohm: must be 0 for readout = {self.readout!r}, where "
-                "the driver's resistance is part of r_par"
-            )
         r_line.setflags(write=False)
-        object.__setattr__(self, "r_line", r_line if r_line.ndim else float(r_line))
-        if self.mask is not None:
-            mask = np.array(self.mask, dtype=bool)
-            if mask.shape != self.shape:
-                raise ValueError(f"mask has shape {mask.shape}: the circuit is {self.shape}")
-            if not connected(mask[None])[0]:
-                raise ValueError("mask: the cells must connect all rows and columns to one another")
-            mask.setflags(write=False)
-            object.__setattr__(self, "mask", None if mask.all() else mask)
+        return r_line if r_line.ndim else float(r_line)
+
+    def _checked_mask(self, given: Bools) -> Bools | None:
+        """Return the mask (rows, cols), read-only, None if it is full; ValueError if it is bad."""
+        mask = np.array(given, dtype=bool)
+        if mask.shape != self.shape:
+            raise ValueError(f"mask has shape {mask.shape}: the circuit is {self.shape}")
+        if not connected(mask[None])[0]:
+            raise ValueError("mask: the cells must connect all rows and columns to one another")
+        mask.setflags(write=False)
+        return None if mask.all() else mask
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -263,7 +263,7 @@ class PressureCurve:
     def describe(self) -> dict[str, list[float]]:
         """Return the curve's points as plain lists, as trained weights keep them.
 
-        Offset and gain, which belong to one skin, are left out.
+        `load` reads them. Offset and gain, which belong to one skin, are left out.
         """
         force, resistance = zip(*self.points, strict=True)
         return {"force": list(force), "resistance": list(resistance)}

@@ -17,7 +17,7 @@ FIRST_ORDER = 15.0  # ohm of a stripe
 
 
 def added_resistance(k: Floats, g: Floats, r_row: Floats, r_col: Floats) -> Floats:
-    """Return what stripes of small resistance add between the leads of each crossing.
+    """Return what stripes of small resistance add between a crossing's two leads, at first order.
 
     A small resistance in series with a branch adds itself times the square of the branch's current
     at unit current (Tellegen). With m_s the vector of the currents that a piece s carries for a

@@ -140,14 +140,8 @@ def _role(column: Column, cycle: int, level: float) -> tuple[Role, float] | None
     values = column.numbers[: _used(column)]
     steps = np.diff(values)
     one = len(steps) > 1 and (steps == 1.0).mean() >= _MOSTLY
-    if column.name:
-        if is_time_name(column.name):
-            bare = one and not unit_of(column.name)
-            return Role.COUNTER if bare else Role.TIME, _NAMED
-        if _COUNTER.match(column.name):
-            return Role.COUNTER, _NAMED
-        if _LABEL.search(column.name):
-            return Role.LABEL, _NAMED
+    if named := _role_by_name(column.name, one):
+        return named, _NAMED
     if column.is_text:
         dated = stamps(column.words[: len(values)]) is not None
         return Role.TIME if dated else Role.LABEL, _NAMED
@@ -156,21 +150,60 @@ def _role(column: Column, cycle: int, level: float) -> tuple[Role, float] | None
     if one:
         return Role.COUNTER, _NAMED
     whole = (values == np.rint(values)).all()
-    if cycle > 1 and whole:
-        lines = values[: len(values) // cycle * cycle].reshape(-1, cycle)
-        if len(lines) and (np.diff(lines, axis=1) == 1.0).all():
-            return Role.LABEL, _NAMED  # the row of a line
-        if len(lines) > 1 and not np.diff(lines, axis=1).any() and (np.diff(lines[:, 0]) > 0).all():
-            return Role.COUNTER, _NAMED
+    if cycle > 1 and whole and (repeated := _role_by_lines(values, cycle)):
+        return repeated, _NAMED
     if len(steps) > 1 and (steps > 0.0).mean() >= _RISES:
         return Role.TIME, _NAMED
-    few = len(np.unique(values)) <= min(_CLASSES, max(len(values) // 3, 1))
-    if whole and few and values.min() >= -1.0 and values.max() <= _LARGEST_LABEL:
-        if not steps.any():
-            return Role.LABEL, _CONSTANT
-        if (steps != 0.0).mean() < _SELDOM or _BELOW_CELLS * values.max() < level:
-            return Role.LABEL, _LIKELY
+    if whole and (weight := _weight_of_label(values, level)):
+        return Role.LABEL, weight
     return None
+
+
+def _role_by_name(name: str, counts: bool) -> Role | None:
+    """Return what a column is by its name; None: that shows nothing.
+
+    Args:
+        name: empty: none.
+        counts: its values rise by one; a time without a unit is then a counter.
+    """
+    if not name:
+        return None
+    if is_time_name(name):
+        return Role.COUNTER if counts and not unit_of(name) else Role.TIME
+    if _COUNTER.match(name):
+        return Role.COUNTER
+    return Role.LABEL if _LABEL.search(name) else None
+
+
+def _role_by_lines(values: np.ndarray, cycle: int) -> Role | None:
+    """Return what (n,) integers are by how they run through the `cycle` lines of each frame.
+
+    What counts the lines of a frame is a label, the row of a line; what stays within a frame and
+    rises from one to the next is a counter. None: neither.
+    """
+    lines = values[: len(values) // cycle * cycle].reshape(-1, cycle)
+    within = np.diff(lines, axis=1)
+    if len(lines) and (within == 1.0).all():
+        return Role.LABEL
+    if len(lines) > 1 and not within.any() and (np.diff(lines[:, 0]) > 0).all():
+        return Role.COUNTER
+    return None
+
+
+def _weight_of_label(values: np.ndarray, level: float) -> float | None:
+    """Return the weight of what shows that (n,) integers are a label; None: they may be a cell's.
+
+    Args:
+        level: what cells read, at least.
+    """
+    few = len(np.unique(values)) <= min(_CLASSES, max(len(values) // 3, 1))
+    if not few or values.min() < -1.0 or values.max() > _LARGEST_LABEL:
+        return None
+    changes = np.diff(values) != 0.0
+    if not changes.any():
+        return _CONSTANT
+    seldom = changes.mean() < _SELDOM
+    return _LIKELY if seldom or _BELOW_CELLS * values.max() < level else None
 
 
 def _used(column: Column) -> int:

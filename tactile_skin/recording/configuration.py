@@ -41,7 +41,7 @@ def parameters(attached: dict[str, bytes], where: str) -> dict[str, dict]:
 
 
 def unpack(values: dict, attached: dict[str, bytes], folder: Path) -> dict:
-    """Return a node's parameters, with the files that they name made from the attachments."""
+    """Return a node's parameters, with the files they name made in `folder` from attachments."""
     changed = dict(values)
     for name in _FILES:
         if (data := attached.get(values.get(name, ""))) is not None:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, BinaryIO, TypeVar
 
 import numpy as np
 
@@ -248,7 +248,7 @@ class Recording:
                 return None
 
     def _scan(self) -> tuple[Counter[int], tuple[int, int]]:
-        """Do the same by reading all of it."""
+        """Count the messages of each channel, and find `span`, by reading all of it."""
         counts: Counter[int] = Counter()
         first, last = EVER, 0
         for channel, t, _ in self._messages():
@@ -284,12 +284,11 @@ class Recording:
                 if after > size:
                     break
                 if kind in _READ:
-                    file.seek(good)
-                    try:
-                        record, found = cdr.read_record(file)
-                    except Exception:  # whatever the decompression makes of wrong bytes
+                    read = _record_at(file, good)
+                    if read is None:
                         damaged += 1
                     else:
+                        record, found = read
                         if kind == _CHUNK:
                             chunks.append(
                                 (good, record.message_start_time, record.message_end_time)
@@ -322,3 +321,12 @@ class Recording:
                 self.attachments[record.name] = record.data
             else:
                 self._declare(record)
+
+
+def _record_at(file: BinaryIO, offset: int) -> tuple[Any, list] | None:
+    """Return the record at an offset [bytes] and those it holds; None if it is damaged."""
+    file.seek(offset)
+    try:
+        return cdr.read_record(file)
+    except Exception:  # whatever the decompression makes of wrong bytes
+        return None

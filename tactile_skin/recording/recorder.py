@@ -38,7 +38,7 @@ class Limits:
     last: float = 0.0
 
 
-class LimitReached(Exception):
+class _LimitError(Exception):
     """A recording is as long or as large as it may become."""
 
 
@@ -119,7 +119,7 @@ class Recorder:
                 self._store.write(topic, type(message), t, cdr.encode(message))
                 time.sleep(0)  # hands the interpreter to who waits for it: the stop, say
             self._store.turn(self._now(), closing)
-        except LimitReached as reached:
+        except _LimitError as reached:
             self._end(str(reached))
             with contextlib.suppress(OSError):
                 self._store.close()
@@ -160,7 +160,7 @@ class Whole:
             self._writer.flush()
             self._flushed, self.size = now, self._writer.size
         if self._writer.seconds >= self._limits.duration:
-            raise LimitReached(f"after max_duration = {self._limits.duration:g} s")
+            raise _LimitError(f"after max_duration = {self._limits.duration:g} s")
         _check_size(self.size, self._limits)
         if closing:
             self.close()
@@ -258,4 +258,4 @@ def _name(stem: str, suffix: str, t: int) -> str:
 
 def _check_size(size: int, limits: Limits) -> None:
     if size >= limits.size:
-        raise LimitReached(f"at max_size = {limits.size / 1e6:g} MB")
+        raise _LimitError(f"at max_size = {limits.size / 1e6:g} MB")

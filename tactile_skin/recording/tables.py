@@ -220,7 +220,7 @@ def _first_lines(runs: np.ndarray, lines: int) -> np.ndarray:
 
 
 def _tell_others(table: Table, split: columns.Split, kept, found: Found, cells: range) -> None:
-    """Take times and notes from what is no cell: columns, and what is said above each frame."""
+    """Add to `found` times and notes from what is no cell: columns, and words above each frame."""
     width, timed, places = table.numbers.shape[1], [], []
     outside = [k for k in range(width) if k not in cells]
     for k, role in zip(outside, split.roles, strict=True):

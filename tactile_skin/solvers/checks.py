@@ -44,7 +44,7 @@ def check_prior(prior, circuit: Circuit) -> tuple[np.ndarray, np.ndarray]:
 
 
 def uneven_noise(noise, circuit: Circuit) -> tuple[float, np.ndarray]:
-    """Return the usual noise of readings [ADC steps], and by how much each exceeds it."""
+    """Return the usual noise [ADC steps], and (rows, cols) how many times it each reading has."""
     noise = _picture("noise", noise, circuit)
     good = (noise > 0.0) & (noise < circuit.full_scale)
     if not good.all():

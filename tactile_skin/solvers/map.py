@@ -144,22 +144,7 @@ def _fit(
         if again.noise != reading.noise:
             found = _fit(again, g, prior, warm, max(fits - 1, 0), level)
             return replace(found, iterations=found.iterations + steps + iterations)
-    g, std_x, adc = point.model.g, _std_x(point, step.equations), point.model.adc
-    # A grounded sense line's readings share the error of its sum, of which each cell's standard
-    # deviation tells the network nothing: it then trusts neighbours too much.
-    independent = circuit.readout != "grounded"
-    if converged and not broad and independent and step.equations is not None:
-        smoothed = prior_terms.with_neighbours(
-            reading, point.model, point.gx, point.x, step.equations, std_x, prior
-        )
-        g, std_x, adc = smoothed or (g, std_x, adc)
-    with np.errstate(divide="ignore"):
-        force = reading.curve.force(1.0 / g) * circuit.populated
-    std_x = std_x if broad and independent else _WIDEN * std_x
-    std = spread(reading.curve, force, np.minimum(std_x, 10.0)) * circuit.populated
-    if reading.topped.any():  # up to the curve's end all is as likely
-        more = np.maximum(reading.curve.max_force - force, 0.0) / 3**0.5
-        std = np.where(reading.topped, np.maximum(std, more), std)
+    force, std, adc = _forces(reading, point, step, converged, broad, prior)
     residual = reading.residual(adc)
     finding = suspect.by_reading(reading)
     finding = finding or suspect.by_residual(reading, point.model.adc, ROUNDING_NOISE)
@@ -178,6 +163,33 @@ def _fit(
         noise=reading.noise,
         finding=finding,
     )
+
+
+def _forces(
+    reading: Reading, point: _Point, step: _Step, converged: bool, broad: bool, prior
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the force of each cell [N], its standard deviation [N] and the ADC ratio it gives.
+
+    Each is (rows, cols). Where a fit has converged, each cell is smoothed with its neighbours.
+    """
+    circuit = reading.circuit
+    g, std_x, adc = point.model.g, _std_x(point, step.equations), point.model.adc
+    # A grounded sense line's readings share the error of its sum, of which each cell's standard
+    # deviation tells the network nothing: it then trusts neighbours too much.
+    independent = circuit.readout != "grounded"
+    if converged and not broad and independent and step.equations is not None:
+        smoothed = prior_terms.with_neighbours(
+            reading, point.model, point.gx, point.x, step.equations, std_x, prior
+        )
+        g, std_x, adc = smoothed or (g, std_x, adc)
+    with np.errstate(divide="ignore"):
+        force = reading.curve.force(1.0 / g) * circuit.populated
+    std_x = std_x if broad and independent else _WIDEN * std_x
+    std = spread(reading.curve, force, np.minimum(std_x, 10.0)) * circuit.populated
+    if reading.topped.any():  # up to the curve's end all is as likely
+        more = np.maximum(reading.curve.max_force - force, 0.0) / 3**0.5
+        std = np.where(reading.topped, np.maximum(std, more), std)
+    return force, std, adc
 
 
 def _converge(

@@ -165,7 +165,8 @@ def _height(reading: Reading, g: np.ndarray, network, gradient) -> float:
 def _step_solver(reading: Reading, network, g: np.ndarray, free: np.ndarray):
     """Return a function that solves (- d rho_a / d g_b) x = b over the free cells.
 
-    Floating, that is (t_ab^2), which scaled by sqrt(g) on both sides has a diagonal (g rho)^2 <= 1.
+    It does so to single precision. Floating, that is (t_ab^2), which scaled by sqrt(g) on both
+    sides has a diagonal (g rho)^2 <= 1.
     """
     if reading.circuit.readout != "floating":
         return _unsymmetric_solver(reading, network, g, free)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -196,8 +196,37 @@ def read_table(
     position = np.zeros((*cells.shape, 3))
     normal = np.zeros((*cells.shape, 3))
     area = np.full(cells.shape, float(cell_area))
-    names: list[str] | None = None
     line_of: dict[tuple[int, int], int] = {}
+    for number, values in _lines_of_cells(text, path):
+        where = f"{path}: line {number}"
+        rows, cols = cells.shape
+        cell = (
+            _index(values["row"], "row", rows, where),
+            _index(values["col"], "col", cols, where),
+        )
+        if cell in line_of:
+            raise FileError(
+                f"{where}: row {cell[0]}, col {cell[1]}: already given in line {line_of[cell]}"
+            )
+        if not cells[cell]:
+            raise FileError(f"{where}: row {cell[0]}, col {cell[1]}: circuit.mask has no such cell")
+        line_of[cell] = number
+        position[cell] = _position(values, where)
+        normal[cell] = _normal(values, where)
+        if "area" in values:
+            area[cell] = _area(values["area"], where)
+    absent = [cell for cell in map(tuple, np.argwhere(cells).tolist()) if cell not in line_of]
+    if absent:
+        raise FileError(
+            f"{path}: row {absent[0][0]}, col {absent[0][1]}: no line for this cell"
+            + (f", nor for {len(absent) - 1} others" if len(absent) > 1 else "")
+        )
+    return position, normal, area
+
+
+def _lines_of_cells(text: str, path: str | Path) -> Iterator[tuple[int, dict[str, str]]]:
+    """Yield the number of each line with a cell, from 1, and its words by the header's names."""
+    names: list[str] | None = None
     for number, line in enumerate(text.splitlines(), 1):
         if not line.strip(" ,\t") or line.lstrip().startswith("#"):
             continue
@@ -211,42 +240,31 @@ def read_table(
             continue
         if len(words) != len(names):
             raise FileError(f"{where}: {len(words)} values: must be {len(names)}")
-        values = dict(zip(names, words, strict=True))
-        rows, cols = cells.shape
-        cell = (
-            _index(values["row"], "row", rows, where),
-            _index(values["col"], "col", cols, where),
-        )
-        if cell in line_of:
-            raise FileError(
-                f"{where}: row {cell[0]}, col {cell[1]}: already given in line {line_of[cell]}"
-            )
-        if not cells[cell]:
-            raise FileError(f"{where}: row {cell[0]}, col {cell[1]}: circuit.mask has no such cell")
-        line_of[cell] = number
-        position[cell] = [_number(values[name], name, where) for name in "xyz"]
-        if (far := np.abs(position[cell]).max()) > _FAR:
-            raise FileError(f"{where}: {far:g} m from the origin: must be at most {_FAR:g} m")
-        outward = np.array([_number(values[name], name, where) for name in ("nx", "ny", "nz")])
-        length = math.hypot(*outward)
-        if not 1e-9 < length < math.inf:
-            raise FileError(f"{where}: nx, ny, nz = {outward.tolist()}: must have a length above 0")
-        normal[cell] = outward / length
-        if "area" in values:
-            area[cell] = _number(values["area"], "area", where)
-            if not 0 < area[cell] <= _WIDE:
-                raise FileError(
-                    f"{where}: area = {values['area']}: must be above 0 and at most {_WIDE:g} m^2"
-                )
+        yield number, dict(zip(names, words, strict=True))
     if names is None:
         raise FileError(f"{path}: is empty: must start with {','.join(_NEEDED)}")
-    absent = [cell for cell in map(tuple, np.argwhere(cells).tolist()) if cell not in line_of]
-    if absent:
-        raise FileError(
-            f"{path}: row {absent[0][0]}, col {absent[0][1]}: no line for this cell"
-            + (f", nor for {len(absent) - 1} others" if len(absent) > 1 else "")
-        )
-    return position, normal, area
+
+
+def _position(values: dict[str, str], where: str) -> np.ndarray:
+    position = np.array([_number(values[name], name, where) for name in "xyz"])
+    if (far := np.abs(position).max()) > _FAR:
+        raise FileError(f"{where}: {far:g} m from the origin: must be at most {_FAR:g} m")
+    return position
+
+
+def _normal(values: dict[str, str], where: str) -> np.ndarray:
+    outward = np.array([_number(values[name], name, where) for name in ("nx", "ny", "nz")])
+    length = math.hypot(*outward)
+    if not 1e-9 < length < math.inf:
+        raise FileError(f"{where}: nx, ny, nz = {outward.tolist()}: must have a length above 0")
+    return outward / length
+
+
+def _area(word: str, where: str) -> float:
+    area = _number(word, "area", where)
+    if not 0 < area <= _WIDE:
+        raise FileError(f"{where}: area = {word}: must be above 0 and at most {_WIDE:g} m^2")
+    return area
 
 
 def _header(words: list[str], where: str) -> list[str]:

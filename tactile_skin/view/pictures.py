@@ -166,7 +166,7 @@ class Pictures:
         return found
 
     def _push(self, force: np.ndarray) -> dict | None:
-        """Return the push of a picture; `way`: what lies in the mat, in cells."""
+        """Return the push of a picture; `way`: its unit vector's part in the mat, in cells."""
         push = features.analyse_frame(force, self.skin.geometry, _CELL).push
         if not push.direction.any():
             return None

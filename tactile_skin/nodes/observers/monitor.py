@@ -32,6 +32,7 @@ from ..touch import xyz
 _FIRST_FRAME_WITHIN = 20.0  # s, before a run of limited duration gives up
 _KEPT = 200_000  # latencies
 _GESTURE_SHOWN = 2.0  # s
+_CLEAR = "\r\x1b[2K"  # to the line's begin, and erase it (ECMA-48)
 _EVERY_DECISION = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -168,9 +169,6 @@ class Monitor:
         if not takes(self.out):  # Ctrl-S, say: the next line will do
             return
         now = self._now()
-        since, frames = self._rate_mark
-        self._rate_mark = (now, self.frames)
-        rate = (self.frames - frames) / max((now - since) / 1e9, 1e-9)
         push = "no push direction"
         if any(self._direction):
             push = "push ({:+.2f} {:+.2f} {:+.2f})".format(
@@ -179,11 +177,29 @@ class Monitor:
         reason = self._waiting
         if self.stops and self.stops[-1][1] is None:
             reason = self.stops[-1][2]
-        rate_text = f"{'SIMULATED ' * self._simulated}{rate:5.1f}/s"
+        rate = f"{'SIMULATED ' * self._simulated}{self._frame_rate(now):5.1f}/s"
         line = (
-            f"{rate_text}  drops {self.drops}  contacts {self._contacts} {self._force:6.1f} N  "
+            f"{rate}  drops {self.drops}  contacts {self._contacts} {self._force:6.1f} N  "
             f"{push:<26} {'STOP ' + reason if reason else 'free'}"
+            f"{self._gesture_motion_and_warnings(now)}"
         )
+        clear = _CLEAR if self.out.isatty() else ""
+        for text in self._new_warnings():
+            self._write(f"{clear}{text}\n")
+        if clear:
+            self._write_over(line, rate, reason)
+        else:
+            self._write(f"{line}\n")
+
+    def _frame_rate(self, now: int) -> float:
+        """Return the frames per second from the last call to now [ns]; begin to count again."""
+        since, frames = self._rate_mark
+        self._rate_mark = (now, self.frames)
+        return (self.frames - frames) / max((now - since) / 1e9, 1e-9)
+
+    def _gesture_motion_and_warnings(self, now: int) -> str:
+        """Return the end of the live line at now [ns]; empty where there is none of these."""
+        line = ""
         if self._gesture and now - self._named_at < _GESTURE_SHOWN * 1e9:
             line += f"  {self._gesture}"
         if self._cmd_vel is not None:
@@ -193,20 +209,21 @@ class Monitor:
             line += f"  cmd_vel ({x:+.2f} {y:+.2f} m/s {turn:+.2f} rad/s)"
         if self._warnings:
             line += f"  warned: {', '.join(self._warnings)}"
-        clear = "\r\x1b[2K" if self.out.isatty() else ""
-        for text in self._new_warnings():
-            self._write(f"{clear}{text}\n")
-        if clear:
-            width = shutil.get_terminal_size().columns - 1
-            if reason and len(line) > width:
-                if reason != self._last_reason:
-                    self._write(f"{clear}{reason}\n")  # what to do stands at its end
-                line = f"{rate_text}  STOP {reason}"
-            self._last_reason = reason
-            line = line if len(line) <= width else f"{line[: width - 1]}…"
-            self._write(f"{clear}{line}")
-        else:
-            self._write(f"{line}\n")
+        return line
+
+    def _write_over(self, line: str, rate: str, reason: str) -> None:
+        """Write the live line over the last one, cut to the terminal's width.
+
+        A reason to stop that does not fit takes its place, and is first printed in full.
+        """
+        width = shutil.get_terminal_size().columns - 1
+        if reason and len(line) > width:
+            if reason != self._last_reason:
+                self._write(f"{_CLEAR}{reason}\n")  # what to do stands at its end
+            line = f"{rate}  STOP {reason}"
+        self._last_reason = reason
+        line = line if len(line) <= width else f"{line[: width - 1]}…"
+        self._write(f"{_CLEAR}{line}")
 
     def _write(self, text: str) -> None:
         """Print; without a reader, as after `| head`, the run ends."""

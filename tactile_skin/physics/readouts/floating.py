@@ -110,7 +110,7 @@ class Floating(Readout):
 
     @classmethod
     def apparent(cls, circuit: Circuit, adc: Floats) -> tuple[Floats | float, float]:
-        """Return the two-terminal resistance."""
+        """Return scale and offset [ohm] of readings as two-terminal resistances."""
         return 1.0, cls.in_series(circuit)
 
     @classmethod

@@ -55,7 +55,7 @@ class Grounded(Driven):
 
     @classmethod
     def apparent(cls, circuit: Circuit, adc: Floats) -> tuple[Floats | float, float]:
-        """Return the cell's resistance, if the drivers are ideal."""
+        """Return scale and offset [ohm] of readings as cells' resistances, of ideal drivers."""
         total = (circuit.r_ref + circuit.r_par) / circuit.r_ref
         used = total * adc.sum(circuit.sense_axis - 2, keepdims=True)
         return np.maximum(1.0 - used, LEAST_SCALE), 0.0

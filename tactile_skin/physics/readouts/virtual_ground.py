@@ -66,7 +66,7 @@ class VirtualGround(Readout):
         leads: Pair,
         r_ref: Floats,
     ) -> Floats:
-        """Treat a row that is joined to a column as a short circuit."""
+        """Return (rows, cols) the ADC ratio; a row joined to a column is a short circuit."""
         a, b = lines
         g = np.where(a[:, None] == b, np.inf, -laplacian[np.ix_(a, b)])
         with np.errstate(divide="ignore"):
@@ -80,7 +80,7 @@ class VirtualGround(Readout):
 
     @classmethod
     def apparent(cls, circuit: Circuit, adc: Floats) -> tuple[Floats | float, float]:
-        """Return the cell's resistance."""
+        """Return scale and offset [ohm] of readings as the cells' resistances."""
         return 1.0, circuit.r_par
 
     @classmethod

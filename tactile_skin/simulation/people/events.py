@@ -83,7 +83,7 @@ def _thing(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
 
 
 def _dropped(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
-    """Drop a thing on the mat that jumps and lies, or rolls off."""
+    """Return (T, rows, cols) of a thing that drops on the mat, jumps and lies, or rolls off."""
     t = np.arange(0.0, rng.uniform(0.4, 3.0), period)
     shape = _box(mat, rng, rng.uniform(0.01, 0.12, 2), rng.uniform(0.0, 3.0), 1.0)
     force, start, height = np.zeros(len(t)), 0.04, np.exp(rng.uniform(2.0, 4.5))
@@ -97,7 +97,7 @@ def _dropped(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
 
 
 def _wall(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
-    """Drive the robot against a wall, an edge or a door frame."""
+    """Return (T, rows, cols) of a robot that drives against a wall, an edge or a door frame."""
     duration = rng.uniform(0.06, 0.35) if rng.random() < 0.6 else rng.uniform(0.4, 3.0)
     t = np.arange(0.0, duration + 0.1, period)
     size = (rng.uniform(0.08, 0.4), rng.uniform(0.006, 0.03))
@@ -135,7 +135,7 @@ def _carry(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
 
 
 def _shaken(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
-    """Let the robot work: its own motion presses a cover or a cable against the mat."""
+    """Return (T, rows, cols) of a cover or a cable that the robot's own motion presses on."""
     t = np.arange(0.0, rng.uniform(1.0, 6.0), period)
     wave = np.sin(2 * np.pi * rng.uniform(1.0, 9.0) * t + rng.uniform(0.0, 6.0))
     force = np.exp(rng.uniform(-0.5, 2.5)) * np.clip(wave + rng.uniform(-0.5, 1.0), 0.0, None)
@@ -144,7 +144,7 @@ def _shaken(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
 
 
 def _flicker(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
-    """Let a cell or two come and go: a bad cell, or the rim of something large."""
+    """Return (T, rows, cols) of a cell or two that come and go: bad, or a large thing's rim."""
     t = np.arange(0.0, rng.uniform(0.1, 3.0), period)
     out = np.zeros((len(t), mat.rows, mat.cols))
     row, col = int(rng.integers(mat.rows)), int(rng.integers(mat.cols))
