@@ -70,7 +70,7 @@ def _map_estimate(reading: Reading, start: Estimate | None) -> Estimate:
         again = _fit(reading, first_guess(reading))
         estimate = estimate if again.status == "failed" else again
     if not reading.noise_given:
-        reading = replace(reading, noise=estimate.noise)
+        reading = replace(reading, noise=float(estimate.noise))
     if not reading.circuit.has_cross_talk:  # cells of any other circuit would fit as well
         return estimate
     if estimate.status == "suspect" and not reading.late():

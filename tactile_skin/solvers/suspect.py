@@ -107,7 +107,7 @@ def saturation(reading: Reading) -> tuple[int, float] | None:
     count = np.count_nonzero(below < thick)
     if count < _FLAT or np.count_nonzero(below < _GAP * thick) > (1.0 + _FLAT_OTHERS) * count:
         return None
-    return count, float(top)
+    return int(count), float(top)
 
 
 def by_residual(
