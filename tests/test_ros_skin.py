@@ -289,6 +289,22 @@ def test_qos_of_a_publisher_is_overridden(graph, plain):
         plain.until(lambda: reliability("/skin/stop") == [ReliabilityPolicy.RELIABLE], "not", graph)
 
 
+def test_parameters_of_the_program_reach_its_nodes(graph, plain, tmp_path):
+    """In a section of its own name and namespace, as a launch file's `name` makes it."""
+    from rclpy.parameter_client import AsyncParameterClient
+
+    path = tmp_path / "robot.yaml"
+    path.write_text("left: {torso: {ros__parameters: {threshold: 25.0}}}\n")
+    with board() as player:
+        words = ["-r", "__ns:=/left", "-r", "__node:=torso", "--params-file", str(path)]
+        graph.start("skin", skin(*words, "-p", f"port:={player.port}"))
+        client = AsyncParameterClient(plain.node, "/left/stop_on_push")
+        plain.until(client.services_are_ready, "it runs", graph)
+        future = client.get_parameters(["threshold"])
+        plain.until(future.done, "parameters are there", graph)
+        assert future.result().values[0].double_value == 25.0
+
+
 def test_a_duration_ends_the_process(graph):
     """And with it `ros2 launch`, which waits for all processes; the board ends by --once."""
     with board() as player:
