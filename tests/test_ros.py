@@ -186,6 +186,7 @@ class StandIn:
             "rclpy.qos": {
                 "DurabilityPolicy": {"VOLATILE": 0, "TRANSIENT_LOCAL": 1},
                 "QoSProfile": lambda **_: None,
+                "ReliabilityPolicy": {"RELIABLE": 1, "BEST_EFFORT": 2},
             },
         }
         parts["rclpy"]["try_shutdown"] = lambda: self.work.put(None)  # its executor ends
@@ -199,7 +200,7 @@ class StandIn:
     def add_node(self, node):
         pass
 
-    def create_subscription(self, kind, topic, callback, qos):
+    def create_subscription(self, kind, topic, callback, qos, qos_overriding_options):
         self.subscriptions[topic] = callback
 
     def get_clock(self):
@@ -370,15 +371,6 @@ def test_what_ros_cannot_log_harms_nobody(capsys):
 
 
 # --- with ROS ---
-
-
-@pytest.fixture(scope="module")
-def rclpy(request):
-    """ROS 2, which the test needs."""
-    if not importlib.util.find_spec("rclpy"):
-        if request.config.getoption("--require-ros"):
-            pytest.fail("rclpy cannot be imported")
-        pytest.skip("rclpy is not installed: see .ci/run")
 
 
 # messages

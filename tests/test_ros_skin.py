@@ -1,56 +1,19 @@
 """A skin on ROS 2 as its users have it: `skin` in namespaces, on a simulated clock, stamped."""
 
-import importlib.util
 import os
 import subprocess
 import sys
 import time
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 from support.plain import Plain
-from support.ros_graph import Graph, Player, endless
+from support.ros_graph import board, endless, skin
 
 from tactile_skin.physics.curve import PressureCurve
 
 ROOT = Path(__file__).parents[1]
-pytestmark = pytest.mark.ros
-
-
-@pytest.fixture(autouse=True)
-def rclpy(request):
-    """ROS 2, which each test needs."""
-    if not importlib.util.find_spec("rclpy"):
-        if request.config.getoption("--require-ros"):
-            pytest.fail("rclpy cannot be imported")
-        pytest.skip("rclpy is not installed: see .ci/run")
-
-
-@pytest.fixture
-def graph(monkeypatch):
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    with Graph() as graph:
-        yield graph
-
-
-@pytest.fixture
-def plain(graph):
-    with Plain(graph.env) as plain:
-        yield plain
-
-
-def skin(*words: str) -> list[str]:
-    return [sys.executable, "-m", "tactile_skin.ros", "skin", "--ros-args", *words]
-
-
-@contextmanager
-def board():
-    player = Player()
-    try:
-        yield player
-    finally:
-        player.close()
+pytestmark = [pytest.mark.ros, pytest.mark.usefixtures("rclpy")]
 
 
 FILE = """

@@ -21,12 +21,24 @@ class DurabilityPolicy(enum.Enum):
     TRANSIENT_LOCAL = 1
 
 
+class ReliabilityPolicy(enum.Enum):
+    RELIABLE = 1
+    BEST_EFFORT = 2
+
+
 @dataclass(frozen=True)
 class QoSProfile:
-    """depth: messages kept for a subscriber that lags. TRANSIENT_LOCAL: "latched"."""
+    """Quality of service.
+
+    Attributes:
+        depth: messages kept for a subscriber that lags.
+        durability: TRANSIENT_LOCAL is "latched".
+        reliability: on ROS; who subscribes with BEST_EFFORT hears publishers of both kinds.
+    """
 
     depth: int = 10
     durability: DurabilityPolicy = DurabilityPolicy.VOLATILE
+    reliability: ReliabilityPolicy = ReliabilityPolicy.RELIABLE
 
     def __post_init__(self):
         if self.depth < 1:

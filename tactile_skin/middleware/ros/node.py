@@ -101,16 +101,10 @@ class RosNode(bus.Node):
         return self._clock
 
     def create_publisher(self, msg_type, topic: str, qos_profile: bus.QoSProfile | int):
-        from rclpy.qos_overriding_options import QoSOverridingOptions
-
         inside = super().create_publisher(msg_type, topic, qos_profile)
         kind, name = ros_class(msg_type), inside.topic_name
-        theirs = self.ros.create_publisher(
-            kind,
-            name,
-            _qos(inside.qos_profile),
-            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-        )
+        qos = _qos(inside.qos_profile)
+        theirs = self.ros.create_publisher(kind, name, qos, qos_overriding_options=_overridable())
         self._acknowledged.append(theirs)
         self._kinds[name] = kind
         return _Publisher(inside, theirs)
@@ -118,8 +112,8 @@ class RosNode(bus.Node):
     def create_subscription(self, msg_type, topic: str, callback, qos_profile):
         return self._hear(super().create_subscription(msg_type, topic, callback, qos_profile))
 
-    def create_tap(self, msg_type, topic: str, callback):
-        return self._hear(super().create_tap(msg_type, topic, callback))
+    def create_tap(self, msg_type, topic: str, callback, qos_profile):
+        return self._hear(super().create_tap(msg_type, topic, callback, qos_profile))
 
     def connect(self, *shared: str) -> None:
         """Take from ROS what no node of this process publishes.
@@ -150,7 +144,8 @@ class RosNode(bus.Node):
 
         self._kinds[topic] = kind = ros_class(msg_type)
         taker = _isolated(f"a message on {topic}", arrived)
-        self.ros.create_subscription(kind, topic, taker, _qos(subscription.qos_profile))
+        qos = _qos(subscription.qos_profile)
+        self.ros.create_subscription(kind, topic, taker, qos, qos_overriding_options=_overridable())
         return subscription
 
     def _is_of_this_process(self, message) -> bool:
@@ -240,9 +235,20 @@ class RosNode(bus.Node):
 
 
 def _qos(qos: bus.QoSProfile):
-    from rclpy.qos import DurabilityPolicy, QoSProfile
+    from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-    return QoSProfile(depth=qos.depth, durability=DurabilityPolicy[qos.durability.name])
+    return QoSProfile(
+        depth=qos.depth,
+        durability=DurabilityPolicy[qos.durability.name],
+        reliability=ReliabilityPolicy[qos.reliability.name],
+    )
+
+
+def _overridable():
+    """Let parameters `qos_overrides` change history, depth and reliability."""
+    from rclpy.qos_overriding_options import QoSOverridingOptions
+
+    return QoSOverridingOptions.with_default_policies()
 
 
 def _remedy(ours: str, theirs: str) -> str:
