@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import functools
 import logging
 import sys
 from pathlib import Path
@@ -22,7 +21,7 @@ from .files import one_line
 from .middleware.bus import Node
 from .middleware.launch_file import NodeAction, Plan
 from .middleware.launched import given
-from .middleware.package import COMPOSED, NODES, node_class
+from .middleware.package import COMPOSED, node_class
 from .middleware.parameter_file import values_for
 from .middleware.ros.arguments import RosArguments, split_arguments
 from .middleware.ros.node import RosNode, ToRos
@@ -61,7 +60,7 @@ class RosSkin(launch.Skin):
         for handle in self._handles:
             diagnostics.ensure_reported(handle)
             if isinstance(handle, RosNode):  # as _make_node makes them
-                handle.connect(diagnostics.TOPIC, *frames.TOPICS)
+                handle.connect(diagnostics.TOPIC, diagnostics.ALL, *frames.TOPICS)
         self._process.start(self.shutdown)
         return self._handles
 
@@ -153,13 +152,6 @@ def _parts(args: RosArguments, names: tuple[str, ...]) -> list[str]:
                 )
             wanted[p.name] = p.value
     return [name for name, runs in wanted.items() if runs]
-
-
-def __getattr__(name: str):
-    """Return an entry point for each node of NODES, by its name, and for all together."""
-    if name in NODES or name == COMPOSED:
-        return functools.partial(run, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ import pytest
 from support.ros_graph import DECIDED, Graph, Player, endless, plan_of, program, record
 
 import tactile_skin
-from tactile_skin import launch, msg, ros
+from tactile_skin import __main__, launch, msg, ros
 from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.middleware import bus
 from tactile_skin.middleware.bus import (
@@ -105,7 +105,7 @@ def test_a_node_without_ros_says_so(capsys, monkeypatch):
 @pytest.mark.parametrize("name", [*NODES, COMPOSED])
 def test_each_node_has_an_entry_point(name, capsys):
     with pytest.raises(SystemExit) as end:
-        getattr(ros, name)(["--help"])
+        getattr(__main__, name)(["--help"])
     assert end.value.code == 0
     assert f"{name}: " in capsys.readouterr().out.replace("All nodes", "skin: All nodes")
 
@@ -121,7 +121,7 @@ def test_setup_installs_each_node_for_colcon(monkeypatch, command):
     runpy.run_path("setup.py")
     scripts = dict(s.split(" = ") for s in made["entry_points"]["console_scripts"])
     assert scripts.pop("tactile-skin") == "tactile_skin.__main__:main"
-    assert scripts == {name: f"tactile_skin.ros:{name}" for name in (*NODES, COMPOSED)}
+    assert scripts == {name: f"tactile_skin.__main__:{name}" for name in (*NODES, COMPOSED)}
     assert "share/ament_index/resource_index/packages" in dict(made["data_files"])
 
 
@@ -591,7 +591,7 @@ def test_the_values_are_those_in_process_for_the_same_bytes(skin, monkeypatch):
 
 RAISING = """
 import sys
-from tactile_skin import launch, msg, ros
+from tactile_skin import __main__, launch, msg, ros
 
 class Raising:
     def __init__(self, node):

@@ -31,7 +31,8 @@ def test_rosdep_knows_what_the_package_depends_on():
     keys = {element.text for element in root if element.tag.endswith("depend")}
     assert len(keys) > 10
     assert keys <= ROSDISTRO
-    assert "rviz2" in keys  # rviz.launch.yaml starts it
+    assert "rviz2" not in keys  # a robot without a screen needs none
+    assert "tf2_msgs" in keys
 
 
 # --- parameter files ---

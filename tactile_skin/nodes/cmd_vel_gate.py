@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from ..behaviours.gate import Gate, GateConfig
-from ..files import shorten
 from ..middleware.bus import Time
 from ..middleware.config import declared
 from ..msg import Header, Twist, TwistStamped
@@ -51,7 +50,7 @@ class CmdVelGate:
             stamp = Time.from_msg(header.stamp).nanoseconds / 1e9 or None
             self._cmd_vel.asked = Header(header.stamp, ours) if stamp else None
             if header.frame_id not in ("", ours):
-                refused = f"the command is in {shorten(header.frame_id)}, the gate in {ours}"
+                refused = f"the command is in {header.frame_id!r}, the gate in {ours}"
         now = self._cmd_vel.now()
         self.gate.command(now, xyz(twist.linear), xyz(twist.angular), stamp, refused)
         self._cmd_vel.publish()

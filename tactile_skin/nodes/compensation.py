@@ -69,9 +69,9 @@ class Compensation:
             creep_of(given.curve),
             r_par_std=given.circuit.r_par_std or None,
             # where the board keeps readings to itself, rest cannot be measured
-            follows=given.tare and not given.threshold,
+            follows=given.tare and not given.board_threshold,
             noise=adc.share(given.noise) * circuit.full_scale or None,
-            threshold=adc.threshold(given.threshold),
+            threshold=adc.threshold(given.board_threshold),
             time_limit=given.time_limit,
             weights=weights,
             warn=node.get_logger().warning,

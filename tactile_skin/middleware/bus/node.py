@@ -41,7 +41,12 @@ class Node:
             rostopic:// or rosservice:// in front limits one to its kind.
         namespace: prefix of its relative names.
         parameter_overrides: values that win over the defaults its parameters are declared with.
+
+    Attributes:
+        waits: for a board that is absent at the start; else that is a mistake of who started it.
     """
+
+    waits = False
 
     def __init__(
         self,

@@ -71,10 +71,10 @@ class Context:
     def ok(self) -> bool:
         return not self._down.is_set()
 
-    def publishes(self, topic: str) -> bool:
-        """Whether a node publishes the topic of this full name."""
+    def count_publishers(self, topic: str) -> int:
+        """Return how many publish the topic of this full name."""
         with self._lock:
-            return bool(self._publishers.get(topic))
+            return len(self._publishers.get(topic, ()))
 
     def try_shutdown(self) -> None:
         """Ask everything that spins in this context to end."""
