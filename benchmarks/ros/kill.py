@@ -25,7 +25,7 @@ from .interrupt import MOVES, until
 
 PAGE = Path(__file__).parents[2] / "docs" / "robot.md"
 NODES = ("serial_driver", "compensation", "gesture_feature", "stop_on_push", "cmd_vel_gate")
-WATCHED = 1.0  # s after a kill
+WATCHED = 0.6  # s after a kill
 LIMIT = (
     0.13  # s, 95th percentile; of the gate and of `skin`, whose end is silence, twist_mux' timeout
 )
@@ -91,7 +91,10 @@ def main(arguments=None):
     parser.add_argument("--times", type=int, default=20, help="that each is killed (default 20)")
     parser.add_argument("--seed", type=int, default=1, help="of frames and moments (default 1)")
     args = parser.parse_args(arguments)
-    dice, allowed, figures = random.Random(args.seed), silence_allowed(), {}
+    dice, allowed = random.Random(args.seed), silence_allowed()
+    print(f"[ms] from kill -9 until the robot stands; silence for {1e3 * allowed:.0f} ms stands")
+    figures: dict[str, list[float]] = {}
+    late = []
     given = ["-p", "tare:=false", "-p", "cmd_vel_gate:=true"]
     for kinds in (NODES, ("skin",)):
         player = Player()
@@ -108,19 +111,17 @@ def main(arguments=None):
                 for kind in kinds:
                     graph.start(kind, program(kind, *words.get(kind, ())))
                 for kind in kinds:
-                    figures[kind] = killed(graph, base, kind, words.get(kind, ()), args.times, dice)
+                    given_words = words.get(kind, ())
+                    seconds, said = killed(graph, base, kind, given_words, args.times, dice)
+                    figures[kind] = [round(s, 4) for s in seconds]
+                    median, high, most = 1e3 * np.percentile(seconds, [50, 95, 100])
+                    times = f"median {median:4.0f}  p95 {high:4.0f}  max {most:4.0f}"
+                    print(f"{kind:16} {times}  by a message {said:.0%}", flush=True)
+                    limit = allowed if kind in ("skin", "cmd_vel_gate") else LIMIT
+                    late += [kind] if high > 1e3 * limit else []
         player.close()
-    print(f"[ms] from kill -9 until the robot stands; silence for {1e3 * allowed:.0f} ms stands")
-    late = []
-    for kind, (seconds, said) in figures.items():
-        median, high, most = 1e3 * np.percentile(seconds, [50, 95, 100])
-        print(
-            f"{kind:16} median {median:4.0f}  p95 {high:4.0f}  max {most:4.0f}  by word {said:.0%}"
-        )
-        limit = allowed if kind in ("skin", "cmd_vel_gate") else LIMIT
-        late += [kind] if high > 1e3 * limit else []
     print(f"later than allowed: {', '.join(late) or 'none'}")
-    return {kind: [round(s, 4) for s in seconds] for kind, (seconds, _) in figures.items()}
+    return figures
 
 
 def killed(graph, base, kind, words, times, dice) -> tuple[list[float], float]:

@@ -43,7 +43,7 @@ class Process:
             rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         except Exception as error:  # of a type that rclpy does not export
             raise RosError(f"--ros-args {' '.join(words)}: {error}") from error
-        self.failed = False
+        self.failed, self._closing = False, False
         self.publishers: list = []
         self._executor = SingleThreadedExecutor()
         self._ended: Callable = lambda: None
@@ -86,9 +86,10 @@ class Process:
             self._executor.spin()
         except ExternalShutdownException:  # `close`
             pass
-        except Exception:
-            self.failed = True
-            _logger.exception("rclpy's executor has ended")
+        except Exception:  # Jazzy's raises one of its own if it is closed while it begins to wait
+            if not self._closing:
+                self.failed = True
+                _logger.exception("rclpy's executor has ended")
         self._ended()
 
     def close(self) -> None:
@@ -96,6 +97,7 @@ class Process:
         import rclpy
         from rclpy.duration import Duration
 
+        self._closing = True
         end = time.monotonic() + _LAST_WORD
         for publisher in self.publishers:
             publisher.wait_for_all_acked(Duration(seconds=max(0.001, end - time.monotonic())))
