@@ -57,17 +57,23 @@ def identity(device: str) -> tuple:
     return (device,)
 
 
-def check_port(port: str) -> None:
-    """Raise ValueError, saying what there is, if the port is not there or no serial device."""
+def check_port(port: str, absent: bool = True) -> None:
+    """Raise ValueError, saying what there is, if the port is not there or no serial device.
+
+    Args:
+        absent: whether a port that is not there is wrong; else it may come.
+    """
     found = ", ".join(candidates()) or "none"
     if port == "auto":
-        if not candidates():
+        if absent and not candidates():
             raise ValueError(
                 "port auto: no USB serial port found; plug the board in or give a port"
             )
     elif "://" in port:
         serial.serial_for_url(port, do_not_open=True)  # ValueError names an unknown protocol
     elif not os.path.exists(port):
+        if not absent:
+            return
         raise ValueError(f"port {port}: does not exist; USB serial ports found: {found}")
     elif wrong := _not_serial(port):
         raise ValueError(f"port {port}: {wrong}; USB serial ports found: {found}")

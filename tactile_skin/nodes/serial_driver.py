@@ -58,8 +58,7 @@ class SerialDriver:
         self._bad, self._beyond = 0.0, ("", 0.0)  # why numbers are out of range; the largest
         self._adc = node.create_publisher(Image, "skin/adc", 10)
         self._diagnostics = diagnostics.Reporter(node)
-        if given.wait_for_port == 0.0:
-            check_port(given.port)
+        check_port(given.port, absent=given.wait_for_port == 0.0 and not node.waits)
         self._reader = SerialReader(
             given.port,
             given.baud,

@@ -75,7 +75,7 @@ class Compensation:
     weights: str = parameter(
         "", "", "file written by `tactile-skin train`; empty: the shipped weights"
     )
-    threshold: float = parameter(
+    board_threshold: float = parameter(
         0.0, "ADC steps", "up to which the board sends 0; disables the tare", 0.0, 65535.0
     )
     noise: float = parameter(

@@ -53,6 +53,7 @@ def test_people_are_left_out_in_turn(takes, capsys):
 
 
 def test_few_takes_and_absent_ones_are_mistakes_that_are_named(takes, tmp_path, capsys):
+    pytest.importorskip("tqdm")
     one = tmp_path / f"one{SUFFIX}"
     load_take(next(takes.iterdir())).save(one)
     out = str(tmp_path / "model")
@@ -70,6 +71,7 @@ def test_few_takes_and_absent_ones_are_mistakes_that_are_named(takes, tmp_path, 
 
 
 def test_each_touch_of_a_recording_is_a_take(tmp_path, capsys):
+    pytest.importorskip("mcap")
     path = tmp_path / "touches.mcap"
     on = np.array([0] * 20 + [1] * 30 + [0] * 150 + [1] * 20 + [0] * 20)
     writer = Writer(path, {}, 0)

@@ -14,6 +14,7 @@ from ...msg import Trigger
 from ...parameters.nodes import View as Parameters
 from ...view.process import PageProcess
 from ...view.snapshot import OTHERS, READINGS, STOP, Collector
+from .. import READING
 
 _QUIET = 0.1  # s after which a page is told that nothing changed
 _AFTER = 0.001  # s after a decision: those who stop the robot go first
@@ -55,7 +56,7 @@ class View:
         self._newest: dict[str, deque] = {}  # topic -> messages that were not taken yet
         for topic, (kind, count) in READINGS.items():  # nobody is woken for each of them
             self._newest[topic] = deque(maxlen=count)
-            node.create_tap(kind, topic, self._newest[topic].append)
+            node.create_tap(kind, topic, self._newest[topic].append, READING)
         for topic, (kind, qos) in OTHERS.items():
             node.create_subscription(kind, topic, self._taker(topic), qos)
         node.create_timer(_QUIET, self._show)
