@@ -8,8 +8,10 @@ import json
 import math
 import pickle
 import socket
+import time
 
 from ..middleware.config import skin_of
+from .log import Log
 from .pictures import Pictures
 from .process import LARGEST
 from .server import Wanted, serve
@@ -25,9 +27,11 @@ class Live:
 
     Args:
         skin: the socket to the skin.
+        log: takes each of them.
     """
 
-    def __init__(self, skin: socket.socket):
+    def __init__(self, skin: socket.socket, log: Log):
+        self.log = log
         self.newest, self._number = Snapshot(), 0
         self._waiting = b""  # a newer one, still packed; empty: none
         self._taken_at = -math.inf  # s, of the loop's clock, when the newest was taken
@@ -40,10 +44,15 @@ class Live:
         asyncio.get_running_loop().add_reader(skin, self._receive)
 
     def hello(self) -> dict:
-        return {"recording": None, "title": "live"}
+        return {"recording": None, "title": "live", "history": self.log.history()}
 
     async def snapshot(self, wanted: Wanted) -> tuple[int, Snapshot]:
-        """One that is newer than the page's last; after half a second what there is."""
+        """One that is newer than the page's last; after half a second what there is.
+
+        Or, where a time is asked for, what is kept of it.
+        """
+        if wanted.at:
+            return self.log.moment(wanted.at) or (self._number, self.newest)
         if self._number <= wanted.after:
             with contextlib.suppress(TimeoutError, asyncio.TimeoutError):
                 await asyncio.wait_for(self._news.wait(), _PATIENCE)
@@ -87,6 +96,9 @@ class Live:
         self._taken_at = asyncio.get_running_loop().time()
         self.newest, self._number = pickle.loads(self._waiting), self._number + 1
         self._waiting = b""
+        newest = self.newest
+        age = time.monotonic() - newest.read_at if newest.read_at is not None else 0.0
+        self.log.take(newest.stamp + age, self._number, newest)
         self._news.set()
         self._news = asyncio.Event()
 
@@ -94,8 +106,8 @@ class Live:
 async def run(listening: socket.socket, skin: socket.socket) -> None:
     """Serve until the skin ends."""
     parameters = json.loads(skin.recv(LARGEST))["parameters"]
-    live = Live(skin)
     own = ("host", "port", "controls")
     configured = skin_of({k: v for k, v in parameters.items() if k not in own}, "view")
     pictures = Pictures(configured)
+    live = Live(skin, Log(pictures.push_of))
     await serve(listening, live, pictures, live.ended, parameters["controls"])

@@ -28,6 +28,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from ..solvers import METHODS
+from .log import Log
 from .pictures import PUBLISHED, Pictures
 from .snapshot import Snapshot
 
@@ -36,6 +37,7 @@ _PAGES = 16  # that may be open at once
 _CONNECTIONS = 64  # that may be open at once, those included that never ask for anything
 _OPEN_WITHIN = 5.0  # s for a request to be complete
 _LARGEST = 1024  # bytes that a page may say at once
+_LATEST = 1e11  # s, of a time that is asked for
 _SENT = 8  # snapshots of which is known when their readings arrived
 _WEBSOCKET = "/snapshots"
 _FOLDER = Path(__file__).parent / "page"
@@ -63,15 +65,16 @@ class Wanted:
     """What a page asks for.
 
     Attributes:
-        a, b: the methods that it compares.
+        a, b: the method of the large picture, and the one to compare it with, if it is explained.
         after: number of the snapshot that it has.
         drawn: number of the one that it drew last.
-        at: of a recording, the time [s] from its start.
+        at: of a recording, the time [s] from its start; of a running skin, the stamp of a moment
+            [s], 0: now.
         ask: "tare" or "reset"; empty: a snapshot.
     """
 
     a: str = PUBLISHED
-    b: str = "naive"
+    b: str = ""
     after: int = 0
     drawn: int = 0
     at: float = 0.0
@@ -91,10 +94,10 @@ def read_wanted(text: str | bytes) -> Wanted:
     methods = (PUBLISHED, *METHODS)
     if not (
         wanted.a in methods
-        and wanted.b in methods
+        and wanted.b in ("", *methods)
         and type(wanted.after) is type(wanted.drawn) is int
         and type(wanted.at) in (int, float)
-        and abs(wanted.at) < 1e9
+        and abs(wanted.at) < _LATEST
         and wanted.ask in ("", "tare", "reset")
     ):
         raise ValueError("a value out of range")
@@ -124,7 +127,13 @@ def names_this_host(host: str, reached: str) -> bool:
 
 
 class Source(Protocol):
-    """Where snapshots come from."""
+    """Where snapshots come from.
+
+    Attributes:
+        log: what happened.
+    """
+
+    log: Log
 
     def hello(self) -> dict:
         """Return what holds for all of them."""
@@ -192,6 +201,8 @@ class Server:
         hello = self._pictures.hello() | self._source.hello() | {"controls": self._controls}
         await connection.send(json.dumps({"hello": hello}))
         sent: OrderedDict[int, float | None] = OrderedDict()
+        log = self._source.log
+        known = -1  # version of the log
         async for text in connection:
             try:
                 wanted = read_wanted(text)
@@ -201,13 +212,15 @@ class Server:
             if wanted.ask:
                 await connection.send(json.dumps({"said": await self._ask(wanted.ask)}))
                 continue
-            more = {}
+            more: dict = {}
             if (read_at := sent.get(wanted.drawn)) is not None:
                 more["latency"] = time.monotonic() - read_at
             number, snapshot = await self._source.snapshot(wanted)
             if snapshot.read_at is not None:
                 more["age"] = max(0.0, time.monotonic() - snapshot.read_at)
-            more["number"] = number
+            more |= {"number": number, "at": wanted.at}
+            if log.version != known:
+                known, more["log"] = log.version, log.entries()
             await connection.send(self._pictures.message(snapshot, wanted.a, wanted.b, more))
             sent[number] = snapshot.read_at
             while len(sent) > _SENT:
