@@ -9,6 +9,7 @@ import math
 import pickle
 import socket
 import time
+from pathlib import Path
 
 from ..middleware.config import skin_of
 from .log import Log
@@ -16,6 +17,7 @@ from .pictures import Pictures
 from .process import LARGEST
 from .server import Wanted, serve
 from .snapshot import Snapshot
+from .work import Work
 
 _PACE = 0.015  # s between two snapshots: a screen's 60 Hz; pages that ask in between share one
 _PATIENCE = 0.5  # s after which a page is told once more what there is
@@ -27,11 +29,11 @@ class Live:
 
     Args:
         skin: the socket to the skin.
-        log: takes each of them.
+        log, work: take each of them.
     """
 
-    def __init__(self, skin: socket.socket, log: Log):
-        self.log = log
+    def __init__(self, skin: socket.socket, log: Log, work: Work):
+        self.log, self.work = log, work
         self.newest, self._number = Snapshot(), 0
         self._waiting = b""  # a newer one, still packed; empty: none
         self._taken_at = -math.inf  # s, of the loop's clock, when the newest was taken
@@ -67,9 +69,13 @@ class Live:
             self._answer = asyncio.get_running_loop().create_future()
             self._tell({"ask": name})
             try:
-                return await asyncio.wait_for(self._answer, _ANSWER_WITHIN)
+                answer = await asyncio.wait_for(self._answer, _ANSWER_WITHIN)
             except (TimeoutError, asyncio.TimeoutError):
                 return {"answer": name, "success": False, "message": "the skin does not answer"}
+        if name in ("record", "finish") and answer["success"]:
+            path = answer.pop("file", "")
+            self.work.record(name == "record", Path(path) if path else None)
+        return answer
 
     def _tell(self, said: dict) -> None:
         with contextlib.suppress(OSError):
@@ -99,6 +105,7 @@ class Live:
         newest = self.newest
         age = time.monotonic() - newest.read_at if newest.read_at is not None else 0.0
         self.log.take(newest.stamp + age, self._number, newest)
+        self.work.take(newest)
         self._news.set()
         self._news = asyncio.Event()
 
@@ -109,5 +116,6 @@ async def run(listening: socket.socket, skin: socket.socket) -> None:
     own = ("host", "port", "controls")
     configured = skin_of({k: v for k, v in parameters.items() if k not in own}, "view")
     pictures = Pictures(configured)
-    live = Live(skin, Log(pictures.push_of))
+    work = Work(configured, parameters)
+    live = Live(skin, Log(pictures.push_of), work)
     await serve(listening, live, pictures, live.ended, parameters["controls"])

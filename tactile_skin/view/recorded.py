@@ -54,7 +54,7 @@ class Recorded:
         self._blocks: list[tuple[int, Collector]] = []
         self._block = lru_cache(_BLOCKS)(self._read)
         self.shape = 0, 0
-        self.log = Log(push_of, keep=False)
+        self.log, self.work = Log(push_of, keep=False), None
         collector, messages = Collector(), recording.messages(*self._topics)
         for reading, snapshot in self._readings(collector, track(messages, total)):
             if snapshot is not None and snapshot.adc is not None:

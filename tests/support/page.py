@@ -30,8 +30,8 @@ def unpack(data: bytes) -> tuple[dict, dict[str, np.ndarray]]:
 class Played:
     """Snapshots that a test plays, in place of a running skin; `now` is the one that is shown."""
 
-    def __init__(self, snapshots, push_of):
-        self.log, self._snapshots, self.now = Log(push_of), snapshots, 0
+    def __init__(self, snapshots, push_of, work=None):
+        self.log, self._snapshots, self.now, self.work = Log(push_of), snapshots, 0, work
         self.asked: list[str] = []
         for number, snapshot in enumerate(snapshots, 1):
             self.log.take(snapshot.stamp, number, snapshot)
@@ -59,10 +59,10 @@ class Played:
 
 
 @contextlib.contextmanager
-def served(skin, snapshots, controls=False):
+def served(skin, snapshots, controls=False, work=None):
     """A page of snapshots of a skin: yields its address and its source."""
     pictures = Pictures(skin)
-    source = Played(snapshots, pictures.push_of)
+    source = Played(snapshots, pictures.push_of, work)
     with socket.create_server(("127.0.0.1", 0)) as listening:
         port = listening.getsockname()[1]
         loop = asyncio.new_event_loop()

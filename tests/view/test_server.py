@@ -31,7 +31,7 @@ class Source:
 
     def __init__(self):
         self.number, self.pages, self.asked = 1, [], []
-        self.log = Log(lambda snapshot: None)
+        self.log, self.work = Log(lambda snapshot: None), None
 
     def hello(self):
         return {"recording": None, "title": "a test"}

@@ -115,7 +115,11 @@ export class Figures {
     return $("unit").value === "N" ? force : force / area[populated.indexOf(1)] / KILO;
   }
 
-  draw({ head, arrays }, chosen, colours, now) {
+  /**
+   * @param findings [{rows, cols}, ...]: lines and cells to mark.
+   * @param chosen cell, or null.
+   */
+  draw({ head, arrays }, findings, chosen, colours, now) {
     const unit = $("unit").value === "N" ? "N per cell" : "kPa";
     const a = this.inUnit(arrays.a);
     const b = this.inUnit(arrays.b);
@@ -141,7 +145,7 @@ export class Figures {
       this.legend(name, table, low, high, text, limit);
       if (name === "a" && !flat) continue;
       mat.draw(values, low, high, table, colours);
-      mat.mark(head.findings, colours);
+      mat.mark(findings, colours);
       if (chosen) mat.choose(chosen, colours);
     }
     if (a && flat) {

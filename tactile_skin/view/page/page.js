@@ -8,6 +8,7 @@ import { History } from "./history.js";
 import { Log } from "./log.js";
 import { pageColours } from "./mat.js";
 import { toggle, twice } from "./buttons.js";
+import { Work } from "./work.js";
 import { clock, fixed, state } from "./words.js";
 
 const OLD = 1; // s from which on data are old
@@ -22,6 +23,7 @@ const log = new Log(document.querySelector("#log table"), (entry) => visit(entry
 let hello = null;
 let figures = null;
 let space = null; // the cover in space, once it was opened
+let work = null;
 let history = new History();
 
 let latest = null; // the last snapshot: {head, arrays, at: when it came [ms]}
@@ -61,8 +63,9 @@ function setUp(said) {
   $("range").hidden = $("buttons").hidden = Boolean(recorded);
   $("flat").hidden = !hello.position;
   for (const name of ["tare", "reset"]) $(name).disabled = !hello.controls;
-  if (!hello.controls && !recorded) $("said").textContent = "tare and reset are off: launch with view_controls:=true";
+  if (!hello.controls && !recorded) $("said").textContent = "off: launch with view_controls:=true";
   if (recorded) $("at").max = recorded.duration;
+  work = new Work((name, text) => connection.ask(name, text), hello.controls);
   compared();
   resize();
 }
@@ -148,11 +151,11 @@ async function openSpace(open) {
 document.onkeydown = (event) => {
   if (event.ctrlKey || event.altKey || event.metaKey || !hello) return;
   const at = event.target.tagName;
-  if (event.key === " " && at !== "BUTTON" && at !== "SUMMARY" && at !== "SELECT") {
+  if (event.key === " " && !["BUTTON", "SUMMARY", "SELECT", "INPUT"].includes(at)) {
     freeze(!frozen);
-  } else if (event.key === "e" && at !== "SELECT") {
+  } else if (event.key === "e" && at !== "SELECT" && at !== "INPUT") {
     $("explain").click();
-  } else if (event.key === "b" && at !== "SELECT") {
+  } else if (event.key === "b" && at !== "SELECT" && at !== "INPUT") {
     const select = $("method-b");
     select.selectedIndex = (select.selectedIndex + 1) % select.options.length;
     compared();
@@ -194,6 +197,7 @@ const connection = new Connection({
     const now = performance.now();
     lostWhy = "";
     if (head.log) log.take(head.log, Boolean(hello.recording));
+    if (head.work) work.take(head.work, colours);
     if (head.at && !hello.recording) { // a moment
       if (frozen) shown = { head, arrays, at: now };
       touchedAt = now;
@@ -206,7 +210,7 @@ const connection = new Connection({
     while (latencies.length && latencies[0][0] < now - 5000) latencies.shift();
   },
   said({ success, message }) {
-    $("said").textContent = `${success ? "" : "refused: "}${message}`;
+    $("said").textContent = success ? message : `refused: ${message}`;
   },
   lost(why) {
     lostWhy = why || "no connection to the skin's page server";
@@ -217,7 +221,7 @@ const connection = new Connection({
 
 function drawPictures(now) {
   figures.follow(shown.head);
-  figures.draw(shown, chosen, colours, now);
+  figures.draw(shown, [...shown.head.findings, ...work.findings], chosen, colours, now);
   if (space && !$("space").hidden) space.draw(shown, figures.scale, colours);
 }
 
@@ -271,6 +275,7 @@ function showTexts(now) {
     ...Object.entries(picture.head.errors).map(([side, text]) => [side === "a" ? "pressure" : "comparison", 1, text]),
     ...head.says,
   ]);
+  work.tick();
   log.tick(hello.recording ? hello.recording.duration : stampNow(now));
   const sorted = latencies.map(([, s]) => s).sort((x, y) => x - y);
   const live = [
