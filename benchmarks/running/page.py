@@ -7,11 +7,13 @@ Prints the snapshots that were drawn in a second and the processor time of each 
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import tempfile
 import time
 from pathlib import Path
 
+from PIL import Image
 from support.chromium import Chromium
 
 from tactile_skin import launch
@@ -19,8 +21,10 @@ from tactile_skin.nodes.observers.view import View
 
 from .. import harness
 
-GHOST = 11, 5  # row and column where two fingers, but no third, seem to press
-SIZE = 1280, 880, 1.5  # of the picture: width, height, pixels in one of the page
+SIZE = 1400, 910, 1.0  # of the picture: width, height, pixels in one of the page
+COLOURS = 64  # of the picture
+AFTER_A_PUSH = """document.querySelectorAll('#contacts tbody tr').length === 2
+    && document.querySelector('#log tbody').innerText.includes('push')"""
 
 
 def processor_time(pid: int) -> float:
@@ -42,6 +46,7 @@ def processor_time(pid: int) -> float:
 def main(arguments=None) -> None:
     parser = harness.parser(__doc__, __spec__)
     parser.add_argument("--seconds", type=float, default=20.0, help="to measure (default 20)")
+    parser.add_argument("--space", action="store_true", help="with the cover in space")
     parser.add_argument("--picture", type=Path, help="PNG to make")
     args = parser.parse_args(arguments)
     arguments = {"method": "auto", "view": "true", "view_port": "0", "monitor": "false"}
@@ -55,11 +60,13 @@ def main(arguments=None) -> None:
             browser.resize(*SIZE)
         browser.open(view._page.address)
         if args.picture:
-            browser.until("document.querySelectorAll('#contacts tbody tr').length === 2")
-            point_at_a_ghost(browser)
-            skin.spin(2.0)
-            args.picture.write_bytes(browser.picture())
+            browser.until(AFTER_A_PUSH)
+            skin.spin(1.0)
+            with Image.open(io.BytesIO(browser.picture())) as picture:
+                picture.convert("RGB").quantize(COLOURS).save(args.picture, optimize=True)
             browser.resize(*SIZE[:2])
+        if args.space:
+            browser.click("button", "in space")
         skin.spin(2.0)
         pids = browser._process.pid, view._page._process.pid
         before, frames, start = [*map(processor_time, pids)], drawn(browser), time.monotonic()
@@ -69,17 +76,6 @@ def main(arguments=None) -> None:
         print(f"{frames / seconds:.1f} draws a second, load {os.getloadavg()[0]:.1f}")
         print(f"{used[0]:.1f} ms a draw in Chromium, {used[1]:.1f} ms in the page's server")
         assert not browser.errors, browser.errors
-
-
-def point_at_a_ghost(browser: Chromium) -> None:
-    row, col = GHOST
-    event = "new PointerEvent('pointermove', {clientX: x, clientY: y})"
-    browser.run(
-        "(() => { const canvas = document.querySelector('#b canvas');"
-        "const box = canvas.getBoundingClientRect(), cell = (box.width - 24) / 16;"
-        f"const x = box.x + 20 + {col + 0.5} * cell, y = box.y + 16 + {row + 0.5} * cell;"
-        f"canvas.dispatchEvent({event}); }})()"
-    )
 
 
 def drawn(browser: Chromium) -> int:

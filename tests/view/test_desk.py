@@ -16,6 +16,7 @@ from support.page import served
 from tactile_skin import forward
 from tactile_skin.middleware.config import skin_of
 from tactile_skin.view.snapshot import CONTACT, NodeStatus, Snapshot
+from tactile_skin.view.work import Work
 
 if chromium.program() is None:
     pytest.skip("no Chromium here: apt-get install chromium", allow_module_level=True)
@@ -171,6 +172,40 @@ def test_a_stop_of_the_log_shows_its_moment(browser):
         assert "53.0 N" in browser.run(contact)
         browser.click("button", "back to now")
         browser.until(f"{contact}.includes('10.0 N')")
+
+
+def test_what_is_not_allowed_is_off(browser):
+    skin = skin_of({}, "")
+    with served(skin, pushed(skin), work=Work(skin, {})) as (address, source):
+        browser.open(address)
+        browser.until(f"{STATUS} === '✓ free'")
+        for name in ("tare", "reset", "record", "doctor", "calibrate"):
+            assert browser.run(f"document.getElementById('{name}').disabled"), name
+        ask = "import('/connection.js').then(({{Connection}}) => new Promise(resolve => {{"
+        ask += "const c = new Connection({{hello: () => c.ask('{}'), said: resolve, lost() {{}}}});"
+        ask += "}})).then(said => JSON.stringify(said))"
+        for name in ("record", "doctor", "calibrate", "give up"):
+            said = json.loads(browser.run(ask.format(name)))
+            assert (said["success"], said["message"]) == (False, "controls are off")
+        assert not source.asked and not source.work.state()["task"]
+
+
+def test_the_force_of_the_last_minutes_is_drawn_again_after_a_reload(browser):
+    """What the server kept, and one reading after another since; a step back in time is none."""
+    with served(SHAPED, pushed(SHAPED)) as (address, _):
+        browser.open(address)
+        points = """import('/history.js').then(({History}) => {
+            const h = new History({times: [0, 50, 99.9], force: [1, 2, 3], stop: [0, 0, 1]});
+            for (const [t, force] of [[100, 5], [100.02, 6], [100.01, 9], [100.3, 7]])
+              h.push({stamp: t, contacts: [{force}], stop: false});
+            const of = from => h.of(from).map(p => p.force);
+            const found = [of(100.01), of(40), of(-1)];
+            h.push({stamp: 5, contacts: [], stop: false});
+            return JSON.stringify([...found, of(0)]);
+        })"""
+        recent, minute, all_of_it, reset = json.loads(browser.run(points))
+        assert recent == [5, 6, 7] and minute == [2, 3, 5, 6, 7]
+        assert all_of_it == [1, 2, 3, 6, 7] and reset == [0]
 
 
 def test_a_finding_is_logged_with_its_lines(browser):

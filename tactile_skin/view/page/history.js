@@ -3,6 +3,7 @@
 const FINE = 60; // s of which each reading is kept
 const STEP = 0.1; // s of a point before that
 const ALL = 600; // s that are kept
+const SET_BACK = 1; // s by which a stamp is before the last one where the clock was set back
 
 export class History {
   /** @param kept of the server: {times [s], force [N], stop}. */
@@ -12,8 +13,9 @@ export class History {
   }
 
   push({ stamp: t, contacts, stop }) {
-    if (t === this.fine.at(-1)?.t) return;
-    if (t < this.fine.at(-1)?.t) this.points = this.fine = [];
+    const last = this.fine.at(-1)?.t ?? -Infinity;
+    if (t < last - SET_BACK) [this.points, this.fine] = [[], []];
+    else if (t <= last) return;
     const force = contacts.reduce((sum, contact) => sum + contact.force, 0);
     this.fine.push({ t, force, stop });
     while (this.fine[0].t < t - FINE) this.fine.shift();

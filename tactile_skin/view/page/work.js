@@ -9,6 +9,7 @@ export class Work {
   constructor(ask, allowed) {
     this.findings = [];
     this.until = null; // ms, of a count-down
+    this.allowed = allowed;
     for (const name of ["record", "doctor", "calibrate"]) $(name).disabled = !allowed;
     $("record").onclick = () => ask(this.recording ? "finish" : "record");
     $("doctor").onclick = () => ask("doctor");
@@ -45,7 +46,7 @@ export class Work {
       return link;
     });
     $("files").replaceChildren(...links);
-    for (const name of ["doctor", "calibrate"]) $(name).disabled = state.task !== "";
+    for (const name of ["doctor", "calibrate"]) $(name).disabled = !this.allowed || state.task !== "";
     this.show(state.lines.length > 0 || state.task !== "");
     if (state.task || !was) this.title = TITLES[state.task] ?? this.title ?? "guided steps";
     $("work").querySelector("h2").textContent = this.title;
