@@ -22,7 +22,7 @@ from tactile_skin.nodes.observers.view import View
 from .. import harness
 
 SIZE = 1400, 910, 1.0  # of the picture: width, height, pixels in one of the page
-COLOURS = 64  # of the picture
+COLOURS = 192  # of the picture
 AFTER_A_PUSH = """document.querySelectorAll('#contacts tbody tr').length === 2
     && document.querySelector('#log tbody').innerText.includes('push')"""
 

@@ -15,7 +15,8 @@ DIAGNOSTICS = "skin/diagnostics"
 CONTACTS = "skin/contacts"
 GESTURES = "skin/gesture_classes"
 LAG = 20  # readings that a pressure picture may come behind: 0.2 s at 100 a second
-_BEHIND = 3  # pictures that the contacts may come behind
+_BEHIND = 10  # pictures that the contacts may come behind
+_RECENT = 0.5  # s by which contacts of an earlier reading are shown, if those of it are late
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 # topic -> its type, and how many of its newest messages count
 READINGS = {
@@ -54,7 +55,7 @@ class Snapshot:
         read_at: when its last byte arrived, on the monotonic clock [s]; None: in a recording.
         adc: (rows, cols) uint16 of skin/adc; None as long as there is none.
         pressure, std: (rows, cols) float32 [Pa], of the same reading if there are.
-        contacts: (n, 9) float32, the columns CONTACT, of the same reading.
+        contacts: (n, 9) float32, the columns CONTACT, of the same reading unless they are late.
         gestures: id of a contact -> the name of its gesture, as far as it is sure.
         rest: (rows, cols) float32, resistance of the untouched cells [ohm], once measured.
         stop: whether the robot is stopped, with its reason and causes; None: nobody said.
@@ -136,10 +137,16 @@ class Collector:
             adc=readings[stamp],
             pressure=pressure.get(stamp),
             std=std.get(stamp),
-            contacts=contacts.get(stamp, NO_CONTACTS),
+            contacts=contacts.get(stamp, _recent(contacts, stamp)),
             nodes=self._nodes,
             **self._others,
         )
+
+
+def _recent(contacts: dict[float, np.ndarray], stamp: float) -> np.ndarray:
+    """Return the last contacts before a stamp, unless they are old."""
+    before = [t for t in contacts if stamp - _RECENT < t <= stamp]
+    return contacts[before[-1]] if before else NO_CONTACTS
 
 
 def _contacts(message: PointCloud2) -> np.ndarray:
