@@ -1,19 +1,17 @@
 """How often the page of the running demo is drawn in Chromium, and what a draw costs.
 
 Prints the snapshots that were drawn in a second and the processor time of each draw, in Chromium
-(all its processes, without a GPU) and in the page's server. --picture: makes README's picture too.
+(all its processes, without a GPU) and in the page's server. --space: with the cover in space.
 """
 
 from __future__ import annotations
 
 import contextlib
-import io
 import os
 import tempfile
 import time
 from pathlib import Path
 
-from PIL import Image
 from support.chromium import Chromium
 
 from tactile_skin import launch
@@ -21,10 +19,7 @@ from tactile_skin.nodes.observers.view import View
 
 from .. import harness
 
-SIZE = 1400, 910, 1.0  # of the picture: width, height, pixels in one of the page
-COLOURS = 192  # of the picture
-AFTER_A_PUSH = """document.querySelectorAll('#contacts tbody tr').length === 2
-    && document.querySelector('#log tbody').innerText.includes('push')"""
+SIZE = 1400, 910  # of the page [px]
 
 
 def processor_time(pid: int) -> float:
@@ -47,24 +42,15 @@ def main(arguments=None) -> None:
     parser = harness.parser(__doc__, __spec__)
     parser.add_argument("--seconds", type=float, default=20.0, help="to measure (default 20)")
     parser.add_argument("--space", action="store_true", help="with the cover in space")
-    parser.add_argument("--picture", type=Path, help="PNG to make")
     args = parser.parse_args(arguments)
     arguments = {"method": "auto", "view": "true", "view_port": "0", "monitor": "false"}
     with (
         tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder,
-        Chromium(Path(folder), *SIZE[:2]) as browser,
+        Chromium(Path(folder), *SIZE) as browser,
         launch.launch(**arguments) as skin,
     ):
         view = next(node for node in skin._nodes if isinstance(node, View))
-        if args.picture:
-            browser.resize(*SIZE)
         browser.open(view._page.address)
-        if args.picture:
-            browser.until(AFTER_A_PUSH)
-            skin.spin(1.0)
-            with Image.open(io.BytesIO(browser.picture())) as picture:
-                picture.convert("RGB").quantize(COLOURS).save(args.picture, optimize=True)
-            browser.resize(*SIZE[:2])
         if args.space:
             browser.click("button", "in space")
         skin.spin(2.0)

@@ -41,7 +41,7 @@ class Played:
         self.now = len(self._snapshots) - 1
 
     def hello(self):
-        return {"recording": None, "title": "a test", "history": self.log.history()}
+        return {"recording": None, "title": "live", "history": self.log.history()}
 
     async def snapshot(self, wanted):
         if wanted.at:
