@@ -22,6 +22,7 @@ from tactile_skin.view.log import Log
 from tactile_skin.view.pictures import Pictures
 from tactile_skin.view.server import names_this_host, read_wanted, serve
 from tactile_skin.view.snapshot import Snapshot
+from tactile_skin.view.work import Work
 
 PATIENCE = 20.0  # s, for what must happen
 
@@ -31,7 +32,7 @@ class Source:
 
     def __init__(self):
         self.number, self.pages, self.asked = 1, [], []
-        self.log, self.work = Log(lambda snapshot: None), None
+        self.log, self.work = Log(lambda snapshot: None), Work(read_skin(), {})
 
     def hello(self):
         return {"recording": None, "title": "a test"}
@@ -158,6 +159,26 @@ def test_controls_are_off_unless_allowed(controls):
     served(scenario, controls)
 
 
+@pytest.mark.parametrize("controls", [False, True])
+def test_a_download_is_for_those_who_may_steer_and_for_the_page_itself(controls, tmp_path):
+    made = tmp_path / "made" / "recording.mcap"
+    made.parent.mkdir()
+    made.write_text("all topics")
+
+    async def scenario(source, address):
+        source.work.record(False, made)
+        answer = await get(address, "/recording.mcap")
+        assert answer.startswith("HTTP/1.1 200" if controls else "HTTP/1.1 404")
+        assert answer.endswith("all topics") is controls and not made.parent.exists()
+        assert "HTTP/1.1 403" in await get(
+            address, "/recording.mcap", "Origin: http://evil.example"
+        )
+        assert "HTTP/1.1 421" in await get(address, "/recording.mcap", host="evil.example")
+        assert "HTTP/1.1 404" in await get(address, "/calibrated.yaml")
+
+    served(scenario, controls)
+
+
 # --- strangers ---
 
 
@@ -250,6 +271,7 @@ def test_nothing_else_is_served(path):
     "text",
     [
         *("", "[]", "{", "null", '{"a": "fastest"}', '{"at": NaN}', '{"at": 1e400}'),
+        *('{"ask": "answer", "text": 5}', '{"ask": "finish it"}'),
         *('{"after": true}', '{"after": 1.5}', '{"ask": "shutdown"}', '{"more": 1}'),
         *("[" * 900, '{"a": ["naive"]}'),
     ],
