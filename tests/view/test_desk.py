@@ -214,7 +214,7 @@ def test_a_finding_is_logged_with_its_lines(browser):
         browser.open(address)
         until(lambda: browser.found("button", "compensation: column 5 is open"), "it is listed")
         assert "column 5" in browser.run("document.querySelector('#log tbody').innerText")
-        assert "column 5 is open" in browser.run("document.getElementById('says').innerText")
+        browser.until("document.getElementById('says').innerText.includes('column 5 is open')")
 
 
 def test_the_cover_is_turned_in_space(browser):
