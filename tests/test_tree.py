@@ -28,7 +28,18 @@ MAY = {
     "simulation": ("physics", "board"),
     "middleware": ("files", "yaml_files", "msg", "physics", "touch", "parameters"),
     "recording": ("files", "yaml_files", "msg", "physics", "middleware", "readings"),
-    "view": ("msg", "physics", "solvers", "touch", "middleware", "recording"),
+    "view": (
+        "msg",
+        "physics",
+        "solvers",
+        "touch",
+        "calibration",
+        "health",
+        "middleware",
+        "recording",
+        "guide",
+        "calibrated",
+    ),
     "nodes": (
         "msg",
         "physics",
@@ -59,6 +70,7 @@ MAY = {
     "replay": ("msg", "parameters", "middleware", "physics", "recording", "nodes", "launch"),
     "bench": None,  # everything but the command line
     "guide": ("physics", "solvers", "findings", "calibration", "health"),
+    "calibrated": ("physics", "calibration", "middleware", "guide"),
     "arguments": (),
     "extras": (),
     "commands": None,  # so do these
