@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 
 import numpy as np
 
+from ..simulation.people.anything import anything
 from ..simulation.people.events import EVENTS, happen
 from ..simulation.people.hands import GESTURES, Mat, Person, perform
 from ..touch.episode import LIMIT
@@ -17,6 +19,7 @@ PERIODS = (0.04, 0.04, 0.08)  # s between pictures: of the recogniser, and of a 
 PEOPLE = 40
 REPETITIONS = 4
 HAPPENINGS = 240  # of each kind of event
+ANYTHING = 8  # contacts of any kind, times as many as events of one kind
 
 
 def simulated(
@@ -30,7 +33,8 @@ def simulated(
     Args:
         people: their numbers; the same one is the same person.
         repetitions: of each gesture by each person.
-        happenings: of each event, which stand for so many different "people".
+        happenings: of each event, which stand for so many different "people"; of contacts of any
+            kind ANYTHING times as many.
     """
     for number in people:
         person = Person(number)
@@ -40,12 +44,13 @@ def simulated(
                 mat, period = MATS[seed % 3], PERIODS[(seed // 3) % 3]
                 pictures = perform(gesture, person, mat, seed, period)
                 yield _take(gesture, f"simulated {number}", pictures, period, mat)
+    times = dict.fromkeys(events, happenings) | {"anything": ANYTHING * happenings}
     first = people.start * 10_000
-    for event in events:
-        for number in range(first, first + happenings):
+    for kind, n in times.items():
+        makes = anything if kind == "anything" else functools.partial(happen, kind)
+        for number in range(first, first + n):
             mat, period = MATS[number % 3], PERIODS[(number // 3) % 3]
-            pictures = happen(event, mat, number, period)
-            yield _take(OTHER, f"{event} {number}", pictures, period, mat)
+            yield _take(OTHER, f"{kind} {number}", makes(mat, number, period), period, mat)
 
 
 def _take(label: str, person: str, pictures: np.ndarray, period: float, mat: Mat) -> Take:

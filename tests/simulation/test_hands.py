@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tactile_skin.simulation.people.anything import anything
 from tactile_skin.simulation.people.events import EVENTS, happen
 from tactile_skin.simulation.people.hands import (
     GESTURES,
@@ -39,6 +40,14 @@ def test_an_event_presses_and_is_the_same_again(event):
     pictures = happen(event, MAT, 2, PERIOD)
     assert np.isfinite(pictures).all() and (pictures >= 0.0).all() and pictures.max() > 0.0
     assert np.array_equal(pictures, happen(event, MAT, 2, PERIOD))
+
+
+def test_contacts_of_any_kind_are_finite_differ_and_are_the_same_again():
+    made = [anything(MAT, seed, PERIOD) for seed in range(30)]
+    assert all(np.isfinite(pictures).all() and (pictures >= 0.0).all() for pictures in made)
+    assert np.array_equal(made[4], anything(MAT, 4, PERIOD))
+    peaks = [force for pictures in made if (force := pictures.sum((1, 2)).max()) > 0.0]
+    assert len(peaks) > 20 and max(peaks) > 20.0 * min(peaks)
 
 
 def test_a_hand_presses_with_its_force_where_it_is():

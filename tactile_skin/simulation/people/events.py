@@ -12,13 +12,13 @@ import numpy as np
 from .hands import FINE, Hand, Mat, Person, pressed, pulse, ramp, texture
 
 
-def _over(mat: Mat, shape: np.ndarray, force: np.ndarray) -> np.ndarray:
+def over(mat: Mat, shape: np.ndarray, force: np.ndarray) -> np.ndarray:
     """Return (T, rows, cols) of one shape that presses with a force over time."""
     cells = mat.cells(shape)
     return force[:, None, None] * cells / max(cells.sum(), 1e-9)
 
 
-def _turned(mat: Mat, at: np.ndarray, angle: float) -> tuple[np.ndarray, np.ndarray]:
+def turned(mat: Mat, at: np.ndarray, angle: float) -> tuple[np.ndarray, np.ndarray]:
     x, y = mat.points()
     dx, dy = x - at[0], y - at[1]
     return np.cos(angle) * dx + np.sin(angle) * dy, -np.sin(angle) * dx + np.cos(angle) * dy
@@ -39,9 +39,9 @@ def _body(mat: Mat, t, force, rng: np.random.Generator, rocking: float) -> np.nd
     sway = rocking * np.sin(2 * np.pi * rng.uniform(0.2, 0.7) * t + rng.uniform(0.0, 6.0))
     out = np.zeros((len(t), mat.rows, mat.cols))
     for k in force.nonzero()[0]:
-        u, v = _turned(mat, at + np.array([sway[k], 0.0]), angle)
+        u, v = turned(mat, at + np.array([sway[k], 0.0]), angle)
         shape = np.maximum(1.0 - (u / radii[0]) ** 2 - (v / radii[1]) ** 2, 0.0)
-        out[k] = _over(mat, np.sqrt(shape) * cloth, force[k : k + 1])[0]
+        out[k] = over(mat, np.sqrt(shape) * cloth, force[k : k + 1])[0]
     return out
 
 
@@ -66,7 +66,7 @@ def _sit(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
 
 
 def _box(mat: Mat, rng: np.random.Generator, size, angle: float, tilt: float) -> np.ndarray:
-    u, v = _turned(mat, _place(mat, rng), angle)
+    u, v = turned(mat, _place(mat, rng), angle)
     slope = rng.normal(0.0, tilt, 2)
     inside = (np.abs(u) < size[0] / 2) & (np.abs(v) < size[1] / 2)
     return inside * np.clip(1.0 + slope[0] * u / size[0] + slope[1] * v / size[1], 0.05, None)
@@ -79,7 +79,7 @@ def _thing(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
     force = ramp(t, duration, rng.uniform(0.04, 0.3), rng.uniform(0.05, 0.3))
     swing = np.exp(-t / 0.08) * np.cos(2 * np.pi * rng.uniform(5.0, 12.0) * t)
     force = force * np.exp(rng.uniform(0.7, 3.5)) * (1.0 + rng.uniform(0.0, 0.8) * swing)
-    return _over(mat, shape * texture(mat, 0.6, rng), force)
+    return over(mat, shape * texture(mat, 0.6, rng), force)
 
 
 def _dropped(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
@@ -93,7 +93,7 @@ def _dropped(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
         start, height, gap = start + gap, height * rng.uniform(0.2, 0.6), gap * 0.6
     if rng.random() < 0.5:
         force += np.exp(rng.uniform(-0.5, 2.0)) * (t > start) * (t < t[-1] - 0.1)
-    return _over(mat, shape, force)
+    return over(mat, shape, force)
 
 
 def _wall(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
@@ -103,7 +103,7 @@ def _wall(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
     size = (rng.uniform(0.08, 0.4), rng.uniform(0.006, 0.03))
     shape = _box(mat, rng, size, rng.uniform(0.0, 3.0), 0.8)
     force = np.exp(rng.uniform(2.5, 5.0)) * pulse(t, 0.02, duration, rng.uniform(0.15, 0.5))
-    return _over(mat, shape, force)
+    return over(mat, shape, force)
 
 
 def _cloth(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
@@ -112,11 +112,11 @@ def _cloth(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
     folds, total = texture(mat, 1.2, rng), np.exp(rng.uniform(-1.0, 1.2))
     out = np.zeros((len(t), mat.rows, mat.cols))
     for k, now in enumerate(t):
-        u, v = _turned(mat, at + drift * now, 0.0)
+        u, v = turned(mat, at + drift * now, 0.0)
         shape = np.maximum(1.0 - (u / 0.09) ** 2 - (v / 0.05) ** 2, 0.0)
         flutter = 1.0 + 0.6 * np.sin(2 * np.pi * 1.3 * now) + 0.3 * rng.standard_normal()
         moved = np.roll(folds, int(now / 0.06) * (FINE - 2), 1)
-        out[k] = _over(mat, shape * moved, np.array([total * max(0.0, flutter)]))[0]
+        out[k] = over(mat, shape * moved, np.array([total * max(0.0, flutter)]))[0]
     return out
 
 
@@ -140,7 +140,7 @@ def _shaken(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
     wave = np.sin(2 * np.pi * rng.uniform(1.0, 9.0) * t + rng.uniform(0.0, 6.0))
     force = np.exp(rng.uniform(-0.5, 2.5)) * np.clip(wave + rng.uniform(-0.5, 1.0), 0.0, None)
     size = (rng.uniform(0.03, 0.3), rng.uniform(0.004, 0.02))
-    return _over(mat, _box(mat, rng, size, rng.uniform(0.0, 3.0), 0.5), force)
+    return over(mat, _box(mat, rng, size, rng.uniform(0.0, 3.0), 0.5), force)
 
 
 def _flicker(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
