@@ -59,7 +59,7 @@ class SerialDriver:
         self._adc = node.create_publisher(Image, "skin/adc", 10)
         self._diagnostics = diagnostics.Reporter(node)
         if given.wait_for_port == 0.0:
-            check_port(given.port)
+            check_port(given.port, given.serial_number)
         self._reader = SerialReader(
             given.port,
             given.baud,
@@ -69,6 +69,7 @@ class SerialDriver:
             given.watchdog,
             given.wait_for_port,
             self._refuse,
+            given.serial_number,
         )
         node.create_timer(1.0, self.on_timer)
         # Read only once the node spins: whoever subscribes is there by then.
