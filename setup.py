@@ -27,7 +27,7 @@ programs = ["tactile-skin = tactile_skin.__main__:main"]
 # where `ros2 run` looks for the nodes. pip runs neither, and would put a `monitor` on users' PATH.
 if {"install", "develop"} & set(sys.argv):
     programs += [
-        f"{name} = tactile_skin.ros:{name}"
+        f"{name} = tactile_skin.__main__:{name}"
         for name in ("skin", *literal("middleware/package.py", "NODES"))
     ]
 sources = sorted(glob(f"{package_name}/physics/compiled/*.c"))

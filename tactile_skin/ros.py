@@ -11,18 +11,17 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import functools
 import logging
 import sys
 from pathlib import Path
 
 from . import launch
-from .errors import ParameterError
+from .errors import LaunchError, ParameterError, did_you_mean
 from .files import one_line
 from .middleware.bus import Node
 from .middleware.launch_file import NodeAction, Plan
 from .middleware.launched import given
-from .middleware.package import COMPOSED, NODES, node_class
+from .middleware.package import COMPOSED, node_class
 from .middleware.parameter_file import values_for
 from .middleware.ros.arguments import RosArguments, split_arguments
 from .middleware.ros.node import RosNode, ToRos
@@ -61,7 +60,7 @@ class RosSkin(launch.Skin):
         for handle in self._handles:
             diagnostics.ensure_reported(handle)
             if isinstance(handle, RosNode):  # as _make_node makes them
-                handle.connect(diagnostics.TOPIC, *frames.TOPICS)
+                handle.connect(diagnostics.TOPIC, diagnostics.ALL, *frames.TOPICS)
         self._process.start(self.shutdown)
         return self._handles
 
@@ -111,27 +110,41 @@ def _about(executable: str) -> str:
 def plan_of(executable: str, args: RosArguments) -> Plan:
     """Return the nodes of a program, with what its command line gives them.
 
-    A launch file also gives `skin` what is for any of its parts, whether or not they run.
+    `skin` also takes what is for any of its parts, whether or not they run; what is for `skin` is
+    for each of them.
 
     Raises:
         ParameterError: a part of `skin` that is neither true nor false.
+        LaunchError: an argument for a node that the program does not have.
     """
     alone = executable != COMPOSED
     plan = Plan()
+    together: tuple[str, ...] = ()  # names of all of them
     if not alone:
         plan.for_all = frozenset(PARTS).union(*map(all_names, PARTS))
-    for kind in (executable,) if alone else _parts(args):
+        together = (COMPOSED, args.name_of(COMPOSED))
+        space = args.namespace_of(*together).strip("/")
+        for file in args.files():
+            file.programs = tuple("/" + f"{space}/{name}".strip("/") for name in set(together))
+    names = {executable} if alone else {*PARTS, *together}
+    names |= {args.name_of(kind, alone) for kind in names}
+    if strangers := args.addressed() - names:
+        name = min(strangers)
+        raise LaunchError(f"--ros-args: {name}: no such node{did_you_mean(name, names)}")
+    for kind in (executable,) if alone else _parts(args, together):
         name = args.name_of(kind, alone)
-        namespace = args.namespace_of(kind).strip("/")
-        given, rules = args.parameters_of(kind, name), args.remappings_of(kind, name)
+        namespace = args.namespace_of(kind, *together).strip("/")
+        given = args.parameters_of(kind, name, *together)
+        rules = args.remappings_of(kind, name, *together)
         plan.nodes.append(NodeAction(kind, name, namespace, given, rules, Path(executable)))
     return plan
 
 
-def _parts(args: RosArguments) -> list[str]:
-    """Return the nodes that `skin` runs."""
-    name, wanted = args.name_of(COMPOSED), dict(PARTS)
-    for p in values_for(f"{args.namespace_of(COMPOSED)}/{name}", args.parameters_of(name)):
+def _parts(args: RosArguments, names: tuple[str, ...]) -> list[str]:
+    """Return the nodes that `skin`, by one of these names, runs."""
+    wanted = dict(PARTS)
+    full = f"{args.namespace_of(*names)}/{names[-1]}"
+    for p in values_for(full, args.parameters_of(*names)):
         if p.name in PARTS:
             if not isinstance(p.value, bool):
                 raise ParameterError(
@@ -139,13 +152,6 @@ def _parts(args: RosArguments) -> list[str]:
                 )
             wanted[p.name] = p.value
     return [name for name, runs in wanted.items() if runs]
-
-
-def __getattr__(name: str):
-    """Return an entry point for each node of NODES, by its name, and for all together."""
-    if name in NODES or name == COMPOSED:
-        return functools.partial(run, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """What holds for every test."""
 
+import importlib.util
 import os
 import threading
 import time
@@ -36,6 +37,34 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if item.get_closest_marker("ros"):
             item.add_marker(pytest.mark.flaky(reruns=3, condition=machine.stood_still))
+
+
+@pytest.fixture(scope="session")
+def rclpy(request):
+    """ROS 2, which the test needs."""
+    if not importlib.util.find_spec("rclpy"):
+        if request.config.getoption("--require-ros"):
+            pytest.fail("rclpy cannot be imported")
+        pytest.skip("rclpy is not installed: see .ci/run")
+
+
+@pytest.fixture
+def graph(rclpy, monkeypatch):
+    """ROS on this machine alone, for the test's own process as well."""
+    from support.ros_graph import Graph
+
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    with Graph() as graph:
+        yield graph
+
+
+@pytest.fixture
+def plain(graph):
+    """A node of rclpy alone, in the test's own process."""
+    from support.plain import Plain
+
+    with Plain(graph.env) as plain:
+        yield plain
 
 
 @pytest.hookimpl(tryfirst=True)

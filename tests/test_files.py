@@ -17,7 +17,7 @@ from tactile_skin import Circuit, PressureCurve, cli
 from tactile_skin.errors import FileError
 from tactile_skin.files import one_line, shorten
 from tactile_skin.launch import Skin, read_plan, share_dir
-from tactile_skin.learning import network, training
+from tactile_skin.learning import network
 from tactile_skin.learning.dataset import TrainingConfig
 from tactile_skin.middleware.parameter_file import ParameterFile
 from tactile_skin.touch.geometry import read_table
@@ -214,6 +214,9 @@ def test_where_results_go(refused, tmp_path):
 @pytest.mark.parametrize("content", [b"", WEIGHTS])
 def test_a_bad_checkpoint(tmp_path, content):
     """Refused before the pairs of a training are made."""
+    pytest.importorskip("torch")
+    from tactile_skin.learning import training
+
     (tmp_path / "checkpoint.pt").write_bytes(content)
     with pytest.raises(ValueError, match=r"checkpoint.pt: is no checkpoint .* --restart"):
         training.train(Circuit(4, 4), PressureCurve(), TrainingConfig(), tmp_path)

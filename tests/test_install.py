@@ -17,14 +17,6 @@ from tactile_skin.cli import main
 from tactile_skin.launch import share_dir
 
 SOURCE = share_dir()
-# Names that rosdep knows: packages of rosdistro, and keys of its rosdep/python.yaml.
-ROSDEP = {
-    *("rclpy", "rcl_interfaces", "builtin_interfaces", "std_msgs", "std_srvs", "geometry_msgs"),
-    *("sensor_msgs", "diagnostic_msgs", "ros2launch", "launch_yaml"),
-    *("python3-dev", "python3-numpy", "python3-scipy", "python3-serial", "python3-yaml"),
-    "python3-ruamel.yaml",
-    *("python3-pytest", "python3-hypothesis", "rviz2"),
-}
 
 
 @pytest.fixture(scope="module")
@@ -107,13 +99,6 @@ def test_the_package_is_a_command(tmp_path):
     words = [sys.executable, "-m", "tactile_skin", "--version"]
     done = subprocess.run(words, capture_output=True, text=True, timeout=60)
     assert done.stdout == f"tactile-skin {tactile_skin.__version__}\n", done.stderr
-
-
-def test_rosdep_knows_what_package_xml_names():
-    """Else `rosdep install` ends with an error."""
-    named = set(re.findall(r"<\w*depend>([\w-]+)</", (SOURCE / "package.xml").read_text()))
-    assert named
-    assert named - ROSDEP == set()
 
 
 def test_without_pytorch_the_extra_is_named(monkeypatch, capsys, tmp_path):

@@ -55,7 +55,11 @@ def test_every_path_that_is_named_exists(page):
 def test_every_page_that_the_code_names_exists():
     """In messages and docstrings."""
     files = [*ROOT.glob("tactile_skin/**/*.py"), *ROOT.glob("tactile_skin/**/*.csv")]
-    files += [*ROOT.glob("config/*.yaml"), *ROOT.glob("tests/**/*.py"), *ROOT.glob("examples/*")]
+    files += [
+        *ROOT.glob("config/*.yaml"),
+        *ROOT.glob("tests/**/*.py"),
+        *ROOT.glob("examples/**/*.*"),
+    ]
     for file in files:
         for page in re.findall(r"\bdocs/[\w/]+\.md\b", file.read_text(encoding="utf-8")):
             assert (ROOT / page).exists(), f"{named(file)}: {page}"

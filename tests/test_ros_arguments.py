@@ -31,7 +31,8 @@ def test_rosdep_knows_what_the_package_depends_on():
     keys = {element.text for element in root if element.tag.endswith("depend")}
     assert len(keys) > 10
     assert keys <= ROSDISTRO
-    assert "rviz2" in keys  # rviz.launch.yaml starts it
+    assert "rviz2" not in keys  # a robot without a screen needs none
+    assert "tf2_msgs" in keys
 
 
 # --- parameter files ---
@@ -189,6 +190,77 @@ def test_what_the_shipped_launch_file_gives_the_program_is_taken():
     (skin,) = [e["node"] for e in shipped if e.get("node", {}).get("exec") == "skin"]
     plan = ros.plan_of("skin", arguments())
     assert {p["name"] for p in skin["param"]} <= plan.for_all | {"config", "use_sim_time"}
+
+
+BY_HAND = "skin: {ros__parameters: {threshold: 25.0, circuit: {rows: 8}}}"
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["--params-file", "FILE"], BY_HAND),
+        (["-p", "config:=FILE"], BY_HAND),
+        (["-r", "__node:=torso", "--params-file", "FILE"], BY_HAND.replace("skin", "torso")),
+        (["-r", "__node:=torso", "--params-file", "FILE"], BY_HAND),
+        (["-r", "__ns:=/left", "--params-file", "FILE"], f"left: {{{BY_HAND}}}"),
+        (["-r", "skin:__ns:=/left", "--params-file", "FILE"], f"left: {{{BY_HAND}}}"),
+        (["-p", "skin:threshold:=25.0", "-p", "skin:circuit.rows:=8"], ""),
+        (["-r", "__node:=torso", "-p", "torso:threshold:=25.0", "-p", "torso:circuit.rows:=8"], ""),
+    ],
+)
+@pytest.mark.parametrize("name", ["robot.yaml", "launch_params_x"])
+def test_what_is_for_the_program_is_for_each_of_its_nodes(tmp_path, words, text, name):
+    path = tmp_path / name
+    path.write_text(text)
+    plan = ros.plan_of("skin", arguments(*(w.replace("FILE", str(path)) for w in words)))
+    values = {node.kind: node.values() for node in plan.nodes}
+    for kind in ("stop_on_push", "compensation"):
+        assert values[kind] == {"threshold": 25.0, "circuit.rows": 8}
+
+
+def test_what_a_launch_file_gives_a_program_of_another_name(tmp_path):
+    """launch_ros writes the node's full name for the section where the launch file names it."""
+    path = tmp_path / "launch_params_x"
+    path.write_text("/left/torso: {ros__parameters: {threshold: 25.0, method: '', monitor: true}}")
+    words = ["-r", "__ns:=/left", "-r", "__node:=torso", "--params-file", str(path)]
+    nodes = {node.kind: node for node in ros.plan_of("skin", arguments(*words)).nodes}
+    assert nodes["stop_on_push"].values()["threshold"] == 25.0
+    assert "monitor" in nodes and "method" not in nodes["compensation"].values()
+
+
+def test_a_file_whose_substitutions_launch_ros_carried_out(tmp_path):
+    """With allow_substs it writes a copy, which is the user's for all that."""
+    path = tmp_path / "launch_params_x"
+    path.write_text(SECTIONS)
+    assert given(path, "/left/stop_on_push")["order"] == 9
+    assert given(path, "/stop_on_push")["bare"] == 1
+
+
+@pytest.mark.parametrize("name", ["serial_driver", "stop_on_push", "cmd_vel_gate", "skin"])
+@pytest.mark.parametrize("by_launch", [False, True])
+def test_a_config_that_is_named_and_absent_is_an_error(tmp_path, name, by_launch, capsys):
+    path = tmp_path / "launch_params_x"
+    path.write_text("/**: {ros__parameters: {config: typo.yaml}}\n")
+    words = ["--params-file", str(path)] if by_launch else ["-p", "config:=typo.yaml"]
+    assert ros.run(name, ["--ros-args", *words]) == 2
+    assert "parameter file typo.yaml: No such file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["-p", "stop_on_psh:threshold:=20.0"], "stop_on_psh: no such node; did you mean"),
+        (["-r", "gate:cmd_vel:=wheels"], "gate: no such node"),
+        (["-r", "gate:__ns:=/left"], "gate: no such node"),
+        (["-p", "skin:treshold:=20.0"], "parameter 'treshold' is unknown; did you mean"),
+        (["-r", "__ns:=/left", "--params-file", "FILE"], "is not for the node /left/skin"),
+    ],
+)
+def test_what_is_for_no_node_of_the_program_is_refused(tmp_path, words, said):
+    path = tmp_path / "skin.yaml"
+    path.write_text(BY_HAND)
+    with pytest.raises(ValueError, match=said):
+        Skin(ros.plan_of("skin", arguments(*(w.replace("FILE", str(path)) for w in words)))).build()
 
 
 # --- misspelt names ---

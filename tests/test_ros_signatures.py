@@ -33,6 +33,8 @@ DOCUMENTED = {
     "get_clock": lambda: 0,
     "create_timer": lambda timer_period_sec, callback, callback_group=None, clock=None: 0,
     "add_on_set_parameters_callback": lambda callback: 0,
+    "count_publishers": lambda topic_name: 0,
+    "destroy_subscription": lambda subscription: 0,
     "get_publishers_info_by_topic": lambda topic_name, no_mangle=False: 0,
     "get_subscriptions_info_by_topic": lambda topic_name, no_mangle=False: 0,
     # rclpy.parameter, rclpy.qos_overriding_options, rclpy.clock

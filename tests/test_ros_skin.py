@@ -1,56 +1,19 @@
 """A skin on ROS 2 as its users have it: `skin` in namespaces, on a simulated clock, stamped."""
 
-import importlib.util
 import os
 import subprocess
 import sys
 import time
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 from support.plain import Plain
-from support.ros_graph import Graph, Player, endless
+from support.ros_graph import board, endless, skin
 
 from tactile_skin.physics.curve import PressureCurve
 
 ROOT = Path(__file__).parents[1]
-pytestmark = pytest.mark.ros
-
-
-@pytest.fixture(autouse=True)
-def rclpy(request):
-    """ROS 2, which each test needs."""
-    if not importlib.util.find_spec("rclpy"):
-        if request.config.getoption("--require-ros"):
-            pytest.fail("rclpy cannot be imported")
-        pytest.skip("rclpy is not installed: see .ci/run")
-
-
-@pytest.fixture
-def graph(monkeypatch):
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    with Graph() as graph:
-        yield graph
-
-
-@pytest.fixture
-def plain(graph):
-    with Plain(graph.env) as plain:
-        yield plain
-
-
-def skin(*words: str) -> list[str]:
-    return [sys.executable, "-m", "tactile_skin.ros", "skin", "--ros-args", *words]
-
-
-@contextmanager
-def board():
-    player = Player()
-    try:
-        yield player
-    finally:
-        player.close()
+pytestmark = [pytest.mark.ros, pytest.mark.usefixtures("rclpy")]
 
 
 FILE = """
@@ -287,6 +250,22 @@ def test_qos_of_a_publisher_is_overridden(graph, plain):
             lambda: reliability("/skin/pressure") == [ReliabilityPolicy.BEST_EFFORT], "it is", graph
         )
         plain.until(lambda: reliability("/skin/stop") == [ReliabilityPolicy.RELIABLE], "not", graph)
+
+
+def test_parameters_of_the_program_reach_its_nodes(graph, plain, tmp_path):
+    """In a section of its own name and namespace, as a launch file's `name` makes it."""
+    from rclpy.parameter_client import AsyncParameterClient
+
+    path = tmp_path / "robot.yaml"
+    path.write_text("left: {torso: {ros__parameters: {threshold: 25.0}}}\n")
+    with board() as player:
+        words = ["-r", "__ns:=/left", "-r", "__node:=torso", "--params-file", str(path)]
+        graph.start("skin", skin(*words, "-p", f"port:={player.port}"))
+        client = AsyncParameterClient(plain.node, "/left/stop_on_push")
+        plain.until(client.services_are_ready, "it runs", graph)
+        future = client.get_parameters(["threshold"])
+        plain.until(future.done, "parameters are there", graph)
+        assert future.result().values[0].double_value == 25.0
 
 
 def test_a_duration_ends_the_process(graph):

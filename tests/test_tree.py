@@ -29,7 +29,18 @@ MAY = {
     "simulation": ("physics", "board"),
     "middleware": ("files", "yaml_files", "msg", "physics", "touch", "parameters"),
     "recording": ("files", "yaml_files", "msg", "physics", "middleware", "readings"),
-    "view": ("msg", "physics", "solvers", "touch", "middleware", "recording"),
+    "view": (
+        "msg",
+        "physics",
+        "solvers",
+        "touch",
+        "calibration",
+        "health",
+        "middleware",
+        "recording",
+        "guide",
+        "calibrated",
+    ),
     "nodes": (
         "msg",
         "physics",
@@ -61,6 +72,7 @@ MAY = {
     "replay": ("msg", "parameters", "middleware", "physics", "recording", "nodes", "launch"),
     "bench": None,  # everything but the command line
     "guide": ("physics", "solvers", "findings", "calibration", "health"),
+    "calibrated": ("physics", "calibration", "middleware", "guide"),
     "arguments": (),
     "extras": (),
     "commands": None,  # so do these

@@ -115,6 +115,7 @@ def test_help_loads_no_command():
 )
 def test_a_shell_completes_commands_and_options(line, expected):
     """As argcomplete asks for it: the answer comes on file 8."""
+    pytest.importorskip("argcomplete")
     given = {"_ARGCOMPLETE": "1", "COMP_LINE": line, "COMP_POINT": str(len(line))}
     done = subprocess.run(
         ["sh", "-c", f"'{sys.executable}' -m tactile_skin 8>&1 9>&2"],

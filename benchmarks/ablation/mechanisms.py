@@ -10,7 +10,6 @@ from tactile_skin import __file__ as _package
 from tactile_skin.board.absent import Unread
 from tactile_skin.board.liveness import _SETTLING, JITTER
 from tactile_skin.nodes.serial_driver import _DOUBTFUL
-from tactile_skin.solvers import suspect
 
 from .switchboard import Field, Limit, Result, Switchboard
 
@@ -61,17 +60,7 @@ def _attribute(where: str, null) -> Field:
 
 def _saturation_alone(found, reading):
     """Return what `suspect.by_reading` says of saturation, without its impossible readings."""
-    if not found:
-        return None
-    rest = suspect._rest_steps(reading.circuit, reading.curve) * reading.apparent[0]
-    margin = suspect._IMPOSSIBLE * reading.noise + 1.0
-    spreads = reading.noise > 0.0 and not suspect.rounded(reading)
-    touched = spreads and reading.steps.max() > rest.max() + margin
-    return (
-        suspect.saturation(reading, suspect._SATURATED, suspect._SATURATED_OTHERS)
-        if touched
-        else None
-    )
+    return None
 
 
 def _finds(where: str, *forms: str) -> Result:
@@ -117,7 +106,8 @@ MECHANISMS = (
     ),
     Mechanism(
         "saturation in a frame", "many equal readings at the top",
-        (f"{_SOLVE}/suspect.py:saturation",), (_finds_one("solvers.suspect:saturation"),), True,
+        (f"{_SOLVE}/suspect.py:saturation",),
+        (_finds_one("solvers.rivals.aside:saturation"),), True,
     ),
     Mechanism(
         "aside", "readings that the others do not allow are left out",

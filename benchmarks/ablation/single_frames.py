@@ -32,11 +32,13 @@ CASES = {  # what the board is beside the supposed circuit, and the supposed rea
     "r_par +10 %": ({"r_par": 1.0 + _R_PAR}, {}),
     "r_par -10 %": ({"r_par": 1.0 - _R_PAR}, {}),
     "short": ({}, {}),
+    "saturated": ({}, {}),
     "loaded as floating": (_LOADED, {}),
     "grounded as floating": (_GROUNDED, {}),
 }
 _PER_BOARD = 10  # frames of one fabric, and of one short
 _SHORT = 1.0  # S between two stripes that touch
+_SATURATED = 0.6  # ADC ratio at which the input ends; a short circuit reads 0.85
 _REST_SCATTER = 0.03  # RMS of log resistance of a good fabric's cells at rest
 _REST_NOISE = 0.1  # ADC steps that a measurement of the rest leaves
 # The rest of the cells: measured on the board as it is, with the supposed circuit; known from
@@ -100,6 +102,8 @@ def draw(row: Row, n: int, seed, shape=(16, 16)):
         if given is None:
             at_rest = resting_conductance(ratio[0], circuit, _REST_NOISE)
             given = curve.resting_at(1.0 / at_rest)
+        if row.case == "saturated":
+            ratio = np.minimum(ratio, _SATURATED)
         read = scenes.read_out(board, ratio[1:], "scan", rng)
         frames += [(f, adc, given) for f, adc in zip(force[1:], read, strict=True)]
     return circuit, frames[:n]

@@ -11,7 +11,7 @@ import json
 import os
 
 import numpy as np
-from support.accuracy import accuracy, other_board, r_par_std, with_net
+from support.accuracy import accuracy, other_board, r_par_std
 
 from benchmarks.accuracy.growth import exponent
 from tactile_skin import Circuit, PressureCurve, compensate, forward
@@ -176,7 +176,6 @@ def main(arguments=None) -> list:
     ]
     # as the paper's table, which is of exact readings
     rows += [("the networks", networks, f, "ideal", 900 // share) for f in scenes.FAMILIES]
-    rows += [("the net as a prior", with_net, f, 300 // share) for f in scenes.FAMILIES]
     rows += [
         ("another board", other_board, f, off, 300 // share)
         for f in scenes.FAMILIES

@@ -35,7 +35,7 @@ def parameters(counts) -> dict:
     given = {f"circuit.{k}": v for k, v in skin.describe().items()}
     given["circuit.mask"] = " ".join(given["circuit.mask"])
     force, resistance = zip(*curve.points, strict=True)
-    fit = {"noise": insole.NOISE, "threshold": float(insole.THRESHOLD)}
+    fit = {"noise": insole.NOISE, "board_threshold": float(insole.THRESHOLD)}
     fit |= {"curve.force": list(force), "curve.resistance": list(resistance)}
     return {
         "serial_driver": given | adc | {"protocol": "text", "frozen_after": 0.0},

@@ -1,7 +1,7 @@
 """How often the page of the running demo is drawn in Chromium, and what a draw costs.
 
 Prints the snapshots that were drawn in a second and the processor time of each draw, in Chromium
-(all its processes, without a GPU) and in the page's server. --picture: makes README's picture too.
+(all its processes, without a GPU) and in the page's server. --space: with the cover in space.
 """
 
 from __future__ import annotations
@@ -19,8 +19,7 @@ from tactile_skin.nodes.observers.view import View
 
 from .. import harness
 
-GHOST = 11, 5  # row and column where two fingers, but no third, seem to press
-SIZE = 1280, 880, 1.5  # of the picture: width, height, pixels in one of the page
+SIZE = 1400, 910  # of the page [px]
 
 
 def processor_time(pid: int) -> float:
@@ -42,24 +41,18 @@ def processor_time(pid: int) -> float:
 def main(arguments=None) -> None:
     parser = harness.parser(__doc__, __spec__)
     parser.add_argument("--seconds", type=float, default=20.0, help="to measure (default 20)")
-    parser.add_argument("--picture", type=Path, help="PNG to make")
+    parser.add_argument("--space", action="store_true", help="with the cover in space")
     args = parser.parse_args(arguments)
     arguments = {"method": "auto", "view": "true", "view_port": "0", "monitor": "false"}
     with (
         tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder,
-        Chromium(Path(folder), *SIZE[:2]) as browser,
+        Chromium(Path(folder), *SIZE) as browser,
         launch.launch(**arguments) as skin,
     ):
         view = next(node for node in skin._nodes if isinstance(node, View))
-        if args.picture:
-            browser.resize(*SIZE)
         browser.open(view._page.address)
-        if args.picture:
-            browser.until("document.querySelectorAll('#contacts tbody tr').length === 2")
-            point_at_a_ghost(browser)
-            skin.spin(2.0)
-            args.picture.write_bytes(browser.picture())
-            browser.resize(*SIZE[:2])
+        if args.space:
+            browser.click("button", "in space")
         skin.spin(2.0)
         pids = browser._process.pid, view._page._process.pid
         before, frames, start = [*map(processor_time, pids)], drawn(browser), time.monotonic()
@@ -69,17 +62,6 @@ def main(arguments=None) -> None:
         print(f"{frames / seconds:.1f} draws a second, load {os.getloadavg()[0]:.1f}")
         print(f"{used[0]:.1f} ms a draw in Chromium, {used[1]:.1f} ms in the page's server")
         assert not browser.errors, browser.errors
-
-
-def point_at_a_ghost(browser: Chromium) -> None:
-    row, col = GHOST
-    event = "new PointerEvent('pointermove', {clientX: x, clientY: y})"
-    browser.run(
-        "(() => { const canvas = document.querySelector('#b canvas');"
-        "const box = canvas.getBoundingClientRect(), cell = (box.width - 24) / 16;"
-        f"const x = box.x + 20 + {col + 0.5} * cell, y = box.y + 16 + {row + 0.5} * cell;"
-        f"canvas.dispatchEvent({event}); }})()"
-    )
 
 
 def drawn(browser: Chromium) -> int:

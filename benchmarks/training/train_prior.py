@@ -90,7 +90,7 @@ def fit(force: np.ndarray, rng) -> Fit | None:
         compensate(adc, CIRCUIT, CURVE, "map", noise=noise)
     if not seen or not seen[-1][4].unknowns.size:
         return None
-    _, model, gx, x, equations, std, _ = seen[-1]
+    _, model, gx, x, equations, std = seen[-1]
     free, jacobian = equations.unknowns, equations.jacobian
     unknown = np.zeros(gx.shape, bool)
     unknown.flat[free] = True

@@ -4,7 +4,7 @@ What comes out is the command, the command slowed, or zero: never a motion that 
 whatever the base can drive. It is
 
 - zero for every stop but a push, when the stop or the command falls silent, and for a command that
-  is no number;
+  is no number, has a stamp that is old or in the future, or is of another frame;
 - while a push is on: the command as it is if it moves the touched point with the push or along the
   skin; zero if it moves it against the push by more than 0.1 rad; in between it is slowed, so that
   noise of the direction does not make a robot stutter that drives along the skin;
@@ -70,14 +70,28 @@ class Gate:
     def __init__(self, config: GateConfig):
         self.config = config
         self._command = (-math.inf, np.zeros(3), np.zeros(3))
+        self._stamp, self._refused = -math.inf, ""  # of the command
         self._stop = (-math.inf, StopMessage(True, ""))
         self._seen, self._total = -math.inf, 0.0  # stamp and force of the newest touch
         self._push: tuple[np.ndarray, np.ndarray] | None = None  # direction, (n, 3) places
         self._trouble = "its direction is unknown"  # why there is no `_push`
 
-    def command(self, t: float, linear: npt.ArrayLike, angular: npt.ArrayLike) -> None:
-        """Take a velocity that is asked for: (3,) [m/s] and (3,) [rad/s], in the base frame."""
+    def command(
+        self,
+        t: float,
+        linear: npt.ArrayLike,
+        angular: npt.ArrayLike,
+        stamp: float | None = None,
+        refused: str = "",
+    ) -> None:
+        """Take a velocity that is asked for: (3,) [m/s] and (3,) [rad/s], in the base frame.
+
+        Args:
+            stamp: when it was made [s]; None: it does not say, and is new.
+            refused: why it is not carried out; empty if it is.
+        """
         self._command = t, np.asarray(linear, float), np.asarray(angular, float)
+        self._stamp, self._refused = t if stamp is None else stamp, refused
 
     def stop(self, t: float, message: StopMessage) -> None:
         """Take a message of the stop."""
@@ -123,6 +137,11 @@ class Gate:
             return zero(decision.reason or "stop")
         if not 0.0 <= t - since <= self.config.command_timeout:
             return zero("no command")
+        if self._refused:
+            return zero(self._refused)
+        if not -MAX_AHEAD <= t - self._stamp <= self.config.command_timeout:
+            when = "in the future" if self._stamp > t else "old"
+            return zero(f"the command's stamp is {when}: synchronise the clocks")
         if not (np.isfinite(linear).all() and np.isfinite(angular).all()):
             return zero("the command is not finite")
         if not decision.stop:

@@ -68,17 +68,24 @@ def identity(device: str) -> tuple:
     return (device,)
 
 
-def check_port(port: str, serial_number: str = "") -> None:
-    """Raise ValueError, saying what there is, if the port is not there or no serial device."""
+def check_port(port: str, serial_number: str = "", absent: bool = True) -> None:
+    """Raise ValueError, saying what there is, if the port is not there or no serial device.
+
+    Args:
+        serial_number: as of `SerialReader`.
+        absent: whether a port that is not there is wrong; else it may come.
+    """
     found = ", ".join(candidates()) or "none"
     if port == "auto":
-        if not candidates(serial_number):
+        if absent and not candidates(serial_number):
             raise ValueError(
                 f"port auto: {nothing_found(serial_number)}; plug the board in or give a port"
             )
     elif "://" in port:
         serial.serial_for_url(port, do_not_open=True)  # ValueError names an unknown protocol
     elif not os.path.exists(port):
+        if not absent:
+            return
         raise ValueError(f"port {port}: does not exist; USB serial ports found: {found}")
     elif wrong := _not_serial(port):
         raise ValueError(f"port {port}: {wrong}; USB serial ports found: {found}")

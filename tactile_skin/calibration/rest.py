@@ -104,9 +104,9 @@ def check_all_is_sent(frames: np.ndarray, circuit: Circuit, threshold: float, st
     silent = np.mean(np.nan_to_num(np.nanmedian(frames, axis=0))[circuit.populated] <= threshold)
     if silent > _SILENT:
         raise ValueError(
-            f"{silent:.0%} of the untouched cells read no more than compensation's threshold = "
-            f"{steps:g} ADC steps: what they conduct must be known here. Let the board send all "
-            "that it reads, and set threshold: 0"
+            f"{silent:.0%} of the untouched cells read no more than "
+            f"compensation's board_threshold = {steps:g} ADC steps: what they conduct must be "
+            "known here. Let the board send all that it reads, and set board_threshold: 0"
         )
 
 

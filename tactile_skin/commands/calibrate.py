@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
 import shutil
 import sys
 import tempfile
@@ -13,18 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import __version__
 from ..arguments import split
-from ..calibration.creep import as_it_comes, measure_creep
+from ..calibrated import write
+from ..calibration.creep import measure_creep
 from ..calibration.curve_fit import MAX_LAG, POOR, FittedCurve, fit_reference
-from ..calibration.identify import names, values
 from ..calibration.rest import check_all_is_sent, supposing
 from ..guide import Guide, newtons
 from ..middleware.config import SkinConfig, read_skin
-from ..middleware.parameter_file import ParameterFile
-from ..middleware.written import entered, replace_file
-from ..physics.creep import Creep
-from ..physics.curve import PressureCurve
 from ..readings.processed import Kind, processed
 from ..recording.reference import read_reference
 from ..replay.sources import Live, Recorded
@@ -281,60 +275,3 @@ def _count_down(seconds: int) -> None:
         print(f"\r  hands off: measured in {left} s ", end="", flush=True)
         time.sleep(1.0)
     print("\r  measuring                 ", flush=True)
-
-
-def write(path: Path, source: Path | None, guide: Guide, skin: SkinConfig) -> None:
-    """Write the configuration with what was learnt, as a parameter file; the old one stays as .bak.
-
-    Comments, order and mode of the file stay. A crash at any point leaves the old file or the new
-    one.
-    """
-    said = guide.circuit.describe()
-    given = _given(source)
-    circuit = {
-        name: said[name] for name in ("rows", "cols", "r_ref", "adc_bits") if name not in given
-    }
-    notes = [
-        f"made by tactile-skin calibrate {__version__}, {datetime.datetime.now():%Y-%m-%d %H:%M}",
-        f"noise of a reading: {guide.rest.noise:.2f} ADC steps",
-    ]
-    notes += [f"row {row}, column {col} is noisy" for row, col in guide.rest.noisy]
-    if guide.found:
-        circuit["r_par"] = round(guide.circuit.r_par, 1)
-        # Where it is not told the curve makes up for it: a running skin must know.
-        if guide.found.told["r_par"] or guide.fitted:
-            circuit["r_par_std"] = float(f"{guide.found.std['r_par']:.2g}")
-        circuit[names(guide.circuit)[1]] = round(values(guide.circuit)[1], 1)
-        notes.append(guide.found.message)
-    changes = {"circuit": circuit}
-    creep = guide.creep or skin.creep
-    share, seconds = round(creep.share, 4), round(creep.time, 2)
-    if guide.fitted or guide.creep:
-        by_file = skin.curve, skin.creep
-        curve, known = (guide.fitted.curve, None) if guide.fitted else by_file
-        curve = as_it_comes(curve, Creep(share, seconds), known)
-        # Limits of the file, as stop_on_push.peak, lie on the curve that it had.
-        changes["curve"] = _points(curve.up_to(skin.curve.max_force))
-        if share:
-            changes["curve"] |= {"creep": share, "creep_time": seconds}
-    if guide.fitted:
-        notes.append(guide.fitted.message)
-    if guide.creep:
-        notes.append(
-            f"a standing load gains {share:.1%} +- {guide.creep.std:.1%} in a decade of time"
-        )
-    replace_file(path, entered(source, "/**", changes, notes))
-
-
-def _given(source: Path | None) -> set[str]:
-    """Names of the circuit's parameters that a file gives."""
-    sections = ParameterFile(source).sections.values() if source else ()
-    return {name.removeprefix("circuit.") for values in sections for name in values}
-
-
-def _points(curve: PressureCurve) -> dict:
-    described = curve.describe()
-    return {
-        "force": [round(float(v), 5) for v in described["force"]],
-        "resistance": [round(float(v), 2) for v in described["resistance"]],
-    } | ({} if curve.gain is None else {"gain": curve.gain.round(3).ravel().tolist()})

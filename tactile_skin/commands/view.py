@@ -80,7 +80,8 @@ def show(words: list[str], tqdm: Callable) -> int:
     if port not in _PORTS:
         raise ValueError(f"view_port:={port}: must be a whole number from 0 to {_PORTS[-1]}")
     with listen(given.get("view_host", "127.0.0.1"), port) as listening:
-        shown, pictures = Recorded(recording, track), Pictures(skin)
+        pictures = Pictures(skin)
+        shown = Recorded(recording, pictures.push_of, track)
         shape = shown.shape
         if shape != skin.circuit.shape:
             raise ValueError(

@@ -17,7 +17,6 @@ from scipy.ndimage import binary_dilation
 from ..findings.finding import Finding, Kind, Severity
 from ..physics.adc import Adc
 from ..solvers.reading import ROUNDING_NOISE
-from ..solvers.suspect import near_end
 from .check import ABOVE, BEYOND, Check, Seen, Window
 
 _CHANCE = 1e-5  # of a sound skin's readings standing at one height, in one window
@@ -39,7 +38,7 @@ class Ceiling(Check):
         circuit = adc.circuit
         # what is given here is what readings have risen by
         self._falls_from = circuit.full_scale if adc.inverted else None
-        self._scale, self._full = 1 << (16 - circuit.adc_bits), circuit.full_scale
+        self._scale = 1 << (16 - circuit.adc_bits)
         # what a short circuit would read [ADC steps]
         self._most = _NEAR_MOST * adc.rising_count(float(circuit.ratio(0.0)))
         # the solvers know what a reading there means
@@ -111,5 +110,4 @@ class Ceiling(Check):
         if self.height is None:
             return []
         end = self.height if self._falls_from is None else self._falls_from - self.height
-        form = "live" if near_end(self.height / self._full) else "live, limited"
-        return [Finding(Kind.SATURATION, form, severity=Severity.FAULT, numbers={"steps": end})]
+        return [Finding(Kind.SATURATION, "live", severity=Severity.FAULT, numbers={"steps": end})]

@@ -72,7 +72,7 @@ def skin_of(values: dict, where: str) -> SkinConfig:
     overrides = [
         Parameter(name, value)
         for name, value in values.items()
-        if name.split(".")[0] in (*SHARED, "threshold")
+        if name.split(".")[0] in (*SHARED, "board_threshold")
     ]
     reader = Node("compensation", context=Context(), parameter_overrides=overrides)
     try:
@@ -81,7 +81,7 @@ def skin_of(values: dict, where: str) -> SkinConfig:
         curve = curve_of(given.curve, circuit)
         skin = SkinConfig(circuit, curve, geometry_of(given.geometry, circuit))
         skin.adc, skin.creep = adc_of(given.circuit, circuit), creep_of(given.curve)
-        skin.r_par_std, skin.threshold = given.circuit.r_par_std or None, given.threshold
+        skin.r_par_std, skin.threshold = given.circuit.r_par_std or None, given.board_threshold
         skin.board = given.circuit
     except ValueError as error:
         raise type(error)(f"{where}: {error}" if where else str(error)) from error

@@ -42,9 +42,10 @@ class ParameterFile:
     Attributes:
         skins: their names.
         sections: full name, such as "/left/stop_on_push" -> {parameter: value}.
-        by_launch: whether `ros2 launch` wrote it, of what a launch file gives one program: it is
-            for all nodes of that. An empty value in it is that of an argument that was not given,
-            and says nothing.
+        by_launch: whether `ros2 launch` wrote it, of what a launch file gives one program. An empty
+            value in it is that of an argument that was not given, and says nothing.
+        programs: full names of the program that runs several nodes; a section for it is for each
+            of them.
 
     Raises:
         FileError: not such a file, or none; the message names the file and the key.
@@ -52,7 +53,7 @@ class ParameterFile:
 
     def __init__(self, path, own: bool = False):
         self.path, self.own = Path(path), own
-        self.by_launch = self.path.name.startswith(_LAUNCH_ROS)
+        self.programs: tuple[str, ...] = ()
         try:
             data = read_yaml(path)
         except OSError as error:
@@ -65,6 +66,8 @@ class ParameterFile:
         skins = data.pop(SKINS, {})
         for name, section in data.items():
             self._read(name, section)
+        one = len(self.sections) == 1  # of several: a user's, whose substitutions were carried out
+        self.by_launch = one and self.path.name.startswith(_LAUNCH_ROS)
         if not isinstance(skins, dict):
             raise FileError(f"{path}: {SKINS} = {shorten(skins)}: must map names to skins")
         self.skins = tuple(skins)
@@ -80,7 +83,7 @@ class ParameterFile:
             return
         if set(below) != {"ros__parameters"}:
             raise FileError(f"{self.path}: {name}: must hold ros__parameters and nothing else")
-        full = "/**" if self.by_launch else "/" + name.strip("/")
+        full = "/" + name.strip("/")
         if full in self._names:
             raise FileError(f"{self.path}: {name}: is the section {self._names[full]} again")
         values = section["ros__parameters"]
@@ -129,7 +132,7 @@ class ParameterFile:
         """Return what the file says for the node of this full name; what comes later in it wins."""
         found: dict = {}
         for section, values in self.sections.items():
-            if concerns(section, node):
+            if any(concerns(section, name) for name in (node, *self.programs)):
                 found |= values
         return [
             Parameter(key, value, str(self.path))
@@ -157,10 +160,12 @@ class ParameterFile:
         known: dict[str, Collection[str] | None] = {n: own_names(n) | shared for n in CLASSES}
         known |= nodes
         everyone = shared.union(*filter(None, known.values()))
-        if not self.own:  # ROS's: which nodes the program runs
-            known[COMPOSED] = shared | NODES.keys()
+        programs = {last_of(name) for name in self.programs}
+        if not self.own:  # it may also be for a program that runs elsewhere
+            programs.add(COMPOSED)
+        known |= dict.fromkeys(programs, everyone | NODES.keys())
         known |= dict.fromkeys(_WILDCARDS, None if None in known.values() else everyone)
-        lasts = [section.rsplit("/", 1)[-1] for section in self.sections]
+        lasts = [last_of(section) for section in self.sections]
         foreign = not known.keys() & set(lasts)
         for last, (section, values) in zip(lasts, self.sections.items(), strict=True):
             where = self.name_of(section)
@@ -183,14 +188,20 @@ class ParameterFile:
         Raises:
             ParameterError: naming the sections and the node.
         """
-        name = node.rsplit("/", 1)[-1]
-        alike = [s for s in self.sections.keys() - self._of_skins if s.rsplit("/", 1)[-1] == name]
-        if alike and not any(concerns(section, node) for section in alike):
-            found = " and ".join(self._names[section] for section in alike)
-            raise ParameterError(
-                f"{self.path}: {found}: is not for the node {node}: "
-                f"must be /**/{name}, for any namespace, or {node}"
-            )
+        for full in (node, *self.programs):
+            name = last_of(full)
+            alike = [s for s in self.sections.keys() - self._of_skins if last_of(s) == name]
+            if alike and not any(concerns(section, full) for section in alike):
+                found = " and ".join(self._names[section] for section in alike)
+                raise ParameterError(
+                    f"{self.path}: {found}: is not for the node {full}: "
+                    f"must be /**/{name}, for any namespace, or {full}"
+                )
+
+
+def last_of(full_name: str) -> str:
+    """Return the name of a node or section without its namespace."""
+    return full_name.rsplit("/", 1)[-1]
 
 
 def values_for(node: str, given: Iterable[ParameterFile | Parameter]) -> list[Parameter]:

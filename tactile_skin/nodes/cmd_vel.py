@@ -27,6 +27,7 @@ class CmdVel:
 
     Attributes:
         frame: of stamped velocities.
+        asked: header of the command that its motion is of; None: it is of no command.
         kind: of its velocities: Twist, or with the parameter `stamped` TwistStamped.
 
     Args:
@@ -41,6 +42,7 @@ class CmdVel:
         self._reason: str | None = None
         self._closed = threading.Lock()  # never released once the final zero is published
         self.kind, self.frame = kind_of(given.stamped), given.frame_id
+        self.asked: Header | None = None
         self._cmd_vel = node.create_publisher(self.kind, "cmd_vel", 1)
         self._diagnostics = diagnostics.Reporter(node)
         node.create_subscription(DiagnosticArray, STATUS_TOPIC, self.on_status, STATUS)
@@ -82,8 +84,10 @@ class CmdVel:
         self._send(Twist())
 
     def _send(self, twist: Twist) -> None:
+        """Send a motion as old as its command, and no motion as news."""
         if self.kind is TwistStamped:
-            header = Header(self._node.get_clock().now().to_msg(), self.frame)
+            header = self.asked if twist != Twist() else None
+            header = header or Header(self._node.get_clock().now().to_msg(), self.frame)
             self._cmd_vel.publish(TwistStamped(header, twist))
         else:
             self._cmd_vel.publish(twist)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..behaviours.gate import Gate, GateConfig
+from ..middleware.bus import Time
 from ..middleware.config import declared
-from ..msg import Twist, TwistStamped
+from ..msg import Header, Twist, TwistStamped
 from ..parameters.fields import configured
 from ..parameters.nodes import CmdVelGate as Parameters
 from . import frames
@@ -18,7 +19,8 @@ class CmdVelGate:
     """Publishes cmd_vel with every command, and at least 50 times a second: gate.py, cmd_vel.py.
 
     Positions, forces and velocities are in one frame, or tf knows where the skin's frame is in that
-    of the velocities, `base_frame`.
+    of the velocities, `base_frame`. A stamped command that passes keeps its
+    stamp.
     """
 
     def __init__(self, node):
@@ -41,8 +43,16 @@ class CmdVelGate:
         self.gate.touch(touch.stamp, touch.total, touch.force, places)
 
     def on_command(self, msg: Twist | TwistStamped) -> None:
-        twist = twist_of(msg)
-        self.gate.command(self._cmd_vel.now(), xyz(twist.linear), xyz(twist.angular))
+        twist, stamp, refused = twist_of(msg), None, ""
+        if isinstance(msg, TwistStamped):
+            header, ours = msg.header, self._cmd_vel.frame
+            # a stamp of 0 is none, as for ros2_control's controllers
+            stamp = Time.from_msg(header.stamp).nanoseconds / 1e9 or None
+            self._cmd_vel.asked = Header(header.stamp, ours) if stamp else None
+            if header.frame_id not in ("", ours):
+                refused = f"the command is in {header.frame_id!r}, the gate in {ours}"
+        now = self._cmd_vel.now()
+        self.gate.command(now, xyz(twist.linear), xyz(twist.angular), stamp, refused)
         self._cmd_vel.publish()
 
     def close(self) -> None:

@@ -9,7 +9,7 @@ from ..middleware.bus import DurabilityPolicy, QoSProfile, Time
 from ..middleware.config import adc_of, circuit_of, creep_of, curve_of, declared, geometry_of
 from ..msg import Header, Image, TimeReference, Trigger, image, image_array
 from ..parameters.nodes import Compensation as Parameters
-from . import QUEUE, diagnostics
+from . import READING, diagnostics
 from .gesture_feature import heard
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -69,9 +69,9 @@ class Compensation:
             creep_of(given.curve),
             r_par_std=given.circuit.r_par_std or None,
             # where the board keeps readings to itself, rest cannot be measured
-            follows=given.tare and not given.threshold,
+            follows=given.tare and not given.board_threshold,
             noise=adc.share(given.noise) * circuit.full_scale or None,
-            threshold=adc.threshold(given.threshold),
+            threshold=adc.threshold(given.board_threshold),
             time_limit=given.time_limit,
             weights=weights,
             warn=node.get_logger().warning,
@@ -90,7 +90,7 @@ class Compensation:
         self._fitted_at = -float("inf")  # s, when the last one was that the configured method took
         self.on_parameters({"method": given.method})
         node.on_set_parameters(self.on_parameters)
-        node.create_subscription(Image, "skin/adc", self.on_adc, QUEUE)
+        node.create_subscription(Image, "skin/adc", self.on_adc, READING)
         node.create_service(Trigger, "~/reset", self.on_reset)
         node.create_service(Trigger, "~/tare", self.on_tare)
         node.create_timer(1.0, self.on_second)

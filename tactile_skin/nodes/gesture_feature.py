@@ -26,7 +26,7 @@ from ..touch.frames import Pose
 from ..touch.geometry import rotation_of
 from ..touch.gestures import Gesture, Gestures
 from ..touch.tracking import RELEASED, STATES, Touch, Tracker, stroke
-from . import QUEUE, frames
+from . import READING, frames
 
 CONTACT = ("x", "y", "z", "force", "area", "peak", "id", "vx", "vy", "vz", "state")
 _CODE = {state: float(code) for code, state in enumerate(STATES)}
@@ -65,7 +65,7 @@ class GestureFeature:
         self._stroke = node.create_publisher(Vector3Stamped, "skin/stroke", 10)
         self._stroke_confidence = node.create_publisher(Float32, "skin/stroke_confidence", 10)
         self._gestures = node.create_publisher(PointCloud2, "skin/gestures", 10)
-        node.create_subscription(Image, "skin/pressure", self.on_pressure, QUEUE)
+        node.create_subscription(Image, "skin/pressure", self.on_pressure, READING)
 
     def on_parameters(self, values: dict) -> None:
         self.cell_threshold = values["cell_threshold"]

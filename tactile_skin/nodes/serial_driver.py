@@ -58,8 +58,8 @@ class SerialDriver:
         self._bad, self._beyond = 0.0, ("", 0.0)  # why numbers are out of range; the largest
         self._adc = node.create_publisher(Image, "skin/adc", 10)
         self._diagnostics = diagnostics.Reporter(node)
-        if given.wait_for_port == 0.0:
-            check_port(given.port, given.serial_number)
+        absent = given.wait_for_port == 0.0 and not node.waits
+        check_port(given.port, given.serial_number, absent)
         self._reader = SerialReader(
             given.port,
             given.baud,

@@ -76,7 +76,8 @@ class StopOnPush:
 
     Publishes skin/stop (Bool, latched, with every decision: a heartbeat) and skin/stop_status
     (DiagnosticArray with the stamp of the reading that it is based on; ERROR and the reason while
-    stopped; `good_for`, how long after its stamp "free" is valid [s], the stale_after in force;
+    stopped; `threshold` and `peak` in force [N];
+    `good_for`, how long after its stamp "free" is valid [s], the stale_after in force;
     `interval`, usual between readings [s]).
 
     The sum of the contacts' forces decides, so that a squeeze from both sides, whose wrench is
@@ -219,6 +220,8 @@ class StopOnPush:
         values = {
             "force": f"{self._force:.2f}",
             "counts_as": f"{self._most:.2f}",
+            "threshold": f"{self.policy.config.threshold:g}",
+            "peak": f"{self.policy.config.peak:g}",
             "push": str(self.policy.pushed).lower(),
             CAUSES: " ".join(cause.value for cause in decision.causes),
             diagnostics.SIMULATED: str(self._simulated).lower(),

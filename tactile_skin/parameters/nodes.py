@@ -81,7 +81,7 @@ class Compensation:
     weights: str = parameter(
         "", "", "file written by `tactile-skin train`; empty: the shipped weights"
     )
-    threshold: float = parameter(
+    board_threshold: float = parameter(
         0.0, "ADC steps", "up to which the board sends 0; disables the tare", 0.0, 65535.0
     )
     noise: float = parameter(
@@ -308,7 +308,9 @@ class View:
     geometry: Geometry = group(Geometry)
     host: str = parameter("127.0.0.1", "", "address to serve the page on; 0.0.0.0: all of them")
     port: int = parameter(8321, "", "TCP port of the page; 0: any that is free", 0, 65535)
-    controls: bool = parameter(False, "", "whether a page may tare, and reset the stop")
+    controls: bool = parameter(
+        False, "", "whether a page may tare, reset the stop, record and calibrate"
+    )
 
 
 @dataclasses.dataclass(frozen=True)

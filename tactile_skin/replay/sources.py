@@ -11,7 +11,7 @@ from ..middleware.bus import Context, MultiThreadedExecutor, Node, Parameter
 from ..middleware.config import adc_of, declared
 from ..middleware.parameter_file import ParameterFile
 from ..msg import Image, image_array
-from ..nodes import QUEUE
+from ..nodes import READING
 from ..nodes.serial_driver import SerialDriver
 from ..parameters.shared import Shared
 from ..physics.adc import Adc
@@ -69,7 +69,7 @@ class Live:
         listener = Node("calibrate", context=self._context, parameter_overrides=parameters)
         self._adc = adc_of(declared(listener, Shared).circuit)
         self._frames: list[np.ndarray] = []
-        listener.create_subscription(Image, "skin/adc", self._on_adc, QUEUE)
+        listener.create_subscription(Image, "skin/adc", self._on_adc, READING)
         self._executor.add_node(node, listener)
 
     @property

@@ -1,7 +1,6 @@
 """From a reading to the force on each cell: one entry, `compensate`, and a file per method.
 
 reading.py      one checked frame           estimate.py   what comes out
-checks.py       the other arguments
 naive.py        the paper's naive method    learned.py    the networks
 fixed_point.py  the literature's iteration  newton.py     the exact inverse
 map.py          noise-aware, with prior.py  auto.py       the cheapest that the frame allows
@@ -21,15 +20,14 @@ from ..physics import lines
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from .auto import auto
-from .checks import check_prior, check_start
-from .estimate import Estimate, batch_of
+from .estimate import Estimate, batch_of, check_start
 from .fixed_point import first_guess, fixed_point, iterate, last_guess
 from .learned import cnn, physics
 from .map import map_estimate
 from .naive import naive
-from .newton import cells_that_fit, newton
+from .newton import newton
 from .reading import Reading, check_reading
-from .suspect import EXACT_NOISE, saturation
+from .suspect import EXACT_NOISE
 
 METHODS = {
     "naive": naive,
@@ -49,7 +47,6 @@ _LEAST_SHARE = 0.1  # of a change, that is taken,
 _MOST_SHARE = 2.0  # and at most
 _ROUNDS = 20  # fits at most
 _CLOSE = 0.3  # standard deviations by which what the stripes add may still change
-_NOT_FITTED = "naive", "fixed_point", "cnn", "physics"
 
 __all__ = ["METHODS", "Estimate", "check_reading", "compensate"]
 
@@ -62,7 +59,6 @@ def compensate(
     *,
     weights=None,
     start: Estimate | None = None,
-    prior: tuple | None = None,
     noise=None,
     missing: bool = False,
     threshold: float = 0.0,
@@ -82,11 +78,8 @@ def compensate(
         weights: a `network.Weights` for cnn and physics; None: those of the package.
         start: the last frame's estimate, from which newton, map and auto then go on, and which the
             others ignore; every frame of a batch goes on from it.
-        prior: of map and auto: (mean, std) of each cell's force [N], arrays (rows, cols) or
-            numbers, joined to the built-in prior as independent knowledge: a network's output, say.
-            A std of infinity says nothing.
-        noise: RMS noise of a reading in ADC steps, a number or (rows, cols); 0: exact. None: map
-            and auto measure it in the frame, the others assume that of rounding to whole steps.
+        noise: RMS noise of a reading [ADC steps]; 0: exact. None: map and auto measure it in the
+            frame, the others assume that of rounding to whole steps.
         missing: whether NaN marks a missing reading (map and auto only).
         threshold: ADC ratio of the board's threshold: a reading at or below it is only known not
             to be above (map and auto only).
@@ -104,16 +97,12 @@ def compensate(
     """
     if method not in METHODS:
         raise ValueError(f"method {method!r}: must be one of {', '.join(METHODS)}")
-    given = {"weights": weights, "prior": prior}
-    for name, value in given.items():
-        if value is not None and name not in _TAKES[method]:
-            users = " and ".join(m for m, takes in _TAKES.items() if name in takes)
-            raise ValueError(f"method {method!r} does not use {name}: only {users} do")
+    given = {"weights": weights, "start": start}
+    if weights is not None and "weights" not in _TAKES[method]:
+        users = " and ".join(m for m, takes in _TAKES.items() if "weights" in takes)
+        raise ValueError(f"method {method!r} does not use weights: only {users} do")
     if start is not None:
         check_start(start, circuit)
-    if prior is not None:
-        given["prior"] = check_prior(prior, circuit)
-    given["start"] = start
     given = {name: given[name] for name in _TAKES[method]}
     checks: dict[str, Any] = {"missing": missing, "threshold": threshold, "ceiling": ceiling}
     checks |= {"noise": noise, "time_limit": time_limit}
@@ -136,8 +125,9 @@ def _one(reading: Reading, method: str, given: dict) -> Estimate:
     on the picture, so it is taken from a guess, and from the estimate until it stays.
     """
     stripes = reading.circuit.stripes
+    solve = METHODS[method]
     if stripes is None or method == "naive":
-        return _of_ideal_stripes(reading, method, given)
+        return solve(reading, **given)
     ideal = replace(reading, circuit=replace(reading.circuit, r_line=0.0))
     exact, close = reading.noise == 0.0, _CLOSE * (reading.noise or EXACT_NOISE)
     start = given.get("start")
@@ -151,7 +141,7 @@ def _one(reading: Reading, method: str, given: dict) -> Estimate:
     added, share, last = lines.added(g, stripes, exact), 1.0, None
     for _ in range(_ROUNDS):
         behind = ideal.behind(added)
-        estimate = _of_ideal_stripes(behind, method, given)
+        estimate = solve(behind, **given)
         now = lines.added(last_guess(ideal, estimate), stripes, exact)
         change = np.abs(behind.adc - ideal.behind(now).adc).max() * ideal.circuit.full_scale
         if change <= close or reading.late():
@@ -163,14 +153,4 @@ def _one(reading: Reading, method: str, given: dict) -> Estimate:
                 -share * (last * turn).sum() / np.square(turn).sum(), _LEAST_SHARE, _MOST_SHARE
             )
         added, last = np.maximum(added + share * off, 0.0), off
-    return estimate
-
-
-def _of_ideal_stripes(reading: Reading, method: str, given: dict) -> Estimate:
-    estimate = METHODS[method](reading, **given)
-    if estimate.status == "ok" and method in _NOT_FITTED and reading.all_cells_read:
-        # The misfit of these methods proves nothing: the exact inverse decides.
-        finding = saturation(reading)
-        if finding and cells_that_fit(reading) is None:
-            return estimate.doubted(finding)
     return estimate

@@ -19,7 +19,7 @@ _IDLE_PEAK = 4.5
 _EXACT_IDLE_PEAK = 1e-9  # the same of exact readings [ADC steps]
 
 
-def auto(reading: Reading, start: Estimate | None = None, prior=None) -> Estimate:
+def auto(reading: Reading, start: Estimate | None = None) -> Estimate:
     """Nothing where nothing touches, `newton` for exact readings that it explains, else `map`.
 
     `map` sizes itself: its unknowns are the touched cells alone, and it stops at the noise.
@@ -29,19 +29,19 @@ def auto(reading: Reading, start: Estimate | None = None, prior=None) -> Estimat
     quiet = reading
     if not reading.noise_given:
         quiet = reading.with_noise(robust_std(np.abs(reading.misfit(rest))))
-    if (idle := _idle_estimate(quiet, rest, prior)) is not None:
+    if (idle := _idle_estimate(quiet, rest)) is not None:
         return idle
-    if reading.noise == 0.0 and reading.all_cells_read and prior is None:
+    if reading.noise == 0.0 and reading.all_cells_read:
         estimate = newton(reading, start)
         if estimate.status == "ok":
             return estimate
-    return map_estimate(reading, start, prior)
+    return map_estimate(reading, start)
 
 
-def _idle_estimate(reading: Reading, rest: np.ndarray, prior) -> Estimate | None:
+def _idle_estimate(reading: Reading, rest: np.ndarray) -> Estimate | None:
     """Return the estimate of an untouched skin if this is one, else None."""
     peak = np.abs(reading.misfit(rest)).max()
-    at_rest = prior is None and peak <= max(_IDLE_PEAK * reading.noise, _EXACT_IDLE_PEAK)
+    at_rest = peak <= max(_IDLE_PEAK * reading.noise, _EXACT_IDLE_PEAK)
     if at_rest and not (reading.noise and by_residual(reading, rest)):
         idle = _idle(reading.circuit, reading.curve, reading.noise)
         return replace(idle, residual=reading.residual(rest))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..findings.finding import Finding
+from ..physics.circuit import Circuit
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -93,6 +94,22 @@ def batch_of(estimates: list[Estimate], shape: tuple[int, int]) -> Estimate:
     for name in ("force", "std", "aside"):
         found[name] = found[name].reshape(-1, *shape)  # of no frames, too
     return Estimate(**found)
+
+
+def check_start(start: Estimate, circuit: Circuit) -> None:
+    """Raise ValueError unless `start` is an estimate to go on from, of a skin of this shape."""
+    if not isinstance(start, Estimate):
+        kind = type(start).__name__
+        raise ValueError(f"start is of type {kind}: must be an Estimate, that of the last frame")
+    force = np.asarray(start.force)
+    if force.shape != circuit.shape:
+        raise ValueError(f"start has shape {force.shape}: the circuit is {circuit.shape}")
+    if (bad := ~((force >= 0.0) & (force < np.inf))).any():  # NaN is neither
+        row, col = np.argwhere(bad)[0]
+        raise ValueError(
+            f"start.force = {force[row, col]} at row {row}, column {col}: must be finite and "
+            "0 N or more"
+        )
 
 
 def spread(curve, force: np.ndarray, std_x: np.ndarray) -> np.ndarray:

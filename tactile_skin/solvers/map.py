@@ -45,51 +45,42 @@ _USUAL_NOISE = 0.6  # ADC steps that boards usually have,
 _USUAL_COUNT = 3.0  # which counts as so many readings
 
 
-def map_estimate(reading: Reading, start: Estimate | None = None, prior=None) -> Estimate:
+def map_estimate(reading: Reading, start: Estimate | None = None) -> Estimate:
     """`_map_estimate`; what it doubts once its time is over, more time might explain."""
-    found = _map_estimate(reading, start, prior)
+    found = _map_estimate(reading, start)
     if found.status != "suspect" or not reading.late() or suspect.by_reading(reading):
         return found
     return found.doubted(Finding(Kind.MISFIT, "late"))
 
 
-def _map_estimate(reading: Reading, start: Estimate | None, prior) -> Estimate:
+def _map_estimate(reading: Reading, start: Estimate | None) -> Estimate:
     """Most probable force, from `start` or from a few steps of the fixed point.
 
     A start may lead to a bad local fit, so a suspect frame is solved again without it. A frame that
     is suspect in a stream is not asked for another r_par: a touch that comes or goes is, for some
     frames.
-
-    Args:
-        prior: (mean, std), two (rows, cols) arrays or numbers [N], joined to the built-in prior as
-            independent knowledge of each cell.
     """
     reading, warm = reading.above_cut_off(), start is not None
     g = first_guess(reading) if start is None else last_guess(reading, start)
-    same = None if start is None or prior is not None else _unchanged(reading, start, g)
+    same = None if start is None else _unchanged(reading, start, g)
     if same is not None:
         return same
-
-    def fit(reading, g, warm=True):
-        return _fit(reading, g, prior, warm)
-
-    estimate = fit(reading, g, warm)
+    estimate = _fit(reading, g, warm)
     if warm and estimate.status != "ok" and not reading.late():
-        again = fit(reading, first_guess(reading), False)
+        again = _fit(reading, first_guess(reading))
         estimate = estimate if again.status == "failed" else again
     if not reading.noise_given:
-        reading = replace(reading, noise=estimate.noise)
+        reading = replace(reading, noise=float(estimate.noise))
     if not reading.circuit.has_cross_talk:  # cells of any other circuit would fit as well
         return estimate
     if estimate.status == "suspect" and not reading.late():
-        estimate = without_bad_contacts(reading, fit, estimate) or estimate
-    asks = estimate.status == "ok" and prior is None
-    if asks and (finding := other_readout(reading, estimate, start, _touches)):
+        estimate = without_bad_contacts(reading, _refit, estimate) or estimate
+    if estimate.status == "ok" and (finding := other_readout(reading, estimate, start, _touches)):
         return estimate.doubted(finding)
     explained = estimate.status == "ok" or (estimate.status == "suspect" and not warm)
     if estimate.aside is not None or not explained:
         return estimate
-    return with_other_r_par(reading, fit, estimate) or estimate
+    return with_other_r_par(reading, _refit, estimate) or estimate
 
 
 def _unchanged(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | None:
@@ -107,8 +98,13 @@ def _unchanged(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | N
     return replace(start, residual=residual, iterations=0)
 
 
+def _refit(reading: Reading, g: np.ndarray) -> Estimate:
+    """Fit the load to a reading like one whose answer g (rows, cols) [S] is known."""
+    return _fit(reading, g, warm=True)
+
+
 def _fit(
-    reading: Reading, g: np.ndarray, prior, warm: bool = False, fits: int = _MAX_FITS, level=True
+    reading: Reading, g: np.ndarray, warm: bool = False, fits: int = _MAX_FITS, level=True
 ) -> Estimate:
     """Fit the load to a reading.
 
@@ -126,11 +122,9 @@ def _fit(
     at_rest = circuit.populated & (g < NEAR_REST * low)
     broad = level and prior_terms.is_broad(circuit, at_rest) and prior_terms.is_level(reading, g)
     g = np.where(at_rest, low, g)
-    point, step, iterations, settled = _converge(
-        reading, _Point.at(reading, g, broad, prior), broad, prior, warm
-    )
+    point, step, iterations, settled = _converge(reading, _Point.at(reading, g, broad), broad, warm)
     if broad and _leaves_level(reading, point):
-        found = _fit(reading, point.model.g, prior, warm, fits, level=False)
+        found = _fit(reading, point.model.g, warm, fits, level=False)
         return replace(found, iterations=found.iterations + steps + iterations)
     converged = step.solved and (settled or iterations == MAX_STEPS)
     if converged and not reading.late():
@@ -142,9 +136,9 @@ def _fit(
             if broad or again.noise > _LOUD * _USUAL_NOISE:
                 g = begin
         if again.noise != reading.noise:
-            found = _fit(again, g, prior, warm, max(fits - 1, 0), level)
+            found = _fit(again, g, warm, max(fits - 1, 0), level)
             return replace(found, iterations=found.iterations + steps + iterations)
-    force, std, adc = _forces(reading, point, step, converged, broad, prior)
+    force, std, adc = _forces(reading, point, step, converged, broad)
     residual = reading.residual(adc)
     finding = suspect.by_reading(reading)
     finding = finding or suspect.by_residual(reading, point.model.adc, ROUNDING_NOISE)
@@ -166,7 +160,7 @@ def _fit(
 
 
 def _forces(
-    reading: Reading, point: _Point, step: _Step, converged: bool, broad: bool, prior
+    reading: Reading, point: _Point, step: _Step, converged: bool, broad: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the force of each cell [N], its standard deviation [N] and the ADC ratio it gives.
 
@@ -179,7 +173,7 @@ def _forces(
     independent = circuit.readout != "grounded"
     if converged and not broad and independent and step.equations is not None:
         smoothed = prior_terms.with_neighbours(
-            reading, point.model, point.gx, point.x, step.equations, std_x, prior
+            reading, point.model, point.gx, point.x, step.equations, std_x
         )
         g, std_x, adc = smoothed or (g, std_x, adc)
     with np.errstate(divide="ignore"):
@@ -193,7 +187,7 @@ def _forces(
 
 
 def _converge(
-    reading: Reading, point: _Point, broad: bool, prior, warm: bool
+    reading: Reading, point: _Point, broad: bool, warm: bool
 ) -> tuple[_Point, _Step, int, bool]:
     """Gauss-Newton from a point: the last point and step, their number, whether that is the end."""
     costs = [point.cost]
@@ -203,7 +197,7 @@ def _converge(
         step = _gauss_newton(reading, point)
         if not step.solved:
             break
-        point = _descend(reading, point, step, broad, prior, max(costs[-_MEMORY:]))
+        point = _descend(reading, point, step, broad, max(costs[-_MEMORY:]))
         costs.append(point.cost)
         # What is left to gain is the error of the quadratic's prediction. A load on the whole skin
         # is tested by its cost, and is therefore fitted to the end.
@@ -228,8 +222,8 @@ def _touches(reading: Reading, g: np.ndarray) -> np.ndarray:
     """Return (rows, cols) conductance [S] of the likeliest touches near g, none on all the skin."""
     low = reading.bounds[0]
     g = np.where(g < NEAR_REST * low, low, g) * reading.circuit.populated
-    point = _Point.at(reading, g, False, None)
-    return _converge(reading, point, False, None, False)[0].model.g
+    point = _Point.at(reading, g, False)
+    return _converge(reading, point, False, False)[0].model.g
 
 
 def _with_noise_at_rest(reading: Reading, g: np.ndarray) -> Reading:
@@ -265,16 +259,16 @@ class _Point(NamedTuple):
     cost: float
 
     @classmethod
-    def at(cls, reading: Reading, g: np.ndarray, broad: bool, extra) -> _Point:
-        model, (gx, x) = reading.linearised(g, reading.spread), prior_terms.pressed(reading, g)
-        cells = reading.circuit.populated
+    def at(cls, reading: Reading, g: np.ndarray, broad: bool) -> _Point:
+        model, (gx, x) = (
+            reading.linearised(g, reading.fitted_noise),
+            prior_terms.pressed(reading, g),
+        )
         if broad:
-            terms = prior_terms.level(*prior_terms.force_of(reading, g), cells)
+            load = prior_terms.force_of(reading, g)
+            terms = prior_terms.level(*load, reading.circuit.populated)
         else:
             terms = prior_terms.touches(x, prior_terms.differences(reading.circuit))
-        if extra is not None:
-            (force, slope), (mean, std) = prior_terms.force_of(reading, g), extra
-            terms = prior_terms.add(terms, prior_terms.known(force, slope, mean, std, cells))
         flat = model.misfit.ravel()
         cost = 0.5 * (flat @ flat) + terms.value
         return cls(model, gx, x, terms, float(cost))
@@ -356,7 +350,7 @@ def _conjugate_gradients(point: _Point, between, free: np.ndarray, b: np.ndarray
     return conjugate_gradients(product, diagonal, b, steps=_CG_STEPS, target=1e-2)
 
 
-def _descend(reading: Reading, point: _Point, step: _Step, broad: bool, extra, ceiling) -> _Point:
+def _descend(reading: Reading, point: _Point, step: _Step, broad: bool, ceiling) -> _Point:
     """Take the step, or as much of it as stays below `ceiling`; the old point if none does."""
     if not step.free.size:
         return point
@@ -368,7 +362,7 @@ def _descend(reading: Reading, point: _Point, step: _Step, broad: bool, extra, c
         g = point.model.g.copy()
         flat = g.reshape(-1)
         flat[step.free] = np.minimum(np.maximum(flat[step.free] + change, low), high)
-        new = _Point.at(reading, g, broad, extra)
+        new = _Point.at(reading, g, broad)
         if new.cost <= ceiling:
             return new
         dx = 0.4 * dx

@@ -112,7 +112,7 @@ def level(force: np.ndarray, slope: np.ndarray, cells: np.ndarray) -> Quadratic:
 
 
 def known(force, slope, mean, std, cells) -> Quadratic:
-    """Independent knowledge of each force, mean and std [N]: a network's, say.
+    """Return what is known of each force, mean and std [N].
 
     Or of each x = log conductance, whose slope is 1.
     """
@@ -150,12 +150,6 @@ def is_level(reading: Reading, g: np.ndarray) -> bool:
     return bool(force.max() < _LEVEL * force.mean())
 
 
-def add(one: Quadratic, other: Quadratic) -> Quadratic:
-    """Both at once, of which at most the first joins cells."""
-    value, gradient = one.value + other.value, one.gradient + other.gradient
-    return Quadratic(value, gradient, one.diagonal + other.diagonal, one.entries)
-
-
 def precision(jacobian, prior: Quadratic, between: Differences | None, free: np.ndarray):
     """(n, n) of the cost over the n free cells, upper triangle: J^T J and the prior's."""
     total = blas.ssyrk(1.0, jacobian.T, lower=1).T
@@ -190,7 +184,6 @@ def with_neighbours(
     x: np.ndarray,
     equations: NormalEquations,
     std_x: np.ndarray,
-    extra=None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Return what the neighbours of each unknown say of it, after a fit, in place of `touches`.
 
@@ -201,7 +194,6 @@ def with_neighbours(
     Args:
         gx, x: `pressed` of the fit.
         std_x: (rows, cols) its standard deviation of x.
-        extra: (mean, std) of each force [N] that the fit was given.
 
     Returns:
         g [S], standard deviation of x, ADC ratio, (rows, cols) each; None: the fit stays, as
@@ -219,9 +211,6 @@ def with_neighbours(
     low, high = (bound.ravel()[free] for bound in reading.bounds)
     for _ in range(_STEPS):
         terms = known(x, 1.0, mean, std, unknown)
-        if extra is not None:
-            (force, slope), (at, to) = force_of(reading, model.g), extra
-            terms = add(terms, known(force, slope, at, to, unknown))
         misfit = model.misfit.ravel()[equations.readings].astype(np.float32)
         b = misfit @ jacobian - terms.gradient.ravel()[free]
         here, change = model.g.ravel()[free], gx.ravel()[free]
@@ -235,11 +224,11 @@ def with_neighbours(
         dx = np.minimum(np.maximum(dx, _MOST_FALL), _MOST_RISE)
         g.flat[free] = np.minimum(np.maximum(here + dx * change, low), high)
         adc = reading.model(g)
-        if np.square(reading.misfit(adc) / reading.spread).sum() <= limit:
+        if np.square(reading.misfit(adc) / reading.fitted_noise).sum() <= limit:
             std_x = std_x.copy()
             std_x.flat[free[inside]] = np.sqrt(inverse_diagonal(factor))
             return g, std_x, adc
-        model = reading.linearised(g, reading.spread)
+        model = reading.linearised(g, reading.fitted_noise)
         gx, x = pressed(reading, g)
         jacobian = model.jacobian(equations.readings, free) * gx.ravel()[free].astype(np.float32)
     return None

@@ -12,7 +12,6 @@ import numpy as np
 from ..physics import readouts
 from ..physics.circuit import Circuit, forward
 from ..physics.curve import PressureCurve
-from .checks import uneven_noise
 
 SCAN_NOISE = 0.52  # ADC steps RMS: mean of 4 samples with 1 step of noise, each rounded
 OUTLIER = 3.0  # standard deviations beyond which a misfit counts less than its square
@@ -44,7 +43,6 @@ class Reading:
         threshold: ADC ratio, 0 where no reading is capped.
         noise: RMS noise of a reading, in ADC steps; 0 for an exact one.
         noise_given: whether the caller gave it; if not, it is measured in the frame.
-        noise_ratio: (rows, cols) times `noise` that each reading has, 1 or more; None: all have 1.
         deadline: `time.monotonic` to stop at, infinity for none.
     """
 
@@ -58,7 +56,6 @@ class Reading:
     circuit: Circuit
     curve: PressureCurve
     noise_given: bool = True
-    noise_ratio: np.ndarray | None = None
 
     def with_noise(self, noise: float) -> Reading:
         """Return the same frame with a noise that was measured in it [ADC steps]."""
@@ -110,11 +107,6 @@ class Reading:
     def fitted_noise(self) -> float:
         """RMS noise [ADC steps] that a least-squares fit assumes: that of rounding at least."""
         return max(self.noise, ROUNDING_NOISE)
-
-    @cached_property
-    def spread(self) -> float | np.ndarray:
-        """`fitted_noise`, of each reading where they differ."""
-        return self.fitted_noise * (1.0 if self.noise_ratio is None else self.noise_ratio)
 
     @cached_property
     def apparent(self) -> tuple[np.ndarray | float, float]:
@@ -243,8 +235,7 @@ def check_reading(
         raise ValueError(f"threshold = {threshold!r}: must be an ADC ratio in [0, 1)")
     if not threshold < ceiling <= 1.0:
         raise ValueError(f"ceiling = {ceiling!r}: must be an ADC ratio in ({threshold:g}, 1]")
-    noise, excess = (noise, None) if np.ndim(noise) == 0 else uneven_noise(noise, circuit)
-    if noise is not None and not 0.0 <= noise < circuit.full_scale:
+    if noise is not None and not (np.ndim(noise) == 0 and 0.0 <= noise < circuit.full_scale):
         raise ValueError(f"noise = {noise!r} ADC steps: must be 0 or more, below full scale")
     if time_limit is not None and not time_limit > 0:
         raise ValueError(f"time_limit = {time_limit!r} s: must be above 0")
@@ -263,19 +254,8 @@ def check_reading(
     deadline = np.inf if time_limit is None else time.monotonic() + time_limit
     given = noise is not None
     noise = noise if given else ROUNDING_NOISE
-    return Reading(
-        adc,
-        known,
-        capped,
-        topped,
-        float(threshold),
-        noise,
-        deadline,
-        circuit,
-        curve,
-        given,
-        excess,
-    )
+    at = float(threshold)
+    return Reading(adc, known, capped, topped, at, noise, deadline, circuit, curve, given)
 
 
 @lru_cache(maxsize=16)

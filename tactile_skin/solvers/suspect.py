@@ -32,21 +32,17 @@ _NOTHING = 0.1  # the same, of an open line
 _UPSIDE_DOWN = 0.1  # of the readings that are too low, on no one line: more than some bad contacts
 EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
 # A saturated input (docs/derivation.md, "When to doubt", 3).
-_CEILING = 1.01  # ADC steps that it is thick
-_GAP = 3.03  # ADC steps below it that are nearly empty
-_FLAT = 8  # readings at it that a flat touch may have, too,
-_FLAT_OTHERS = 0.5  # and others in the gap for each of them
-_SATURATED = 30  # the same, that noise leaves of no flat touch,
-_SATURATED_OTHERS = 0.25  # and others for each
-_NEAR_END = 0.7  # of the ADC's range, above which its input may be saturated: 3.3 of 5 V are 0.66
+_CEILING = 5.0  # times the noise that it is thick, and an ADC step
+_GAP = 3.0  # times as far below the largest reading there are few others:
+_FLAT = 8  # readings at it at least,
+_FLAT_OTHERS = 0.25  # and others in the gap for each of them
 
 
 def by_reading(reading: Reading) -> Finding | None:
     """Return readings that no skin can give, whatever presses on it.
 
     A load only raises a reading, from that at rest to that of a short circuit behind r_par. Where
-    lines are driven it may lower others, all of a line alike. Noise keeps even a flat touch's
-    readings apart.
+    lines are driven it may lower others, all of a line alike.
     """
     circuit, steps, known = reading.circuit, reading.steps, reading.known
     margin = _IMPOSSIBLE * reading.noise + 1.0
@@ -68,9 +64,7 @@ def by_reading(reading: Reading) -> Finding | None:
         numbers |= {"most": short_circuit, "r_ref": circuit.r_ref, "r_par": circuit.r_par}
         where = line or at(np.argwhere(bad)[0])
         return Finding(Kind.MISFIT, "high" if line else "high cells", **where, numbers=numbers)
-    spreads = reading.noise > 0.0 and not rounded(reading)
-    touched = spreads and most > rest.max() + margin
-    return saturation(reading, _SATURATED, _SATURATED_OTHERS) if touched else None
+    return None
 
 
 @lru_cache(maxsize=16)
@@ -96,30 +90,24 @@ def _place(bad: np.ndarray, known: np.ndarray) -> tuple[Where, dict, np.ndarray]
     return {}, {"count": count, "of": known.sum()}, bad
 
 
-def saturation(
-    reading: Reading, minimum: int = _FLAT, others: float = _FLAT_OTHERS
-) -> Finding | None:
-    """Return that the largest readings lie at one value, with few below, as of a saturated input.
+def saturation(reading: Reading) -> tuple[int, float] | None:
+    """Return how many readings lie at one height, the largest [ADC steps], as of a saturated input.
 
-    A flat touch reads like that too: only the circuit shows whether there are cells that read so.
+    A flat touch reads like that, too, but the circuit explains that. None: they do not.
     """
-    top = reading.steps.max()
-    circuit = reading.circuit
+    top, circuit = reading.steps.max(), reading.circuit
     if reading.topped.any():  # it ends there, and what that means is known
         return None
-    if top >= circuit.ratio(np.max(reading.curve.least_resistance)) * circuit.full_scale:
-        return None  # cells at the curve's end read alike
-    below = (top - reading.steps)[reading.known]
-    at_top = np.count_nonzero(below < _CEILING)
-    if at_top < minimum or np.count_nonzero(below < _GAP) > (1.0 + others) * at_top:
+    thick = _CEILING * reading.noise + 1.0
+    rest = _rest_steps(circuit, reading.curve) * reading.apparent[0]
+    hardest = circuit.ratio(np.max(reading.curve.least_resistance)) * circuit.full_scale
+    if not rest.max() + thick < top < hardest:  # cells at either end of the curve read alike
         return None
-    form = "frame" if near_end(top / circuit.full_scale) else "frame, limited"
-    return Finding(Kind.SATURATION, form, numbers={"count": int(at_top), "steps": top})
-
-
-def near_end(share: float) -> bool:
-    """Return whether readings that end at this share of the ADC's range may saturate its input."""
-    return share >= _NEAR_END
+    below = (top - reading.steps)[reading.known]
+    count = np.count_nonzero(below < thick)
+    if count < _FLAT or np.count_nonzero(below < _GAP * thick) > (1.0 + _FLAT_OTHERS) * count:
+        return None
+    return int(count), float(top)
 
 
 def by_residual(
@@ -136,8 +124,7 @@ def by_residual(
     noise = slack * max(reading.noise, floor) * (_ROUNDED_RESIDUAL if rounded(reading) else 1.0)
     noise *= 1.0 if reading.noise_given else _MEASURED_NOISE
     square = np.square(misfit)
-    ratio = 1.0 if reading.noise_ratio is None else np.square(reading.noise_ratio)
-    variance = noise**2 * ratio + model_variance(reading)
+    variance = noise**2 + model_variance(reading)
     chi2 = (square / variance).sum() / n
     if chi2 <= 1.0 + _CHI2_LIMIT * (2.0 / n) ** 0.5:
         if reading.noise_given or abs(misfit.sum()) <= _MEAN_LIMIT * np.sqrt(variance.sum()):
@@ -151,7 +138,8 @@ def by_residual(
     if where:
         return Finding(Kind.MISFIT, "in lines", **where, numbers=numbers)
     if ends := saturation(reading):
-        return Finding(Kind.MISFIT, "", numbers=numbers, detail=f"; {ends}")
+        numbers |= dict(zip(("count", "steps"), ends, strict=True))
+        return Finding(Kind.MISFIT, "saturated", numbers=numbers)
     form = "fabric" if reading.curve.offset is None else ""
     return Finding(Kind.MISFIT, form, numbers=numbers)
 

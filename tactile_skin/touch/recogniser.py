@@ -28,9 +28,9 @@ STILL = 2.0  # s after which a touch that does not change is background
 _CHANGE = 0.2  # share of its force by which a still touch may vary: a hand breathes by 5 to 10 %
 _MOVED = 0.5  # pitches by which the centre of a still touch may move
 _HARDER = 1.5  # times its force from which on what was background is a gesture again
-_GONE = 0.3  # share of its force below which background has left
+_GONE = 0.3  # share of its force below which background is leaving
 _ITS_OWN = 0.5  # share of a touch's force on the cells of the background that make it background
-_PAUSE = 0.5  # s without a frame after which nothing is known of the gestures any more
+_PAUSE = 0.5  # s without a frame, which ends all gestures
 
 NEW, HELD, DECIDED, ENDED = "new", "held", "decided", "ended"
 STATES = (NEW, HELD, DECIDED, ENDED)
@@ -97,6 +97,7 @@ class Gesture:
         id: from 1.
         episode: its pictures, in numbers.
         start: when it began [s].
+        seen: when its last picture was complete [s].
         state: NEW, HELD or ENDED.
         still: whether it has ended because it stands still.
         place: row and column of the centre of force.
@@ -106,7 +107,8 @@ class Gesture:
     """
 
     def __init__(self, number: int, episode: Episode, start: float):
-        self.id, self.episode, self.start = number, episode, start
+        self.id, self.episode = number, episode
+        self.start = self.seen = start
         self.state, self.still = NEW, False
         self.place = (0.0, 0.0)
         self.force = self.impulse = 0.0
@@ -114,8 +116,9 @@ class Gesture:
         # force, row and column of the last pictures
         self._course: list[tuple[float, float, float]] = []
 
-    def follow(self, own: np.ndarray) -> None:
-        """Take the next picture of its cells (rows, cols) [N]."""
+    def follow(self, t: float, own: np.ndarray) -> None:
+        """Take the picture of its cells (rows, cols) [N] at t [s]."""
+        self.seen = t
         self.episode.add(own)
         total = float(own.sum())
         self.force = total
@@ -167,10 +170,6 @@ class Gathering:
         self.pitch, self.reach = pitch, reach
         self._ids = 0
         self._pictures = Pictures()
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget all gestures, the background too."""
         self._active: list[Gesture] = []
         self._background: list[_Background] = []
 
@@ -179,14 +178,17 @@ class Gathering:
 
         Returns:
             The gestures that go on or have just ended, where this frame completes a picture; else
-            an empty list.
+            an empty list. After a pause of frames those before it have ended.
         """
         picture = self._pictures.update(t, force, std)
         if picture is None:
             return []
+        lost: list[Gesture] = []
         if picture.first:
-            self.reset()
-        return self._picture(t, picture.force, picture.period)
+            lost, self._active, self._background = self._active, [], []
+            for gesture in lost:
+                gesture.state, gesture.force = ENDED, 0.0
+        return lost + self._picture(t, picture.force, picture.period)
 
     def _picture(self, t: float, force: np.ndarray, period: float) -> list[Gesture]:
         cells, owner, n = segment(force, TOUCHED)
@@ -210,7 +212,7 @@ class Gathering:
                 own.ravel()[touch] = flat[touch]
             if gesture.episode.duration > 0.0:
                 gesture.state = HELD
-            gesture.follow(own)
+            gesture.follow(t, own)
         self._background += [_Background.of(gesture) for gesture in followed if gesture.still]
         self._active = [gesture for gesture in followed if gesture.state != ENDED]
         return followed
@@ -228,8 +230,9 @@ class Gathering:
             force = sum(float(flat[touches[k]].sum()) for k in own)
             if force < _HARDER * still.force:
                 free = [k for k in free if k not in own]
-                if force > _GONE * still.force:
-                    kept.append(still)
+                if force > 0.0:  # what is left of it as it leaves is no new gesture
+                    leaves = force < _GONE * still.force
+                    kept.append(still._replace(force=force) if leaves else still)
         self._background = kept
         return [touches[k] for k in free]
 
@@ -293,7 +296,7 @@ class Recogniser:
                     opinion.probabilities,
                     gesture.place,
                     gesture.force,
-                    t - gesture.start,
+                    gesture.seen - gesture.start,
                 )
             )
         return named

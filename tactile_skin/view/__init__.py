@@ -1,4 +1,4 @@
 """The page: what the skin sees and says, in a browser. Its server is a process of its own.
 
-Imports msg, physics, solvers, touch, middleware, recording.
+Imports msg, physics, solvers, touch, health, middleware, recording, guide, calibrated.
 """

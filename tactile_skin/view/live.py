@@ -8,12 +8,16 @@ import json
 import math
 import pickle
 import socket
+import time
+from pathlib import Path
 
 from ..middleware.config import skin_of
+from .log import Log
 from .pictures import Pictures
 from .process import LARGEST
 from .server import Wanted, serve
 from .snapshot import Snapshot
+from .work import Work
 
 _PACE = 0.015  # s between two snapshots: a screen's 60 Hz; pages that ask in between share one
 _PATIENCE = 0.5  # s after which a page is told once more what there is
@@ -25,9 +29,11 @@ class Live:
 
     Args:
         skin: the socket to the skin.
+        log, work: take each of them.
     """
 
-    def __init__(self, skin: socket.socket):
+    def __init__(self, skin: socket.socket, log: Log, work: Work):
+        self.log, self.work = log, work
         self.newest, self._number = Snapshot(), 0
         self._waiting = b""  # a newer one, still packed; empty: none
         self._taken_at = -math.inf  # s, of the loop's clock, when the newest was taken
@@ -40,10 +46,15 @@ class Live:
         asyncio.get_running_loop().add_reader(skin, self._receive)
 
     def hello(self) -> dict:
-        return {"recording": None, "title": "live"}
+        return {"recording": None, "title": "live", "history": self.log.history()}
 
     async def snapshot(self, wanted: Wanted) -> tuple[int, Snapshot]:
-        """One that is newer than the page's last; after half a second what there is."""
+        """One that is newer than the page's last; after half a second what there is.
+
+        Or, where a time is asked for, what is kept of it.
+        """
+        if wanted.at:
+            return self.log.moment(wanted.at) or (self._number, self.newest)
         if self._number <= wanted.after:
             with contextlib.suppress(TimeoutError, asyncio.TimeoutError):
                 await asyncio.wait_for(self._news.wait(), _PATIENCE)
@@ -58,9 +69,13 @@ class Live:
             self._answer = asyncio.get_running_loop().create_future()
             self._tell({"ask": name})
             try:
-                return await asyncio.wait_for(self._answer, _ANSWER_WITHIN)
+                answer = await asyncio.wait_for(self._answer, _ANSWER_WITHIN)
             except (TimeoutError, asyncio.TimeoutError):
                 return {"answer": name, "success": False, "message": "the skin does not answer"}
+        if name in ("record", "finish") and answer["success"]:
+            path = answer.pop("file", "")
+            self.work.record(name == "record", Path(path) if path else None)
+        return answer
 
     def _tell(self, said: dict) -> None:
         with contextlib.suppress(OSError):
@@ -87,6 +102,10 @@ class Live:
         self._taken_at = asyncio.get_running_loop().time()
         self.newest, self._number = pickle.loads(self._waiting), self._number + 1
         self._waiting = b""
+        newest = self.newest
+        age = time.monotonic() - newest.read_at if newest.read_at is not None else 0.0
+        self.log.take(newest.stamp + age, self._number, newest)
+        self.work.take(newest)
         self._news.set()
         self._news = asyncio.Event()
 
@@ -94,8 +113,9 @@ class Live:
 async def run(listening: socket.socket, skin: socket.socket) -> None:
     """Serve until the skin ends."""
     parameters = json.loads(skin.recv(LARGEST))["parameters"]
-    live = Live(skin)
     own = ("host", "port", "controls")
     configured = skin_of({k: v for k, v in parameters.items() if k not in own}, "view")
     pictures = Pictures(configured)
+    work = Work(configured, parameters)
+    live = Live(skin, Log(pictures.push_of), work)
     await serve(listening, live, pictures, live.ended, parameters["controls"])

@@ -14,7 +14,7 @@ from ..physics.circuit import Circuit, forward
 from ..physics.curve import PressureCurve
 from ..solvers import METHODS, Estimate, compensate
 from ..touch import features
-from .snapshot import Snapshot
+from .snapshot import Snapshot, lines_of, number
 from .wire import packed_with, parts_of
 
 _T = TypeVar("_T")
@@ -22,6 +22,7 @@ PUBLISHED = "published"  # not a method: what the skin itself made of the readin
 _DEFAULT = "auto"  # method of compensation, until it says which it takes
 _CELL = 0.2  # N: a contact has a cell with more, as of gesture_feature's cell_threshold
 _CELLS = 4096  # of which is kept how the mat lies there
+_MM = 4  # decimals of a position [m], and of a normal
 _TIME_LIMIT = 0.05  # s for a frame, as of compensation's time_limit
 MISSING = ("map", "auto")  # methods that do without the readings that are missing
 
@@ -42,24 +43,30 @@ class Pictures:
         self._last: dict[str, Estimate] = {}  # of the snapshot before, where the next one starts
 
     def hello(self) -> dict:
-        """Return what holds for all snapshots."""
+        """Return what holds for all snapshots; `position` and `normal`: of each cell in space."""
         circuit, geometry = self.skin.circuit, self.skin.geometry
-        return {
+        hello = {
             "rows": circuit.rows,
             "cols": circuit.cols,
             "full_scale": circuit.full_scale,
             "populated": circuit.populated.astype(int).ravel().tolist(),
             "max_force": self.skin.curve.max_force,
-            "flat": bool(np.ptp(geometry.normal[circuit.populated], axis=0).max() < 1e-6),
+            "area": geometry.cell_area.ravel().tolist(),
+            "pitch": geometry.pitch,
             "methods": list(METHODS),
         }
+        if geometry.normal.any():
+            hello["position"] = geometry.position.round(_MM).ravel().tolist()
+            hello["normal"] = geometry.normal.round(_MM).ravel().tolist()
+        return hello
 
     def message(self, snapshot: Snapshot, a: str, b: str, more: dict) -> bytes:
-        """Return the message for pages that compare methods a and b; they share the work.
+        """Return the message for pages that want the same pictures; they share the work.
 
         Args:
-            a, b: a method, or PUBLISHED.
-            more: what else this page is told.
+            a: a method, or PUBLISHED.
+            b: the same, to compare it with; empty: neither it nor what explains `a` is wanted.
+            more: what else this page is sent.
         """
         if snapshot is not self._snapshot:
             self._snapshot, self._last, self._estimates = snapshot, self._estimates, {}
@@ -70,29 +77,33 @@ class Pictures:
 
     def _drawn(self, snapshot: Snapshot, a: str, b: str) -> tuple[str, bytes]:
         head = self._numbers(snapshot)
-        head |= {"stamp": snapshot.stamp, "stop": snapshot.stop, "reason": snapshot.reason}
+        for name in ("stamp", "stop", "reason", "causes", "force", "limit", "cell_limit"):
+            head[name] = getattr(snapshot, name)
         pictures: dict[str, np.ndarray] = {}
         errors: dict[str, str] = {}
         for side, method in (("a", a), ("b", b)):
-            if snapshot.adc is None:
+            if snapshot.adc is None or not method:
                 break
             try:
                 ratio = self._ratio(snapshot, snapshot.adc)
                 pictures["reading"] = ratio * self.skin.circuit.full_scale
-                pictures |= self._side(side, method, snapshot, ratio)
+                pictures |= self._side(side, method, snapshot, ratio, explained=bool(b))
             except ValueError as error:  # weights of another circuit, nothing read, say
                 errors[side] = str(error)
         head["errors"] = errors
         head["contacts"] = self._contacts(snapshot)
+        head["unexplained"] = _rms(pictures.get("misfit"))
+        if not b:
+            pictures.pop("misfit", None)
         if (force := pictures.get("a")) is not None:
             head["push"] = self._push(np.nan_to_num(force))
         pictures = {name: np.asarray(p, np.float32) for name, p in pictures.items()}
         return parts_of(head, pictures)
 
     def _side(
-        self, side: str, method: str, snapshot: Snapshot, ratio: np.ndarray
+        self, side: str, method: str, snapshot: Snapshot, ratio: np.ndarray, explained: bool
     ) -> dict[str, np.ndarray]:
-        """Force [N], its standard deviation [N] and the misfit [ADC steps] of a method."""
+        """Force [N], the misfit [ADC steps] and, if it is explained, its standard deviation [N]."""
         circuit, curve = self._known(snapshot)
         area = self.skin.geometry.cell_area
         if method == PUBLISHED:
@@ -107,7 +118,7 @@ class Pictures:
             found["misfit"] = (ratio - model) * circuit.full_scale
             if method == PUBLISHED and snapshot.std is not None:
                 found["std"] = snapshot.std * area
-            else:
+            elif explained:
                 solver = _method(snapshot) if method == PUBLISHED else method
                 found["std"] = self._estimate(solver, ratio, circuit, curve, snapshot).std
         return found
@@ -150,13 +161,15 @@ class Pictures:
     def _contacts(self, snapshot: Snapshot) -> list[dict]:
         """Each contact with its place and velocity on the mat, in cells and cells a second."""
         found = []
-        for x, y, z, force, number, *velocity in snapshot.contacts.tolist():
+        for x, y, z, force, touch, *velocity, peak in snapshot.contacts.tolist():
             place, way = self._on_mat(np.array([x, y, z]), np.array(velocity))
             found.append(
                 {
-                    "id": int(number),
-                    "gesture": snapshot.gestures.get(int(number), ""),
+                    "id": int(touch),
+                    "gesture": snapshot.gestures.get(int(touch), ""),
                     "force": force,
+                    "peak": peak,
+                    "at": [x, y, z],
                     "row": place[0],
                     "col": place[1],
                     "way": way,
@@ -164,6 +177,12 @@ class Pictures:
                 }
             )
         return found
+
+    def push_of(self, snapshot: Snapshot) -> dict | None:
+        """Return the push of what the skin published."""
+        if snapshot.pressure is None or snapshot.pressure.shape != self.skin.circuit.shape:
+            return None
+        return self._push(np.nan_to_num(snapshot.pressure * self.skin.geometry.cell_area))
 
     def _push(self, force: np.ndarray) -> dict | None:
         """Return the push of a picture; `way`: its unit vector's part in the mat, in cells."""
@@ -174,6 +193,7 @@ class Pictures:
         return {
             "row": place[0],
             "col": place[1],
+            "at": push.centre.tolist(),
             "way": way,
             "force": math.hypot(*push.force.tolist()),
             "direction": push.direction.tolist(),
@@ -209,16 +229,15 @@ class Pictures:
         )
         return {
             "method": _method(snapshot),
-            "rate": _number(values.get("rate")),
-            "residual": _number(values.get("residual")),
-            "noise": _number(values.get("noise")),
+            "rate": number(values.get("rate")),
+            "noise": number(values.get("noise")),
             "lost": _count(values.get("lost")),
             "crc_errors": _count(values.get("crc_errors")),
             "dropped": dropped,
             "simulated": values.get("simulated") == "true",
             "says": [
                 (name, status.level, status.message)
-                for name, status in sorted(snapshot.nodes.items())
+                for name, status in sorted(snapshot.nodes.items(), key=lambda n: -n[1].level)
                 if status.level
             ],
             "findings": findings(snapshot),
@@ -229,7 +248,7 @@ def findings(snapshot: Snapshot) -> list[dict]:
     """Return what is wrong with which lines: the worst that each node found."""
     found = []
     for _, status in sorted(snapshot.nodes.items()):
-        rows, cols = (_lines(status.values.get(name, "")) for name in ("rows", "cols"))
+        rows, cols = (list(lines_of(status, name)) for name in ("rows", "cols"))
         if not status.level or not (rows or cols):
             continue
         text = status.message
@@ -241,12 +260,6 @@ def findings(snapshot: Snapshot) -> list[dict]:
     return found
 
 
-def _lines(text: str) -> list[int]:
-    """Return the numbers of lines that a value holds; none if it is of another make."""
-    words = text.split()
-    return [int(word) for word in words] if all(map(str.isdecimal, words)) else []
-
-
 def _slope(at: np.ndarray, k: int, axis: int) -> np.ndarray:
     """d position / d index at k along an axis, by its neighbours; 0 where there is one line."""
     low, high = max(k - 1, 0), min(k + 1, at.shape[axis] - 1)
@@ -256,8 +269,8 @@ def _slope(at: np.ndarray, k: int, axis: int) -> np.ndarray:
 def _value(snapshot: Snapshot, name: str, default: _T) -> float | _T:
     """Return a number that a node gives among its values."""
     texts = (s.values[name] for s in snapshot.nodes.values() if name in s.values)
-    number = next(map(_number, texts), None)
-    return default if number is None else number
+    value = next(map(number, texts), None)
+    return default if value is None else value
 
 
 def _method(snapshot: Snapshot) -> str:
@@ -266,14 +279,11 @@ def _method(snapshot: Snapshot) -> str:
     return next((method for method in said if method in METHODS), _DEFAULT)
 
 
-def _number(text: str | None) -> float | None:
-    """Return a value as a number; None: it is none that is finite."""
-    try:
-        number = float(text or "")
-    except ValueError:
-        return None
-    return number if math.isfinite(number) else None
+def _rms(misfit: np.ndarray | None) -> float | None:
+    """Return the root mean square of the cells that were read [ADC steps]; None: there are none."""
+    read = np.zeros(0) if misfit is None else misfit[np.isfinite(misfit)]
+    return float(np.sqrt(np.square(read).mean())) if read.size else None
 
 
 def _count(text: str | None) -> int:
-    return int(_number(text) or 0)
+    return int(number(text) or 0)

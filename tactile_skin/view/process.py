@@ -72,8 +72,9 @@ class PageProcess:
             return self._ours.recv(LARGEST)
         return b""
 
-    def answer(self, request: str, success: bool, message: str) -> None:
-        self._send({"answer": request, "success": success, "message": message})
+    def answer(self, request: str, success: bool, message: str, file: str = "") -> None:
+        """Answer a request; `file` is one to download, which the page's process deletes."""
+        self._send({"answer": request, "success": success, "message": message, "file": file})
 
     def _send(self, said: dict) -> None:
         with contextlib.suppress(OSError):  # it ended

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import FileError
 from ..recording.reader import ADC, Recording
+from .log import Log
 from .server import Wanted
 from .snapshot import DIAGNOSTICS, TOPICS, Collector, Snapshot
 
@@ -27,6 +28,7 @@ class Recorded:
 
     Args:
         recording: that is shown.
+        push_of: of Pictures, for the log.
         track: wraps the messages while they are read, for a progress bar: (iterable, total).
 
     Attributes:
@@ -36,7 +38,12 @@ class Recorded:
         FileError: it holds no reading.
     """
 
-    def __init__(self, recording: Recording, track: Callable = lambda items, total: items):
+    def __init__(
+        self,
+        recording: Recording,
+        push_of: Callable = lambda snapshot: None,
+        track: Callable = lambda items, total: items,
+    ):
         here = recording.adc_topic.removesuffix(ADC)
         self._recording = recording
         self._topics = {f"{here}{topic}": topic for topic in TOPICS}
@@ -47,6 +54,7 @@ class Recorded:
         self._blocks: list[tuple[int, Collector]] = []
         self._block = lru_cache(_BLOCKS)(self._read)
         self.shape = 0, 0
+        self.log, self.work = Log(push_of, keep=False), None
         collector, messages = Collector(), recording.messages(*self._topics)
         for reading, snapshot in self._readings(collector, track(messages, total)):
             if snapshot is not None and snapshot.adc is not None:
@@ -55,10 +63,12 @@ class Recorded:
                 stamps.append(snapshot.stamp)
                 force.append(snapshot.contacts[:, 3].sum())
                 stop.append(bool(snapshot.stop))
+                self.log.take(snapshot.stamp - stamps[0], len(stamps), snapshot)
             if reading is not None and len(stamps) % _BLOCK == 0:
                 self._blocks.append((reading, collector.copy()))
         if not stamps:
             raise FileError(f"{recording.path}: holds no reading")
+        self._start = stamps[0]
         self._times = np.maximum.accumulate(np.array(stamps) - stamps[0])
         self._force, self._stop = np.array(force), np.array(stop, bool)
         self._damage = recording.damage
@@ -100,8 +110,11 @@ class Recorded:
         return {
             "title": self._recording.path.name + (f" ({self._damage})" if self._damage else ""),
             "recording": {
+                "start": self._start,
                 "duration": float(self._times[-1]),
                 "interval": float(np.median(steps)) if n > 1 else 0.0,
+            },
+            "history": {
                 "times": self._times[begins].round(4).tolist(),
                 "force": np.maximum.reduceat(self._force, begins).round(2).tolist(),
                 "stop": np.logical_or.reduceat(self._stop, begins).tolist(),

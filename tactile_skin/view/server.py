@@ -28,15 +28,22 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from ..solvers import METHODS
+from .log import Log
 from .pictures import PUBLISHED, Pictures
 from .snapshot import Snapshot
+from .work import Work
 
 _logger = logging.getLogger("tactile_skin.view")
 _PAGES = 16  # that may be open at once
 _CONNECTIONS = 64  # that may be open at once, those included that never ask for anything
 _OPEN_WITHIN = 5.0  # s for a request to be complete
 _LARGEST = 1024  # bytes that a page may say at once
+_LATEST = 1e11  # s, of a time that is asked for
 _SENT = 8  # snapshots of which is known when their readings arrived
+# what a page may ask for, if it may
+OF_SKIN = ("tare", "reset", "record", "finish")
+OF_PAGE = ("calibrate", "doctor", "answer", "give up")
+ASKS = OF_SKIN + OF_PAGE
 _WEBSOCKET = "/snapshots"
 _FOLDER = Path(__file__).parent / "page"
 _TYPES = {
@@ -63,19 +70,22 @@ class Wanted:
     """What a page asks for.
 
     Attributes:
-        a, b: the methods that it compares.
+        a, b: the method of the large picture, and the one to compare it with, if it is explained.
         after: number of the snapshot that it has.
         drawn: number of the one that it drew last.
-        at: of a recording, the time [s] from its start.
-        ask: "tare" or "reset"; empty: a snapshot.
+        at: of a recording, the time [s] from its start; of a running skin, the stamp of a moment
+            [s], 0: now.
+        ask: one of ASKS; empty: a snapshot.
+        text: what was typed, to "answer".
     """
 
     a: str = PUBLISHED
-    b: str = "naive"
+    b: str = ""
     after: int = 0
     drawn: int = 0
     at: float = 0.0
     ask: str = ""
+    text: str = ""
 
 
 def read_wanted(text: str | bytes) -> Wanted:
@@ -91,11 +101,12 @@ def read_wanted(text: str | bytes) -> Wanted:
     methods = (PUBLISHED, *METHODS)
     if not (
         wanted.a in methods
-        and wanted.b in methods
+        and wanted.b in ("", *methods)
         and type(wanted.after) is type(wanted.drawn) is int
         and type(wanted.at) in (int, float)
-        and abs(wanted.at) < 1e9
-        and wanted.ask in ("", "tare", "reset")
+        and abs(wanted.at) < _LATEST
+        and wanted.ask in ("", *ASKS)
+        and isinstance(wanted.text, str)
     ):
         raise ValueError("a value out of range")
     return wanted
@@ -124,7 +135,17 @@ def names_this_host(host: str, reached: str) -> bool:
 
 
 class Source(Protocol):
-    """Where snapshots come from."""
+    """Where snapshots come from.
+
+    Attributes:
+        log: what happened.
+    """
+
+    log: Log
+
+    @property
+    def work(self) -> Work | None:
+        """What is done from the page; None: nothing can be."""
 
     def hello(self) -> dict:
         """Return what holds for all of them."""
@@ -136,7 +157,7 @@ class Source(Protocol):
         """So many pages are open."""
 
     async def ask(self, name: str) -> dict:
-        """Return what is answered to "tare" or "reset"."""
+        """Return what the skin answers to one of ASKS."""
 
 
 class Server:
@@ -149,7 +170,7 @@ class Server:
 
     def __init__(self, source: Source, pictures: Pictures, controls: bool):
         self._source, self._pictures, self._controls = source, pictures, controls
-        self._pages = 0
+        self._pages, self._work = 0, source.work
         self._files = {
             f"/{path.name}": (path.read_bytes(), _TYPES[path.suffix])
             for path in _FOLDER.iterdir()
@@ -170,6 +191,8 @@ class Server:
             if self._pages >= _PAGES:
                 return _text(HTTPStatus.SERVICE_UNAVAILABLE, f"{_PAGES} pages are open already")
             return None
+        if self._controls and self._work and (found := self._work.files.get(request.path)):
+            return _response(HTTPStatus.OK, found, "application/octet-stream")
         if request.path not in self._files:
             return _text(HTTPStatus.NOT_FOUND, "no such file")
         return _response(HTTPStatus.OK, *self._files[request.path])
@@ -192,6 +215,8 @@ class Server:
         hello = self._pictures.hello() | self._source.hello() | {"controls": self._controls}
         await connection.send(json.dumps({"hello": hello}))
         sent: OrderedDict[int, float | None] = OrderedDict()
+        log = self._source.log
+        known, worked = -1, -1  # versions of the log and of the work
         async for text in connection:
             try:
                 wanted = read_wanted(text)
@@ -199,24 +224,36 @@ class Server:
                 await connection.close(1003, "not understood")
                 return
             if wanted.ask:
-                await connection.send(json.dumps({"said": await self._ask(wanted.ask)}))
+                await connection.send(json.dumps({"said": await self._ask(wanted)}))
                 continue
-            more = {}
+            more: dict = {}
             if (read_at := sent.get(wanted.drawn)) is not None:
                 more["latency"] = time.monotonic() - read_at
             number, snapshot = await self._source.snapshot(wanted)
             if snapshot.read_at is not None:
                 more["age"] = max(0.0, time.monotonic() - snapshot.read_at)
-            more["number"] = number
+            more |= {"number": number, "at": wanted.at}
+            if log.version != known:
+                known, more["log"] = log.version, log.entries()
+            if self._work and self._work.version != worked:
+                worked, more["work"] = self._work.version, self._work.state()
             await connection.send(self._pictures.message(snapshot, wanted.a, wanted.b, more))
             sent[number] = snapshot.read_at
             while len(sent) > _SENT:
                 sent.popitem(last=False)
 
-    async def _ask(self, name: str) -> dict:
+    async def _ask(self, wanted: Wanted) -> dict:
+        answer = {"answer": wanted.ask, "success": False, "message": "controls are off"}
         if not self._controls:
-            return {"answer": name, "success": False, "message": "controls are off"}
-        return await self._source.ask(name)
+            return answer
+        if wanted.ask not in OF_PAGE:
+            return await self._source.ask(wanted.ask)
+        if self._work is None:
+            return answer | {"message": "no running skin"}
+        try:
+            return answer | {"message": self._work.ask(wanted.ask, wanted.text), "success": True}
+        except ValueError as error:
+            return answer | {"message": str(error)}
 
 
 def _reached(connection: ServerConnection) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,15 +12,18 @@ from ..msg import DiagnosticArray, DiagnosticStatus, Image, PointCloud2, cloud_c
 
 STOP = "skin/stop_status"
 DIAGNOSTICS = "skin/diagnostics"
+CONTACTS = "skin/contacts"
 GESTURES = "skin/gesture_classes"
 LAG = 20  # readings that a pressure picture may come behind: 0.2 s at 100 a second
+_BEHIND = 10  # pictures that the contacts may come behind
+_RECENT = 0.5  # s by which contacts of an earlier reading are shown, if those of it are late
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 # topic -> its type, and how many of its newest messages count
 READINGS = {
     "skin/adc": (Image, LAG),
-    "skin/pressure": (Image, 1),
-    "skin/pressure_std": (Image, 1),
-    "skin/contacts": (PointCloud2, 1),
+    "skin/pressure": (Image, _BEHIND),
+    "skin/pressure_std": (Image, _BEHIND),
+    CONTACTS: (PointCloud2, _BEHIND),
 }
 # the same, and how many may wait
 OTHERS = {
@@ -29,7 +33,8 @@ OTHERS = {
     GESTURES: (PointCloud2, 10),
 }
 TOPICS = READINGS | OTHERS
-CONTACT = ("x", "y", "z", "force", "id", "vx", "vy", "vz")
+CONTACT = ("x", "y", "z", "force", "id", "vx", "vy", "vz", "peak")
+NO_CONTACTS = np.zeros((0, len(CONTACT)), np.float32)
 
 
 @dataclass(frozen=True)
@@ -50,10 +55,13 @@ class Snapshot:
         read_at: when its last byte arrived, on the monotonic clock [s]; None: in a recording.
         adc: (rows, cols) uint16 of skin/adc; None as long as there is none.
         pressure, std: (rows, cols) float32 [Pa], of the same reading if there are.
-        contacts: (n, 8) float32, the columns CONTACT.
+        contacts: (n, 9) float32, the columns CONTACT, of the same reading unless they are late.
         gestures: id of a contact -> the name of its gesture, as far as it is sure.
         rest: (rows, cols) float32, resistance of the untouched cells [ohm], once measured.
-        stop: whether the robot is stopped, with its reason; None: nobody said.
+        stop: whether the robot is stopped, with its reason and causes; None: nobody said.
+        force: of all contacts, as the stop counts it [N].
+        limit, cell_limit: force of all contacts, and on one cell, that is a push [N]; None:
+            nobody said.
         nodes: name -> what it said last on diagnostics.
     """
 
@@ -62,31 +70,36 @@ class Snapshot:
     adc: np.ndarray | None = None
     pressure: np.ndarray | None = None
     std: np.ndarray | None = None
-    contacts: np.ndarray = field(default_factory=lambda: np.zeros((0, len(CONTACT)), np.float32))
+    contacts: np.ndarray = field(default_factory=lambda: NO_CONTACTS)
     gestures: dict[int, str] = field(default_factory=dict)
     rest: np.ndarray | None = None
     stop: bool | None = None
     reason: str = ""
+    causes: tuple[str, ...] = ()
+    force: float = 0.0
+    limit: float | None = None
+    cell_limit: float | None = None
     nodes: dict[str, NodeStatus] = field(default_factory=dict)
 
 
 class Collector:
     """Takes the messages of TOPICS, in any order.
 
-    A pressure picture comes after its reading, when the next one may already be there.
+    A pressure picture comes after its reading, and contacts after their picture, when the next ones
+    may already be there.
     """
 
     def __init__(self):
-        self._readings: dict[float, np.ndarray] = {}  # by their stamps, the oldest first
-        self._solved: dict[str, tuple[float, np.ndarray]] = {}  # topic -> its stamp, its picture
+        # topic -> stamp -> its picture or contacts, the oldest first
+        self._kept: dict[str, dict[float, np.ndarray]] = {topic: {} for topic in READINGS}
         self._others: dict = {}
         self._nodes: dict[str, NodeStatus] = {}
 
     def copy(self) -> Collector:
         """One that knows the same, and goes its own way."""
         other = Collector()
-        other._readings, other._others = dict(self._readings), dict(self._others)
-        other._solved, other._nodes = dict(self._solved), self._nodes
+        other._kept = {topic: dict(kept) for topic, kept in self._kept.items()}
+        other._others, other._nodes = dict(self._others), self._nodes
         return other
 
     def take(self, topic: str, message) -> None:
@@ -98,41 +111,76 @@ class Collector:
         if topic == DIAGNOSTICS:
             self._nodes = self._nodes | {s.name: _said(s) for s in message.status}
         elif topic == STOP:
-            status = message.status[0]
-            stop = status.level != DiagnosticStatus.OK
-            self._others |= {"stop": stop, "reason": status.message if stop else ""}
-        elif topic == "skin/contacts":
-            columns = cloud_columns(message, *CONTACT)
-            self._others["contacts"] = np.stack([columns[name] for name in CONTACT], 1)
+            self._others |= _stop(message.status[0])
         elif topic == GESTURES:
             self._others["gestures"] = _named(cloud_columns(message))
         elif topic == "skin/rest":
             self._others["rest"] = image_array(message)
         else:
             stamp = Time.from_msg(message.header.stamp).nanoseconds / 1e9
-            if topic == "skin/adc":
-                if stamp not in self._readings:
-                    self._readings[stamp] = image_array(message)
-                while len(self._readings) > LAG:
-                    del self._readings[next(iter(self._readings))]
-            else:
-                self._solved[topic] = stamp, image_array(message)
+            kept, (_, count) = self._kept[topic], READINGS[topic]
+            if stamp not in kept:
+                kept[stamp] = _contacts(message) if topic == CONTACTS else image_array(message)
+            while len(kept) > count:
+                del kept[next(iter(kept))]
 
     def snapshot(self) -> Snapshot:
-        """Return the newest reading with a pressure picture; without one, the newest."""
-        if not self._readings:
+        """Return the newest reading that has a picture and contacts; else what there is of one."""
+        readings, pressure, std, contacts = (self._kept[topic] for topic in READINGS)
+        if not readings:
             return Snapshot(nodes=self._nodes, **self._others)
-        solved, _ = self._solved.get("skin/pressure", (None, None))
-        stamp = solved if solved in self._readings else next(reversed(self._readings))
-        pictures = {topic: picture for topic, (at, picture) in self._solved.items() if at == stamp}
+        solved = [stamp for stamp in pressure if stamp in readings]
+        complete = [stamp for stamp in solved if stamp in contacts]
+        stamp = (complete or solved or list(readings))[-1]
         return Snapshot(
             stamp=stamp,
-            adc=self._readings[stamp],
-            pressure=pictures.get("skin/pressure"),
-            std=pictures.get("skin/pressure_std"),
+            adc=readings[stamp],
+            pressure=pressure.get(stamp),
+            std=std.get(stamp),
+            contacts=contacts.get(stamp, _recent(contacts, stamp)),
             nodes=self._nodes,
             **self._others,
         )
+
+
+def _recent(contacts: dict[float, np.ndarray], stamp: float) -> np.ndarray:
+    """Return the last contacts before a stamp, unless they are old."""
+    before = [t for t in contacts if stamp - _RECENT < t <= stamp]
+    return contacts[before[-1]] if before else NO_CONTACTS
+
+
+def _contacts(message: PointCloud2) -> np.ndarray:
+    columns = cloud_columns(message, *CONTACT)
+    return np.stack([columns[name] for name in CONTACT], 1)
+
+
+def _stop(status: DiagnosticStatus) -> dict:
+    """Return what a status says of the stop, as attributes of a snapshot."""
+    values = {pair.key: pair.value for pair in status.values}
+    stop = status.level != DiagnosticStatus.OK
+    return {
+        "stop": stop,
+        "reason": status.message if stop else "",
+        "causes": tuple(values.get("causes", "").split()),
+        "force": number(values.get("counts_as")) or 0.0,
+        "limit": number(values.get("threshold")),
+        "cell_limit": number(values.get("peak")),
+    }
+
+
+def lines_of(status: NodeStatus, name: str) -> tuple[int, ...]:
+    """Return the numbers of lines that a value holds; none if it is of another make."""
+    words = status.values.get(name, "").split()
+    return tuple(map(int, words)) if all(map(str.isdecimal, words)) else ()
+
+
+def number(text: str | None) -> float | None:
+    """Return a value as a number; None: it is none that is finite."""
+    try:
+        value = float(text or "")
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
 
 
 def _said(status: DiagnosticStatus) -> NodeStatus:

@@ -205,6 +205,35 @@ def test_a_command_that_nobody_repeats_ends():
         assert motion.reason == ("" if passes else "no command")
 
 
+@pytest.mark.parametrize(
+    ("age", "reason"),
+    [
+        (0.0, ""),
+        (0.2, ""),
+        (-0.01, ""),
+        (0.3, "the command's stamp is old: synchronise the clocks"),
+        (1e9, "the command's stamp is old: synchronise the clocks"),
+        (-0.05, "the command's stamp is in the future: synchronise the clocks"),
+        (-10.0, "the command's stamp is in the future: synchronise the clocks"),
+        (math.nan, "the command's stamp is old: synchronise the clocks"),
+    ],
+)
+def test_a_command_is_as_old_as_its_stamp(age, reason):
+    gate = Gate(CONFIG)
+    gate.stop(10.0, FREE)
+    gate.command(10.0, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), stamp=10.0 - age)
+    motion = gate.decide(10.0)
+    assert motion.reason == reason
+    assert is_zero(motion) is bool(reason)
+
+
+def test_a_stamp_does_not_make_a_silent_sender_new():
+    gate = Gate(CONFIG)
+    gate.command(10.0, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), stamp=10.02)
+    gate.stop(10.26, FREE)
+    assert gate.decide(10.26).reason == "no command"
+
+
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_a_command_that_is_no_number_is_zero(bad):
     gate = Gate(CONFIG)

@@ -219,6 +219,7 @@ def test_an_unknown_part_is_named(capsys, tmp_path):
 
 
 def test_without_matplotlib_the_extra_is_named(monkeypatch, capsys, tmp_path):
+    pytest.importorskip("tqdm")
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert cli.main(["bench", "--quick", "--out", str(tmp_path / "out")]) == 2
     assert "pip install 'tactile_skin[charts]'" in capsys.readouterr().err

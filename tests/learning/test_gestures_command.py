@@ -1,5 +1,7 @@
 """`tactile-skin gestures`: takes are recorded, a recogniser is trained, and judged."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -9,11 +11,12 @@ from tactile_skin.learning.hands import simulated
 from tactile_skin.middleware.bus import Time
 from tactile_skin.middleware.config import skin_of
 from tactile_skin.msg import Header, Image, image
+from tactile_skin.nodes.observers.gestures import SHIPPED
 from tactile_skin.recording import cdr
 from tactile_skin.recording.writer import Writer
 from tactile_skin.touch.geometry import CELL_AREA
 from tactile_skin.touch.model import load_model
-from tactile_skin.touch.take import PAUSE, SUFFIX, load_take
+from tactile_skin.touch.take import PAUSE, SUFFIX, Take, load_take
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +55,32 @@ def test_people_are_left_out_in_turn(takes, capsys):
     assert soon and all(0.0 <= float(row[3]) <= 1.0 for row in soon)
 
 
+def test_an_evaluation_is_drawn(takes, tmp_path, capsys):
+    pytest.importorskip("sklearn")
+    image = pytest.importorskip("matplotlib.image")
+    picture = tmp_path / "evaluation.png"
+    assert cli.main(["gestures", "evaluate", str(takes), "--picture", str(picture)]) == 0
+    said = capsys.readouterr().out
+    assert str(picture) in said and "nothing was recorded as 'other'" in said
+    drawn = image.imread(picture)
+    assert drawn.shape[1] > 600 and drawn.std() > 0.05
+
+
+def test_false_gestures_are_counted_an_hour_of_what_is_none(tmp_path, capsys):
+    for k in range(6):
+        picture = np.zeros((50, 16, 16))  # 2 s of a thing that shakes, and the silence after it
+        picture[:, 4:7, 4:7] = 1.0 + np.sin(np.arange(50) + k)[:, None, None]
+        label = "other" if k < 4 else "tickle"
+        Take(label, "robot", picture, 0.04, 0.018).save(tmp_path / f"{k}{SUFFIX}")
+    given = ["--model", str(SHIPPED)]
+    assert cli.main(["gestures", "evaluate", str(tmp_path), *given]) == 0
+    (line,) = (x for x in capsys.readouterr().out.splitlines() if x.startswith("false gestures"))
+    found = re.fullmatch(r"false gestures: (\d) of 4, (\d+) an hour of 'other'", line)
+    assert int(found[2]) == pytest.approx(int(found[1]) / 4 * 3600 / 2.0, rel=0.25)
+
+
 def test_few_takes_and_absent_ones_are_mistakes_that_are_named(takes, tmp_path, capsys):
+    pytest.importorskip("tqdm")
     one = tmp_path / f"one{SUFFIX}"
     load_take(next(takes.iterdir())).save(one)
     out = str(tmp_path / "model")
@@ -70,6 +98,7 @@ def test_few_takes_and_absent_ones_are_mistakes_that_are_named(takes, tmp_path, 
 
 
 def test_each_touch_of_a_recording_is_a_take(tmp_path, capsys):
+    pytest.importorskip("mcap")
     path = tmp_path / "touches.mcap"
     on = np.array([0] * 20 + [1] * 30 + [0] * 150 + [1] * 20 + [0] * 20)
     writer = Writer(path, {}, 0)

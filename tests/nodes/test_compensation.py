@@ -139,7 +139,7 @@ def test_a_reading_a_little_old_is_taken_by_the_fast_method(skin):
 
 def test_a_board_that_leaves_cells_unread_has_no_fast_method():
     """Nor has one whose user asked for another than auto."""
-    for given in (Parameter("threshold", 3.0), Parameter("method", "map")):
+    for given in (Parameter("board_threshold", 3.0), Parameter("method", "map")):
         skin = Skin(given)
         skin.press()
         for _ in range(5):

@@ -84,6 +84,17 @@ def test_the_cloud_has_a_column_for_each_class():
     assert columns["state"][0] == 3.0 and classes[int(columns["label"][0])] == "tickle"
 
 
+def test_a_gesture_that_a_pause_of_frames_cuts_off_has_ended():
+    skin = Skin()
+    skin.feel(perform("rub", Person(70), MAT, 1, 0.01)[:60])
+    skin.clock.advance(5.0)
+    skin.feel(np.zeros((10, 16, 16)))
+    clouds = skin.seen["skin/gesture_classes"]
+    states = [cloud_columns(message)["state"].tolist() for message in clouds]
+    assert states[0] == [0.0] and states[-1] == [3.0] and [3.0] not in states[:-1]
+    assert cloud_columns(clouds[-1])["duration"][0] < 1.0
+
+
 def test_a_gesture_knows_its_touch_by_the_id_of_its_contact():
     skin = Skin()
     spot = np.zeros((16, 16))

@@ -5,6 +5,7 @@ import json
 import os
 import signal
 import time
+import urllib.request
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +35,7 @@ from tactile_skin.msg import (
     image,
 )
 from tactile_skin.nodes.observers.view import View
+from tactile_skin.recording.reader import Recording
 from tactile_skin.view.process import listen
 from tactile_skin.view.snapshot import LATCHED, STOP
 
@@ -155,6 +157,31 @@ def test_a_page_that_may_tares_and_resets(viewed):
 
     talk(viewed, scenario)
     assert viewed.asked == ["compensation/tare", "compensation/reset", "stop_on_push/reset"]
+
+
+@pytest.mark.parametrize("viewed", [True], indirect=True)
+def test_a_page_that_may_records_all_that_is_published(viewed, tmp_path):
+    pytest.importorskip("mcap", reason="makes recordings")
+
+    async def scenario(page):
+        async def ask(name):
+            await page.send(json.dumps({"ask": name}))
+            return json.loads(await page.recv())["said"]
+
+        assert (await ask("finish"))["message"] == "nothing is recorded"
+        assert (await ask("record"))["success"]
+        assert (await ask("record"))["message"] == "a recording is on already"
+        for k in range(300, 325):
+            viewed.publish(k)
+        said = await ask("finish")
+        assert said["success"] and "file" not in said
+
+    talk(viewed, scenario)
+    with urllib.request.urlopen(f"{viewed.address}/recording.mcap", timeout=PATIENCE) as answer:
+        (tmp_path / "r.mcap").write_bytes(answer.read())
+    recording = Recording(tmp_path / "r.mcap")
+    times = [message.header.stamp.sec for _, _, message in recording.messages("/skin/adc")]
+    assert times == list(range(300, 325)) and recording.skin.circuit.shape == (16, 16)
 
 
 def test_a_page_that_may_not_is_refused_by_the_skin_too(viewed):

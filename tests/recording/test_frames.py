@@ -225,6 +225,7 @@ def test_counts_beyond_the_adc_are_refused(tmp_path):
 
 
 def test_a_recording(tmp_path):
+    pytest.importorskip("mcap")
     samples = recorded.samples(7, 2, 3)
     samples[3, 1, 1] = 65535
     path = recorded.write(tmp_path / "a.mcap", samples)

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 import recorded
 
+pytest.importorskip("mcap")
+
 from tactile_skin.errors import FileError
 from tactile_skin.recording import Recording, writer
 from tactile_skin.recording import recorder as module

@@ -151,9 +151,9 @@ def test_a_line_that_no_skin_can_read_is_suspect_whatever_the_method(method, val
     assert found.status == "suspect" and word in found.message
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ["newton", "map", "auto"])
 @pytest.mark.parametrize("grams", [300.0, 900.0])
-def test_a_saturated_input_is_suspect_whatever_the_method_and_a_flat_touch_is_not(method, grams):
+def test_a_saturated_input_is_suspect_and_a_flat_touch_is_not(method, grams):
     """Both read alike in many cells; only of a flat touch are there cells that read so."""
     force = one_touch(grams)
     force[9:14, 2:7] = 0.6 * grams * GRAM

@@ -338,7 +338,7 @@ def sparse_board(folder) -> tuple[str, str]:
     steps[steps <= 1500] = 0
     np.savetxt(folder / "touches.csv", steps.reshape(len(steps), -1), fmt="%d", delimiter=",")
     named = "rows: 8, cols: 8, r_ref: 4700.0, r_par: 140.0, adc_bits: 12"
-    return str(folder / "touches.csv"), written(folder, named, "threshold: 1500.0")
+    return str(folder / "touches.csv"), written(folder, named, "board_threshold: 1500.0")
 
 
 @pytest.mark.parametrize("command", ["doctor", "calibrate"])
@@ -350,7 +350,7 @@ def test_what_a_threshold_hides_is_said_where_the_untouched_cells_are_needed(
     config = f"config:={config}" if command == "doctor" else f"--config={config}"
     assert cli.main([command, *words, config]) == 2
     error = capsys.readouterr().err
-    assert "untouched cells read no more than compensation's threshold = 1500" in error
+    assert "untouched cells read no more than compensation's board_threshold = 1500" in error
 
 
 def test_a_fit_that_ran_out_of_time_says_so():

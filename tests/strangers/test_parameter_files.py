@@ -42,7 +42,6 @@ REFUSED = {  # what the file holds, and what the error names
     "node misspelt": (nodes(stop_on_psh={"threshold": 20.0}), "stop_on_push"),
     "another node misspelt": (nodes(compensaton={"method": "map"}), "compensation"),
     "node in another case": (nodes(Compensation={"method": "map"}), "Compensation"),
-    "of the program": (nodes(skin={"threshold": 25.0}), "skin"),
     "row for rows": (nodes(all={"circuit": {"row": 8, "cols": 8}}), "circuit.rows"),
     "rref": (nodes(all={"circuit": {"rref": 10e3}}), "circuit.r_ref"),
     "bits": (nodes(all={"circuit": {"bits": 12}}), "circuit.bits"),
@@ -128,14 +127,21 @@ def test_a_file_that_is_wrong_is_an_error(case, way, tmp_path):
     assert named in str(error.value)
 
 
-def test_a_section_of_the_program_says_which_nodes_run_and_nothing_else(tmp_path):
-    """A limit in it would be that of no node."""
+@pytest.mark.parametrize("way", WAYS)
+def test_a_section_of_the_program_is_for_each_node_that_it_runs(way, tmp_path):
+    """And where there is no such program, it is refused."""
     shared = {"circuit": {"rows": 8, "cols": 8}}
-    path = write(tmp_path, nodes(all=shared, skin={"monitor": True}))
-    assert "monitor" in [handle.get_name() for handle in by_ros2_run(path)]
-    path = write(tmp_path, nodes(all=shared, skin={"threshold": 25.0}))
-    with pytest.raises(ValueError, match=r"skin: parameter 'threshold' is unknown"):
-        by_ros2_run(path)
+    path = write(tmp_path, nodes(all=shared, skin={"monitor": True, "threshold": 25.0}))
+    if way is launched:
+        with pytest.raises(ValueError, match="skin: no such node"):
+            way(path)
+        return
+    made = {handle.get_name(): handle for handle in way(path)}
+    assert made["stop_on_push"].get_parameter("threshold").value == 25.0
+    assert "monitor" in made
+    misspelt = write(tmp_path, nodes(skin={"thresold": 25.0}))
+    with pytest.raises(ValueError, match="did you mean 'threshold'"):
+        way(misspelt)
 
 
 def documented(node: str) -> dict:

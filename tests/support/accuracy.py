@@ -45,25 +45,6 @@ def accuracy(method, family, readout, n, seed=1, circuit=None, curve=None, **kwa
     }
 
 
-def with_net(family, n, seed=1) -> dict:
-    """Error on `scan` [g] of the physics-fed net, of map, and of map with the net as its prior.
-
-    The net's error grows with the force: it is told to map as 0.05 N + 0.15 sqrt(f) + 0.1 f.
-    """
-    circuit, curve = Circuit(), PressureCurve()
-    force, adc = frames(family, "scan", n, np.random.default_rng(seed), circuit, curve)
-    total = dict.fromkeys(("physics", "map", "map with the net's prior"), 0.0)
-    for truth, frame in zip(force, adc, strict=True):
-        net = compensate(frame, circuit, curve, "physics").force
-        prior = (net, 0.05 + 0.15 * np.sqrt(net) + 0.1 * net)
-        alone, joined = (
-            compensate(frame, circuit, curve, "map", prior=p).force for p in (None, prior)
-        )
-        for name, found in zip(total, (net, alone, joined), strict=True):
-            total[name] += np.abs(found - truth).mean() / GRAM / n
-    return {"family": family, "frames": n} | total
-
-
 def other_board(family: str, off: str, n: int, seed=1) -> dict:
     """Error [g] on boards that are not as the solver is told, and what of it is the board's doing.
 

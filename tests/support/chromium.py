@@ -39,6 +39,7 @@ class Chromium:
         from websockets.sync.client import connect
 
         words = ["--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars"]
+        words += ["--enable-unsafe-swiftshader"]  # WebGL without a GPU
         words += ["--remote-debugging-port=0", f"--user-data-dir={self._folder}", "about:blank"]
         self._process = subprocess.Popen(
             [program(), *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
@@ -112,6 +113,22 @@ class Chromium:
     def until(self, script: str) -> None:
         """Wait until the expression is true."""
         until(lambda: self.run(script), script)
+
+    def found(self, role: str, name: str) -> list[int]:
+        """Elements of an accessible role and name that are shown."""
+        root = self.call("DOM.getDocument", depth=0)["root"]["backendNodeId"]
+        nodes = self.call(
+            "Accessibility.queryAXTree", backendNodeId=root, role=role, accessibleName=name
+        )["nodes"]
+        return [node["backendDOMNodeId"] for node in nodes if not node["ignored"]]
+
+    def click(self, role: str, name: str) -> None:
+        """Click the one element of an accessible role and name, once it is there."""
+        until(lambda: len(self.found(role, name)) == 1, f"one {role} {name!r}")
+        (node,) = self.found(role, name)
+        there = self.call("DOM.resolveNode", backendNodeId=node)["object"]["objectId"]
+        script = "function() { this.scrollIntoView(); this.focus(); this.click(); }"
+        self.call("Runtime.callFunctionOn", objectId=there, functionDeclaration=script)
 
     def press(self, key: str) -> None:
         for kind in ("keyDown", "keyUp"):

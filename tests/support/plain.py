@@ -46,7 +46,11 @@ class Plain:
         from rclpy.executors import ExternalShutdownException
 
         with contextlib.suppress(ExternalShutdownException):
-            self._executor.spin()
+            try:
+                self._executor.spin()
+            except Exception:  # Jazzy's raises one of its own if it is closed as it begins to wait
+                if self._context.ok():
+                    raise
 
     def hear(self, kind: type, *topics: str) -> None:
         for topic in topics:

@@ -258,3 +258,18 @@ def command(action: launch.NodeAction) -> list[str]:
 def program(name: str, *words: str) -> list[str]:
     """A program of `ros2 run tactile_skin`, with ROS's arguments."""
     return [sys.executable, "-m", "tactile_skin.ros", name, "--ros-args", *words]
+
+
+def skin(*words: str) -> list[str]:
+    """The program that runs all nodes of a skin."""
+    return program("skin", *words)
+
+
+@contextlib.contextmanager
+def board():
+    """A player, for as long as it is needed."""
+    player = Player()
+    try:
+        yield player
+    finally:
+        player.close()

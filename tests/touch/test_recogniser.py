@@ -108,15 +108,34 @@ def test_a_noisy_skin_sees_less():
     assert decisions(played(frames)) and not played(frames, std=1.0)
 
 
-def test_frames_that_stop_coming_end_everything():
+@pytest.mark.parametrize("later", [9.0, -9.0])
+def test_a_pause_of_frames_or_a_clock_that_jumps_ends_what_went_on(later):
     recogniser = Recogniser(Walks(), PITCH)
-    assert played(stroke(), recogniser)
-    assert all(
-        g.id == 2
-        for k in range(8)
-        if (named := recogniser.update(9.0 + k / RATE, spot(8, 8)))
-        for g in named
-    )
+    before = played(stroke(), recogniser)[-1]
+    assert before.state != ENDED
+    named = []
+    for k in range(8):
+        named += recogniser.update(later + k / RATE, spot(8, 8))
+    lost = named[0]
+    assert (lost.id, lost.state, lost.force) == (before.id, ENDED, 0.0)
+    assert (lost.label, lost.duration) == ("stroke", before.duration)
+    assert {g.id for g in named[1:]} == {before.id + 1}
+
+
+def test_background_ends_in_a_pause_without_a_word_since_it_has_ended_before():
+    recogniser = Recogniser(Walks(), PITCH)
+    assert played(resting(STILL + 0.5), recogniser)[-1].state == ENDED
+    named = []
+    for k in range(8):
+        named += recogniser.update(9.0 + k / RATE, spot(3, 3, 20.0))
+    assert {g.id for g in named} == {2}
+
+
+def test_what_is_left_of_a_background_as_it_leaves_is_no_gesture():
+    force = [20.0 * share for share in np.linspace(1.0, 0.02, 40)]
+    leaving = [spot(3.0, 3.0, newtons) for newtons in force]
+    frames = [*resting(STILL + 0.5), *leaving, *nothing(0.3), *resting(0.5), *nothing(1.0)]
+    assert {g.id: g.label for g in played(frames) if g.state == ENDED} == {1: "press", 2: "press"}
 
 
 @pytest.mark.parametrize("rate", [8.0, 12.0, 25.0, 100.0, 390.0])

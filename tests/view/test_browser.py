@@ -121,9 +121,9 @@ def test_a_running_skin_is_drawn(live, browser):
     browser.open(live)
     until(lambda: drawn(browser) > 5, "snapshots are drawn")
     browser.until("document.querySelectorAll('#contacts tbody tr').length === 2")
-    browser.until("document.getElementById('stop').innerText.includes('FREE')")
+    browser.until("document.getElementById('stop').innerText.includes('free')")
     assert "N per cell" in browser.run("document.querySelector('#a .legend').innerText")
-    assert "towards x" in browser.run(TEXT.format("push"))
+    assert "along x" in browser.run(TEXT.format("push"))
     assert browser.run("document.getElementById('old').hidden")
     assert browser.run("document.getElementById('tare').disabled")  # not allowed
     assert all(url.startswith(live) for url in browser.requested if url != "about:blank")
@@ -133,25 +133,26 @@ def test_cells_are_exact_and_pointed_at(live, browser):
     """One colour a cell, and none between two: the misfit has noise in each."""
     browser.open(live)
     until(lambda: drawn(browser) > 5, "snapshots are drawn")
+    browser.press("e")
     cells, colours = noisy(browser)
     assert colours == len(set(cells))
     box = browser.run("JSON.stringify(document.querySelector('#a canvas').getBoundingClientRect())")
     x, y = (float(re.search(rf'"{name}":([\d.]+)', box)[1]) for name in "xy")
     cell = browser.run("Math.floor((document.querySelector('#a canvas').width - 20) / 16)")
     browser.move(x + 20 + 5.5 * cell, y + 16 + 4.5 * cell)
-    browser.until(f"{TEXT.format('cell')}.startsWith('row 4, column 5: reading')")
-    assert re.search(r"A \(published\) [\d.]+ ± [\d.]+ N", browser.run(TEXT.format("cell")))
+    browser.until(f"{TEXT.format('cell')}.startsWith('row 4, column 5: pressure')")
+    assert re.search(r"pressure [\d.]+ ± [\d.]+ N, reading", browser.run(TEXT.format("cell")))
 
 
 def test_it_is_used_by_keyboard(live, browser):
     browser.open(live)
     until(lambda: drawn(browser) > 5, "snapshots are drawn")
-    browser.run("document.getElementById('mats').focus()")
+    browser.run("document.getElementById('a').focus()")
     browser.press("ArrowDown")
     browser.press("ArrowRight")
     browser.until(f"{TEXT.format('cell')}.startsWith('row 9, column 9')")
     browser.press("b")
-    browser.until("document.querySelector('#b select').value !== 'naive'")
+    browser.until("document.getElementById('method-b').value !== 'naive'")
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -163,6 +164,7 @@ def test_it_fits_a_phone(live, browser, scheme):
     assert browser.run("document.documentElement.scrollWidth") <= 360
     page = browser.run("getComputedStyle(document.body).backgroundColor")
     assert (int(re.search(r"\d+", page)[0]) > 128) is (scheme == "light")
+    browser.press("e")
     cells, colours = noisy(browser)
     assert colours == len(set(cells))
 
@@ -171,16 +173,16 @@ def test_it_does_not_call_a_robot_free_whose_skin_hangs_or_ended(tmp_path):
     words = ("launch", "scene:=two_fingers", "monitor:=false", "view:=true")
     with running(*words) as (address, end), Chromium(tmp_path / "profile") as browser:
         browser.open(address)
-        browser.until(f"{TEXT.format('stop')}.includes('FREE')")
+        browser.until(f"{TEXT.format('stop')}.includes('free')")
         end(signal.SIGSTOP)
-        browser.until(f"{TEXT.format('stop')}.includes('STOP UNKNOWN')")
+        browser.until(f"{TEXT.format('stop')}.includes('unknown')")
         browser.until(f"{TEXT.format('old')}.includes('s old')")
         end(signal.SIGCONT)
-        browser.until(f"{TEXT.format('stop')}.includes('FREE')")
+        browser.until(f"{TEXT.format('stop')}.includes('free')")
         end()
         browser.until(f"{TEXT.format('old')}.includes('old')")
         browser.until("document.body.classList.contains('old')")
-        browser.until(f"{TEXT.format('stop')}.includes('STOP UNKNOWN')")
+        browser.until(f"{TEXT.format('stop')}.includes('unknown')")
 
 
 def test_a_recording_is_scrubbed(recording, browser):
@@ -197,6 +199,8 @@ def test_a_recording_is_scrubbed(recording, browser):
         browser.run(SEEK.format(0.2))
         browser.until("document.querySelectorAll('#contacts tbody tr').length === 0")
         assert "recorded" in browser.run(TEXT.format("stop"))
+        browser.press("e")
+        browser.until("document.querySelector('#b .legend').innerText.includes('N per cell')")
         before, _ = browser.run(COLOURS.replace("NAME", "b"))  # it stands: another method is drawn
         browser.press("b")
-        until(lambda: browser.run(COLOURS.replace("NAME", "b"))[0] != before, "B is drawn anew")
+        until(lambda: browser.run(COLOURS.replace("NAME", "b"))[0] != before, "another picture")

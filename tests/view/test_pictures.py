@@ -76,6 +76,39 @@ def test_a_picture_belongs_to_its_reading():
     assert snapshot.stamp == 1.3 and snapshot.pressure is None
 
 
+def test_contacts_are_those_of_the_picture_that_is_shown():
+    """The next picture is there before its contacts: until they come the last one is shown."""
+    force, collector = touched(), Collector()
+    tracker = Tracker(SKIN.geometry.pitch)
+
+    def see(k, parts):
+        at = header(1.0 + 0.01 * k)
+        if "adc" in parts:
+            collector.take("skin/adc", image(samples(force), "16UC1", at))
+            pressure = image(k * force / SKIN.geometry.cell_area, "32FC1", at)
+            collector.take("skin/pressure", pressure)
+        if "contacts" in parts:
+            frame = features.analyse_frame(k * force, SKIN.geometry, 0.2)
+            touches = tracker.update(0.01 * k, frame)
+            collector.take("skin/contacts", contact_cloud(touches, at))
+        return collector.snapshot()
+
+    def together(snapshot):
+        newtons = (snapshot.pressure * SKIN.geometry.cell_area).sum()
+        return snapshot.contacts[:, 3].sum() == pytest.approx(newtons, rel=1e-3)
+
+    assert together(see(1, "adc contacts"))
+    late = see(2, "adc")
+    assert late.stamp == 1.01 and together(late)
+    assert together(see(2, "contacts")) and collector.snapshot().stamp == 1.02
+    for k in range(3, 30):
+        snapshot = see(k, "adc")
+    assert snapshot.stamp == 1.29 and len(snapshot.contacts) == 1, "not taken for released"
+    for k in range(30, 90):
+        snapshot = see(k, "adc")
+    assert snapshot.stamp == 1.89 and len(snapshot.contacts) == 0
+
+
 def test_the_spread_that_the_skin_published_is_drawn_as_it_is():
     """Solved once: the page's process does not do the skin's work again."""
     force, area = touched(), SKIN.geometry.cell_area

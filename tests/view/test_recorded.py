@@ -15,6 +15,7 @@ from tactile_skin.msg import (
     DiagnosticStatus,
     Header,
     Image,
+    KeyValue,
     Time,
     cloud_of,
     image,
@@ -42,7 +43,9 @@ def write(path, readings: int, where="/skin"):
         put(f"{where}/pressure", t + 1, image(np.full((16, 16), float(k)), "32FC1", header))
         contact = [(0.15, 0.0, 0.0, k, 1e-4, 1.0, 7.0, 0.0, 0.0, 0.0, 1.0)]
         put(f"{where}/contacts", t + 2, cloud_of(_CONTACT, contact, header))
-        status = DiagnosticStatus(2 * (k >= 30), "stop_on_push", "push" if k >= 30 else "")
+        values = [KeyValue("causes", "push" * (k >= 30)), KeyValue("counts_as", f"{k}")]
+        said = (2, "stop_on_push", "push") if k >= 30 else (0, "stop_on_push", "")
+        status = DiagnosticStatus(*said, "", values)
         put(f"{where}/stop_status", t + 3, DiagnosticArray(header, [status]))
     writer.close()
     return path
@@ -50,9 +53,13 @@ def write(path, readings: int, where="/skin"):
 
 def test_each_time_has_all_that_was_said_of_its_reading(tmp_path):
     shown = Recorded(Recording(write(tmp_path / "a.mcap", 50)))
-    hello = shown.hello()["recording"]
+    hello, history = shown.hello()["recording"], shown.hello()["history"]
     assert hello["duration"] == pytest.approx(0.49) and hello["interval"] == pytest.approx(0.01)
-    assert hello["force"] == list(range(50)) and hello["stop"] == [k >= 30 for k in range(50)]
+    assert history["force"] == list(range(50)) and history["stop"] == [k >= 30 for k in range(50)]
+    (stop,) = shown.log.entries()
+    assert (stop["kind"], stop["end"], stop["causes"]) == ("stop", None, ["push"])
+    assert stop["begin"] == pytest.approx(0.3) and stop["force"] == 49.0
+    assert stop["stamp"] - hello["start"] == pytest.approx(0.49)
     for at, k in ((0.0, 0), (0.301, 30), (0.309, 30), (0.31, 31), (99.0, 49), (-1.0, 0)):
         number, snapshot = asyncio.run(shown.snapshot(Wanted(at=at)))
         assert number == k + 1
@@ -83,7 +90,7 @@ def test_a_skin_of_several_is_chosen_by_its_namespace(tmp_path):
 
 def test_a_long_recordings_force_is_drawn_by_its_peaks(tmp_path, monkeypatch):
     monkeypatch.setattr("tactile_skin.view.recorded._POINTS", 10)
-    hello = Recorded(Recording(write(tmp_path / "a.mcap", 45))).hello()["recording"]
+    hello = Recorded(Recording(write(tmp_path / "a.mcap", 45))).hello()["history"]
     assert hello["force"] == [4, 9, 14, 19, 24, 29, 34, 39, 44] and len(hello["times"]) == 9
 
 

@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import json
+import re
 import resource
 import socket
 
@@ -17,9 +18,11 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from tactile_skin.middleware.config import read_skin
 from tactile_skin.view import server
+from tactile_skin.view.log import Log
 from tactile_skin.view.pictures import Pictures
 from tactile_skin.view.server import names_this_host, read_wanted, serve
 from tactile_skin.view.snapshot import Snapshot
+from tactile_skin.view.work import Work
 
 PATIENCE = 20.0  # s, for what must happen
 
@@ -29,6 +32,7 @@ class Source:
 
     def __init__(self):
         self.number, self.pages, self.asked = 1, [], []
+        self.log, self.work = Log(lambda snapshot: None), Work(read_skin(), {})
 
     def hello(self):
         return {"recording": None, "title": "a test"}
@@ -102,11 +106,10 @@ def test_all_that_the_page_names_is_there():
     names = [path.name for path in server._FOLDER.iterdir()]
     for name in names:
         text = (server._FOLDER / name).read_text()
-        assert "http" not in text.replace("http://www.w3.org/2000/svg", "")
-        for other in names:
-            named = [f'"{other}"', f'"./{other}"']
-            if name == "index.html" and other in ("page.js", "style.css", "icon.svg"):
-                assert named[0] in text
+        if not name.startswith("three."):  # it names pages in its comments and messages
+            assert "http" not in text.replace("http://www.w3.org/2000/svg", "")
+        for named in re.findall(r'(?:from|import\(|src=|href=) ?"(?:\./)?([^"]+)"', text):
+            assert named in names
 
 
 def test_a_page_gets_the_newest_snapshot_however_long_it_slept():
@@ -152,6 +155,26 @@ def test_controls_are_off_unless_allowed(controls):
             said = json.loads(await page.recv())["said"]
             assert said["success"] is controls
             assert source.asked == ["reset"] * controls
+
+    served(scenario, controls)
+
+
+@pytest.mark.parametrize("controls", [False, True])
+def test_a_download_is_for_those_who_may_steer_and_for_the_page_itself(controls, tmp_path):
+    made = tmp_path / "made" / "recording.mcap"
+    made.parent.mkdir()
+    made.write_text("all topics")
+
+    async def scenario(source, address):
+        source.work.record(False, made)
+        answer = await get(address, "/recording.mcap")
+        assert answer.startswith("HTTP/1.1 200" if controls else "HTTP/1.1 404")
+        assert answer.endswith("all topics") is controls and not made.parent.exists()
+        assert "HTTP/1.1 403" in await get(
+            address, "/recording.mcap", "Origin: http://evil.example"
+        )
+        assert "HTTP/1.1 421" in await get(address, "/recording.mcap", host="evil.example")
+        assert "HTTP/1.1 404" in await get(address, "/calibrated.yaml")
 
     served(scenario, controls)
 
@@ -248,6 +271,7 @@ def test_nothing_else_is_served(path):
     "text",
     [
         *("", "[]", "{", "null", '{"a": "fastest"}', '{"at": NaN}', '{"at": 1e400}'),
+        *('{"ask": "answer", "text": 5}', '{"ask": "finish it"}'),
         *('{"after": true}', '{"after": 1.5}', '{"ask": "shutdown"}', '{"more": 1}'),
         *("[" * 900, '{"a": ["naive"]}'),
     ],

@@ -56,6 +56,9 @@ def register(parser) -> None:
     evaluate.add_argument(
         "--model", type=Path, metavar="FILE", help="a model to judge by all takes instead"
     )
+    evaluate.add_argument(
+        "--picture", type=Path, metavar="FILE", help="draw it as well (.png); needs matplotlib"
+    )
 
 
 def run(args) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import functools
 from collections import Counter
+from typing import NamedTuple
 
 _FEW = 3  # takes of a class, with fewer of which it is not trained
 
@@ -55,9 +56,12 @@ def train(args) -> int:
 def evaluate(args) -> int:
     import numpy as np
 
+    from ...bench.chart import prepare
     from ...learning.gestures import left_out, sharpness_of, table_of
     from ...touch.model import load_model, sharpened
 
+    if args.picture:
+        prepare()
     table = table_of(_read(args.takes))
     if args.model:
         model = load_model(args.model)
@@ -79,7 +83,15 @@ def evaluate(args) -> int:
         his = table.person[table.end] == person
         print(f"{person}: {_share(label[his] == ends[his])}")
     print(f"right: {_share(label == ends)}")
-    print(_soon(table, named == table.label, shares.max(1)))
+    soon = _soon(table, named == table.label, shares.max(1))
+    print(_as_text(soon))
+    false = _false(table, named, shares.max(1))
+    print(false)
+    if args.picture:
+        from .picture import draw
+
+        draw(args.picture, label, ends, soon, false)
+        print(args.picture)
     return 0
 
 
@@ -89,23 +101,52 @@ def _share(right) -> str:
     return f"{mean:.3f} +- {error:.3f} of {len(right)} takes"
 
 
-def _soon(table, right, sure) -> str:
-    """Return a table: how many gestures are named so soon, and how many of these rightly."""
+class Soon(NamedTuple):
+    """How soon gestures are named."""
+
+    after: float  # [s]
+    of_all: float  # share of the gestures that go on which are named
+    right: float  # share of these that are named rightly
+
+
+def _soon(table, right, sure) -> list[Soon]:
     import numpy as np
 
     from ...learning.gestures import GLANCES
     from ...parameters.nodes import Gestures
     from ...touch.episode import FEATURES
 
-    least = Gestures.min_probability
     after = np.exp(table.features[:, FEATURES.index("duration")])
-    lines = [f"sure to {least:g} after   of all   of these right"]
+    rows = []
     for k, seconds in enumerate(GLANCES[:-1]):
         now = ~table.end & (after >= seconds - 0.02) & (after < GLANCES[k + 1] - 0.02)
-        named = now & (sure >= least)
+        named = now & (sure >= Gestures.min_probability)
         if named.any():
-            of_all, rightly = named.sum() / now.sum(), right[named].mean()
-            lines.append(f"{seconds:17.2f} s   {of_all:6.3f}   {rightly:8.3f}")
+            rows.append(Soon(seconds, named.sum() / now.sum(), float(right[named].mean())))
+    return rows
+
+
+def _false(table, named, sure) -> str:
+    """Return how many gestures are named, at their end, in an hour of contacts that are none."""
+    import numpy as np
+
+    from ...parameters.nodes import Gestures
+    from ...touch.episode import FEATURES
+    from ...touch.model import OTHER
+
+    none = table.end & (table.label == OTHER)
+    if not none.any():
+        return f"false gestures an hour: unknown, nothing was recorded as {OTHER!r}"
+    hours = np.exp(table.features[none, FEATURES.index("duration")]).sum() / 3600.0
+    false = int((none & (named != OTHER) & (sure >= Gestures.min_probability)).sum())
+    return f"false gestures: {false} of {none.sum()}, {false / hours:.0f} an hour of {OTHER!r}"
+
+
+def _as_text(rows: list[Soon]) -> str:
+    from ...parameters.nodes import Gestures
+
+    lines = [f"sure to {Gestures.min_probability:g} after   of all   of these right"]
+    lines += [f"{row.after:17.2f} s   {row.of_all:6.3f}   {row.right:8.3f}" for row in rows]
     return "\n".join(lines)
 
 

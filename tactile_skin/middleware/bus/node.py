@@ -27,6 +27,7 @@ from .topics import (
     type_name,
 )
 
+_LATCHED = QoSProfile(durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _TOPIC, _SERVICE = "rostopic://", "rosservice://"  # before a remapping that is for one kind
 
 
@@ -40,7 +41,12 @@ class Node:
             rostopic:// or rosservice:// in front limits one to its kind.
         namespace: prefix of its relative names.
         parameter_overrides: values that win over the defaults its parameters are declared with.
+
+    Attributes:
+        waits: for a board that is absent at the start; else that is a mistake of who started it.
     """
+
+    waits = False
 
     def __init__(
         self,
@@ -139,13 +145,12 @@ class Node:
         self._wake.set()
         return subscription
 
-    def create_tap(self, msg_type, topic: str, callback) -> Tap:
-        """Subscribe with a callback that runs in the publisher's thread; rclpy has none.
-
-        Latched messages that are there come first.
-        """
-        qos = QoSProfile(durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        tap = Tap(self, msg_type, self.resolve_topic_name(topic), callback, qos)
+    def create_tap(
+        self, msg_type, topic: str, callback, qos_profile: QoSProfile | int = _LATCHED
+    ) -> Tap:
+        """Subscribe with a callback that runs in the publisher's thread; rclpy has none."""
+        name = self.resolve_topic_name(topic)
+        tap = Tap(self, msg_type, name, callback, as_qos(qos_profile))
         with self._lock:
             self._subscriptions.append(tap)
         return tap

@@ -21,12 +21,24 @@ class DurabilityPolicy(enum.Enum):
     TRANSIENT_LOCAL = 1
 
 
+class ReliabilityPolicy(enum.Enum):
+    RELIABLE = 1
+    BEST_EFFORT = 2
+
+
 @dataclass(frozen=True)
 class QoSProfile:
-    """depth: messages kept for a subscriber that lags. TRANSIENT_LOCAL: "latched"."""
+    """Quality of service.
+
+    Attributes:
+        depth: messages kept for a subscriber that lags.
+        durability: TRANSIENT_LOCAL is "latched".
+        reliability: on ROS; who subscribes with BEST_EFFORT hears publishers of both kinds.
+    """
 
     depth: int = 10
     durability: DurabilityPolicy = DurabilityPolicy.VOLATILE
+    reliability: ReliabilityPolicy = ReliabilityPolicy.RELIABLE
 
     def __post_init__(self):
         if self.depth < 1:
@@ -59,10 +71,10 @@ class Context:
     def ok(self) -> bool:
         return not self._down.is_set()
 
-    def publishes(self, topic: str) -> bool:
-        """Whether a node publishes the topic of this full name."""
+    def count_publishers(self, topic: str) -> int:
+        """Return how many publish the topic of this full name."""
         with self._lock:
-            return bool(self._publishers.get(topic))
+            return len(self._publishers.get(topic, ()))
 
     def try_shutdown(self) -> None:
         """Ask everything that spins in this context to end."""

@@ -35,12 +35,20 @@ class RosArguments:
         """Return the node's name; `alone`: a name for all nodes of the process is its own."""
         return self.names.get(node) or (self.names.get(None) if alone else None) or node
 
-    def namespace_of(self, node: str) -> str:
-        return self.namespaces.get(node, self.namespaces.get(None, ""))
+    def namespace_of(self, *names: str) -> str:
+        return next((self.namespaces[n] for n in (*names, None) if n in self.namespaces), "")
+
+    def files(self) -> list[ParameterFile]:
+        return [item for _, item in self.parameters if isinstance(item, ParameterFile)]
 
     def parameters_of(self, *names: str) -> list[ParameterFile | Parameter]:
         """For the node of these names, as the program and as the command line have it."""
         return [item for node, item in self.parameters if node in (None, *names)]
+
+    def addressed(self) -> set[str]:
+        """Return the names of the nodes that arguments are for."""
+        every = (*self.parameters, *self.remappings)
+        return {node for node in (*(n for n, _ in every), *self.names, *self.namespaces) if node}
 
     def remappings_of(self, *names: str) -> list[tuple[str, str]]:
         """(from, to), the first of which counts."""

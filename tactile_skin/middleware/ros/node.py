@@ -18,6 +18,7 @@ _SERVICE_WITHIN = 5.0  # s, for a node's answer
 _STILL = 0.25  # s without news from /clock: ten messages of `ros2 bag play --clock`
 _COMPARE = 2.0  # s, between two looks at what others publish and subscribe to
 _logger = logging.getLogger("tactile_skin")
+_ONE = bus.QoSProfile(depth=1)
 
 
 class _RosClock:
@@ -71,6 +72,8 @@ class RosNode(bus.Node):
         ros: rclpy's node.
     """
 
+    waits = True
+
     def __init__(
         self,
         process: Process,
@@ -91,26 +94,21 @@ class RosNode(bus.Node):
         self.ros, clock = process.node(node_name, self.get_namespace(), theirs)
         self._clock = _RosClock(clock)
         self._acknowledged = process.publishers
-        self._connected = False
+        self._connected, self._shared = False, set[str]()
         self._not_taken = 0
         self._kinds: dict[str, type] = {}  # topic -> what this node takes it to be
         self._told: set[tuple[str, str]] = set()
-        self.ros.create_timer(_COMPARE, _isolated("the graph", self._compare_types))
+        look = _isolated("the graph", self._look_at_graph)
+        self.ros.create_timer(_COMPARE, look, clock=process.steady())
 
     def get_clock(self):
         return self._clock
 
     def create_publisher(self, msg_type, topic: str, qos_profile: bus.QoSProfile | int):
-        from rclpy.qos_overriding_options import QoSOverridingOptions
-
         inside = super().create_publisher(msg_type, topic, qos_profile)
         kind, name = ros_class(msg_type), inside.topic_name
-        theirs = self.ros.create_publisher(
-            kind,
-            name,
-            _qos(inside.qos_profile),
-            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-        )
+        qos = _qos(inside.qos_profile)
+        theirs = self.ros.create_publisher(kind, name, qos, qos_overriding_options=_overridable())
         self._acknowledged.append(theirs)
         self._kinds[name] = kind
         return _Publisher(inside, theirs)
@@ -118,8 +116,8 @@ class RosNode(bus.Node):
     def create_subscription(self, msg_type, topic: str, callback, qos_profile):
         return self._hear(super().create_subscription(msg_type, topic, callback, qos_profile))
 
-    def create_tap(self, msg_type, topic: str, callback):
-        return self._hear(super().create_tap(msg_type, topic, callback))
+    def create_tap(self, msg_type, topic: str, callback, qos_profile=_ONE):
+        return self._hear(super().create_tap(msg_type, topic, callback, qos_profile))
 
     def connect(self, *shared: str) -> None:
         """Take from ROS what no node of this process publishes.
@@ -136,7 +134,9 @@ class RosNode(bus.Node):
     def _hear(self, subscription):
         """Return the subscription, of what arrives on ROS."""
         msg_type, topic = subscription.msg_type, subscription.topic_name
-        if not self._connected or (topic not in self._shared and self.context.publishes(topic)):
+        if not self._connected or (
+            topic not in self._shared and self.context.count_publishers(topic)
+        ):
             return subscription
 
         def arrived(message) -> None:  # in ROS's thread: queue it, nothing else
@@ -150,7 +150,8 @@ class RosNode(bus.Node):
 
         self._kinds[topic] = kind = ros_class(msg_type)
         taker = _isolated(f"a message on {topic}", arrived)
-        self.ros.create_subscription(kind, topic, taker, _qos(subscription.qos_profile))
+        qos = _qos(subscription.qos_profile)
+        self.ros.create_subscription(kind, topic, taker, qos, qos_overriding_options=_overridable())
         return subscription
 
     def _is_of_this_process(self, message) -> bool:
@@ -222,9 +223,23 @@ class RosNode(bus.Node):
                 reason = str(error) or repr(error)
         return rcl.SetParametersResult(successful=not reason, reason=reason)
 
-    def _compare_types(self) -> None:
-        """Warn of others who use a topic of this node for another type: DDS connects them not."""
-        for topic, kind in self._kinds.items():
+    def _look_at_graph(self) -> None:
+        """Warn of others who use a topic of this node for another type, or publish it as well.
+
+        DDS does not connect the former; whoever listens hears the latter in turns.
+        """
+        for publisher in self._publishers:
+            topic = publisher.topic_name
+            if topic in self._shared or (topic, "") in self._told:
+                continue
+            count = self.ros.count_publishers(topic)
+            if count > self.context.count_publishers(topic):
+                self._told.add((topic, ""))
+                self.get_logger().warning(
+                    f"{topic}: another process publishes it as well, or was killed just now: "
+                    "whoever listens hears both in turns. Give each skin a namespace of its own"
+                )
+        for topic, kind in tuple(self._kinds.items()):
             ours = f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
             for end in (
                 *self.ros.get_publishers_info_by_topic(topic),
@@ -240,9 +255,20 @@ class RosNode(bus.Node):
 
 
 def _qos(qos: bus.QoSProfile):
-    from rclpy.qos import DurabilityPolicy, QoSProfile
+    from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-    return QoSProfile(depth=qos.depth, durability=DurabilityPolicy[qos.durability.name])
+    return QoSProfile(
+        depth=qos.depth,
+        durability=DurabilityPolicy[qos.durability.name],
+        reliability=ReliabilityPolicy[qos.reliability.name],
+    )
+
+
+def _overridable():
+    """Let parameters `qos_overrides` change history, depth and reliability."""
+    from rclpy.qos_overriding_options import QoSOverridingOptions
+
+    return QoSOverridingOptions.with_default_policies()
 
 
 def _remedy(ours: str, theirs: str) -> str:

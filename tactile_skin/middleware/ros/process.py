@@ -12,6 +12,7 @@ from collections.abc import Callable
 from ...errors import RosError
 from .. import bus
 
+CLOCK = "/clock"
 _LAST_WORD = 0.5  # s, for messages under way when a process ends
 _logger = logging.getLogger("tactile_skin")
 
@@ -42,7 +43,7 @@ class Process:
             rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         except Exception as error:  # of a type that rclpy does not export
             raise RosError(f"--ros-args {' '.join(words)}: {error}") from error
-        self.failed = False
+        self.failed, self._closing = False, False
         self.publishers: list = []
         self._executor = SingleThreadedExecutor()
         self._ended: Callable = lambda: None
@@ -54,15 +55,24 @@ class Process:
         import rclpy
         from rclpy.parameter import Parameter
 
-        if self._simulated:
-            parameters = [p for p in parameters if p.name != "use_sim_time"]
         given = [Parameter(p.name, value=p.value) for p in parameters]
         made = rclpy.create_node(name, namespace=namespace, parameter_overrides=given)
         self._executor.add_node(made)
-        clock = self._simulated or made.get_clock()
-        if clock.ros_time_is_active:
-            self._simulated = clock
-        return made, clock
+        if not made.get_clock().ros_time_is_active:
+            return made, made.get_clock()
+        if self._simulated:  # one hears for all
+            for heard in [s for s in made.subscriptions if s.topic_name == CLOCK]:
+                made.destroy_subscription(heard)
+        self._simulated = self._simulated or made.get_clock()
+        return made, self._simulated
+
+    @staticmethod
+    def steady():
+        """Return a clock for what must not stand still with a simulation's."""
+        from rclpy.clock import Clock
+        from rclpy.clock_type import ClockType
+
+        return Clock(clock_type=ClockType.STEADY_TIME)
 
     def start(self, ended: Callable) -> None:
         """Let messages arrive; `ended` is called when none does any more."""
@@ -76,9 +86,10 @@ class Process:
             self._executor.spin()
         except ExternalShutdownException:  # `close`
             pass
-        except Exception:
-            self.failed = True
-            _logger.exception("rclpy's executor has ended")
+        except Exception:  # Jazzy's raises one of its own if it is closed while it begins to wait
+            if not self._closing:
+                self.failed = True
+                _logger.exception("rclpy's executor has ended")
         self._ended()
 
     def close(self) -> None:
@@ -86,6 +97,7 @@ class Process:
         import rclpy
         from rclpy.duration import Duration
 
+        self._closing = True
         end = time.monotonic() + _LAST_WORD
         for publisher in self.publishers:
             publisher.wait_for_all_acked(Duration(seconds=max(0.001, end - time.monotonic())))

@@ -12,7 +12,7 @@ from ...msg import Header, Image, PointCloud2, String, cloud_columns, cloud_of, 
 from ...parameters.nodes import Gestures as Parameters
 from ...touch.model import load_model
 from ...touch.recogniser import STATES, Named, Recogniser
-from .. import QUEUE
+from .. import QUEUE, READING
 from ..gesture_feature import heard
 
 SHIPPED = Path(__file__).parents[2] / "learning" / "weights" / "gestures.npz"
@@ -38,9 +38,9 @@ class Gestures:
         self._name = node.create_publisher(String, "skin/gesture", 10)
         self._classes = node.create_publisher(PointCloud2, "skin/gesture_classes", 10)
         node.on_set_parameters(self.on_parameters)
-        node.create_subscription(Image, "skin/pressure_std", self.on_std, QUEUE)
+        node.create_subscription(Image, "skin/pressure_std", self.on_std, READING)
         node.create_subscription(PointCloud2, "skin/contacts", self.on_contacts, QUEUE)
-        node.create_subscription(Image, "skin/pressure", self.on_pressure, QUEUE)
+        node.create_subscription(Image, "skin/pressure", self.on_pressure, READING)
 
     def on_parameters(self, values: dict) -> None:
         self.recogniser.min_probability = values["min_probability"]

@@ -24,7 +24,7 @@ from ...msg import (
     cloud_columns,
 )
 from ...parameters.nodes import Monitor as Parameters
-from .. import diagnostics
+from .. import READING, diagnostics
 from ..cmd_vel import kind_of, twist_of
 from ..stop_on_push import STATUS_TOPIC
 from ..touch import xyz
@@ -71,7 +71,7 @@ class Monitor:
         self._last_reason = ""  # the reason of the last one
         self._start = self._now()
         self._rate_mark = (self._start, 0)
-        node.create_subscription(Image, "skin/adc", self.on_adc, 100)
+        node.create_subscription(Image, "skin/adc", self.on_adc, READING)
         node.create_subscription(PointCloud2, "skin/contacts", self.on_contacts, 100)
         node.create_subscription(Vector3Stamped, "skin/push_direction", self.on_direction, 100)
         node.create_subscription(String, "skin/gesture", self.on_gesture, 10)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from ...msg import Header, Image, image_array
-from .. import QUEUE
+from .. import READING
 
 
 @dataclass
@@ -34,7 +34,7 @@ class TactileState:
     def __init__(self, node):
         self._name = node.get_namespace().strip("/") or "skin"
         self._state = node.create_publisher(State, "tactile_state", 10)
-        node.create_subscription(Image, "skin/pressure", self.on_pressure, QUEUE)
+        node.create_subscription(Image, "skin/pressure", self.on_pressure, READING)
 
     def on_pressure(self, msg: Image) -> None:
         values = image_array(msg).ravel().tolist()

@@ -14,6 +14,8 @@ from ...msg import Trigger
 from ...parameters.nodes import View as Parameters
 from ...view.process import PageProcess
 from ...view.snapshot import OTHERS, READINGS, STOP, Collector
+from .. import READING
+from .page_recording import RECORDS, PageRecording
 
 _QUIET = 0.1  # s after which a page is told that nothing changed
 _AFTER = 0.001  # s after a decision: those who stop the robot go first
@@ -21,6 +23,7 @@ _AFTER = 0.001  # s after a decision: those who stop the robot go first
 _CALLS = {
     "tare": ("compensation/tare",),
     "reset": ("compensation/reset", "stop_on_push/reset"),
+    **dict.fromkeys(RECORDS, ()),
 }
 
 
@@ -48,6 +51,7 @@ class View:
                 "view: controls = true: not on ROS: call the services ~/tare and ~/reset there"
             ) from None
         parameters = {name: node.get_parameter(name).value for name in node.parameter_names()}
+        self._recording = PageRecording(node, parameters)
         self._page = PageProcess(parameters)
         self._collector = Collector()
         self._closed = False
@@ -55,7 +59,7 @@ class View:
         self._newest: dict[str, deque] = {}  # topic -> messages that were not taken yet
         for topic, (kind, count) in READINGS.items():  # nobody is woken for each of them
             self._newest[topic] = deque(maxlen=count)
-            node.create_tap(kind, topic, self._newest[topic].append)
+            node.create_tap(kind, topic, self._newest[topic].append, READING)
         for topic, (kind, qos) in OTHERS.items():
             node.create_subscription(kind, topic, self._taker(topic), qos)
         node.create_timer(_QUIET, self._show)
@@ -89,13 +93,15 @@ class View:
     def _obey(self) -> None:
         """In a thread of its own: what the pages ask for."""
         for name in self._page.requests():
-            self._page.answer(name, *self._call(name))
+            self._page.answer(name, *self._call(name), self._recording.take())
         if not self._closed:
             self.node.get_logger().error("the page's process has ended; the skin goes on")
 
     def _call(self, name: str) -> tuple[bool, str]:
         if name not in self._clients:
             return False, "controls are off: launch with view_controls:=true"
+        if name in RECORDS:
+            return self._recording.ask(name)
         said = []
         for client in self._clients[name]:
             future = client.call_async(Trigger.Request())
@@ -114,4 +120,5 @@ class View:
 
     def close(self) -> None:
         self._closed = True
+        self._recording.close()
         self._page.close()

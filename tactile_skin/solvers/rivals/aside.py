@@ -17,7 +17,7 @@ import numpy as np
 from ..estimate import Estimate
 from ..fixed_point import last_guess
 from ..reading import NEAR_REST, Reading
-from ..suspect import model_variance
+from ..suspect import model_variance, saturation
 
 # Share of the readings of a frame that carry a value. Chosen on the first halves of recordings of
 # real insoles, scored on their second halves (benchmarks/accuracy/boards.py).
@@ -40,8 +40,11 @@ Fit = Callable[[Reading, np.ndarray], Estimate]
 def without_bad_contacts(reading: Reading, fit: Fit, estimate: Estimate) -> Estimate | None:
     """Return the estimate of a suspect frame without readings that contradict the others.
 
-    None: there are none, or too many, or the others are not explained either.
+    None: there are none, or too many, or the others are not explained either; or the input is
+    saturated: readings beside a touch that is cut off seem too low, and are not.
     """
+    if saturation(reading):
+        return None
     aside = np.zeros(reading.adc.shape, bool)
     usable, values = reading.known | reading.capped, np.count_nonzero(reading.known)
     for _ in range(_ROUNDS):
@@ -72,7 +75,7 @@ def _explained(left: Reading, estimate: Estimate) -> bool:
     """
     g = last_guess(left, estimate)
     misfit = left.misfit(left.model(g))
-    variance = np.square(left.spread) + model_variance(left)
+    variance = np.square(left.fitted_noise) + model_variance(left)
     return bool((np.square(misfit) / variance)[left.known].mean() <= _CHI)
 
 
@@ -105,6 +108,6 @@ def _impossible(reading: Reading, estimate: Estimate, aside: np.ndarray) -> np.n
     g = last_guess(reading, estimate)
     at_rest = g <= NEAR_REST * reading.bounds[0]
     misfit = reading.misfit(reading.model(g))
-    off = -misfit / np.sqrt(np.square(reading.spread) + model_variance(reading))
+    off = -misfit / np.sqrt(np.square(reading.fitted_noise) + model_variance(reading))
     new = np.where(at_rest & ~aside, off, 0.0)
     return (aside & (off > _OFF)) | (new > max(_OFF, _WORST * new.max()))

@@ -79,7 +79,7 @@ def other_r_par(reading: Reading, g: np.ndarray) -> OtherRPar | None:
     """
     circuit, curve = reading.circuit, reading.curve
     supposed = _supposed(circuit, curve)
-    noise = float(np.median(reading.spread))
+    noise = reading.fitted_noise
     if abs(supposed.glance(reading, g, noise)) < _GLANCE:
         return None
     found = supposed.evidence(np.where(reading.known, reading.adc, np.nan), noise, g)

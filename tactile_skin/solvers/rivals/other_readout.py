@@ -72,7 +72,7 @@ def other_readout(
             continue  # of two networks the one that loads change less has them smoother
         other = replace(reading, circuit=circuit, curve=curve).above_cut_off()
         guess, _ = iterate(other, first_guess(other), _STEPS, other.fitted_noise)
-        chi2 = 0.5 * np.square(other.misfit(other.model(guess)) / other.spread).sum()
+        chi2 = 0.5 * np.square(other.misfit(other.model(guess)) / other.fitted_noise).sum()
         if chi2 > _FAR * guess.size:
             continue
         if light:
@@ -111,9 +111,9 @@ class _Touches:
         self._between = differences(reading.circuit)
         touched = populated & (g > _LIFTED * reading.bounds[0])
         self.level = float(self._x[touched].mean()) if touched.any() else _NO_LEVEL
-        misfit = reading.misfit(reading.model(g)) / reading.spread
+        misfit = reading.misfit(reading.model(g)) / reading.fitted_noise
         cells = np.flatnonzero(populated).astype(np.int32)
-        jacobian = reading.linearised(g, reading.spread).jacobian(cells, cells).astype(float)
+        jacobian = reading.linearised(g, reading.fitted_noise).jacobian(cells, cells).astype(float)
         jacobian *= g.ravel()[cells]
         precision = jacobian.T @ jacobian
         precision.flat[:: cells.size + 1] += 1.0  # what is known of a cell that is in no reading

@@ -19,20 +19,22 @@ export class Chart {
    * @param points [{t [s], force [N], stop}], by time.
    * @param from, to the time that is shown [s].
    * @param label time [s] -> text under the chart.
+   * @param limit force that stops the robot [N], or null.
    * @param cursor time [s] to mark, or null.
    */
-  draw(points, from, to, label, cursor, colours) {
+  draw(points, from, to, label, limit, cursor, colours) {
     const { context: ctx, ratio } = this;
     const [w, h] = [this.canvas.width, this.canvas.height];
     const [left, right, top, bottom] = [44, 6, 8, 18].map((x) => x * ratio);
-    const most = Math.max(5, ...points.map((p) => p.force));
+    const most = points.reduce((m, p) => (p.t >= from ? Math.max(m, p.force) : m), Math.max(5, 1.1 * (limit ?? 0)));
     const end = most <= 20 ? Math.ceil(most / 5) * 5 : Math.ceil(most / 20) * 20;
+    Object.assign(this, { from, to });
     const x = (t) => left + ((t - from) / (to - from || 1)) * (w - left - right);
     const y = (force) => h - bottom - (force / end) * (h - top - bottom);
     ctx.fillStyle = colours.panel;
     ctx.fillRect(0, 0, w, h);
     this.stops(points, x, top, h - bottom, from, colours);
-    ctx.font = `${11 * ratio}px ${FONT}`;
+    ctx.font = `${12 * ratio}px ${FONT}`;
     ctx.fillStyle = colours.faint;
     ctx.strokeStyle = colours.line;
     ctx.lineWidth = ratio;
@@ -51,6 +53,7 @@ export class Chart {
       const t = from + share * (to - from);
       ctx.fillText(label(t), x(t), h - 4 * ratio);
     }
+    if (limit !== null) this.limit(limit, left, w - right, y(limit), colours);
     ctx.strokeStyle = colours.force;
     ctx.lineWidth = 2 * ratio;
     ctx.lineJoin = "round";
@@ -74,6 +77,20 @@ export class Chart {
     }
   }
 
+  limit(limit, left, right, y, colours) {
+    const { context: ctx, ratio } = this;
+    ctx.strokeStyle = ctx.fillStyle = colours.wrong;
+    ctx.setLineDash([6 * ratio, 4 * ratio]);
+    ctx.beginPath();
+    ctx.moveTo(left, y);
+    ctx.lineTo(right, y);
+    ctx.stroke();
+    ctx.setLineDash([]);
+    ctx.textAlign = "left";
+    ctx.textBaseline = "bottom";
+    ctx.fillText(`stop at ${limit} N`, left + 4 * ratio, y - 2 * ratio);
+  }
+
   stops(points, x, top, bottom, from, colours) {
     const ctx = this.context;
     ctx.fillStyle = colours.stopped;
@@ -91,50 +108,10 @@ export class Chart {
   }
 
   /** The time [s] under a pointer. */
-  timeAt(event, from, to) {
+  timeAt(event) {
+    const { from, to } = this;
     const box = this.canvas.getBoundingClientRect();
     const share = (event.clientX - box.left - 44) / (box.width - 50);
     return from + Math.min(1, Math.max(0, share)) * (to - from);
   }
-}
-
-/** The robot from above, x forward, and the push on it. */
-export function compass(canvas, push, colours) {
-  const ctx = canvas.getContext("2d");
-  const middle = canvas.width / 2;
-  const radius = 0.52 * middle;
-  ctx.clearRect(0, 0, canvas.width, canvas.height);
-  ctx.lineWidth = 3;
-  ctx.strokeStyle = colours.faint;
-  ctx.beginPath();
-  ctx.arc(middle, middle, radius, 0, 2 * Math.PI);
-  ctx.stroke();
-  ctx.beginPath(); // the front
-  ctx.moveTo(middle - 12, middle - radius + 6);
-  ctx.lineTo(middle, middle - radius - 12);
-  ctx.lineTo(middle + 12, middle - radius + 6);
-  ctx.fillStyle = colours.faint;
-  ctx.fill();
-  if (!push) return;
-  const [dx, dy] = [-push.direction[1], -push.direction[0]]; // y left, x up, on the canvas
-  const flat = Math.hypot(dx, dy);
-  ctx.strokeStyle = ctx.fillStyle = colours.bad;
-  ctx.lineWidth = 6;
-  if (flat < 0.2) {
-    ctx.beginPath();
-    ctx.arc(middle, middle, 8, 0, 2 * Math.PI);
-    ctx.fill();
-    return;
-  }
-  const tip = [middle - 0.25 * radius * dx, middle - 0.25 * radius * dy];
-  const tail = [middle - 1.6 * radius * dx, middle - 1.6 * radius * dy];
-  const angle = Math.atan2(dy, dx);
-  ctx.beginPath();
-  ctx.moveTo(...tail);
-  ctx.lineTo(...tip);
-  for (const side of [-0.5, 0.5]) {
-    ctx.moveTo(...tip);
-    ctx.lineTo(tip[0] - 24 * Math.cos(angle + side), tip[1] - 24 * Math.sin(angle + side));
-  }
-  ctx.stroke();
 }

@@ -31,8 +31,10 @@ export const rising = table(VIRIDIS);
 /** From minus the scale's end to the end; `middle` is the colour of the page. */
 export const signed = (middle) => table([BELOW, middle, ABOVE]);
 
-/** The smallest of 1, 2, 5, 10, ... that is not below x. */
+const ENDS = [1, 1.5, 2, 3, 4, 5, 7.5, 10]; // of a scale, times a power of ten
+
+/** The smallest end of a scale that is not below x. */
 export function roundUp(x) {
   const decade = 10 ** Math.floor(Math.log10(x));
-  return [1, 2, 5, 10].map((k) => k * decade).find((end) => end >= x * 0.9999);
+  return ENDS.map((k) => k * decade).find((end) => end >= x * 0.9999);
 }

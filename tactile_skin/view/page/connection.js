@@ -42,7 +42,7 @@ export class Connection {
     return true;
   }
 
-  ask(name) {
-    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify({ ask: name }));
+  ask(ask, text = "") {
+    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify({ ask, text }));
   }
 }

@@ -1,6 +1,7 @@
 // What stands beside the pictures: stop, contacts, numbers, reports.
 
-import { compass } from "./chart.js";
+import { compass, spelt } from "./push.js";
+import { fixed } from "./words.js";
 
 const $ = (id) => document.getElementById(id);
 
@@ -9,24 +10,21 @@ function say(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
-export const fixed = (x, digits, unit) =>
-  x === null || x === undefined || Number.isNaN(x) ? "–" : `${x.toFixed(digits)}${unit}`;
-
 export const share = (sorted, p) => sorted[Math.min(sorted.length - 1, Math.floor(p * sorted.length))];
 
 /**
- * The banner: the stop with its reason.
+ * The banner: the stop in one line, and all of its reason under it.
  * @param stop whether the robot is stopped; null: nobody says.
- * @param why why nobody does.
  */
-export function showStop(stop, reason, recorded, why) {
+export function showStop(stop, line, reason) {
   const banner = $("stop");
   const state = stop === null ? "unknown" : stop ? "stopped" : "free";
-  banner.className = state;
-  const title = { unknown: "STOP UNKNOWN", stopped: "■ STOPPED", free: "✓ FREE" }[state];
-  say(banner.querySelector("strong"), recorded ? `recorded: ${title}` : title);
-  const free = recorded ? "no stop was asked for" : "the skin asks for no stop";
-  say(banner.querySelector("span"), { unknown: why, stopped: reason, free }[state]);
+  if (banner.className !== state) banner.className = state;
+  const mark = { unknown: "? ", stopped: "■ ", free: "✓ " }[state];
+  say(banner.querySelector("strong"), mark + line);
+  $("details").hidden = !reason;
+  $("why").hidden = !reason || $("details").getAttribute("aria-expanded") !== "true";
+  say($("why"), reason);
 }
 
 /** The line about old data; empty: they are not. */
@@ -58,12 +56,20 @@ export function showContacts(contacts) {
 export function showPush(push, colours) {
   const box = $("push");
   compass(box.querySelector("canvas"), push, colours);
-  const signed = (x) => (x < -0.005 ? "−" : "+") + Math.abs(x).toFixed(2);
-  const text = push
-    ? `${push.force.toFixed(1)} N towards x ${signed(push.direction[0])}, ` +
-      `y ${signed(push.direction[1])}, z ${signed(push.direction[2])}`
-    : "none";
-  say(box.querySelector("p"), text);
+  say(box.querySelector("p"), spelt(push));
+}
+
+/** The force of all contacts [N], and which of it stops the robot; null: nobody says. */
+export function showTotal(force, limit) {
+  const meter = $("total");
+  const of = limit ? ` of ${limit} N` : "";
+  say(meter.querySelector("strong"), `${fixed(force, 1, " N")}${of}`);
+  const end = limit ?? Math.max(1, force);
+  meter.firstElementChild.style.width = `${Math.min(100, (100 * force) / end)}%`;
+  meter.classList.toggle("over", limit !== null && force >= limit);
+  meter.setAttribute("aria-valuenow", force.toFixed(1));
+  meter.setAttribute("aria-valuemax", end);
+  meter.setAttribute("aria-valuetext", `${fixed(force, 1, " N")}${of}`);
 }
 
 /** @param entries [[name, text], ...] */
@@ -86,27 +92,4 @@ export function showReports(says) {
     list.children[k].className = kind;
     say(list.children[k], text);
   });
-}
-
-/** A button that is pressed twice: the second time within 4 s, it is meant. */
-export function twice(button, question, act) {
-  const name = button.textContent;
-  let timer = null;
-  const calm = () => {
-    clearTimeout(timer);
-    timer = null;
-    button.textContent = name;
-    button.classList.remove("sure");
-  };
-  button.onclick = () => {
-    if (timer === null) {
-      button.textContent = question;
-      button.classList.add("sure");
-      timer = setTimeout(calm, 4000);
-    } else {
-      calm();
-      act();
-    }
-  };
-  button.onblur = calm;
 }

@@ -6,7 +6,7 @@ const MARGIN = { left: 20, top: 16, right: 4, bottom: 4 }; // px around the cell
 const LABEL = 22; // px that the number of a line and a gap take
 
 const COLOURS = [
-  "panel", "text", "faint", "line", "absent", "middle", "bad", "stopped", "force",
+  "panel", "text", "faint", "line", "absent", "middle", "bad", "wrong", "stopped", "force",
 ];
 const dark = matchMedia("(prefers-color-scheme: dark)");
 
@@ -24,7 +24,7 @@ export function pageColours() {
 
 export class Mat {
   /**
-   * @param canvas to draw on; its width is that of its box.
+   * @param canvas to draw on.
    * @param rows, cols of the mat.
    * @param populated (rows * cols) 1 where there is a cell.
    */
@@ -35,19 +35,21 @@ export class Mat {
     this.cells.height = rows;
     this.image = this.cells.getContext("2d").createImageData(cols, rows);
     this.pixels = new Uint32Array(this.image.data.buffer);
-    this.resize();
   }
 
   /** All cells of one size in device pixels, so that none is drawn larger than another. */
-  resize() {
+  resize(width, height) {
     const ratio = window.devicePixelRatio || 1;
-    const width = this.canvas.parentElement.clientWidth - MARGIN.left - MARGIN.right;
-    this.cell = Math.max(2, Math.floor((width * ratio) / Math.max(this.cols, this.rows)));
+    this.fits = [width, height];
+    const across = (width - MARGIN.left - MARGIN.right) * ratio;
+    const down = (height - MARGIN.top - MARGIN.bottom) * ratio;
+    this.cell = Math.max(2, Math.floor(Math.min(across / this.cols, down / this.rows)));
     this.left = Math.round(MARGIN.left * ratio);
     this.top = Math.round(MARGIN.top * ratio);
     const w = this.left + this.cell * this.cols + Math.round(MARGIN.right * ratio);
     const h = this.top + this.cell * this.rows + Math.round(MARGIN.bottom * ratio);
     Object.assign(this.canvas, { width: w, height: h });
+    this.size = [w / ratio, h / ratio]; // of the canvas [px]
     this.canvas.style.width = `${w / ratio}px`;
     this.canvas.style.height = `${h / ratio}px`;
     this.ratio = ratio;
@@ -57,7 +59,7 @@ export class Mat {
 
   /** What does not change: the numbers of the lines. From then on only cells are drawn on. */
   frame(colours) {
-    if (this.framed) this.resize();
+    if (this.framed) this.resize(...this.fits);
     const ctx = this.context;
     ctx.fillStyle = colours.panel;
     ctx.fillRect(0, 0, this.canvas.width, this.canvas.height);
@@ -117,7 +119,7 @@ export class Mat {
 
   number(ctx, colours) {
     ctx.fillStyle = colours.faint;
-    ctx.font = FONT.replace("11px", `${11 * this.ratio}px`);
+    ctx.font = FONT.replace("11px", `${12 * this.ratio}px`);
     const step = [5, 10, 20, 50].find((n) => n * this.cell >= LABEL * this.ratio) || 100;
     ctx.textAlign = "center";
     ctx.textBaseline = "bottom";
@@ -172,8 +174,12 @@ export class Mat {
     ctx.strokeRect(x, y, this.cell, this.cell);
   }
 
-  /** Each contact: its id, its gesture if there is a name, and where it is in half a second at its velocity. */
-  contacts(contacts) {
+  /**
+   * Each contact: where it was, its id and force, its gesture if there is a name, and where it is in
+   * half a second at its velocity.
+   * @param trails id -> [[row, col], ...], the oldest first.
+   */
+  contacts(contacts, trails) {
     const ctx = this.context;
     const size = 13 * this.ratio;
     ctx.font = `600 ${size}px system-ui, sans-serif`;
@@ -181,6 +187,7 @@ export class Mat {
     ctx.textBaseline = "middle";
     for (const contact of contacts) {
       const from = this.place(contact.row, contact.col);
+      this.trail(trails.get(contact.id) ?? []);
       const way = [0.5 * contact.way[1] * this.cell, 0.5 * contact.way[0] * this.cell];
       if (Math.hypot(...way) > 4 * this.ratio) {
         this.arrow(from, [from[0] + way[0], from[1] + way[1]], "#ffffff");
@@ -189,12 +196,35 @@ export class Mat {
       ctx.lineJoin = "round";
       ctx.strokeStyle = "#000000";
       ctx.fillStyle = "#ffffff";
-      const below = [from[0], from[1] + 1.8 * size];
-      for (const [text, at] of [[contact.id, from], [contact.gesture, below]]) {
+      const lines = [`${contact.id}: ${contact.force.toFixed(1)} N`, contact.gesture];
+      const y = Math.max(from[1] - 2.2 * size, this.top + size);
+      lines.forEach((text, k) => {
+        const half = ctx.measureText(text).width / 2;
+        const x = Math.min(Math.max(from[0], this.left + half), this.canvas.width - half - 6);
+        const at = [x, k ? from[1] + 2.2 * size : y];
         ctx.strokeText(text, ...at);
         ctx.fillText(text, ...at);
+      });
+    }
+  }
+
+  /** Places in turn, the latest of which is bright. */
+  trail(places) {
+    const ctx = this.context;
+    ctx.lineCap = "round";
+    for (let k = 1; k < places.length; k++) {
+      ctx.globalAlpha = k / places.length;
+      for (const [colour, width] of [["#000000", 5], ["#ffffff", 3]]) {
+        ctx.strokeStyle = colour;
+        ctx.lineWidth = width * this.ratio;
+        ctx.beginPath();
+        ctx.moveTo(...this.place(...places[k - 1]));
+        ctx.lineTo(...this.place(...places[k]));
+        ctx.stroke();
       }
     }
+    ctx.globalAlpha = 1;
+    ctx.lineCap = "butt";
   }
 
   /** The push: a ring around its centre, and what of it lies along the mat. */

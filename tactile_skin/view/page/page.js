@@ -2,23 +2,29 @@
 
 import { Chart } from "./chart.js";
 import { Connection } from "./connection.js";
-import { rising, roundUp, signed } from "./colours.js";
 import * as facts from "./facts.js";
-import { Mat, pageColours } from "./mat.js";
+import { Figures } from "./figures.js";
+import { History } from "./history.js";
+import { Log } from "./log.js";
+import { pageColours } from "./mat.js";
+import { toggle, twice } from "./buttons.js";
+import { Work } from "./work.js";
+import { clock, fixed, state } from "./words.js";
 
-const HISTORY = 10; // s of force that the chart shows
 const OLD = 1; // s from which on data are old
-const HELD = 3000; // ms for which a scale does not shrink
 const TEXTS = 100; // ms between two changes of the texts
 const CHART = 30; // ms between two draws of the chart
-const PICTURES = ["reading", "b", "a", "std", "misfit"];
+const RANGES = [[10, "10 s"], [60, "1 min"], [180, "3 min"], [600, "10 min"]]; // s
 const $ = (id) => document.getElementById(id);
 
 const colours = pageColours();
-let hello = null;
-let mats = {};
-let legends = {};
 const chart = new Chart(document.querySelector("#force canvas"));
+const log = new Log(document.querySelector("#log table"), (entry) => visit(entry.stamp));
+let hello = null;
+let figures = null;
+let space = null; // the cover in space, once it was opened
+let work = null;
+let history = new History();
 
 let latest = null; // the last snapshot: {head, arrays, at: when it came [ms]}
 let shown = null; // the one in the pictures
@@ -26,15 +32,12 @@ let last = null; // the one before, while it is drawn
 let drawn = 0; // number of the latest that was drawn
 let newsAt = 0; // when the last new one came [ms]
 let frozen = false; // pictures are held, or the recording stands
+let moment = 0; // stamp of a moment to show [s]; 0: none is asked for
 let lostWhy = "";
 let chosen = null; // {row, col}
-let history = []; // [{t, force, stop}]
 let latencies = []; // [[when, s]]
 let draws = []; // ms, of the last second
-let wanted = { a: "published", b: "naive" };
 let time = 0; // s, in a recording
-let wholeTime = []; // of a recording: [{t, force, stop}]
-const peaks = {}; // name -> [[when, largest]]
 
 // --- set up ---
 
@@ -45,57 +48,64 @@ function fill(select, options, value) {
 
 function setUp(said) {
   hello = said;
-  for (const name of PICTURES) {
-    const figure = $(name);
-    const canvas = figure.querySelector("canvas");
-    mats[name] = new Mat(canvas, hello.rows, hello.cols, hello.populated);
-    legends[name] = figure.querySelector(".legend");
-    canvas.onpointermove = canvas.onpointerdown = (event) => choose(mats[name].under(event));
-    canvas.onpointerleave = () => choose(null);
-  }
+  const recorded = hello.recording;
+  history = new History(hello.history);
+  figures = new Figures(hello, choose);
   const methods = hello.methods.map((name) => [name, name]);
-  for (const side of ["a", "b"]) {
-    const select = document.querySelector(`#${side} select`);
-    fill(select, [["published", ""], ...methods], wanted[side]);
-    for (const option of select.options) option.text = `${side.toUpperCase()}: ${option.text}`;
-    select.onchange = () => {
-      wanted[side] = select.value;
-      delete peaks.force;
-      delete peaks.std;
-      touchedAt = performance.now();
-    };
-  }
+  const own = recorded ? "as recorded" : "as published";
+  fill($("method-a"), [["published", own], ...methods], $("method-a").value || "published");
+  fill($("method-b"), methods, $("method-b").value || "naive");
   const ends = [0.5, 1, 2, 5, 10].filter((end) => end <= hello.max_force * 1.1);
   fill($("scale"), [["", "automatic"], ...ends.map((end) => [end, `0 to ${end} N`])], $("scale").value);
   fill($("speed"), [0.1, 0.25, 0.5, 1, 2, 5].map((x) => [x, `${x} ×`]), "1");
-  const recorded = hello.recording;
-  $("source").textContent = hello.title;
+  fill($("range"), RANGES, $("range").value || "10");
   $("play").hidden = $("at").hidden = !recorded;
-  $("buttons").hidden = Boolean(recorded);
-  for (const name of ["tare", "reset"]) {
-    $(name).disabled = !hello.controls;
-  }
+  $("range").hidden = $("buttons").hidden = Boolean(recorded);
+  $("flat").hidden = !hello.position;
+  for (const name of ["tare", "reset"]) $(name).disabled = !hello.controls;
   if (!hello.controls && !recorded) $("said").textContent = "off: launch with view_controls:=true";
+  if (recorded) $("at").max = recorded.duration;
+  work = new Work((name, text) => connection.ask(name, text), hello.controls);
+  compared();
   resize();
-  if (recorded) {
-    $("at").max = recorded.duration;
-    wholeTime = recorded.times.map((t, k) => ({ t, force: recorded.force[k], stop: recorded.stop[k] }));
-  }
 }
 
-$("scale").onchange = () => choose(chosen);
-facts.twice($("tare"), "hands off? then again", () => connection.ask("tare"));
-facts.twice($("reset"), "reset? then again", () => connection.ask("reset"));
+function compared() {
+  const method = $("method-b").value;
+  document.querySelector("#b h2").textContent = method === "naive" ? "naive" : `by ${method}`;
+  figures?.forget();
+  revisit();
+}
+
+$("scale").onchange = $("unit").onchange = () => {
+  figures.forget();
+  choose(chosen);
+};
+$("method-a").onchange = $("method-b").onchange = compared;
+$("range").onchange = () => { chartAt = 0; };
+twice($("tare"), "hands off? then again", () => connection.ask("tare"));
+twice($("reset"), "reset? then again", () => connection.ask("reset"));
+toggle($("details"), "details", "less", () => { textsAt = 0; });
+toggle($("explain"), "explain", "explain less", (open) => {
+  $("explained").hidden = !open;
+  resize();
+  revisit();
+});
+$("flat").onclick = () => openSpace($("flat").getAttribute("aria-pressed") !== "true");
 $("at").oninput = () => seek(Number($("at").value));
 $("pause").onclick = () => freeze(!frozen);
 chart.canvas.onclick = (event) => {
-  if (hello?.recording) seek(chart.timeAt(event, 0, hello.recording.duration));
+  if (!hello) return;
+  const t = chart.timeAt(event);
+  if (hello.recording) seek(t);
+  else visit(t);
 };
 
 function freeze(whether) {
   frozen = whether;
-  const play = hello?.recording ? "play" : "go on";
-  $("pause").textContent = frozen ? play : "pause";
+  if (!frozen) moment = 0;
+  const go = hello?.recording ? "play" : "back to now";
+  $("pause").textContent = frozen ? go : "pause";
   $("pause").setAttribute("aria-pressed", frozen);
 }
 
@@ -104,24 +114,57 @@ function seek(t) {
   $("at").value = time;
 }
 
+/** Show the moment of a stamp [s]: of a recording, or what is kept of a running skin. */
+function visit(stamp) {
+  freeze(true);
+  if (hello.recording) seek(stamp > hello.recording.start / 2 ? stamp - hello.recording.start : stamp);
+  else moment = stamp;
+}
+
+/** What is held may have other pictures by now. */
+function revisit() {
+  if (frozen && shown && !hello.recording) moment = shown.head.stamp;
+}
+
 function choose(cell) {
   chosen = cell;
   touchedAt = performance.now();
 }
 
+async function openSpace(open) {
+  if (open && !space) {
+    const { Space } = await import("./space.js");
+    try {
+      space = new Space(document.querySelector("#space canvas"), hello);
+    } catch (error) {
+      $("said").textContent = `no view in space: ${error.message}`;
+      return;
+    }
+  }
+  $("flat").setAttribute("aria-pressed", open);
+  $("flat").textContent = open ? "flat" : "in space";
+  $("space").hidden = !open;
+  document.querySelector("#a .picture").hidden = open;
+  resize();
+}
+
 document.onkeydown = (event) => {
   if (event.ctrlKey || event.altKey || event.metaKey || !hello) return;
   const at = event.target.tagName;
-  if (event.key === " " && at !== "BUTTON" && at !== "SUMMARY" && at !== "SELECT") {
+  if (event.key === " " && !["BUTTON", "SUMMARY", "SELECT", "INPUT"].includes(at)) {
     freeze(!frozen);
-  } else if (event.key === "b" && at !== "SELECT") {
-    const select = document.querySelector("#b select");
+  } else if (event.key === "e" && at !== "SELECT" && at !== "INPUT") {
+    $("explain").click();
+  } else if (event.key === "b" && at !== "SELECT" && at !== "INPUT") {
+    const select = $("method-b");
     select.selectedIndex = (select.selectedIndex + 1) % select.options.length;
-    select.onchange();
+    compared();
+  } else if (event.key === "Escape") {
+    figures.enlarge(null);
   } else if ((event.key === "," || event.key === ".") && hello.recording) {
     freeze(true);
     seek(time + (event.key === "," ? -1 : 1) * hello.recording.interval);
-  } else if (event.key.startsWith("Arrow") && event.target === $("mats")) {
+  } else if (event.key.startsWith("Arrow") && event.target === $("a")) {
     const { row, col } = chosen || { row: hello.rows >> 1, col: hello.cols >> 1 };
     const [down, right] = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1] }[event.key];
     choose({
@@ -135,12 +178,11 @@ document.onkeydown = (event) => {
 };
 
 function resize() {
-  for (const [name, mat] of Object.entries(mats)) {
-    mat.resize();
-    legends[name].style.width = `${(mat.cell * mat.cols) / mat.ratio}px`;
-  }
+  figures?.resize();
   chart.resize();
+  if (space && !$("space").hidden) space.resize(...figures.mats.a.size);
   last = null;
+  touchedAt = performance.now();
 }
 window.onresize = resize;
 
@@ -153,20 +195,22 @@ const connection = new Connection({
   },
   snapshot(head, arrays) {
     const now = performance.now();
+    lostWhy = "";
+    if (head.log) log.take(head.log, Boolean(hello.recording));
+    if (head.work) work.take(head.work, colours);
+    if (head.at && !hello.recording) { // a moment
+      if (frozen) shown = { head, arrays, at: now };
+      touchedAt = now;
+      return;
+    }
     if (head.number !== latest?.head.number) newsAt = now;
     latest = { head, arrays, at: now };
-    lostWhy = "";
-    const force = head.contacts.reduce((sum, c) => sum + c.force, 0);
-    if (!hello.recording && head.stamp !== history.at(-1)?.t) {
-      if (head.stamp < history.at(-1)?.t) history = [];
-      history.push({ t: head.stamp, force, stop: head.stop });
-      while (history[0].t < head.stamp - HISTORY - 1) history.shift();
-    }
+    if (!hello.recording) history.push(head);
     if (head.latency !== undefined) latencies.push([now, 1000 * head.latency]);
     while (latencies.length && latencies[0][0] < now - 5000) latencies.shift();
   },
   said({ success, message }) {
-    $("said").textContent = `${success ? "" : "refused: "}${message}`;
+    $("said").textContent = success ? message : `refused: ${message}`;
   },
   lost(why) {
     lostWhy = why || "no connection to the skin's page server";
@@ -175,137 +219,88 @@ const connection = new Connection({
 
 // --- drawing ---
 
-/** A scale's end that follows the largest value at once, and shrinks after a while. */
-function hold(name, largest, least, now) {
-  const kept = (peaks[name] ??= []);
-  while (kept.length && kept.at(-1)[1] <= largest) kept.pop();
-  kept.push([now, largest]);
-  while (kept[0][0] < now - HELD) kept.shift();
-  return roundUp(Math.max(least, kept[0][1]));
-}
-
-function largest(values) {
-  let most = 0;
-  for (const x of values || []) if (x > most) most = x;
-  return most;
-}
-
-function showLegend(name, table, low, high, unit) {
-  const legend = legends[name];
-  const key = `${low} ${high} ${unit} ${colours.middle}`;
-  if (legend.dataset.key === key) return;
-  legend.dataset.key = key;
-  const bar = document.createElement("canvas");
-  [bar.width, bar.height] = [256, 1];
-  bar.getContext("2d").putImageData(new ImageData(new Uint8ClampedArray(table), 256, 1), 0, 0);
-  const ends = document.createElement("div");
-  const tidy = (x) => String(Number(x.toPrecision(3))).replace("-", "−");
-  for (const x of [low, (low + high) / 2, high]) {
-    const end = document.createElement("span");
-    end.textContent = tidy(x);
-    ends.append(end);
-  }
-  const of = document.createElement("p");
-  of.textContent = unit;
-  legend.replaceChildren(bar, ends, of);
-}
-
-function drawPictures({ head, arrays }, now) {
-  const both = Math.max(largest(arrays.a), largest(arrays.b));
-  const force = Number($("scale").value) || hold("force", both, 0.5, now);
-  const reading = hold("reading", largest(arrays.reading), 100, now);
-  const std = hold("std", largest(arrays.std), 0.01, now);
-  const misfit = hold("misfit", largest(arrays.misfit?.map(Math.abs)), 5, now);
-  const both_ways = signed(colours.middle);
-  const scales = {
-    reading: [rising, 0, reading, "ADC steps"],
-    b: [rising, 0, force, "N per cell"],
-    a: [rising, 0, force, "N per cell"],
-    std: [rising, 0, std, "N per cell"],
-    misfit: [both_ways, -misfit, misfit, "ADC steps"],
-  };
-  for (const name of PICTURES) {
-    const [table, low, high, unit] = scales[name];
-    const mat = mats[name];
-    mat.draw(arrays[name], low, high, table, colours);
-    mat.mark(head.findings, colours);
-    if (chosen) mat.choose(chosen, colours);
-    showLegend(name, table, low, high, unit);
-  }
-  if (arrays.a) {
-    mats.a.contacts(head.contacts);
-    if (head.push) mats.a.push(head.push);
-  }
+function drawPictures(now) {
+  figures.follow(shown.head);
+  figures.draw(shown, [...shown.head.findings, ...work.findings], chosen, colours, now);
+  if (space && !$("space").hidden) space.draw(shown, figures.scale, colours);
 }
 
 function drawChart(now) {
+  const { limit } = latest.head;
   if (hello.recording) {
-    const whole = hello.recording.duration;
-    chart.draw(wholeTime, 0, whole, (t) => `${t.toFixed(1)} s`, time, colours);
-  } else {
-    const to = latest.head.stamp + (now - latest.at) / 1000;
-    chart.draw(history, to - HISTORY, to, (t) => `${(t - to).toFixed(0)} s`.replace("-", "−"), null, colours);
+    const all = hello.recording.duration;
+    chart.draw(history.points, 0, all, (t) => `${t.toFixed(1)} s`, limit, time, colours);
+    return;
   }
+  const to = stampNow(now);
+  const range = Number($("range").value);
+  const label = (t) => (t >= to - 0.05 ? "now" : `−${(to - t).toFixed(0)} s`);
+  const cursor = frozen && shown ? shown.head.stamp : null;
+  chart.draw(history.of(to - range), to - range, to, label, limit, cursor, colours);
 }
 
-/** The skin's method may change while it runs. */
-function showMethod(method) {
-  const text = `as ${hello.recording ? "recorded" : "published"}: ${method}`;
-  for (const side of ["a", "b"]) {
-    const option = document.querySelector(`#${side} option`);
-    const label = `${side.toUpperCase()}: ${text}`;
-    if (option.text !== label) option.text = label;
-  }
-}
+/** The time of the skin now [s]. */
+const stampNow = (now) => latest.head.stamp + (latest.head.age ?? 0) + (now - latest.at) / 1000;
 
-function cellText({ arrays, head }) {
+function cellText({ arrays }) {
   if (!chosen) return "point at a cell, or choose one with the arrow keys";
   const k = chosen.row * hello.cols + chosen.col;
-  const of = (name, digits, unit) => facts.fixed(arrays[name]?.[k], digits, unit);
-  const [a, b] = [wanted.a, wanted.b].map((m) => (m === "published" ? (hello.recording ? "recorded" : "published") : m));
+  const of = (values, digits, unit) => fixed(values?.[k], digits, unit);
+  const unit = $("unit").value === "N" ? " N" : " kPa";
+  const spread = arrays.std ? ` ± ${of(figures.inUnit(arrays.std), 2, "")}` : "";
+  const parts = [`pressure ${of(figures.scale?.values, 2, spread + unit)}`];
+  parts.push(`reading ${of(arrays.reading, 1, " steps")}`);
+  if (arrays.b) parts.push(`${$("method-b").value} ${of(figures.inUnit(arrays.b), 2, unit)}`);
+  if (arrays.misfit) parts.push(`unexplained ${of(arrays.misfit, 1, " steps")}`);
   const missing = hello.populated[k] ? "" : ", no cell";
-  return (
-    `row ${chosen.row}, column ${chosen.col}${missing}: reading ${of("reading", 1, " steps")}, ` +
-    `B (${b}) ${of("b", 2, " N")}, A (${a}) ${of("a", 2, "")} ± ${of("std", 2, " N")}, ` +
-    `misfit ${of("misfit", 1, " steps")}`
-  ).replaceAll("-", "−");
+  return `row ${chosen.row}, column ${chosen.col}${missing}: ${parts.join(", ")}`.replaceAll("-", "−");
 }
 
 function showTexts(now) {
   const { head } = latest;
   const silent = silentWhy(now);
   const why = silent || (hello.recording ? "no stop was recorded" : "no stop_on_push is heard");
-  facts.showStop(silent ? null : head.stop, head.reason, Boolean(hello.recording), why);
-  $("source").textContent = head.simulated ? `${hello.title}, simulated board` : hello.title;
-  const picture = frozen ? shown : latest;
-  showMethod(picture.head.method);
+  const stop = silent ? null : head.stop;
+  const line = state(stop, head.reason, hello.recording ? at(log.entries) : log.stop, why);
+  facts.showStop(stop, hello.recording ? `recorded: ${line}` : line, stop ? head.reason : "");
+  const held = frozen && shown && !hello.recording ? ` · showing ${clock(shown.head.stamp)}` : "";
+  $("source").firstElementChild.textContent = `${hello.title}${held}`;
+  $("source").lastElementChild.hidden = !head.simulated;
+  const picture = shown || latest;
   facts.showContacts(picture.head.contacts);
   facts.showPush(picture.head.push, colours);
+  const total = picture.head.contacts.reduce((sum, c) => sum + c.force, 0);
+  facts.showTotal(total, head.limit);
   facts.showReports([
-    ...Object.entries(picture.head.errors).map(([side, text]) => [`picture ${side.toUpperCase()}`, 1, text]),
+    ...Object.entries(picture.head.errors).map(([side, text]) => [side === "a" ? "pressure" : "comparison", 1, text]),
     ...head.says,
   ]);
+  work.tick();
+  log.tick(hello.recording ? hello.recording.duration : stampNow(now));
   const sorted = latencies.map(([, s]) => s).sort((x, y) => x - y);
-  const total = picture.head.contacts.reduce((sum, c) => sum + c.force, 0);
   const live = [
     ["drawn", fixedRate(now)],
-    ["last byte to drawn, p50", facts.fixed(facts.share(sorted, 0.5), 1, " ms")],
-    ["p99", facts.fixed(facts.share(sorted, 0.99), 1, " ms")],
+    ["last byte to drawn, p50", fixed(facts.share(sorted, 0.5), 1, " ms")],
+    ["p99", fixed(facts.share(sorted, 0.99), 1, " ms")],
   ];
   facts.showNumbers([
-    ["force of all contacts", facts.fixed(total, 1, " N")],
-    ["readings", facts.fixed(head.rate, 1, "/s")],
-    ["residual", facts.fixed(head.residual, 2, " ADC steps")],
-    ["noise of a reading", facts.fixed(head.noise, 2, " ADC steps")],
+    ["method", picture.head.method],
+    ["unexplained, RMS", fixed(picture.head.unexplained, 2, " ADC steps")],
+    ["noise of a reading", fixed(head.noise, 2, " ADC steps")],
+    ["readings", fixed(head.rate, 1, "/s")],
     ["lost on the wire", `${head.lost}`],
     ["damaged (CRC)", `${head.crc_errors}`],
     ["dropped in queues", `${head.dropped}`],
-    ...(hello.recording ? [["time", facts.fixed(time, 2, " s")]] : live),
+    ...(hello.recording ? [["time", fixed(time, 2, " s")]] : live),
   ]);
   const cell = $("cell");
-  cell.textContent = cellText(shown || latest);
+  cell.textContent = cellText(picture);
   cell.classList.toggle("chosen", chosen !== null);
 }
+
+/** The stop that lasts at the time of the recording. */
+const at = (entries) =>
+  entries.find((e) => e.kind === "stop" && e.begin <= time + 0.001 && (e.end ?? Infinity) > time);
 
 const fixedRate = (now) => {
   draws = draws.filter((at) => at > now - 1000);
@@ -329,12 +324,19 @@ function oldWhy(now) {
   return age > OLD ? `the last reading is ${age.toFixed(0)} s old` : "";
 }
 
-/** Of a recording that stands, only what is new is asked for. */
+/** Of a recording that stands, only what is new is asked for; of a running skin, a moment once. */
 function ask() {
-  const next = { ...wanted, at: time };
+  const next = {
+    a: $("method-a").value,
+    b: $("explained").hidden ? "" : $("method-b").value,
+    at: hello.recording ? time : moment,
+  };
   const key = JSON.stringify(next);
   if (hello.recording && key === askedFor) return;
-  if (connection.want({ ...next, after: latest?.head.number ?? 0, drawn })) askedFor = key;
+  if (connection.want({ ...next, after: latest?.head.number ?? 0, drawn })) {
+    askedFor = key;
+    moment = 0;
+  }
 }
 
 let askedFor = "";
@@ -360,7 +362,7 @@ function frame(now) {
       document.body.dataset.draws = ++count;
     }
     if (fresh || touchedAt > drawnAt) {
-      drawPictures(shown, now);
+      drawPictures(now);
       drawnAt = now;
     }
     if (now - chartAt > CHART || hello.recording) {

@@ -1,0 +1,145 @@
+"""Kill -9 of each process of a skin on ROS 2: how long does the robot still move?
+
+runs each node as a process, and `skin` with all of them in one, while a planner asks for motion;
+kills one at a random moment, so many times each. The robot moves while cmd_vel is not zero,
+skin/stop is false, and neither has been silent for longer than docs/robot.md lets twist_mux wait.
+Counted is the time from the kill until it does not.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import re
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+import yaml
+from support.plain import Plain
+from support.ros_graph import PATIENCE, Graph, Player, endless, program
+
+from .. import harness
+from .interrupt import MOVES, until
+
+PAGE = Path(__file__).parents[2] / "docs" / "robot.md"
+NODES = ("serial_driver", "compensation", "gesture_feature", "stop_on_push", "cmd_vel_gate")
+WATCHED = 0.6  # s after a kill
+LIMIT = (
+    0.13  # s, 95th percentile; of the gate and of `skin`, whose end is silence, twist_mux' timeout
+)
+
+
+def silence_allowed() -> float:
+    """Return the timeout of twist_mux' lock in docs/robot.md [s]."""
+    blocks = re.findall(r"```yaml\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    (found,) = (b["twist_mux"] for b in map(yaml.safe_load, blocks) if "twist_mux" in b)
+    return found["ros__parameters"]["locks"]["skin"]["timeout"]
+
+
+class Base:
+    """A planner, and a base that moves as skin/stop and cmd_vel let it, on rclpy alone."""
+
+    def __init__(self, plain: Plain, allowed: float):
+        from geometry_msgs.msg import Twist
+        from std_msgs.msg import Bool
+
+        self._allowed = allowed  # s that either may be silent
+        asked = Twist()
+        asked.linear.x = MOVES
+        commands = plain.node.create_publisher(Twist, "cmd_vel_in", 1)
+        plain.node.create_timer(0.05, lambda: commands.publish(asked))
+        # topic -> (arrival [s], whether the robot may move)
+        self._heard: dict[str, list[tuple[float, bool]]] = {"skin/stop": [], "cmd_vel": []}
+        for kind, topic, free in (
+            (Bool, "skin/stop", lambda m: not m.data),
+            (Twist, "cmd_vel", lambda m: m.linear.x != 0.0),
+        ):
+            plain.node.create_subscription(kind, topic, self._noter(topic, free), 100)
+
+    def _noter(self, topic, free):
+        return lambda m: self._heard[topic].append((time.monotonic(), free(m)))
+
+    @property
+    def moves(self) -> bool:
+        now = time.monotonic()
+        lasts = [heard[-1] if heard else (0.0, False) for heard in self._heard.values()]
+        return all(free and now - at < self._allowed for at, free in lasts)
+
+    def halts(self, since: float) -> tuple[float, bool]:
+        """Return when it stood, and whether it was so by a message, not by silence."""
+        ends, allowed = [], self._allowed
+        for heard in self._heard.values():
+            last = since
+            for at, free in (*heard, (since + WATCHED + allowed, False)):
+                if at < since:
+                    last = at
+                elif at - last > allowed:
+                    ends.append((last + allowed, False))
+                    break
+                elif not free:
+                    ends.append((at, True))
+                    break
+                else:
+                    last = at
+        return min(ends)
+
+
+def main(arguments=None):
+    parser = harness.parser(__doc__, __spec__)
+    parser.add_argument("--times", type=int, default=20, help="that each is killed (default 20)")
+    parser.add_argument("--seed", type=int, default=1, help="of frames and moments (default 1)")
+    args = parser.parse_args(arguments)
+    dice, allowed = random.Random(args.seed), silence_allowed()
+    print(f"[ms] from kill -9 until the robot stands; silence for {1e3 * allowed:.0f} ms stands")
+    figures: dict[str, list[float]] = {}
+    late = []
+    given = ["-p", "tare:=false", "-p", "cmd_vel_gate:=true"]
+    for kinds in (NODES, ("skin",)):
+        player = Player()
+        port = ["-p", f"port:={player.port}"]
+        words = {
+            "serial_driver": port,
+            "compensation": given[:2],
+            "skin": port + given,
+        }
+        with Graph() as graph:
+            os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+            with Plain(graph.env) as plain, player.playing(endless("idle", args.seed)):
+                base = Base(plain, allowed)
+                for kind in kinds:
+                    graph.start(kind, program(kind, *words.get(kind, ())))
+                for kind in kinds:
+                    given_words = words.get(kind, ())
+                    seconds, said = killed(graph, base, kind, given_words, args.times, dice)
+                    figures[kind] = [round(s, 4) for s in seconds]
+                    median, high, most = 1e3 * np.percentile(seconds, [50, 95, 100])
+                    times = f"median {median:4.0f}  p95 {high:4.0f}  max {most:4.0f}"
+                    print(f"{kind:16} {times}  by a message {said:.0%}", flush=True)
+                    limit = allowed if kind in ("skin", "cmd_vel_gate") else LIMIT
+                    late += [kind] if high > 1e3 * limit else []
+        player.close()
+    print(f"later than allowed: {', '.join(late) or 'none'}")
+    return figures
+
+
+def killed(graph, base, kind, words, times, dice) -> tuple[list[float], float]:
+    """Kill it so many times; the seconds that each took, and how many ended by a message."""
+    seconds, said = [], 0
+    for _ in range(times):
+        if not until(lambda: base.moves, PATIENCE):
+            raise RuntimeError(f"{kind}: the robot never moved: {graph.said(kind)[-500:]}")
+        time.sleep(dice.uniform(0.1, 0.6))
+        begin = time.monotonic()
+        graph.stop(kind, signal.SIGKILL)
+        time.sleep(WATCHED)
+        end, by_word = base.halts(begin)
+        seconds.append(end - begin)
+        said += by_word
+        graph.start(kind, program(kind, *words))
+    return seconds, said / times
+
+
+if __name__ == "__main__":
+    harness.run(main)

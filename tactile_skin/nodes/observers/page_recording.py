@@ -1,0 +1,83 @@
+"""A recording that a page begins and ends, and downloads."""
+
+from __future__ import annotations
+
+import contextlib
+import tempfile
+from pathlib import Path
+
+from ...recording import cdr, configuration
+from ...recording.recorder import Limits, Recorder
+
+RECORDS = ("record", "finish")  # what a page asks for
+_LIMITS = Limits(duration=600.0, size=64e6)  # s, bytes
+_CLOSE = 2.0  # s that the disk has for what is left
+
+
+class PageRecording:
+    """All topics of the skin's namespace, as often as they come.
+
+    Args:
+        node: that hears them.
+        parameters: of the skin, name -> value, which the recording keeps.
+    """
+
+    def __init__(self, node, parameters: dict):
+        self.node, self._parameters = node, parameters
+        self._here = node.resolve_topic_name("skin/adc").removesuffix("skin/adc")
+        self._recorder: Recorder | None = None
+        self._heard: set[str] = set()
+        self._done = ""
+
+    def ask(self, name: str) -> tuple[bool, str]:
+        """Begin or end; return whether that was possible, and why."""
+        if name == "record":
+            return self._begin()
+        recorder, self._recorder = self._recorder, None
+        if recorder is None:
+            return False, "nothing is recorded"
+        recorder.close(_CLOSE)
+        if recorder.broken:
+            return False, recorder.trouble
+        self._done = str(recorder.files[0])
+        return True, recorder.trouble or f"{recorder.written} messages are recorded"
+
+    def take(self) -> str:
+        """Return the file that has just been finished; empty: there is none."""
+        done, self._done = self._done, ""
+        return done
+
+    def _begin(self) -> tuple[bool, str]:
+        if self._recorder is not None:
+            return False, "a recording is on already"
+        attached = configuration.attachments({f"{self._here}compensation": self._parameters})
+        path = Path(tempfile.mkdtemp(prefix="tactile_skin_")) / "recording.mcap"
+        try:
+            self._recorder = Recorder(path, _LIMITS, attached, self._now)
+        except (ModuleNotFoundError, OSError) as error:
+            return False, str(error)
+        self._recorder.start()
+        for topic, (kind,) in self.node.get_topic_names_and_types():
+            ours = topic.startswith(self._here) or topic == "/diagnostics"
+            if ours and topic not in self._heard and kind in cdr.KINDS:
+                self._heard.add(topic)
+                self.node.create_tap(cdr.KINDS[kind], topic, self._taker(topic))
+        return True, "recording; press again to end it"
+
+    def _taker(self, topic: str):
+        def take(message) -> None:
+            if (recorder := self._recorder) is not None:
+                recorder.put(topic, self._now(), message)
+
+        return take
+
+    def _now(self) -> int:
+        return self.node.get_clock().now().nanoseconds
+
+    def close(self) -> None:
+        """Give up what is recorded: no page will download it."""
+        if self._recorder is not None:
+            self._recorder.close(0.0)
+            for path in self._recorder.files:
+                with contextlib.suppress(OSError):
+                    path.unlink()

@@ -1,0 +1,170 @@
+// The cover in space: each cell where it is on the robot, coloured by its pressure, and the push.
+
+import {
+  BufferAttribute, BufferGeometry, Color, ConeGeometry, CylinderGeometry, DoubleSide, GridHelper,
+  Group, Mesh, MeshBasicMaterial, PerspectiveCamera, Scene, SRGBColorSpace, Vector3, WebGLRenderer,
+} from "./three.module.min.js";
+
+import { rising } from "./colours.js";
+
+const CELL = 0.46; // of the pitch, from the middle of a cell to its edge
+const TURN = 0.008; // rad for each px that is dragged
+const STEP = 0.12; // rad for each arrow key
+const STEEPEST = 1.5; // rad that the camera looks down or up
+const ZOOM = 1.1; // for each turn of the wheel
+const FAR = 2.6; // times the size of the cover that the camera is away at first
+const ARROW = 0.6; // length of the arrow at the force that stops, times the size of the cover
+const FULL = 30; // N of the longest arrow, where nobody says what stops
+const AXIS = new Vector3(0, 1, 0); // of a cylinder and a cone of three.js
+const UP = new Vector3(0, 0, 1); // of the robot: x forward, y left, z up
+
+export class Space {
+  /** @param hello of the server: position and normal (rows * cols * 3) of each cell [m]. */
+  constructor(canvas, hello) {
+    this.canvas = canvas;
+    this.hello = hello;
+    this.renderer = new WebGLRenderer({ canvas, antialias: false, powerPreference: "low-power" });
+    this.renderer.outputColorSpace = SRGBColorSpace;
+    this.scene = new Scene();
+    this.camera = new PerspectiveCamera(40, 1, 0.01, 100);
+    this.camera.up.copy(UP);
+    this.scene.add(this.cover());
+    this.arrow = arrow();
+    this.scene.add(this.arrow);
+    this.ground();
+    const facing = new Vector3();
+    for (let k = 0; k < hello.normal.length; k += 3) facing.add(new Vector3().fromArray(hello.normal, k));
+    this.azimuth = Math.atan2(facing.y, facing.x) + 0.5;
+    this.height = 0.4;
+    this.away = FAR * this.size;
+    this.turned = true;
+    this.listen();
+  }
+
+  /** A square for each cell, in the plane that its normal stands on. */
+  cover() {
+    const { rows, cols, populated, position, normal, pitch } = this.hello;
+    const at = (k) => new Vector3().fromArray(position, 3 * k);
+    this.cells = [...Array(rows * cols).keys()].filter((k) => populated[k]);
+    const corners = [];
+    const [low, high] = [new Vector3(Infinity, Infinity, Infinity), new Vector3(-Infinity, -Infinity, -Infinity)];
+    for (const k of this.cells) {
+      const [row, col] = [Math.floor(k / cols), k % cols];
+      const out = new Vector3().fromArray(normal, 3 * k);
+      const [next, before] = [Math.min(col + 1, cols - 1), Math.max(col - 1, 0)];
+      const along = at(row * cols + next).sub(at(row * cols + before));
+      along.addScaledVector(out, -along.dot(out));
+      if (along.lengthSq() < 1e-12) along.crossVectors(UP, out);
+      along.setLength(CELL * pitch);
+      const up = new Vector3().crossVectors(out, along);
+      const middle = at(k);
+      low.min(middle);
+      high.max(middle);
+      const corner = (a, b) => middle.clone().addScaledVector(along, a).addScaledVector(up, b).toArray();
+      const [p, q, r, s] = [corner(-1, -1), corner(1, -1), corner(1, 1), corner(-1, 1)];
+      corners.push(...p, ...q, ...r, ...p, ...r, ...s);
+    }
+    this.middle = low.clone().add(high).divideScalar(2);
+    this.lowest = low.z - pitch;
+    this.size = Math.max(high.distanceTo(low) / 2, pitch);
+    const geometry = new BufferGeometry();
+    geometry.setAttribute("position", new BufferAttribute(new Float32Array(corners), 3));
+    this.colours = new BufferAttribute(new Float32Array(corners.length), 3);
+    geometry.setAttribute("color", this.colours);
+    return new Mesh(geometry, new MeshBasicMaterial({ vertexColors: true, side: DoubleSide }));
+  }
+
+  /** The floor under the cover. */
+  ground() {
+    this.grid = new GridHelper(6 * this.size, 12, 0x808080, 0x808080);
+    this.grid.rotateX(Math.PI / 2);
+    this.grid.position.set(this.middle.x, this.middle.y, this.lowest);
+    this.grid.material.transparent = true;
+    this.grid.material.opacity = 0.35;
+    this.scene.add(this.grid);
+  }
+
+  listen() {
+    const { canvas } = this;
+    canvas.onpointerdown = (event) => canvas.setPointerCapture(event.pointerId);
+    canvas.onpointermove = (event) => {
+      if (event.buttons) this.turn(-TURN * event.movementX, TURN * event.movementY);
+    };
+    canvas.onwheel = (event) => {
+      this.away = Math.min(20, Math.max(1.2, (this.away / this.size) * ZOOM ** Math.sign(event.deltaY))) * this.size;
+      this.turned = true;
+      event.preventDefault();
+    };
+    canvas.onkeydown = (event) => {
+      const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
+      if (!way) return;
+      this.turn(STEP * way[0], STEP * way[1]);
+      event.preventDefault();
+      event.stopPropagation();
+    };
+  }
+
+  turn(around, up) {
+    this.azimuth += around;
+    this.height = Math.min(STEEPEST, Math.max(-STEEPEST, this.height + up));
+    this.turned = true;
+  }
+
+  resize(width, height) {
+        this.renderer.setSize(width, height);
+    this.camera.aspect = width / height;
+    this.turned = true;
+  }
+
+  look() {
+    const { azimuth, height, away } = this;
+    const level = Math.cos(height);
+    this.camera.position.set(Math.cos(azimuth) * level, Math.sin(azimuth) * level, Math.sin(height));
+    this.camera.position.multiplyScalar(away).add(this.middle);
+    this.camera.lookAt(this.middle);
+    this.camera.updateProjectionMatrix();
+    this.turned = false;
+    this.canvas.dataset.turned = this.azimuth.toFixed(2);
+  }
+
+  /** @param scale {high, values}: of the flat picture. */
+  draw({ head }, scale, colours) {
+    if (this.turned) this.look();
+    this.scene.background = new Color(colours.panel);
+    const absent = new Color(colours.absent);
+    const colour = new Color();
+    this.cells.forEach((k, n) => {
+      const value = scale.values?.[k];
+      if (value === undefined || Number.isNaN(value)) {
+        colour.copy(absent);
+      } else {
+        const at = 4 * Math.min(255, Math.max(0, Math.round((255 * value) / scale.high)));
+        colour.setRGB(rising[at] / 255, rising[at + 1] / 255, rising[at + 2] / 255, SRGBColorSpace);
+      }
+      for (let corner = 0; corner < 6; corner++) this.colours.setXYZ(6 * n + corner, colour.r, colour.g, colour.b);
+    });
+    this.colours.needsUpdate = true;
+    this.arrow.visible = Boolean(head.push);
+    if (head.push) this.point(head.push, head.limit ?? FULL);
+    this.renderer.render(this.scene, this.camera);
+  }
+
+  /** The arrow ends where the push presses. */
+  point(push, limit) {
+    const direction = new Vector3(...push.direction);
+    const length = this.size * Math.min(1, Math.max(0.2, (ARROW * push.force) / limit));
+    this.arrow.position.set(...push.at);
+    this.arrow.quaternion.setFromUnitVectors(AXIS, direction);
+    this.arrow.scale.setScalar(length);
+  }
+}
+
+/** Of length 1 along AXIS; its tip is in the origin. */
+function arrow() {
+  const paint = new MeshBasicMaterial({ color: 0xff2f87 });
+  const shaft = new Mesh(new CylinderGeometry(0.03, 0.03, 0.75, 12), paint);
+  const head = new Mesh(new ConeGeometry(0.09, 0.25, 16), paint);
+  shaft.position.y = -0.625;
+  head.position.y = -0.125;
+  return new Group().add(shaft, head);
+}

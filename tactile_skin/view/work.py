@@ -1,0 +1,228 @@
+"""What a person does from the page: the guided calibration, the doctor. They survive a reload.
+
+Each runs in a thread of the page's process, on the readings that the skin hands over; its questions
+are answered by any page.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from ..calibrated import write
+from ..calibration.rest import check_all_is_sent
+from ..guide import Guide
+from ..health.doctor import diagnose
+from ..middleware.config import SkinConfig
+from .snapshot import Snapshot
+
+_LINES = 40  # that are kept of what was said
+_GLANCE = 0.5  # s of readings that show whether untouched cells are read
+_PATIENCE = 10.0  # s without a reading after which the task ends
+_FRAMES = 1 << 26  # bytes of readings that a task may keep
+_POLL = 0.1  # s between two looks at whether it is given up
+CALIBRATED, RECORDING = "/calibrated.yaml", "/recording.mcap"  # downloads
+_WAYS = (
+    "Take your hands off the skin for 5 s. Then press everywhere with fingers and palm for a "
+    "minute, twenty touches or more, some of them hard, with pauses. Then go on: "
+)
+
+
+class _GivenUpError(Exception):
+    """A person ended the task."""
+
+
+class Work:
+    """At most one task at a time.
+
+    Args:
+        skin: its configuration.
+        given: its parameters, name -> value; those in groups begin the file that is written.
+
+    Attributes:
+        version: rises with each change of the state.
+        files: path of a download -> its content.
+    """
+
+    def __init__(self, skin: SkinConfig, given: dict):
+        self._skin, self._given = skin, dict[str, dict]()
+        for group, _, name in (key.partition(".") for key in given):
+            if name:
+                self._given.setdefault(group, {})[name] = given[f"{group}.{name}"]
+        self.version, self.files = 0, dict[str, bytes]()
+        self._task, self._recording = "", False
+        self._question: str | None = None
+        self._until: float | None = None  # monotonic, of a count-down [s]
+        self._lines: deque[str] = deque(maxlen=_LINES)
+        self._findings: list[dict] = []
+        self._curve: list[list[float]] = []
+        self._frames: list[np.ndarray] = []
+        self._stamp = 0.0
+        self._answered, self._given_up = threading.Event(), threading.Event()
+        self._answer = ""
+
+    # --- for the server's thread ---
+
+    def take(self, snapshot: Snapshot) -> None:
+        """Take the readings, while a task runs."""
+        if not self._task or snapshot.adc is None or snapshot.stamp == self._stamp:
+            return
+        self._stamp = snapshot.stamp
+        if len(self._frames) * snapshot.adc.size * 8 < _FRAMES:
+            self._frames.append(self._skin.adc.ratio_of(snapshot.adc))
+
+    def ask(self, name: str, text: str) -> str:
+        """Do what a page asks for: "calibrate", "doctor", "answer" or "give up".
+
+        Raises:
+            ValueError: that is not possible now.
+        """
+        if name == "answer":
+            if self._question is None:
+                raise ValueError("nothing is asked")
+            self._answer = text
+            self._question = None
+            self._answered.set()
+        elif name == "give up":
+            self._given_up.set()
+        elif self._task:
+            raise ValueError(f"{self._task} is at work: answer it, or give it up")
+        else:
+            self._begin(name)
+        self._changed()
+        return ""
+
+    def state(self) -> dict:
+        """Return what a page shows of it, as JSON's own types."""
+        left = None if self._until is None else max(0.0, self._until - time.monotonic())
+        return {
+            "task": self._task,
+            "recording": self._recording,
+            "lines": list(self._lines),
+            "question": self._question,
+            "left": left,
+            "findings": self._findings,
+            "curve": self._curve,
+            "files": list(self.files),
+        }
+
+    def _begin(self, name: str) -> None:
+        self._task = name
+        self._lines.clear()
+        self._findings, self._curve = [], []
+        self._given_up.clear()
+        steps = {"calibrate": self._calibrate, "doctor": self._doctor}[name]
+        threading.Thread(target=self._run, args=(steps,), name=name, daemon=True).start()
+
+    def record(self, on: bool, made: Path | None) -> None:
+        """Note that a recording is on, or has ended; what was made is downloaded from here."""
+        self._recording = on
+        if made is not None:
+            self.files[RECORDING] = made.read_bytes()
+            made.unlink()
+            made.parent.rmdir()
+        self._changed()
+
+    # --- in the task's thread ---
+
+    def _run(self, steps: Callable[[], None]) -> None:
+        try:
+            steps()
+        except _GivenUpError:
+            self._say("given up")
+        except Exception as error:  # it is said, whatever it is
+            self._say(str(error) or repr(error))
+        finally:
+            self._task, self._question, self._until = "", None, None
+            self._frames.clear()
+            self._changed()
+
+    def _calibrate(self) -> None:
+        skin = self._skin
+        threshold = skin.adc.threshold(skin.threshold)
+        guide = Guide(skin.circuit, self._read, self._wait_for, self._say, self._count_down)
+        check_all_is_sent(self._read(_GLANCE), skin.circuit, threshold, skin.threshold)
+        guide.run()
+        if guide.fitted:
+            curve = guide.fitted.curve.describe()
+            self._curve = [list(curve["force"]), list(curve["resistance"])]
+        if not guide.learnt:
+            raise ValueError("nothing was learnt: no file is written")
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / CALIBRATED[1:]
+            section = {"/**": {"ros__parameters": self._given}}
+            path.write_text(yaml.safe_dump(section, sort_keys=False))
+            write(path, path, guide, skin)
+            self.files[CALIBRATED] = path.read_bytes()
+        self._say(
+            f"Learnt: {', '.join(guide.learnt)}. Download calibrated.yaml, and launch with "
+            "config:=calibrated.yaml; it holds the board, the curve and the shape, no limits."
+        )
+
+    def _doctor(self) -> None:
+        self._frames.clear()
+        self._wait_for(_WAYS)
+        frames, skin = np.array(self._frames), self._skin
+        if not frames.size:
+            raise ValueError("no reading came")
+        self._say(f"{len(frames)} readings: looking ...")
+        threshold = skin.adc.threshold(skin.threshold)
+        check_all_is_sent(frames, skin.circuit, threshold, skin.threshold)
+        found = diagnose(frames, skin.circuit, inverted=skin.adc.inverted)
+        self._findings = [
+            {"text": str(f), "rows": list(map(int, f.rows)), "cols": list(map(int, f.cols))}
+            for f in found
+        ]
+        for finding in found:
+            self._say(str(finding))
+        if not found:
+            self._say("Nothing was found.")
+
+    def _read(self, seconds: float) -> np.ndarray:
+        self._frames.clear()
+        until, patience = time.monotonic() + seconds, time.monotonic() + seconds + _PATIENCE
+        while time.monotonic() < until or not self._frames:
+            if time.monotonic() > patience:
+                raise ValueError(f"no reading came for {_PATIENCE:g} s")
+            self._unless_given_up()
+        return np.array(self._frames)
+
+    def _wait_for(self, question: str) -> str:
+        """Return the answer of a page."""
+        self._answered.clear()
+        self._question = question
+        self._changed()
+        while not self._answered.is_set():
+            self._unless_given_up()
+        self._lines.append(question)
+        if self._answer:
+            self._lines.append(f"> {self._answer}")
+        self._changed()
+        return self._answer
+
+    def _count_down(self, seconds: int) -> None:
+        self._until = time.monotonic() + seconds
+        self._changed()
+        while time.monotonic() < self._until:
+            self._unless_given_up()
+        self._until = None
+        self._changed()
+
+    def _unless_given_up(self) -> None:
+        """Wait a moment."""
+        if self._given_up.wait(_POLL):
+            raise _GivenUpError
+
+    def _say(self, text: str) -> None:
+        self._lines.append(text)
+        self._changed()
+
+    def _changed(self) -> None:
+        self.version += 1

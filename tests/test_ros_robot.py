@@ -1,0 +1,99 @@
+"""examples/robot on rclpy: a push on each skin stops the base, motion away from it passes."""
+
+import sys
+import time
+import xml.etree.ElementTree as ET
+from contextlib import contextmanager
+
+import pytest
+import yaml
+from support.ros_graph import board, endless, program
+from test_ros_launch import check
+
+from tactile_skin.launch import share_dir
+from tactile_skin.middleware.parameter_file import ParameterFile
+
+FOLDER = share_dir() / "examples" / "robot"
+TEXT = (FOLDER / "robot.launch.yaml").read_text()
+SIDES = {"front": 1.0, "rear": -1.0}  # skin -> x of the direction in which it looks
+
+
+def test_its_launch_file_is_in_ros_2s_grammar():
+    check("robot.launch.yaml", TEXT)
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_the_skins_are_where_the_urdf_mounts_them(side):
+    file = ParameterFile(FOLDER / "skins.yaml")
+    given = {p.name: p.value for p in file.overrides(f"/{side}/gesture_feature")}
+    joints = ET.parse(FOLDER / "robot.urdf").getroot().iter("joint")
+    (origin,) = [j.find("origin") for j in joints if j.get("name") == f"{side}_skin_mount"]
+    places = (
+        ("xyz", given["geometry.translation"]),
+        ("rpy", given.get("geometry.rpy", [0.0, 0.0, 0.0])),
+    )
+    for key, here in places:
+        assert [float(word) for word in origin.get(key).split()] == here
+
+
+def skins(ports: dict[str, str]):
+    """Yield the name and command line of each skin in the launch file, as `ros2 launch` has it."""
+    for entity in yaml.safe_load(TEXT)["launch"]:
+        node = entity.get("node", {})
+        if node.get("exec") == "skin":
+            side = node["namespace"]
+            words = ["-r", f"__ns:=/{side}", "-p", "watchdog:=60.0", "-p", "stale_after:=0.5"]
+            for item in node["remap"]:
+                words += ["-r", f"{item['from']}:={item['to']}"]
+            for item in node["param"]:
+                value = item["value"].replace("$(dirname)", str(FOLDER))
+                value = value.replace(f"$(var {side}_port)", ports[side])
+                words += ["-p", f"{item['name']}:={value}"]
+            yield side, program("skin", *words, "-p", "tare:=false")
+
+
+@contextmanager
+def feeling(players, pushed: str | None):
+    """Both skins feel nothing, or one of them a push."""
+    scenes = [("push_left" if side == pushed else "idle") for side in SIDES]
+    front, rear = (endless(scene, seed=k) for k, scene in enumerate(scenes, 30))
+    with players["front"].playing(front), players["rear"].playing(rear):
+        yield
+
+
+@pytest.mark.ros
+def test_a_push_on_each_skin_stops_the_base_and_motion_away_passes(graph, plain):
+    from geometry_msgs.msg import Twist
+
+    asked = Twist()
+    mux = plain.node.create_publisher(Twist, "front/cmd_vel_in", 1)
+    plain.node.create_timer(0.05, lambda: mux.publish(asked))
+    plain.hear(Twist, "velocity")
+
+    def drives(speed: float, what: str) -> None:
+        """Wait until it drives so, and see that it goes on."""
+
+        def steady() -> bool:
+            return [m.linear.x for m in plain.heard["velocity"][-10:]] == [speed] * 10
+
+        plain.until(steady, what, graph)
+
+    with board() as front, board() as rear:
+        players = {"front": front, "rear": rear}
+        graph.start("base", [sys.executable, str(FOLDER / "base.py")])
+        for side, words in skins({side: player.port for side, player in players.items()}):
+            graph.start(side, words)
+        for pushed, outwards in SIDES.items():
+            with feeling(players, None):
+                asked.linear.x = 0.2 * outwards
+                drives(0.2 * outwards, f"free, towards the {pushed}")
+            with feeling(players, pushed):
+                drives(0.0, f"pushed at the {pushed}: no motion into the hand")
+                asked.linear.x = -0.2 * outwards
+                drives(-0.2 * outwards, f"pushed at the {pushed}: away from the hand")
+        with feeling(players, None):
+            drives(0.2, "free again")
+            graph.stop("front", 9)
+            killed = time.monotonic()
+            drives(0.0, "a skin is gone")
+        assert time.monotonic() - killed < 5.0

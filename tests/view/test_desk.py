@@ -1,0 +1,267 @@
+"""The page in Chromium, of snapshots that are known: found by role and text."""
+
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("websockets", reason="serves the page")
+
+from support import chromium
+from support.chromium import Chromium, until
+from support.page import served
+
+from tactile_skin import forward
+from tactile_skin.middleware.config import skin_of
+from tactile_skin.view.snapshot import CONTACT, NodeStatus, Snapshot
+from tactile_skin.view.work import Work
+
+if chromium.program() is None:
+    pytest.skip("no Chromium here: apt-get install chromium", allow_module_level=True)
+
+AXE = Path(__file__).parents[1] / "axe" / "node_modules" / "axe-core" / "axe.min.js"
+SHAPED = skin_of({"geometry.shape": "cylinder"}, "")
+NOW = 1.7e9  # s, of the first snapshot
+RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
+STATUS = "document.querySelector('#stop strong').textContent"
+BOX = "JSON.stringify(document.querySelector('{}').getBoundingClientRect())"
+
+
+def snapshot(skin, t=0.0, newtons=0.0, stop=False, nodes=None):
+    """A touch of rows 4 and 5, in the last three columns, or none."""
+    circuit = skin.circuit
+    force, contacts = np.zeros(circuit.shape), np.zeros((0, len(CONTACT)), np.float32)
+    rows, cols = slice(4, 6), slice(circuit.cols - 3, circuit.cols)
+    if newtons:
+        force[rows, cols] = newtons / 6
+        x, y, z = skin.geometry.position[rows, cols].mean((0, 1))
+        contacts = np.float32([[x, y, z, newtons, 3, 0, 0, 0, newtons / 6]])
+    adc = forward(circuit, skin.curve.resistance(force)) * circuit.full_scale * 64
+    return Snapshot(
+        stamp=NOW + t,
+        adc=np.rint(adc).astype(np.uint16),
+        pressure=np.float32(force / skin.geometry.cell_area),
+        contacts=contacts,
+        gestures={3: "pat"},
+        stop=stop,
+        reason="push" if stop else "",
+        causes=("push",) if stop else (),
+        force=newtons,
+        limit=30.0,
+        cell_limit=9.0,
+        nodes=nodes or {},
+    )
+
+
+def pushed(skin):
+    """Nothing, a push of 53 N at most, then a light touch."""
+    forces = [0, 20, 53, 33, 10, 10]
+    return [snapshot(skin, 0.5 * k, f, stop=f > 30) for k, f in enumerate(forces)]
+
+
+@pytest.fixture
+def browser(tmp_path):
+    with Chromium(tmp_path / "profile", 1400, 900) as browser:
+        yield browser
+        assert browser.errors == []
+
+
+def box(browser, selector) -> dict:
+    return json.loads(browser.run(BOX.format(selector)))
+
+
+def test_a_push_is_said_in_a_line(browser):
+    left = skin_of({"geometry.shape": "plane", "geometry.rpy": [0.0, 0.0, np.pi / 2]}, "")
+    with served(left, pushed(left)[:3]) as (address, _):
+        browser.open(address)
+        browser.until(f"{STATUS} === '■ stopped: push 53 N (limit 30) from the left'")
+        until(lambda: browser.found("status", ""), "it is announced")
+        browser.click("button", "details")
+        browser.until("document.getElementById('why').innerText === 'push'")
+        name = browser.run("document.getElementById('total').getAttribute('aria-valuetext')")
+        assert name == "53.0 N of 30 N" and browser.found("meter", "force of all contacts")
+        assert "from the left" in browser.run("document.getElementById('push').innerText")
+
+
+@pytest.mark.parametrize(
+    ("direction", "words"),
+    [
+        ([-1, 0, 0], "from the front"),
+        ([0.7, 0.7, 0], "from the back right"),
+        ([0, 0, -1], "from above"),
+        ([0, -0.8, 0.6], "from the left and below"),
+    ],
+)
+def test_a_direction_has_words(browser, direction, words):
+    with served(SHAPED, [snapshot(SHAPED)]) as (address, _):
+        browser.open(address)
+        said = f"import('/words.js').then(words => words.from({direction}))"
+        assert browser.run(said) == words
+
+
+def test_the_pressure_is_large_and_has_a_scale_of_its_own(browser):
+    with served(SHAPED, [snapshot(SHAPED, newtons=10)]) as (address, _):
+        browser.open(address)
+        browser.until(f"{STATUS} === '✓ free'")
+        assert box(browser, "#a canvas")["width"] >= 0.45 * 1400
+        legend = "document.querySelector('#a .legend').innerText"
+        browser.until(f"{legend}.includes('N per cell') && {legend}.includes('stop at 9')")
+        browser.run("(u => { u.value = 'kPa'; u.onchange(); })(document.getElementById('unit'))")
+        browser.until(f"{legend}.includes('15') && {legend}.includes('stop at 62.5 kPa')")
+        row = "document.querySelector('#contacts tbody').innerText"
+        assert browser.run(row).split("\t") == ["3", "10.0 N", "4.5, 14.0", "0.0 cm/s", "pat"]
+
+
+@pytest.mark.parametrize(("rows", "cols"), [(32, 10), (64, 64), (8, 22), (16, 16)])
+def test_a_mat_of_any_size_fills_its_card(browser, rows, cols):
+    skin = skin_of({"circuit.rows": rows, "circuit.cols": cols}, "")
+    with served(skin, [snapshot(skin, newtons=10)]) as (address, _):
+        browser.open(address)
+        browser.until(f"{STATUS} === '✓ free'")
+        for name in ("a", "reading"):
+            card, picture = box(browser, f"#{name}"), box(browser, f"#{name} .picture canvas")
+            assert picture["width"] >= 0.85 * card["width"] - 30, name
+        assert box(browser, "#a .picture canvas")["height"] > (200 if cols > rows else 600)
+        assert browser.run("document.documentElement.scrollWidth") <= 1400
+        assert browser.run("document.getElementById('flat').hidden"), "its shape is unknown"
+
+
+def test_explain_opens_what_is_behind_the_picture(browser):
+    with served(SHAPED, [snapshot(SHAPED, newtons=10)]) as (address, _):
+        browser.open(address)
+        browser.until(f"{STATUS} === '✓ free'")
+        assert not browser.found("heading", "uncertainty")
+        browser.click("button", "explain")
+        for name in ("naive", "uncertainty", "unexplained"):
+            until(lambda name=name: browser.found("heading", name), name)
+        browser.until("document.querySelector('#misfit .legend').innerText.includes('ADC steps')")
+        sentences = "[...document.querySelectorAll('#explained .help')].map(p => p.innerText)"
+        assert all(s.endswith(".") for s in browser.run(sentences))
+
+
+def test_a_picture_is_enlarged_and_made_small_again(browser):
+    with served(SHAPED, [snapshot(SHAPED, newtons=10)]) as (address, _):
+        browser.open(address)
+        browser.until(f"{STATUS} === '✓ free'")
+        small = box(browser, "#reading canvas")["width"]
+        browser.click("button", "enlarge raw reading")
+        browser.until("document.getElementById('reading').classList.contains('large')")
+        assert box(browser, "#reading canvas")["width"] > 2 * small
+        browser.press("Escape")
+        browser.until("!document.getElementById('reading').classList.contains('large')")
+        assert box(browser, "#reading canvas")["width"] == small
+
+
+def test_a_stop_of_the_log_shows_its_moment(browser):
+    with served(SHAPED, pushed(SHAPED)) as (address, _):
+        browser.open(address)
+        browser.until(f"{STATUS} === '✓ free'")
+        contact = "document.querySelector('#contacts tbody').innerText"
+        browser.until(f"{contact}.includes('10.0 N')")
+        row = browser.run("document.querySelector('#log tbody').innerText").split("\t")
+        assert row[1].strip() == "1.0 s" and row[3] == "row 5, column 14", row
+        browser.click("button", row[2].strip())
+        browser.until(f"{contact}.includes('53.0 N')")
+        assert "stop: push 53 N (limit 30)" in row[2]
+        assert "showing" in browser.run("document.getElementById('source').innerText")
+        assert browser.run(STATUS) == "✓ free", "the bar goes on"
+        browser.click("button", "explain")  # the moment is explained, not what there is now
+        browser.until("document.querySelector('#misfit .legend').innerText.includes('ADC steps')")
+        assert "53.0 N" in browser.run(contact)
+        browser.click("button", "back to now")
+        browser.until(f"{contact}.includes('10.0 N')")
+
+
+def test_what_is_not_allowed_is_off(browser):
+    skin = skin_of({}, "")
+    with served(skin, pushed(skin), work=Work(skin, {})) as (address, source):
+        browser.open(address)
+        browser.until(f"{STATUS} === '✓ free'")
+        for name in ("tare", "reset", "record", "doctor", "calibrate"):
+            assert browser.run(f"document.getElementById('{name}').disabled"), name
+        ask = "import('/connection.js').then(({{Connection}}) => new Promise(resolve => {{"
+        ask += "const c = new Connection({{hello: () => c.ask('{}'), said: resolve, lost() {{}}}});"
+        ask += "}})).then(said => JSON.stringify(said))"
+        for name in ("record", "doctor", "calibrate", "give up"):
+            said = json.loads(browser.run(ask.format(name)))
+            assert (said["success"], said["message"]) == (False, "controls are off")
+        assert not source.asked and not source.work.state()["task"]
+
+
+def test_the_force_of_the_last_minutes_is_drawn_again_after_a_reload(browser):
+    """What the server kept, and one reading after another since; a step back in time is none."""
+    with served(SHAPED, pushed(SHAPED)) as (address, _):
+        browser.open(address)
+        points = """import('/history.js').then(({History}) => {
+            const h = new History({times: [0, 50, 99.9], force: [1, 2, 3], stop: [0, 0, 1]});
+            for (const [t, force] of [[100, 5], [100.02, 6], [100.01, 9], [100.3, 7]])
+              h.push({stamp: t, contacts: [{force}], stop: false});
+            const of = from => h.of(from).map(p => p.force);
+            const found = [of(100.01), of(40), of(-1)];
+            h.push({stamp: 5, contacts: [], stop: false});
+            return JSON.stringify([...found, of(0)]);
+        })"""
+        recent, minute, all_of_it, reset = json.loads(browser.run(points))
+        assert recent == [5, 6, 7] and minute == [2, 3, 5, 6, 7]
+        assert all_of_it == [1, 2, 3, 6, 7] and reset == [0]
+
+
+def test_a_finding_is_logged_with_its_lines(browser):
+    nodes = {"compensation": NodeStatus(1, "column 5 is open", {"cols": "5"})}
+    with served(SHAPED, [snapshot(SHAPED, nodes=nodes)]) as (address, _):
+        browser.open(address)
+        until(lambda: browser.found("button", "compensation: column 5 is open"), "it is listed")
+        assert "column 5" in browser.run("document.querySelector('#log tbody').innerText")
+        browser.until("document.getElementById('says').innerText.includes('column 5 is open')")
+
+
+def test_the_cover_is_turned_in_space(browser):
+    image = pytest.importorskip("PIL.Image")
+    with served(SHAPED, [snapshot(SHAPED, newtons=10)]) as (address, _):
+        browser.open(address)
+        browser.click("button", "in space")
+        turned = "document.querySelector('#space canvas').dataset.turned"
+        browser.until(f"{turned} !== undefined")
+        where = box(browser, "#space canvas")
+        assert where["width"] >= 0.45 * 1400
+        edges = (where["x"], where["y"], where["right"], min(900, where["bottom"]))
+
+        def colours():
+            with image.open(io.BytesIO(browser.picture())) as picture:
+                return {c for _, c in picture.convert("RGB").crop(edges).getcolors(10**6)}
+
+        until(lambda: {(68, 1, 84), (255, 47, 135)} <= colours(), "cells at rest, and the arrow")
+        before = browser.run(turned)
+        browser.run("document.querySelector('#space canvas').focus()")
+        browser.press("ArrowLeft")
+        browser.until(f"{turned} !== '{before}'")
+        browser.click("button", "flat")
+        assert box(browser, "#a .picture canvas")["width"] >= 0.45 * 1400
+
+
+@pytest.mark.skipif(not AXE.exists(), reason="npm ci --prefix tests/axe")
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1400, 360])
+def test_axe_finds_no_violation(browser, scheme, width):
+    nodes = {"compensation": NodeStatus(2, "column 5 is open", {"cols": "5"})}
+    states = [*pushed(SHAPED)[:3], snapshot(SHAPED, 2.0, 40, stop=True, nodes=nodes)]
+    browser.prefer(scheme)
+    browser.resize(width, 900)
+    with served(SHAPED, states, controls=True) as (address, source):
+        browser.open(address)
+        browser.until(f"{STATUS}.startsWith('■')")
+        browser.click("button", "details")
+        browser.click("button", "explain")
+        browser.until("document.querySelector('#misfit .legend').innerText.includes('ADC steps')")
+        browser.call("Page.setBypassCSP", enabled=True)
+        browser.run(AXE.read_text())
+        for now in (len(states) - 1, 0):
+            source.now = now
+            browser.until(f"{STATUS}.startsWith('{'■' if now else '✓'}')")
+            found = browser.run(
+                f"axe.run({{runOnly: {RULES}}}).then(r => JSON.stringify(r.violations.map("
+                "v => [v.id, v.help, v.nodes.map(n => n.html + n.failureSummary)])))"
+            )
+            assert json.loads(found) == []

@@ -1,0 +1,179 @@
+"""Calibration and doctor from the page in Chromium, on a board that nobody knows."""
+
+import threading
+
+import numpy as np
+import pytest
+
+pytest.importorskip("websockets", reason="serves the page")
+
+from support import chromium
+from support.chromium import Chromium, until
+from support.page import served
+from support.weights import bodies
+
+from tactile_skin import compensate, guide
+from tactile_skin.middleware.config import read_skin, skin_of
+from tactile_skin.physics.curve import GRAM
+from tactile_skin.simulation.unknown import Unknown
+from tactile_skin.view import work as working
+from tactile_skin.view.snapshot import Snapshot
+from tactile_skin.view.work import CALIBRATED, Work
+
+if chromium.program() is None:
+    pytest.skip("no Chromium here: apt-get install chromium", allow_module_level=True)
+
+SHAPE = 12, 12
+WEIGHTS = 3.0, 8.0, 17.0, 30.0, 5.0, 44.0, 12.0, 23.0  # N
+FRAME = 0.004  # s between two readings
+STANDS = 90  # readings for which a touch stands
+SAID = "document.getElementById('work').innerText"
+FAST = {"REST": 0.4, "OBJECT": 0.3, "_GLANCE": 0.1, "_COUNTED": 0.05, "_PATIENCE": 5.0}
+GIVEN = {"circuit.rows": 12, "circuit.cols": 12, "geometry.shape": "plane", "port": 8321}
+CHANGE = """(() => { const form = document.getElementById('question');
+form.elements.text.value = '%s'; form.requestSubmit(); })()"""
+
+
+class Hands:
+    """Hands over a board: they press here and there, or lay things on it; `force` on each cell."""
+
+    def __init__(self, board, work):
+        self.board, self._work = board, work
+        self._none = np.zeros(SHAPE)
+        self.force, self.pressing = self._none, False
+        self._touches = bodies(60, SHAPE, np.random.default_rng(5))
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+
+    def off(self):
+        self.force, self.pressing = self._none, False
+
+    def __enter__(self):
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_):
+        self._ended.set()
+        self._thread.join()
+
+    def _run(self):
+        k, full = 0, 64 * self.board.supposed.full_scale
+        while not self._ended.wait(FRAME):
+            k += 1
+            if self.pressing and k % STANDS == 0:
+                self.force = self._touches[k // STANDS % len(self._touches)]
+            adc = np.rint(self.board.frames([self.force])[0] * full).astype(np.uint16)
+            self._work.take(Snapshot(stamp=float(k), adc=adc))
+
+
+@pytest.fixture
+def newcomer(tmp_path, monkeypatch):
+    """A browser, hands, and the work of the page that it shows."""
+    for name, seconds in FAST.items():
+        monkeypatch.setattr(guide, name, seconds)
+    monkeypatch.setattr(working, "_POLL", 0.01)
+    skin = skin_of({k: v for k, v in GIVEN.items() if "." in k}, "")
+    work, board = Work(skin, GIVEN), Unknown(SHAPE, seed=21)
+    still = [Snapshot(stamp=1.0, adc=np.full(SHAPE, 9000, np.uint16))]
+    with (
+        Chromium(tmp_path / "profile", 1400, 900) as browser,
+        served(skin, still, controls=True, work=work) as (address, _),
+        Hands(board, work) as hands,
+    ):
+        browser.open(address)
+        yield browser, hands, work
+        assert browser.errors == []
+
+
+def answer(browser, text="", to=""):
+    """Answer a question that holds some words."""
+    question = "document.querySelector('#question p').innerText"
+    browser.until(f"!document.getElementById('question').hidden && {question}.includes('{to}')")
+    browser.run(CHANGE % text)
+
+
+def test_an_unknown_board_is_calibrated_in_the_page_alone(newcomer, tmp_path):
+    """To newtons within 5 % in the median; a step survives a reload of the page."""
+    browser, hands, work = newcomer
+    browser.click("button", "calibrate")
+    browser.until("!document.getElementById('question').hidden")
+    browser.call("Page.reload")
+    browser.until("document.readyState === 'complete' && document.getElementById('question')")
+    hands.off()
+    answer(browser, to="1 of 3")
+    browser.until(f"{SAID}.includes('2 of 3')")
+    hands.pressing = True
+    browser.until("document.querySelector('#question p').innerText.includes('on to the weights')")
+    hands.off()
+    answer(browser)
+    things = bodies(len(WEIGHTS), SHAPE, np.random.default_rng(7))
+    for k, (thing, weight) in enumerate(zip(things, WEIGHTS, strict=True), 1):
+        browser.until(f"document.querySelector('#question p').innerText.includes('object {k}:')")
+        hands.force = thing * (weight / thing.sum())
+        answer(browser, f"{weight / GRAM:.0f} g", f"object {k}:")
+    answer(browser, to=f"object {len(WEIGHTS) + 1}:")
+    until(lambda: browser.found("link", "download calibrated.yaml"), "a file to download")
+    browser.until("!document.getElementById('curve').hidden")
+    text = browser.run(f"fetch('{CALIBRATED}').then(answer => answer.text())")
+    (tmp_path / "mine.yaml").write_text(text)
+    skin = read_skin(tmp_path / "mine.yaml")
+    assert skin.circuit.shape == SHAPE and work.state()["task"] == ""
+    off, at_rest = [], 1.0 / guide.measure_rest(_rest(hands.board), skin.circuit).conductance
+    for force in bodies(12, SHAPE, np.random.default_rng(99)):
+        force = force * (20.0 / force.sum())
+        curve = skin.curve.resting_at(at_rest)
+        found = compensate(hands.board.frames([force])[0], skin.circuit, curve, "map")
+        off.append(found.force.sum() / 20.0 - 1.0)
+    assert np.median(np.abs(off)) < 0.05
+
+
+def _rest(board):
+    return board.frames([np.zeros(SHAPE)] * 50)
+
+
+def test_the_doctor_is_given_up_and_asked_again(newcomer):
+    browser, _, work = newcomer
+    browser.click("button", "doctor")
+    answer_is_awaited = "!document.getElementById('question').hidden"
+    browser.until(answer_is_awaited)
+    with pytest.raises(ValueError, match="doctor is at work"):
+        work.ask("calibrate", "")
+    browser.click("button", "give up")
+    browser.until(f"{SAID}.includes('given up')")
+    browser.click("button", "doctor")
+    browser.until(answer_is_awaited)
+    until(lambda: len(work._frames) > 100, "readings of a skin that nobody touches")
+    browser.click("button", "go on")
+    browser.until("document.getElementById('leave').textContent === 'close'")
+    assert "readings: looking" in browser.run(SAID) and work.state()["task"] == ""
+
+
+def test_lines_that_the_doctor_finds_are_drawn_on_the_mat(newcomer):
+    browser, hands, work = newcomer
+    frames = hands.board.frames
+
+    def broken(forces):
+        read = frames(forces)
+        read[..., 5] = 2e-4  # an open column reads next to nothing
+        return read
+
+    hands.board.frames = broken
+    browser.click("button", "doctor")
+    browser.until("!document.getElementById('question').hidden")
+    until(lambda: len(work._frames) > 12 * STANDS, "readings at rest, a third of all")
+    hands.pressing = True
+    until(lambda: len(work._frames) > 36 * STANDS, "two dozen touches")
+    browser.click("button", "go on")
+    browser.until("document.getElementById('leave').textContent === 'close'")
+    assert any(found["cols"] == [5] for found in work.state()["findings"]), work.state()["lines"]
+    pink = """(() => { const c = document.querySelector('#a .picture canvas');
+    const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data; let n = 0;
+    for (let k = 0; k < d.length; k += 4) n += d[k] === 209 && d[k + 1] === 0 && d[k + 2] === 93;
+    return n; })()"""
+    browser.until(f"{pink} > 200")
+
+
+def test_nothing_is_answered_that_was_not_asked():
+    work = Work(skin_of({}, ""), {})
+    with pytest.raises(ValueError, match="nothing is asked"):
+        work.ask("answer", "b")
