@@ -25,10 +25,16 @@ SIM = sys.executable, "-m", "tactile_skin", "sim", "--once"
 SCENES = {"chest": "idle", "back": "push_left"}
 
 
+seen: set[int] = set()  # touches
+
+
 def on_contacts(msg: PointCloud2) -> None:
     columns = cloud_columns(msg, "id", "skin", "force")
-    if (columns["force"] > 10.0).any():
-        print(*zip(*(columns[name].tolist() for name in ("id", "skin", "force")), strict=True))
+    touches = zip(*(columns[name].tolist() for name in ("id", "skin", "force")), strict=True)
+    for touch, skin, force in touches:
+        if touch not in seen:
+            print(f"touch {touch:.0f} on skin {skin:.0f} of the file: {force:.0f} N")
+            seen.add(touch)
 
 
 def run(config: Path, seconds: float) -> None:
