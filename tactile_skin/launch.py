@@ -37,7 +37,7 @@ from .middleware.launched import (
     parameters_of,
 )
 from .middleware.logs import QueuedLog
-from .middleware.package import PACKAGE, RECORDER, find, node_class, share_dir
+from .middleware.package import BODY, PACKAGE, RECORDER, find, node_class, share_dir
 from .middleware.processes import end_commands, start_command
 from .middleware.signals import SIGNALS, unwinding
 from .middleware.threads import one_thread
@@ -134,7 +134,8 @@ class Skin:
             name, ours = action.full_name, action.package == PACKAGE
             if name in names:
                 raise LaunchError(f"{action.file}: node {name}: there are two of this name")
-            names[name] = all_names(action.executable) if ours else None
+            says_later = not ours or action.kind == BODY  # which parameters it has
+            names[name] = None if says_later else all_names(action.executable)
         check_parameters(self._plan, names)
         for action in self._plan.nodes:
             SIGNALS.raise_pending()  # the last one took a while
@@ -142,7 +143,7 @@ class Skin:
             self._handles.append(handle)
             with naming_its_file(action):
                 self._nodes.append(class_of(action)(handle))
-            if action.package != PACKAGE:
+            if names[action.full_name] is None:
                 names[action.full_name] = frozenset(handle.parameter_names())
         check_parameters(self._plan, names)
         check_commands(self._handles)
@@ -237,7 +238,7 @@ class Skin:
     def on_stop(self, hook: Callable[[bool, str], None], heartbeat: float | None = None) -> None:
         """Call hook(stop, reason) now and at each change, in a thread of its own: see hooks.py.
 
-        With several stop nodes, any of them stops.
+        With several stop nodes, any of them stops; of a body it is the body's.
 
         Args:
             heartbeat: call it at least this often, also while nothing changes [s], so that what
@@ -249,7 +250,7 @@ class Skin:
         """
         from .nodes.stop_on_push import STATUS, STATUS_TOPIC, stop_message_of
 
-        stops = self._started("stop_on_push")
+        stops = self._of_kind(BODY, self._handles) or self._started("stop_on_push")
         topics = [handle.resolve_topic_name(STATUS_TOPIC) for handle in stops]
         clock = self._context.clock
         stop_hook = StopHook(hook, topics, clock, heartbeat)
@@ -292,7 +293,7 @@ class Skin:
         self._on_event(hook, Gestured, "gestures")
 
     def _on_event(self, hook: Callable, kind: type, executable: str) -> None:
-        from .nodes.touch_events import LISTENERS
+        from .nodes.observers.touch_events import LISTENERS
 
         nodes, listener = self._started(executable), LISTENERS[kind]
         event_hook = EventHook(hook)
@@ -331,6 +332,7 @@ class Skin:
             self._reset(handle, timeout) for handle in self._of_kind("compensation", self._handles)
         ]
         silent = [a for a in forgotten if not a.success]
+        stops += self._of_kind(BODY, self._handles)  # last: it hears of the others
         answers = silent or [self._reset(handle, timeout) for handle in stops]
         return all(a.success for a in answers), "; ".join(a.message for a in answers)
 

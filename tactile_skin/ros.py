@@ -19,9 +19,9 @@ from . import launch
 from .errors import LaunchError, ParameterError, did_you_mean
 from .files import one_line
 from .middleware.bus import Node
-from .middleware.launch_file import NodeAction, Plan
+from .middleware.launch_file import NodeAction, Plan, with_skins
 from .middleware.launched import given
-from .middleware.package import COMPOSED, node_class
+from .middleware.package import BODY, COMPOSED, node_class
 from .middleware.parameter_file import values_for
 from .middleware.ros.arguments import RosArguments, split_arguments
 from .middleware.ros.node import RosNode, ToRos
@@ -136,7 +136,8 @@ def plan_of(executable: str, args: RosArguments) -> Plan:
         namespace = args.namespace_of(kind, *together).strip("/")
         given = args.parameters_of(kind, name, *together)
         rules = args.remappings_of(kind, name, *together)
-        plan.nodes.append(NodeAction(kind, name, namespace, given, rules, Path(executable)))
+        action = NodeAction(kind, name, namespace, given, rules, Path(executable))
+        plan.nodes += with_skins(action) if kind == BODY else [action]
     return plan
 
 

@@ -18,6 +18,7 @@ ARGUMENTS = {
     "touch_events": ["18"],  # s: the demo's push comes after 9 s, its stroke after 12.5 s
     "stop_hook": ["15"],
     "gestures": ["10"],
+    "body": ["13"],
     "print_contacts": ["4"],
     "subscribe_pressure": ["4"],
     "find_circuit": [],
@@ -36,6 +37,7 @@ SAYS = {
     "own_driver": ["WrenchStamped", "x=-5.9"],
     "own_node": [" levels, the largest 1.00"],
     "gestures": ["stroke ("],
+    "body": ["stop: back: push"],
     "find_circuit": ["r_par = 3", "r_line = ", "the total of a new object will be off by "],
     "print_contacts": ["contact 1: ", "contact 2: ", " N at +0."],
     "read_config": ["16 x 16 cells, 18 mm apart", "hardest cell: row 8, column 8"],

@@ -17,6 +17,7 @@ MAY = {
     "physics": ("files", "yaml_files"),  # the latter while it reads a file: no PyYAML otherwise
     "touch": ("files",),
     "behaviours": (),
+    "body": ("touch", "behaviours"),
     "learning": ("files", "physics", "simulation", "touch"),  # the latter while it trains
     "solvers": ("files", "physics", "learning", "findings"),
     "readings": (),
@@ -45,6 +46,7 @@ MAY = {
         "physics",
         "touch",
         "behaviours",
+        "body",
         "learning",
         "solvers",
         "findings",
@@ -83,6 +85,7 @@ PURE = (
     "readings",
     "touch",
     "behaviours",
+    "body",
     "learning",
     "solvers",
     "findings",

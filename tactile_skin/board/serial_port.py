@@ -40,9 +40,20 @@ _TROUBLES = {
 PORT_ERRORS = (serial.SerialException, OSError, termios.error)  # what a vanished port raises
 
 
-def candidates() -> list[str]:
-    """Return the serial ports that may be a board: those on USB."""
-    return sorted(p.device for p in list_ports.comports() if p.vid is not None)
+def candidates(serial_number: str = "") -> list[str]:
+    """Return the serial ports that may be a board: those on USB; of one number, if it is given."""
+    ports = [p for p in list_ports.comports() if p.vid is not None]
+    wanted = [p for p in ports if serial_number in ("", p.serial_number or p.location)]
+    return sorted(p.device for p in wanted)
+
+
+def nothing_found(serial_number: str = "") -> str:
+    """Say that no board is there, and how to find it."""
+    if not serial_number:
+        return "no USB serial port found"
+    there = [p.serial_number or p.location for p in list_ports.comports() if p.vid is not None]
+    found = ", ".join(map(str, there)) or "none"
+    return f"no USB board has serial_number {serial_number}; there are: {found}"
 
 
 def identity(device: str) -> tuple:
@@ -57,17 +68,18 @@ def identity(device: str) -> tuple:
     return (device,)
 
 
-def check_port(port: str, absent: bool = True) -> None:
+def check_port(port: str, serial_number: str = "", absent: bool = True) -> None:
     """Raise ValueError, saying what there is, if the port is not there or no serial device.
 
     Args:
+        serial_number: as of `SerialReader`.
         absent: whether a port that is not there is wrong; else it may come.
     """
     found = ", ".join(candidates()) or "none"
     if port == "auto":
-        if absent and not candidates():
+        if absent and not candidates(serial_number):
             raise ValueError(
-                "port auto: no USB serial port found; plug the board in or give a port"
+                f"port auto: {nothing_found(serial_number)}; plug the board in or give a port"
             )
     elif "://" in port:
         serial.serial_for_url(port, do_not_open=True)  # ValueError names an unknown protocol
@@ -106,6 +118,7 @@ class SerialReader:
         watchdog: seconds without a frame after which the port is opened anew.
         wait: seconds in which a port that is not there yet is not reported.
         refuse: says why a frame is not of the board that is looked for; empty if it is.
+        serial_number: of the USB board that "auto" looks for, or its socket; empty: any.
     """
 
     def __init__(
@@ -118,6 +131,7 @@ class SerialReader:
         watchdog: float = 3.0,
         wait: float = 0.0,
         refuse: Callable[[Frame], str] = lambda frame: "",
+        serial_number: str = "",
     ):
         self.port, self.baud, self.watchdog = port, baud, watchdog
         self.connected_to: str | None = None
@@ -127,7 +141,7 @@ class SerialReader:
         self._quiet_until = time.monotonic() + wait
         self.parser = make_parser()
         self._make_parser, self._on_frame, self._say = make_parser, on_frame, say
-        self._refuse = refuse
+        self._refuse, self._serial_number = refuse, serial_number
         self._board: tuple | None = None  # identity of the board that "auto" found
         self._reported: dict[str, str] = {}  # port -> why it gave no frame, since one last did
         self._seen = "", ""  # why there is no frame, and what arrived when that was new
@@ -167,7 +181,7 @@ class SerialReader:
                 self._lost(
                     "the board is unplugged; other boards are not used"
                     if known
-                    else "no USB serial port found"
+                    else nothing_found(self._serial_number)
                 )
             self._stop.wait(0.25)
 
@@ -176,7 +190,9 @@ class SerialReader:
         if self.port != "auto":
             return [self.port]
         return [
-            name for name in candidates() if self._board is None or identity(name) == self._board
+            name
+            for name in candidates(self._serial_number)
+            if self._board is None or identity(name) == self._board
         ]
 
     def _read(self, port) -> None:

@@ -15,6 +15,7 @@ from ..board.recognise import shown
 from ..board.recognise.lines import sides
 from ..board.recognise.listen import BAUDS, Heard, listen
 from ..board.recognise.seen import Seen
+from ..board.serial_port import identity
 from ..files import read_bytes
 from ..middleware.config import read_skin, skin_of
 from ..physics.readouts import DRIVEN, READOUTS
@@ -222,6 +223,8 @@ def text_of(found: Heard, answers: dict) -> str:
         circuit["inverted"] = True
     skin_of({f"circuit.{name}": value for name, value in circuit.items()}, "")
     driver = {"protocol": seen.protocol, "baud": found.baud}
+    if (board := identity(answers.get("port", "")))[1:]:
+        driver["serial_number"] = board[-1]  # port: auto finds it again on any socket
     form = _form(seen.format, 0.0 if width else scale, found.request)
     if form:
         driver["format"] = form

@@ -16,7 +16,7 @@ from ..errors import FileError, LaunchError, did_you_mean
 from ..files import shorten
 from ..yaml_files import parse_yaml, read_yaml
 from .bus import Parameter
-from .package import FOXGLOVE, NODES, PACKAGE, RECORDER, share_dir
+from .package import BODY, FOXGLOVE, NODES, PACKAGE, RECORDER, SKIN_NODES, share_dir
 from .parameter_file import CONFIG, ParameterFile, values_for
 
 _SEPARATE = "separate"  # argument by which a launch file asks ROS for a process for each node
@@ -82,6 +82,69 @@ class Plan:
         return list(dict.fromkeys(p for p in given if isinstance(p, ParameterFile)))
 
 
+def with_skins(body: NodeAction) -> list[NodeAction]:
+    """Return the nodes of all skins that a body's parameter file names, and the body's own.
+
+    A parameter that the body is given by itself is for those of them that have it.
+
+    Raises:
+        LaunchError: no skins, boards that cannot be distinguished, or a parameter that
+            none of the nodes has.
+    """
+    from ..parameters.nodes import all_names
+
+    files = [p for p in body.parameters if isinstance(p, ParameterFile)]
+    skins = list(dict.fromkeys(name for file in files for name in file.skins))
+    if not skins:
+        raise LaunchError(f"{body.file}: {BODY}: needs config:=FILE, with the skins of the body")
+    singles = [p for p in body.parameters if isinstance(p, Parameter)]
+    kinds = *SKIN_NODES, BODY
+    for p in singles:
+        if not any(p.name in all_names(kind) for kind in kinds):
+            raise LaunchError(f"{body.file}: {BODY}: parameter {p.name!r} is unknown")
+    nodes = []
+    for name in skins:
+        namespace = f"{body.namespace}/{name}".strip("/")
+        for kind in SKIN_NODES:
+            own = [p for p in singles if p.name in all_names(kind)]
+            nodes.append(NodeAction(kind, kind, namespace, [*files, *own], [], body.file))
+    _check_boards({a.namespace: a.values() for a in nodes if a.kind == SKIN_NODES[0]})
+    body.parameters = [*files, *(p for p in singles if p.name in all_names(BODY))]
+    body.give({"skins": skins})
+    for action in nodes:
+        if action.kind == "gesture_feature":
+            name = action.namespace.rsplit("/", 1)[-1]
+            places = action.values().items()
+            body.give({f"{name}.{k}": v for k, v in places if k.split(".")[0] in _PLACE})
+    return [*nodes, body]
+
+
+def _check_boards(skins: Mapping[str, dict]) -> None:
+    """Refuse two skins of which nothing says which board is whose.
+
+    Args:
+        skins: name -> what its serial_driver is given.
+    """
+    seen: dict[tuple, str] = {}
+    for name, values in skins.items():
+        port = values.get("port", _AUTO)
+        board = (port, values.get("serial_number", "") if port == _AUTO else "")
+        if board in seen:
+            what = f"serial_number {board[1]}" if board[1] else f"port {port}"
+            raise LaunchError(
+                f"skins: {seen[board]} and {name} both have {what}: each needs a port of its own, "
+                "or the serial_number of its board, which tactile-skin detect writes"
+            )
+        if len(skins) > 1 and board == (_AUTO, ""):
+            raise LaunchError(
+                f"skins: {name}: port {_AUTO} without serial_number: which board is its own is not "
+                "known: run tactile-skin detect for each board, or give a port"
+            )
+        seen[board] = name
+
+
+_AUTO = "auto"
+_PLACE = "circuit", "geometry"  # groups of parameters that say where a skin's cells are
 _PROCESS = {"output", "respawn", "respawn_delay", "on_exit"}  # of one that ROS starts: ignored
 _CONDITIONS = {"if", "unless"}
 _KEYS = {  # entity -> keys that it must have, others that it may have
@@ -221,7 +284,7 @@ class _Reader:
                 self._named(item, key, f"{where}: remap", _TOPIC) for key in ("from", "to")
             )
             action.remappings.append((source, to))
-        self.plan.nodes.append(action)
+        self.plan.nodes += with_skins(action) if action.kind == BODY else [action]
 
     def _parameter_file(self, item: dict, key: str, where: str) -> ParameterFile:
         """Return the parameter file of this name; one serves all nodes."""

@@ -15,6 +15,7 @@ NODES = {  # exec -> class, imported when it is started
     "gesture_feature": "gesture_feature.GestureFeature",
     "gestures": "observers.gestures.Gestures",
     "stop_on_push": "stop_on_push.StopOnPush",
+    "body": "body.Body",
     "cmd_vel_gate": "cmd_vel_gate.CmdVelGate",
     "push_to_move": "push_to_move.PushToMove",
     "monitor": "observers.monitor.Monitor",
@@ -22,6 +23,9 @@ NODES = {  # exec -> class, imported when it is started
     "view": "observers.view.View",
     "tactile_state": "observers.tactile_state.TactileState",
 }
+# of each skin, in the way of the data
+SKIN_NODES = "serial_driver", "compensation", "gesture_feature", "stop_on_push"
+BODY = "body"  # the node of several skins: who starts it starts their nodes as well
 RECORDER = "recorder"  # of any launch file, but not on ROS; so is
 FOXGLOVE = "foxglove"
 COMPOSED = "skin"  # the program that runs a whole skin on ROS

@@ -12,12 +12,15 @@ from ..errors import FileError, ParameterError, did_you_mean
 from ..files import shorten
 from ..yaml_files import read_yaml
 from .bus import Parameter
-from .package import CLASSES, COMPOSED, NODES
+from .package import CLASSES, COMPOSED, NODES, SKIN_NODES
 
 SHARED = ("circuit", "curve", "geometry")  # parameters that several nodes read
 # parameters that ROS itself declares and takes; what ends with a point is a prefix
 THEIRS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+SKINS = "skins"  # key of the skins of a body, not of a node
 CONFIG = "config"  # parameter of a program: its parameter file, which must be there
+_PORT = "port"  # of a skin's board
+_SKIN_NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _LAUNCH_ROS = "launch_params_"  # how launch_ros names the files that it writes for one program
 _MISSPELT = 0.85  # ratio of difflib: `motor` is another node than `monitor`, `stop_on_psh` is none
 
@@ -28,11 +31,16 @@ class ParameterFile:
     As in rclpy, sections may stand within namespaces, and ``*`` in a section's name stands for one
     name, ``**`` for any number of them: ``/**/stop_on_push`` is the node in any namespace.
 
+    ``skins:`` names those of a body. What a skin has, circuit, curve, geometry, port and the
+    parameters of nodes by their names, is for the nodes in its namespace, and wins over what its
+    own file says, which it names as ``config``.
+
     Args:
         own: it is the skin's own, named as its `config`: all of it must be known. Another may serve
             other nodes of the robot as well.
 
     Attributes:
+        skins: their names.
         sections: full name, such as "/left/stop_on_push" -> {parameter: value}.
         by_launch: whether `ros2 launch` wrote it, of what a launch file gives one program. An empty
             value in it is that of an argument that was not given, and says nothing.
@@ -55,10 +63,17 @@ class ParameterFile:
             raise FileError(f"{path}: {what}: must map node names to ros__parameters")
         self.sections: dict[str, dict] = {}
         self._names: dict[str, str] = {}  # full name -> as the file has it
+        skins = data.pop(SKINS, {})
         for name, section in data.items():
             self._read(name, section)
         one = len(self.sections) == 1  # of several: a user's, whose substitutions were carried out
         self.by_launch = one and self.path.name.startswith(_LAUNCH_ROS)
+        if not isinstance(skins, dict):
+            raise FileError(f"{path}: {SKINS} = {shorten(skins)}: must map names to skins")
+        self.skins = tuple(skins)
+        self._of_skins: set[str] = set()  # names of sections
+        for name, given in skins.items():
+            self._read_skin(name, given)
 
     def _read(self, name: str, section) -> None:
         below = section if isinstance(section, dict) else {}
@@ -74,6 +89,40 @@ class ParameterFile:
         values = section["ros__parameters"]
         self._names[full] = name
         self.sections[full] = _flat({} if values is None else values, f"{self.path}: {name}")
+
+    def _read_skin(self, name: str, given) -> None:
+        """Take a skin of the body as sections of its namespace."""
+        where = f"{self.path}: {SKINS}: {name}"
+        if not _SKIN_NAME.fullmatch(str(name)) or not isinstance(given, dict):
+            raise FileError(f"{where}: must be a name of letters, digits and _ that maps to values")
+        nodes: dict[str, dict] = {}
+        shared: dict = {}
+        for key, value in given.items():
+            if key == CONFIG:
+                continue
+            if key in SKIN_NODES:
+                nodes.setdefault(key, {}).update(_flat(value, f"{where}: {key}"))
+            elif key == _PORT:
+                nodes.setdefault("serial_driver", {})[_PORT] = value
+            elif key in (*SHARED, "frame_id"):
+                shared |= _flat({key: value}, where)
+            else:
+                known = (*SHARED, "frame_id", _PORT, CONFIG, *SKIN_NODES)
+                raise FileError(f"{where}: {key}: must be one of {', '.join(known)}")
+        if file := given.get(CONFIG):
+            own = ParameterFile(self.path.parent / str(file), own=True)
+            if own.skins:
+                raise FileError(f"{where}: {file}: must be one skin's, and holds {SKINS}")
+            for section, values in own.sections.items():
+                self._take(f"/{name}{section}", own.name_of(section), values)
+        self._take(f"/{name}/**", where, shared)
+        for node, values in nodes.items():
+            self._take(f"/{name}/**/{node}", f"{where}: {node}", values)
+
+    def _take(self, section: str, where: str, values: dict) -> None:
+        self._of_skins.add(section)
+        self._names[section] = where.removeprefix(f"{self.path}: ")
+        self.sections[section] = self.sections.get(section, {}) | values
 
     def name_of(self, section: str) -> str:
         """Return a section as the file has it, for messages."""
@@ -141,7 +190,7 @@ class ParameterFile:
         """
         for full in (node, *self.programs):
             name = last_of(full)
-            alike = [section for section in self.sections if last_of(section) == name]
+            alike = [s for s in self.sections.keys() - self._of_skins if last_of(s) == name]
             if alike and not any(concerns(section, full) for section in alike):
                 found = " and ".join(self._names[section] for section in alike)
                 raise ParameterError(

@@ -28,7 +28,7 @@ from ..touch.gestures import Gesture, Gestures
 from ..touch.tracking import RELEASED, STATES, Touch, Tracker, stroke
 from . import READING, frames
 
-_CONTACT = ("x", "y", "z", "force", "area", "peak", "id", "vx", "vy", "vz", "state")
+CONTACT = ("x", "y", "z", "force", "area", "peak", "id", "vx", "vy", "vz", "state")
 _CODE = {state: float(code) for code, state in enumerate(STATES)}
 _GESTURE = ("x", "y", "z", "id", "state", *Gesture._fields)
 
@@ -126,7 +126,7 @@ def contact_cloud(touches: list[Touch], header: Header) -> PointCloud2:
         for number, state, c, velocity, _ in touches
         if state != RELEASED
     ]
-    return cloud_of(_CONTACT, rows, header)
+    return cloud_of(CONTACT, rows, header)
 
 
 def gesture_cloud(touches: list[Touch], gestures: list[Gesture], header: Header) -> PointCloud2:

@@ -58,7 +58,8 @@ class SerialDriver:
         self._bad, self._beyond = 0.0, ("", 0.0)  # why numbers are out of range; the largest
         self._adc = node.create_publisher(Image, "skin/adc", 10)
         self._diagnostics = diagnostics.Reporter(node)
-        check_port(given.port, absent=given.wait_for_port == 0.0 and not node.waits)
+        absent = given.wait_for_port == 0.0 and not node.waits
+        check_port(given.port, given.serial_number, absent)
         self._reader = SerialReader(
             given.port,
             given.baud,
@@ -68,6 +69,7 @@ class SerialDriver:
             given.watchdog,
             given.wait_for_port,
             self._refuse,
+            given.serial_number,
         )
         node.create_timer(1.0, self.on_timer)
         # Read only once the node spins: whoever subscribes is there by then.

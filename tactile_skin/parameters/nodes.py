@@ -40,6 +40,12 @@ class SerialDriver(Framed):
 
     circuit: Circuit = group(Circuit)
     port: str = parameter("auto", "", "serial device, or auto: the first that sends frames")
+    serial_number: str = parameter(
+        "",
+        "",
+        "of the USB board that auto looks for, or the USB socket of one that has none, by detect; "
+        "empty: any",
+    )
     baud: int = parameter(
         1_000_000,
         "bit/s",
@@ -135,17 +141,36 @@ class Gestures:
 
 
 @dataclasses.dataclass(frozen=True)
-class StopOnPush:
-    """What a push is, and when the robot is stopped for it."""
+class Limits:
+    """What a push is, and how long it stops the robot."""
 
-    circuit: Circuit = group(Circuit)
-    curve: Curve = group(Curve)
     threshold: float = parameter(
         StopConfig.threshold, "N", "contact force that is a push", 0.1, 500.0, live=True
     )
     release: float = parameter(
         StopConfig.release, "N", "contact force below which a push is over", 0.1, 500.0, live=True
     )
+    hold: float = parameter(
+        StopConfig.hold, "s", "time a stop is kept after the release", 0.0, 60.0, live=True
+    )
+    latch: bool = parameter(
+        StopConfig.latch, "", "keep a stop until a reset, also after its cause has gone"
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Body(Framed, Limits):
+    """Several skins as one: pushes that touch two or more of them, started by body.launch.yaml."""
+
+    skins: list[str] = parameter([""], "", "their names, by the parameter file's `skins`")
+
+
+@dataclasses.dataclass(frozen=True)
+class StopOnPush(Limits):
+    """What a push is, and when the robot is stopped for it."""
+
+    circuit: Circuit = group(Circuit)
+    curve: Curve = group(Curve)
     peak: float = parameter(
         StopConfig.peak,
         "N",
@@ -170,9 +195,6 @@ class StopOnPush:
         0.05,
         live=True,
     )
-    hold: float = parameter(
-        StopConfig.hold, "s", "time a stop is kept after the release", 0.0, 60.0, live=True
-    )
     stale_after: float = parameter(
         StopConfig.stale_after,
         "s",
@@ -180,9 +202,6 @@ class StopOnPush:
         0.0,
         1.0,
         live=True,
-    )
-    latch: bool = parameter(
-        StopConfig.latch, "", "keep a stop until a reset, also after its cause has gone"
     )
 
 
@@ -338,6 +357,7 @@ SECTIONS: dict[str, type] = {  # node -> its parameters, in the order of config/
     "gesture_feature": GestureFeature,
     "gestures": Gestures,
     "stop_on_push": StopOnPush,
+    "body": Body,
     "cmd_vel_gate": CmdVelGate,
     "push_to_move": PushToMove,
     "monitor": Monitor,

@@ -21,8 +21,8 @@ NEW, HELD, RELEASED = "new", "held", "released"
 STATES = (NEW, HELD, RELEASED)
 
 # Chosen on simulated touches (tests/touch); scored by benchmarks.accuracy.touch, in docs/touch.md.
-_WINDOW = 0.15  # s of places to which a touch's line of motion is fitted
-_MIN_PLACES = 4  # that determine a line
+WINDOW = 0.15  # s of places to which a touch's line of motion is fitted
+MIN_PLACES = 4  # that determine a line
 _NOISE = 0.001  # m, RMS error of the centre of a touch that does not move
 _REACH = 1.5  # pitches from its predicted place within which it is found,
 _MAX_SPEED = 2.0  # and m/s
@@ -80,27 +80,21 @@ class _Track:
             self._times, self._places = [], []
         self._times.append(t)
         self._places.append(contact.position.tolist())
-        while self._times[0] < t - _WINDOW:
+        while self._times[0] < t - WINDOW:
             del self._times[0], self._places[0]
         self._fit()
         if not members[1:]:
             self.since, self.place, self.leaving = t, contact.position, self.velocity
 
     def _fit(self) -> None:
-        """Velocity by a line through the last places."""
-        times, n = self._times, len(self._times)
+        times = self._times
         self.velocity, self.confidence = _STANDING, 0.0
-        mean = sum(times) / n
-        offsets = [t - mean for t in times]
-        spread = sum(map(mul, offsets, offsets))
-        if n < _MIN_PLACES or spread == 0.0:
-            return
-        axes = zip(*self._places, strict=True)
-        velocity = [sum(map(mul, offsets, axis)) / spread for axis in axes]
-        self.velocity = np.array(velocity)
         span = times[-1] - times[0]
-        travelled2 = sum(map(mul, velocity, velocity)) * span**2
-        filled = min(1.0, span / (0.8 * _WINDOW))
+        if len(times) < MIN_PLACES or span == 0.0:
+            return
+        self.velocity = slope(times, self._places)
+        travelled2 = float(self.velocity @ self.velocity) * span**2
+        filled = min(1.0, span / (0.8 * WINDOW))
         self.confidence = filled * travelled2 / (travelled2 + (3.0 * _NOISE) ** 2)
 
     def foreseen(self, t: float) -> np.ndarray:
@@ -256,6 +250,15 @@ def stroke(touches: list[Touch]) -> tuple[np.ndarray, float]:
     if len(held) != 1:
         return np.zeros(3), 0.0
     return held[0].velocity, held[0].confidence
+
+
+def slope(times: list[float], places: list[list[float]]) -> np.ndarray:
+    """Velocity (3,) [m/s] of the line through places [m] at different times [s]."""
+    mean = sum(times) / len(times)
+    offsets = [t - mean for t in times]
+    spread = sum(map(mul, offsets, offsets))
+    axes = zip(*places, strict=True)
+    return np.array([sum(map(mul, offsets, axis)) / spread for axis in axes])
 
 
 def _distances(a: list[np.ndarray], b: list[np.ndarray]) -> np.ndarray:

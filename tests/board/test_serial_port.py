@@ -313,7 +313,7 @@ def test_auto_takes_the_first_port_that_sends_frames(
 ):
     """Not the first that is there."""
     ports = [str(tmp_path / "gone"), str(silent_port), str(tmp_path / "skin")]
-    monkeypatch.setattr(serial_port, "candidates", lambda: ports)
+    monkeypatch.setattr(serial_port, "candidates", lambda *_: ports)
     with serving(tmp_path / "skin"):
         reader = reading("auto", watchdog=0.5)
         heard.wait_for_frames()
@@ -331,7 +331,7 @@ class Sockets:
     def __init__(self, folder, monkeypatch):
         self._folder, self._served = folder, {}
         self.boards = {}
-        monkeypatch.setattr(serial_port, "candidates", lambda: sorted(self.boards))
+        monkeypatch.setattr(serial_port, "candidates", lambda *_: sorted(self.boards))
         monkeypatch.setattr(
             serial_port, "identity", lambda name: self.boards.get(name, ((name,),))[0]
         )
@@ -426,14 +426,14 @@ def test_what_is_not_on_usb_is_known_by_its_name(monkeypatch):
 
 
 def test_ports_that_cannot_be_listed_end_nothing(sockets, monkeypatch, heard, reading):
-    def fail():
+    def fail(*_):
         raise OSError("a port went")
 
     monkeypatch.setattr(serial_port, "candidates", fail)
     reader = reading("auto")
     heard.wait_for_line("the serial ports cannot be listed: OSError('a port went')")
     sockets.plug("a")
-    monkeypatch.setattr(serial_port, "candidates", lambda: sorted(sockets.boards))
+    monkeypatch.setattr(serial_port, "candidates", lambda *_: sorted(sockets.boards))
     heard.wait_for_frames()
     reader.close()
 
@@ -460,7 +460,7 @@ def test_who_raises_when_he_is_told_ends_no_reading(tmp_path, heard, error, caps
 
 
 def test_auto_without_ports_says_so(monkeypatch, heard, reading):
-    monkeypatch.setattr(serial_port, "candidates", list)
+    monkeypatch.setattr(serial_port, "candidates", lambda *_: [])
     reading("auto")
     heard.wait_for_line("no USB serial port found")
 
@@ -469,7 +469,7 @@ def test_auto_without_ports_says_so(monkeypatch, heard, reading):
 
 
 def test_a_missing_port_is_refused_by_name(monkeypatch, tmp_path):
-    monkeypatch.setattr(serial_port, "candidates", lambda: ["/dev/ttyUSB3"])
+    monkeypatch.setattr(serial_port, "candidates", lambda *_: ["/dev/ttyUSB3"])
     port = tmp_path / "ttyUSB0"
     with pytest.raises(ValueError, match=f"port {port}: does not exist.*found: /dev/ttyUSB3"):
         check_port(str(port))
@@ -481,7 +481,7 @@ def test_an_unknown_url_is_refused():
 
 
 def test_auto_needs_a_port(monkeypatch):
-    monkeypatch.setattr(serial_port, "candidates", list)
+    monkeypatch.setattr(serial_port, "candidates", lambda *_: [])
     with pytest.raises(ValueError, match="port auto: no USB serial port found"):
         check_port("auto")
 
@@ -489,7 +489,7 @@ def test_auto_needs_a_port(monkeypatch):
 def test_a_port_that_is_there_is_taken(monkeypatch):
     """So is auto with a candidate, and a URL that pyserial knows."""
     master, slave = os.openpty()
-    monkeypatch.setattr(serial_port, "candidates", lambda: ["/dev/ttyUSB3"])
+    monkeypatch.setattr(serial_port, "candidates", lambda *_: ["/dev/ttyUSB3"])
     for port in (os.ttyname(slave), "auto", "loop://"):
         check_port(port)
     os.close(master)

@@ -27,9 +27,9 @@ from tactile_skin.msg import (
 )
 from tactile_skin.nodes.cmd_vel_gate import CmdVelGate
 from tactile_skin.nodes.observers.monitor import Monitor
+from tactile_skin.nodes.observers.touch_events import PushListener, StrokeListener
 from tactile_skin.nodes.push_to_move import PushToMove
 from tactile_skin.nodes.stop_on_push import STATUS_TOPIC
-from tactile_skin.nodes.touch_events import PushListener, StrokeListener
 from tactile_skin.simulation import scenes, simulator
 from tactile_skin.touch.events import Pushed, Released
 

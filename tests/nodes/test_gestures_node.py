@@ -18,8 +18,8 @@ from tactile_skin.middleware.bus import (
 from tactile_skin.msg import Bool, Header, Image, PointCloud2, String, cloud, cloud_columns, image
 from tactile_skin.nodes.observers import gestures
 from tactile_skin.nodes.observers.gestures import SHIPPED, Gestures
+from tactile_skin.nodes.observers.touch_events import GestureListener
 from tactile_skin.nodes.stop_on_push import LATCHED, StopOnPush
-from tactile_skin.nodes.touch_events import GestureListener
 from tactile_skin.simulation.people.hands import GESTURES, Mat, Person, perform
 from tactile_skin.touch.model import load_model
 

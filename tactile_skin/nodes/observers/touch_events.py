@@ -6,14 +6,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..middleware.bus import Time
-from ..msg import DiagnosticArray, Float32, PointCloud2, Vector3Stamped, cloud_columns
-from ..touch.events import Gesture, Gestured, Pushed, PushEvents, Released, Stroked, StrokeEvents
-from ..touch.model import OTHER
-from ..touch.recogniser import ENDED, STATES
-from . import QUEUE
-from .stop_on_push import STATUS, STATUS_TOPIC
-from .touch import Touch, on_touch, xyz
+from ...middleware.bus import Time
+from ...msg import DiagnosticArray, Float32, PointCloud2, Vector3Stamped, cloud_columns
+from ...touch.events import Gesture, Gestured, Pushed, PushEvents, Released, Stroked, StrokeEvents
+from ...touch.model import OTHER
+from ...touch.recogniser import ENDED, STATES
+from .. import QUEUE
+from ..stop_on_push import STATUS, STATUS_TOPIC
+from ..touch import Touch, on_touch, xyz
 
 
 class PushListener:

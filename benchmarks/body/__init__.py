@@ -1,0 +1,1 @@
+"""Several skins as one body."""

@@ -1,0 +1,98 @@
+"""When a body of several skins must stop: any of them stops it, and so does a push on several."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from ..behaviours.stop import Cause, Decision, Reason, StopConfig, StopMessage
+
+_SILENCE = 0.15  # s without a message of a skin's stop, which publishes every 0.02 s
+_OLDEST = 0.5  # s that a force may be old and still count: the longest age of a skin's reading
+
+
+class BodyStop:
+    """Takes what each skin's stop says, and how hard each is touched; times are of one clock [s].
+
+    Each skin judges its own pushes. Here only a push that lies on several of them is judged: by the
+    sum of their forces, with the limits of the body.
+
+    Args:
+        skins: their names, which the reasons begin with.
+        config: of which threshold, release, hold and latch count.
+        t: at which they may begin to publish.
+    """
+
+    def __init__(self, skins: Iterable[str], config: StopConfig, t: float):
+        self.config = config
+        words = str(Reason(Cause.WAITING, "no message from its stop yet"))
+        waiting = StopMessage(True, words, causes=(Cause.WAITING,))
+        self._messages = {skin: (t, waiting) for skin in skins}
+        self._forces: dict[str, tuple[float, float]] = {}  # skin -> stamp, newton
+        self._faults: dict[str, str] = {}
+        self._push = ""  # the skins that a push lies on together
+        self._held_until = -math.inf
+        self._latched = ""
+
+    def hear(self, t: float, skin: str, message: StopMessage) -> None:
+        """Take a message of a skin's stop."""
+        self._messages[skin] = t, message
+
+    def fault(self, skin: str, words: str) -> None:
+        """Take why a skin's touches cannot be joined to the others'; empty: they can."""
+        self._faults[skin] = words
+
+    def touched(self, skin: str, stamp: float, force: float) -> None:
+        """Take the sum of a skin's contact forces [N]."""
+        self._forces[skin] = stamp, force
+        here = {
+            name: f for name, (when, f) in self._forces.items() if stamp - when <= _OLDEST and f > 0
+        }
+        total = sum(here.values())
+        if len(here) > 1 and total >= self.config.threshold:
+            self._push, self._held_until = " and ".join(sorted(here)), stamp + self.config.hold
+            if self.config.latch:
+                self._latched = self._push
+        elif self._push and total > self.config.release:
+            self._held_until = stamp + self.config.hold
+
+    def reset(self, t: float) -> str:
+        """Free a latched push; what still stops the body is returned."""
+        if t > self._held_until:
+            self._latched = ""
+        return self.decide(t).reason
+
+    def decide(self, t: float) -> Decision:
+        """Return what holds at t, also when nothing comes: call it on a timer."""
+        reasons: list[tuple[str, tuple[Cause, ...]]] = []
+        for skin, (heard, message) in self._messages.items():
+            decision = message.at(t)
+            if not 0.0 <= t - heard <= _SILENCE:
+                silent = Reason(Cause.STALE, "no message from its stop: has its process ended?")
+                decision = Decision(True, str(silent), (Cause.STALE,))
+            if decision.stop:
+                reasons.append((f"{skin}: {decision.reason}", decision.causes or (Cause.FAULT,)))
+            if words := self._faults.get(skin):
+                reasons.append((f"{skin}: {Reason(Cause.FAULT, words)}", (Cause.FAULT,)))
+        if t <= self._held_until:
+            reasons.append((f"{self._push}: {Cause.PUSH.value}", (Cause.PUSH,)))
+        else:
+            self._push = ""
+        if self._latched:
+            latched = Reason(Cause.LATCHED, Cause.PUSH.value)
+            reasons.append((f"{self._latched}: {latched}", (Cause.LATCHED,)))
+        causes = tuple(dict.fromkeys(cause for _, found in reasons for cause in found))
+        return Decision(bool(reasons), " + ".join(words for words, _ in reasons), causes)
+
+    def stopping(self, t: float) -> list[str]:
+        """Return the names of the skins whose own stop, or silence, stops the body at t."""
+        return [
+            skin
+            for skin, (heard, message) in self._messages.items()
+            if message.at(t).stop or not 0.0 <= t - heard <= _SILENCE
+        ]
+
+    @property
+    def until(self) -> float:
+        """When the first "free" of the skins expires [s]."""
+        return min((message.until for _, message in self._messages.values()), default=-math.inf)

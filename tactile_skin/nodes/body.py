@@ -1,0 +1,224 @@
+"""body: stops, contacts and wrenches of several skins -> those of the body."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import threading
+
+import numpy as np
+
+from ..behaviours.stop import TRANSPORT, Decision, StopConfig
+from ..body.stop import BodyStop
+from ..body.touches import OLDEST, BodyTouch, BodyTracker, Piece
+from ..middleware.bus import Time
+from ..middleware.config import circuit_of, declared, geometry_of
+from ..msg import (
+    Bool,
+    DiagnosticArray,
+    Header,
+    Point,
+    PointCloud2,
+    PointStamped,
+    Trigger,
+    Vector3,
+    Vector3Stamped,
+    Wrench,
+    WrenchStamped,
+    cloud_columns,
+    cloud_of,
+)
+from ..parameters.fields import configured
+from ..parameters.nodes import Body as Parameters
+from ..parameters.shared import Circuit, Geometry
+from . import QUEUE, diagnostics
+from .gesture_feature import CONTACT
+from .stop_on_push import CAUSES, HEARTBEAT, LATCHED, STATUS, STATUS_TOPIC, stop_message_of
+from .touch import xyz
+
+_SKIN = "skin"  # field of a contact: the place of its skin in the parameter `skins`, from 0
+STOPPING = "skins"  # key of a value of the status: the skins that stop the body, between spaces
+
+
+class Body:
+    """Publishes for several skins, each in a namespace of its name, what one publishes.
+
+    Publishes skin/stop and skin/stop_status, whose reason begins with the skin's name; and, once
+    for each frame of the fastest skin, skin/contacts, with the field `skin` and ids that stay
+    across seams, skin/wrench, skin/centre and skin/push_direction. The service `~/reset` frees a
+    latched push that lay on several skins; each skin's own stop has one as well.
+    """
+
+    def __init__(self, node):
+        self.node = node
+        given = declared(node, Parameters)
+        self._names = [name for name in given.skins if name]
+        if not self._names:
+            raise ValueError("skins: must name those of the body: start it with a config of skins")
+        geometries = {}
+        for name in self._names:
+            circuit = circuit_of(declared(node, Circuit, f"{name}.circuit."))
+            geometries[name] = geometry_of(declared(node, Geometry, f"{name}.geometry."), circuit)
+        self._frame = given.frame_id
+        self.stop = BodyStop(self._names, configured(StopConfig, given), self._now())
+        self.tracker = BodyTracker(geometries)
+        self._stamps: dict[str, float] = {}  # skin -> of its newest contacts
+        self._wrenches: dict[str, tuple[float, np.ndarray]] = {}  # skin -> stamp, force and torque
+        self._fresh: set[str] = set()  # skins that have come since the last message
+        self._bases: dict[str, float] = {}  # skin -> stamp of what its stop is based on
+        self._said: Decision | None = None
+        self._closed = threading.Lock()  # never released once the final stop is published
+        self._stop = node.create_publisher(Bool, "skin/stop", LATCHED)
+        self._status = node.create_publisher(DiagnosticArray, STATUS_TOPIC, LATCHED)
+        self._to_all = diagnostics.Reporter(node, (diagnostics.ALL,))
+        self._to_skin = diagnostics.Reporter(node, (diagnostics.TOPIC,))
+        self._contacts = node.create_publisher(PointCloud2, "skin/contacts", 10)
+        self._wrench = node.create_publisher(WrenchStamped, "skin/wrench", 10)
+        self._centre = node.create_publisher(PointStamped, "skin/centre", 10)
+        self._direction = node.create_publisher(Vector3Stamped, "skin/push_direction", 10)
+        for name in self._names:
+            self._listen(name)
+        node.on_set_parameters(self.on_parameters)
+        node.create_service(Trigger, "~/reset", self.on_reset)
+        node.create_timer(1.0, self.on_second)
+        node.create_timer(HEARTBEAT, self.on_timer)
+        self.on_timer()
+
+    def _listen(self, name: str) -> None:
+        def hear(kind, topic: str, callback, qos) -> None:
+            where = f"{name}/{topic}"
+            self.node.create_subscription(kind, where, lambda msg: callback(name, msg), qos)
+
+        hear(DiagnosticArray, STATUS_TOPIC, self.on_status, STATUS)
+        hear(WrenchStamped, "skin/wrench", self.on_wrench, QUEUE)
+        hear(PointCloud2, "skin/contacts", self.on_contacts, QUEUE)
+
+    def on_parameters(self, values: dict) -> None:
+        """Limits that change while the robot moves."""
+        self.stop.config = dataclasses.replace(self.stop.config, **values)
+
+    def _now(self) -> float:
+        return self.node.get_clock().now().nanoseconds / 1e9
+
+    def on_status(self, name: str, msg: DiagnosticArray) -> None:
+        t = self._now()
+        self._bases[name] = _seconds(msg.header)
+        self.stop.hear(t, name, stop_message_of(msg, t))
+        self._decide(t, always=False)
+
+    def on_wrench(self, name: str, msg: WrenchStamped) -> None:
+        wrench = np.array([*xyz(msg.wrench.force), *xyz(msg.wrench.torque)])
+        self._wrenches[name] = _seconds(msg.header), wrench
+        if self._stamps.get(name) == _seconds(msg.header):
+            self._joined(name, msg.header)
+
+    def on_contacts(self, name: str, msg: PointCloud2) -> None:
+        wrong = msg.header.frame_id.lstrip("/") != self._frame.lstrip("/")
+        here = msg.header.frame_id
+        words = f"its messages are in {here}, the body's in {self._frame}: set one frame_id for all"
+        self.stop.fault(name, words if wrong else "")
+        if wrong:
+            return
+        stamp = _seconds(msg.header)
+        columns = cloud_columns(msg, "x", "y", "z", "force", "area", "peak", "id")
+        table = np.stack([columns[k] for k in ("x", "y", "z", "force", "area", "peak", "id")], 1)
+        pieces = [Piece(int(row[6]), row[:3], *row[3:6].tolist()) for row in table.astype(float)]
+        self.tracker.update(stamp, name, pieces)
+        self.stop.touched(name, stamp, sum(p.force for p in pieces))
+        self._decide(self._now(), always=False)
+        self._stamps[name] = stamp
+        if self._wrenches.get(name, (None,))[0] == stamp:
+            self._joined(name, msg.header)
+
+    def _joined(self, name: str, header: Header) -> None:
+        """Publish once a round of the skins: the contacts and wrench of one are there."""
+        again, live = name in self._fresh, self._live(_seconds(header))
+        self._fresh.add(name)
+        if not again and not live <= self._fresh:
+            return
+        self._fresh = {name} if again else set()
+        touches = self.tracker.touches()
+        self._contacts.publish(self._cloud(touches, header))
+        wrench = sum((self._wrenches[k][1] for k in live if k in self._wrenches), np.zeros(6))
+        force, torque = Vector3(*wrench[:3].tolist()), Vector3(*wrench[3:].tolist())
+        self._wrench.publish(WrenchStamped(header, Wrench(force, torque)))
+        total = sum(touch.force for touch in touches)
+        centre = sum((x.force * x.position for x in touches), np.zeros(3)) / (total or 1.0)
+        self._centre.publish(PointStamped(header, Point(*centre.tolist())))
+        length = float(np.linalg.norm(wrench[:3]))
+        direction = wrench[:3] / length if length > 1e-6 * total else np.zeros(3)
+        self._direction.publish(Vector3Stamped(header, Vector3(*direction.tolist())))
+
+    def _live(self, stamp: float) -> set[str]:
+        """Return the skins whose contacts are of now: what a silent one last felt is over."""
+        oldest = stamp - OLDEST
+        return {name for name, last in self._stamps.items() if last >= oldest}
+
+    def _cloud(self, touches: list[BodyTouch], header: Header) -> PointCloud2:
+        rows = [
+            (
+                *x.position.tolist(),
+                x.force,
+                x.area,
+                x.peak,
+                x.id,
+                *x.velocity.tolist(),
+                0.0 if x.new else 1.0,
+                self._names.index(x.skin),
+            )
+            for x in touches
+        ]
+        return cloud_of((*CONTACT, _SKIN), rows, header)
+
+    def on_timer(self) -> None:
+        self._decide(self._now())
+
+    def on_reset(self, _, response):
+        reason = self.stop.reset(self._now())
+        response.success = not reason
+        response.message = f"still stopped: {reason}" if reason else "free"
+        self.on_timer()
+        return response
+
+    def _decide(self, t: float, always: bool = True) -> None:
+        decision = self.stop.decide(t)
+        if (always or decision != self._said) and self._closed.acquire(blocking=False):
+            try:
+                self._say(decision, t)
+            finally:
+                self._closed.release()
+
+    def _say(self, decision: Decision, t: float) -> None:
+        changed, self._said = decision != self._said, decision
+        self._stop.publish(Bool(decision.stop))
+        based = min(self._bases.values(), default=t)
+        good_for = self.stop.until - TRANSPORT - based
+        values = {
+            CAUSES: " ".join(cause.value for cause in decision.causes),
+            STOPPING: " ".join(self.stop.stopping(t)),
+            "good_for": f"{good_for if math.isfinite(good_for) else -1.0:g}",
+        }
+        header = Header(Time(round(based * 1e9)).to_msg(), self._frame)
+        level = diagnostics.ERROR if decision.stop else diagnostics.OK
+        self._status.publish(diagnostics.report(self.node, level, decision.reason, values, header))
+        if changed:
+            self.on_second()
+
+    def on_second(self) -> None:
+        """Report once a second and when the reason changes; a stop is no fault of this node."""
+        if (said := self._said) is None:
+            return
+        level = diagnostics.ERROR if said.stop else diagnostics.OK
+        level = diagnostics.WARN if said.for_push_alone else level
+        self._to_all.publish(diagnostics.report(self.node, level, said.reason or "free", {}))
+        self._to_skin.publish(diagnostics.report(self.node, diagnostics.OK, "running", {}))
+
+    def close(self) -> None:
+        """Publish a final stop: nothing monitors the skins from here on."""
+        self._closed.acquire()
+        words = "fault: the body shuts down"
+        self._say(self.stop.decide(self._now())._replace(stop=True, reason=words, causes=()), 0.0)
+
+
+def _seconds(header: Header) -> float:
+    return Time.from_msg(header.stamp).nanoseconds / 1e9

@@ -1,0 +1,113 @@
+"""When a body of skins stops, and what it says: on a driven clock."""
+
+import pytest
+
+from tactile_skin.behaviours.stop import Cause, StopConfig, StopMessage
+from tactile_skin.body.stop import BodyStop
+
+
+def free(until: float) -> StopMessage:
+    return StopMessage(False, "", until)
+
+
+@pytest.fixture
+def body():
+    """Two skins that are free until 0.2 s."""
+    stop = BodyStop(("chest", "back"), StopConfig(threshold=30.0, release=20.0, hold=0.3), 0.0)
+    stop.hear(0.0, "chest", free(0.2))
+    stop.hear(0.0, "back", free(0.2))
+    return stop
+
+
+def test_both_free_is_free_until_the_first_expires(body):
+    assert body.decide(0.1) == (False, "", ())
+    body.hear(0.1, "chest", free(0.4))
+    assert body.until == 0.2
+
+
+def test_a_skin_that_nobody_has_heard_stops_with_its_name():
+    stop = BodyStop(("chest", "back"), StopConfig(), 0.0)
+    stop.hear(0.0, "chest", free(1.0))
+    decision = stop.decide(0.0)
+    assert decision.reason == "back: waiting: no message from its stop yet"
+    assert decision.causes == (Cause.WAITING,)
+
+
+def test_a_push_on_one_is_a_push_alone_and_names_it(body):
+    body.hear(0.1, "back", StopMessage(True, "push", causes=(Cause.PUSH,)))
+    decision = body.decide(0.1)
+    assert decision.reason == "back: push"
+    assert decision.for_push_alone
+    assert body.stopping(0.1) == ["back"]
+
+
+def test_a_push_and_a_fault_are_no_push_alone(body):
+    body.hear(0.1, "back", StopMessage(True, "push", causes=(Cause.PUSH,)))
+    body.hear(0.1, "chest", StopMessage(True, "fault: a cable", causes=(Cause.FAULT,)))
+    decision = body.decide(0.1)
+    assert decision.reason == "chest: fault: a cable + back: push"
+    assert not decision.for_push_alone
+
+
+def test_silence_and_an_old_free_stop_with_the_name(body):
+    body.hear(0.1, "chest", free(0.4))
+    assert not body.decide(0.15).stop
+    assert body.decide(0.16).reason.startswith("back: stale: no message from its stop")
+    body.hear(0.16, "back", free(0.16))
+    assert body.decide(0.17).reason.startswith("back: stale: the stop's last 'free'")
+
+
+def test_a_clock_that_is_set_back_stops(body):
+    assert body.decide(-1.0).stop
+
+
+def keep_free(body, t: float) -> None:
+    for skin in ("chest", "back"):
+        body.hear(t, skin, free(t + 0.2))
+
+
+def test_a_push_across_two_skins_counts_together_and_is_held(body):
+    """18 N on each is no push of either, and one of the body."""
+    body.touched("chest", 0.0, 18.0)
+    assert not body.decide(0.0).stop
+    body.touched("back", 0.01, 18.0)
+    decision = body.decide(0.01)
+    assert decision.reason == "back and chest: push"
+    assert decision.for_push_alone
+    keep_free(body, 0.1)
+    body.touched("back", 0.1, 3.0)  # 21 N: above the release
+    keep_free(body, 0.39)
+    assert body.decide(0.39).stop
+    body.touched("back", 0.39, 0.0)
+    keep_free(body, 0.5)
+    assert not body.decide(0.5).stop
+
+
+def test_one_skin_alone_is_left_to_its_own_stop(body):
+    body.touched("chest", 0.0, 100.0)
+    assert not body.decide(0.0).stop
+
+
+def test_an_old_force_does_not_count(body):
+    body.touched("chest", 0.0, 29.0)
+    body.touched("back", 0.6, 29.0)
+    keep_free(body, 0.6)
+    assert not body.decide(0.6).stop
+
+
+def test_a_latched_push_across_two_lasts_until_a_reset():
+    stop = BodyStop(("chest", "back"), StopConfig(latch=True), 0.0)
+    stop.touched("chest", 0.0, 20.0)
+    stop.touched("back", 0.0, 20.0)
+    keep_free(stop, 0.2)
+    assert stop.reset(0.2) != ""
+    keep_free(stop, 1.0)
+    assert stop.decide(1.0).reason == "back and chest: latched: push"
+    assert stop.reset(1.0) == ""
+
+
+def test_a_skin_in_another_frame_is_a_fault(body):
+    body.fault("back", "its messages are in arm")
+    assert body.decide(0.1).reason == "back: fault: its messages are in arm"
+    body.fault("back", "")
+    assert not body.decide(0.1).stop

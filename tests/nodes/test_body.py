@@ -1,0 +1,162 @@
+"""Several skins of one file as one body, on simulated boards at pseudo-terminals."""
+
+import contextlib
+import time
+
+import numpy as np
+import pytest
+import yaml
+from support.simulated import CIRCUIT, make_board, serving
+
+from tactile_skin.errors import FileError, LaunchError
+from tactile_skin.launch import launch
+from tactile_skin.msg import Image, PointCloud2, WrenchStamped, cloud_columns
+
+PATIENCE = 30.0  # s, for what must happen; how fast it does is not tested
+NAMES = "chest", "back"
+GEOMETRY = {"shape": "plane", "pitch": 0.018}
+
+
+def section(name: str, tmp_path, **more) -> dict:
+    side = NAMES.index(name)
+    return {
+        "port": str(tmp_path / name),
+        "circuit": {"rows": CIRCUIT.rows, "cols": CIRCUIT.cols},
+        "geometry": GEOMETRY | {"rpy": [0.0, 0.0, np.pi * side]},
+    } | more
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Write the body's file, from what each skin is given."""
+
+    def write(skins: dict, **sections):
+        path = tmp_path / "robot.yaml"
+        path.write_text(yaml.safe_dump({"skins": skins} | sections, sort_keys=False))
+        return path
+
+    return write
+
+
+@pytest.fixture
+def body(tmp_path, write):
+    """A function that starts chest and back on boards that play these scenes."""
+    with contextlib.ExitStack() as stack:
+
+        def start(**scenes):
+            boards = {
+                name: stack.enter_context(
+                    serving(tmp_path / name, make_board(scenes.get(name, "idle")))
+                )
+                for name in NAMES
+            }
+            path = write({name: section(name, tmp_path) for name in NAMES})
+            skin = stack.enter_context(launch("body.launch.yaml", config=path, wait_for_port=15.0))
+            return skin, boards
+
+        yield start
+
+
+class Heard:
+    """What a hook hears, and the messages of some topics."""
+
+    def __init__(self, skin):
+        self.reasons: list[tuple[bool, str]] = []
+        skin.on_stop(lambda stop, reason: self.reasons.append((stop, reason)))
+        self.skin, self.last = skin, {}
+
+    def hear(self, kind, topic: str) -> None:
+        take = self.last.__setitem__
+        self.skin.node.create_subscription(kind, topic, lambda msg: take(topic, msg), 10)
+
+    def until(self, condition, what: str):
+        end = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < end, f"{what}: {self.reasons[-3:]}"
+            self.skin.spin(0.02)
+
+    def free(self) -> bool:
+        return bool(self.reasons) and not self.reasons[-1][0]
+
+    def said(self, *words: str) -> bool:
+        return any(stop and all(w in reason for w in words) for stop, reason in self.reasons)
+
+
+@pytest.mark.parametrize("pushed", NAMES)
+def test_a_push_on_one_stops_with_its_name_and_has_its_direction(body, pushed):
+    skin, _ = body(**{pushed: "push_left"})
+    heard = Heard(skin)
+    pushes: list[float] = []
+
+    def on_wrench(msg):
+        if abs(msg.wrench.force.x) > 10.0:
+            pushes.append(msg.wrench.force.x)
+
+    skin.node.create_subscription(WrenchStamped, "skin/wrench", on_wrench, 10)
+    heard.hear(PointCloud2, "skin/contacts")
+    heard.until(lambda: heard.said(f"{pushed}: push"), "push")
+    other = NAMES[1 - NAMES.index(pushed)]
+    assert not heard.said(f"{other}: push")
+    heard.until(lambda: pushes, "wrench")
+    assert (pushes[0] < 0.0) == (pushed == "chest")  # onto the front, or the back
+    (number,) = set(cloud_columns(heard.last["skin/contacts"], "skin")["skin"].tolist())
+    assert NAMES[int(number)] == pushed
+
+
+@pytest.mark.parametrize("lost", NAMES)
+def test_a_cable_that_is_pulled_stops_with_its_name_and_the_other_goes_on(body, lost):
+    skin, boards = body()
+    heard = Heard(skin)
+    other = NAMES[1 - NAMES.index(lost)]
+    heard.hear(Image, f"{other}/skin/pressure")
+    heard.until(heard.free, "free")
+    boards[lost].unplug()
+    heard.until(lambda: heard.said(f"{lost}: "), "stop")
+    assert not heard.said(f"{other}: fault")
+    before = heard.last[f"{other}/skin/pressure"]
+    heard.until(lambda: heard.last[f"{other}/skin/pressure"] is not before, "picture")
+    assert not heard.free()
+
+
+def test_two_boards_that_nothing_tells_from_each_other_are_refused(tmp_path, write):
+    skins = {name: section(name, tmp_path, port="auto") for name in NAMES}
+    with pytest.raises(LaunchError, match="chest: port auto without serial_number"):
+        launch("body.launch.yaml", config=write(skins))
+    for given in skins.values():
+        given["serial_driver"] = {"serial_number": "A1"}
+    with pytest.raises(LaunchError, match="chest and back both have serial_number A1"):
+        launch("body.launch.yaml", config=write(skins))
+
+
+@pytest.mark.parametrize(
+    ("skins", "words"),
+    [
+        ([1], "must map names to skins"),
+        ({"a b": {}}, "must be a name of letters"),
+        ({"chest": {"threshold": 3.0}}, "skins: chest: threshold: must be one of"),
+    ],
+)
+def test_what_is_no_skin_is_refused(write, skins, words):
+    with pytest.raises(FileError, match=words):
+        launch("body.launch.yaml", config=write(skins))
+
+
+def test_a_file_without_skins_is_refused(tmp_path):
+    path = tmp_path / "robot.yaml"
+    path.write_text("/**: {ros__parameters: {frame_id: base_link}}\n")
+    with pytest.raises(LaunchError, match="needs config:=FILE, with the skins of the body"):
+        launch("body.launch.yaml", config=path)
+
+
+def test_a_skin_takes_the_file_of_its_own_and_what_the_body_says_wins(tmp_path, write):
+    (tmp_path / "mine.yaml").write_text(
+        "/**: {ros__parameters: {circuit: {rows: 9, cols: 5, r_ref: 1000.0}}}\n"
+        "/**/serial_driver: {ros__parameters: {baud: 115200}}\n"
+    )
+    skins = {"chest": section("chest", tmp_path, config="mine.yaml")}
+    skin = launch("body.launch.yaml", config=write(skins))
+    values = {a.full_name: a.values() for a in skin._plan.nodes}
+    assert values["/chest/serial_driver"]["baud"] == 115200
+    assert values["/chest/compensation"]["circuit.rows"] == CIRCUIT.rows
+    assert values["/chest/compensation"]["circuit.r_ref"] == 1000.0
+    assert values["/body"]["chest.geometry.shape"] == "plane"
