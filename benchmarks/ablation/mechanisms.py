@@ -9,6 +9,7 @@ from pathlib import Path
 from tactile_skin import __file__ as _package
 from tactile_skin.board.absent import Unread
 from tactile_skin.board.liveness import _SETTLING, JITTER
+from tactile_skin.findings.finding import Kind
 from tactile_skin.nodes.serial_driver import _DOUBTFUL
 
 from .switchboard import Field, Limit, Result, Switchboard
@@ -60,7 +61,7 @@ def _attribute(where: str, null) -> Field:
 
 def _saturation_alone(found, reading):
     """Return what `suspect.by_reading` says of saturation, without its impossible readings."""
-    return None
+    return found if found and found.kind is Kind.SATURATION else None
 
 
 def _finds(where: str, *forms: str) -> Result:
@@ -107,7 +108,8 @@ MECHANISMS = (
     Mechanism(
         "saturation in a frame", "many equal readings at the top",
         (f"{_SOLVE}/suspect.py:saturation",),
-        (_finds_one("solvers.rivals.aside:saturation"),), True,
+        (_finds_one("solvers.rivals.aside:saturation"),
+         _finds_one("solvers.suspect:saturation")), True,
     ),
     Mechanism(
         "aside", "readings that the others do not allow are left out",

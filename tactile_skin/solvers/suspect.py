@@ -36,13 +36,16 @@ _CEILING = 5.0  # times the noise that it is thick, and an ADC step
 _GAP = 3.0  # times as far below the largest reading there are few others:
 _FLAT = 8  # readings at it at least,
 _FLAT_OTHERS = 0.25  # and others in the gap for each of them
+_EQUAL = 1.01  # ADC steps within which readings are equal, though noise would spread them,
+_MANY = 30  # and of how many of a touch: no flat one leaves so many
 
 
 def by_reading(reading: Reading) -> Finding | None:
     """Return readings that no skin can give, whatever presses on it.
 
     A load only raises a reading, from that at rest to that of a short circuit behind r_par. Where
-    lines are driven it may lower others, all of a line alike.
+    lines are driven it may lower others, all of a line alike. Noise spreads even a flat touch's
+    readings.
     """
     circuit, steps, known = reading.circuit, reading.steps, reading.known
     margin = _IMPOSSIBLE * reading.noise + 1.0
@@ -64,6 +67,9 @@ def by_reading(reading: Reading) -> Finding | None:
         numbers |= {"most": short_circuit, "r_ref": circuit.r_ref, "r_par": circuit.r_par}
         where = line or at(np.argwhere(bad)[0])
         return Finding(Kind.MISFIT, "high" if line else "high cells", **where, numbers=numbers)
+    spreads = reading.noise > 0.0 and not rounded(reading)
+    if spreads and (ends := saturation(reading, _EQUAL, _MANY)):
+        return Finding(Kind.SATURATION, "frame", numbers=ends)
     return None
 
 
@@ -90,24 +96,30 @@ def _place(bad: np.ndarray, known: np.ndarray) -> tuple[Where, dict, np.ndarray]
     return {}, {"count": count, "of": known.sum()}, bad
 
 
-def saturation(reading: Reading) -> tuple[int, float] | None:
-    """Return how many readings lie at one height, the largest [ADC steps], as of a saturated input.
+def saturation(
+    reading: Reading, thick: float | None = None, fewest: int = _FLAT
+) -> dict[str, float] | None:
+    """Return count and height [ADC steps] of the largest readings, where they lie at one height.
 
-    A flat touch reads like that, too, but the circuit explains that. None: they do not.
+    A saturated input does so. A flat touch, too, but the circuit explains that. None: they do not.
+
+    Args:
+        thick: ADC steps within which they do; None: as noise spreads them.
+        fewest: how many are enough.
     """
     top, circuit = reading.steps.max(), reading.circuit
     if reading.topped.any():  # it ends there, and what that means is known
         return None
-    thick = _CEILING * reading.noise + 1.0
+    thick = _CEILING * reading.noise + 1.0 if thick is None else thick
     rest = _rest_steps(circuit, reading.curve) * reading.apparent[0]
     hardest = circuit.ratio(np.max(reading.curve.least_resistance)) * circuit.full_scale
-    if not rest.max() + thick < top < hardest:  # cells at either end of the curve read alike
+    if abs(top - rest.max()) <= thick or top >= hardest:  # cells at either end read alike
         return None
     below = (top - reading.steps)[reading.known]
     count = np.count_nonzero(below < thick)
-    if count < _FLAT or np.count_nonzero(below < _GAP * thick) > (1.0 + _FLAT_OTHERS) * count:
+    if count < fewest or np.count_nonzero(below < _GAP * thick) > (1.0 + _FLAT_OTHERS) * count:
         return None
-    return int(count), float(top)
+    return {"count": count, "steps": top}
 
 
 def by_residual(
@@ -138,8 +150,7 @@ def by_residual(
     if where:
         return Finding(Kind.MISFIT, "in lines", **where, numbers=numbers)
     if ends := saturation(reading):
-        numbers |= dict(zip(("count", "steps"), ends, strict=True))
-        return Finding(Kind.MISFIT, "saturated", numbers=numbers)
+        return Finding(Kind.MISFIT, "saturated", numbers=numbers | ends)
     form = "fabric" if reading.curve.offset is None else ""
     return Finding(Kind.MISFIT, form, numbers=numbers)
 
