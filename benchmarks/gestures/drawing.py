@@ -54,8 +54,8 @@ GESTURES = {  # in the order of the table in docs/gestures.md
         (("four tips", 0.0, -0.04), ("thumb", 0.0, -0.06)), ("M0 .025V0", "M0 -.04V-.015")
     ),
     "massage": Drawing(
-        (("four tips", 0.0, -0.03), ("palm", 0.0, -0.045)),
-        ("M-.03 -.01A.03 .022 0 1 1 0 .012",),
+        (("four tips", 0.0, -0.02), ("palm", 0.0, -0.035)),
+        ("M-.03 -.02A.03 .022 0 1 1 0 .002",),
     ),
 }
 

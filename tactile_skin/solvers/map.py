@@ -260,10 +260,8 @@ class _Point(NamedTuple):
 
     @classmethod
     def at(cls, reading: Reading, g: np.ndarray, broad: bool) -> _Point:
-        model, (gx, x) = (
-            reading.linearised(g, reading.fitted_noise),
-            prior_terms.pressed(reading, g),
-        )
+        model = reading.linearised(g, reading.fitted_noise)
+        gx, x = prior_terms.pressed(reading, g)
         if broad:
             load = prior_terms.force_of(reading, g)
             terms = prior_terms.level(*load, reading.circuit.populated)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..files import shorten
 from ..physics import readouts
 from ..physics.circuit import Circuit, forward
 from ..physics.curve import PressureCurve
@@ -236,7 +237,9 @@ def check_reading(
     if not threshold < ceiling <= 1.0:
         raise ValueError(f"ceiling = {ceiling!r}: must be an ADC ratio in ({threshold:g}, 1]")
     if noise is not None and not (np.ndim(noise) == 0 and 0.0 <= noise < circuit.full_scale):
-        raise ValueError(f"noise = {noise!r} ADC steps: must be 0 or more, below full scale")
+        raise ValueError(
+            f"noise = {shorten(noise)} ADC steps: must be a number, 0 or more, below full scale"
+        )
     if time_limit is not None and not time_limit > 0:
         raise ValueError(f"time_limit = {time_limit!r} s: must be above 0")
     known, none = _all_known(circuit.shape)

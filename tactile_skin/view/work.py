@@ -75,8 +75,12 @@ class Work:
         if not self._task or snapshot.adc is None or snapshot.stamp == self._stamp:
             return
         self._stamp = snapshot.stamp
-        if len(self._frames) * snapshot.adc.size * 8 < _FRAMES:
+        if not self._full:
             self._frames.append(self._skin.adc.ratio_of(snapshot.adc))
+
+    @property
+    def _full(self) -> bool:
+        return bool(self._frames) and len(self._frames) * self._frames[0].nbytes >= _FRAMES
 
     def ask(self, name: str, text: str) -> str:
         """Do what a page asks for: "calibrate", "doctor", "answer" or "give up".
@@ -172,7 +176,8 @@ class Work:
         frames, skin = np.array(self._frames), self._skin
         if not frames.size:
             raise ValueError("no reading came")
-        self._say(f"{len(frames)} readings: looking ...")
+        first = "the first " if self._full else ""
+        self._say(f"{first}{len(frames)} readings: looking ...")
         threshold = skin.adc.threshold(skin.threshold)
         check_all_is_sent(frames, skin.circuit, threshold, skin.threshold)
         found = diagnose(frames, skin.circuit, inverted=skin.adc.inverted)

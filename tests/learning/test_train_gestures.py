@@ -22,7 +22,10 @@ def table():
 def test_people_that_it_has_not_seen_are_understood(table):
     shares, classes = left_out(table, trees=30), np.unique(table.label)
     right = classes[shares.argmax(1)] == table.label
-    assert right[table.end].mean() > 0.86  # the others are `other`, mostly: refused
+    said, gesture = classes[shares.argmax(1)], table.label != OTHER
+    made, event = table.end & gesture, table.end & ~gesture
+    assert right[made].mean() > 0.8 and right[event].mean() > 0.8
+    assert (~right & (said != OTHER))[made].mean() < 0.05  # one gesture taken for another
     assert right[~table.end].mean() > 0.6  # some glances come before a gesture is itself
 
 
