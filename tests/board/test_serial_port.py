@@ -398,6 +398,22 @@ def test_auto_takes_no_other_board_while_its_own_is_unplugged(sockets, heard, re
     assert heard.lines[-1] == f"frames arrive on {again}"
 
 
+def there(device, number, where):
+    """Return a port on USB."""
+    port = ListPortInfo(device)
+    port.vid, port.pid, port.serial_number, port.location = 0x1A86, 0x7523, number, where
+    return port
+
+
+def test_of_two_boards_the_one_of_the_given_number_or_socket_is_taken(monkeypatch):
+    ports = [there("/dev/ttyUSB0", "A", "1-1"), there("/dev/ttyUSB1", None, "1-2")]
+    monkeypatch.setattr(serial_port.list_ports, "comports", lambda: ports)
+    assert serial_port.candidates("A") == ["/dev/ttyUSB0"]
+    assert serial_port.candidates("1-2") == ["/dev/ttyUSB1"]
+    with pytest.raises(ValueError, match="no USB board has serial_number B; there are: A, 1-2"):
+        serial_port.check_port("auto", "B")
+
+
 @pytest.mark.parametrize(
     ("serial_number", "location", "same"),
     [("A", "1-2", True), ("B", "1-1", False), (None, "1-1", True), (None, "1-2", False)],
@@ -405,11 +421,6 @@ def test_auto_takes_no_other_board_while_its_own_is_unplugged(sockets, heard, re
 def test_a_board_is_known_by_its_number_or_else_by_its_socket(
     monkeypatch, serial_number, location, same
 ):
-    def there(device, number, where):
-        port = ListPortInfo(device)
-        port.vid, port.pid, port.serial_number, port.location = 0x1A86, 0x7523, number, where
-        return port
-
     first = there("/dev/ttyUSB0", "A" if serial_number else None, "1-1")
     later = there("/dev/ttyUSB3", serial_number, location)
     monkeypatch.setattr(serial_port.list_ports, "comports", lambda: [first])
