@@ -31,7 +31,7 @@ _NEAR = 1.2  # residual over noise at which the fixed point has done its part
 _SETTLED = 4.0  # gain in units of 1/2 chi^2 below which a step is the last
 # chi^2 that a cell at rest must gain alone to become an unknown; noise gains it in 1 of 70 cells.
 _JOIN_CHI2 = 6.0
-_JOIN_SHARE = 0.03  # of the best cell's gain, that it must gain as well
+_JOIN_SHARE = 0.1  # of the best cell's gain, that it must gain as well
 _MEMORY = 4  # last costs, of which a step must not exceed the largest: a bound met costs at first
 _DENSE = 600  # unknowns up to which a Cholesky factor is faster than conjugate gradients
 _CG_STEPS = 100
@@ -310,7 +310,8 @@ def _gauss_newton(reading: Reading, point: _Point) -> _Step:
         alone *= circuit.mask
     gain = max(_JOIN_CHI2, _JOIN_SHARE * max(alone.max(), -alone.min()))
     moves = np.where(g <= low * BOUND, alone >= gain, (g < high / BOUND) | (slope < 0))
-    free = np.flatnonzero(moves if circuit.mask is None else moves & circuit.mask)
+    moves = moves if circuit.mask is None else moves & circuit.mask
+    (free,) = moves.ravel().nonzero()
     if not free.size:
         return _Step(free, np.zeros(0), 0.0)
     b = slope.flat[free]
@@ -318,9 +319,8 @@ def _gauss_newton(reading: Reading, point: _Point) -> _Step:
         dx = _conjugate_gradients(point, prior_terms.differences(circuit), free, b)
         solved = bool(np.isfinite(dx).all())
         return _Step(free, dx, 0.5 * b @ dx, solved=solved)
-    readings = np.arange(g.size) if reading.all_read else np.flatnonzero(point.model.weight)
-    readings = readings.astype(np.int32)
-    jacobian = point.model.jacobian(readings, free)
+    model, readings = point.model.grouped(free)
+    jacobian = model.jacobian(readings, free)
     jacobian *= gx.ravel()[free].astype(np.float32)
     between = prior_terms.differences(circuit)
     precision = prior_terms.precision(jacobian, point.prior, between, free)
@@ -330,7 +330,7 @@ def _gauss_newton(reading: Reading, point: _Point) -> _Step:
     # The factor of a matrix with overflows is unusable, though LAPACK may return one.
     if factor is None or not np.isfinite(precision.diagonal()).all() or not np.isfinite(dx).all():
         return _Step(free, dx, 0.0, solved=False)
-    equations = NormalEquations(free[inside], readings, jacobian[:, inside], factor)
+    equations = NormalEquations(free[inside], jacobian[:, inside], factor)
     return _Step(free, dx, float(0.5 * b @ dx), equations)
 
 

@@ -211,8 +211,8 @@ def with_neighbours(
     low, high = (bound.ravel()[free] for bound in reading.bounds)
     for _ in range(_STEPS):
         terms = known(x, 1.0, mean, std, unknown)
-        misfit = model.misfit.ravel()[equations.readings].astype(np.float32)
-        b = misfit @ jacobian - terms.gradient.ravel()[free]
+        pull = model.network.pull(model.weight * model.misfit)
+        b = (gx * pull - terms.gradient).ravel()[free]
         here, change = model.g.ravel()[free], gx.ravel()[free]
         ends = ((bound - here) / change for bound in (low, high))
         matrix = precision(jacobian, terms, None, free)
@@ -230,5 +230,6 @@ def with_neighbours(
             return g, std_x, adc
         model = reading.linearised(g, reading.fitted_noise)
         gx, x = pressed(reading, g)
-        jacobian = model.jacobian(equations.readings, free) * gx.ravel()[free].astype(np.float32)
+        grouped, readings = model.grouped(free)
+        jacobian = grouped.jacobian(readings, free) * gx.ravel()[free].astype(np.float32)
     return None

@@ -216,6 +216,30 @@ class Linearised(NamedTuple):
         col += np.int32(rows)
         return self.network.sensitivity(self.weight, readings, row, col)
 
+    def grouped(self, cells: np.ndarray) -> tuple[Linearised, np.ndarray]:
+        """Return a model whose few readings say of the cells what all readings say.
+
+        Lines without one of the cells read alike: one of them has the weight of all.
+
+        Returns:
+            the model with these weights, and (m,) int32 flat readings, those with a weight.
+        """
+        square, kept = np.square(self.weight), []
+        lines = np.divmod(cells, self.g.shape[1])
+        for of_lines, touched in zip((square, square.T), lines, strict=True):
+            alike = np.ones(len(of_lines), bool)
+            alike[touched] = False
+            (others,) = alike.nonzero()
+            if others.size:
+                one = others[others.size // 2]
+                of_lines[one] = of_lines[others].sum(0)
+                alike[one] = False
+            kept.append((~alike).nonzero()[0])
+        readings = (kept[0][:, None] * self.g.shape[1] + kept[1]).ravel()
+        if not square.all():
+            readings = readings[square.take(readings) > 0.0]
+        return self._replace(weight=np.sqrt(square)), readings.astype(np.int32)
+
 
 def check_reading(
     adc,

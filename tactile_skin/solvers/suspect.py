@@ -167,8 +167,7 @@ class NormalEquations(NamedTuple):
     """The linear system of a fit's last step; x = log g of its unknowns."""
 
     unknowns: np.ndarray  # (n,) flat cells
-    readings: np.ndarray  # (m,) int32, flat, those that are informative
-    jacobian: np.ndarray  # (m, n) d model / d x, in standard deviations of a reading
+    jacobian: np.ndarray  # (m, n) d model / d x of `Linearised.grouped`, in standard deviations
     factor: np.ndarray  # (n, n) U of U^T U = J^T J + curvature of the prior
 
     def absorbed(self) -> float:
