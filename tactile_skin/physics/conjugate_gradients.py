@@ -10,18 +10,24 @@ from .arrays import Floats
 
 
 def conjugate_gradients(
-    product: Callable[[Floats], Floats], diagonal: Floats, b: Floats, *, steps: int, target: float
+    product: Callable[[Floats], Floats],
+    near: Callable[[Floats], Floats],
+    b: Floats,
+    *,
+    steps: int,
+    target: float,
 ) -> Floats:
     """Solve A x = b, A symmetric and positive definite, until the residual falls by `target`.
 
     Args:
         product: (n,) -> (n,), A times it.
-        diagonal: (n,) of A or near it, the preconditioner; the residual is measured in its norm.
+        near: (n,) -> (n,), about A^-1 times it, the preconditioner; the residual is measured in its
+            norm.
         steps: at most so many products.
     """
     x = np.zeros(b.size)
     residual = b.copy()
-    z = residual / diagonal
+    z = near(residual)
     p = z.copy()
     size = residual @ z
     goal = size * target**2
@@ -32,7 +38,7 @@ def conjugate_gradients(
         alpha = size / (p @ a_p)
         x += alpha * p
         residual -= alpha * a_p
-        z = residual / diagonal
+        z = near(residual)
         size, last = residual @ z, size
         p = z + (size / last) * p
     return x

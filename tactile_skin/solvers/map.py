@@ -345,7 +345,7 @@ def _conjugate_gradients(point: _Point, between, free: np.ndarray, b: np.ndarray
         data = point.gx * network.pull(square * network.change(point.gx * picture))
         return (data + prior_terms.product(point.prior, picture, between)).ravel()[free]
 
-    return conjugate_gradients(product, diagonal, b, steps=_CG_STEPS, target=1e-2)
+    return conjugate_gradients(product, lambda r: r / diagonal, b, steps=_CG_STEPS, target=1e-2)
 
 
 def _descend(reading: Reading, point: _Point, step: _Step, broad: bool, ceiling) -> _Point:

@@ -32,6 +32,7 @@ _ROUNDS = 2  # in which the unknowns of a step are found
 _SLACK = 2.2
 # Residual over noise by which `MAX_STEPS` of the fixed point show that cells explain a reading.
 _FIT_RESIDUAL = 1.3
+_INEXACT = 1e-2  # of its right side that a step without the matrix leaves: the next one has it
 _DENSE = 400  # unknowns up to which a Cholesky factor is faster than conjugate gradients
 
 
@@ -201,12 +202,12 @@ def _unsymmetric_solver(reading: Reading, network, g: np.ndarray, free: np.ndarr
 
 
 def _matrix_free_solver(network: laplacian.Network, g: np.ndarray, free: np.ndarray):
-    """Return the same without the matrix: a product costs O(lines^3), the diagonal is rho^2."""
+    """Return the same without the matrix: a product costs O(lines^3)."""
     picture = np.zeros(g.shape)
 
     def product(p):
         picture.flat[free] = p
         return laplacian.hessian_product(network.k, picture).flat[free]
 
-    diagonal = np.square(network.rho.flat[free])
-    return lambda b: conjugate_gradients(product, diagonal, b, steps=300, target=1e-2)
+    near = laplacian.near_hessian(network.rho, g, free)
+    return lambda b: conjugate_gradients(product, near, b, steps=300, target=_INEXACT)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_skin.physics import laplacian
+from tactile_skin.physics.conjugate_gradients import conjugate_gradients
 
 SIZES = [(1, 1), (1, 5), (5, 1), (3, 2), (16, 16), (8, 24), (24, 8), (32, 32), (63, 1)]
 
@@ -51,6 +52,29 @@ def test_the_sensitivity_is_the_squared_transfer_resistance(g):
     found = laplacian.sensitivity(network.k, weight, readings, row, col + np.int32(len(g)))
     assert found.dtype == np.float32
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-5 * expected.max())
+
+
+@pytest.mark.parametrize("touched", [0, 60])
+def test_near_the_hessian_conjugate_gradients_take_half_the_steps(touched):
+    rng = np.random.default_rng(4)
+    g = np.exp(rng.normal(0.0, 0.3, (40, 24)))
+    g.flat[rng.choice(g.size, touched, replace=False)] *= 1e3
+    network = laplacian.solve(g)
+    cells = np.sort(rng.choice(g.size, 700, replace=False))
+    b, taken = rng.normal(size=cells.size), []
+
+    def product(p):
+        taken[-1] += 1
+        picture = np.zeros(g.shape)
+        picture.flat[cells] = p
+        return laplacian.hessian_product(network.k, picture).flat[cells]
+
+    diagonal = np.square(network.rho.flat[cells])
+    for near in (laplacian.near_hessian(network.rho, g, cells), lambda r: r / diagonal):
+        taken.append(0)
+        x = conjugate_gradients(product, near, b, steps=500, target=1e-6)
+        assert np.allclose(product(x), b, atol=1e-3 * np.abs(b).max())
+    assert taken[0] < taken[1] / 2
 
 
 def test_a_network_that_is_singular_to_rounding_has_resistances():

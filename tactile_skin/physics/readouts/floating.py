@@ -35,7 +35,7 @@ class Floating(Readout):
         else:
             self.rho = laplacian.connected_rho(g)
         self.adc = circuit.ratio(self.rho)
-        self._circuit = circuit
+        self._circuit, self._g = circuit, g
 
     def behind(self, added: Floats) -> Floating:
         """Return the same with (rows, cols) [ohm] more before each reading."""
@@ -82,8 +82,8 @@ class Floating(Readout):
             picture.flat[cells] = p
             return laplacian.hessian_product(self.inverse.k, picture).flat[cells]
 
-        diagonal = np.square(self.rho.flat[cells])
-        x = conjugate_gradients(product, diagonal, b.flat[cells], steps=_STEPS, target=_TARGET)
+        near = laplacian.near_hessian(self.rho, self._g, cells)
+        x = conjugate_gradients(product, near, b.flat[cells], steps=_STEPS, target=_TARGET)
         picture.flat[cells] = x
         return picture
 
