@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.signal import lfilter
 
 SCANS = 390  # a second, paper section III-B
 OVERSAMPLED = 4  # scans of which a board of 100 frames a second sends the mean
@@ -62,6 +61,8 @@ class Converter:
         if self.flicker:
             ratio = ratio * self._contact(self.flicker, ratio.shape, rng)
         if self.settling:
+            from scipy.signal import lfilter  # here: it takes 0.3 s, and most boards settle
+
             flat = ratio.reshape(len(ratio), -1)
             flat = lfilter([1.0 - self.settling], [1.0, -self.settling], flat, axis=1)
             ratio = flat.reshape(ratio.shape)

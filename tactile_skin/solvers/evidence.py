@@ -238,8 +238,8 @@ class Supposed:
         score, information = -weighed @ past.misfit, weighed @ past.patterns
         return Evidence(score, information, np.array(by_rest), chi2, count)
 
-    def glance(self, reading: Reading, g: np.ndarray, noise: float) -> float:
-        """Return the standard deviations by which r_par seems too large, by a fit with a prior.
+    def glance(self, reading: Reading, g: np.ndarray, noise: float) -> tuple[float, float]:
+        """Return by how much r_par seems too small, by a fit with a prior, and its std [ohm].
 
         Args:
             g: (rows, cols) of that fit [S].
@@ -248,7 +248,7 @@ class Supposed:
         touched = _dilated(g > self._hard * self.rest) & self.circuit.populated
         cells = np.flatnonzero(touched)
         if not cells.size or cells.size > _FULL * reading.n_informative:
-            return 0.0
+            return 0.0, np.inf
         model = reading.linearised(
             np.where(touched, g, self.rest), np.hypot(noise, _MODEL * reading.steps)
         )
@@ -256,7 +256,8 @@ class Supposed:
         columns = np.stack([pattern.ravel(), model.misfit.ravel()], 1)
         jacobian = _jacobian(model, cells).astype(np.float32)
         p, misfit = past(columns.astype(np.float32), jacobian).T
-        return float(p @ misfit / max(p @ p, _HIDDEN) ** 0.5)
+        information = max(float(p @ p), _HIDDEN)
+        return -float(p @ misfit) / information, information**-0.5
 
     @staticmethod
     def _pattern(model: Linearised, change: np.ndarray, shift: np.ndarray) -> np.ndarray:

@@ -80,7 +80,9 @@ def other_r_par(reading: Reading, g: np.ndarray) -> OtherRPar | None:
     circuit, curve = reading.circuit, reading.curve
     supposed = _supposed(circuit, curve)
     noise = reading.fitted_noise
-    if abs(supposed.glance(reading, g, noise)) < _GLANCE:
+    shift, std = supposed.glance(reading, g, noise)
+    most = _TOLERANCE * series_scale(circuit)
+    if not _GLANCE * std <= abs(shift) < most:
         return None
     found = supposed.evidence(np.where(reading.known, reading.adc, np.nan), noise, g)
     if found is None or not (information := found.information[0, 0]) > 0.0:
@@ -93,8 +95,7 @@ def other_r_par(reading: Reading, g: np.ndarray) -> OtherRPar | None:
         of_rest *= noise / REST_FRAMES**0.5
     slack = _ROUNDED if rounded(reading) else 1.0
     std = np.hypot(slack * max(found.chi2 / found.count, 1.0) ** 0.5 * information**-0.5, of_rest)
-    scale = series_scale(circuit)
-    relevant = max(_SURE * std, RELEVANT * scale) < abs(shift) < _TOLERANCE * scale
+    relevant = max(_SURE * std, RELEVANT * series_scale(circuit)) < abs(shift) < most
     if not relevant or circuit.r_par + shift + _SURE * std < 0.0:
         return None
     r_par = max(circuit.r_par + shift, 0.0)
