@@ -37,7 +37,7 @@ from .middleware.launched import (
     parameters_of,
 )
 from .middleware.logs import QueuedLog
-from .middleware.package import BODY, PACKAGE, RECORDER, find, node_class, share_dir
+from .middleware.package import BODY, PACKAGE, RECORDER, VIEW, find, node_class, share_dir
 from .middleware.processes import end_commands, start_command
 from .middleware.signals import SIGNALS, unwinding
 from .middleware.threads import one_thread
@@ -134,7 +134,7 @@ class Skin:
             name, ours = action.full_name, action.package == PACKAGE
             if name in names:
                 raise LaunchError(f"{action.file}: node {name}: there are two of this name")
-            says_later = not ours or action.kind == BODY  # which parameters it has
+            says_later = not ours or action.kind in (BODY, VIEW)  # which parameters it has
             names[name] = None if says_later else all_names(action.executable)
         check_parameters(self._plan, names)
         for action in self._plan.nodes:

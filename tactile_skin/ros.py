@@ -21,7 +21,7 @@ from .files import one_line
 from .middleware.bus import Node
 from .middleware.launch_file import NodeAction, Plan, with_skins
 from .middleware.launched import given
-from .middleware.package import BODY, COMPOSED, node_class
+from .middleware.package import COMPOSED, node_class
 from .middleware.parameter_file import values_for
 from .middleware.ros.arguments import RosArguments, split_arguments
 from .middleware.ros.node import RosNode, ToRos
@@ -137,7 +137,7 @@ def plan_of(executable: str, args: RosArguments) -> Plan:
         given = args.parameters_of(kind, name, *together)
         rules = args.remappings_of(kind, name, *together)
         action = NodeAction(kind, name, namespace, given, rules, Path(executable))
-        plan.nodes += with_skins(action) if kind == BODY else [action]
+        plan.nodes += with_skins(action)
     return plan
 
 

@@ -1,16 +1,19 @@
 """Several skins of one file as one body, on simulated boards at pseudo-terminals."""
 
 import contextlib
+import json
 import time
 
 import numpy as np
 import pytest
 import yaml
+from support.page import unpack
 from support.simulated import CIRCUIT, make_board, serving
 
 from tactile_skin.errors import FileError, LaunchError
 from tactile_skin.launch import launch
 from tactile_skin.msg import Image, PointCloud2, WrenchStamped, cloud_columns
+from tactile_skin.nodes.observers.view import View
 
 PATIENCE = 30.0  # s, for what must happen; how fast it does is not tested
 NAMES = "chest", "back"
@@ -40,10 +43,11 @@ def write(tmp_path):
 
 @pytest.fixture
 def body(tmp_path, write):
-    """A function that starts chest and back on boards that play these scenes."""
+    """A function that starts chest and back, on boards that play scenes, and what else is given."""
     with contextlib.ExitStack() as stack:
 
-        def start(**scenes):
+        def start(scenes=(), **more):
+            scenes = dict(scenes)
             boards = {
                 name: stack.enter_context(
                     serving(tmp_path / name, make_board(scenes.get(name, "idle")))
@@ -51,7 +55,8 @@ def body(tmp_path, write):
                 for name in NAMES
             }
             path = write({name: section(name, tmp_path) for name in NAMES})
-            skin = stack.enter_context(launch("body.launch.yaml", config=path, wait_for_port=15.0))
+            given = {"config": path, "wait_for_port": 15.0} | more
+            skin = stack.enter_context(launch("body.launch.yaml", **given))
             return skin, boards
 
         yield start
@@ -84,7 +89,7 @@ class Heard:
 
 @pytest.mark.parametrize("pushed", NAMES)
 def test_a_push_on_one_stops_with_its_name_and_has_its_direction(body, pushed):
-    skin, _ = body(**{pushed: "push_left"})
+    skin, _ = body({pushed: "push_left"})
     heard = Heard(skin)
     pushes: list[float] = []
 
@@ -116,6 +121,45 @@ def test_a_cable_that_is_pulled_stops_with_its_name_and_the_other_goes_on(body, 
     before = heard.last[f"{other}/skin/pressure"]
     heard.until(lambda: heard.last[f"{other}/skin/pressure"] is not before, "picture")
     assert not heard.free()
+
+
+def test_the_page_shows_each_skin_and_the_stop_of_the_body(body):
+    connect = pytest.importorskip("websockets.sync.client", reason="serves the page").connect
+    skin, _ = body({"chest": "push_left"}, view="true", view_port=0)
+    (view,) = (node for node in skin._nodes if isinstance(node, View))
+    address, found = view._page.address, {}
+    heads = dict.fromkeys(("", *NAMES))
+
+    def ask():
+        for name, page in pages.items():
+            page.send(json.dumps({"after": (heads[name] or {}).get("number", 0)}))
+            heads[name], found[name] = unpack(page.recv(PATIENCE))
+
+    with contextlib.ExitStack() as stack:
+        pages = {
+            name: stack.enter_context(
+                connect(
+                    f"{address.replace('http', 'ws')}/snapshots?{name}".rstrip("?"),
+                    origin=address,
+                    max_size=None,
+                )
+            )
+            for name in heads
+        }
+        hello = {name: json.loads(page.recv(PATIENCE))["hello"] for name, page in pages.items()}
+        assert hello[""]["skins"] == [*NAMES] and hello["back"]["skin"] == "back"
+        assert (hello["back"]["rows"], hello["back"]["cols"]) == CIRCUIT.shape
+        assert hello["chest"]["normal"] != hello["back"]["normal"]
+        end = time.monotonic() + PATIENCE
+        while not (
+            heads["chest"] and heads["chest"]["stop"] and "push" in heads["chest"]["reason"]
+        ):
+            assert time.monotonic() < end
+            ask()
+        while "chest: push" not in heads[""]["reason"] or heads["back"]["stop"] is not False:
+            assert time.monotonic() < end
+            ask()
+        assert found["chest"]["a"].shape == found["back"]["a"].shape == CIRCUIT.shape
 
 
 def test_two_boards_that_nothing_tells_from_each_other_are_refused(tmp_path, write):
