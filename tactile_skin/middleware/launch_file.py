@@ -68,11 +68,13 @@ class Plan:
     """What a launch file, with its arguments filled in, asks for.
 
     Attributes:
+        skins: commands that run one of a body each: when it ends, the others go on.
         for_all: names of parameters that may be given to all nodes, though not each has them.
     """
 
     nodes: list[NodeAction] = field(default_factory=list)
     commands: list[list[str]] = field(default_factory=list)
+    skins: list[list[str]] = field(default_factory=list)
     arguments: dict[str, Argument] = field(default_factory=dict)
     for_all: frozenset[str] = frozenset()
 
@@ -124,10 +126,7 @@ def _nodes_of(body: NodeAction, files: list[ParameterFile], spaces: dict) -> lis
 
 
 def _check_boards(skins: Mapping[str, dict]) -> None:
-    """Refuse two skins of which nothing says which board is whose.
-
-    skins: name -> what its serial_driver is given.
-    """
+    """Refuse skins, name -> what its serial_driver is given, whose boards nothing distinguishes."""
     seen: dict[tuple, str] = {}
     for name, values in skins.items():
         port = values.get("port", _AUTO)

@@ -164,6 +164,7 @@ class Body(Framed, Limits):
     """Several skins as one: pushes that touch two or more of them, started by body.launch.yaml."""
 
     skins: list[str] = parameter([""], "", SKINS)
+    separate: bool = parameter(False, "", "on ROS, a process for each skin")
 
 
 @dataclasses.dataclass(frozen=True)

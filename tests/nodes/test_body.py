@@ -3,6 +3,7 @@
 import contextlib
 import json
 import time
+from functools import partial
 
 import numpy as np
 import pytest
@@ -14,18 +15,21 @@ from tactile_skin.errors import FileError, LaunchError
 from tactile_skin.launch import launch
 from tactile_skin.msg import Image, PointCloud2, WrenchStamped, cloud_columns
 from tactile_skin.nodes.observers.view import View
+from tactile_skin.simulation import scenes
 
 PATIENCE = 30.0  # s, for what must happen; how fast it does is not tested
 NAMES = "chest", "back"
+FOUR = *NAMES, "left_arm", "right_arm"
 GEOMETRY = {"shape": "plane", "pitch": 0.018}
 
 
 def section(name: str, tmp_path, **more) -> dict:
-    side = NAMES.index(name)
+    side = FOUR.index(name)
     return {
         "port": str(tmp_path / name),
         "circuit": {"rows": CIRCUIT.rows, "cols": CIRCUIT.cols},
-        "geometry": GEOMETRY | {"rpy": [0.0, 0.0, np.pi * side]},
+        "stop_on_push": {"stale_after": 0.5},  # of a machine that is busy
+        "geometry": GEOMETRY | {"rpy": [0.0, 0.0, [0.0, np.pi, np.pi / 2, -np.pi / 2][side]]},
     } | more
 
 
@@ -43,18 +47,18 @@ def write(tmp_path):
 
 @pytest.fixture
 def body(tmp_path, write):
-    """A function that starts chest and back, on boards that play scenes, and what else is given."""
+    """A function that starts skins on boards that play scenes, with what else is given."""
     with contextlib.ExitStack() as stack:
 
-        def start(scenes=(), **more):
+        def start(scenes=(), names=NAMES, **more):
             scenes = dict(scenes)
             boards = {
                 name: stack.enter_context(
                     serving(tmp_path / name, make_board(scenes.get(name, "idle")))
                 )
-                for name in NAMES
+                for name in names
             }
-            path = write({name: section(name, tmp_path) for name in NAMES})
+            path = write({name: section(name, tmp_path) for name in names})
             given = {"config": path, "wait_for_port": 15.0} | more
             skin = stack.enter_context(launch("body.launch.yaml", **given))
             return skin, boards
@@ -83,8 +87,14 @@ class Heard:
     def free(self) -> bool:
         return bool(self.reasons) and not self.reasons[-1][0]
 
-    def said(self, *words: str) -> bool:
-        return any(stop and all(w in reason for w in words) for stop, reason in self.reasons)
+    def said(self, *words: str, since: int = 0) -> bool:
+        reasons = self.reasons[since:]
+        return any(stop and all(w in reason for w in words) for stop, reason in reasons)
+
+    def pictures_go_on(self, names) -> None:
+        topics = [f"{name}/skin/pressure" for name in names]
+        before = {topic: self.last[topic] for topic in topics}
+        self.until(lambda: all(self.last[t] is not before[t] for t in topics), "pictures")
 
 
 @pytest.mark.parametrize("pushed", NAMES)
@@ -118,9 +128,39 @@ def test_a_cable_that_is_pulled_stops_with_its_name_and_the_other_goes_on(body, 
     boards[lost].unplug()
     heard.until(lambda: heard.said(f"{lost}: "), "stop")
     assert not heard.said(f"{other}: fault")
-    before = heard.last[f"{other}/skin/pressure"]
-    heard.until(lambda: heard.last[f"{other}/skin/pressure"] is not before, "picture")
+    heard.pictures_go_on([other])
     assert not heard.free()
+
+
+def test_each_of_four_stops_the_body_with_its_name_and_the_others_go_on(body):
+    """A push, a frozen board, and a cable that is pulled, on each in turn."""
+    skin, boards = body(names=FOUR)
+    heard = Heard(skin)
+    for name in FOUR:
+        heard.hear(Image, f"{name}/skin/pressure")
+    heard.until(heard.free, "free")
+
+    def happens(name: str, words: str, change, undo=None) -> None:
+        others = [other for other in FOUR if other != name and other not in pulled]
+        since = len(heard.reasons)
+        change()
+        heard.until(lambda: heard.said(f"{name}: ", words, since=since), f"{name}: {words}")
+        wrong = (f"{other}: {cause}" for other in others for cause in ("push", "fault"))
+        assert not any(heard.said(each, since=since) for each in wrong)
+        heard.pictures_go_on(others)
+        if undo:
+            undo()
+            heard.until(heard.free, "free again")
+
+    pulled: list[str] = []
+    idle, push = (scenes.script(scene, *CIRCUIT.shape) for scene in ("idle", "push_left"))
+    for name, served in boards.items():
+        board = served.board
+        happens(name, "push", *(partial(setattr, board, "scene", s) for s in (push, idle)))
+        happens(name, "frozen", *(partial(setattr, board, "noise", n) for n in (0.0, 1.0)))
+    for name, served in boards.items():
+        happens(name, "fault", served.unplug)
+        pulled.append(name)
 
 
 def test_the_page_shows_each_skin_and_the_stop_of_the_body(body):
