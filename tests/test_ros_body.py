@@ -18,10 +18,10 @@ def write(folder, boards) -> Path:
     skins = {
         name: {
             "port": player.port,
-            "geometry": {"shape": "plane"},
+            "geometry": {"shape": "plane", "translation": [0.5 * k, 0.0, 0.0]},
             "stop_on_push": {"stale_after": 0.5},
         }
-        for name, player in boards.items()
+        for k, (name, player) in enumerate(boards.items())
     }
     config = folder / "robot.yaml"
     config.write_text(yaml.safe_dump({"skins": skins}))

@@ -97,10 +97,11 @@ def with_skins(action: NodeAction) -> list[NodeAction]:
     space = f"{action.namespace}/".lstrip("/")
     spaces = {name: f"{space}{name}" for file in files for name in file.skins}
     nodes = _nodes_of(action, files, spaces) if action.kind == BODY else []
+    given = [*action.parameters]
     if spaces:
         action.give({"skins": list(spaces)})
     for name, space in spaces.items():
-        has = NodeAction("compensation", "compensation", space, [*files]).values().items()
+        has = NodeAction("compensation", "compensation", space, given).values().items()
         action.give({f"{name}.{k}": v for k, v in has if k.split(".")[0] in _OF_SKINS[action.kind]})
     return [*nodes, action]
 
@@ -147,7 +148,7 @@ def _check_boards(skins: Mapping[str, dict]) -> None:
 
 _AUTO = "auto"
 # nodes that learn what the skins are -> groups of a skin's parameters that they have
-_OF_SKINS = {BODY: ("circuit", "geometry"), VIEW: SHARED}
+_OF_SKINS = {BODY: ("circuit", "geometry", "frame_id"), VIEW: SHARED}
 _PROCESS = {"output", "respawn", "respawn_delay", "on_exit"}  # of one that ROS starts: ignored
 _CONDITIONS = {"if", "unless"}
 _KEYS = {  # entity -> keys that it must have, others that it may have

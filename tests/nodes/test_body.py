@@ -14,8 +14,10 @@ from support.simulated import CIRCUIT, make_board, serving
 from tactile_skin.errors import FileError, LaunchError
 from tactile_skin.launch import launch
 from tactile_skin.msg import Image, PointCloud2, WrenchStamped, cloud_columns
+from tactile_skin.nodes import frames
 from tactile_skin.nodes.observers.view import View
 from tactile_skin.simulation import scenes
+from tactile_skin.touch.frames import Pose
 
 PATIENCE = 30.0  # s, for what must happen; how fast it does is not tested
 NAMES = "chest", "back"
@@ -50,7 +52,7 @@ def body(tmp_path, write):
     """A function that starts skins on boards that play scenes, with what else is given."""
     with contextlib.ExitStack() as stack:
 
-        def start(scenes=(), names=NAMES, **more):
+        def start(scenes=(), names=NAMES, back=None, **more):
             scenes = dict(scenes)
             boards = {
                 name: stack.enter_context(
@@ -58,7 +60,9 @@ def body(tmp_path, write):
                 )
                 for name in names
             }
-            path = write({name: section(name, tmp_path) for name in names})
+            skins = {name: section(name, tmp_path) for name in names}
+            skins["back"] |= back or {}
+            path = write(skins)
             given = {"config": path, "wait_for_port": 15.0} | more
             skin = stack.enter_context(launch("body.launch.yaml", **given))
             return skin, boards
@@ -161,6 +165,44 @@ def test_each_of_four_stops_the_body_with_its_name_and_the_others_go_on(body):
     for name, served in boards.items():
         happens(name, "fault", served.unplug)
         pulled.append(name)
+
+
+def test_a_skin_in_a_frame_of_its_own_is_placed_by_tf(body, tmp_path):
+    skin, _ = body({"back": "push_left"}, back={"frame_id": "arm_link"})
+    heard = Heard(skin)
+    pushes: list = []
+
+    def on_wrench(msg):
+        if abs(msg.wrench.force.y) > 10.0:
+            pushes.append(msg)
+
+    skin.node.create_subscription(WrenchStamped, "skin/wrench", on_wrench, 10)
+    words = "no transform from arm_link to base_link: publish it on tf, or set one frame_id"
+    heard.until(lambda: heard.said(f"back: fault: {words}"), "fault")
+    assert not heard.free() and not pushes
+    turned = Pose(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), np.ones(3))
+    frames.publish_static(skin.node, "base_link", "arm_link", turned)
+    heard.until(lambda: pushes, "wrench")
+    assert not heard.reasons or not heard.reasons[-1][1].count("no transform")
+    message = pushes[0]
+    force, torque = message.wrench.force, message.wrench.torque
+    assert message.header.frame_id == "base_link" and force.y > 10.0  # +x onto the back, turned
+    assert abs(force.x) < 1.0 and np.hypot(torque.x, torque.z) > 0.5 * force.y  # about the origin
+
+
+@pytest.mark.parametrize(
+    ("places", "words"),
+    [
+        ({"back": {"shape": "unknown"}}, "back.geometry.shape = unknown: a body has to know"),
+        ({"back": {"rpy": [0.0, 0.0, 0.1]}}, "chest and back: geometry: lie at one place"),
+    ],
+)
+def test_a_body_that_does_not_know_where_its_skins_are_is_refused(write, tmp_path, places, words):
+    skins = {name: section(name, tmp_path) for name in NAMES}
+    for name, place in places.items():
+        skins[name]["geometry"] = GEOMETRY | place
+    with pytest.raises(ValueError, match=words):
+        launch("body.launch.yaml", config=write(skins), wait_for_port=1.0).build()
 
 
 def test_the_page_shows_each_skin_and_the_stop_of_the_body(body):
