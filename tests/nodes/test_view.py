@@ -34,6 +34,7 @@ from tactile_skin.msg import (
     Trigger,
     image,
 )
+from tactile_skin.nodes.observers import view
 from tactile_skin.nodes.observers.view import View
 from tactile_skin.recording.reader import Recording
 from tactile_skin.view.process import listen
@@ -131,6 +132,18 @@ def test_a_page_sees_what_is_published_and_the_stop(viewed):
         assert (arrays["reading"] == 200.0).all()
         stopped = lambda h: h["stop"] and h["reason"] == "push"  # noqa: E731
         await until(page, stopped, lambda: viewed.publish(201, stop=True))
+
+    talk(viewed, scenario)
+
+
+def test_a_stop_that_is_heard_no_more_is_unknown(viewed, monkeypatch):
+    """Its process may have been killed: its last word was "free"."""
+    monkeypatch.setattr(view, "_UNHEARD", 0.3)
+
+    async def scenario(page):
+        await until(page, lambda h: h["stop"] is False, lambda: viewed.publish(500))
+        unknown = lambda h: h["stop"] is None and h["stamp"] == 500.0  # noqa: E731
+        await until(page, unknown, viewed.view._show)
 
     talk(viewed, scenario)
 

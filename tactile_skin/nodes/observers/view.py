@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import concurrent.futures
+import math
 import threading
 import time
 from collections import deque
@@ -20,6 +21,7 @@ from .. import READING
 from .page_recording import RECORDS, PageRecording
 
 _QUIET = 0.1  # s after which a page is told that nothing changed
+_UNHEARD = 1.0  # s without a message of the stop, which comes every 0.02 s: nobody says then
 _AFTER = 0.001  # s after a decision: those who stop the robot go first
 # What a page may ask for, if it may -> the services that are called, in turn.
 _CALLS = {
@@ -126,6 +128,7 @@ class ShownSkin:
         space = f"{name}/" if name else ""
         self.recording = PageRecording(node, parameters, space)
         self._collector = Collector()
+        self._stop_at = -math.inf  # s, when its stop was heard last
         self._sent = 0.0, 0.0  # stamp of the last snapshot, and when it was sent
         self._newest: dict[str, deque] = {}  # topic -> messages that were not taken yet
         for topic, (kind, count) in readings.items():  # nobody is woken for each of them
@@ -137,9 +140,11 @@ class ShownSkin:
     def _taker(self, topic: str):
         def take(message) -> None:
             self._collector.take(topic, message)
-            if topic == STOP and self.page.watched:
-                time.sleep(_AFTER)
-                self.show()
+            if topic == STOP:
+                self._stop_at = time.monotonic()
+                if self.page.watched:
+                    time.sleep(_AFTER)
+                    self.show()
 
         return take
 
@@ -155,6 +160,8 @@ class ShownSkin:
         if snapshot.stamp == stamp and now - at < _QUIET:
             return
         self._sent = snapshot.stamp, now
+        if now - self._stop_at > _UNHEARD:
+            snapshot = replace(snapshot, stop=None)
         age = self.node.get_clock().now().nanoseconds / 1e9 - snapshot.stamp
         self.page.show(replace(snapshot, read_at=now - age))
 
