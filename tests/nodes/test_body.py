@@ -11,8 +11,11 @@ import yaml
 from support.page import unpack
 from support.simulated import CIRCUIT, make_board, serving
 
+from tactile_skin import ros
 from tactile_skin.errors import FileError, LaunchError
-from tactile_skin.launch import launch
+from tactile_skin.launch import Skin, launch
+from tactile_skin.middleware.package import SKIN_NODES
+from tactile_skin.middleware.ros.arguments import split_arguments
 from tactile_skin.msg import Image, PointCloud2, WrenchStamped, cloud_columns
 from tactile_skin.nodes import frames
 from tactile_skin.nodes.observers.view import View
@@ -252,6 +255,29 @@ def test_two_boards_that_nothing_tells_from_each_other_are_refused(tmp_path, wri
         given["serial_driver"] = {"serial_number": "A1"}
     with pytest.raises(LaunchError, match="chest and back both have serial_number A1"):
         launch("body.launch.yaml", config=write(skins))
+
+
+@pytest.mark.parametrize("separate", [False, True])
+def test_what_ros2_launch_gives_the_program_body_is_taken(tmp_path, write, separate):
+    """launch_ros writes it into a file; with `separate` each skin becomes a program of its own."""
+    config = write({name: section(name, tmp_path) for name in NAMES})
+    given = {"config": str(config), "wait_for_port": 5.0, "method": "", "separate": separate}
+    path = tmp_path / "launch_params_x"
+    path.write_text(yaml.safe_dump({"/**": {"ros__parameters": given}}))
+    plan = ros.plan_of("body", split_arguments(["--ros-args", "--params-file", str(path)])[1])
+    Skin(ros.Plan(plan.nodes, for_all=plan.for_all)).build()
+    nodes = {a.full_name: a.values() for a in plan.nodes}
+    if not separate:
+        assert len(nodes) == 4 * len(NAMES) + 1 and not plan.skins
+        assert nodes["/back/serial_driver"]["wait_for_port"] == 5.0
+        return
+    assert nodes.keys() == {"/body"}
+    for name, words in zip(NAMES, plan.skins, strict=True):
+        own = words[words.index("skin") + 1 :]
+        (skin, *_) = made = ros.plan_of("skin", split_arguments(own)[1]).nodes
+        assert [a.full_name for a in made] == [f"/{name}/{kind}" for kind in SKIN_NODES]
+        assert skin.values()["port"] == str(tmp_path / name)
+        assert skin.values()["wait_for_port"] == 5.0
 
 
 @pytest.mark.parametrize(
