@@ -37,7 +37,7 @@ from .middleware.launched import (
     parameters_of,
 )
 from .middleware.logs import QueuedLog
-from .middleware.package import BODY, PACKAGE, RECORDER, find, node_class, share_dir
+from .middleware.package import BODY, PACKAGE, RECORDER, VIEW, find, node_class, share_dir
 from .middleware.processes import end_commands, start_command
 from .middleware.signals import SIGNALS, unwinding
 from .middleware.threads import one_thread
@@ -97,7 +97,7 @@ class Skin:
         SIGNALS.enter()
         atexit.register(self._end)  # for who never comes to __exit__
         self._log = QueuedLog.before(logging.getLogger(PACKAGE))
-        for command in self._plan.commands:
+        for command in (*self._plan.commands, *self._plan.skins):
             self._processes.append(start_command(command))
         self.build()
         for recorder in self._of_kind(RECORDER, self._nodes):
@@ -134,7 +134,7 @@ class Skin:
             name, ours = action.full_name, action.package == PACKAGE
             if name in names:
                 raise LaunchError(f"{action.file}: node {name}: there are two of this name")
-            says_later = not ours or action.kind == BODY  # which parameters it has
+            says_later = not ours or action.kind in (BODY, VIEW)  # which parameters it has
             names[name] = None if says_later else all_names(action.executable)
         check_parameters(self._plan, names)
         for action in self._plan.nodes:
@@ -220,7 +220,7 @@ class Skin:
                 if SIGNALS.asked is not None:
                     self.shutdown()
                     return
-                for process in self._processes:
+                for process in self._processes[: len(self._plan.commands)]:
                     if process.poll() not in (None, 0):
                         command = shlex.join(map(str, process.args))  # type: ignore[arg-type]
                         raise LaunchError(f"{command}: ended with {process.returncode}")

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import json
 import logging
 import sys
 from pathlib import Path
@@ -21,9 +22,10 @@ from .files import one_line
 from .middleware.bus import Node
 from .middleware.launch_file import NodeAction, Plan, with_skins
 from .middleware.launched import given
-from .middleware.package import BODY, COMPOSED, node_class
-from .middleware.parameter_file import values_for
-from .middleware.ros.arguments import RosArguments, split_arguments
+from .middleware.package import BODY, COMPOSED, PACKAGE, SKIN_NODES, node_class
+from .middleware.parameter_file import CONFIG, ParameterFile, unknown_of, values_for
+from .middleware.processes import end_with_launcher
+from .middleware.ros.arguments import PARAMS_FILE, RosArguments, split_arguments
 from .middleware.ros.node import RosNode, ToRos
 from .middleware.ros.process import Process
 from .nodes import diagnostics, frames
@@ -91,6 +93,7 @@ def run(executable: str, words: list[str] | None = None) -> int:
         skin = RosSkin(plan_of(executable, args), Process(args.logs))
         # a signal that came before it ran has asked for the same
         with contextlib.suppress(KeyboardInterrupt, SystemExit), skin:
+            end_with_launcher(skin.shutdown)
             skin.spin()
         return 1 if skin.failed else 0
     except KeyboardInterrupt:
@@ -137,8 +140,33 @@ def plan_of(executable: str, args: RosArguments) -> Plan:
         given = args.parameters_of(kind, name, *together)
         rules = args.remappings_of(kind, name, *together)
         action = NodeAction(kind, name, namespace, given, rules, Path(executable))
-        plan.nodes += with_skins(action) if kind == BODY else [action]
+        nodes = with_skins(action)
+        if kind == BODY:
+            plan.for_all = frozenset().union(*map(all_names, (*SKIN_NODES, BODY)))
+            if action.values().get("separate") is True:
+                plan.skins, nodes = _programs(nodes[:-1]), [action]
+        plan.nodes += nodes
     return plan
+
+
+def _programs(nodes: list[NodeAction]) -> list[list[str]]:
+    """Return the command of the program `skin` for each namespace of a body's nodes."""
+    programs: dict[str, list[str]] = {}
+    for node in nodes:
+        files = [p for p in node.parameters if isinstance(p, ParameterFile) and not p.by_launch]
+        if node.namespace not in programs:
+            words = [sys.executable, "-m", f"{PACKAGE}.ros", COMPOSED, "--ros-args"]
+            words += ["-r", f"__ns:=/{node.namespace}"]
+            for file in files:
+                path = str(file.path)
+                words += ["-p", f"{CONFIG}:={path}"] if file.own else [PARAMS_FILE, path]
+            programs[node.namespace] = words
+        others = [p for p in node.parameters if p not in files]
+        for p in values_for(node.full_name, others):
+            if not unknown_of([p.name], all_names(node.kind)):
+                value = json.dumps(p.value)
+                programs[node.namespace] += ["-p", f"{node.name}:{p.name}:={value}"]
+    return list(programs.values())
 
 
 def _parts(args: RosArguments, names: tuple[str, ...]) -> list[str]:

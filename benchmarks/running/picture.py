@@ -1,21 +1,23 @@
-"""Makes README's picture of the page: a push and two fingers, on a clock that no load disturbs.
+"""Makes the pictures of the page in docs, on a clock that no load disturbs.
 
 The frames of the demo's scene go through the solver, the tracker and the stop's policy, and their
-last snapshot is drawn by Chromium. `python -m benchmarks.running.picture docs/view.png`.
+last snapshot is drawn by Chromium. `python -m benchmarks.running.picture docs/view.png`: a push
+and two fingers; `python -m benchmarks.running.picture --skins docs/body.png`: three skins.
 """
 
 from __future__ import annotations
 
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from support.chromium import Chromium
-from support.page import served
+from support.page import served, serving
 
 from tactile_skin import compensate, forward
 from tactile_skin.behaviours.stop import StopConfig, StopPolicy
-from tactile_skin.middleware.config import skin_of
+from tactile_skin.middleware.config import SkinConfig, skin_of
 from tactile_skin.simulation.scenes import script
 from tactile_skin.touch import features
 from tactile_skin.touch.tracking import Tracker
@@ -26,15 +28,19 @@ from .. import harness
 BEGIN = 1.78e9  # s, of the stamps
 STEP = 0.02  # s between two frames
 PUSH, FINGERS = (8.6, 13.0), (4.2, 6.4)  # s of the demo's scene, in the order that they are shown
+PUSH_NOW, STILL = (8.6, 10.2), (0.0, 0.5)  # s, of three skins
 COUNTS = 64  # of skin/adc in an ADC step of 10 bits
 SIZE = 1400, 910  # px
+SIZE_OF_BODY = 1400, 640  # px
+BROKEN = 6  # row of the back that does not reach the board
 
 
-def snapshots() -> list[Snapshot]:
-    skin, rng = skin_of({"geometry.shape": "cylinder"}, ""), np.random.default_rng(0)
+def snapshots(skin: SkinConfig, parts=(PUSH, FINGERS)) -> list[Snapshot]:
+    """Return those of parts of the demo's scene, from and to so many seconds."""
+    rng = np.random.default_rng(0)
     scene, tracker = script("demo", *skin.circuit.shape), Tracker(skin.geometry.pitch)
     policy, t, found = StopPolicy(StopConfig()), BEGIN, []
-    for begin, end in (PUSH, FINGERS):
+    for begin, end in parts:
         for at in np.arange(begin, end, STEP):
             t += STEP
             resistance = skin.curve.resistance(scene(at))
@@ -72,21 +78,63 @@ def _row(touch) -> list[float]:
     return [*place, contact.force, touch.id, *velocity, contact.peak]
 
 
+def body() -> dict[str, tuple[SkinConfig, list[Snapshot]]]:
+    """Return a chest that is pushed, a back with a broken line, and an arm that is touched."""
+    chest = skin_of({"geometry.shape": "plane", "geometry.rpy": [0.0, 0.0, np.pi / 2]}, "")
+    back = skin_of({"geometry.shape": "plane"}, "")
+    arm = skin_of({"geometry.shape": "cylinder", "circuit.rows": 8, "circuit.cols": 22}, "")
+    pushed, broken = snapshots(chest, [PUSH_NOW]), snapshots(back, [STILL])
+    words = f"row {BROKEN} reads nothing: its wire is broken, or a contact open"
+    values = {"kind": "open", "rows": f"{BROKEN}", "cols": ""}
+    fault = NodeStatus(2, words, values)
+    reason = f"fault: back/compensation: {words}"
+    broken = [
+        replace(
+            each,
+            stop=True,
+            reason=reason,
+            causes=("fault",),
+            nodes=each.nodes | {"back/compensation": fault},
+        )
+        for each in broken
+    ]
+    both = f"chest: push + back: {reason}"
+    stop = Snapshot(stop=True, reason=both, causes=("push", "fault"))
+    none = skin_of({}, "")
+    return {
+        "": (none, [stop]),
+        "arm": (arm, snapshots(arm, [FINGERS])),
+        "back": (back, broken),
+        "chest": (chest, pushed),
+    }
+
+
 def main(arguments=None) -> None:
     parser = harness.parser(__doc__, __spec__)
     parser.add_argument("picture", type=Path, help="PNG to make")
+    parser.add_argument("--skins", action="store_true", help="of three skins")
     args = parser.parse_args(arguments)
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        draw = draw_skins if args.skins else draw_one
+        args.picture.write_bytes(draw(Path(folder)))
+
+
+def draw_one(folder: Path) -> bytes:
     skin = skin_of({"geometry.shape": "cylinder"}, "")
-    with (
-        tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder,
-        served(skin, snapshots()) as (address, _),
-        Chromium(Path(folder), *SIZE) as browser,
-    ):
+    with served(skin, snapshots(skin)) as (address, _), Chromium(folder, *SIZE) as browser:
         browser.open(address)
         browser.until("document.querySelectorAll('#contacts tbody tr').length === 2")
         browser.until("document.querySelector('#stop strong').innerText.includes('free')")
         browser.until("document.querySelector('#push p').innerText.includes('front')")
-        args.picture.write_bytes(browser.picture())
+        return browser.picture()
+
+
+def draw_skins(folder: Path) -> bytes:
+    with serving(body()) as (address, _), Chromium(folder, *SIZE_OF_BODY) as browser:
+        browser.open(address)
+        browser.until("document.querySelectorAll('.skin.stopped').length === 2")
+        browser.until("document.querySelectorAll('.skin.free').length === 1")
+        return browser.picture()
 
 
 if __name__ == "__main__":

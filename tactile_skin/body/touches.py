@@ -7,6 +7,7 @@ are neighbours follows from where their cells are.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -172,6 +173,20 @@ class BodyTracker:
                 track.pieces.pop(skin, None)
         self._tracks = [x for x in self._tracks if x.pieces or t - x.seen <= _MAX_ABSENCE]
         self._of = {key: value for key, value in self._of.items() if t - value[1] <= _MEMORY}
+
+
+def coincident(skins: Mapping[str, Geometry]) -> tuple[str, str] | None:
+    """Return two skins most of whose cells lie at one place and face one way; None: there are none.
+
+    So lie skins whose place nobody gave.
+    """
+    for (name, one), (other, two) in itertools.combinations(skins.items(), 2):
+        there, others = one.normal.any(-1), two.normal.any(-1)
+        away, nearest = cKDTree(two.position[others]).query(one.position[there])
+        facing = (one.normal[there] * two.normal[others][nearest]).sum(-1) > 0.0
+        if ((away < 0.5 * one.pitch) & facing).mean() > 0.5:
+            return name, other
+    return None
 
 
 def reaches(skins: Mapping[str, Geometry]) -> dict[str, dict[str, float]]:

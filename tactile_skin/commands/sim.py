@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import signal
-import stat
 import sys
 import threading
 from collections.abc import Callable
@@ -12,8 +10,7 @@ from pathlib import Path
 
 from ..middleware.config import SkinConfig, read_skin
 from ..middleware.parameter_file import ParameterFile
-from ..middleware.processes import LAUNCHED
-from ..middleware.stdin import at_the_end_of_stdin
+from ..middleware.processes import end_with_launcher
 from ..simulation import scenes
 from ..simulation.simulator import BAUD
 
@@ -70,8 +67,7 @@ def run(args) -> int:
         numbers.append(signal.SIGHUP)
     for number in numbers:
         signal.signal(number, lambda *_: done.set())
-    if LAUNCHED in os.environ and stat.S_ISFIFO(os.fstat(0).st_mode):
-        threading.Thread(target=at_the_end_of_stdin, args=(done.set,), daemon=True).start()
+    end_with_launcher(done.set)
 
     def ready():
         what = "firmware on a simulated chip" if args.board == "firmware" else "simulated board"

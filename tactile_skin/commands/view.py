@@ -64,7 +64,7 @@ def show(words: list[str], tqdm: Callable) -> int:
     from ..view.pictures import Pictures
     from ..view.process import address_of, listen
     from ..view.recorded import Recorded
-    from ..view.server import serve
+    from ..view.server import Shown, serve
 
     files, given = split(words, _KINDS)
     if len(files) > 1:
@@ -90,5 +90,5 @@ def show(words: list[str], tqdm: Callable) -> int:
             )
         print(f"{path} in a browser: {address_of(listening)} (Ctrl-C ends)", flush=True)
         with contextlib.suppress(KeyboardInterrupt):
-            asyncio.run(serve(listening, shown, pictures, asyncio.Event(), False))
+            asyncio.run(serve(listening, {"": Shown(shown, pictures)}, asyncio.Event(), False))
     return 0

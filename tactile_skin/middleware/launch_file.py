@@ -16,8 +16,8 @@ from ..errors import FileError, LaunchError, did_you_mean
 from ..files import shorten
 from ..yaml_files import parse_yaml, read_yaml
 from .bus import Parameter
-from .package import BODY, FOXGLOVE, NODES, PACKAGE, RECORDER, SKIN_NODES, share_dir
-from .parameter_file import CONFIG, ParameterFile, values_for
+from .package import BODY, FOXGLOVE, NODES, PACKAGE, RECORDER, SKIN_NODES, VIEW, share_dir
+from .parameter_file import CONFIG, SHARED, ParameterFile, values_for
 
 _SEPARATE = "separate"  # argument by which a launch file asks ROS for a process for each node
 
@@ -68,11 +68,13 @@ class Plan:
     """What a launch file, with its arguments filled in, asks for.
 
     Attributes:
+        skins: commands that run one of a body each: when it ends, the others go on.
         for_all: names of parameters that may be given to all nodes, though not each has them.
     """
 
     nodes: list[NodeAction] = field(default_factory=list)
     commands: list[list[str]] = field(default_factory=list)
+    skins: list[list[str]] = field(default_factory=list)
     arguments: dict[str, Argument] = field(default_factory=dict)
     for_all: frozenset[str] = frozenset()
 
@@ -82,49 +84,50 @@ class Plan:
         return list(dict.fromkeys(p for p in given if isinstance(p, ParameterFile)))
 
 
-def with_skins(body: NodeAction) -> list[NodeAction]:
-    """Return the nodes of all skins that a body's parameter file names, and the body's own.
-
-    A parameter that the body is given by itself is for those of them that have it.
+def with_skins(action: NodeAction) -> list[NodeAction]:
+    """Return a node, which learns what each skin of its parameter file is; with a body, theirs too.
 
     Raises:
-        LaunchError: no skins, boards that cannot be distinguished, or a parameter that
+        LaunchError: a body without skins, boards that cannot be distinguished, or a parameter that
             none of the nodes has.
     """
+    if action.kind not in _OF_SKINS:
+        return [action]
+    files = [p for p in action.parameters if isinstance(p, ParameterFile)]
+    space = f"{action.namespace}/".lstrip("/")
+    spaces = {name: f"{space}{name}" for file in files for name in file.skins}
+    nodes = _nodes_of(action, files, spaces) if action.kind == BODY else []
+    given = [*action.parameters]
+    if spaces:
+        action.give({"skins": list(spaces)})
+    for name, space in spaces.items():
+        has = NodeAction("compensation", "compensation", space, given).values().items()
+        action.give({f"{name}.{k}": v for k, v in has if k.split(".")[0] in _OF_SKINS[action.kind]})
+    return [*nodes, action]
+
+
+def _nodes_of(body: NodeAction, files: list[ParameterFile], spaces: dict) -> list[NodeAction]:
+    """Return the nodes of a body's skins, name -> namespace; a value is for those that have it."""
     from ..parameters.nodes import all_names
 
-    files = [p for p in body.parameters if isinstance(p, ParameterFile)]
-    skins = list(dict.fromkeys(name for file in files for name in file.skins))
-    if not skins:
+    if not spaces:
         raise LaunchError(f"{body.file}: {BODY}: needs config:=FILE, with the skins of the body")
     singles = [p for p in body.parameters if isinstance(p, Parameter)]
-    kinds = *SKIN_NODES, BODY
-    for p in singles:
-        if not any(p.name in all_names(kind) for kind in kinds):
-            raise LaunchError(f"{body.file}: {BODY}: parameter {p.name!r} is unknown")
-    nodes = []
-    for name in skins:
-        namespace = f"{body.namespace}/{name}".strip("/")
-        for kind in SKIN_NODES:
-            own = [p for p in singles if p.name in all_names(kind)]
-            nodes.append(NodeAction(kind, kind, namespace, [*files, *own], [], body.file))
+    own = {kind: [p for p in singles if p.name in all_names(kind)] for kind in (*SKIN_NODES, BODY)}
+    if unknown := [p.name for p in singles if not any(p in have for have in own.values())]:
+        raise LaunchError(f"{body.file}: {BODY}: parameter {unknown[0]!r} is unknown")
+    nodes = [
+        NodeAction(kind, kind, space, [*files, *own[kind]], [], body.file)
+        for space in spaces.values()
+        for kind in SKIN_NODES
+    ]
     _check_boards({a.namespace: a.values() for a in nodes if a.kind == SKIN_NODES[0]})
-    body.parameters = [*files, *(p for p in singles if p.name in all_names(BODY))]
-    body.give({"skins": skins})
-    for action in nodes:
-        if action.kind == "gesture_feature":
-            name = action.namespace.rsplit("/", 1)[-1]
-            places = action.values().items()
-            body.give({f"{name}.{k}": v for k, v in places if k.split(".")[0] in _PLACE})
-    return [*nodes, body]
+    body.parameters = [*files, *own[BODY]]
+    return nodes
 
 
 def _check_boards(skins: Mapping[str, dict]) -> None:
-    """Refuse two skins of which nothing says which board is whose.
-
-    Args:
-        skins: name -> what its serial_driver is given.
-    """
+    """Refuse skins, name -> what its serial_driver is given, whose boards nothing distinguishes."""
     seen: dict[tuple, str] = {}
     for name, values in skins.items():
         port = values.get("port", _AUTO)
@@ -144,7 +147,8 @@ def _check_boards(skins: Mapping[str, dict]) -> None:
 
 
 _AUTO = "auto"
-_PLACE = "circuit", "geometry"  # groups of parameters that say where a skin's cells are
+# nodes that learn what the skins are -> groups of a skin's parameters that they have
+_OF_SKINS = {BODY: ("circuit", "geometry", "frame_id"), VIEW: SHARED}
 _PROCESS = {"output", "respawn", "respawn_delay", "on_exit"}  # of one that ROS starts: ignored
 _CONDITIONS = {"if", "unless"}
 _KEYS = {  # entity -> keys that it must have, others that it may have
@@ -284,7 +288,7 @@ class _Reader:
                 self._named(item, key, f"{where}: remap", _TOPIC) for key in ("from", "to")
             )
             action.remappings.append((source, to))
-        self.plan.nodes += with_skins(action) if action.kind == BODY else [action]
+        self.plan.nodes += with_skins(action)
 
     def _parameter_file(self, item: dict, key: str, where: str) -> ParameterFile:
         """Return the parameter file of this name; one serves all nodes."""

@@ -74,13 +74,14 @@ def check_parameters(plan: Plan, names: Mapping[str, frozenset[str] | None]) -> 
     """
     for action in plan.nodes:
         own = names[action.full_name]
+        known = plan.for_all | (own or frozenset())
         for item in action.parameters if own is not None else ():
             if not isinstance(item, ParameterFile):
-                _refuse_unknown(str(action.file), [item.name], plan.for_all or own)
+                _refuse_unknown(str(action.file), [item.name], known)
                 continue
             item.check_meant(action.full_name)
             for section, values in item.sections.items() if item.by_launch else ():
-                _refuse_unknown(item.name_of(section), values, plan.for_all or own)
+                _refuse_unknown(item.name_of(section), values, known)
     lasts = {name.rsplit("/", 1)[-1]: own for name, own in names.items()}
     for file in plan.files():
         if file.by_launch:

@@ -1,4 +1,4 @@
-"""What is typed on the terminal, and what the end of stdin tells."""
+"""What is typed on the terminal."""
 
 from __future__ import annotations
 
@@ -40,14 +40,3 @@ def keys(reset):
         if not reader.is_alive():  # else it still waits for an answer
             os.close(ended)
         os.close(end)
-
-
-def at_the_end_of_stdin(then) -> None:
-    """Call it once whoever started this process is gone, however it went.
-
-    A pipe tells that at once and everywhere. Linux could send a signal instead (PR_SET_PDEATHSIG),
-    but does so when the thread that started the process ends.
-    """
-    while os.read(0, 1024):
-        pass
-    then()

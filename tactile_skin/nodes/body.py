@@ -10,7 +10,7 @@ import numpy as np
 
 from ..behaviours.stop import TRANSPORT, Decision, StopConfig
 from ..body.stop import BodyStop
-from ..body.touches import OLDEST, BodyTouch, BodyTracker, Piece
+from ..body.touches import OLDEST, BodyTouch, BodyTracker, Piece, coincident
 from ..middleware.bus import Time
 from ..middleware.config import circuit_of, declared, geometry_of
 from ..msg import (
@@ -30,8 +30,12 @@ from ..msg import (
 )
 from ..parameters.fields import configured
 from ..parameters.nodes import Body as Parameters
-from ..parameters.shared import Circuit, Geometry
+from ..parameters.shared import Circuit, Framed, Geometry
+from ..touch.frames import IDENTITY, Frames, Pose
+from ..touch.geometry import UNKNOWN
+from ..touch.geometry import Geometry as SkinGeometry
 from . import QUEUE, diagnostics
+from .frames import hear
 from .gesture_feature import CONTACT
 from .stop_on_push import CAUSES, HEARTBEAT, LATCHED, STATUS, STATUS_TOPIC, stop_message_of
 from .touch import xyz
@@ -47,6 +51,9 @@ class Body:
     for each frame of the fastest skin, skin/contacts, with the field `skin` and ids that stay
     across seams, skin/wrench, skin/centre and skin/push_direction. The service `~/reset` frees a
     latched push that lay on several skins; each skin's own stop has one as well.
+
+    Where a skin's frame_id is not the body's, tf says where it is; until it does the body is
+    stopped. Such a skin may move, and has no neighbours.
     """
 
     def __init__(self, node):
@@ -55,13 +62,29 @@ class Body:
         self._names = [name for name in given.skins if name]
         if not self._names:
             raise ValueError("skins: must name those of the body: start it with a config of skins")
-        geometries = {}
+        self._frame = given.frame_id
+        self._frames: dict[str, str] = {}  # skin -> of its messages
+        skins: dict[str, dict[str, SkinGeometry]] = {}  # frame -> skin -> where its cells are in it
         for name in self._names:
             circuit = circuit_of(declared(node, Circuit, f"{name}.circuit."))
-            geometries[name] = geometry_of(declared(node, Geometry, f"{name}.geometry."), circuit)
-        self._frame = given.frame_id
+            geometry = geometry_of(declared(node, Geometry, f"{name}.geometry."), circuit)
+            if not geometry.normal.any():
+                raise ValueError(
+                    f"{name}.geometry.shape = {UNKNOWN}: a body has to know where each skin is: "
+                    "give its shape, translation and rpy"
+                )
+            self._frames[name] = declared(node, Framed, f"{name}.").frame_id.lstrip("/")
+            skins.setdefault(self._frames[name], {})[name] = geometry
+        for frame, there in skins.items():
+            if pair := coincident(there):
+                raise ValueError(
+                    f"{' and '.join(pair)}: geometry: lie at one place in {frame}: give each its "
+                    "translation and rpy"
+                )
+        fixed = skins.pop(self._frame.lstrip("/"), {})
+        self._tf = hear(node) if skins else Frames()
         self.stop = BodyStop(self._names, configured(StopConfig, given), self._now())
-        self.tracker = BodyTracker(geometries)
+        self.tracker = BodyTracker(fixed)
         self._stamps: dict[str, float] = {}  # skin -> of its newest contacts
         self._wrenches: dict[str, tuple[float, np.ndarray]] = {}  # skin -> stamp, force and torque
         self._fresh: set[str] = set()  # skins that have come since the last message
@@ -107,22 +130,24 @@ class Body:
         self._decide(t, always=False)
 
     def on_wrench(self, name: str, msg: WrenchStamped) -> None:
-        wrench = np.array([*xyz(msg.wrench.force), *xyz(msg.wrench.torque)])
-        self._wrenches[name] = _seconds(msg.header), wrench
+        if (pose := self._pose(name, msg.header)) is None:
+            return
+        force = pose.rotation @ xyz(msg.wrench.force)
+        torque = pose.rotation @ xyz(msg.wrench.torque) + np.cross(pose.translation, force)
+        self._wrenches[name] = _seconds(msg.header), np.array([*force, *torque])
         if self._stamps.get(name) == _seconds(msg.header):
             self._joined(name, msg.header)
 
     def on_contacts(self, name: str, msg: PointCloud2) -> None:
-        wrong = msg.header.frame_id.lstrip("/") != self._frame.lstrip("/")
-        here = msg.header.frame_id
-        words = f"its messages are in {here}, the body's in {self._frame}: set one frame_id for all"
-        self.stop.fault(name, words if wrong else "")
-        if wrong:
+        if (pose := self._pose(name, msg.header)) is None:
             return
         stamp = _seconds(msg.header)
         columns = cloud_columns(msg, "x", "y", "z", "force", "area", "peak", "id")
         table = np.stack([columns[k] for k in ("x", "y", "z", "force", "area", "peak", "id")], 1)
-        pieces = [Piece(int(row[6]), row[:3], *row[3:6].tolist()) for row in table.astype(float)]
+        pieces = [
+            Piece(int(row[6]), pose.rotation @ row[:3] + pose.translation, *row[3:6].tolist())
+            for row in table.astype(float)
+        ]
         self.tracker.update(stamp, name, pieces)
         self.stop.touched(name, stamp, sum(p.force for p in pieces))
         self._decide(self._now(), always=False)
@@ -130,8 +155,25 @@ class Body:
         if self._wrenches.get(name, (None,))[0] == stamp:
             self._joined(name, msg.header)
 
+    def _pose(self, name: str, header: Header) -> Pose | None:
+        """Return where the frame of a skin's message is in the body's; None: a fault."""
+        here, said = header.frame_id.lstrip("/"), self._frames[name]
+        pose, words = None, ""
+        if here != said:
+            words = f"its messages are in {here}, its frame_id is {said}: set one for all its nodes"
+        elif here == self._frame.lstrip("/"):
+            pose = IDENTITY
+        else:
+            try:
+                pose = self._tf.lookup(self._frame, here, _seconds(header))
+            except LookupError as error:
+                words = f"{error}: publish it on tf, or set one frame_id for all skins"
+        self.stop.fault(name, words)
+        return pose
+
     def _joined(self, name: str, header: Header) -> None:
         """Publish once a round of the skins: the contacts and wrench of one are there."""
+        header = Header(header.stamp, self._frame)
         again, live = name in self._fresh, self._live(_seconds(header))
         self._fresh.add(name)
         if not again and not live <= self._fresh:

@@ -13,10 +13,11 @@ from ..behaviours.gate import GateConfig
 from ..behaviours.stop import StopConfig
 from ..board.formats import PROTOCOLS, fields
 from .fields import group, leaves, parameter
-from .shared import Circuit, Curve, Framed, Geometry, Shared
+from .shared import Circuit, Curve, Framed, Geometry, Shared, Skin
 
 # Those of `solvers.METHODS`, which takes as long to import as all the rest; a test compares them.
 METHODS = "naive", "fixed_point", "newton", "map", "cnn", "physics", "auto"
+SKINS = "names of those of a body, by the parameter file's `skins`"
 _STAMPED = "velocities are TwistStamped, not Twist"
 
 Format = dataclasses.make_dataclass(
@@ -162,7 +163,8 @@ class Limits:
 class Body(Framed, Limits):
     """Several skins as one: pushes that touch two or more of them, started by body.launch.yaml."""
 
-    skins: list[str] = parameter([""], "", "their names, by the parameter file's `skins`")
+    skins: list[str] = parameter([""], "", SKINS)
+    separate: bool = parameter(False, "", "on ROS, a process for each skin")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -300,12 +302,10 @@ class Monitor:
 
 
 @dataclasses.dataclass(frozen=True)
-class View:
+class View(Skin):
     """Started by view:=true."""
 
-    circuit: Circuit = group(Circuit)
-    curve: Curve = group(Curve)
-    geometry: Geometry = group(Geometry)
+    skins: list[str] = parameter([""], "", SKINS)
     host: str = parameter("127.0.0.1", "", "address to serve the page on; 0.0.0.0: all of them")
     port: int = parameter(8321, "", "TCP port of the page; 0: any that is free", 0, 65535)
     controls: bool = parameter(

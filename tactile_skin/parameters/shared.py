@@ -151,9 +151,14 @@ class Framed:
 
 
 @dataclasses.dataclass(frozen=True)
-class Shared(Framed):
-    """What several nodes must agree on."""
+class Skin:
+    """What a skin is."""
 
     circuit: Circuit = group(Circuit)
     curve: Curve = group(Curve)
     geometry: Geometry = group(Geometry)
+
+
+@dataclasses.dataclass(frozen=True)
+class Shared(Skin, Framed):
+    """What several nodes must agree on."""

@@ -1,6 +1,6 @@
-"""Serves the page of a running skin: `python -m tactile_skin.view LISTENING SKIN`.
+"""Serves the page of a running skin: `python -m tactile_skin.view LISTENING SKIN...`.
 
-These are two open sockets' numbers. It is started by process.py, and ends with the skin.
+These are the numbers of open sockets. It is started by process.py, and ends with the skin.
 """
 
 import asyncio
@@ -21,5 +21,5 @@ if __name__ == "__main__":
     os.nice(_NICE)
     with contextlib.suppress(OSError):  # another system, or one without autogroup
         _SESSION.write_text(str(_NICE))
-    listening, skin = (socket.socket(fileno=int(word)) for word in sys.argv[1:])
-    asyncio.run(run(listening, skin))
+    listening, *skins = (socket.socket(fileno=int(word)) for word in sys.argv[1:])
+    asyncio.run(run(listening, skins))

@@ -15,7 +15,7 @@ from ..middleware.config import skin_of
 from .log import Log
 from .pictures import Pictures
 from .process import LARGEST
-from .server import Wanted, serve
+from .server import Shown, Wanted, serve
 from .snapshot import Snapshot
 from .work import Work
 
@@ -29,24 +29,25 @@ class Live:
 
     Args:
         skin: the socket to the skin.
+        title: what the page calls it.
         log, work: take each of them.
+        ended: set when the skin has.
     """
 
-    def __init__(self, skin: socket.socket, log: Log, work: Work):
-        self.log, self.work = log, work
+    def __init__(self, skin: socket.socket, title: str, log: Log, work: Work, ended: asyncio.Event):
+        self.log, self.work, self.ended, self._title = log, work, ended, title
         self.newest, self._number = Snapshot(), 0
         self._waiting = b""  # a newer one, still packed; empty: none
         self._taken_at = -math.inf  # s, of the loop's clock, when the newest was taken
         self._skin = skin
         self._news = asyncio.Event()
-        self.ended = asyncio.Event()
         self._answer: asyncio.Future | None = None
         self._asking = asyncio.Lock()
         skin.setblocking(False)
         asyncio.get_running_loop().add_reader(skin, self._receive)
 
     def hello(self) -> dict:
-        return {"recording": None, "title": "live", "history": self.log.history()}
+        return {"recording": None, "title": self._title, "history": self.log.history()}
 
     async def snapshot(self, wanted: Wanted) -> tuple[int, Snapshot]:
         """One that is newer than the page's last; after half a second what there is.
@@ -110,12 +111,14 @@ class Live:
         self._news = asyncio.Event()
 
 
-async def run(listening: socket.socket, skin: socket.socket) -> None:
-    """Serve until the skin ends."""
-    parameters = json.loads(skin.recv(LARGEST))["parameters"]
-    own = ("host", "port", "controls")
-    configured = skin_of({k: v for k, v in parameters.items() if k not in own}, "view")
-    pictures = Pictures(configured)
-    work = Work(configured, parameters)
-    live = Live(skin, Log(pictures.push_of), work)
-    await serve(listening, live, pictures, live.ended, parameters["controls"])
+async def run(listening: socket.socket, sockets: list[socket.socket]) -> None:
+    """Serve until the skin, or one of several, ends."""
+    skins, ended, controls = {}, asyncio.Event(), False
+    for skin in sockets:
+        said = json.loads(skin.recv(LARGEST))
+        name, controls, parameters = said["name"], said["controls"], said["parameters"]
+        configured = skin_of(parameters, "view")
+        pictures, work = Pictures(configured), Work(configured, parameters)
+        live = Live(skin, name or "live", Log(pictures.push_of), work, ended)
+        skins[name] = Shown(live, pictures)
+    await serve(listening, skins, ended, controls)

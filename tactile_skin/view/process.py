@@ -1,7 +1,7 @@
 """The page's process, from the side of the skin: start it, hand it snapshots, hear its requests.
 
-Between the two is a socket of whole messages. A snapshot that does not fit in its buffer is
-dropped; of those that wait, the page's process takes the newest (live.py).
+Between the two is a socket of whole messages for each skin. A snapshot that does not fit in its
+buffer is dropped; of those that wait, the page's process takes the newest (live.py).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import pickle
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from ..errors import LaunchError
@@ -28,26 +28,50 @@ class PageProcess:
     """Serves the page until it is closed, or this process ends.
 
     Args:
-        parameters: of the node `view`, name -> value.
+        host, port: that it is served on.
+        controls: whether a page may steer.
+        skins: name -> parameters of the skin, name -> value.
 
     Attributes:
         address: of the page.
-        watched: whether a page is open.
-        dropped: snapshots that its process was too slow for.
+        skins: name -> the way to what is shown of it.
 
     Raises:
         LaunchError: the address cannot be served on, or websockets is not installed.
     """
 
-    def __init__(self, parameters: dict):
-        host, port = parameters["host"], parameters["port"]
-        with listen(host, port) as listening:
+    def __init__(self, host: str, port: int, controls: bool, skins: Mapping[str, dict]):
+        self.skins = {}
+        with contextlib.ExitStack() as stack:
+            listening, theirs = stack.enter_context(listen(host, port)), []
             self.address = address_of(listening)
-            self._ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-            with theirs:
-                self._process = _start(listening, theirs)
+            for name, parameters in skins.items():
+                ours, their = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+                theirs.append(stack.enter_context(their))
+                self.skins[name] = ToPage(ours)
+                first = {"name": name, "controls": controls, "parameters": parameters}
+                self.skins[name].send(first)
+            self._process = _start(listening, theirs)
+
+    def close(self) -> None:
+        for to_page in self.skins.values():
+            to_page.close()
+        self._process.terminate()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(_END_WITHIN)
+
+
+class ToPage:
+    """The way of one skin to the page's process.
+
+    Attributes:
+        watched: whether a page shows it.
+        dropped: snapshots that the process was too slow for.
+    """
+
+    def __init__(self, ours: socket.socket):
+        self._ours = ours
         self.watched, self.dropped = False, 0
-        self._send({"parameters": parameters})
 
     def show(self, snapshot: Snapshot) -> None:
         """Never waits."""
@@ -74,9 +98,9 @@ class PageProcess:
 
     def answer(self, request: str, success: bool, message: str, file: str = "") -> None:
         """Answer a request; `file` is one to download, which the page's process deletes."""
-        self._send({"answer": request, "success": success, "message": message, "file": file})
+        self.send({"answer": request, "success": success, "message": message, "file": file})
 
-    def _send(self, said: dict) -> None:
+    def send(self, said: dict) -> None:
         with contextlib.suppress(OSError):  # it ended
             self._ours.send(json.dumps(said).encode())
 
@@ -84,9 +108,6 @@ class PageProcess:
         with contextlib.suppress(OSError):
             self._ours.shutdown(socket.SHUT_RDWR)
         self._ours.close()
-        self._process.terminate()
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(_END_WITHIN)
 
 
 def listen(host: str, port: int) -> socket.socket:
@@ -115,10 +136,10 @@ def address_of(listening: socket.socket) -> str:
     return f"http://{f'[{host}]' if ':' in host else host}:{port}"
 
 
-def _start(listening: socket.socket, theirs: socket.socket) -> subprocess.Popen:
+def _start(listening: socket.socket, theirs: list[socket.socket]) -> subprocess.Popen:
     package = str(Path(__file__).parents[2])
     path = os.pathsep.join(filter(None, [package, os.environ.get("PYTHONPATH")]))
-    numbers = listening.fileno(), theirs.fileno()
+    numbers = [each.fileno() for each in (listening, *theirs)]
     return subprocess.Popen(
         [sys.executable, "-m", "tactile_skin.view", *map(str, numbers)],
         stdin=subprocess.DEVNULL,

@@ -4,6 +4,9 @@ A page asks for each snapshot when it has drawn the one before, and is answered 
 one that is slow, or asleep, has nothing queued. Only pages of this server are answered: a request
 must name the host that it reached, by address or by this computer's name (a foreign name may be a
 rebound one), and its origin must be that host.
+
+Of several skins each has the addresses of one, its name behind a question mark; the address without
+a name is the page of all.
 """
 
 from __future__ import annotations
@@ -15,11 +18,12 @@ import json
 import logging
 import socket
 import time
-from collections import OrderedDict
+from collections import Counter, OrderedDict
+from collections.abc import Mapping
 from dataclasses import dataclass
 from http import HTTPStatus
 from pathlib import Path
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from websockets.asyncio.server import ServerConnection
 from websockets.asyncio.server import serve as serve_websockets
@@ -34,8 +38,8 @@ from .snapshot import Snapshot
 from .work import Work
 
 _logger = logging.getLogger("tactile_skin.view")
-_PAGES = 16  # that may be open at once
-_CONNECTIONS = 64  # that may be open at once, those included that never ask for anything
+_PAGES = 16  # of a skin that may be open at once
+_CONNECTIONS = 64  # of each skin, the same; those included that never ask for anything
 _OPEN_WITHIN = 5.0  # s for a request to be complete
 _LARGEST = 1024  # bytes that a page may say at once
 _LATEST = 1e11  # s, of a time that is asked for
@@ -160,23 +164,33 @@ class Source(Protocol):
         """Return what the skin answers to one of ASKS."""
 
 
+class Shown(NamedTuple):
+    """A skin, as it is shown."""
+
+    source: Source
+    pictures: Pictures
+
+
 class Server:
-    """Serves the page's files and its WebSocket.
+    """Serves the page's files and its WebSockets.
 
     Args:
-        source: where snapshots come from.
+        skins: name -> what is shown of it; the name of one alone, and of the body, is empty.
         controls: whether pages may ask for "tare" and "reset".
     """
 
-    def __init__(self, source: Source, pictures: Pictures, controls: bool):
-        self._source, self._pictures, self._controls = source, pictures, controls
-        self._pages, self._work = 0, source.work
+    def __init__(self, skins: Mapping[str, Shown], controls: bool):
+        self._skins, self._controls = skins, controls
+        self._names = [name for name in skins if name]  # of a body
+        self._pages: Counter[str] = Counter()
         self._files = {
             f"/{path.name}": (path.read_bytes(), _TYPES[path.suffix])
             for path in _FOLDER.iterdir()
             if path.suffix in _TYPES
         }
-        self._files["/"] = self._files["/index.html"]
+        self._files["/"] = self._files["/body.html" if self._names else "/index.html"]
+        for name in self._names:
+            self._files[f"/?{name}"] = self._files["/index.html"]
 
     def answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """Return a file, or a refusal; None: a page that may have its WebSocket."""
@@ -185,13 +199,16 @@ class Server:
             return _text(HTTPStatus.MISDIRECTED_REQUEST, "this host has another name")
         if any(origin != f"http://{hosts[0]}" for origin in origins):
             return _text(HTTPStatus.FORBIDDEN, "not for pages of another origin")
-        if request.path == _WEBSOCKET:
+        path, _, name = request.path.partition("?")
+        skin = self._skins.get(name)
+        if path == _WEBSOCKET and skin:
             if not origins:
                 return _text(HTTPStatus.FORBIDDEN, "for the page only")
-            if self._pages >= _PAGES:
+            if self._pages[name] >= _PAGES:
                 return _text(HTTPStatus.SERVICE_UNAVAILABLE, f"{_PAGES} pages are open already")
             return None
-        if self._controls and self._work and (found := self._work.files.get(request.path)):
+        work = skin.source.work if skin else None
+        if self._controls and work and (found := work.files.get(path)):
             return _response(HTTPStatus.OK, found, "application/octet-stream")
         if request.path not in self._files:
             return _text(HTTPStatus.NOT_FOUND, "no such file")
@@ -199,23 +216,27 @@ class Server:
 
     async def page(self, connection: ServerConnection) -> None:
         """Talk with one page until it leaves."""
-        self._pages += 1
-        self._source.watched(self._pages)
+        assert connection.request is not None  # it has been answered
+        name = connection.request.path.partition("?")[2]
+        skin = self._skins[name]
+        self._pages[name] += 1
+        skin.source.watched(self._pages[name])
         try:
             with contextlib.suppress(ConnectionClosed):
-                await self._talk(connection)
+                await self._talk(connection, name, skin)
         except Exception:
             _logger.exception("a page was given up")
             raise
         finally:
-            self._pages -= 1
-            self._source.watched(self._pages)
+            self._pages[name] -= 1
+            skin.source.watched(self._pages[name])
 
-    async def _talk(self, connection: ServerConnection) -> None:
-        hello = self._pictures.hello() | self._source.hello() | {"controls": self._controls}
-        await connection.send(json.dumps({"hello": hello}))
+    async def _talk(self, connection: ServerConnection, name: str, skin: Shown) -> None:
+        source, pictures = skin
+        ours = {"controls": self._controls, "skin": name, "skins": self._names}
+        await connection.send(json.dumps({"hello": pictures.hello() | source.hello() | ours}))
         sent: OrderedDict[int, float | None] = OrderedDict()
-        log = self._source.log
+        log, work = source.log, source.work
         known, worked = -1, -1  # versions of the log and of the work
         async for text in connection:
             try:
@@ -224,34 +245,34 @@ class Server:
                 await connection.close(1003, "not understood")
                 return
             if wanted.ask:
-                await connection.send(json.dumps({"said": await self._ask(wanted)}))
+                await connection.send(json.dumps({"said": await self._ask(wanted, source)}))
                 continue
             more: dict = {}
             if (read_at := sent.get(wanted.drawn)) is not None:
                 more["latency"] = time.monotonic() - read_at
-            number, snapshot = await self._source.snapshot(wanted)
+            number, snapshot = await source.snapshot(wanted)
             if snapshot.read_at is not None:
                 more["age"] = max(0.0, time.monotonic() - snapshot.read_at)
             more |= {"number": number, "at": wanted.at}
             if log.version != known:
                 known, more["log"] = log.version, log.entries()
-            if self._work and self._work.version != worked:
-                worked, more["work"] = self._work.version, self._work.state()
-            await connection.send(self._pictures.message(snapshot, wanted.a, wanted.b, more))
+            if work and work.version != worked:
+                worked, more["work"] = work.version, work.state()
+            await connection.send(pictures.message(snapshot, wanted.a, wanted.b, more))
             sent[number] = snapshot.read_at
             while len(sent) > _SENT:
                 sent.popitem(last=False)
 
-    async def _ask(self, wanted: Wanted) -> dict:
+    async def _ask(self, wanted: Wanted, source: Source) -> dict:
         answer = {"answer": wanted.ask, "success": False, "message": "controls are off"}
         if not self._controls:
             return answer
         if wanted.ask not in OF_PAGE:
-            return await self._source.ask(wanted.ask)
-        if self._work is None:
+            return await source.ask(wanted.ask)
+        if source.work is None:
             return answer | {"message": "no running skin"}
         try:
-            return answer | {"message": self._work.ask(wanted.ask, wanted.text), "success": True}
+            return answer | {"message": source.work.ask(wanted.ask, wanted.text), "success": True}
         except ValueError as error:
             return answer | {"message": str(error)}
 
@@ -271,23 +292,19 @@ def _text(status: HTTPStatus, text: str) -> Response:
 
 
 async def serve(
-    listening: socket.socket,
-    source: Source,
-    pictures: Pictures,
-    ended: asyncio.Event,
-    controls: bool,
+    listening: socket.socket, skins: Mapping[str, Shown], ended: asyncio.Event, controls: bool
 ) -> None:
-    """Serve the page on a listening socket until `ended`."""
-    server = Server(source, pictures, controls)
+    """Serve the page on a listening socket until `ended`; the others are those of `Server`."""
+    server = Server(skins, controls)
     is_open: set[ServerConnection] = set()
 
     class Bounded(ServerConnection):
-        """One of at most _CONNECTIONS."""
+        """One of a bounded number."""
 
         def connection_made(self, transport: asyncio.BaseTransport) -> None:
             super().connection_made(transport)
             is_open.add(self)
-            if len(is_open) > _CONNECTIONS:
+            if len(is_open) > _CONNECTIONS * len(skins):
                 self.transport.abort()
 
         def connection_lost(self, exc: Exception | None) -> None:

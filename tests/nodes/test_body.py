@@ -1,28 +1,40 @@
 """Several skins of one file as one body, on simulated boards at pseudo-terminals."""
 
 import contextlib
+import json
 import time
+from functools import partial
 
 import numpy as np
 import pytest
 import yaml
+from support.page import unpack
 from support.simulated import CIRCUIT, make_board, serving
 
+from tactile_skin import ros
 from tactile_skin.errors import FileError, LaunchError
-from tactile_skin.launch import launch
+from tactile_skin.launch import Skin, launch
+from tactile_skin.middleware.package import SKIN_NODES
+from tactile_skin.middleware.ros.arguments import split_arguments
 from tactile_skin.msg import Image, PointCloud2, WrenchStamped, cloud_columns
+from tactile_skin.nodes import frames
+from tactile_skin.nodes.observers.view import View
+from tactile_skin.simulation import scenes
+from tactile_skin.touch.frames import Pose
 
 PATIENCE = 30.0  # s, for what must happen; how fast it does is not tested
 NAMES = "chest", "back"
+FOUR = *NAMES, "left_arm", "right_arm"
 GEOMETRY = {"shape": "plane", "pitch": 0.018}
 
 
 def section(name: str, tmp_path, **more) -> dict:
-    side = NAMES.index(name)
+    side = FOUR.index(name)
     return {
         "port": str(tmp_path / name),
         "circuit": {"rows": CIRCUIT.rows, "cols": CIRCUIT.cols},
-        "geometry": GEOMETRY | {"rpy": [0.0, 0.0, np.pi * side]},
+        "stop_on_push": {"stale_after": 0.5},  # of a machine that is busy
+        "geometry": GEOMETRY | {"rpy": [0.0, 0.0, [0.0, np.pi, np.pi / 2, -np.pi / 2][side]]},
     } | more
 
 
@@ -40,18 +52,22 @@ def write(tmp_path):
 
 @pytest.fixture
 def body(tmp_path, write):
-    """A function that starts chest and back on boards that play these scenes."""
+    """A function that starts skins on boards that play scenes, with what else is given."""
     with contextlib.ExitStack() as stack:
 
-        def start(**scenes):
+        def start(scenes=(), names=NAMES, back=None, **more):
+            scenes = dict(scenes)
             boards = {
                 name: stack.enter_context(
                     serving(tmp_path / name, make_board(scenes.get(name, "idle")))
                 )
-                for name in NAMES
+                for name in names
             }
-            path = write({name: section(name, tmp_path) for name in NAMES})
-            skin = stack.enter_context(launch("body.launch.yaml", config=path, wait_for_port=15.0))
+            skins = {name: section(name, tmp_path) for name in names}
+            skins["back"] |= back or {}
+            path = write(skins)
+            given = {"config": path, "wait_for_port": 15.0} | more
+            skin = stack.enter_context(launch("body.launch.yaml", **given))
             return skin, boards
 
         yield start
@@ -78,13 +94,19 @@ class Heard:
     def free(self) -> bool:
         return bool(self.reasons) and not self.reasons[-1][0]
 
-    def said(self, *words: str) -> bool:
-        return any(stop and all(w in reason for w in words) for stop, reason in self.reasons)
+    def said(self, *words: str, since: int = 0) -> bool:
+        reasons = self.reasons[since:]
+        return any(stop and all(w in reason for w in words) for stop, reason in reasons)
+
+    def pictures_go_on(self, names) -> None:
+        topics = [f"{name}/skin/pressure" for name in names]
+        before = {topic: self.last[topic] for topic in topics}
+        self.until(lambda: all(self.last[t] is not before[t] for t in topics), "pictures")
 
 
 @pytest.mark.parametrize("pushed", NAMES)
 def test_a_push_on_one_stops_with_its_name_and_has_its_direction(body, pushed):
-    skin, _ = body(**{pushed: "push_left"})
+    skin, _ = body({pushed: "push_left"})
     heard = Heard(skin)
     pushes: list[float] = []
 
@@ -113,9 +135,116 @@ def test_a_cable_that_is_pulled_stops_with_its_name_and_the_other_goes_on(body, 
     boards[lost].unplug()
     heard.until(lambda: heard.said(f"{lost}: "), "stop")
     assert not heard.said(f"{other}: fault")
-    before = heard.last[f"{other}/skin/pressure"]
-    heard.until(lambda: heard.last[f"{other}/skin/pressure"] is not before, "picture")
+    heard.pictures_go_on([other])
     assert not heard.free()
+
+
+def test_each_of_four_stops_the_body_with_its_name_and_the_others_go_on(body):
+    """A push, a frozen board, and a cable that is pulled, on each in turn."""
+    skin, boards = body(names=FOUR)
+    heard = Heard(skin)
+    for name in FOUR:
+        heard.hear(Image, f"{name}/skin/pressure")
+    heard.until(heard.free, "free")
+
+    def happens(name: str, words: str, change, undo=None) -> None:
+        others = [other for other in FOUR if other != name and other not in pulled]
+        since = len(heard.reasons)
+        change()
+        heard.until(lambda: heard.said(f"{name}: ", words, since=since), f"{name}: {words}")
+        wrong = (f"{other}: {cause}" for other in others for cause in ("push", "fault"))
+        assert not any(heard.said(each, since=since) for each in wrong)
+        heard.pictures_go_on(others)
+        if undo:
+            undo()
+            heard.until(heard.free, "free again")
+
+    pulled: list[str] = []
+    idle, push = (scenes.script(scene, *CIRCUIT.shape) for scene in ("idle", "push_left"))
+    for name, served in boards.items():
+        board = served.board
+        happens(name, "push", *(partial(setattr, board, "scene", s) for s in (push, idle)))
+        happens(name, "frozen", *(partial(setattr, board, "noise", n) for n in (0.0, 1.0)))
+    for name, served in boards.items():
+        happens(name, "fault", served.unplug)
+        pulled.append(name)
+
+
+def test_a_skin_in_a_frame_of_its_own_is_placed_by_tf(body, tmp_path):
+    skin, _ = body({"back": "push_left"}, back={"frame_id": "arm_link"})
+    heard = Heard(skin)
+    pushes: list = []
+
+    def on_wrench(msg):
+        if abs(msg.wrench.force.y) > 10.0:
+            pushes.append(msg)
+
+    skin.node.create_subscription(WrenchStamped, "skin/wrench", on_wrench, 10)
+    words = "no transform from arm_link to base_link: publish it on tf, or set one frame_id"
+    heard.until(lambda: heard.said(f"back: fault: {words}"), "fault")
+    assert not heard.free() and not pushes
+    turned = Pose(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), np.ones(3))
+    frames.publish_static(skin.node, "base_link", "arm_link", turned)
+    heard.until(lambda: pushes, "wrench")
+    assert not heard.reasons or not heard.reasons[-1][1].count("no transform")
+    message = pushes[0]
+    force, torque = message.wrench.force, message.wrench.torque
+    assert message.header.frame_id == "base_link" and force.y > 10.0  # +x onto the back, turned
+    assert abs(force.x) < 1.0 and np.hypot(torque.x, torque.z) > 0.5 * force.y  # about the origin
+
+
+@pytest.mark.parametrize(
+    ("places", "words"),
+    [
+        ({"back": {"shape": "unknown"}}, "back.geometry.shape = unknown: a body has to know"),
+        ({"back": {"rpy": [0.0, 0.0, 0.1]}}, "chest and back: geometry: lie at one place"),
+    ],
+)
+def test_a_body_that_does_not_know_where_its_skins_are_is_refused(write, tmp_path, places, words):
+    skins = {name: section(name, tmp_path) for name in NAMES}
+    for name, place in places.items():
+        skins[name]["geometry"] = GEOMETRY | place
+    with pytest.raises(ValueError, match=words):
+        launch("body.launch.yaml", config=write(skins), wait_for_port=1.0).build()
+
+
+def test_the_page_shows_each_skin_and_the_stop_of_the_body(body):
+    connect = pytest.importorskip("websockets.sync.client", reason="serves the page").connect
+    skin, _ = body({"chest": "push_left"}, view="true", view_port=0)
+    (view,) = (node for node in skin._nodes if isinstance(node, View))
+    address, found = view._page.address, {}
+    heads = dict.fromkeys(("", *NAMES))
+
+    def ask():
+        for name, page in pages.items():
+            page.send(json.dumps({"after": (heads[name] or {}).get("number", 0)}))
+            heads[name], found[name] = unpack(page.recv(PATIENCE))
+
+    with contextlib.ExitStack() as stack:
+        pages = {
+            name: stack.enter_context(
+                connect(
+                    f"{address.replace('http', 'ws')}/snapshots?{name}".rstrip("?"),
+                    origin=address,
+                    max_size=None,
+                )
+            )
+            for name in heads
+        }
+        hello = {name: json.loads(page.recv(PATIENCE))["hello"] for name, page in pages.items()}
+        assert hello[""]["skins"] == [*NAMES] and hello["back"]["skin"] == "back"
+        assert (hello["back"]["rows"], hello["back"]["cols"]) == CIRCUIT.shape
+        assert hello["chest"]["normal"] != hello["back"]["normal"]
+        end = time.monotonic() + PATIENCE
+        while not (
+            heads["chest"] and heads["chest"]["stop"] and "push" in heads["chest"]["reason"]
+        ):
+            assert time.monotonic() < end
+            ask()
+        while "chest: push" not in heads[""]["reason"] or heads["back"]["stop"] is not False:
+            assert time.monotonic() < end
+            ask()
+        assert found["chest"]["a"].shape == found["back"]["a"].shape == CIRCUIT.shape
 
 
 def test_two_boards_that_nothing_tells_from_each_other_are_refused(tmp_path, write):
@@ -126,6 +255,29 @@ def test_two_boards_that_nothing_tells_from_each_other_are_refused(tmp_path, wri
         given["serial_driver"] = {"serial_number": "A1"}
     with pytest.raises(LaunchError, match="chest and back both have serial_number A1"):
         launch("body.launch.yaml", config=write(skins))
+
+
+@pytest.mark.parametrize("separate", [False, True])
+def test_what_ros2_launch_gives_the_program_body_is_taken(tmp_path, write, separate):
+    """launch_ros writes it into a file; with `separate` each skin becomes a program of its own."""
+    config = write({name: section(name, tmp_path) for name in NAMES})
+    given = {"config": str(config), "wait_for_port": 5.0, "method": "", "separate": separate}
+    path = tmp_path / "launch_params_x"
+    path.write_text(yaml.safe_dump({"/**": {"ros__parameters": given}}))
+    plan = ros.plan_of("body", split_arguments(["--ros-args", "--params-file", str(path)])[1])
+    Skin(ros.Plan(plan.nodes, for_all=plan.for_all)).build()
+    nodes = {a.full_name: a.values() for a in plan.nodes}
+    if not separate:
+        assert len(nodes) == 4 * len(NAMES) + 1 and not plan.skins
+        assert nodes["/back/serial_driver"]["wait_for_port"] == 5.0
+        return
+    assert nodes.keys() == {"/body"}
+    for name, words in zip(NAMES, plan.skins, strict=True):
+        own = words[words.index("skin") + 1 :]
+        (skin, *_) = made = ros.plan_of("skin", split_arguments(own)[1]).nodes
+        assert [a.full_name for a in made] == [f"/{name}/{kind}" for kind in SKIN_NODES]
+        assert skin.values()["port"] == str(tmp_path / name)
+        assert skin.values()["wait_for_port"] == 5.0
 
 
 @pytest.mark.parametrize(

@@ -34,6 +34,7 @@ from tactile_skin.msg import (
     Trigger,
     image,
 )
+from tactile_skin.nodes.observers import view
 from tactile_skin.nodes.observers.view import View
 from tactile_skin.recording.reader import Recording
 from tactile_skin.view.process import listen
@@ -135,14 +136,26 @@ def test_a_page_sees_what_is_published_and_the_stop(viewed):
     talk(viewed, scenario)
 
 
+def test_a_stop_that_is_heard_no_more_is_unknown(viewed, monkeypatch):
+    """Its process may have been killed: its last word was "free"."""
+    monkeypatch.setattr(view, "_UNHEARD", 0.3)
+
+    async def scenario(page):
+        await until(page, lambda h: h["stop"] is False, lambda: viewed.publish(500))
+        unknown = lambda h: h["stop"] is None and h["stamp"] == 500.0  # noqa: E731
+        await until(page, unknown, viewed.view._show)
+
+    talk(viewed, scenario)
+
+
 def test_nothing_is_sent_while_no_page_is_open(viewed):
     sent = []
-    viewed.view._page.show = sent.append
+    viewed.view.skins[""].page.show = sent.append
     viewed.publish(3)
     deadline = time.monotonic() + PATIENCE
     while not viewed.node._idle() and time.monotonic() < deadline:
         time.sleep(0.01)
-    assert not sent and not viewed.view._page.watched
+    assert not sent and not viewed.view.skins[""].page.watched
 
 
 @pytest.mark.parametrize("viewed", [True], indirect=True)
@@ -186,7 +199,7 @@ def test_a_page_that_may_records_all_that_is_published(viewed, tmp_path):
 
 def test_a_page_that_may_not_is_refused_by_the_skin_too(viewed):
     """Whatever the page's process is made to ask for."""
-    assert viewed.view._call("reset")[0] is False and viewed.asked == []
+    assert viewed.view.skins[""]._call("reset")[0] is False and viewed.asked == []
 
 
 def test_the_skin_goes_on_when_the_pages_process_dies(viewed, caplog):
@@ -195,24 +208,24 @@ def test_the_skin_goes_on_when_the_pages_process_dies(viewed, caplog):
     while "has ended" not in caplog.text and time.monotonic() < deadline:
         time.sleep(0.01)
     assert "the skin goes on" in caplog.text
-    viewed.view._page.watched = True
+    viewed.view.skins[""].page.watched = True
     for k in range(2000):  # more than any buffer holds
         viewed.publish(k)
     viewed.view._show()
-    assert not viewed.view._page.watched and viewed.node.callback_errors == 0
+    assert not viewed.view.skins[""].page.watched and viewed.node.callback_errors == 0
 
 
 def test_a_page_process_that_hangs_costs_snapshots_only(viewed):
     """Frozen, it takes nothing: the buffer is full, and what is new is dropped."""
     os.kill(viewed.view._page._process.pid, signal.SIGSTOP)
     try:
-        viewed.view._page.watched = True
+        viewed.view.skins[""].page.watched = True
         for k in range(2000):
             viewed.publish(k)
             viewed.view._show()
-            if viewed.view._page.dropped:
+            if viewed.view.skins[""].page.dropped:
                 break
-        assert viewed.view._page.dropped
+        assert viewed.view.skins[""].page.dropped
     finally:
         os.kill(viewed.view._page._process.pid, signal.SIGCONT)
 

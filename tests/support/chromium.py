@@ -111,8 +111,16 @@ class Chromium:
         return found["result"].get("value")
 
     def until(self, script: str) -> None:
-        """Wait until the expression is true."""
-        until(lambda: self.run(script), script)
+        """Wait until the expression is true, also on the page that a link leads to."""
+
+        def happens():
+            try:
+                return self.run(script)
+            except RuntimeError as error:
+                if "navigated" not in str(error):
+                    raise
+
+        until(happens, script)
 
     def found(self, role: str, name: str) -> list[int]:
         """Elements of an accessible role and name that are shown."""

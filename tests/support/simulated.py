@@ -66,12 +66,16 @@ def printed(separator: bytes, absent: bytes = b"nan"):
 
 
 class Serving:
-    """The board behind the link, until `unplug`."""
+    """The board behind the link, until `unplug`.
+
+    Attributes:
+        board: may be changed.
+    """
 
     def __init__(self, link, simulated=None):
         self._tick = threading.Semaphore(0)
         self._done = threading.Event()
-        simulated = simulated or make_board()
+        self.board = simulated = simulated or make_board()
         args = (simulated, link, self._running, getattr(simulated, "BAUD", simulator.BAUD))
         self._thread = threading.Thread(target=simulator.serve, args=args)
         self._thread.start()

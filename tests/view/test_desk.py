@@ -2,6 +2,7 @@
 
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +12,10 @@ pytest.importorskip("websockets", reason="serves the page")
 
 from support import chromium
 from support.chromium import Chromium, until
-from support.page import served
+from support.page import served, serving, snapshot
 
-from tactile_skin import forward
 from tactile_skin.middleware.config import skin_of
-from tactile_skin.view.snapshot import CONTACT, NodeStatus, Snapshot
+from tactile_skin.view.snapshot import NodeStatus, Snapshot
 from tactile_skin.view.work import Work
 
 if chromium.program() is None:
@@ -23,36 +23,9 @@ if chromium.program() is None:
 
 AXE = Path(__file__).parents[1] / "axe" / "node_modules" / "axe-core" / "axe.min.js"
 SHAPED = skin_of({"geometry.shape": "cylinder"}, "")
-NOW = 1.7e9  # s, of the first snapshot
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
 STATUS = "document.querySelector('#stop strong').textContent"
 BOX = "JSON.stringify(document.querySelector('{}').getBoundingClientRect())"
-
-
-def snapshot(skin, t=0.0, newtons=0.0, stop=False, nodes=None):
-    """A touch of rows 4 and 5, in the last three columns, or none."""
-    circuit = skin.circuit
-    force, contacts = np.zeros(circuit.shape), np.zeros((0, len(CONTACT)), np.float32)
-    rows, cols = slice(4, 6), slice(circuit.cols - 3, circuit.cols)
-    if newtons:
-        force[rows, cols] = newtons / 6
-        x, y, z = skin.geometry.position[rows, cols].mean((0, 1))
-        contacts = np.float32([[x, y, z, newtons, 3, 0, 0, 0, newtons / 6]])
-    adc = forward(circuit, skin.curve.resistance(force)) * circuit.full_scale * 64
-    return Snapshot(
-        stamp=NOW + t,
-        adc=np.rint(adc).astype(np.uint16),
-        pressure=np.float32(force / skin.geometry.cell_area),
-        contacts=contacts,
-        gestures={3: "pat"},
-        stop=stop,
-        reason="push" if stop else "",
-        causes=("push",) if stop else (),
-        force=newtons,
-        limit=30.0,
-        cell_limit=9.0,
-        nodes=nodes or {},
-    )
 
 
 def pushed(skin):
@@ -241,6 +214,116 @@ def test_the_cover_is_turned_in_space(browser):
         assert box(browser, "#a .picture canvas")["width"] >= 0.45 * 1400
 
 
+# --- several skins ---
+
+OPEN = NodeStatus(2, "row 2 is open", {"rows": "2"})
+WARM = NodeStatus(1, "its fabric drifts")
+LEGS = skin_of({"circuit.rows": 8, "circuit.cols": 22}, "")
+CARDS = (
+    "[...document.querySelectorAll('.skin')].map(card => card.innerText.replace(/\\n+/g, ' | '))"
+)
+
+
+def several(**more):
+    """A body: its left arm is free, its chest pushed, its back broken, its legs drift."""
+    fault = {"reason": "fault: compensation: row 2 is open", "causes": ("fault",)}
+    broken = replace(snapshot(SHAPED, stop=True, nodes={"compensation": OPEN}), **fault)
+    simulated = {"serial_driver": NodeStatus(0, "", {"simulated": "true"}), "compensation": WARM}
+    stop = Snapshot(stop=True, reason="chest: push + back: fault", causes=("push", "fault"))
+    skins = {
+        "": (SHAPED, [stop]),
+        "left_arm": (SHAPED, [snapshot(SHAPED)]),
+        "legs": (LEGS, [snapshot(LEGS, newtons=10, nodes=simulated)]),
+        "chest": (SHAPED, pushed(SHAPED)[:3]),
+        "back": (SHAPED, [broken]),
+    }
+    return serving(skins, **more)
+
+
+def test_all_skins_are_on_one_page_the_worst_first(browser):
+    with several() as (address, sources):
+        browser.open(address)
+        browser.until(f"{STATUS} === '■ stopped: chest: push + back: fault'")
+        browser.until(f"{CARDS}.length === 4 && !{CARDS}.some(text => text.includes('?'))")
+        chest, back, legs, arm = browser.run(CARDS)
+        assert chest.startswith("chest | ■ stopped: push 53 N (limit 30) from the front left")
+        assert back.startswith("back | ■ stopped: fault: compensation: row 2 is open")
+        assert legs.startswith(
+            "legs | simulated data | ! free, but its fabric drifts | 10.0 N of 30 N"
+        )
+        assert arm.startswith("left_arm | ✓ free") and "simulated" not in chest + back + arm
+        for name in ("left_arm", "chest"):
+            assert browser.found("meter", f"force on {name}") and browser.found("link", name)
+        coloured = "(c => c.getContext('2d').getImageData(c.width - 9, c.height / 3, 1, 1).data[1])"
+        assert browser.run(f"{coloured}(document.querySelector('.skin canvas'))") > 100
+        sources["legs"].silent = True
+        browser.until(f"{CARDS}[2].includes('? unknown: nothing was heard for 1 s')")
+
+
+def test_a_skin_that_becomes_worse_comes_first_and_the_focus_stays(browser):
+    with several() as (address, sources):
+        sources["chest"].now = 0
+        browser.open(address)
+        browser.until(f"{CARDS}.length === 4 && {CARDS}[0].startsWith('back | ■')")
+        browser.until(f"{CARDS}[2].startsWith('chest') || {CARDS}[3].startsWith('chest')")
+        browser.run("document.querySelector('a[href=\"?chest\"]').focus()")
+        sources["chest"].last()
+        browser.until(f"{CARDS}[0].startsWith('chest | ■')")
+        assert browser.run("document.activeElement.textContent") == "chest"
+
+
+def test_the_page_of_a_skin_is_a_click(browser):
+    with several() as (address, _):
+        browser.open(address)
+        browser.click("link", "chest")
+        browser.until("document.title === 'chest, tactile_skin'")
+        browser.until(f"{STATUS} === '■ stopped: push 53 N (limit 30) from the front left'")
+        browser.until("document.querySelectorAll('#contacts tbody tr').length === 1")
+        browser.click("link", "all skins")
+        browser.until(
+            "document.title === 'tactile_skin' && document.querySelector('.skin') !== null"
+        )
+        browser.until(f"{STATUS} === '■ stopped: chest: push + back: fault'")
+
+
+def test_the_stop_of_the_body_is_reset_if_that_is_allowed(browser):
+    with several(controls=True) as (address, sources):
+        browser.open(address)
+        browser.click("button", "reset stop")
+        browser.click("button", "reset? then again")
+        browser.until("document.getElementById('said').textContent === 'done'")
+        assert sources[""].asked == ["reset"] and not sources["chest"].asked
+    with several() as (address, _):
+        browser.open(address)
+        browser.until(f"{STATUS}.startsWith('■')")
+        assert not browser.found("button", "reset stop")
+
+
+def violations(browser) -> list:
+    browser.call("Page.setBypassCSP", enabled=True)
+    browser.run(AXE.read_text())
+    found = browser.run(
+        f"axe.run({{runOnly: {RULES}}}).then(r => JSON.stringify(r.violations.map("
+        "v => [v.id, v.help, v.nodes.map(n => n.html + n.failureSummary)])))"
+    )
+    return json.loads(found)
+
+
+@pytest.mark.skipif(not AXE.exists(), reason="npm ci --prefix tests/axe")
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1400, 360])
+def test_axe_finds_no_violation_on_the_page_of_all(browser, scheme, width):
+    browser.prefer(scheme)
+    browser.resize(width, 900)
+    with several(controls=True) as (address, sources):
+        sources["left_arm"].silent = True
+        browser.open(address)
+        browser.until(f"{CARDS}.some(text => text.includes('unknown: nothing was heard for 1 s'))")
+        browser.click("button", "details")
+        assert violations(browser) == []
+        assert browser.run("document.documentElement.scrollWidth") <= width
+
+
 @pytest.mark.skipif(not AXE.exists(), reason="npm ci --prefix tests/axe")
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [1400, 360])
@@ -255,13 +338,7 @@ def test_axe_finds_no_violation(browser, scheme, width):
         browser.click("button", "details")
         browser.click("button", "explain")
         browser.until("document.querySelector('#misfit .legend').innerText.includes('ADC steps')")
-        browser.call("Page.setBypassCSP", enabled=True)
-        browser.run(AXE.read_text())
         for now in (len(states) - 1, 0):
             source.now = now
             browser.until(f"{STATUS}.startsWith('{'■' if now else '✓'}')")
-            found = browser.run(
-                f"axe.run({{runOnly: {RULES}}}).then(r => JSON.stringify(r.violations.map("
-                "v => [v.id, v.help, v.nodes.map(n => n.html + n.failureSummary)])))"
-            )
-            assert json.loads(found) == []
+            assert violations(browser) == []

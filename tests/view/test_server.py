@@ -20,7 +20,7 @@ from tactile_skin.middleware.config import read_skin
 from tactile_skin.view import server
 from tactile_skin.view.log import Log
 from tactile_skin.view.pictures import Pictures
-from tactile_skin.view.server import names_this_host, read_wanted, serve
+from tactile_skin.view.server import Shown, names_this_host, read_wanted, serve
 from tactile_skin.view.snapshot import Snapshot
 from tactile_skin.view.work import Work
 
@@ -57,7 +57,9 @@ def served(scenario, controls=False):
         with socket.create_server(("127.0.0.1", 0)) as listening:
             port = listening.getsockname()[1]
             pictures = Pictures(read_skin())
-            serving = asyncio.create_task(serve(listening, source, pictures, ended, controls))
+            serving = asyncio.create_task(
+                serve(listening, {"": Shown(source, pictures)}, ended, controls)
+            )
             try:
                 await asyncio.wait_for(scenario(source, f"127.0.0.1:{port}"), PATIENCE)
             finally:
@@ -109,7 +111,7 @@ def test_all_that_the_page_names_is_there():
         if not name.startswith("three."):  # it names pages in its comments and messages
             assert "http" not in text.replace("http://www.w3.org/2000/svg", "")
         for named in re.findall(r'(?:from|import\(|src=|href=) ?"(?:\./)?([^"]+)"', text):
-            assert named in names
+            assert named in (*names, "/")
 
 
 def test_a_page_gets_the_newest_snapshot_however_long_it_slept():
@@ -157,6 +159,34 @@ def test_controls_are_off_unless_allowed(controls):
             assert source.asked == ["reset"] * controls
 
     served(scenario, controls)
+
+
+def test_each_skin_of_a_body_has_its_address():
+    async def run():
+        sources, ended = {name: Source() for name in ("", "chest", "back")}, asyncio.Event()
+        sources["back"].number = 5
+        pictures = Pictures(read_skin())
+        shown = {name: Shown(source, pictures) for name, source in sources.items()}
+        with socket.create_server(("127.0.0.1", 0)) as listening:
+            address = f"127.0.0.1:{listening.getsockname()[1]}"
+            serving = asyncio.create_task(serve(listening, shown, ended, True))
+            for path, what in (("/", "body.js"), ("/?chest", "page.js"), ("/?back", "page.js")):
+                assert what in await get(address, path)
+            for path in ("/?nobody", "/snapshots?nobody", "/page.js?chest", "/chest"):
+                assert "HTTP/1.1 404" in await get(address, path)
+            url = f"ws://{address}/snapshots?back"
+            async with connect(url, origin=f"http://{address}", max_size=None) as page:
+                hello = json.loads(await page.recv())["hello"]
+                assert (hello["skin"], hello["skins"]) == ("back", ["chest", "back"])
+                assert (await ask(page))["number"] == 5
+                await page.send(json.dumps({"ask": "tare"}))
+                await page.recv()
+            ended.set()
+            await serving
+        assert [source.asked for source in sources.values()] == [[], [], ["tare"]]
+        assert sources["back"].pages == [1, 0] and not sources[""].pages
+
+    asyncio.run(asyncio.wait_for(run(), PATIENCE))
 
 
 @pytest.mark.parametrize("controls", [False, True])

@@ -11,6 +11,7 @@ from ..bus import Parameter
 from ..parameter_file import CONFIG, ParameterFile
 
 # Of rcl: what they do is ROS's business. Those of the first kind are followed by a value.
+PARAMS_FILE = "--params-file"
 _WITH_VALUE = ("--log-level", "--log-config-file", "--log-file-name", "-e", "--enclave")
 _LOGS = ("rosout-logs", "stdout-logs", "external-lib-logs")
 _SWITCHES = tuple(f"--{verb}-{log}" for verb in ("enable", "disable") for log in _LOGS)
@@ -80,7 +81,7 @@ def _take(word: str, rest: list[str], args: RosArguments) -> None:
         if not rest:
             raise ValueError(f"--ros-args: {word}: must be followed by a value")
         args.logs += [word, rest.pop(0)]
-    elif word == "--params-file":
+    elif word == PARAMS_FILE:
         file = ParameterFile(rest.pop(0) if rest else "")
         args.parameters += [(None, item) for item in (*file.named(), file)]
     elif word in ("-p", "--param"):
@@ -108,5 +109,5 @@ def _take(word: str, rest: list[str], args: RosArguments) -> None:
     else:
         raise ValueError(
             f"--ros-args: {word!r}: must be -r [node:]from:=to, -p [node:]name:=value, "
-            f"--params-file, {', '.join((*_WITH_VALUE, *_SWITCHES))}"
+            f"{PARAMS_FILE}, {', '.join((*_WITH_VALUE, *_SWITCHES))}"
         )

@@ -20,11 +20,12 @@ class PageRecording:
     Args:
         node: that hears them.
         parameters: of the skin, name -> value, which the recording keeps.
+        space: the skin's namespace within the node's, with a slash; empty: they are one.
     """
 
-    def __init__(self, node, parameters: dict):
+    def __init__(self, node, parameters: dict, space: str):
         self.node, self._parameters = node, parameters
-        self._here = node.resolve_topic_name("skin/adc").removesuffix("skin/adc")
+        self._here = node.resolve_topic_name(f"{space}skin/adc").removesuffix("skin/adc")
         self._recorder: Recorder | None = None
         self._heard: set[str] = set()
         self._done = ""

@@ -1,8 +1,9 @@
-"""view: what the skin sees and says, on a page in the browser (tactile_skin/view)."""
+"""view: what a skin, or each of a body, sees and says, in the browser (tactile_skin/view)."""
 
 from __future__ import annotations
 
 import concurrent.futures
+import math
 import threading
 import time
 from collections import deque
@@ -11,13 +12,16 @@ from dataclasses import replace
 from ...errors import LaunchError
 from ...middleware.config import adc_of, circuit_of, curve_of, declared, geometry_of
 from ...msg import Trigger
+from ...parameters.fields import leaves
 from ...parameters.nodes import View as Parameters
-from ...view.process import PageProcess
-from ...view.snapshot import OTHERS, READINGS, STOP, Collector
+from ...parameters.shared import Skin
+from ...view.process import PageProcess, ToPage
+from ...view.snapshot import DIAGNOSTICS, OTHERS, READINGS, STOP, Collector
 from .. import READING
 from .page_recording import RECORDS, PageRecording
 
 _QUIET = 0.1  # s after which a page is told that nothing changed
+_UNHEARD = 1.0  # s without a message of the stop, which comes every 0.02 s: nobody says then
 _AFTER = 0.001  # s after a decision: those who stop the robot go first
 # What a page may ask for, if it may -> the services that are called, in turn.
 _CALLS = {
@@ -25,59 +29,128 @@ _CALLS = {
     "reset": ("compensation/reset", "stop_on_push/reset"),
     **dict.fromkeys(RECORDS, ()),
 }
+_OF_BODY: dict[str, tuple[str, ...]] = {"reset": ("body/reset",)}
+
+
+def _calls(name: str, several: bool) -> dict[str, tuple[str, ...]]:
+    """Return what the page of a skin, or of the body, may ask for."""
+    if several and not name:
+        return _OF_BODY
+    space = f"{name}/" if name else ""
+    return {what: tuple(f"{space}{s}" for s in services) for what, services in _CALLS.items()}
 
 
 class View:
-    """Serves the page from a process of its own.
+    """Serves the page from a process of its own; of a body one for each skin, and one of all.
 
-    It hands it the newest of each topic, once a reading, after the stop's decision, and nothing
-    while no page is open. A page that lags, or hangs, loses snapshots and keeps nobody waiting.
+    A page that lags, or hangs, loses snapshots and keeps nobody waiting.
+
+    Attributes:
+        skins: name -> what is shown of it; the name of one alone, and of the body, is empty.
     """
 
     def __init__(self, node):
         self.node = node
         given = declared(node, Parameters)
-        circuit = circuit_of(given.circuit)  # what is wrong is an error now
-        adc_of(given.circuit, circuit), curve_of(given.curve, circuit)
-        geometry_of(given.geometry, circuit)
-        calls = _CALLS if given.controls else {}
+        names = [name for name in given.skins if name]
+        said = {"": given} | {name: declared(node, Skin, f"{name}.") for name in names}
+        for skin in said.values():
+            circuit = circuit_of(skin.circuit)  # what is wrong is an error now
+            adc_of(skin.circuit, circuit), curve_of(skin.curve, circuit)
+            geometry_of(skin.geometry, circuit)
+        parameters = {name: self._parameters(f"{name}." if name else "") for name in said}
+        calls = {name: _calls(name, bool(names)) if given.controls else {} for name in said}
+        clients = {name: self._clients(services) for name, services in calls.items()}
+        self._closed = False
+        self._page = PageProcess(given.host, given.port, given.controls, parameters)
+        self.skins = {
+            name: ShownSkin(node, name, to_page, clients[name], parameters[name], bool(names))
+            for name, to_page in self._page.skins.items()
+        }
+        node.create_timer(_QUIET, self._show)
+        for skin in self.skins.values():
+            threading.Thread(target=self._obey, args=(skin,), daemon=True).start()
+        node.get_logger().info("the skin in a browser: %s", self._page.address)
+
+    def _parameters(self, prefix: str) -> dict:
+        """Return what a skin is, name -> value."""
+        get = self.node.get_parameter
+        return {leaf.name: get(prefix + leaf.name).value for leaf in leaves(Skin)}
+
+    def _clients(self, calls: dict) -> dict[str, list]:
         try:
-            self._clients = {
-                name: [node.create_client(Trigger, service) for service in services]
+            return {
+                name: [self.node.create_client(Trigger, service) for service in services]
                 for name, services in calls.items()
             }
         except NotImplementedError:
             raise LaunchError(
                 "view: controls = true: not on ROS: call the services ~/tare and ~/reset there"
             ) from None
-        parameters = {name: node.get_parameter(name).value for name in node.parameter_names()}
-        self._recording = PageRecording(node, parameters)
-        self._page = PageProcess(parameters)
+
+    def _show(self) -> None:
+        for skin in self.skins.values():
+            skin.show()
+
+    def _obey(self, skin: ShownSkin) -> None:
+        """In a thread of its own: what the pages of a skin ask for."""
+        skin.obey()
+        if not self._closed:
+            self._closed = True
+            self.node.get_logger().error("the page's process has ended; the skin goes on")
+
+    def close(self) -> None:
+        self._closed = True
+        for skin in self.skins.values():
+            skin.recording.close()
+        self._page.close()
+
+
+class ShownSkin:
+    """Hands the page the newest of each topic of a skin, or of the body.
+
+    Once a reading, after the stop's decision, and nothing while no page shows it.
+
+    Args:
+        name: of the skin; empty: of one alone, or of the body.
+        clients: what a page may ask for -> the services that are called, in turn.
+        parameters: of the skin, name -> value.
+        several: whether it is one of a body's, or the body.
+    """
+
+    def __init__(
+        self, node, name: str, page: ToPage, clients: dict, parameters: dict, several: bool
+    ):
+        self.node, self.page, self._clients = node, page, clients
+        readings, others = READINGS, OTHERS
+        if several and not name:
+            readings, others = {}, {topic: OTHERS[topic] for topic in (STOP, DIAGNOSTICS)}
+        space = f"{name}/" if name else ""
+        self.recording = PageRecording(node, parameters, space)
         self._collector = Collector()
-        self._closed = False
+        self._stop_at = -math.inf  # s, when its stop was heard last
         self._sent = 0.0, 0.0  # stamp of the last snapshot, and when it was sent
         self._newest: dict[str, deque] = {}  # topic -> messages that were not taken yet
-        for topic, (kind, count) in READINGS.items():  # nobody is woken for each of them
+        for topic, (kind, count) in readings.items():  # nobody is woken for each of them
             self._newest[topic] = deque(maxlen=count)
-            node.create_tap(kind, topic, self._newest[topic].append, READING)
-        for topic, (kind, qos) in OTHERS.items():
-            node.create_subscription(kind, topic, self._taker(topic), qos)
-        node.create_timer(_QUIET, self._show)
-        threading.Thread(target=self._obey, name="view controls", daemon=True).start()
-        node.get_logger().info("the skin in a browser: %s", self._page.address)
+            node.create_tap(kind, f"{space}{topic}", self._newest[topic].append, READING)
+        for topic, (kind, qos) in others.items():
+            node.create_subscription(kind, f"{space}{topic}", self._taker(topic), qos)
 
     def _taker(self, topic: str):
         def take(message) -> None:
             self._collector.take(topic, message)
-            if topic == STOP and self._page.watched:
-                time.sleep(_AFTER)
-                self._show()
+            if topic == STOP:
+                self._stop_at = time.monotonic()
+                if self.page.watched:
+                    time.sleep(_AFTER)
+                    self.show()
 
         return take
 
-    def _show(self) -> None:
+    def show(self) -> None:
         """Send what there is, unless it was sent just now."""
-        if not self._page.watched:
+        if not self.page.watched:
             return
         for topic, messages in self._newest.items():
             while messages:
@@ -87,21 +160,21 @@ class View:
         if snapshot.stamp == stamp and now - at < _QUIET:
             return
         self._sent = snapshot.stamp, now
+        if now - self._stop_at > _UNHEARD:
+            snapshot = replace(snapshot, stop=None)
         age = self.node.get_clock().now().nanoseconds / 1e9 - snapshot.stamp
-        self._page.show(replace(snapshot, read_at=now - age))
+        self.page.show(replace(snapshot, read_at=now - age))
 
-    def _obey(self) -> None:
-        """In a thread of its own: what the pages ask for."""
-        for name in self._page.requests():
-            self._page.answer(name, *self._call(name), self._recording.take())
-        if not self._closed:
-            self.node.get_logger().error("the page's process has ended; the skin goes on")
+    def obey(self) -> None:
+        """Do what the pages ask for, until their process ends."""
+        for name in self.page.requests():
+            self.page.answer(name, *self._call(name), self.recording.take())
 
     def _call(self, name: str) -> tuple[bool, str]:
         if name not in self._clients:
             return False, "controls are off: launch with view_controls:=true"
         if name in RECORDS:
-            return self._recording.ask(name)
+            return self.recording.ask(name)
         said = []
         for client in self._clients[name]:
             future = client.call_async(Trigger.Request())
@@ -117,8 +190,3 @@ class View:
             if not answer.success:
                 return False, answer.message
         return True, said[-1]
-
-    def close(self) -> None:
-        self._closed = True
-        self._recording.close()
-        self._page.close()

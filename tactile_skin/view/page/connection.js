@@ -5,15 +5,18 @@ import { unpack } from "./wire.js";
 const RETRY = 1000; // ms until a lost connection is tried again
 
 export class Connection {
-  /** @param listener with hello(hello), snapshot(head, arrays), said(answer), lost(why). */
-  constructor(listener) {
-    this.listener = listener;
+  /**
+   * @param listener with hello(hello), snapshot(head, arrays), said(answer), lost(why).
+   * @param skin of a body: its name behind a question mark, as in its page's address.
+   */
+  constructor(listener, skin = location.search) {
+    Object.assign(this, { listener, skin });
     this.open();
   }
 
   open() {
     this.asked = false;
-    this.socket = new WebSocket(`ws://${location.host}/snapshots`);
+    this.socket = new WebSocket(`ws://${location.host}/snapshots${this.skin}`);
     this.socket.binaryType = "arraybuffer";
     this.socket.onmessage = ({ data }) => this.take(data);
     this.socket.onclose = ({ reason }) => {

@@ -59,9 +59,12 @@ export function showPush(push, colours) {
   say(box.querySelector("p"), spelt(push));
 }
 
-/** The force of all contacts [N], and which of it stops the robot; null: nobody says. */
-export function showTotal(force, limit) {
-  const meter = $("total");
+/**
+ * @param meter to show the force in.
+ * @param force of all contacts [N].
+ * @param limit of it that stops the robot; null: nobody says.
+ */
+export function showTotal(meter, force, limit) {
   const of = limit ? ` of ${limit} N` : "";
   say(meter.querySelector("strong"), `${fixed(force, 1, " N")}${of}`);
   const end = limit ?? Math.max(1, force);

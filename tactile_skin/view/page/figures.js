@@ -1,10 +1,10 @@
 // The pictures of the mat with their scales: which is how large, in which unit, what it shows.
 
-import { rising, roundUp, signed } from "./colours.js";
+import { rising, signed } from "./colours.js";
 import { Mat } from "./mat.js";
+import { largest, Scales, showScale } from "./scale.js";
 
 const NAMES = ["a", "reading", "b", "std", "misfit"];
-const HELD = 3000; // ms for which a scale does not shrink
 const NARROW = 1000; // px of the page, below which one stands under the other
 const MAIN = 0.52; // of the page's width that the large picture takes at most, and
 const LEAST = 660; // px that it is high at least, if it is not too wide then
@@ -14,19 +14,12 @@ const TRAIL = 1; // s for which a contact is followed
 const KILO = 1000; // Pa in a kPa
 
 const $ = (id) => document.getElementById(id);
-const tidy = (x) => String(Number(x.toPrecision(3))).replace("-", "−");
-
-function largest(values) {
-  let most = 0;
-  for (const x of values || []) if (x > most) most = x;
-  return most;
-}
 
 export class Figures {
   /** @param pick called with the cell {row, col} that is pointed at, or null. */
   constructor(hello, pick) {
     this.hello = hello;
-    this.peaks = {}; // name -> [[when, largest]]
+    this.scales = new Scales();
     this.trails = new Map(); // id of a contact -> [[row, col, t], ...]
     this.mats = {};
     for (const name of NAMES) {
@@ -89,18 +82,9 @@ export class Figures {
     }
   }
 
-  /** A scale's end that follows the largest value at once, and shrinks after a while. */
-  hold(name, most, least, now) {
-    const kept = (this.peaks[name] ??= []);
-    while (kept.length && kept.at(-1)[1] <= most) kept.pop();
-    kept.push([now, most]);
-    while (kept[0][0] < now - HELD) kept.shift();
-    return roundUp(Math.max(least, kept[0][1]));
-  }
-
   /** Forget the largest values of a unit, or a method, that is no longer shown. */
   forget() {
-    this.peaks = {};
+    this.scales = new Scales();
   }
 
   /** Newtons of each cell in the unit that is chosen. */
@@ -125,16 +109,16 @@ export class Figures {
     const b = this.inUnit(arrays.b);
     const std = this.inUnit(arrays.std);
     const given = Number($("scale").value);
-    const force = given ? this.ofCell(given) : this.hold("a", largest(a), this.ofCell(0.5), now);
+    const force = given ? this.ofCell(given) : this.scales.hold("a", largest(a), this.ofCell(0.5), now);
     const scales = {
       a: [a, rising, 0, force, unit],
-      reading: [arrays.reading, rising, 0, this.hold("reading", largest(arrays.reading), 100, now), "ADC steps"],
+      reading: [arrays.reading, rising, 0, this.scales.hold("reading", largest(arrays.reading), 100, now), "ADC steps"],
     };
     if (!$("explained").hidden) {
-      const misfit = this.hold("misfit", largest(arrays.misfit?.map(Math.abs)), 5, now);
+      const misfit = this.scales.hold("misfit", largest(arrays.misfit?.map(Math.abs)), 5, now);
       const [most, spread] = [largest(b), largest(std)];
-      scales.b = [b, rising, 0, this.hold("b", most, this.ofCell(0.5), now), unit];
-      scales.std = [std, rising, 0, this.hold("std", spread, this.ofCell(0.01), now), unit];
+      scales.b = [b, rising, 0, this.scales.hold("b", most, this.ofCell(0.5), now), unit];
+      scales.std = [std, rising, 0, this.scales.hold("std", spread, this.ofCell(0.01), now), unit];
       scales.misfit = [arrays.misfit, signed(colours.middle), -misfit, misfit, "ADC steps"];
     }
     this.scale = { high: force, values: a };
@@ -142,7 +126,7 @@ export class Figures {
     for (const [name, [values, table, low, high, text]] of Object.entries(scales)) {
       const mat = this.mats[name];
       const limit = name === "a" && head.cell_limit !== null ? this.ofCell(head.cell_limit) : null;
-      this.legend(name, table, low, high, text, limit);
+      showScale(document.querySelector(`#${name} .legend`), table, low, high, text, limit);
       if (name === "a" && !flat) continue;
       mat.draw(values, low, high, table, colours);
       mat.mark(findings, colours);
@@ -152,30 +136,5 @@ export class Figures {
       this.mats.a.contacts(head.contacts, this.trails);
       if (head.push) this.mats.a.push(head.push);
     }
-  }
-
-  /** @param limit on one cell that stops the robot, in the scale's unit, or null. */
-  legend(name, table, low, high, unit, limit) {
-    const legend = document.querySelector(`#${name} .legend`);
-    const key = [low, high, unit, limit, table.slice(510, 514)].join();
-    if (legend.dataset.key === key) return;
-    legend.dataset.key = key;
-    const bar = document.createElement("canvas");
-    [bar.width, bar.height] = [256, 1];
-    bar.getContext("2d").putImageData(new ImageData(new Uint8ClampedArray(table), 256, 1), 0, 0);
-    const ends = document.createElement("div");
-    for (const text of [tidy(low), `${tidy((low + high) / 2)} ${unit}`, tidy(high)]) {
-      const end = document.createElement("span");
-      end.textContent = text;
-      ends.append(end);
-    }
-    legend.replaceChildren(bar, ends);
-    if (limit === null) return;
-    const mark = document.createElement("p");
-    const inside = limit <= high;
-    mark.className = inside ? "limit" : "limit beyond";
-    if (inside) mark.style.marginLeft = `${(100 * limit) / high}%`;
-    mark.textContent = inside ? `stop at ${tidy(limit)}` : `stop at ${tidy(limit)} ${unit} →`;
-    legend.append(mark);
   }
 }

@@ -62,6 +62,8 @@ function setUp(said) {
   $("play").hidden = $("at").hidden = !recorded;
   $("range").hidden = $("buttons").hidden = Boolean(recorded);
   $("flat").hidden = !hello.position;
+  $("all").hidden = !hello.skin;
+  if (hello.skin) document.title = `${hello.skin}, tactile_skin`;
   for (const name of ["tare", "reset"]) $(name).disabled = !hello.controls;
   if (!hello.controls && !recorded) $("said").textContent = "off: launch with view_controls:=true";
   if (recorded) $("at").max = recorded.duration;
@@ -270,7 +272,7 @@ function showTexts(now) {
   facts.showContacts(picture.head.contacts);
   facts.showPush(picture.head.push, colours);
   const total = picture.head.contacts.reduce((sum, c) => sum + c.force, 0);
-  facts.showTotal(total, head.limit);
+  facts.showTotal($("total"), total, head.limit);
   facts.showReports([
     ...Object.entries(picture.head.errors).map(([side, text]) => [side === "a" ? "pressure" : "comparison", 1, text]),
     ...head.says,

@@ -111,7 +111,7 @@ export class Space {
   }
 
   resize(width, height) {
-        this.renderer.setSize(width, height);
+    this.renderer.setSize(width, height);
     this.camera.aspect = width / height;
     this.turned = true;
   }

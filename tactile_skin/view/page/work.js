@@ -42,7 +42,7 @@ export class Work {
     $("record").classList.toggle("sure", state.recording);
     const links = state.files.map((path) => {
       const link = document.createElement("a");
-      [link.href, link.download, link.textContent] = [path, path.slice(1), `download ${path.slice(1)}`];
+      [link.href, link.download, link.textContent] = [path + location.search, path.slice(1), `download ${path.slice(1)}`];
       return link;
     });
     $("files").replaceChildren(...links);

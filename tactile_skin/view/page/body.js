@@ -1,0 +1,188 @@
+// The page of a body: all of its skins, the worst first; each has a page of its own.
+
+import { toggle, twice } from "./buttons.js";
+import { rising } from "./colours.js";
+import { Connection } from "./connection.js";
+import { showOld, showStop, showTotal } from "./facts.js";
+import { Mat, pageColours } from "./mat.js";
+import { largest, Scales, showScale } from "./scale.js";
+import { state } from "./words.js";
+
+const PACE = 66; // ms between two pictures of a skin
+const TEXTS = 100; // ms between two changes of the texts
+const OLD = 1; // s after which data are old
+const HELD = 3000; // ms for which a skin stays in front that was worse
+const LEAST = 0.5; // N per cell, end of the scale at least
+const SIZE = 360; // px that a picture is high, at most
+const RANKS = ["stopped", "unknown", "suspect", "free"]; // the worst first
+const $ = (id) => document.getElementById(id);
+
+const colours = pageColours();
+const scales = new Scales();
+
+/** What the server says of one skin, or of the body. */
+class Heard {
+  constructor(name) {
+    this.name = name;
+    this.hello = this.latest = null;
+    this.log = [];
+    this.lost = "";
+    [this.newsAt, this.askedAt] = [performance.now(), 0]; // ms
+    const listener = {
+      hello: (hello) => this.greet(hello),
+      snapshot: (head, arrays) => this.take(head, arrays),
+      said: ({ success, message }) => { $("said").textContent = success ? message : `refused: ${message}`; },
+      lost: (why) => { this.lost = why || "no connection to the skin's page server"; },
+    };
+    this.connection = new Connection(listener, name && `?${name}`);
+  }
+
+  greet(hello) {
+    this.hello = hello;
+  }
+
+  take(head, arrays) {
+    const now = performance.now();
+    this.lost = "";
+    if (head.log) this.log = head.log;
+    if (head.number !== this.latest?.head.number) this.newsAt = now;
+    this.latest = { head, arrays, at: now };
+  }
+
+  ask(now) {
+    if (!this.hello || now - this.askedAt < PACE) return;
+    const wanted = { a: "published", b: "", at: 0, after: this.latest?.head.number ?? 0, drawn: 0 };
+    if (this.connection.want(wanted)) this.askedAt = now;
+  }
+
+  /** Why nothing is known of it now; empty if it is heard. */
+  silent(now) {
+    const seconds = (now - this.newsAt) / 1000;
+    return this.lost || (seconds > OLD ? `nothing was heard for ${seconds.toFixed(0)} s` : "");
+  }
+
+  /** Whether it stops the robot; null: nobody says. */
+  stop(now) {
+    return this.silent(now) || !this.latest ? null : this.latest.head.stop;
+  }
+
+  /** @param entry of the log for the stop that lasts, or undefined. */
+  line(now, entry) {
+    const why = this.silent(now) || "nothing is heard of its stop";
+    return state(this.stop(now), this.latest?.head.reason, entry, why);
+  }
+}
+
+class Card extends Heard {
+  constructor(name, place) {
+    super(name);
+    this.place = place; // in the file
+    this.ranks = []; // [[when, rank]], of the last moments
+    this.item = $("skin").content.firstElementChild.cloneNode(true);
+    for (const link of this.item.querySelectorAll("a")) link.href = `?${name}`;
+    this.find("h2 a").textContent = name;
+    this.find(".total").setAttribute("aria-label", `force on ${name}`);
+  }
+
+  find(selector) {
+    return this.item.querySelector(selector);
+  }
+
+  greet(hello) {
+    super.greet(hello);
+    this.mat = new Mat(this.find("canvas"), hello.rows, hello.cols, hello.populated);
+    this.resize();
+  }
+
+  resize() {
+    const width = this.find(".picture").clientWidth;
+    if (this.mat && width) this.mat.resize(width, SIZE);
+    this.drawn = null;
+  }
+
+  draw(high) {
+    const { head, arrays } = this.latest;
+    if (!this.mat?.context || (this.drawn === this.latest && this.high === high)) return;
+    this.mat.draw(arrays.a, 0, high, rising, colours);
+    this.mat.mark(head.findings, colours);
+    if (arrays.a) this.mat.contacts(head.contacts, new Map());
+    [this.drawn, this.high] = [this.latest, high];
+  }
+
+  /** The texts; how bad it is. */
+  show(now) {
+    const stop = this.stop(now);
+    const line = this.line(now, this.log.find((e) => e.kind === "stop" && e.end === null));
+    const head = this.latest?.head;
+    const says = stop === false ? head.says.map(([, , text]) => text).join("; ") : "";
+    const kind = stop === null ? "unknown" : stop ? "stopped" : says ? "suspect" : "free";
+    const mark = { unknown: "? ", stopped: "■ ", suspect: "! ", free: "✓ " }[kind];
+    const text = mark + (says ? `${line}, but ${says}` : line);
+    if (this.find(".state").textContent !== text) this.find(".state").textContent = text;
+    const old = head && head.age !== undefined && head.age + (now - this.latest.at) / 1000 > OLD;
+    const look = `skin ${kind}${old || stop === null ? " old" : ""}`;
+    if (this.item.className !== look) this.item.className = look;
+    this.find(".simulated").hidden = !head?.simulated;
+    const force = (head?.contacts ?? []).reduce((sum, contact) => sum + contact.force, 0);
+    showTotal(this.find(".total"), force, head?.limit ?? null);
+    const rank = RANKS.indexOf(kind);
+    this.ranks = this.ranks.filter(([when]) => when > now - HELD);
+    if (head) this.ranks.push([now, rank]);
+    return Math.min(rank, ...this.ranks.map(([, before]) => before));
+  }
+}
+
+class Body extends Heard {
+  greet(hello) {
+    super.greet(hello);
+    $("controls").hidden = !hello.controls;
+    const names = cards.map((card) => card.name);
+    if (names.join() === hello.skins.join()) return;
+    if (names.length) location.reload(); // another robot's
+    cards = hello.skins.map((name, place) => new Card(name, place));
+    $("skins").replaceChildren(...cards.map((card) => card.item));
+    $("source").textContent = `${cards.length} skins`;
+  }
+}
+
+let cards = [];
+const body = new Body("");
+twice($("reset"), "reset? then again", () => body.connection.ask("reset"));
+toggle($("details"), "details", "less", () => { textsAt = 0; });
+window.onresize = () => cards.forEach((card) => card.resize());
+
+/** The worst first; of equal ones that of the file. What has the focus keeps it. */
+function arrange(ranks) {
+  const sorted = [...cards].sort((a, b) => ranks.get(a) - ranks.get(b) || a.place - b.place);
+  const items = sorted.map((card) => card.item);
+  if (items.every((item, k) => item === $("skins").children[k])) return;
+  const focused = document.activeElement;
+  $("skins").replaceChildren(...items);
+  focused?.focus();
+}
+
+function showTexts(now) {
+  const stop = body.stop(now);
+  showStop(stop, body.line(now), stop ? body.latest.head.reason : "");
+  showOld(body.lost ? `${body.lost}: what is shown is old; trying again` : "");
+  arrange(new Map(cards.map((card) => [card, card.show(now)])));
+}
+
+let textsAt = 0; // ms
+
+function frame(now) {
+  requestAnimationFrame(frame);
+  const heard = cards.filter((card) => card.latest);
+  const most = Math.max(...heard.map((card) => largest(card.latest.arrays.a)), 0);
+  const high = scales.hold("a", most, LEAST, now);
+  for (const card of heard) card.draw(high);
+  const limits = heard.map((card) => card.latest.head.cell_limit).filter((limit) => limit !== null);
+  const limit = limits.length ? Math.min(...limits) : null;
+  showScale(document.querySelector(".legend"), rising, 0, high, "N per cell", limit);
+  if (now - textsAt > TEXTS) {
+    textsAt = now;
+    showTexts(now);
+  }
+  for (const one of [body, ...cards]) one.ask(now);
+}
+requestAnimationFrame(frame);
