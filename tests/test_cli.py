@@ -16,6 +16,7 @@ import pytest
 import serial
 import yaml
 from support import machine
+from support.marks import ci
 
 from tactile_skin import Circuit, PressureCurve, cli
 from tactile_skin.board.terminal import is_simulated
@@ -217,6 +218,7 @@ def test_a_mistake_in_another_command_is_one_clear_line(call, tmp_path, monkeypa
     assert list(tmp_path.iterdir()) == files
 
 
+@pytest.mark.ci
 @IN_TIME
 def test_the_simulated_board_sends_what_the_parameter_file_says(tmp_path):
     config = tmp_path / "mine.yaml"
@@ -318,7 +320,7 @@ def test_a_board_ends_at_a_signal(tmp_path):
     assert not link.is_symlink()
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGHUP, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGKILL, ci(signal.SIGHUP), ci(signal.SIGTERM)])
 def test_no_board_and_no_link_outlive_the_launcher(tmp_path, number):
     command = [sys.executable, "-m", "tactile_skin", "launch"]
     given = os.environ | {"TMPDIR": str(tmp_path)}

@@ -74,6 +74,7 @@ def test_two_beside_have_one_free_line():
         assert sorted(gaps) == [0, 1]
 
 
+@pytest.mark.ci
 def test_a_missed_bound_is_told(capsys, monkeypatch):
     """The command's exit status and its line say so."""
     monkeypatch.setattr(truth.found_in, "__defaults__", ("naive", 0.0))

@@ -277,6 +277,7 @@ def test_the_same_program_reads_boards_that_are_wired_otherwise(circuit, wired):
 # --- behind a port ---
 
 
+@pytest.mark.ci
 @needs_chip
 def test_a_push_on_the_simulated_chip_stops_the_robot(tmp_path):
     """The whole demo with board:=firmware; a simulation that is too slow stops it as stale."""

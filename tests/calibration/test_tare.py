@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.marks import slow
+from support.marks import ci, slow
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.board.protocol import BinaryParser
@@ -145,7 +145,7 @@ def test_a_soft_palm_is_not_learnt_while_it_comes_and_goes(newtons):
     palm = np.exp(-((y - 6.0) ** 2 + (x - 9.0) ** 2) / 32.0)
     palm *= newtons / palm.sum()
     assert palm.max() < 10 * GRAM
-    for wait in range(0, 100, 24):
+    for wait in range(0, 100, 33):
         skin = Skin(scatter(0.03), seed=wait)
         skin.frames(150 + wait)
         skin.frames(80, palm)
@@ -201,7 +201,7 @@ def test_at_rest_a_wrong_circuit_looks_like_another_fabric(r_par):
     assert np.abs(same).max() < 1e-3 * np.abs(alone).max()
 
 
-@pytest.mark.parametrize("level", [0.3, 0.8, 1.5, 2.5])
+@pytest.mark.parametrize("level", [0.3, ci(0.8), ci(1.5), 2.5])
 def test_a_fabric_may_rest_at_another_level_than_the_curve(level):
     """And a touch on it is found as it is."""
     skin = Skin(level * scatter(0.05))
@@ -354,7 +354,7 @@ def test_a_noisy_small_skin_is_told_from_one_voltage(shape, noise):
     assert found == {"sound": 12, "dead": 0}
 
 
-@pytest.mark.parametrize(("touched", "times"), [(0.5, 30), (3.0, 12)])
+@pytest.mark.parametrize(("touched", "times"), [ci(0.5, 30), (3.0, 12)])
 def test_a_slow_drift_is_followed_where_touches_leave_no_time_for_a_measurement(touched, times):
     """0.1 % a second, as a robot's cover warms up, and half a second between two touches: if they
     are long, most of the drift is hidden by them."""

@@ -107,6 +107,7 @@ def test_another_method_takes_every_reading_in_time(found):
     assert not replay.driven.nodes["compensation"].skin.taken["fixed_point"]
 
 
+@pytest.mark.ci
 def test_a_recording_that_does_not_say_when_takes_every_reading_in_time(tmp_path):
     write(tmp_path / "a.mcap", without=("/skin/taken",))
     found = Recording(tmp_path / "a.mcap")

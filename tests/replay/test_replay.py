@@ -148,6 +148,7 @@ def test_a_replay_is_recorded(path, tmp_path):
     assert found.topics["/skin/contacts"].count == len(pressure)
 
 
+@pytest.mark.ci
 def test_processes_share_a_recording(path):
     """With their lead of 10 s each begins with it all here, and so all are the same."""
     one, two = (collect(Job(str(path)), jobs) for jobs in (1, 2))

@@ -43,6 +43,7 @@ class Stranger:
         return boards.sent(self.make, [steps], k)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     "kind",
     [

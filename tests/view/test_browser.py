@@ -92,13 +92,6 @@ def recording(tmp_path_factory):
     return path
 
 
-@pytest.fixture
-def browser(tmp_path):
-    with Chromium(tmp_path / "profile") as browser:
-        yield browser
-        assert browser.errors == []
-
-
 def drawn(browser) -> int:
     """Snapshots drawn in the last second."""
     found = re.search(r"drawn\n(\d+)/s", browser.run(TEXT.format("numbers")) or "")
@@ -185,6 +178,7 @@ def test_it_does_not_call_a_robot_free_whose_skin_hangs_or_ended(tmp_path):
         browser.until(f"{TEXT.format('stop')}.includes('unknown')")
 
 
+@pytest.mark.ci
 def test_a_recording_is_scrubbed(recording, browser):
     with running("view", str(recording)) as (address, _):
         browser.open(address)
