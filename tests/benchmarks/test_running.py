@@ -8,7 +8,6 @@ import pytest
 
 from benchmarks.doctor import watch
 from benchmarks.running import touch_to_stop, way
-from tactile_skin.bench import chart
 from tactile_skin.simulation import scenes
 
 
@@ -52,26 +51,6 @@ def test_a_muted_board_says_nothing_and_goes_on_scanning():
     recorder.mute = True
     assert b"".join(recorder.scan() for _ in range(20)) == b""
     assert recorder.silent_since is not None
-
-
-def test_the_picture_shows_every_push_and_every_cut():
-    pytest.importorskip("matplotlib")
-    chart.prepare()
-    from matplotlib import pyplot as plt
-
-    rises = [
-        {"rise_ms": r, "seen_ms": [5.0, 9.0, 7.0], "applied_ms": [15.0, 19.0, 17.0], "missed": 1}
-        for r in (0.0, 20.0, 50.0, 100.0)
-    ]
-    cuts = {"closed_ms": [1.0, 2.0], "silent_ms": [110.0, None]}
-    figure = touch_to_stop.draw({"rises": rises, "cuts": cuts})
-    seen, applied, cut = figure.axes
-    for axis, first in ((seen, 5.0), (applied, 15.0)):
-        for line in axis.get_lines()[:4]:
-            np.testing.assert_allclose(line.get_xdata(), [0.0, first, first + 2, first + 4])
-            np.testing.assert_allclose(line.get_ydata(), [0.0, 0.25, 0.5, 0.75])
-    assert cut.get_lines()[1].get_ydata()[-1] == 0.5  # one never came
-    plt.close(figure)
 
 
 def test_the_page_holds_the_table_of_the_run_that_it_shows():

@@ -65,15 +65,6 @@ def test_gaps_sense_the_same_on_the_whole(kind):
     assert np.ptp(ratio) > 1e-3
 
 
-def test_two_beside_have_one_free_line():
-    rng = np.random.default_rng(4)
-    for _ in range(20):
-        force = truth._two_beside(rng, 0.0)
-        rows, cols = (np.flatnonzero(force.sum(axis) > 0) for axis in (1, 0))
-        gaps = [np.setdiff1d(np.arange(i[0], i[-1]), i).size for i in (rows, cols)]
-        assert sorted(gaps) == [0, 1]
-
-
 @pytest.mark.ci
 def test_a_missed_bound_is_told(capsys, monkeypatch):
     """The command's exit status and its line say so."""

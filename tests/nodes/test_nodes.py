@@ -158,14 +158,6 @@ def test_stopped_before_the_first_reading(chain):
     assert chain.reason == "stale: no reading yet"
 
 
-def test_idle_is_free(chain):
-    chain.play(120)  # its rest is measured
-    assert not chain.stopped
-    chain.play(100)
-    assert not any(m.data for m in chain.seen["skin/stop"][-100:])
-    assert chain.reason == ""
-
-
 def test_a_push_stops_after_the_debounce(moving):
     """The first frame above the threshold begins it; the stop comes 50 ms later."""
     moving.scene = "push_left"

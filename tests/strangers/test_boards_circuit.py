@@ -29,9 +29,9 @@ CURVE = PressureCurve()
 
 
 def skin_of(adc: Adc, **given) -> Skin:
-    given = {"r_par_std": None, "follows": True, "noise": None, "threshold": 0.0} | given
-    given |= {"time_limit": 60.0, "weights": None, "warn": lambda text: None}
-    skin = Skin(adc, CURVE, Creep(), **given)
+    usual = {"r_par_std": None, "follows": True, "noise": None, "threshold": 0.0}
+    usual |= {"time_limit": 60.0, "weights": None, "warn": lambda text: None}
+    skin = Skin(adc, CURVE, Creep(), **(usual | given))
     skin.use("auto")
     return skin
 
@@ -378,19 +378,7 @@ def test_the_time_limit_follows_the_boards_rate(monkeypatch, rate, limit):
 
     monkeypatch.setattr(module, "compensate", solve)
     circuit = Circuit(8, 8)
-    skin = Skin(
-        Adc(circuit),
-        CURVE,
-        Creep(),
-        r_par_std=None,
-        follows=True,
-        noise=None,
-        threshold=0.0,
-        time_limit=0.0,
-        weights=None,
-        warn=print,
-    )
-    skin.use("auto")
+    skin = skin_of(Adc(circuit), time_limit=0.0)
     steps = counts(circuit, CURVE, np.zeros((8, 8)), np.random.default_rng(1))
     for k in range(60):
         skin.frame(k / rate, (64 * steps).astype(np.uint16))
