@@ -275,6 +275,7 @@ def test_the_demo(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []  # the board and its link are gone
 
 
+@pytest.mark.ci
 def test_a_simulated_board_is_called_so_under_any_launch_file(tmp_path):
     """And a pseudo-terminal of somebody else, of a wireless bridge say, is not."""
     link = tmp_path / "skin"
@@ -298,6 +299,7 @@ def test_a_simulated_board_is_called_so_under_any_launch_file(tmp_path):
     os.close(slave)
 
 
+@pytest.mark.ci
 @IN_TIME
 def test_who_reads_only_the_first_line_gets_no_traceback():
     command = f"{sys.executable} -m tactile_skin launch duration:=3 | head -1"

@@ -8,20 +8,17 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from support.marks import ci
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 LINES = 40
 AT_ONCE = 3  # most of them wait; more would keep the skins from the processor
 # name -> its arguments, the longest first
-OF_THE_DEMO = {
+ARGUMENTS = {
     "touch_events": ["18"],  # s: the demo's push comes after 9 s, its stroke after 12.5 s
     "stop_hook": ["15"],
     "gestures": ["10"],
     "body": ["13"],
-}
-SHORT = {
     "print_contacts": ["4"],
     "subscribe_pressure": ["4"],
     "find_circuit": [],
@@ -52,38 +49,39 @@ SAYS = {
 }
 
 
-@pytest.fixture(scope="module", params=[SHORT, ci(OF_THE_DEMO)], ids=["short", "of the demo"])
-def finished(request, tmp_path_factory):
-    """Name -> (stdout, stderr, status) of some examples, which run side by side."""
-    arguments = dict(request.param)
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """Name -> (stdout, stderr, status) of each example."""
     frames = str(tmp_path_factory.mktemp("examples") / "frames.npy")
     paths = [str(ROOT), os.environ.get("PYTHONPATH", "")]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
 
     def run(name: str) -> tuple[str, str, int]:
-        words = [frames if word == "FRAMES" else word for word in arguments[name]]
+        words = [frames if word == "FRAMES" else word for word in ARGUMENTS[name]]
         command = [sys.executable, str(ROOT / "examples" / f"{name}.py"), *words]
         done = subprocess.run(
             command, env=environment, capture_output=True, text=True, timeout=120, check=False
         )
         return done.stdout, done.stderr, done.returncode
 
-    last = [name for name in arguments if "replay" in name]  # of what another has recorded
+    last = "replay_frames"  # of what record_frames has recorded
     with ThreadPoolExecutor(AT_ONCE) as pool:
-        running = {name: pool.submit(run, name) for name in arguments if name not in last}
-    return {name: done.result() for name, done in running.items()} | {n: run(n) for n in last}
+        running = {name: pool.submit(run, name) for name in ARGUMENTS if name != last}
+    return {name: done.result() for name, done in running.items()} | {last: run(last)}
 
 
 def test_every_example_is_run():
-    assert {path.stem for path in EXAMPLES} == set(SAYS) == set(SHORT) | set(OF_THE_DEMO)
+    assert {path.stem for path in EXAMPLES} == set(SAYS)
 
 
-def test_examples_run(finished):
-    for name, (out, err, status) in finished.items():
-        assert status == 0, f"{name}: {err}"
-        assert "Traceback" not in err, name
-        for text in SAYS[name]:
-            assert text in out, f"{name}: {out}\n{err}"
+@pytest.mark.ci
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.stem)
+def test_an_example_runs(finished, path):
+    out, err, status = finished[path.stem]
+    assert status == 0, err
+    assert "Traceback" not in err
+    for text in SAYS[path.stem]:
+        assert text in out, f"{out}\n{err}"
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.stem)

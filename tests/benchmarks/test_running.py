@@ -74,6 +74,7 @@ def test_touch_to_stop_on_the_running_skin():
 # --- a fault that lasts ---
 
 
+@pytest.mark.ci
 def test_a_short_that_comes_under_a_touch_is_reported_and_a_sound_skin_is_not():
     for name in ("sound", "one short"):
         seen = watch.watched("strokes", watch.SKINS[name], False, 1, 1)

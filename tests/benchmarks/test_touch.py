@@ -13,6 +13,7 @@ def quick():
     return touch.measure(SIZES, seed=3)
 
 
+@pytest.mark.ci
 def test_every_bound_is_met(quick):
     """All lines of Must show: force, direction, centre, two beside each other, ghosts, ids."""
     found = touch.lines(quick)
@@ -20,6 +21,7 @@ def test_every_bound_is_met(quick):
     assert not [str(line) for line in found if not line.met]
 
 
+@pytest.mark.ci
 def test_the_naive_method_would_not_meet_them(quick):
     """The frames of corners are such that ghosts arise."""
     assert quick["corners"]["naive_ghosts"] > 0.5 * SIZES["corners"]

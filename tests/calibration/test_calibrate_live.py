@@ -58,6 +58,7 @@ def asks(said: str) -> bool:
     return said.endswith("Enter: ")
 
 
+@pytest.mark.ci
 def test_what_is_logged_stands_above_the_question(terminal):
     """Not within it: the question comes when frames do. A log line clears what is drawn."""
     said = read_until(terminal, asks)

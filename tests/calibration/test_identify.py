@@ -59,6 +59,7 @@ def test_noise_alone_makes_no_resistance():
     assert abs(np.mean(off, axis=0)[0]) < 3.0
 
 
+@pytest.mark.ci
 def test_the_right_circuit_is_left_as_it_is(board):
     """From the truth as well as from what is supposed, the answer is the same.
 

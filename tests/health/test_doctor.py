@@ -25,13 +25,12 @@ def test_a_sound_board_has_no_fault(seed):
     assert diagnose(case.frames, case.circuit) == []
 
 
+LONG = "bits", "noisy line", "doubled", "saturation", "short at a crossing"
+
+
 @pytest.mark.parametrize(
     "kind",
-    [
-        ci(kind) if kind in ("noisy line", "doubled", "saturation", "short at a crossing") else kind
-        for kind in KINDS
-        if kind not in ("resistor", "drivers")
-    ],
+    [ci(k) if k in LONG else k for k in KINDS if k not in ("resistor", "drivers")],
 )
 def test_a_fault_is_named_with_its_line_or_cell(kind):
     case = Case(7, (kind,), SECONDS, SHAPE)
@@ -211,6 +210,7 @@ def recordings(tmp_path_factory):
     return folder
 
 
+@pytest.mark.ci
 def test_readings_that_are_missing_now_and_then_are_not_noise():
     """A text line with a blank now and then."""
     case = Case(2, (), 20.0)

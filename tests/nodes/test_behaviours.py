@@ -359,6 +359,7 @@ def test_led_from_the_left_it_goes_right_and_rests_when_let_go(newtons, monkeypa
     assert robot.errors() == 0
 
 
+@pytest.mark.ci
 def test_a_fault_while_led_is_zero_at_once():
     robot = Robot(PushToMove)
     robot.felt = scenes.finger(16, 16, 7.5, 7.5, 60.0, 2.2)
@@ -370,6 +371,7 @@ def test_a_fault_while_led_is_zero_at_once():
     assert -0.05 < robot.live(0.03)[-1, 0] < 0.0
 
 
+@pytest.mark.ci
 def test_a_stream_that_ends_while_led_is_zero_within_the_timeout():
     robot = Robot(PushToMove)
     robot.felt = scenes.finger(16, 16, 7.5, 7.5, 60.0, 2.2)
@@ -423,6 +425,7 @@ def test_strokes_are_told_once_each_way(robot):
 # --- how fast ---
 
 
+@pytest.mark.ci
 def test_a_push_is_decided_in_time_for_the_stop_hook():
     """What does not depend on the machine: low-pass, wait for the frame, wire, decision.
 

@@ -234,6 +234,7 @@ def test_an_r_par_that_changes_is_a_warning_that_a_tare_ends(skin):
     assert skin.status.level == DiagnosticStatus.OK
 
 
+@pytest.mark.ci
 def test_creep_is_taken_out_of_what_is_published():
     """And of nothing else: what the skin knows of itself comes from the forces that were found."""
     totals = []

@@ -127,6 +127,7 @@ def test_a_full_disk_ends_the_recording_and_never_the_skin(tmp_path, config):
     assert len(found.adc) > 10
 
 
+@pytest.mark.ci
 def test_a_stop_is_kept_with_what_led_to_it(tmp_path, config):
     folder = tmp_path / "stops"
     folder.mkdir()

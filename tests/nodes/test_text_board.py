@@ -236,6 +236,7 @@ def test_an_8_hz_board_is_free_with_a_measured_stale_after(tmp_path):
         assert 0.1 < float(heard.values["interval"]) < 0.16
 
 
+@pytest.mark.ci
 def test_an_8_hz_board_is_told_why_it_stops_with_0_1_s(tmp_path):
     board = TextBoard(rate=8.0)
     with (

@@ -101,6 +101,7 @@ def test_late_readings_are_replayed_to_the_bit(found):
     assert replay.notes == [f"{n} readings that the robot skipped, being late"]
 
 
+@pytest.mark.ci
 def test_another_method_takes_every_reading_in_time(found):
     replay = Replay(found, method="auto")
     assert [step.stamp for step in replay] == found.stamps.tolist()

@@ -137,6 +137,7 @@ def test_faults_of_the_board_are_replayed(tmp_path):
     assert steps[160].stop == "fault: serial_driver: unplugged"
 
 
+@pytest.mark.ci
 def test_a_replay_is_recorded(path, tmp_path):
     replay = Replay(Recording(path), method="map")
     replay.record(tmp_path / "b.mcap")

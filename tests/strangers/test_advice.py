@@ -141,6 +141,7 @@ def test_a_forgotten_polarity_is_named_with_its_value(shape, readout):
     assert turned == found[0] and other == []
 
 
+@pytest.mark.ci
 def test_readings_that_the_firmware_turned_are_named_with_the_value_to_enter():
     """The sketch sends 1023 - analogRead, and its owner entered that readings fall."""
     circuit, frames = recorded((16, 16), "floating", inverted=False)
@@ -180,6 +181,7 @@ def test_an_r_par_that_is_far_off_is_found_roughly_rather_than_kept(seed, suppos
     assert found.circuit.r_par == pytest.approx(342.0, rel=0.25)
 
 
+@pytest.mark.ci
 def test_an_r_par_that_touches_only_bound_is_not_named():
     """Less of it explains them as well, and would be felt as less."""
     circuit = Circuit(6, 9, r_ref=1780.0, r_par=262.0)

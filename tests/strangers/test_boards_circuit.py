@@ -279,7 +279,7 @@ def test_its_curve_is_fitted_by_weights():
     assert "is taken as 0" in identify(np.array(frames), circuit, rest).message
 
 
-@pytest.mark.parametrize("configured", ["floating", "loaded", "grounded"])
+@pytest.mark.parametrize("configured", ["floating", ci("loaded"), "grounded"])
 @pytest.mark.parametrize("r_ref", [ci(200.0), 500.0, ci(1000.0)])
 def test_the_doctor_names_it_by_what_no_network_reads(configured, r_ref):
     circuit = amplified(r_ref=r_ref)
@@ -290,7 +290,7 @@ def test_the_doctor_names_it_by_what_no_network_reads(configured, r_ref):
     assert not diagnose(steps / 4095.0, circuit)
 
 
-@pytest.mark.parametrize("wired", ["floating", "loaded", "grounded"])
+@pytest.mark.parametrize("wired", ["floating", ci("loaded"), "grounded"])
 @pytest.mark.parametrize(
     "off", [{"r_par": 400.0}, ci({"r_ref": 300.0}), ci({"readout": "floating"})]
 )

@@ -9,6 +9,7 @@ import sys
 import threading
 
 import pytest
+from support.marks import ci
 
 pytest.importorskip("websockets", reason="serves the page")
 
@@ -137,6 +138,7 @@ def test_cells_are_exact_and_pointed_at(live, browser):
     assert re.search(r"pressure [\d.]+ ± [\d.]+ N, reading", browser.run(TEXT.format("cell")))
 
 
+@pytest.mark.ci
 def test_it_is_used_by_keyboard(live, browser):
     browser.open(live)
     until(lambda: drawn(browser) > 5, "snapshots are drawn")
@@ -148,7 +150,7 @@ def test_it_is_used_by_keyboard(live, browser):
     browser.until("document.getElementById('method-b').value !== 'naive'")
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", ["light", ci("dark")])
 def test_it_fits_a_phone(live, browser, scheme):
     browser.prefer(scheme)
     browser.resize(360, 740, 3.0)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.marks import ci
 
 pytest.importorskip("websockets", reason="serves the page")
 
@@ -232,9 +233,10 @@ def test_the_cover_is_turned_in_space(browser):
 
 
 @pytest.mark.skipif(not AXE.exists(), reason="npm ci --prefix tests/axe")
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("width", [1400, 360])
-def test_axe_finds_no_violation(browser, scheme, width):
+@pytest.mark.parametrize(
+    ("width", "scheme"), [(1400, "light"), (360, "dark"), ci(1400, "dark"), ci(360, "light")]
+)
+def test_axe_finds_no_violation(browser, width, scheme):
     nodes = {"compensation": NodeStatus(2, "column 5 is open", {"cols": "5"})}
     states = [*pushed(SHAPED)[:3], snapshot(SHAPED, 2.0, 40, stop=True, nodes=nodes)]
     browser.prefer(scheme)

@@ -132,6 +132,7 @@ def _rest(board):
     return board.frames([np.zeros(SHAPE)] * 50)
 
 
+@pytest.mark.ci
 def test_the_doctor_is_given_up_and_asked_again(newcomer):
     browser, _, work = newcomer
     browser.click("button", "doctor")
