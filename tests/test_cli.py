@@ -16,6 +16,7 @@ import pytest
 import serial
 import yaml
 from support import machine
+from support.marks import ci
 
 from tactile_skin import Circuit, PressureCurve, cli
 from tactile_skin.board.terminal import is_simulated
@@ -217,6 +218,7 @@ def test_a_mistake_in_another_command_is_one_clear_line(call, tmp_path, monkeypa
     assert list(tmp_path.iterdir()) == files
 
 
+@pytest.mark.ci
 @IN_TIME
 def test_the_simulated_board_sends_what_the_parameter_file_says(tmp_path):
     config = tmp_path / "mine.yaml"
@@ -273,6 +275,7 @@ def test_the_demo(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []  # the board and its link are gone
 
 
+@pytest.mark.ci
 def test_a_simulated_board_is_called_so_under_any_launch_file(tmp_path):
     """And a pseudo-terminal of somebody else, of a wireless bridge say, is not."""
     link = tmp_path / "skin"
@@ -296,6 +299,7 @@ def test_a_simulated_board_is_called_so_under_any_launch_file(tmp_path):
     os.close(slave)
 
 
+@pytest.mark.ci
 @IN_TIME
 def test_who_reads_only_the_first_line_gets_no_traceback():
     command = f"{sys.executable} -m tactile_skin launch duration:=3 | head -1"
@@ -318,7 +322,7 @@ def test_a_board_ends_at_a_signal(tmp_path):
     assert not link.is_symlink()
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGHUP, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGKILL, ci(signal.SIGHUP), ci(signal.SIGTERM)])
 def test_no_board_and_no_link_outlive_the_launcher(tmp_path, number):
     command = [sys.executable, "-m", "tactile_skin", "launch"]
     given = os.environ | {"TMPDIR": str(tmp_path)}

@@ -74,6 +74,7 @@ def test_every_example_is_run():
     assert {path.stem for path in EXAMPLES} == set(SAYS)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.stem)
 def test_an_example_runs(finished, path):
     out, err, status = finished[path.stem]

@@ -184,6 +184,7 @@ def drawn():
     chart.prepare()
 
 
+@pytest.mark.ci
 def test_the_speed_picture_shows_every_method(drawn):
     from matplotlib import pyplot as plt
 

@@ -27,6 +27,7 @@ def lifetime(*words) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.ci
 def test_the_last_word_is_stop():
     """Each place with each single and doubled signal."""
     lifetime("--runs", "48")

@@ -163,6 +163,7 @@ def test_silence_of_the_link_is_told():
 # --- runs ---
 
 
+@pytest.mark.ci
 def test_a_small_run_has_its_rows():
     faults = reliability.named(["open row"])
     found = reliability.measure(("4x4",), faults, 1, 3.0, 0.0, seed=2, jobs=1)["faults"]

@@ -17,6 +17,7 @@ def soak(*words) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.ci
 def test_an_unplugged_board_stops_the_robot_and_leaves_nothing_behind():
     soak("--unplug", "3", "--rate", "100")
 

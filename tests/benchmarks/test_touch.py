@@ -13,6 +13,7 @@ def quick():
     return touch.measure(SIZES, seed=3)
 
 
+@pytest.mark.ci
 def test_every_bound_is_met(quick):
     """All lines of Must show: force, direction, centre, two beside each other, ghosts, ids."""
     found = touch.lines(quick)
@@ -20,6 +21,7 @@ def test_every_bound_is_met(quick):
     assert not [str(line) for line in found if not line.met]
 
 
+@pytest.mark.ci
 def test_the_naive_method_would_not_meet_them(quick):
     """The frames of corners are such that ghosts arise."""
     assert quick["corners"]["naive_ghosts"] > 0.5 * SIZES["corners"]
@@ -65,15 +67,7 @@ def test_gaps_sense_the_same_on_the_whole(kind):
     assert np.ptp(ratio) > 1e-3
 
 
-def test_two_beside_have_one_free_line():
-    rng = np.random.default_rng(4)
-    for _ in range(20):
-        force = truth._two_beside(rng, 0.0)
-        rows, cols = (np.flatnonzero(force.sum(axis) > 0) for axis in (1, 0))
-        gaps = [np.setdiff1d(np.arange(i[0], i[-1]), i).size for i in (rows, cols)]
-        assert sorted(gaps) == [0, 1]
-
-
+@pytest.mark.ci
 def test_a_missed_bound_is_told(capsys, monkeypatch):
     """The command's exit status and its line say so."""
     monkeypatch.setattr(truth.found_in, "__defaults__", ("naive", 0.0))

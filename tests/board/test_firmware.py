@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from support.chips import needs_chip
 from support.firmware import CURVE, STEPS, frames_of, resistance, steady, time_constant
+from support.marks import ci
 from support.simulated import PATIENCE
 
 from tactile_skin import Circuit, compensate, forward, measure_rest
@@ -103,7 +104,7 @@ def test_skins_of_other_sizes(shape):
 
 
 @needs_chip
-@pytest.mark.parametrize("eighths", [1, 3, 6])
+@pytest.mark.parametrize("eighths", [ci(1), 3, ci(6)])
 def test_a_step_arrives_with_the_stated_time_constant(eighths):
     measured, stated = time_constant(eighths, steps=10)
     assert measured == pytest.approx(stated, rel=0.1)
@@ -213,7 +214,7 @@ def test_a_brown_out_in_the_middle_of_a_frame_gives_no_wrong_frame():
 
 
 @needs_chip
-@pytest.mark.parametrize("cycles", [160, 320, 700])
+@pytest.mark.parametrize("cycles", [160, ci(320), ci(700)])
 def test_a_line_that_is_held_up_gives_no_mixed_frame(cycles):
     """The load rises all the time: a frame of one scan spans 2.6 ms of it, one of two more."""
     circuit = Circuit()
@@ -277,6 +278,7 @@ def test_the_same_program_reads_boards_that_are_wired_otherwise(circuit, wired):
 # --- behind a port ---
 
 
+@pytest.mark.ci
 @needs_chip
 def test_a_push_on_the_simulated_chip_stops_the_robot(tmp_path):
     """The whole demo with board:=firmware; a simulation that is too slow stops it as stale."""

@@ -99,6 +99,7 @@ def test_a_file_in_which_the_skin_is_touched_is_no_rest(files, capsys):
     assert "row 4, column" in capsys.readouterr().err
 
 
+@pytest.mark.ci
 def test_a_scale_and_a_load_that_stands_give_curve_and_creep(tmp_path, capsys):
     """Each file has a clock of its own."""
     skin, rng = Creeping((8, 8), 7, share=0.05, time=1.0), np.random.default_rng(7)

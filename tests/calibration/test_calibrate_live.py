@@ -58,6 +58,7 @@ def asks(said: str) -> bool:
     return said.endswith("Enter: ")
 
 
+@pytest.mark.ci
 def test_what_is_logged_stands_above_the_question(terminal):
     """Not within it: the question comes when frames do. A log line clears what is drawn."""
     said = read_until(terminal, asks)
@@ -66,6 +67,7 @@ def test_what_is_logged_stands_above_the_question(terminal):
     assert logged and all(line.startswith("\x1b[2KINFO") for line in logged)
 
 
+@pytest.mark.ci
 def test_a_measurement_is_counted_down(terminal):
     """On one line, after the key; then the rest is measured, and touches are asked for."""
     said = read_until(terminal, asks)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.marks import ci
 from support.weights import bodies, objects
 
 from tactile_skin import Circuit, PressureCurve, cli, compensate
@@ -57,7 +58,7 @@ class Drawer:
         return cli.main(["calibrate", "--config", str(config), "--out", out, *words])
 
 
-@pytest.fixture(scope="module", params=["loaded", "grounded"])
+@pytest.fixture(scope="module", params=["loaded", ci("grounded")])
 def drawer(request, tmp_path_factory):
     return Drawer(tmp_path_factory.mktemp(request.param), request.param, seed=41)
 

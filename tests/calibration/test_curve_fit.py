@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.marks import ci
 from support.weights import known, objects, stream, totals
 
 from tactile_skin import PressureCurve, fit_curve, fit_reference, forward, measure_rest
@@ -64,7 +65,7 @@ def test_the_error_is_honest(bench, fitted):
     assert f"{fitted.error:.1%}" in fitted.message
 
 
-@pytest.mark.parametrize("scatter", [0.02, 0.25])
+@pytest.mark.parametrize("scatter", [0.02, ci(0.25)])
 def test_the_error_is_that_of_a_better_or_worse_fabric(scatter):
     """Four boards in the geometric mean: the usual error pulls little where the weights deny it."""
     ratio = []
@@ -78,7 +79,7 @@ def test_the_error_is_that_of_a_better_or_worse_fabric(scatter):
     assert 0.67 < np.exp(np.log(ratio).mean()) < 1.5
 
 
-@pytest.mark.parametrize("times", [1e-3, 0.2, 20.0, 56.0, 1e3])
+@pytest.mark.parametrize("times", [1e-3, ci(0.2), ci(20.0), ci(56.0), 1e3])
 def test_the_same_readings_of_other_ohms_give_the_same_forces(bench, fitted, times):
     """r_ref, r_par and all cells' resistances times a number: six decades of it read alike."""
     parts = {name: times * getattr(bench.circuit, name) for name in ("r_ref", "r_par", "r_line")}

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.marks import slow
+from support.marks import ci, slow
 from support.tracked import run
 from support.weights import bodies
 
@@ -59,6 +59,7 @@ def test_noise_alone_makes_no_resistance():
     assert abs(np.mean(off, axis=0)[0]) < 3.0
 
 
+@pytest.mark.ci
 def test_the_right_circuit_is_left_as_it_is(board):
     """From the truth as well as from what is supposed, the answer is the same.
 
@@ -126,7 +127,7 @@ def test_a_touched_skin_is_not_at_rest(board):
 DRIVEN = "loaded-rows", "loaded-columns", "grounded-rows", "grounded-columns"
 
 
-@pytest.mark.parametrize("readout", DRIVEN)
+@pytest.mark.parametrize("readout", [*map(ci, DRIVEN[:2]), DRIVEN[2], ci(DRIVEN[3])])
 @pytest.mark.parametrize("off", [0.8, slow(1.0), slow(1.2)])
 def test_r_par_of_driven_lines_is_found(readout, off):
     """Grounded, it is what is left of the sum with r_ref, and told with r_drive."""

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
+from support.marks import ci
 
 from tactile_skin import Circuit, forward
 from tactile_skin.calibration.at_rest import stuck_bits, twins
@@ -60,7 +61,7 @@ def test_cells_that_are_missing_do_not_count():
     assert twins(steps[:1], NOISE, cells[:1]) is None
 
 
-@pytest.mark.parametrize("noise", [0.3, 1.0, 3.0])
+@pytest.mark.parametrize("noise", [0.3, ci(1.0), ci(3.0)])
 def test_lines_of_a_fabric_without_scatter_are_not_told_apart(noise):
     """Such a fabric is a simulated one. One chance in 10,000 a second is a warning in an hour."""
     rng = np.random.default_rng(12)

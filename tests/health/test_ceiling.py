@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from health.seen import Samples, said
+from support.marks import ci
 
 from tactile_skin import Circuit
 from tactile_skin.health.ceiling import Ceiling
@@ -37,7 +38,7 @@ class Board:
         return [self.frame(*args) for _ in range(n)]
 
 
-@pytest.mark.parametrize("noise", [0.3, 1.0, 2.0])
+@pytest.mark.parametrize("noise", [0.3, ci(1.0), 2.0])
 @pytest.mark.parametrize("whole", [False, True])
 def test_a_sound_board_has_no_ceiling(noise, whole):
     board = Board(noise, whole)
@@ -58,7 +59,7 @@ def test_readings_that_stand_at_one_height_are_told_soon(cells, before):
 
 
 @pytest.mark.parametrize("side", [3, 8])
-@pytest.mark.parametrize("noise", [0.2, 0.3, 0.4, 0.5, 0.6])
+@pytest.mark.parametrize("noise", [0.2, ci(0.3), ci(0.4), ci(0.5), 0.6])
 def test_one_hard_press_that_stands_for_long_is_no_ceiling(side, noise):
     """Halfway between two steps of the ADC noise moves a reading, in the middle of one it hardly
     does; a small matrix has few others that show how much."""

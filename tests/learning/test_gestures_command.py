@@ -137,6 +137,7 @@ def test_a_take_is_over_when_the_skin_is_left_alone():
     assert course.takes() == []
 
 
+@pytest.mark.ci
 def test_takes_are_made_on_a_live_skin(tmp_path, capsys):
     words = ["gestures", "record", "tap", "scene:=gestures", "--times", "1", "--person", "anna"]
     assert cli.main([*words, "--out", str(tmp_path)]) == 0

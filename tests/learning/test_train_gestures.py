@@ -38,6 +38,7 @@ def test_a_model_says_what_it_is_of_and_is_the_same_after_a_file(table, tmp_path
         assert read.probabilities(row) == pytest.approx(model.probabilities(row))
 
 
+@pytest.mark.ci
 def test_probabilities_are_about_as_often_right(table):
     classes = np.unique(table.label)
     model = train(table, {}, trees=30)

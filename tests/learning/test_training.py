@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tactile_skin import Circuit, PressureCurve
-from tactile_skin.learning import network
+from tactile_skin.learning import dataset, network
 from tactile_skin.learning.dataset import TrainingConfig, make_pairs
 
 torch = pytest.importorskip("torch", reason="the extra train")
@@ -52,6 +52,7 @@ def test_stripes_are_no_business_of_the_network(tmp_path):
     assert same(first, network.load(path))
 
 
+@pytest.mark.ci
 def test_the_physics_fed_network_trains_too(tmp_path):
     weights, _ = run(tmp_path, replace(TINY, network="physics", readout="board", epochs=6))
     assert weights.path.name == "physics.npz"
@@ -85,6 +86,7 @@ def test_a_checkpoint_of_another_run_is_refused_with_what_differs(tmp_path):
     assert restarted.meta["config"]["rate"] == 1e-3
 
 
+@pytest.mark.ci
 def test_it_learns_and_keeps_the_best_epoch(tmp_path):
     weights, _ = run(tmp_path, replace(TINY, epochs=24))
     with (tmp_path / "history.csv").open() as file:
@@ -163,14 +165,16 @@ def test_another_readout_is_refused_before_the_training(network_kind):
 
 
 @pytest.mark.parametrize("network_kind", network.NETWORKS)
-def test_pairs_do_not_depend_on_how_many_are_made(network_kind):
+def test_pairs_do_not_depend_on_how_many_are_made(network_kind, monkeypatch):
     """The first pairs of a larger set are those of a smaller one."""
-    few = make_pairs(CIRCUIT, CURVE, 2000, network_kind, "board", 5)
-    many = make_pairs(CIRCUIT, CURVE, 4000, network_kind, "board", 5)
-    np.testing.assert_array_equal(few[0], many[0][:2000])
-    np.testing.assert_array_equal(few[1], many[1][:2000])
+    monkeypatch.setattr(dataset, "_CHUNK", 100)
+    few = make_pairs(CIRCUIT, CURVE, 200, network_kind, "board", 5)
+    many = make_pairs(CIRCUIT, CURVE, 400, network_kind, "board", 5)
+    np.testing.assert_array_equal(few[0], many[0][:200])
+    np.testing.assert_array_equal(few[1], many[1][:200])
 
 
+@pytest.mark.ci
 def test_a_run_goes_on_from_weights_that_are_there(tmp_path):
     weights, _ = run(tmp_path / "first", replace(TINY, epochs=8))
     _, anew = run(tmp_path / "anew", replace(TINY, epochs=1))

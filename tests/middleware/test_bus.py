@@ -6,17 +6,16 @@ import logging
 import threading
 
 import pytest
+from support.bench import Bench
 
 from tactile_skin.middleware.bus import (
     Context,
     DurabilityPolicy,
-    ManualClock,
     MultiThreadedExecutor,
     Node,
     Parameter,
     ParameterError,
     QoSProfile,
-    SingleThreadedExecutor,
     Time,
 )
 from tactile_skin.msg import Bool, Float32, Trigger
@@ -24,24 +23,6 @@ from tactile_skin.parameters.fields import About
 
 PATIENCE = 20.0  # s, for what must happen; how fast it does is not tested
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-
-
-class Bench:
-    """Nodes on one driven clock, in one thread."""
-
-    def __init__(self):
-        self.clock = ManualClock()
-        self.context = Context(self.clock)
-        self.executor = SingleThreadedExecutor()
-
-    def node(self, name="node", **kwargs) -> Node:
-        node = Node(name, context=self.context, **kwargs)
-        self.executor.add_node(node)
-        return node
-
-    def spin(self, seconds: float = 0.0) -> None:
-        self.clock.advance(seconds)
-        self.executor.spin_some()
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from tactile_skin import Circuit, PressureCurve
-from tactile_skin.errors import FileError, ParameterError
 from tactile_skin.launch import read_skin, share_dir
 
 SKIN = """
@@ -52,26 +51,6 @@ def test_without_a_file_the_defaults_hold():
     for skin in (shipped, default):
         assert (skin.geometry.normal == 0.0).all()
         assert np.ptp(skin.geometry.position[..., 1]) > 0.2  # places as on a flat mat
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "error", "named"),
-    [
-        ("rows: 4", "rowz: 4", ParameterError, "circuit.rowz"),
-        ("radius: 0.2", "radius: 0.01", ValueError, "do not fit around"),
-        ("rows: 4", "rows: 400", ParameterError, "must be from 1 to 64"),
-        ("ros__parameters:\n", "parameters:\n", FileError, "ros__parameters"),
-    ],
-)
-def test_what_is_wrong_is_refused_with_the_file(tmp_path, old, new, error, named):
-    with pytest.raises(error, match=r"mine\.yaml: ") as raised:
-        read_skin(write(tmp_path, SKIN.replace(old, new)))
-    assert named in str(raised.value)
-
-
-def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(FileError, match=r"none\.yaml: No such file"):
-        read_skin(tmp_path / "none.yaml")
 
 
 def test_a_file_says_how_the_boards_adc_reads(tmp_path):

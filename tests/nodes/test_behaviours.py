@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 import pytest
-from support.marks import slow
+from support.marks import ci, slow
 from test_nodes import FRAME, GEOMETRY, Chain
 
 from tactile_skin import Circuit, PressureCurve, compensate
@@ -35,7 +35,7 @@ from tactile_skin.touch.events import Pushed, Released
 
 ALL_AROUND = 2 * math.pi * 0.15 / 16  # m, pitch of 16 columns around the whole cylinder
 EIGHT = np.arange(8) * math.pi / 4
-SIDES = [*EIGHT[:3], *map(slow, EIGHT[3:])]
+SIDES = [EIGHT[1], *map(ci, EIGHT[::2]), *map(slow, EIGHT[3::2])]
 
 
 class Robot(Chain):
@@ -68,7 +68,7 @@ class Robot(Chain):
             if frames:
                 self.play(1)
             else:
-                self.wait(FRAME)
+                self.spin(FRAME)
             driven.append(self.velocity)
             self.at += FRAME * self.velocity
         return np.array(driven)
@@ -198,16 +198,6 @@ def test_a_push_while_the_stream_is_stale(robot):
     assert robot.live(1.0)[-1, 0] == 0.3
 
 
-def test_a_push_whose_stream_ends_stays_a_push(robot):
-    """And leaves no motion, not even away from the hand: nobody knows where it is now."""
-    robot.wish = (-0.3, 0.0, 0.0)
-    robot.felt = scenes.finger(16, 16, 7.5, 7.5, 60.0, 2.2)
-    assert robot.live(0.5)[-1, 0] == -0.3
-    driven = robot.live(0.5, frames=False)[:, 0]
-    assert np.count_nonzero(driven) * FRAME <= 0.12
-    assert robot.reason == "push + stale: readings no longer arrive"
-
-
 def test_latch_and_reset():
     """The push is over, and the robot stands until a reset, which a push refuses."""
     robot = Robot(stop={"latch": True})
@@ -223,18 +213,6 @@ def test_latch_and_reset():
     assert robot.reset() == (True, "free")
     assert robot.live(0.1)[-1, 0] == 0.3
     assert robot.reason == ""
-
-
-def test_a_latched_cable_fault_waits_for_somebody_too():
-    robot = Robot(stop={"latch": True})
-    robot.wish = (0.3, 0.0, 0.0)
-    robot.live(0.2)
-    robot.live(0.3, frames=False)
-    assert robot.reset() == (False, "still stopped: stale: readings no longer arrive")
-    assert not robot.live(1.0)[-50:].any()
-    assert robot.reason == "latched: stale: readings no longer arrive"
-    assert robot.reset() == (True, "free")
-    assert robot.live(0.1)[-1, 0] == 0.3
 
 
 def test_a_latched_stop_leaves_no_motion_away_from_the_hand():
@@ -316,34 +294,33 @@ def say(robot, stamp: float, **values) -> None:
     robot.executor.spin_some()
 
 
+WORDS = [  # age of the reading [s], values, whether they are believed
+    (0.13, {"good_for": "0.1"}, False),
+    (0.1, {"good_for": "0.1"}, True),
+    (60.0, {"good_for": "0.1"}, False),
+    (0.0, {"good_for": "0.1"}, True),
+    (-0.03, {"good_for": "0.1"}, False),  # of the future: it proves nothing
+    (-0.01, {"good_for": "0.1"}, True),
+    (0.0, {}, False),
+    (0.0, {"good_for": "nan"}, False),
+    (0.0, {"good_for": "long"}, False),
+]
+
+
 @pytest.mark.parametrize("mover", [CmdVelGate, PushToMove])
-@pytest.mark.parametrize(
-    ("age", "values", "believed"),
-    [
-        (0.0, {"good_for": "0.1"}, True),
-        (0.1, {"good_for": "0.1"}, True),
-        (0.13, {"good_for": "0.1"}, False),
-        (60.0, {"good_for": "0.1"}, False),
-        (-0.01, {"good_for": "0.1"}, True),
-        (-0.03, {"good_for": "0.1"}, False),  # of the future: it proves nothing
-        (0.0, {}, False),
-        (0.0, {"good_for": "nan"}, False),
-        (0.0, {"good_for": "long"}, False),
-    ],
-)
-def test_a_free_on_an_old_reading_moves_nothing(mover, age, values, believed):
+def test_a_free_on_an_old_reading_moves_nothing(mover):
     """However recently it was said."""
     robot = Robot(mover)
     robot.stop.node.destroy_node()
     robot.status = robot.observer.create_publisher(DiagnosticArray, STATUS_TOPIC, 50)
     robot.felt = scenes.finger(16, 16, 7.5, 7.5, 25.0, 2.2)
     robot.wish = (-0.3, 0.0, 0.0)
-    for _ in range(30):
-        say(robot, robot.clock.now().nanoseconds / 1e9 - age, **values)
-        robot.live(FRAME)
-    assert robot.velocity.any() == believed
-    if not believed:
-        assert robot.why() == f"motion withheld: {OUT_OF_DATE}"
+    for age, values, believed in WORDS:
+        for _ in range(30):
+            say(robot, robot.clock.now().nanoseconds / 1e9 - age, **values)
+            robot.live(FRAME)
+        assert robot.velocity.any() == believed, (age, values)
+        assert believed or robot.why() == f"motion withheld: {OUT_OF_DATE}"
 
 
 def test_a_stop_node_that_dies_is_believed_no_longer_than_its_reading(robot):
@@ -360,7 +337,7 @@ def test_a_stop_node_that_dies_is_believed_no_longer_than_its_reading(robot):
 # --- push_to_move ---
 
 
-@pytest.mark.parametrize("newtons", [15.0, 60.0])
+@pytest.mark.parametrize("newtons", [ci(15.0), 60.0])
 def test_led_from_the_left_it_goes_right_and_rests_when_let_go(newtons, monkeypatch):
     """Below the stop's threshold, and above it, where it takes the stop's place."""
     monkeypatch.setitem(GEOMETRY, "geometry.pitch", ALL_AROUND)
@@ -382,6 +359,7 @@ def test_led_from_the_left_it_goes_right_and_rests_when_let_go(newtons, monkeypa
     assert robot.errors() == 0
 
 
+@pytest.mark.ci
 def test_a_fault_while_led_is_zero_at_once():
     robot = Robot(PushToMove)
     robot.felt = scenes.finger(16, 16, 7.5, 7.5, 60.0, 2.2)
@@ -393,6 +371,7 @@ def test_a_fault_while_led_is_zero_at_once():
     assert -0.05 < robot.live(0.03)[-1, 0] < 0.0
 
 
+@pytest.mark.ci
 def test_a_stream_that_ends_while_led_is_zero_within_the_timeout():
     robot = Robot(PushToMove)
     robot.felt = scenes.finger(16, 16, 7.5, 7.5, 60.0, 2.2)
@@ -430,6 +409,7 @@ def test_pushes_and_releases_are_told_with_force_and_place(robot):
     assert told[1].seconds == pytest.approx(1.0 + 0.3, abs=0.05)
 
 
+@pytest.mark.ci
 def test_strokes_are_told_once_each_way(robot):
     told = []
     StrokeListener(robot.node("listener", {}), told.append)
@@ -445,6 +425,7 @@ def test_strokes_are_told_once_each_way(robot):
 # --- how fast ---
 
 
+@pytest.mark.ci
 def test_a_push_is_decided_in_time_for_the_stop_hook():
     """What does not depend on the machine: low-pass, wait for the frame, wire, decision.
 

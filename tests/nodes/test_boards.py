@@ -7,17 +7,13 @@ import re
 
 import numpy as np
 import pytest
+from support.bench import Bench
+from support.marks import ci
 
 from tactile_skin import Circuit, PressureCurve, forward
 from tactile_skin.calibration.tracker import CircuitTracker
 from tactile_skin.findings.finding import Kind
-from tactile_skin.middleware.bus import (
-    Context,
-    ManualClock,
-    Node,
-    Parameter,
-    SingleThreadedExecutor,
-)
+from tactile_skin.middleware.bus import Node
 from tactile_skin.msg import (
     DiagnosticArray,
     DiagnosticStatus,
@@ -41,7 +37,7 @@ CIRCUIT = Circuit(8, 12, r_ref=4700.0, r_par=70.0, adc_bits=12)
 GIVEN = {"rows": 8, "cols": 12, "r_ref": 4700.0, "r_par": 70.0, "adc_bits": 12}
 
 
-class Fed:
+class Fed(Bench):
     """A compensation node, and the board that feeds it 50 frames a second.
 
     Attributes:
@@ -49,17 +45,13 @@ class Fed:
     """
 
     def __init__(self, adc: Adc, **parameters):
+        super().__init__()
         self.adc, self.rng = adc, np.random.default_rng(3)
         self.curve = resting_curve(PressureCurve(), CIRCUIT.shape, seed=3)
-        self.clock = ManualClock(10.0)
-        context = Context(self.clock)
-        self.executor = SingleThreadedExecutor()
         given = {f"circuit.{k}": v for k, v in GIVEN.items()} | {"geometry.cell_area": CELL_AREA}
         given |= {"noise": 1.0, "time_limit": 5.0} | parameters
-        overrides = [Parameter(k, v) for k, v in given.items()]
-        node = Node("compensation", context=context, parameter_overrides=overrides)
-        self.node = Compensation(node)
-        observer = Node("observer", context=context)
+        self.compensation = Compensation(self.node("compensation", given))
+        observer = self.node("observer")
         self.force, self.reports = None, []
         observer.create_subscription(Image, "skin/pressure", self._on_pressure, 10)
         observer.create_subscription(
@@ -68,8 +60,6 @@ class Fed:
         self._publisher = observer.create_publisher(Image, "skin/adc", 10)
         self.absent = np.zeros(CIRCUIT.shape, bool)  # crossings that are not read
         self.printed = NOT_READ  # there
-        self.executor.add_node(node)
-        self.executor.add_node(observer)
 
     def _on_pressure(self, message) -> None:
         self.force = image_array(message) * CELL_AREA
@@ -82,8 +72,7 @@ class Fed:
             samples = np.rint(np.clip(np.rint(steps), 0, 4095) * 16).astype(np.uint16)
             samples[self.absent] = self.printed
             self.clock.advance(0.02)
-            header = Header(self.clock.now().to_msg(), "base_link")
-            self._publisher.publish(image(samples, "16UC1", header))
+            self._publisher.publish(image(samples, "16UC1", self.header()))
             self.executor.spin_some()
 
 
@@ -106,7 +95,7 @@ BOARDS = {
 }
 
 
-@pytest.mark.parametrize("kind", BOARDS)
+@pytest.mark.parametrize("kind", ["inverted", "diode", "all", *map(ci, list(BOARDS)[:5])])
 def test_the_picture_is_right_on_every_kind_of_board(kind):
     given = BOARDS[kind]
     keys = {"adc_offset": "offset", "adc_full_scale": "full_scale"}
@@ -114,12 +103,12 @@ def test_the_picture_is_right_on_every_kind_of_board(kind):
     fed = Fed(adc, **{f"circuit.{k}": v for k, v in given.items()})
     fed.feel(np.zeros(CIRCUIT.shape), 60)
     fed.feel(touch(), 5)
-    assert fed.node._level == DiagnosticStatus.OK, fed.node._message
+    assert fed.compensation._level == DiagnosticStatus.OK, fed.compensation._message
     assert fed.force.sum() == pytest.approx(touch().sum(), rel=0.1)
     assert np.abs(fed.force - touch()).max() < 0.5
 
 
-@pytest.mark.parametrize("how", ["marked", "named"])
+@pytest.mark.parametrize("how", ["marked", ci("named")])
 def test_a_crossing_that_is_not_read_adds_no_force(how):
     """Today's board prints 0 there: taken for a reading it added 9 to 14 % of the force."""
     absent = np.zeros(CIRCUIT.shape, bool)
@@ -129,9 +118,9 @@ def test_a_crossing_that_is_not_read_adds_no_force(how):
     fed = Fed(Adc(CIRCUIT), **given)
     fed.absent, fed.printed = absent, 0 if how == "named" else NOT_READ
     fed.feel(np.zeros(CIRCUIT.shape), 60)
-    assert fed.node.skin._tare.found is None
+    assert fed.compensation.skin._tare.found is None
     fed.feel(touch(), 5)
-    assert fed.node._level == DiagnosticStatus.OK, fed.node._message
+    assert fed.compensation._level == DiagnosticStatus.OK, fed.compensation._message
     assert fed.force.sum() == pytest.approx(touch().sum(), rel=0.05)
 
 
@@ -144,11 +133,11 @@ def test_a_crossing_with_no_cell_that_is_printed_as_0_is_no_reading():
     fed.absent, fed.printed = ~mask, 0
     fed.feel(np.zeros(CIRCUIT.shape), 60)
     fed.feel(touch(), 5)
-    assert fed.node._level == DiagnosticStatus.OK, fed.node._message
+    assert fed.compensation._level == DiagnosticStatus.OK, fed.compensation._message
     assert fed.force.sum() == pytest.approx(touch().sum(), rel=0.05)
 
 
-@pytest.mark.parametrize("bad", [(0, 0), (5, 11)])
+@pytest.mark.parametrize("bad", [ci((0, 0)), (5, 11)])
 def test_a_bad_contact_is_named_and_does_not_stop_the_robot(bad):
     """Its reading is what is left of it after a bad contact, in one of three frames."""
     fed = Fed(Adc(CIRCUIT))
@@ -158,10 +147,10 @@ def test_a_bad_contact_is_named_and_does_not_stop_the_robot(bad):
     for k in range(150):
         fed.absent[bad], fed.printed = k % 3 == 0, 12_000  # of 65535; at rest 24,000
         fed.feel(touch() if k % 50 < 25 else np.zeros(CIRCUIT.shape))
-        said += fed.node._message
+        said += fed.compensation._message
     assert f"row {bad[0]}, column {bad[1]}: reads less than" in said
     assert all(r.level != DiagnosticStatus.ERROR for r in fed.reports)
-    named = [f for f in fed.node.skin.findings() if f.kind is Kind.CONTACT]
+    named = [f for f in fed.compensation.skin.findings() if f.kind is Kind.CONTACT]
     assert all((f.rows, f.cols) == ((bad[0],), (bad[1],)) for f in named)
 
 
@@ -180,10 +169,16 @@ def test_a_circuit_that_no_skin_rests_with_is_not_taken_over(monkeypatch, caplog
     fed.feel(np.zeros(CIRCUIT.shape), 10)
     assert asked
     assert "what lies in series was not found: no skin rests so" in caplog.text
-    assert fed.node.skin.circuit == CIRCUIT
-    assert fed.node._level == DiagnosticStatus.OK, fed.node._message
+    assert fed.compensation.skin.circuit == CIRCUIT
+    assert fed.compensation._level == DiagnosticStatus.OK, fed.compensation._message
     fed.feel(touch(), 5)
     assert fed.force.sum() == pytest.approx(touch().sum(), rel=0.1)
+
+
+def watching() -> tuple[Bench, Monitor, Node]:
+    """A monitor, and a node that it hears."""
+    bench = Bench()
+    return bench, Monitor(bench.node("monitor")), bench.node("observer")
 
 
 class Terminal(io.StringIO):
@@ -196,20 +191,15 @@ class Terminal(io.StringIO):
 def test_a_reason_longer_than_the_terminal_is_printed_whole_once(monkeypatch):
     """Its end says which setting to change."""
     monkeypatch.setenv("COLUMNS", "80")
-    clock = ManualClock(10.0)
-    context, executor = Context(clock), SingleThreadedExecutor()
-    node, observer = Node("monitor", context=context), Node("observer", context=context)
-    monitor = Monitor(node)
+    bench, monitor, observer = watching()
     monitor.out = Terminal()
-    executor.add_node(node)
     publisher = observer.create_publisher(DiagnosticArray, STATUS_TOPIC, STATUS)
     monitor._simulated = True
     reason = "stale: readings come every 0.12 s, but stale_after = 0.1 s: " + "set it. " * 4
     status = DiagnosticStatus(DiagnosticStatus.ERROR, "stop_on_push", reason, "tactile_skin", [])
     for _ in range(5):
-        publisher.publish(DiagnosticArray(Header(clock.now().to_msg(), ""), [status]))
-        clock.advance(0.2)
-        executor.spin_some()
+        publisher.publish(DiagnosticArray(bench.header(), [status]))
+        bench.spin(0.2)
         monitor.live_line()
     lines = monitor.out.getvalue().split("\n")
     assert lines[0] == f"\r\x1b[2K{reason}"
@@ -220,38 +210,30 @@ def test_a_reason_longer_than_the_terminal_is_printed_whole_once(monkeypatch):
 
 
 def test_the_live_line_names_a_gesture_for_a_while():
-    clock = ManualClock(10.0)
-    context, executor = Context(clock), SingleThreadedExecutor()
-    node, observer = Node("monitor", context=context), Node("observer", context=context)
-    monitor = Monitor(node)
-    executor.add_node(node)
+    bench, monitor, observer = watching()
     observer.create_publisher(String, "skin/gesture", 10).publish(String("stroke"))
-    executor.spin_some()
+    bench.spin()
     lines = []
     for _ in range(2):
         monitor.out = io.StringIO()
         monitor.live_line()
         lines.append(monitor.out.getvalue())
-        clock.advance(2.5)
+        bench.clock.advance(2.5)
     assert lines[0].endswith("  stroke\n") and "stroke" not in lines[1]
 
 
 def test_a_warning_is_printed_whole_once():
     """And again when it says something else; the live line names who warns."""
-    clock = ManualClock(10.0)
-    context, executor = Context(clock), SingleThreadedExecutor()
-    node, observer = Node("monitor", context=context), Node("observer", context=context)
-    monitor = Monitor(node)
+    bench, monitor, observer = watching()
     monitor.out = io.StringIO()
-    executor.add_node(node)
     publisher = observer.create_publisher(DiagnosticArray, "skin/diagnostics", 10)
 
     def say(level, text, kind="lead", rows="", form=""):
         given = {"kind": kind, "form": form, "rows": rows}
         values = [KeyValue(key, value) for key, value in given.items()]
         status = DiagnosticStatus(level, "compensation", text, "tactile_skin", values)
-        publisher.publish(DiagnosticArray(Header(clock.now().to_msg(), ""), [status]))
-        executor.spin_some()
+        publisher.publish(DiagnosticArray(bench.header(), [status]))
+        bench.spin()
         begun = len(monitor.out.getvalue())
         monitor.live_line()
         return monitor.out.getvalue()[begun:].splitlines()
@@ -273,11 +255,9 @@ def test_a_warning_is_printed_whole_once():
 @pytest.mark.parametrize(("rate", "at_most"), [(8.0, 0.35), (3.0, 0.53), (100.0, 0.13)])
 def test_free_is_valid_for_the_time_in_force_and_no_longer(rate, at_most):
     """What hooks, gate and push_to_move make of the status, at any time between two readings."""
-    clock = ManualClock(10.0)
-    context, executor = Context(clock), SingleThreadedExecutor()
-    node, observer = Node("stop_on_push", context=context), Node("observer", context=context)
-    StopOnPush(node)
-    words = []
+    bench, words = Bench(), []
+    StopOnPush(bench.node("stop_on_push"))
+    observer, clock = bench.node("observer"), bench.clock
     observer.create_subscription(
         DiagnosticArray,
         STATUS_TOPIC,
@@ -285,18 +265,15 @@ def test_free_is_valid_for_the_time_in_force_and_no_longer(rate, at_most):
         STATUS,
     )
     contacts = observer.create_publisher(PointCloud2, "skin/contacts", 10)
-    for each in (node, observer):
-        executor.add_node(each)
     t, due, newest, free = 0.0, 0.0, 0.0, []
     while t < 6.0:
         clock.advance(0.005)
         t += 0.005
         if due <= t < 5.0:
-            header = Header(clock.now().to_msg(), "base_link")
             columns = {key: [0.0] for key in ("x", "y", "z", "force", "peak")}
-            contacts.publish(cloud(columns, header))
+            contacts.publish(cloud(columns, bench.header()))
             due, newest = due + 1.0 / rate, t
-        executor.spin_some()
+        bench.spin()
         stops = words[-1].at(clock.now().nanoseconds / 1e9).stop
         free += [] if stops else [t]
         assert stops or t - newest <= at_most

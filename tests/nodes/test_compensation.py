@@ -4,15 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.bench import Bench
+from support.marks import ci
 
 from tactile_skin import Circuit, PressureCurve, forward
-from tactile_skin.middleware.bus import (
-    Context,
-    ManualClock,
-    Node,
-    Parameter,
-    SingleThreadedExecutor,
-)
 from tactile_skin.msg import (
     DiagnosticArray,
     DiagnosticStatus,
@@ -29,7 +24,7 @@ CIRCUIT = Circuit(8, 8)
 FRAME = 0.01  # s
 
 
-class Skin:
+class Skin(Bench):
     """A compensation node, and a board whose cells rest 3 % apart.
 
     Attributes:
@@ -38,19 +33,15 @@ class Skin:
         status: the last word on diagnostics.
     """
 
-    def __init__(self, *given):
-        self.clock, self.executor = ManualClock(), SingleThreadedExecutor()
-        context = Context(self.clock)
-        shape = [Parameter("circuit.rows", 8), Parameter("circuit.cols", 8)]
-        node = Node("compensation", context=context, parameter_overrides=[*shape, *given])
-        self.compensation = Compensation(node)
+    def __init__(self, **given):
+        super().__init__()
+        shape = {"circuit.rows": 8, "circuit.cols": 8}
+        self.compensation = Compensation(self.node("compensation", shape | given))
         self.published, self.status, self.levels = [], None, set()
-        self.observer = observer = Node("observer", context=context)
+        self.observer = observer = self.node("observer")
         observer.create_subscription(Image, "skin/pressure", self._on_pressure, 100)
         observer.create_subscription(DiagnosticArray, "skin/diagnostics", self._on_status, 100)
         self._adc = observer.create_publisher(Image, "skin/adc", 100)
-        self.executor.add_node(node)
-        self.executor.add_node(observer)
         self.rng = np.random.default_rng(6)
         self.rest = 40000.0 * np.exp(0.03 * self.rng.standard_normal((8, 8)))
         self.steps = forward(CIRCUIT, self.rest) * CIRCUIT.full_scale
@@ -139,8 +130,8 @@ def test_a_reading_a_little_old_is_taken_by_the_fast_method(skin):
 
 def test_a_board_that_leaves_cells_unread_has_no_fast_method():
     """Nor has one whose user asked for another than auto."""
-    for given in (Parameter("board_threshold", 3.0), Parameter("method", "map")):
-        skin = Skin(given)
+    for given in ({"board_threshold": 3.0}, {"method": "map"}):
+        skin = Skin(**given)
         skin.press()
         for _ in range(5):
             skin.frame(age=0.04)
@@ -159,20 +150,19 @@ def test_the_fast_method_does_not_speak_for_the_circuit(skin):
         assert skin.status.level == DiagnosticStatus.ERROR
 
 
-def test_a_fault_is_told_though_all_readings_are_late():
-    """From the start, and one that begins later."""
-    for early in (True, False):
-        skin = Skin()
-        skin.play(2.5)
-        skin.press()
-        sound = skin.steps
-        for _ in range(0 if early else 200):
-            skin.frame(age=0.015)
-        assert early or skin.status.level == DiagnosticStatus.OK
-        skin.steps = 0.8 * sound
-        for _ in range(150):
-            skin.frame(age=0.015)
-        assert skin.status.level == DiagnosticStatus.ERROR
+@pytest.mark.parametrize("late", [0, ci(200)])
+def test_a_fault_is_told_though_all_readings_are_late(skin, late):
+    """From the start, and one that begins after so many late frames."""
+    skin.play(2.5)
+    skin.press()
+    sound = skin.steps
+    for _ in range(late):
+        skin.frame(age=0.015)
+    assert not late or skin.status.level == DiagnosticStatus.OK
+    skin.steps = 0.8 * sound
+    for _ in range(150):
+        skin.frame(age=0.015)
+    assert skin.status.level == DiagnosticStatus.ERROR
 
 
 def test_a_tare_does_not_clear_a_fault_that_is_kept(skin):
@@ -244,11 +234,12 @@ def test_an_r_par_that_changes_is_a_warning_that_a_tare_ends(skin):
     assert skin.status.level == DiagnosticStatus.OK
 
 
+@pytest.mark.ci
 def test_creep_is_taken_out_of_what_is_published():
     """And of nothing else: what the skin knows of itself comes from the forces that were found."""
     totals = []
-    for given in ([], [Parameter("curve.creep", 0.05)]):
-        skin = Skin(*given)
+    for given in ({}, {"curve.creep": 0.05}):
+        skin = Skin(**given)
         skin.play(1.5)
         touched = np.full((8, 8), 40000.0)
         touched[3:5, 3:5] = 800.0
@@ -261,9 +252,7 @@ def test_creep_is_taken_out_of_what_is_published():
 
 def test_what_cells_have_at_rest_is_published_once_it_was_measured(skin):
     found = []
-    observer = Node("second", context=skin.compensation.node.context)
-    observer.create_subscription(Image, "skin/rest", found.append, LATCHED)
-    skin.executor.add_node(observer)
+    skin.node("second").create_subscription(Image, "skin/rest", found.append, LATCHED)
     skin.play(0.5)
     assert not found
     skin.play(2.0)

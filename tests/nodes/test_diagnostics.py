@@ -1,26 +1,24 @@
 """Every node reports what it dropped and what its callbacks raised."""
 
 import pytest
+from support.bench import Bench
 
 from tactile_skin.launch import launch
-from tactile_skin.middleware.bus import Context, ManualClock, Node, SingleThreadedExecutor
 from tactile_skin.msg import Bool, DiagnosticArray
 from tactile_skin.nodes import diagnostics
 
 
 @pytest.fixture
 def reports():
-    """Context, executor, and what arrives on diagnostics as name -> status."""
-    context, executor, found = Context(ManualClock()), SingleThreadedExecutor(), {}
-    listener = Node("listener", context=context, namespace="left")
-    listener.create_subscription(
+    """A bench, and what arrives on diagnostics as name -> status."""
+    bench, found = Bench(), {}
+    bench.node("listener", namespace="left").create_subscription(
         DiagnosticArray,
         "skin/diagnostics",
         lambda m: found.update({s.name: s for s in m.status}),
         10,
     )
-    executor.add_node(listener)
-    return context, executor, found
+    return bench, found
 
 
 def values(status) -> dict[str, str]:
@@ -28,29 +26,26 @@ def values(status) -> dict[str, str]:
 
 
 def test_dropped_messages_and_callback_errors_are_among_the_values(reports):
-    context, executor, found = reports
-    node = Node("busy", context=context, namespace="left")
+    bench, found = reports
+    node = bench.node("busy", namespace="left")
 
     def fail(message):
         raise RuntimeError("no such luck")
 
     node.create_subscription(Bool, "/news", fail, 2)
     diagnostics.ensure_reported(node)
-    publisher = Node("source", context=context).create_publisher(Bool, "/news", 10)
-    executor.add_node(node)
+    publisher = bench.node("source").create_publisher(Bool, "/news", 10)
     for _ in range(5):
         publisher.publish(Bool(True))
-    context.clock.advance(1.0)
-    executor.spin_some()
+    bench.spin(1.0)
     assert values(found["left/busy"])["dropped"] == "3"
-    context.clock.advance(1.0)
-    executor.spin_some()
+    bench.spin(1.0)
     assert values(found["left/busy"]) == {"dropped": "3", "callback_errors": "2"}
     assert found["left/busy"].level == diagnostics.OK
 
 
 def test_a_node_that_reports_itself_reports_once(reports):
-    node = Node("own", context=reports[0], namespace="left")
+    node = reports[0].node("own", namespace="left")
     node.create_publisher(DiagnosticArray, "skin/diagnostics", 10)
     diagnostics.ensure_reported(node)
     assert len(node.publishers) == 1

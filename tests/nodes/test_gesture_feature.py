@@ -4,17 +4,10 @@ from collections import defaultdict
 
 import numpy as np
 import pytest
+from support.bench import Bench
 
-from tactile_skin.middleware.bus import (
-    Context,
-    ManualClock,
-    Node,
-    Parameter,
-    SingleThreadedExecutor,
-)
 from tactile_skin.msg import (
     Float32,
-    Header,
     Image,
     PointCloud2,
     Vector3Stamped,
@@ -27,38 +20,29 @@ from tactile_skin.simulation.scenes import finger
 CELL_AREA = 1.44e-4  # m^2
 
 
-class Skin:
+class Skin(Bench):
     """The node alone, fed with forces a hundred times a second."""
 
     def __init__(self, **parameters):
-        self.clock, self.executor, self.seen = (
-            ManualClock(),
-            SingleThreadedExecutor(),
-            defaultdict(list),
-        )
-        context = Context(self.clock)
-        overrides = [Parameter(f"geometry.{k}", v) for k, v in parameters.items()]
-        nodes = [Node("gesture_feature", context=context, parameter_overrides=overrides)]
-        nodes.append(Node("observer", context=context))
-        for node in nodes:
-            self.executor.add_node(node)
-        self.node = nodes[0]
+        super().__init__()
+        self.seen = defaultdict(list)
+        given = {f"geometry.{key}": value for key, value in parameters.items()}
+        self.handle, observer = self.node("gesture_feature", given), self.node("observer")
         for kind, topic in (
             (PointCloud2, "skin/contacts"),
             (PointCloud2, "skin/gestures"),
             (Vector3Stamped, "skin/stroke"),
             (Float32, "skin/stroke_confidence"),
         ):
-            nodes[1].create_subscription(kind, topic, self.seen[topic].append, 10)
-        GestureFeature(self.node)
-        self.pressure = nodes[1].create_publisher(Image, "skin/pressure", 10)
+            observer.create_subscription(kind, topic, self.seen[topic].append, 10)
+        GestureFeature(self.handle)
+        self.pressure = observer.create_publisher(Image, "skin/pressure", 10)
 
     def feel(self, force) -> None:
         self.clock.advance(0.01)
-        header = Header(self.clock.now().to_msg(), "base_link")
-        self.pressure.publish(image(force / CELL_AREA, "32FC1", header))
+        self.pressure.publish(image(force / CELL_AREA, "32FC1", self.header()))
         self.executor.spin_some()
-        assert self.node.callback_errors == 0
+        assert self.handle.callback_errors == 0
 
     def contacts(self):
         return cloud_columns(self.seen["skin/contacts"][-1])
@@ -153,14 +137,14 @@ def test_a_pressure_that_is_none_gives_no_contacts(bad):
     skin.feel(NOTHING)
     with pytest.raises(AssertionError):
         skin.feel(np.full((16, 16), bad))
-    assert skin.node.callback_errors == 1
+    assert skin.handle.callback_errors == 1
     assert len(skin.seen["skin/contacts"]) == 1
 
 
 def test_who_comes_late_hears_of_the_whole_touch():
     """A topic that nobody hears is not published, but what it tells goes on being followed."""
     early, late = Skin(), Skin()
-    heard = late.node.context._subscriptions
+    heard = late.context._subscriptions
     later = {topic: heard.pop(topic) for topic in ("/skin/gestures", "/skin/stroke")}
     for k in range(20):
         heard |= later if k == 10 else {}

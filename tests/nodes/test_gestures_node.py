@@ -6,15 +6,9 @@ from collections import defaultdict
 
 import numpy as np
 import pytest
+from support.bench import Bench
 
-from tactile_skin.middleware.bus import (
-    Context,
-    ManualClock,
-    MultiThreadedExecutor,
-    Node,
-    Parameter,
-    SingleThreadedExecutor,
-)
+from tactile_skin.middleware.bus import Context, MultiThreadedExecutor, Node
 from tactile_skin.msg import Bool, Header, Image, PointCloud2, String, cloud, cloud_columns, image
 from tactile_skin.nodes.observers import gestures
 from tactile_skin.nodes.observers.gestures import SHIPPED, Gestures
@@ -28,30 +22,24 @@ CELL_AREA = 1.44e-4  # m^2
 MAT = Mat(16, 16, 0.018)
 
 
-class Skin:
+class Skin(Bench):
     """The node alone, fed with forces a hundred times a second."""
 
     def __init__(self, **parameters):
-        self.clock, self.executor = ManualClock(), SingleThreadedExecutor()
+        super().__init__()
         self.seen, self.named = defaultdict(list), []
-        context = Context(self.clock)
-        overrides = [Parameter(name, value) for name, value in parameters.items()]
-        self.node = Node("gestures", context=context, parameter_overrides=overrides)
-        observer = Node("observer", context=context)
-        for node in (self.node, observer):
-            self.executor.add_node(node)
+        handle, observer = self.node("gestures", parameters), self.node("observer")
         for kind, topic in ((String, "skin/gesture"), (PointCloud2, "skin/gesture_classes")):
             observer.create_subscription(kind, topic, self.seen[topic].append, 100)
         GestureListener(observer, lambda event: self.named.append(event.gesture))
-        Gestures(self.node)
+        Gestures(handle)
         self.pressure = observer.create_publisher(Image, "skin/pressure", 10)
         self.contacts = observer.create_publisher(PointCloud2, "skin/contacts", 10)
 
     def feel(self, forces) -> None:
         for force in forces:
             self.clock.advance(0.01)
-            header = Header(self.clock.now().to_msg(), "base_link")
-            self.pressure.publish(image(force / CELL_AREA, "32FC1", header))
+            self.pressure.publish(image(force / CELL_AREA, "32FC1", self.header()))
             self.executor.spin_some()
 
     def do(self, gesture: str, person: int = 70, seed: int = 1) -> None:
@@ -99,7 +87,7 @@ def test_a_gesture_knows_its_touch_by_the_id_of_its_contact():
     skin = Skin()
     spot = np.zeros((16, 16))
     spot[4, 11] = 3.0
-    header = Header(skin.clock.now().to_msg(), "base_link")
+    header = skin.header()
     # column 11 is 3.5 pitches along y, row 4 the same up
     place = {"x": [0.0], "y": [3.5 * 0.018], "z": [3.5 * 0.018], "id": [17.0]}
     skin.contacts.publish(cloud({name: np.array(v) for name, v in place.items()}, header))

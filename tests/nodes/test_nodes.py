@@ -6,18 +6,17 @@ from collections import defaultdict
 
 import numpy as np
 import pytest
+from support.bench import Bench
 from support.simulated import CIRCUIT, PATIENCE, serving
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.middleware.bus import (
     Context,
-    ManualClock,
     MultiThreadedExecutor,
     Node,
     Parameter,
     ParameterError,
-    SingleThreadedExecutor,
     Time,
 )
 from tactile_skin.msg import (
@@ -53,7 +52,7 @@ STOP |= {"debounce": 0.05, "lead": 0.0}
 FRAME = 1.0 / simulator.FRAMES_PER_SECOND  # s
 
 
-class Chain:
+class Chain(Bench):
     """compensation -> gesture_feature -> stop_on_push, and a simulated board that feeds them.
 
     Attributes:
@@ -62,8 +61,7 @@ class Chain:
     """
 
     def __init__(self, method="cnn", **stop):
-        self.clock, self.executor = ManualClock(), SingleThreadedExecutor()
-        self.context = Context(self.clock)
+        super().__init__()
         self.seen = defaultdict(list)
         self.observer = self.node("observer", {})
         for kind, topic, qos in (
@@ -88,23 +86,14 @@ class Chain:
         )
         self._parser = BinaryParser()
 
-    def node(self, name, parameters) -> Node:
-        overrides = [Parameter(k, v) for k, v in parameters.items()]
-        node = Node(name, context=self.context, parameter_overrides=overrides)
-        self.executor.add_node(node)
-        return node
-
-    def wait(self, seconds: float) -> None:
-        """Time goes by with no frame."""
-        self.clock.advance(seconds)
-        self.executor.spin_some()
-
-    def header(self) -> Header:
-        return Header(self.clock.now().to_msg(), "base_link")
-
     def publish(self, samples) -> None:
         self._adc.publish(image(samples, "16UC1", self.header()))
         self.executor.spin_some()
+
+    def publish_alike(self, frames: int) -> None:
+        for _ in range(frames):
+            self.clock.advance(FRAME)
+            self.publish(np.full((16, 16), 16_000, np.uint16))
 
     def play(self, frames: int) -> None:
         """The board sends so many frames, 10 ms apart."""
@@ -169,14 +158,6 @@ def test_stopped_before_the_first_reading(chain):
     assert chain.reason == "stale: no reading yet"
 
 
-def test_idle_is_free(chain):
-    chain.play(120)  # its rest is measured
-    assert not chain.stopped
-    chain.play(100)
-    assert not any(m.data for m in chain.seen["skin/stop"][-100:])
-    assert chain.reason == ""
-
-
 def test_a_push_stops_after_the_debounce(moving):
     """The first frame above the threshold begins it; the stop comes 50 ms later."""
     moving.scene = "push_left"
@@ -223,7 +204,7 @@ def test_a_stream_that_ends_stops_as_stale(moving):
     silent = 0.0
     while not moving.stopped:
         assert silent < STOP["stale_after"] + HEARTBEAT
-        moving.wait(0.001)
+        moving.spin(0.001)
         silent += 0.001
     assert silent > STOP["stale_after"] - HEARTBEAT
     assert moving.reason == "stale: readings no longer arrive"
@@ -231,21 +212,11 @@ def test_a_stream_that_ends_stops_as_stale(moving):
     assert not moving.stopped
 
 
-def test_a_push_is_not_forgotten_while_the_stream_is_gone(moving):
-    """The reasons add up; back comes the push, not free."""
-    moving.scene = "push_left"
-    moving.frames_until(True)
-    moving.wait(1.0)
-    assert moving.reason == "push + stale: readings no longer arrive"
-    moving.play(4)
-    assert moving.reason == "push"
-
-
 def test_the_stop_is_a_heartbeat(moving):
     """Said again and again, so that a lock that expires also stops."""
     before = len(moving.seen["skin/stop"])
     for _ in range(50):
-        moving.wait(HEARTBEAT)
+        moving.spin(HEARTBEAT)
     assert len(moving.seen["skin/stop"]) - before == 50
 
 
@@ -254,31 +225,18 @@ def test_readings_are_heartbeats_too(moving):
     before = len(moving.seen["skin/stop"])
     moving.play(50)
     assert len(moving.seen["skin/stop"]) - before == 50
-    moving.wait(HEARTBEAT)
+    moving.spin(HEARTBEAT)
     assert len(moving.seen["skin/stop"]) - before == 51
 
 
 def test_the_stop_is_latched(moving):
     """Whoever subscribes late knows at once."""
-    moving.wait(1.0)
+    moving.spin(1.0)
     seen = []
     late = moving.node("late", {})
     late.create_subscription(Bool, "skin/stop", seen.append, LATCHED)
     moving.executor.spin_some()
     assert [m.data for m in seen] == [True]
-
-
-def test_a_clock_that_is_set_back_stops_for_a_few_frames(moving):
-    """On ROS stamps are the time of day, which may be set while the robot moves."""
-    moving.clock.advance(-3600.0)
-    moving.play(1)
-    assert moving.stopped
-    assert moving.reason == "stale: readings have only just resumed"
-    moving.play(3)
-    assert not moving.stopped
-    moving.scene = "push_left"
-    moving.frames_until(True, 30)
-    assert moving.reason == "push"
 
 
 def test_a_fault_stops_and_its_end_frees(moving):
@@ -413,7 +371,7 @@ def test_a_frame_of_another_shape_stops_and_gives_no_pressure(moving, shape):
     report = last_report(moving)
     assert report.level == DiagnosticStatus.ERROR
     assert str(shape) in report.message
-    moving.wait(HEARTBEAT)
+    moving.spin(HEARTBEAT)
     assert moving.stopped
     assert moving.reason.startswith("fault: compensation: ")
     moving.play(2)
@@ -448,6 +406,12 @@ def test_a_frame_in_which_nothing_was_read_is_no_idle_skin(method):
     assert "no crossing of the frame was read" in chain.reason
 
 
+def feels(monkeypatch, force, status) -> None:
+    """From here on each frame is found so."""
+    found = Estimate(force, 0.1 + 0.0 * force, 0.0, status, status.strip("ok"), "naive", 0)
+    monkeypatch.setattr("tactile_skin.health.skin.compensate", lambda *a, **k: found)
+
+
 def test_a_fault_seen_at_rest_is_not_healed_by_a_touch_that_hides_it(monkeypatch):
     """Two shorted lines read off at rest, and alike under a touch that lies on both."""
     chain = Chain("naive")
@@ -457,12 +421,9 @@ def test_a_fault_seen_at_rest_is_not_healed_by_a_touch_that_hides_it(monkeypatch
     touch[5, 5] = 1.0  # N
 
     def feel(frames, force, status):
-        found = Estimate(force, 0.1 + 0.0 * force, 0.0, status, status.strip("ok"), "naive", 0)
-        monkeypatch.setattr("tactile_skin.health.skin.compensate", lambda *a, **k: found)
-        for _ in range(frames):
-            chain.clock.advance(FRAME)
-            chain.publish(np.full((16, 16), 16_000, np.uint16))
-        chain.wait(1.0)  # for a report
+        feels(monkeypatch, force, status)
+        chain.publish_alike(frames)
+        chain.spin(1.0)  # for a report
         return last_report(chain).level
 
     rest, bad = np.zeros((16, 16)), DiagnosticStatus.ERROR
@@ -474,12 +435,6 @@ def test_a_fault_seen_at_rest_is_not_healed_by_a_touch_that_hides_it(monkeypatch
     assert feel(30, rest, "ok") == DiagnosticStatus.OK
 
 
-def feels(monkeypatch, force, status) -> None:
-    """From here on each frame is found so."""
-    found = Estimate(force, 0.1 + 0.0 * force, 0.0, status, status.strip("ok"), "naive", 0)
-    monkeypatch.setattr("tactile_skin.health.skin.compensate", lambda *a, **k: found)
-
-
 def test_a_reset_forgets_what_was_under_a_touch_and_says_so_at_once(monkeypatch):
     """On diagnostics, before it answers: who then resets the stop finds the fault gone."""
     chain, rest, touch = Chain("naive"), np.zeros((16, 16)), np.zeros((16, 16))
@@ -488,16 +443,11 @@ def test_a_reset_forgets_what_was_under_a_touch_and_says_so_at_once(monkeypatch)
     touch[5, 5] = 1.0  # N
     client = chain.observer.create_client(Trigger, "compensation/reset")
 
-    def play(frames):
-        for _ in range(frames):
-            chain.clock.advance(FRAME)
-            chain.publish(np.full((16, 16), 16_000, np.uint16))
-
     for _ in range(2):
         feels(monkeypatch, touch, "suspect")
-        play(30)
+        chain.publish_alike(30)
         feels(monkeypatch, rest, "ok")
-        play(150)
+        chain.publish_alike(150)
     assert chain.reason.startswith("fault: compensation: ")
     assert "under each touch" in chain.reason
     answer = client.call_async(Trigger.Request())
@@ -505,16 +455,14 @@ def test_a_reset_forgets_what_was_under_a_touch_and_says_so_at_once(monkeypatch)
     assert answer.result(0).success
     assert last_report(chain).level == DiagnosticStatus.OK
     assert not chain.stopped
-    play(100)
+    chain.publish_alike(100)
     assert not chain.stopped
 
 
 def test_a_doubt_before_the_rest_was_measured_is_no_fault(monkeypatch):
     chain = Chain("naive")
     feels(monkeypatch, np.zeros((16, 16)), "suspect")
-    for _ in range(30):
-        chain.clock.advance(FRAME)
-        chain.publish(np.full((16, 16), 16_000, np.uint16))
+    chain.publish_alike(30)
     assert chain.reason == "waiting: compensation: measuring rest: hands off"
     assert chain.stopped
 
@@ -525,9 +473,7 @@ def test_a_reset_is_no_cure_for_what_is_still_wrong(monkeypatch, status):
     chain.compensation.skin.waits = False  # rest was measured
     client = chain.observer.create_client(Trigger, "compensation/reset")
     feels(monkeypatch, np.zeros((16, 16)), status)
-    for _ in range(30):
-        chain.clock.advance(FRAME)
-        chain.publish(np.full((16, 16), 16_000, np.uint16))
+    chain.publish_alike(30)
     client.call_async(Trigger.Request())
     chain.executor.spin_some()
     assert last_report(chain).level == DiagnosticStatus.ERROR
@@ -535,24 +481,6 @@ def test_a_reset_is_no_cure_for_what_is_still_wrong(monkeypatch, status):
 
 
 # --- the pressure picture ---
-
-
-def ghosts(chain) -> np.ndarray:
-    """Force of the cells [N] that lie far from both fingers."""
-    chain.scene = "two_fingers"
-    chain.settle()
-    force = image_array(chain.seen["skin/pressure"][-1]) * CELL_AREA
-    touched = np.argwhere(chain._scripts["two_fingers"](0.0) > 0)  # (n, 2)
-    cells = np.argwhere(np.ones((16, 16)))
-    gap = np.abs(cells[:, None] - touched[None]).max(-1).min(-1)  # cells to the nearest finger
-    return force.ravel()[gap >= 2]
-
-
-def test_the_naive_method_shows_ghosts_where_the_network_does_not():
-    """Above 20 g, 0.196 N, on cells that nobody touches."""
-    naive, network = (np.count_nonzero(ghosts(Chain(m)) > 0.196) for m in ("naive", "cnn"))
-    assert naive >= 10
-    assert network < naive / 5
 
 
 def test_pressure_is_in_pascal(moving):
@@ -576,11 +504,6 @@ def test_the_chain_finds_the_force_of_two_fingers():
     force = cloud_columns(chain.seen["skin/contacts"][-1])["force"]
     assert len(force) == 2
     np.testing.assert_allclose(force, 12.0, rtol=0.15)
-
-
-def test_an_unknown_method_is_refused():
-    with pytest.raises(ValueError, match=r"method of node .* = 'magic': must be one of .*cnn"):
-        Chain("magic")
 
 
 # --- the monitor ---
@@ -631,9 +554,9 @@ def test_the_monitor_ends_the_run_after_its_duration(chain):
 
 def test_a_run_without_a_frame_has_failed(chain, capsys):
     monitor = Monitor(chain.node("monitor", {"duration": 0.5}))
-    chain.wait(20.0)
+    chain.spin(20.0)
     assert chain.context.ok()
-    chain.wait(1.0)
+    chain.spin(1.0)
     assert not chain.context.ok()
     assert monitor.failed
     monitor.close()

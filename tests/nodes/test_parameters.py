@@ -1,16 +1,9 @@
 """Parameters that change while a node runs, and a clock that stands still."""
 
 import pytest
+from support.bench import Bench
 
-from tactile_skin.middleware.bus import (
-    SET_PARAMETERS,
-    Context,
-    ManualClock,
-    Node,
-    Parameter,
-    SetParameters,
-    SingleThreadedExecutor,
-)
+from tactile_skin.middleware.bus import SET_PARAMETERS, ManualClock, Parameter, SetParameters
 from tactile_skin.msg import (
     Bool,
     DiagnosticArray,
@@ -27,17 +20,13 @@ from tactile_skin.nodes.gesture_feature import GestureFeature
 from tactile_skin.nodes.stop_on_push import StopOnPush
 
 
-class Bench:
+class Changing(Bench):
     """One node, and what asks it to change."""
 
     def __init__(self, kind, **values):
-        self.clock, self.executor = ManualClock(), SingleThreadedExecutor()
-        self.context = Context(self.clock)
-        given = [Parameter(*item) for item in values.items()]
-        self.handle = Node("n", context=self.context, parameter_overrides=given)
-        self.node = kind(self.handle)
-        self.executor.add_node(self.handle)
-        self.other = Node("other", context=self.context)
+        super().__init__()
+        self.handle, self.other = self.node("n", values), self.node("other")
+        self.changed = kind(self.handle)
         self._client = self.other.create_client(SetParameters, f"/n/{SET_PARAMETERS[2:]}")
 
     def set(self, **values) -> str:
@@ -52,23 +41,22 @@ class Bench:
     def heard(self, kind, topic) -> list:
         found = []
         self.other.create_subscription(kind, topic, found.append, 100)
-        self.executor.add_node(self.other)
         return found
 
 
 def test_a_stop_that_the_weakest_cell_cannot_reach_is_refused():
     cells = {"circuit.rows": 2, "circuit.cols": 2, "curve.gain": [1.0, 1.0, 0.5, 1.0]}
     with pytest.raises(ValueError, match="the curve ends at 4"):
-        Bench(StopOnPush, **cells)
-    Bench(StopOnPush, **cells, peak=4.0)
+        Changing(StopOnPush, **cells)
+    Changing(StopOnPush, **cells, peak=4.0)
 
 
 def test_limits_of_the_stop_change():
-    bench = Bench(StopOnPush)
+    bench = Changing(StopOnPush)
     assert bench.set(threshold=40.0, release=35.0, stale_after=0.3) == ""
-    config = bench.node.policy.config
+    config = bench.changed.policy.config
     assert (config.threshold, config.release, config.hold) == (40.0, 35.0, 0.3)
-    assert bench.node.policy.stale_after == 0.3
+    assert bench.changed.policy.stale_after == 0.3
     assert bench.handle.get_parameter("threshold").value == 40.0
 
 
@@ -84,26 +72,26 @@ def test_limits_of_the_stop_change():
     ],
 )
 def test_a_wrong_limit_is_refused_and_nothing_changes(values, reason):
-    bench = Bench(StopOnPush)
-    before = bench.node.policy.config
+    bench = Changing(StopOnPush)
+    before = bench.changed.policy.config
     assert reason in bench.set(**values)
-    assert bench.node.policy.config == before
+    assert bench.changed.policy.config == before
     assert bench.handle.get_parameter("hold").value == before.hold
 
 
 def test_a_push_that_is_on_outlives_a_change():
-    bench = Bench(StopOnPush)
+    bench = Changing(StopOnPush)
     t = bench.clock.now().nanoseconds / 1e9
     for k in range(5):
-        bench.node.policy.reading(t + 0.01 * k, 100.0, 1.0)
-    assert bench.node.policy.pushed
+        bench.changed.policy.reading(t + 0.01 * k, 100.0, 1.0)
+    assert bench.changed.policy.pushed
     assert bench.set(threshold=400.0, release=300.0) == ""
-    assert bench.node.policy.pushed
+    assert bench.changed.policy.pushed
 
 
 def test_a_slow_board_is_no_news_when_its_limit_is_to_be_measured():
-    bench = Bench(StopOnPush, stale_after=1.0)
-    t, policy = bench.clock.now().nanoseconds / 1e9, bench.node.policy
+    bench = Changing(StopOnPush, stale_after=1.0)
+    t, policy = bench.clock.now().nanoseconds / 1e9, bench.changed.policy
     said = []
     for k in range(20):
         if k == 10:
@@ -114,36 +102,34 @@ def test_a_slow_board_is_no_news_when_its_limit_is_to_be_measured():
 
 
 def test_the_method_changes():
-    bench = Bench(Compensation, method="map")
+    bench = Changing(Compensation, method="map")
     assert bench.set(method="auto") == ""
-    assert bench.node._method == "auto" and bench.node.skin._method == "auto"
+    assert bench.changed._method == "auto" and bench.changed.skin._method == "auto"
     assert "must be one of" in bench.set(method="magic")
-    assert bench.node._method == "auto" and bench.node.skin._method == "auto"
+    assert bench.changed._method == "auto" and bench.changed.skin._method == "auto"
 
 
 def test_the_threshold_of_a_contact_changes():
-    bench = Bench(GestureFeature)
+    bench = Changing(GestureFeature)
     assert bench.set(cell_threshold=0.5) == ""
-    assert bench.node.cell_threshold == 0.5
+    assert bench.changed.cell_threshold == 0.5
 
 
 def test_a_clock_that_stands_still_stops():
     """A free robot's readings would never become old."""
-    bench = Bench(StopOnPush)
+    bench = Changing(StopOnPush)
     said = bench.heard(DiagnosticArray, "skin/stop_status")
     bench.clock.stands_still = True
-    bench.clock.advance(0.02)
-    bench.executor.spin_some()
+    bench.spin(0.02)
     assert "fault: clock: stands still" in said[-1].status[0].message
     bench.clock.stands_still = False
-    bench.clock.advance(0.02)
-    bench.executor.spin_some()
+    bench.spin(0.02)
     assert "clock" not in said[-1].status[0].message
 
 
 def test_it_stops_though_readings_come():
     """As often as a board sends them; their stamps stand still, and so a push would be none."""
-    bench = Bench(StopOnPush)
+    bench = Changing(StopOnPush)
     clock = ManualClock(500.0)  # of ROS; timers run on the bus's own
     bench.handle.get_clock = lambda: clock
     stop = bench.heard(Bool, "skin/stop")
@@ -169,7 +155,7 @@ def test_it_stops_though_readings_come():
 def test_the_gate_closes_when_the_clock_stands_still(stamped):
     """It does not rely on the stop for that; and its velocities have the type that is asked for."""
     kind = TwistStamped if stamped else Twist
-    bench = Bench(CmdVelGate, stamped=stamped, frame_id="base")
+    bench = Changing(CmdVelGate, stamped=stamped, frame_id="base")
     heard = bench.heard(kind, "cmd_vel")
     commands = bench.other.create_publisher(kind, "cmd_vel_in", 1)
     twist = Twist(Vector3(x=0.2))

@@ -127,6 +127,7 @@ def test_a_full_disk_ends_the_recording_and_never_the_skin(tmp_path, config):
     assert len(found.adc) > 10
 
 
+@pytest.mark.ci
 def test_a_stop_is_kept_with_what_led_to_it(tmp_path, config):
     folder = tmp_path / "stops"
     folder.mkdir()
@@ -155,6 +156,7 @@ def test_a_file_that_is_there_ends_the_launch_before_it_begins(tmp_path, config)
     assert path.read_bytes() == b""
 
 
+@pytest.mark.ci
 def test_a_full_disk_is_in_the_summary_and_in_the_status(tmp_path):
     """A file that may not grow further fails as on a full disk; the skin runs on until its end."""
     command = [sys.executable, "-m", "tactile_skin", "record", tmp_path / "a.mcap"]
@@ -172,6 +174,7 @@ def test_a_full_disk_is_in_the_summary_and_in_the_status(tmp_path):
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.ci
 def test_a_killed_process_leaves_all_but_the_last_second(tmp_path):
     """Once here; twenty times by benchmarks.running.recording."""
     path = tmp_path / "a.mcap"

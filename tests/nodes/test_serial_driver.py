@@ -4,16 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.bench import Bench
 
 from tactile_skin.board import protocol
 from tactile_skin.board.liveness import JITTER
-from tactile_skin.middleware.bus import (
-    Context,
-    ManualClock,
-    Node,
-    Parameter,
-    SingleThreadedExecutor,
-)
 from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Image, image_array
 from tactile_skin.nodes.serial_driver import SerialDriver
 
@@ -23,7 +17,7 @@ PERIOD = 0.01  # s
 SETTLED = 25  # frames after which frames come at the board's own pace
 
 
-class Driven:
+class Driven(Bench):
     """A serial_driver whose reader never starts: its bytes are a board's that is drawn at random.
 
     Attributes:
@@ -32,27 +26,19 @@ class Driven:
     """
 
     def __init__(self, text=False, **parameters):
-        self.text, self.clock = text, ManualClock(1000.0)
-        context = Context(self.clock)
-        self.executor = SingleThreadedExecutor()
+        super().__init__()
+        self.text = text
         given = {"circuit.rows": SHAPE[0], "circuit.cols": SHAPE[1], "port": "loop://"}
         given |= {"protocol": "text" if text else "binary"} | parameters
-        node = Node(
-            "serial_driver",
-            context=context,
-            parameter_overrides=[Parameter(k, v) for k, v in given.items()],
-        )
+        node, observer = self.node("serial_driver", given), self.node("observer")
         self.driver = SerialDriver(node)
         for timer in node._timers:  # neither the reader starts, nor do seconds end by themselves
             timer.cancel()
         self.stamps, self.arrivals, self.reports, self.pictures = [], [], [], []
-        observer = Node("observer", context=context)
         observer.create_subscription(Image, "skin/adc", self._on_adc, 100)
         observer.create_subscription(
             DiagnosticArray, "skin/diagnostics", lambda m: self.reports.append(m.status[0]), 100
         )
-        for each in (node, observer):
-            self.executor.add_node(each)
         self.rng = np.random.default_rng(1)
         self.device, self.number = 3.0, 7
         self.connect()

@@ -4,16 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.bench import Bench
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.calibration.tracker import CircuitTracker
-from tactile_skin.middleware.bus import (
-    Context,
-    ManualClock,
-    Node,
-    Parameter,
-    SingleThreadedExecutor,
-)
 from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Header, KeyValue, PointCloud2, cloud
 from tactile_skin.nodes import diagnostics
 from tactile_skin.nodes.compensation import Compensation
@@ -27,27 +21,22 @@ def decided(force, peak, unknown=None, gain=1.0, readout="floating"):
     Args:
         unknown: of one, or of several nodes.
     """
-    clock = ManualClock(10.0)
-    context, executor = Context(clock), SingleThreadedExecutor()
-    overrides = [Parameter("curve.gain", [gain]), Parameter("peak", 9.0 * gain)]
-    overrides.append(Parameter("circuit.readout", readout))
-    node = Node("stop_on_push", context=context, parameter_overrides=overrides)
-    other = Node("other", context=context)
-    stop = StopOnPush(node)
+    bench = Bench()
+    given = {"curve.gain": [gain], "peak": 9.0 * gain, "circuit.readout": readout}
+    stop, other = StopOnPush(bench.node("stop_on_push", given)), bench.node("other")
     contacts = other.create_publisher(PointCloud2, "skin/contacts", 10)
     reports = other.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
-    executor.add_node(node)
     for _ in range(30):
-        clock.advance(0.01)
-        header = Header(clock.now().to_msg(), "base_link")
+        bench.clock.advance(0.01)
+        header = bench.header()
         for k, ohm in enumerate(() if unknown is None else np.atleast_1d(unknown)):
             values = [KeyValue(diagnostics.UNKNOWN_SERIES, f"{ohm:.1f}")]
             status = DiagnosticStatus(DiagnosticStatus.OK, f"compensation_{k}", "ok", "", values)
             reports.publish(DiagnosticArray(header, [status]))
         columns = {"x": [0.0], "y": [0.0], "z": [0.0], "force": [force], "peak": [peak]}
         contacts.publish(cloud(columns, header))
-        executor.spin_some()
-    return stop.policy.decide(clock.now().nanoseconds / 1e9).reason
+        bench.spin()
+    return stop.policy.decide(bench.clock.now().nanoseconds / 1e9).reason
 
 
 @pytest.mark.parametrize(("force", "peak"), [(25.0, 4.0), (12.0, 6.5)])
@@ -95,8 +84,7 @@ def test_a_negative_force_is_named_as_it_came(force, peak):
 
 
 def test_a_value_that_is_no_text_hides_no_error_behind_it():
-    context = Context(ManualClock(10.0))
-    stop = StopOnPush(Node("stop_on_push", context=context))
+    stop = StopOnPush(Bench().node("stop_on_push"))
     odd = DiagnosticStatus(
         DiagnosticStatus.OK, "one", "", "", [KeyValue(diagnostics.UNKNOWN_SERIES, None)]
     )
@@ -111,15 +99,14 @@ def test_a_value_that_is_none_changes_nothing(wrong):
 
 
 def test_compensation_says_how_much_of_r_par_may_be_missing():
-    node = Compensation(Node("compensation", context=Context(ManualClock(10.0))))
+    node = Compensation(Bench().node("compensation"))
     assert node.skin.unknown_series == pytest.approx(0.2 * node.skin.circuit.r_par)
     node.skin._tracker.std = np.array([7.0, 1.0])
     assert node.skin.unknown_series == 7.0
 
 
 def test_who_has_measured_r_par_says_how_well():
-    overrides = [Parameter("circuit.r_par_std", 2.5)]
-    node = Node("compensation", context=Context(ManualClock(10.0)), parameter_overrides=overrides)
+    node = Bench().node("compensation", {"circuit.r_par_std": 2.5})
     assert Compensation(node).skin.unknown_series == 2.5
 
 

@@ -10,7 +10,7 @@ from tactile_skin import Circuit, forward
 from tactile_skin.physics.circuit import jacobian
 from tactile_skin.physics.laplacian import two_terminal_resistance
 
-SHAPES = [(2, 2), (3, 3), (8, 16), (16, 16)]
+SHAPES = [(2, 2), (3, 3), (9, 4), (8, 16), (16, 16)]
 
 
 def random_resistance(rng, *shape):
@@ -26,20 +26,6 @@ def test_equals_the_literal_system(shape):
         resistance = random_resistance(rng, *shape)
         expected = kirchhoff.adc_ratio(resistance, 1780.0, 326.0)
         np.testing.assert_allclose(forward(Circuit(*shape), resistance), expected, rtol=1e-9)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("shape", SHAPES)
-def test_equals_the_literal_system_on_100_matrices(shape):
-    rng = np.random.default_rng(7 + sum(shape))
-    worst = 0.0
-    for _ in range(100):
-        resistance = random_resistance(rng, *shape)
-        expected = kirchhoff.adc_ratio(resistance, 1780.0, 326.0)
-        error = np.abs(forward(Circuit(*shape), resistance) / expected - 1.0).max()
-        worst = max(worst, error)
-    print(f"{shape}: largest relative difference {worst:.1e}")
-    assert worst < 1e-9
 
 
 def test_two_by_two_by_hand():
@@ -115,12 +101,6 @@ def test_a_batch_equals_its_frames():
     together = forward(circuit, batch)
     for k in np.ndindex(2, 3):
         np.testing.assert_allclose(together[k], forward(circuit, batch[k]), rtol=1e-12)
-
-
-def test_more_rows_than_columns():
-    resistance = random_resistance(np.random.default_rng(5), 9, 4)
-    expected = kirchhoff.adc_ratio(resistance, 1780.0, 326.0)
-    np.testing.assert_allclose(forward(Circuit(9, 4), resistance), expected, rtol=1e-9)
 
 
 def test_missing_cells_are_open_circuits():

@@ -102,6 +102,7 @@ def rest(tmp_path, n=200):
     return path
 
 
+@pytest.mark.ci
 def test_a_foreign_file_is_replayed_recorded_and_exported(tmp_path, config, call):
     pytest.importorskip("mcap")
     path, made, out = rest(tmp_path), tmp_path / "made.mcap", tmp_path / "out.npy"

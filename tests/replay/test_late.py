@@ -101,12 +101,14 @@ def test_late_readings_are_replayed_to_the_bit(found):
     assert replay.notes == [f"{n} readings that the robot skipped, being late"]
 
 
+@pytest.mark.ci
 def test_another_method_takes_every_reading_in_time(found):
     replay = Replay(found, method="auto")
     assert [step.stamp for step in replay] == found.stamps.tolist()
     assert not replay.driven.nodes["compensation"].skin.taken["fixed_point"]
 
 
+@pytest.mark.ci
 def test_a_recording_that_does_not_say_when_takes_every_reading_in_time(tmp_path):
     write(tmp_path / "a.mcap", without=("/skin/taken",))
     found = Recording(tmp_path / "a.mcap")

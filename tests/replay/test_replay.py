@@ -137,6 +137,7 @@ def test_faults_of_the_board_are_replayed(tmp_path):
     assert steps[160].stop == "fault: serial_driver: unplugged"
 
 
+@pytest.mark.ci
 def test_a_replay_is_recorded(path, tmp_path):
     replay = Replay(Recording(path), method="map")
     replay.record(tmp_path / "b.mcap")
@@ -148,6 +149,7 @@ def test_a_replay_is_recorded(path, tmp_path):
     assert found.topics["/skin/contacts"].count == len(pressure)
 
 
+@pytest.mark.ci
 def test_processes_share_a_recording(path):
     """With their lead of 10 s each begins with it all here, and so all are the same."""
     one, two = (collect(Job(str(path)), jobs) for jobs in (1, 2))

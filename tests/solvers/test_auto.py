@@ -122,14 +122,6 @@ def test_nan_must_be_announced():
     assert np.isfinite(compensate(holed, CIRCUIT, CURVE, missing=True).force).all()
 
 
-def test_a_start_of_another_skin_is_refused():
-    start = compensate(TOUCHED, CIRCUIT, CURVE)
-    small = Circuit(4, 4)
-    adc = forward(small, CURVE.resistance(np.zeros((4, 4))))
-    with pytest.raises(ValueError, match=r"start has shape \(16, 16\)"):
-        compensate(adc, small, CURVE, start=start)
-
-
 def test_a_board_that_counts_to_1024_is_not_suspect():
     """Its readings are a thousandth low: less than anyone knows of a full scale."""
     rng = np.random.default_rng(12)

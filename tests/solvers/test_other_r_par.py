@@ -5,6 +5,7 @@ import zlib
 
 import numpy as np
 import pytest
+from support.marks import ci
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.calibration.rest import resting_conductance
@@ -189,7 +190,7 @@ def palm(rng):
     return force * rng.uniform(0.5, 4.0) * np.exp(0.1 * rng.standard_normal(force.shape))
 
 
-@pytest.mark.parametrize("noise", [None, SCAN_NOISE])
+@pytest.mark.parametrize("noise", [None, ci(SCAN_NOISE)])
 @pytest.mark.parametrize("readout", PASSIVE)
 def test_a_palm_is_no_fault(readout, noise):
     """Its rim would be of another r_par, if its cells were at rest."""

@@ -34,6 +34,7 @@ def test_shuffled_cells_and_a_wrong_wiring_are_suspect_but_a_sound_twin_is_not()
         assert result[name]["suspect"] >= 0.95, name
 
 
+@pytest.mark.ci
 def test_a_sound_sole_loaded_throughout_is_not_called_wrong():
     """With a cell to move for each reading, a lean of the misfit is the prior's, not r_par's."""
     frames = np.concatenate([frames_of(STANDING_LEFT), frames_of(STANDING_RIGHT)] * 3)
@@ -41,6 +42,7 @@ def test_a_sound_sole_loaded_throughout_is_not_called_wrong():
     assert result["ok"] >= 0.93, result["why"]
 
 
+@pytest.mark.ci
 def test_the_adc_starts_at_142_mv():
     """In each of them more is explained than by an ADC that starts at 0 V."""
     assert insole.ratio(0) == pytest.approx(0.142 / 3.3)

@@ -22,8 +22,6 @@ def hole(value) -> np.ndarray:
 
 
 STARTS = {
-    "an array": (LAST.force, "start is of type ndarray: must be an Estimate"),
-    "a number": (5.0, "start is of type float"),
     "NaN": (replace(LAST, force=hole(np.nan)), "start.force = nan at row 2, column 3"),
     "infinite": (replace(LAST, force=hole(np.inf)), "start.force = inf at row 2, column 3"),
     "negative": (replace(LAST, force=hole(-1.0)), "start.force = -1.0 at row 2, column 3"),

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support import esp32
+from support.marks import ci
 from support.strangers.sim import counts, fabric, finger, touches
 
 from tactile_skin import (
@@ -28,9 +29,9 @@ CURVE = PressureCurve()
 
 
 def skin_of(adc: Adc, **given) -> Skin:
-    given = {"r_par_std": None, "follows": True, "noise": None, "threshold": 0.0} | given
-    given |= {"time_limit": 60.0, "weights": None, "warn": lambda text: None}
-    skin = Skin(adc, CURVE, Creep(), **given)
+    usual = {"r_par_std": None, "follows": True, "noise": None, "threshold": 0.0}
+    usual |= {"time_limit": 60.0, "weights": None, "warn": lambda text: None}
+    skin = Skin(adc, CURVE, Creep(), **(usual | given))
     skin.use("auto")
     return skin
 
@@ -163,7 +164,7 @@ def test_untouched_cells_below_the_range_are_named():
     assert skin.waits and "is no matrix connected" in str(skin.findings()[0])
 
 
-@pytest.mark.parametrize(("r_ref", "chip", "sure"), [(1000.0, 1, True), (10000.0, 0, False)])
+@pytest.mark.parametrize(("r_ref", "chip", "sure"), [(1000.0, 1, True), ci(10000.0, 0, False)])
 def test_the_doctor_names_an_esp32(r_ref, chip, sure):
     """A setting only where no other full scale explains the touches as well."""
     circuit = board(r_ref)
@@ -278,8 +279,8 @@ def test_its_curve_is_fitted_by_weights():
     assert "is taken as 0" in identify(np.array(frames), circuit, rest).message
 
 
-@pytest.mark.parametrize("configured", ["floating", "loaded", "grounded"])
-@pytest.mark.parametrize("r_ref", [200.0, 500.0, 1000.0])
+@pytest.mark.parametrize("configured", ["floating", ci("loaded"), "grounded"])
+@pytest.mark.parametrize("r_ref", [ci(200.0), 500.0, ci(1000.0)])
 def test_the_doctor_names_it_by_what_no_network_reads(configured, r_ref):
     circuit = amplified(r_ref=r_ref)
     force = touches((8, 8), 40.0, 20.0, seed=7, rest=5.0, hard=(5, 40), hold=1.2)
@@ -289,8 +290,10 @@ def test_the_doctor_names_it_by_what_no_network_reads(configured, r_ref):
     assert not diagnose(steps / 4095.0, circuit)
 
 
-@pytest.mark.parametrize("wired", ["floating", "loaded", "grounded"])
-@pytest.mark.parametrize("off", [{"r_par": 400.0}, {"r_ref": 300.0}, {"readout": "floating"}])
+@pytest.mark.parametrize("wired", ["floating", ci("loaded"), "grounded"])
+@pytest.mark.parametrize(
+    "off", [{"r_par": 400.0}, ci({"r_ref": 300.0}), ci({"readout": "floating"})]
+)
 def test_no_network_of_resistors_is_taken_for_it(wired, off):
     circuit = Circuit(8, 8, r_ref=1000.0, r_par=20.0, adc_bits=12, readout=wired)
     force = touches((8, 8), 40.0, 20.0, seed=8, rest=5.0, hard=(5, 40), hold=1.2)
@@ -375,19 +378,7 @@ def test_the_time_limit_follows_the_boards_rate(monkeypatch, rate, limit):
 
     monkeypatch.setattr(module, "compensate", solve)
     circuit = Circuit(8, 8)
-    skin = Skin(
-        Adc(circuit),
-        CURVE,
-        Creep(),
-        r_par_std=None,
-        follows=True,
-        noise=None,
-        threshold=0.0,
-        time_limit=0.0,
-        weights=None,
-        warn=print,
-    )
-    skin.use("auto")
+    skin = skin_of(Adc(circuit), time_limit=0.0)
     steps = counts(circuit, CURVE, np.zeros((8, 8)), np.random.default_rng(1))
     for k in range(60):
         skin.frame(k / rate, (64 * steps).astype(np.uint16))

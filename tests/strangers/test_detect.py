@@ -43,6 +43,7 @@ class Stranger:
         return boards.sent(self.make, [steps], k)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     "kind",
     [
@@ -72,6 +73,7 @@ def test_from_an_unknown_board_to_the_right_picture(kind, tmp_path, monkeypatch,
     assert pressed.sum() == pytest.approx(20.0, rel=0.25)
 
 
+@pytest.mark.ci
 def test_a_board_that_must_be_asked_gets_its_request(tmp_path, monkeypatch):
     mine, stranger = tmp_path / "mine.yaml", Stranger(boards.frame_a_line)
     count = iter(range(10_000))

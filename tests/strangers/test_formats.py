@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.marks import ci
 from support.strangers import boards, sim
 
 from tactile_skin import Circuit
@@ -82,7 +83,7 @@ def test_numbers_without_a_line_end_are_named():
     assert "no line ever ends" in explain(parser)
 
 
-@pytest.mark.parametrize("baud", [4800, 19200, 38400, 57600, 74880, 230_400])
+@pytest.mark.parametrize("baud", [4800, ci(19200), ci(38400), 57600, ci(74880), 230_400])
 @pytest.mark.parametrize("name", [*boards.TEXT, *boards.PACKETS])
 def test_a_wrong_baud_rate_is_never_sure(name, baud):
     data = boards.sent({**boards.TEXT, **boards.PACKETS}[name], pictures())

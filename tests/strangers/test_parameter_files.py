@@ -56,6 +56,10 @@ REFUSED = {  # what the file holds, and what the error names
     "too many bits": (nodes(all={"circuit": {"adc_bits": 24}}), "circuit.adc_bits"),
     "a negative resistor": (nodes(all={"circuit": {"r_ref": -1.0}}), "circuit.r_ref"),
     "an unknown shape": (nodes(all={"geometry": {"shape": "cylindre"}}), "cylinder"),
+    "a radius that is too small": (
+        nodes(all={"geometry": {"shape": "cylinder", "radius": 0.01}}),
+        "do not fit around",
+    ),
     "an unknown method": (nodes(compensation={"method": "magic"}), "method"),
 }
 TAKEN = {

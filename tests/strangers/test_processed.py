@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from strangers.test_advice import minus_baseline, played
+from support.marks import ci
 from support.strangers import sim
 
 from tactile_skin import Circuit, diagnose
@@ -172,8 +173,13 @@ def test_calibrate_says_it(tmp_path, capsys):
     assert "untouched cells read 0." in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("dead", [0, 5, 400])
-@pytest.mark.parametrize("readout", ["loaded", "floating"])
+@pytest.mark.parametrize(
+    ("dead", "readout"),
+    [
+        *((0, "floating"), (5, "loaded"), (400, "floating")),
+        *(ci(0, "loaded"), ci(5, "floating"), ci(400, "loaded")),
+    ],
+)
 def test_a_running_skin_is_never_free_and_says_why(dead, readout):
     circuit, samples, pressed = minus_baseline(dead)
     reasons, free = played(samples, circuit.read_as(readout, "rows"), pressed=pressed)

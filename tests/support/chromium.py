@@ -101,6 +101,13 @@ class Chromium:
         loaded = "location.href !== 'about:blank' && document.readyState === 'complete'"
         self.until(loaded)
 
+    def empty(self) -> None:
+        """Leave the page, and forget what it said and asked for."""
+        self.call("Page.navigate", url="about:blank")
+        self.until("location.href === 'about:blank'")
+        self.errors.clear()
+        self.requested.clear()
+
     def run(self, script: str):
         """The value of a JavaScript expression."""
         found = self.call(

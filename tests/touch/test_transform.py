@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from support.bench import Bench
 
-from tactile_skin.middleware.bus import Context, ManualClock, Node, SingleThreadedExecutor
 from tactile_skin.msg import Header, Quaternion, Time, Transform, TransformStamped, Vector3
 from tactile_skin.nodes import frames as tf
 from tactile_skin.nodes.gesture_feature import GestureFeature
@@ -88,14 +88,13 @@ def messages():
 @pytest.fixture
 def robot():
     """A node that hears /tf, and what it knows."""
-    context, executor = Context(ManualClock(100.0)), SingleThreadedExecutor()
-    node, other = Node("gate", context=context), Node("robot", context=context)
+    bench = Bench(100.0)
+    node, other = bench.node("gate"), bench.node("robot")
     found = tf.hear(node)
     publishers = [other.create_publisher(tf.TFMessage, t, 10) for t in ("/tf", "/tf_static")]
     for static, message in messages():
         publishers[static].publish(message)
-    executor.add_node(node)
-    executor.spin_some()
+    bench.spin()
     return found
 
 
@@ -130,17 +129,12 @@ def test_a_touch_is_seen_from_another_frame(robot):
 
 
 def test_the_skin_says_where_it_is_mounted():
-    context, executor = Context(ManualClock()), SingleThreadedExecutor()
+    bench = Bench()
     values = {"skin_frame": "skin", "geometry.translation": [0.1, 0.2, 0.3]}
     values["geometry.rpy"] = [0.0, 0.0, 1.0]
-    from tactile_skin.middleware.bus import Parameter
-
-    given = [Parameter(*item) for item in values.items()]
-    GestureFeature(Node("gesture_feature", context=context, parameter_overrides=given))
-    late = Node("late", context=context)
-    found = tf.hear(late)
-    executor.add_node(late)
-    executor.spin_some()
+    GestureFeature(bench.node("gesture_feature", values))
+    found = tf.hear(bench.node("late"))
+    bench.spin()
     pose = found.lookup("base_link", "skin", 1e9)
     assert pose.translation == pytest.approx([0.1, 0.2, 0.3])
     assert pose.rotation == pytest.approx(rotation_of(0.0, 0.0, 1.0))

@@ -9,6 +9,7 @@ import sys
 import threading
 
 import pytest
+from support.marks import ci
 
 pytest.importorskip("websockets", reason="serves the page")
 
@@ -92,13 +93,6 @@ def recording(tmp_path_factory):
     return path
 
 
-@pytest.fixture
-def browser(tmp_path):
-    with Chromium(tmp_path / "profile") as browser:
-        yield browser
-        assert browser.errors == []
-
-
 def drawn(browser) -> int:
     """Snapshots drawn in the last second."""
     found = re.search(r"drawn\n(\d+)/s", browser.run(TEXT.format("numbers")) or "")
@@ -144,6 +138,7 @@ def test_cells_are_exact_and_pointed_at(live, browser):
     assert re.search(r"pressure [\d.]+ ± [\d.]+ N, reading", browser.run(TEXT.format("cell")))
 
 
+@pytest.mark.ci
 def test_it_is_used_by_keyboard(live, browser):
     browser.open(live)
     until(lambda: drawn(browser) > 5, "snapshots are drawn")
@@ -155,7 +150,7 @@ def test_it_is_used_by_keyboard(live, browser):
     browser.until("document.getElementById('method-b').value !== 'naive'")
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", ["light", ci("dark")])
 def test_it_fits_a_phone(live, browser, scheme):
     browser.prefer(scheme)
     browser.resize(360, 740, 3.0)
@@ -185,6 +180,7 @@ def test_it_does_not_call_a_robot_free_whose_skin_hangs_or_ended(tmp_path):
         browser.until(f"{TEXT.format('stop')}.includes('unknown')")
 
 
+@pytest.mark.ci
 def test_a_recording_is_scrubbed(recording, browser):
     with running("view", str(recording)) as (address, _):
         browser.open(address)

@@ -92,6 +92,7 @@ def answer(browser, text="", to=""):
     browser.run(CHANGE % text)
 
 
+@pytest.mark.ci
 def test_an_unknown_board_is_calibrated_in_the_page_alone(newcomer, tmp_path):
     """To newtons within 5 % in the median; a step survives a reload of the page."""
     browser, hands, work = newcomer
@@ -131,6 +132,7 @@ def _rest(board):
     return board.frames([np.zeros(SHAPE)] * 50)
 
 
+@pytest.mark.ci
 def test_the_doctor_is_given_up_and_asked_again(newcomer):
     browser, _, work = newcomer
     browser.click("button", "doctor")
@@ -148,6 +150,7 @@ def test_the_doctor_is_given_up_and_asked_again(newcomer):
     assert "readings: looking" in browser.run(SAID) and work.state()["task"] == ""
 
 
+@pytest.mark.ci
 def test_lines_that_the_doctor_finds_are_drawn_on_the_mat(newcomer):
     browser, hands, work = newcomer
     frames = hands.board.frames
