@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.lab.unknown import Unknown
 from support.weights import known, objects, stream, totals
 
 from tactile_skin import PressureCurve, fit_curve, fit_reference, forward, measure_rest
 from tactile_skin.calibration import curve_fit
 from tactile_skin.calibration.totals import Totals
-from tactile_skin.simulation.unknown import Unknown
 
 SHAPE = 12, 12
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.lab.unknown import Unknown, UnknownDriven
 from support.marks import slow
 from support.tracked import run
 from support.weights import bodies
@@ -14,7 +15,6 @@ from tactile_skin.calibration.identify import std_of
 from tactile_skin.calibration.rest import Rest, resting_conductance, supposing
 from tactile_skin.calibration.tare import Tare
 from tactile_skin.calibration.tracker import CircuitTracker
-from tactile_skin.simulation.unknown import Unknown, UnknownDriven
 from tactile_skin.solvers import evidence
 from tactile_skin.solvers.evidence import HARD, Evidence, Supposed
 

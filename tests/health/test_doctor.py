@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 from support.damaged import KINDS, Case, explains
+from support.lab.unknown import Unknown
 from support.weights import known
 
 from tactile_skin import Circuit, cli, diagnose, forward
@@ -13,7 +14,6 @@ from tactile_skin.commands import doctor as command
 from tactile_skin.health.doctor.wiring import Wires, search
 from tactile_skin.middleware.config import skin_of
 from tactile_skin.physics.readouts import DRIVEN, READOUTS
-from tactile_skin.simulation.unknown import Unknown
 
 SHAPE, SECONDS = (10, 12), 40.0
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from support.lab.unknown import Creeping, Unknown
 
 from tactile_skin import Circuit, PressureCurve
 from tactile_skin.simulation.converter import Converter
 from tactile_skin.simulation.fabric import Fabric
-from tactile_skin.simulation.unknown import Creeping, Unknown
 
 CIRCUIT, CURVE = Circuit(4, 5), PressureCurve()
 CELL, OTHER = (1, 2), (3, 4)

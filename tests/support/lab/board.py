@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..board import protocol as wire
-from ..physics.circuit import Circuit
-from ..physics.curve import PressureCurve
-from .converter import SCANS, Converter
-from .matrix import Matrix
+from tactile_skin.board import protocol as wire
+from tactile_skin.physics.circuit import Circuit
+from tactile_skin.physics.curve import PressureCurve
+from tactile_skin.simulation.converter import SCANS, Converter
+from tactile_skin.simulation.matrix import Matrix
 
 KNOTS = 100  # a second: the force is given, and the network solved, so often
 RATE = 100  # frames a second, at most

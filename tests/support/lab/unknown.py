@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..physics.circuit import Circuit
-from ..physics.curve import PressureCurve
-from .matrix import Matrix
-from .textile import Textile
+from tactile_skin.physics.circuit import Circuit
+from tactile_skin.physics.curve import PressureCurve
+from tactile_skin.simulation.matrix import Matrix
+from tactile_skin.simulation.textile import Textile
 
 AT_REST = 60  # frames
 _LEVEL, _TILT = 0.3, 0.3  # log of a fabric's resistance; of its change over the curve, at most
