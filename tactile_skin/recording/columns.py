@@ -250,12 +250,6 @@ def is_time_name(name: str) -> bool:
     return bool(_TIME.search(name) or _UNIT.search(name))
 
 
-def is_time(column: Column) -> bool:
-    """Return whether what is said of each frame is its time."""
-    seen = _role(column, 1, 0.0)
-    return seen is not None and seen[0] is Role.TIME
-
-
 def unit_of(name: str) -> str | None:
     """Return the unit of time that a column's name says; None: none."""
     if match := _UNIT.search(name.strip()):
