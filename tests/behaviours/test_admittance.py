@@ -40,14 +40,6 @@ def is_zero(motion) -> bool:
 # --- the mass on the damper ---
 
 
-@pytest.mark.parametrize("dt", [1e-3, 0.02, 0.3, 10.0])
-def test_a_step_is_the_exact_solution(dt):
-    """v(t) = v0 exp(-t d / m) + (1 - exp(-t d / m)) (F - band) / d, however long the step."""
-    v = UNLIMITED.step(np.array([0.2, 0.0]), np.array([45.0, 0.0]), dt)
-    decay = math.exp(-80.0 / 20.0 * dt)
-    np.testing.assert_allclose(v, [decay * 0.2 + (1 - decay) * 0.5, 0.0], rtol=1e-12)
-
-
 def test_the_solution_meets_the_differential_equation():
     """m dv/dt + d v = F, by central differences."""
     force, v0, h = np.array([40.0, 30.0]), np.array([0.3, -0.2]), 1e-5

@@ -17,7 +17,6 @@ from tactile_skin.simulation.textile import Sample, Textile
 from tactile_skin.solvers import METHODS
 
 CIRCUIT, CURVE = Circuit(), PressureCurve()
-SMALL = Circuit(5, 4)
 
 
 @pytest.fixture(scope="module")
