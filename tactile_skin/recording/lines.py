@@ -99,7 +99,7 @@ def _words(line: str, separator: str | None) -> list[str]:
 
 
 def sort_lines(lines: list[str]) -> tuple[list[Line], list[Line]]:
-    """Return lines of numbers, and the others, each with the run that follows it."""
+    """Return lines of numbers, and the others, each with its run."""
     numeric, texts, run, apart = [], [], 0, True
     separator = _separator(lines[:_SAMPLE])
     for k, line in enumerate(lines, 1):
@@ -109,7 +109,7 @@ def sort_lines(lines: list[str]) -> tuple[list[Line], list[Line]]:
         if not words or (text and text >= _TEXT * (len(words) - trails)):
             apart = True
             if words:
-                texts.append(Line(k, words, numbers, trails, run + 1))
+                texts.append(Line(k, words, numbers, trails, run))
         else:
             run += apart
             apart = False

@@ -112,11 +112,9 @@ def make_geometry(
 
 def rotation_of(roll: float, pitch: float, yaw: float) -> np.ndarray:
     """(3, 3) rotation about the fixed axes x, y, z in turn [rad]."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
-    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
-    about_y = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
-    about_z = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
-    rotation: np.ndarray = about_z @ about_y @ about_x
+    from scipy.spatial.transform import Rotation
+
+    rotation: np.ndarray = Rotation.from_euler("xyz", (roll, pitch, yaw)).as_matrix()
     return rotation
 
 

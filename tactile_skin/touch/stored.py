@@ -7,6 +7,7 @@ import json
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from ..errors import FileError
 _MOST_BYTES = 50_000_000  # of a file: a minute of 64 x 64 cells; 5 million are 32 gestures' trees
 
 
-def save(path: str | Path, head: dict, arrays: dict[str, np.ndarray]) -> None:
+def save(path: str | Path, head: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
     """Write arrays, and what is said of them."""
     text = np.frombuffer(json.dumps(head).encode(), np.uint8)
     with open(path, "wb") as file:
@@ -23,7 +24,7 @@ def save(path: str | Path, head: dict, arrays: dict[str, np.ndarray]) -> None:
 
 
 @contextlib.contextmanager
-def load(path: str | Path, what: str) -> Iterator[tuple[dict, dict[str, np.ndarray]]]:
+def load(path: str | Path, what: str) -> Iterator[tuple[dict[str, Any], dict[str, np.ndarray]]]:
     """Head and arrays of such a file; whoever reads them may refuse them by a ValueError.
 
     Raises:
