@@ -340,7 +340,7 @@ def test_a_curve_file_of_bad_values(tmp_path, wrong):
 # --- weights ------------------------------------------------------------------------------------
 
 
-def packed(compression=zipfile.ZIP_STORED, meta=None, **changes) -> bytes:
+def packed(meta=None, **changes) -> bytes:
     """The shipped weights with other arrays (None: left out, bytes: a member as it is)."""
     with np.load(io.BytesIO(WEIGHTS)) as file:
         arrays = dict(file)
@@ -348,7 +348,7 @@ def packed(compression=zipfile.ZIP_STORED, meta=None, **changes) -> bytes:
         arrays["meta"] = np.array(json.dumps(meta) if isinstance(meta, dict) else meta)
     arrays |= {name.replace("__", "."): array for name, array in changes.items()}
     buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", compression) as archive:
+    with zipfile.ZipFile(buffer, "w") as archive:
         for name, array in arrays.items():
             if array is not None:
                 content = io.BytesIO()
@@ -365,14 +365,6 @@ def header(text: str, body=b"") -> bytes:
     return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text.encode() + body
 
 
-def twice() -> bytes:
-    buffer = io.BytesIO(packed())
-    with zipfile.ZipFile(buffer, "a") as archive, warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        archive.writestr("head.0.bias.npy", b"")
-    return buffer.getvalue()
-
-
 def meta_with(**changes) -> dict:
     meta = {"format": 1} | network.shipped("paper").meta
     for key, value in changes.items():
@@ -381,7 +373,6 @@ def meta_with(**changes) -> dict:
 
 
 ROW = np.zeros((1, 1, 1, 16), np.float32)
-BIG = np.zeros(2**20, np.float32)  # 4 MiB
 BAD_WEIGHTS = {  # what is wrong -> (content, what the line must hold)
     "empty": (lambda: b"", "not a weights file"),
     "no zip": (lambda: b"weights", "not a weights file"),
@@ -389,18 +380,12 @@ BAD_WEIGHTS = {  # what is wrong -> (content, what the line must hold)
     "a bit wrong": (lambda: WEIGHTS[:9000] + b"\x55" + WEIGHTS[9001:], "CRC"),
     "empty zip": (lambda: b"PK\5\6" + bytes(18), "not a weights file"),
     "large": (lambda: bytes(2**21), "too large: must be at most 1024 KiB"),
-    "zip bomb": (lambda: packed(zipfile.ZIP_DEFLATED, x=BIG), "unpacks to too much"),
-    "bzip2": (lambda: packed(zipfile.ZIP_BZIP2), "packed as"),
-    "many arrays": (lambda: packed(**{f"x{k}": ROW for k in range(99)}), "at most 50"),
-    "array twice": (twice, "of one name each"),
     "array missing": (lambda: packed(head__0__bias=None), "'head.0.bias' is missing"),
     "array unknown": (lambda: packed(head__9__bias=ROW), "'head.9.bias' is unknown"),
     "shape": (lambda: packed(row__weight=ROW[..., :8]), "'row.weight' is float32 of shape"),
-    "shape transposed": (lambda: packed(row__weight=ROW.T), "must be float of (1, 1, 1, 16)"),
     "type int": (lambda: packed(row__weight=ROW.astype(int)), "'row.weight' is int64"),
     "objects": (lambda: packed(row__weight=ROW.astype(object)), "pickle"),
     "NaN": (lambda: packed(row__weight=ROW * np.nan), "'row.weight': must be finite"),
-    "beyond float32": (lambda: packed(row__bias=np.array([1e300])), "'row.bias': must be finite"),
     "std 0": (lambda: packed(input_std=np.zeros((1, 1, 1))), "'input_std': must be above 0"),
     "senseless": (
         lambda: packed(head__0__weight=np.full((9, 27, 3, 3), 1e38)),
@@ -431,9 +416,9 @@ def test_bad_weights(refused, tmp_path, wrong):
     holds(refused("launch", with_weights(tmp_path, "bad.npz"), named="weights bad.npz"), words)
 
 
-def test_good_weights_are_taken_in_any_order_and_packing(tmp_path):
+def test_good_weights_are_taken_in_any_order(tmp_path):
     adc = np.random.default_rng(1).uniform(0.05, 0.8, (16, 16))
-    (tmp_path / "w.npz").write_bytes(packed(zipfile.ZIP_DEFLATED))
+    (tmp_path / "w.npz").write_bytes(packed())
     found = network.load(tmp_path / "w.npz").predict(adc)
     np.testing.assert_array_equal(found, network.shipped("paper").predict(adc))
 
@@ -443,33 +428,6 @@ def test_good_weights_are_taken_in_any_order_and_packing(tmp_path):
 TABLE = (
     "row,col,x,y,z,nx,ny,nz\n0,0,0,0,0,1,0,0\n0,1,0,1,0,1,0,0\n1,0,0,0,1,1,0,0\n1,1,0,1,1,1,0,0\n"
 )
-TABLES = {  # what is wrong -> (content, what the line must hold)
-    "empty": ("", "is empty"),
-    "Latin-1": (b"# gr\xfc\xdfe\n" + TABLE.encode(), ["line 1", "not UTF-8 text: byte 0xfc"]),
-    "large": (TABLE + "#" * 2**21, "too large: must be at most 1024 KiB"),
-    "an open quote": (TABLE.replace("0,1,0,1", '0,1,"0,1'), "line 3: 3 values: must be 8"),
-    "too many values": (TABLE.replace("0,1,0,1", "0,1,0,1,0"), "line 3: 9 values"),
-    "a row of 5,000 digits": (TABLE.replace("0,1,0,1", "1" * 5000 + ",1,0,1"), "line 3: row = '11"),
-    "x infinite": (TABLE.replace("0,1,0,1", "0,1,1e400,1"), "line 3: x = '1e400'"),
-    "x in millimetres": (TABLE.replace("0,1,0,1", "0,1,250,1"), "line 3: 250 m from the origin"),
-    "normal 0": (TABLE.replace("1,0,0\n", "0,0,0\n"), "line 2: nx, ny, nz"),
-    "cell twice": (TABLE + "1,1,0,1,1,1,0,0", "line 6: row 1, col 1: already given in line 5"),
-    "cell missing": (TABLE[:-17], "row 1, col 1: no line for this cell"),
-    "column twice": (TABLE.replace("nz", "nx"), "line 1: column names"),
-    "area in mm^2": (
-        "\n".join(f"{line},{'area' if n == 0 else '144'}" for n, line in enumerate(TABLE.split())),
-        "line 2: area = 144: must be above 0 and at most 1 m^2",
-    ),
-}
-
-
-@pytest.mark.parametrize("wrong", TABLES)
-def test_a_bad_table(refused, tmp_path, wrong):
-    content, words = TABLES[wrong]
-    write(tmp_path / "bad.csv", content)
-    holds(refused("launch", with_table(tmp_path, "bad.csv"), named="bad.csv: "), words)
-
-
 # --- fuzzing: only ValueError may come out ------------------------------------------------------
 
 QUICK = settings(max_examples=60)

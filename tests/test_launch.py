@@ -364,29 +364,6 @@ def test_a_hook_hears_every_change_and_its_reason(write):
     assert "the skin shuts down" in heard.calls[-1][1]
 
 
-def test_a_raising_and_a_hanging_hook_do_not_delay_a_third(write, caplog):
-    heard, hangs, release = Heard(), threading.Event(), threading.Event()
-
-    def hang(stop, reason):
-        hangs.set()
-        release.wait(PATIENCE)
-
-    def fail(stop, reason):
-        raise RuntimeError("hook failed")
-
-    with launch(write(PATIENT_STOP)) as skin:
-        for hook in (fail, hang, heard):
-            skin.on_stop(hook)
-        assert hangs.wait(PATIENCE)
-        robot = Robot(skin)
-        heard.wait_for((False, ""))
-        robot.force = 50.0
-        heard.wait_for((True, "push"))
-        assert not release.is_set()
-        release.set()
-    assert "RuntimeError: hook failed" in caplog.text
-
-
 def test_a_hook_that_comes_late_is_told_how_it_stands(write):
     first, late = Heard(), Heard()
     with launch(write(PATIENT_STOP)) as skin:
@@ -466,33 +443,6 @@ def test_a_closed_standard_output_ends_nothing_half(write, monkeypatch):
         heard.wait_for((True, "stale: no reading yet"))
     assert "the skin shuts down" in heard.calls[-1][1]
     assert skin._processes[0].poll() is not None
-
-
-def test_a_hook_that_raises_on_the_stop_is_told_again(write):
-    told = []
-    again = threading.Event()
-
-    def hook(stop, reason):
-        if stop and reason == "push":
-            told.append(reason)
-            if len(told) < 3:
-                raise OSError("motor bus time-out")
-            again.set()
-
-    with launch(write(PATIENT_STOP)) as skin:
-        skin.on_stop(hook)
-        Robot(skin).force = 50.0
-        assert again.wait(PATIENCE)
-
-
-def test_a_hook_hears_of_a_stop_node_that_fell_silent(write):
-    heard = Heard()
-    with launch(write(PATIENT_STOP)) as skin:
-        skin.on_stop(heard)
-        Robot(skin)
-        heard.wait_for((False, ""))
-        skin._handles[0].destroy_node()
-        heard.wait_for((True, "no message from the stop node"))
 
 
 @pytest.mark.parametrize(

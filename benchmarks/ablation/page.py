@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 
-from tactile_skin.simulation.board import KNOTS
+from support.lab.board import KNOTS
 
 from .mechanisms import ALL_ON, MECHANISMS, numbers_of, variants
 from .streams import DESCRIPTION, FAULT, SOUND_BOARD

@@ -12,14 +12,14 @@ from typing import NamedTuple
 
 import numpy as np
 from support.chain import Chain
+from support.lab import touches
+from support.lab.board import BINARY, KNOTS, FaultBoard
+from support.lab.damage import ELECTRICAL
+from support.lab.touches import IDLE
 
 from tactile_skin.health import skin
 from tactile_skin.physics.circuit import Circuit
 from tactile_skin.physics.curve import PressureCurve
-from tactile_skin.simulation import touches
-from tactile_skin.simulation.board import BINARY, KNOTS, FaultBoard
-from tactile_skin.simulation.damage import ELECTRICAL
-from tactile_skin.simulation.touches import IDLE
 
 from ..faults.data import DATA
 from ..faults.reliability import (

@@ -20,6 +20,9 @@ from dataclasses import replace
 
 import numpy as np
 from support.kirchhoff import DIODES, forward_voltage
+from support.lab.board import KNOTS, FaultBoard
+from support.lab.parts import Diode
+from support.lab.touches import everyday
 
 from tactile_skin import (
     Circuit,
@@ -37,9 +40,6 @@ from tactile_skin.physics import readouts
 from tactile_skin.physics.adc import Adc
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.simulation import scenes
-from tactile_skin.simulation.board import KNOTS, FaultBoard
-from tactile_skin.simulation.network import Diode
-from tactile_skin.simulation.touches import everyday
 from tactile_skin.solvers.reading import SCAN_NOISE
 
 from .. import harness

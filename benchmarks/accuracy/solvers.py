@@ -12,11 +12,11 @@ import os
 
 import numpy as np
 from support.accuracy import accuracy, other_board, r_par_std
+from support.troubled import FAULTS, faulty
 
 from benchmarks.accuracy.growth import exponent
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.bench.measure import GHOST, NOISE, Clock, day, frames, moving_touch
-from tactile_skin.bench.troubles import FAULTS, faulty
 from tactile_skin.learning import network
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.simulation import scenes

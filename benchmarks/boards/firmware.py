@@ -12,11 +12,11 @@ from __future__ import annotations
 import time
 
 from support.chips import AVR8JS
-from support.firmware import converter, on_both, settling, steady, time_constant
+from support.firmware import Chip, converter, on_both, settling, steady, time_constant
 
 from tactile_skin import Circuit
 from tactile_skin.board.firmware import build
-from tactile_skin.board.firmware.chip import TAU, Chip
+from tactile_skin.board.firmware.chip import TAU
 from tactile_skin.board.protocol import BinaryParser
 
 from .. import harness

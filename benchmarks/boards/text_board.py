@@ -16,6 +16,8 @@ from pathlib import Path
 
 import numpy as np
 from support.chain import Chain
+from support.lab.board import KNOTS
+from support.lab.touches import everyday
 from support.simulated import TextBoard, serving
 
 from tactile_skin import PressureCurve
@@ -24,9 +26,7 @@ from tactile_skin.launch import find, launch
 from tactile_skin.middleware.threads import one_thread
 from tactile_skin.msg import DiagnosticArray
 from tactile_skin.nodes.stop_on_push import STATUS_TOPIC
-from tactile_skin.simulation.board import KNOTS
 from tactile_skin.simulation.simulator import SCANS_PER_SECOND
-from tactile_skin.simulation.touches import everyday
 
 from .. import harness
 

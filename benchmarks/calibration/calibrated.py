@@ -16,6 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from support.lab.unknown import Unknown
 from support.weights import bodies, objects
 
 from tactile_skin.commands import calibrate
@@ -26,7 +27,6 @@ from tactile_skin.middleware.parameter_file import ParameterFile
 from tactile_skin.nodes.compensation import Compensation
 from tactile_skin.physics.creep import Creep
 from tactile_skin.physics.curve import GRAM
-from tactile_skin.simulation.unknown import Unknown
 
 from .. import harness
 

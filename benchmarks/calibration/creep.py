@@ -14,9 +14,8 @@ from __future__ import annotations
 
 import numpy as np
 from support.creep import calibrated, felt
+from support.lab.unknown import Creeping
 from support.weights import HARDEST, objects
-
-from tactile_skin.simulation.unknown import Creeping
 
 from .. import harness
 

@@ -18,6 +18,7 @@ The method was chosen on seeds 0 to 99; others score it.
 from __future__ import annotations
 
 import numpy as np
+from support.lab.unknown import Unknown
 from support.weights import bend, bodies, known, objects, presses, stream, totals, weighed
 
 from tactile_skin import (
@@ -28,7 +29,6 @@ from tactile_skin import (
     identify,
     measure_rest,
 )
-from tactile_skin.simulation.unknown import Unknown
 
 from .. import harness
 

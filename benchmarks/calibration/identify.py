@@ -13,13 +13,13 @@ import time
 from dataclasses import replace
 
 import numpy as np
+from support.lab.unknown import Unknown, UnknownDriven
 from support.weights import bodies
 
 from tactile_skin import Circuit, compensate, identify, measure_rest
 from tactile_skin.calibration.identify import names, values
 from tactile_skin.calibration.rest import supposing
 from tactile_skin.physics.curve import GRAM
-from tactile_skin.simulation.unknown import Unknown, UnknownDriven
 
 from .. import harness
 

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.ndimage import shift
+from support.lab.unknown import Unknown
 from support.weights import known, objects, totals
 
 from tactile_skin import measure_rest
 from tactile_skin.guide import Guide
-from tactile_skin.simulation.unknown import Unknown
 
 from .. import harness
 

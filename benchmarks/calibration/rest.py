@@ -11,10 +11,10 @@ seeds 0 to 19; others score it.
 from __future__ import annotations
 
 import numpy as np
+from support.lab.unknown import Unknown
 from support.resting import NOISY, TOUCHED, noisy, resting, touched
 
 from tactile_skin import measure_rest
-from tactile_skin.simulation.unknown import Unknown
 
 from .. import harness
 

@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 from support import insole
 from support.damaged import Case
+from support.lab.board import KNOTS
 
 from tactile_skin import Circuit, diagnose
 from tactile_skin.middleware.threads import one_thread
-from tactile_skin.simulation.board import KNOTS
 
 from .. import harness
 from .faults import MIXED

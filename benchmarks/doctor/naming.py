@@ -11,12 +11,12 @@ from collections import Counter
 
 import numpy as np
 from support.chain import Chain
+from support.lab.board import KNOTS, FaultBoard
+from support.lab.touches import everyday
 
 from benchmarks.faults.reliability import play
 from tactile_skin import Circuit, PressureCurve
 from tactile_skin.middleware.threads import one_thread
-from tactile_skin.simulation.board import KNOTS, FaultBoard
-from tactile_skin.simulation.touches import everyday
 
 from .. import harness
 

@@ -10,8 +10,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-
-from tactile_skin.simulation.board import BOTH, TEXT, Fault, FaultBoard, Sent
+from support.lab.board import BOTH, TEXT, Fault, FaultBoard, Sent
 
 _SPACING = 2e-4  # s between frames that a link held back and now delivers fast
 

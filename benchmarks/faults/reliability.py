@@ -13,6 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from support.chain import Chain
+from support.lab import touches
+from support.lab.board import BINARY, KNOTS, TEXT, Fault, FaultBoard
+from support.lab.damage import ELECTRICAL
+from support.lab.touches import IDLE
 
 from tactile_skin.bench.measure import GHOST
 from tactile_skin.bench.stability import FAILS, FAILS_SHARE
@@ -20,10 +24,6 @@ from tactile_skin.middleware.threads import one_thread
 from tactile_skin.physics.circuit import Circuit
 from tactile_skin.physics.curve import GRAM, PressureCurve
 from tactile_skin.physics.readouts import DRIVEN, PASSIVE
-from tactile_skin.simulation import touches
-from tactile_skin.simulation.board import BINARY, KNOTS, TEXT, Fault, FaultBoard
-from tactile_skin.simulation.damage import ELECTRICAL
-from tactile_skin.simulation.touches import IDLE
 
 from .. import harness
 from . import table

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-
-from tactile_skin.simulation.board import KNOTS
+from support.lab.board import KNOTS
 
 _COLUMNS = ("failing", "silent", "pushes", "missed", "let go", "free", "to stop [s]", "held")
 

@@ -9,12 +9,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from support.lab.parts import BadMatrix
 
 from tactile_skin import Circuit, PressureCurve, compensate
 from tactile_skin.bench.measure import NOISE
 from tactile_skin.physics.circuit import forward
 from tactile_skin.physics.curve import GRAM
-from tactile_skin.simulation.matrix import Matrix
 from tactile_skin.simulation.scenes import read_out
 from tactile_skin.touch.episode import LIMIT
 from tactile_skin.touch.recogniser import GATE
@@ -40,7 +40,7 @@ class Board(NamedTuple):
 
     circuit: Circuit
     curve: PressureCurve  # as calibrated, with the cells' rest
-    matrix: Matrix
+    matrix: BadMatrix
     rest: np.ndarray  # (rows, cols) ADC ratio
     noise: float  # RMS of a picture's reading [ADC steps]
 
@@ -48,7 +48,7 @@ class Board(NamedTuple):
     def of(cls, name: str, seed: int) -> Board:
         """Draw the board of BOARDS of that name."""
         circuit, curve = BOARDS[name]
-        matrix = Matrix.everyday(circuit, curve, np.random.default_rng([seed, 5]))
+        matrix = BadMatrix.everyday(circuit, curve, np.random.default_rng([seed, 5]))
         tared = curve.resting_at(1.0 / matrix.fabric.rest)
         rest = forward(circuit, tared.rest_resistance)
         return cls(circuit, tared, matrix, rest, NOISE["scan"] / FRAMES**0.5)

@@ -45,17 +45,6 @@ class Axis:
     max_speed: float
     max_acceleration: float
 
-    def __post_init__(self) -> None:
-        for name in ("mass", "damping", "max_speed", "max_acceleration"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise ValueError(
-                    f"push_to_move: {name} = {getattr(self, name)!r}: must be above 0, and finite"
-                )
-        if not 0.0 <= self.dead_band < math.inf:
-            raise ValueError(
-                f"push_to_move: dead_band = {self.dead_band!r}: must be 0 or more, and finite"
-            )
-
     def step(self, velocity: np.ndarray, force: np.ndarray, dt: float) -> np.ndarray:
         """Return the velocity (n,) after dt [s] under a force (n,) that holds meanwhile."""
         size = float(np.linalg.norm(force))
@@ -100,15 +89,6 @@ class AdmittanceConfig:
     touch_timeout: float = 0.1
     stop_timeout: float = 0.15
     alignment: float = 0.7
-
-    def __post_init__(self) -> None:
-        for name in ("touch_timeout", "stop_timeout"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"push_to_move: {name} = {getattr(self, name)!r}: must be above 0")
-        if not 0.0 < self.alignment <= 1.0:
-            raise ValueError(
-                f"push_to_move: alignment = {self.alignment!r}: must be above 0, at most 1"
-            )
 
 
 class Admittance:

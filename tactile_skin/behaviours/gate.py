@@ -56,13 +56,6 @@ class GateConfig:
     touch: float = 5.0
     alignment: float = 0.9
 
-    def __post_init__(self) -> None:
-        for name in ("command_timeout", "stop_timeout", "touch_timeout", "touch"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"gate: {name} = {getattr(self, name)!r}: must be above 0")
-        if not 0.0 < self.alignment <= 1.0:
-            raise ValueError(f"gate: alignment = {self.alignment!r}: must be above 0, at most 1")
-
 
 class Gate:
     """Takes commands, touches and the stop's messages; all times are of one clock [s]."""

@@ -1,4 +1,4 @@
-"""Troubles of growing strength, as `textile.Textile` has them, and faults to be reported."""
+"""Troubles of growing strength, as `textile.Textile` has them."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..physics.circuit import Circuit
-from ..physics.curve import GRAM, PressureCurve
+from ..physics.curve import GRAM
 from ..simulation import scenes
-from ..simulation.textile import Textile, expose
+from ..simulation.textile import Textile
 
 # What every real skin has a little of: the ADC's noise, the paper's coupling of 0.5 %, 1 ohm of a
 # silver-coated stripe, cells that are not quite alike. At rest they are: that can be measured.
@@ -18,26 +18,6 @@ EVERYDAY = Textile(noise=1.0, lateral=0.005, line=1.0, scatter=0.05)
 
 # The boards of TROUBLES: their cells differ at rest, too.
 UNEVEN = replace(EVERYDAY, rest=0.03)
-
-FAULTS = {
-    "open": Textile(open=1),
-    "short": Textile(short=1),
-    "r_par +10 %": Textile(r_par=1.1),
-    "r_par -10 %": Textile(r_par=0.9),
-    "moving": Textile(moving=1.0),
-}
-
-
-def faulty(circuit: Circuit, resistance: np.ndarray, fault: str, rng) -> np.ndarray:
-    """(rows, cols) ADC ratio, not rounded, of a circuit with one of FAULTS and nothing else.
-
-    Raises:
-        ValueError: an unknown fault.
-    """
-    if fault not in FAULTS:
-        raise ValueError(f"fault {fault!r}: must be one of {', '.join(FAULTS)}")
-    curve = PressureCurve()
-    return expose(FAULTS[fault], circuit, curve, curve.force(resistance), rng)
 
 
 @dataclass(frozen=True)

@@ -162,20 +162,15 @@ def picture(found: list[Finding], circuit: Circuit) -> str:
     for cell in cells:
         marks[cell] = "X"
     width = len(str(circuit.rows - 1))
-    head = [
-        " " * (width + 1) + " ".join(_digit(c, place) for c in range(circuit.cols))
-        for place in range(len(str(circuit.cols - 1)) - 1, -1, -1)
-    ]
+    high = len(str(circuit.cols - 1))
+    digits = zip(*(f"{c:>{high}}" for c in range(circuit.cols)), strict=True)
+    head = [" " * (width + 1) + " ".join(line) for line in digits]
     body = [
         f"{r:>{width}} " + " ".join(marks[r]) + ("  <" if r in rows else "")
         for r in range(circuit.rows)
     ]
     foot = " " * (width + 1) + " ".join("^" if c in cols else " " for c in range(circuit.cols))
     return "\n".join([*head, *body, foot.rstrip()]).rstrip()
-
-
-def _digit(number: int, place: int) -> str:
-    return str(number // 10**place % 10) if number >= 10**place or place == 0 else " "
 
 
 def _board(skin: SkinConfig, given: dict) -> dict:

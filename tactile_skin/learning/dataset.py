@@ -130,35 +130,28 @@ def make_pairs(circuit, curve, n: int, network_kind: str, readout: str, seed, tr
 
 def _fingers(n: int, rows: int, cols: int, rng) -> np.ndarray:
     """(n, rows, cols) force [N] of 2 to 4 fingertips of 2 to 20 N each, anywhere."""
-    y, x = np.arange(rows)[:, None], np.arange(cols)
-    force = np.zeros((n, rows, cols))
-    count = rng.integers(2, 5, n)
-    for k in range(4):
-        row, col, width, load = (
-            rng.uniform(low, high, (n, 1, 1))
-            for low, high in ((0.0, rows - 1.0), (0.0, cols - 1.0), (0.6, 1.6), (2.0, 20.0))
-        )
-        distance2 = ((y - row) ** 2 + (x - col) ** 2) / width**2
-        tip = np.where(distance2 < 9.0, np.exp(-0.5 * distance2), 0.0)
-        tip *= load / tip.sum((1, 2), keepdims=True)
-        force += np.where(count[:, None, None] > k, tip, 0.0)
-    return np.minimum(force, scenes.MAX_LOAD * GRAM)
+    return _tips(n, rows, cols, rng, (2, 4), (0.6, 1.6), lambda k: rng.uniform(2.0, 20.0, k))
 
 
 def _touches(n: int, rows: int, cols: int, rng) -> np.ndarray:
     """(n, rows, cols) force [N] of 1 to 3 round touches whose loads are spread over decades."""
+    ends = np.log(_LIGHTEST), np.log(_HARDEST)
+    return _tips(n, rows, cols, rng, (1, 3), (0.6, 2.0), lambda k: np.exp(rng.uniform(*ends, k)))
+
+
+def _tips(n: int, rows: int, cols: int, rng, counts, widths, load) -> np.ndarray:
+    """Draw round touches: how many, how wide [cells], and by a function of a shape how hard [N]."""
     y, x = np.arange(rows)[:, None], np.arange(cols)
-    force = np.zeros((n, rows, cols))
-    count = rng.integers(1, 4, n)
-    for k in range(3):
+    force, each = np.zeros((n, rows, cols)), (n, 1, 1)
+    count = rng.integers(counts[0], counts[1] + 1, n)
+    for k in range(counts[1]):
         row, col, width = (
-            rng.uniform(low, high, (n, 1, 1))
-            for low, high in ((0.0, rows - 1.0), (0.0, cols - 1.0), (0.6, 2.0))
+            rng.uniform(*ends, each) for ends in ((0.0, rows - 1.0), (0.0, cols - 1.0), widths)
         )
-        load = np.exp(rng.uniform(np.log(_LIGHTEST), np.log(_HARDEST), (n, 1, 1)))
+        newtons = load(each)
         distance2 = ((y - row) ** 2 + (x - col) ** 2) / width**2
         tip = np.where(distance2 < 9.0, np.exp(-0.5 * distance2), 0.0)
-        tip *= load / tip.sum((1, 2), keepdims=True)
+        tip *= newtons / tip.sum((1, 2), keepdims=True)
         force += np.where(count[:, None, None] > k, tip, 0.0)
     return np.minimum(force, scenes.MAX_LOAD * GRAM)
 

@@ -11,8 +11,6 @@ from __future__ import annotations
 
 import io
 import json
-import warnings
-import zipfile
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
@@ -34,8 +32,7 @@ PHYSICS_INPUTS = 5
 FIXED_POINT = 3  # of the inputs: the force by the fixed point
 _HEAD = (27, 9, 9, 9)  # channels between the plain convolutions
 _OUTPUTS = {"paper": 1, "physics": 2}  # the force; what to make of the fixed point's
-_MOST_BYTES = 1024 * 1024  # of a weights file, packed or not: ours take 30 kB
-_MOST_ARRAYS = 50  # in a weights file: ours hold 21
+_MOST_BYTES = 1024 * 1024  # of a weights file: ours take 30 kB
 _STEPS = 14  # of the fixed point; each costs 0.01 y
 _RHO = 1.0, 1e12  # ohm: a short and an open line stay finite
 _LEAST_SEEN = 1e-6  # of log10: a cell that hardly shows in its own reading
@@ -262,7 +259,8 @@ def load(path) -> Weights:
     except FileError as error:
         raise FileError(f"weights {error}") from error
     try:
-        arrays = _unpack(data)
+        with np.load(io.BytesIO(data), allow_pickle=False) as file:
+            arrays = dict(file)
         meta = json.loads(str(arrays.pop("meta", None)))
         if not isinstance(meta, dict) or meta.get("format") != _FORMAT:
             raise ValueError(f"meta: format: must be {_FORMAT}")
@@ -270,22 +268,6 @@ def load(path) -> Weights:
     except Exception as error:  # whatever a foreign or damaged file raises in zip, JSON or arrays
         reason = one_line(error) if isinstance(error, ValueError) else repr(error)
         raise FileError(f"weights {path}: not a weights file of tactile_skin: {reason}") from error
-
-
-def _unpack(data: bytes) -> dict[str, np.ndarray]:
-    """Return the arrays of an .npz, as `save` writes it; any exception if it is not one."""
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        members = archive.infolist()
-    if len(members) > _MOST_ARRAYS or len({m.filename for m in members}) < len(members):
-        raise ValueError(f"{len(members)} arrays: must be at most {_MOST_ARRAYS}, of one name each")
-    if sum(member.file_size for member in members) > _MOST_BYTES:
-        raise ValueError(f"unpacks to too much: must be at most {_MOST_BYTES // 1024} KiB")
-    if not {m.compress_type for m in members} <= {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}:
-        raise ValueError("packed as `save` never does")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")  # of arrays that only old programs wrote
-        with np.load(io.BytesIO(data), allow_pickle=False) as file:
-            return dict(file)
 
 
 @cache

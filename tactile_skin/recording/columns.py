@@ -134,8 +134,7 @@ def _median(values: np.ndarray) -> float:
 def _role(column: Column, cycle: int, level: float) -> tuple[Role, float] | None:
     """Return what the column is, and the weight of what shows it; None: it may be a cell.
 
-    Args:
-        level: what cells read, at least.
+    Cells read `level` at least.
     """
     values = column.numbers[: _used(column)]
     steps = np.diff(values)
@@ -162,12 +161,8 @@ def _role(column: Column, cycle: int, level: float) -> tuple[Role, float] | None
 def _role_by_name(name: str, counts: bool) -> Role | None:
     """Return what a column is by its name; None: that shows nothing.
 
-    Args:
-        name: empty: none.
-        counts: its values rise by one; a time without a unit is then a counter.
+    A time without a unit whose values rise by one (`counts`) is a counter.
     """
-    if not name:
-        return None
     if is_time_name(name):
         return Role.COUNTER if counts and not unit_of(name) else Role.TIME
     if _COUNTER.match(name):
@@ -193,8 +188,7 @@ def _role_by_lines(values: np.ndarray, cycle: int) -> Role | None:
 def _weight_of_label(values: np.ndarray, level: float) -> float | None:
     """Return the weight of what shows that (n,) integers are a label; None: they may be a cell's.
 
-    Args:
-        level: what cells read, at least.
+    Cells read `level` at least.
     """
     few = len(np.unique(values)) <= min(_CLASSES, max(len(values) // 3, 1))
     if not few or values.min() < -1.0 or values.max() > _LARGEST_LABEL:
@@ -248,12 +242,6 @@ def times(columns: list[Column], notes: list[str], places: list[str]) -> np.ndar
 def is_time_name(name: str) -> bool:
     """Return whether a name is that of a time."""
     return bool(_TIME.search(name) or _UNIT.search(name))
-
-
-def is_time(column: Column) -> bool:
-    """Return whether what is said of each frame is its time."""
-    seen = _role(column, 1, 0.0)
-    return seen is not None and seen[0] is Role.TIME
 
 
 def unit_of(name: str) -> str | None:

@@ -128,11 +128,7 @@ def read_frames(
 
 
 def _scaled(found: Frames, circuit: Circuit, full_scale: float | None) -> Frames:
-    """With ADC steps or ratios.
-
-    Raises:
-        FileError: numbers that are neither, or may be two things.
-    """
+    """With ADC steps or ratios; FileError: numbers that are neither, or may be two things."""
     if not found.values.size or np.isnan(found.values).all():
         return found
     found.values, absent = without_sentinel(found.values)
@@ -160,11 +156,7 @@ def _scaled(found: Frames, circuit: Circuit, full_scale: float | None) -> Frames
 
 
 def _timed(found: Frames, rate: float | None) -> Frames:
-    """With times that rise.
-
-    Raises:
-        FileError: most frames would be dropped.
-    """
+    """With times that rise; FileError: most frames would be dropped."""
     if rate is not None and not 0.0 < rate < np.inf:
         raise ValueError(f"rate = {rate!r}: must be above 0")
     if found.times is not None:

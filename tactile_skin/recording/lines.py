@@ -14,7 +14,7 @@ from .tables import ABSENT, Found, Table, frames_of, number
 
 _SAMPLE = 200  # lines that tell the separator
 _BRACKETS = str.maketrans("[](){}", "      ")  # of arrays that were printed
-_SAID = re.compile(r"^[#\s]*([A-Za-z][A-Za-z_ ./()]*?)(?:\s*[:=]\s*|\s+|$)(.*)$")  # name: value
+_UNIT = re.compile(r"^[#\s]*units?\b[^:=]*[:=\s]\s*(.*)$", re.IGNORECASE)
 # Units that no ADC has, of systems that were calibrated.
 _PRESSURE = re.compile(r"n/(cm|mm|m)|k?pa$|mmhg|psi|kg|mbar|bar$|newton", re.IGNORECASE)
 _TEXT = 0.5  # share of a line's fields that are no numbers, at least, where it is no line of them
@@ -59,10 +59,10 @@ def read_text(text: str, circuit: Circuit) -> Found:
     begin = alike[0].number
     header: list[str] = next((line.words for line in reversed(texts) if line.number < begin), [])
     header = header[:width] if len(header) - trails == width else []
-    said = _said(texts, numeric[-1].run)
-    found = frames_of(_table(numeric, width, trails, header, said), circuit)
+    _check_unit(texts)
+    found = frames_of(_table(numeric, width, trails, header), circuit)
     notes = []
-    passed = [line.number for line in texts if _name_and_value(line)[0] not in said]
+    passed = [line.number for line in texts]
     above = [k for k in passed if k < begin]
     for dropped, why in (
         (above[: -1 if header else None], "before the numbers: passed over"),
@@ -99,7 +99,7 @@ def _words(line: str, separator: str | None) -> list[str]:
 
 
 def sort_lines(lines: list[str]) -> tuple[list[Line], list[Line]]:
-    """Return lines of numbers, and the others, each with the run that follows it."""
+    """Return lines of numbers, and the others, each with its run."""
     numeric, texts, run, apart = [], [], 0, True
     separator = _separator(lines[:_SAMPLE])
     for k, line in enumerate(lines, 1):
@@ -109,7 +109,7 @@ def sort_lines(lines: list[str]) -> tuple[list[Line], list[Line]]:
         if not words or (text and text >= _TEXT * (len(words) - trails)):
             apart = True
             if words:
-                texts.append(Line(k, words, numbers, trails, run + 1))
+                texts.append(Line(k, words, numbers, trails, run))
         else:
             run += apart
             apart = False
@@ -124,38 +124,17 @@ def _numbers(words: list[str]) -> tuple[np.ndarray, int]:
     return numbers, sum(words[k].lower() not in ABSENT for k in absent)
 
 
-def _name_and_value(line: Line) -> tuple[str, str]:
-    """Return what a line of text says, as "Time: 10:00" does; empty if it says nothing so."""
-    match = _SAID.match(" ".join(line.words))
-    return (match[1].strip(), match[2].strip()) if match else ("", "")
-
-
-def _said(texts: list[Line], runs: int) -> dict[str, dict[int, str]]:
-    """Name -> {run: value} of what stands above at least half of the runs.
-
-    Raises:
-        ValueError: a unit of pressure.
-    """
-    found: dict[str, dict[int, str]] = {}
+def _check_unit(texts: list[Line]) -> None:
+    """ValueError: a unit of pressure stands above the numbers."""
     for line in texts:
-        name, value = _name_and_value(line)
-        if name:
-            found.setdefault(name, {})[line.run] = value
-            if name.lower().startswith("unit") and _PRESSURE.search(value):
-                raise ValueError(
-                    f"line {line.number} says {name} {value}: these are pressures of a calibrated "
-                    "system, must be what the ADC reads"
-                )
-    return {name: of for name, of in found.items() if len(of) > 1 and len(of) >= 0.5 * runs}
+        if (match := _UNIT.match(words := " ".join(line.words))) and _PRESSURE.search(match[1]):
+            raise ValueError(
+                f"line {line.number} says {words.strip()}: these are pressures of a calibrated "
+                "system, must be what the ADC reads"
+            )
 
 
-def _table(
-    numeric: list[Line],
-    width: int,
-    trails: bool,
-    header: list[str],
-    said: dict[str, dict[int, str]],
-) -> Table:
+def _table(numeric: list[Line], width: int, trails: bool, header: list[str]) -> Table:
     """Return the lines of one width; what is left of a damaged one holds its place."""
     kept = [line for line in numeric if len(line.words) > _PART * width]
     damaged = np.array([len(line.words) != width + trails for line in kept])
@@ -170,4 +149,4 @@ def _table(
         for k in np.flatnonzero(np.isnan(numbers).any(0))
     }
     numbered, runs = (np.array([getattr(line, of) for line in kept]) for of in ("number", "run"))
-    return Table(numbers, numbered, runs, damaged, header, texts, said)
+    return Table(numbers, numbered, runs, damaged, header, texts)

@@ -26,7 +26,6 @@ class Table:
         damaged: (n,) bool, lines that stand for one of another width.
         names: of the columns; empty: none.
         texts: column -> its fields as text, of columns that hold any.
-        said: name -> {run: text} of what stands above each run.
     """
 
     numbers: np.ndarray
@@ -35,7 +34,6 @@ class Table:
     damaged: np.ndarray
     names: list[str] = field(default_factory=list)
     texts: dict[int, np.ndarray] = field(default_factory=dict)
-    said: dict[str, dict[int, str]] = field(default_factory=dict)
 
     @classmethod
     def of_numbers(cls, numbers: np.ndarray) -> Table:
@@ -57,12 +55,6 @@ class Table:
         name = self.names[k] if self.names else ""
         words = list(self.texts[k][lines]) if k in self.texts else []
         return Column(name, self.numbers[lines, k], words)
-
-    def told(self, name: str, frames: np.ndarray) -> Column:
-        """Return what is said above each of the lines, as a column."""
-        words = [self.said[name].get(run, "") for run in self.runs[frames]]
-        numbers = np.array([number(word) for word in words])
-        return Column(name, numbers, words if np.isnan(numbers).any() else [])
 
 
 @dataclass
@@ -220,7 +212,7 @@ def _first_lines(runs: np.ndarray, lines: int) -> np.ndarray:
 
 
 def _tell_others(table: Table, split: columns.Split, kept, found: Found, cells: range) -> None:
-    """Add to `found` times and notes from what is no cell: columns, and words above each frame."""
+    """Add to `found` times and notes from the columns that are no cells."""
     width, timed, places = table.numbers.shape[1], [], []
     outside = [k for k in range(width) if k not in cells]
     for k, role in zip(outside, split.roles, strict=True):
@@ -232,10 +224,6 @@ def _tell_others(table: Table, split: columns.Split, kept, found: Found, cells: 
             found.notes.append(
                 f"{place} {'counts' if role is Role.COUNTER else 'is a label'}: passed over"
             )
-    for name in table.said:
-        column = table.told(name, kept)
-        if not timed and columns.is_time(column):
-            timed, places = [column], [f"{name!r} above each frame"]
     if timed:
         found.times = columns.times(timed, found.notes, places)
 

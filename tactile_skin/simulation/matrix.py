@@ -10,7 +10,7 @@ from scipy.ndimage import shift
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from .fabric import Fabric
-from .network import Diode, Wiring, voltage_ratio
+from .network import Wiring, voltage_ratio
 
 
 @dataclass
@@ -23,7 +23,6 @@ class Matrix:
     wiring: stripes, leads and multiplexers.
     moving: cells that the contact moves while the board reads from the first row to the last, in
         the direction `heading` [rad].
-    diode: through which each driven line is driven, if any; not of grounded matrices.
     full_scale: lines (rows, then columns) that read full scale whatever is connected.
     """
 
@@ -32,13 +31,7 @@ class Matrix:
     wiring: Wiring
     moving: float = 0.0
     heading: float = 0.0
-    diode: Diode | None = None
     full_scale: list[int] = field(default_factory=list)
-
-    @classmethod
-    def everyday(cls, circuit: Circuit, curve: PressureCurve, rng) -> Matrix:
-        """Draw one with the scatter and the coupling of any fabric, and sound wires."""
-        return cls(circuit, Fabric.everyday(circuit, curve, rng), Wiring.sound(*circuit.shape))
 
     @classmethod
     def resting(cls, circuit: Circuit, curve: PressureCurve, seed: int) -> Matrix:
@@ -66,8 +59,7 @@ class Matrix:
 
     def _read(self, force, factor) -> np.ndarray:
         conductance = self.fabric.conductance(force, factor)
-        ratio = voltage_ratio(conductance, self.wiring, self.circuit)
-        return ratio if self.diode is None else self.diode.ratio(ratio, self.circuit)
+        return voltage_ratio(conductance, self.wiring, self.circuit)
 
     def _scanned(self, force: np.ndarray, factor) -> np.ndarray:
         """(rows, cols) of one scan whose rows are read one after the other."""

@@ -9,7 +9,6 @@ severed parts, at their leads. What else a board joins is added to L.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,8 +17,6 @@ from ..physics.circuit import Circuit
 NOWHERE = -1  # what an address selects when it selects no line
 LEAKAGE = 1e-10  # S, of any insulator that is good enough: it keeps severed parts solvable
 _DRIVER = 1e-3  # ohm of a driver that holds its line
-_THERMAL = 0.02569  # V, k T / q at 25 degrees
-_NEWTON = 20  # steps; they converge quadratically
 _INFINITE = 1e9  # ohm of what is not there: of an ADC's input, say
 
 
@@ -83,44 +80,6 @@ class Wiring:
         of = (self.row_of, self.rows), (self.col_of, self.cols)
         rows, cols = (max(int(cells.max()), int(lines.max())) + 1 for cells, lines in of)
         return rows, cols
-
-
-class Diode(NamedTuple):
-    """A diode through which a line is driven.
-
-    Attributes:
-    saturation: current [A].
-    emission: coefficient of Shockley's law.
-    series: resistance [ohm].
-    supply: voltage that drives a line through it [V].
-    """
-
-    saturation: float
-    emission: float
-    series: float
-    supply: float = 5.0
-
-    def ratio(self, ideal: np.ndarray, circuit: Circuit) -> np.ndarray:
-        """Return the ADC ratio (..., rows, cols) of lines that are driven through diodes.
-
-        A line behind its diode is a resistor to the diode: the same voltage v scales all readings
-        of the line, and v + V_diode(current per volt * v) = supply. That is concave in v, so that
-        Newton's steps from the supply down end at its root.
-
-        Args:
-            ideal: the same without diodes; floating or loaded.
-        """
-        per_volt = ideal / circuit.r_ref  # A
-        if circuit.readout == "loaded":
-            across = -1 if circuit.driven == "rows" else -2
-            per_volt = per_volt.sum(across, keepdims=True)
-        volts, thermal = np.full_like(per_volt, self.supply), self.emission * _THERMAL
-        for _ in range(_NEWTON):
-            amperes = per_volt * volts
-            drop = thermal * np.log1p(amperes / self.saturation) + self.series * amperes
-            slope = per_volt * (thermal / (self.saturation + amperes) + self.series)
-            volts -= (volts + drop - self.supply) / (1.0 + slope)
-        return ideal * volts / self.supply
 
 
 def voltage_ratio(conductance: np.ndarray, wiring: Wiring, circuit: Circuit) -> np.ndarray:

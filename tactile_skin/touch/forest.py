@@ -51,27 +51,3 @@ class Forest(NamedTuple):
                 features[asked] <= self.threshold[node], self.below[node], self.above[node]
             )
             node = np.where(inner, step, node)
-
-    def check(self, features: int) -> None:
-        """Raise ValueError where the numbers are no forest of so many features.
-
-        Each node comes before those that follow it, so that every descent ends.
-        """
-        nodes = len(self.feature)
-        inner = self.feature != _LEAF
-        ahead = np.arange(nodes)
-        sound = (
-            all(len(part) == nodes for part in (self.threshold, self.below, self.above, self.share))
-            and nodes > 0
-            and len(self.roots) > 0
-            and ((self.roots >= 0) & (self.roots < nodes)).all()
-            and ((self.feature >= _LEAF) & (self.feature < features)).all()
-            and all(
-                ((part > ahead) & (part < nodes))[inner].all() for part in (self.below, self.above)
-            )
-            and np.isfinite(self.threshold[inner]).all()
-            and (self.share >= 0.0).all()
-            and np.allclose(self.share[~inner].sum(1), 1.0, atol=0.02)
-        )
-        if not sound:
-            raise ValueError("the trees are damaged: their nodes do not form a forest")

@@ -36,33 +36,18 @@ def pose_of(translation: Sequence[float], quaternion: Sequence[float]) -> Pose:
     Raises:
         ValueError: no unit quaternion, or not finite.
     """
-    x, y, z, w = quaternion
-    if not abs(math.hypot(x, y, z, w) - 1.0) < 1e-3 or not np.isfinite(translation).all():
+    from scipy.spatial.transform import Rotation  # here: a skin without tf does without
+
+    if not abs(math.hypot(*quaternion) - 1.0) < 1e-3 or not np.isfinite(translation).all():
         raise ValueError(f"transform: {translation}, {quaternion}: must be a unit quaternion")
-    rotation = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-    return Pose(rotation, np.asarray(translation, float))
+    return Pose(Rotation.from_quat(quaternion).as_matrix(), np.asarray(translation, float))
 
 
 def quaternion_of(rotation: np.ndarray) -> tuple[float, float, float, float]:
     """(3, 3) rotation -> (x, y, z, w)."""
-    # the largest of the four is computed first: Shepperd, J. Guidance and Control 1, 1978
-    m, trace = rotation, np.trace(rotation)
-    k = int(np.argmax([m[0, 0], m[1, 1], m[2, 2], trace]))
-    if k == 3:
-        found = np.array([m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], 1 + trace])
-    else:
-        i, j = (k + 1) % 3, (k + 2) % 3
-        found = np.zeros(4)
-        found[k] = 1 + 2 * m[k, k] - trace
-        found[i], found[j] = m[k, i] + m[i, k], m[k, j] + m[j, k]
-        found[3] = m[j, i] - m[i, j]
-    return tuple((found / np.linalg.norm(found)).tolist())
+    from scipy.spatial.transform import Rotation
+
+    return tuple(Rotation.from_matrix(rotation).as_quat().tolist())
 
 
 class Frames:

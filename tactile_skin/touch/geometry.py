@@ -7,9 +7,8 @@ the robot's front (REP 103: x forward, y left, z up) and its high columns are on
 
 from __future__ import annotations
 
-import csv
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -113,11 +112,9 @@ def make_geometry(
 
 def rotation_of(roll: float, pitch: float, yaw: float) -> np.ndarray:
     """(3, 3) rotation about the fixed axes x, y, z in turn [rad]."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
-    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
-    about_y = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
-    about_z = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
-    rotation: np.ndarray = about_z @ about_y @ about_x
+    from scipy.spatial.transform import Rotation
+
+    rotation: np.ndarray = Rotation.from_euler("xyz", (roll, pitch, yaw)).as_matrix()
     return rotation
 
 
@@ -192,112 +189,45 @@ def read_table(
     """
     if not str(path):
         raise ValueError("geometry: shape: table needs the name of a file: table")
-    text = read_text(path, _TABLE_BYTES)
-    position = np.zeros((*cells.shape, 3))
-    normal = np.zeros((*cells.shape, 3))
-    area = np.full(cells.shape, float(cell_area))
-    line_of: dict[tuple[int, int], int] = {}
-    for number, values in _lines_of_cells(text, path):
-        where = f"{path}: line {number}"
-        rows, cols = cells.shape
-        cell = (
-            _index(values["row"], "row", rows, where),
-            _index(values["col"], "col", cols, where),
-        )
-        if cell in line_of:
-            raise FileError(
-                f"{where}: row {cell[0]}, col {cell[1]}: already given in line {line_of[cell]}"
-            )
-        if not cells[cell]:
-            raise FileError(f"{where}: row {cell[0]}, col {cell[1]}: circuit.mask has no such cell")
-        line_of[cell] = number
-        position[cell] = _position(values, where)
-        normal[cell] = _normal(values, where)
-        if "area" in values:
-            area[cell] = _area(values["area"], where)
-    absent = [cell for cell in map(tuple, np.argwhere(cells).tolist()) if cell not in line_of]
-    if absent:
-        raise FileError(
-            f"{path}: row {absent[0][0]}, col {absent[0][1]}: no line for this cell"
-            + (f", nor for {len(absent) - 1} others" if len(absent) > 1 else "")
-        )
-    return position, normal, area
-
-
-def _lines_of_cells(text: str, path: str | Path) -> Iterator[tuple[int, dict[str, str]]]:
-    """Yield the number of each line with a cell, from 1, and its words by the header's names."""
-    names: list[str] | None = None
-    for number, line in enumerate(text.splitlines(), 1):
-        if not line.strip(" ,\t") or line.lstrip().startswith("#"):
-            continue
-        where = f"{path}: line {number}"
+    lines = [
+        (number, line.replace('"', ""))
+        for number, line in enumerate(read_text(path, _TABLE_BYTES).splitlines(), 1)
+        if line.strip(" ,\t") and not line.lstrip().startswith("#")
+    ]
+    names = [name.strip() for name in lines[0][1].split(",")] if lines else []
+    if sorted(names) not in (sorted(_NEEDED), sorted((*_NEEDED, "area"))):
+        here = f"line {lines[0][0]}: column names {shorten(lines[0][1])}" if lines else "is empty"
+        raise FileError(f"{path}: {here}: must be {','.join(_NEEDED)} and, if wanted, area")
+    position, normal = np.zeros((2, *cells.shape, 3))
+    area, line_of = np.full(cells.shape, float(cell_area)), np.zeros(cells.shape, int)
+    for number, line in lines[1:]:
+        where = f"{path}: line {number}, {shorten(line)}"
         try:
-            words = [word.strip() for word in next(csv.reader([line]))]
-        except csv.Error as error:
-            raise FileError(f"{where}: {error}") from error
-        if names is None:
-            names = _header(words, where)
-            continue
-        if len(words) != len(names):
-            raise FileError(f"{where}: {len(words)} values: must be {len(names)}")
-        yield number, dict(zip(names, words, strict=True))
-    if names is None:
-        raise FileError(f"{path}: is empty: must start with {','.join(_NEEDED)}")
-
-
-def _position(values: dict[str, str], where: str) -> np.ndarray:
-    position = np.array([_number(values[name], name, where) for name in "xyz"])
-    if (far := np.abs(position).max()) > _FAR:
-        raise FileError(f"{where}: {far:g} m from the origin: must be at most {_FAR:g} m")
-    return position
-
-
-def _normal(values: dict[str, str], where: str) -> np.ndarray:
-    outward = np.array([_number(values[name], name, where) for name in ("nx", "ny", "nz")])
-    length = math.hypot(*outward)
-    if not 1e-9 < length < math.inf:
-        raise FileError(f"{where}: nx, ny, nz = {outward.tolist()}: must have a length above 0")
-    return outward / length
-
-
-def _area(word: str, where: str) -> float:
-    area = _number(word, "area", where)
-    if not 0 < area <= _WIDE:
-        raise FileError(f"{where}: area = {word}: must be above 0 and at most {_WIDE:g} m^2")
-    return area
-
-
-def _header(words: list[str], where: str) -> list[str]:
-    missing = [name for name in _NEEDED if name not in words]
-    unknown = [word for word in words if word not in (*_NEEDED, "area")]
-    if missing or unknown or len(set(words)) != len(words):
-        raise FileError(
-            f"{where}: column names {shorten(','.join(words))}: must be {','.join(_NEEDED)} and, "
-            "if wanted, area, each once"
-        )
-    return words
-
-
-def _index(word: str, name: str, n: int, where: str) -> int:
-    try:
-        value = int(word)
-    except ValueError:
-        value = -1
-    if not 0 <= value < n:
-        raise FileError(
-            f"{where}: {name} = {shorten(word)}: must be a whole number from 0 to {n - 1}"
-        )
-    return value
-
-
-def _number(word: str, name: str, where: str) -> float:
-    try:
-        value = float(word)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise FileError(f"{where}: {name} = {shorten(word)}: must be a finite number")
-    return value
+            values = dict(zip(names, map(float, line.split(",")), strict=True))
+        except ValueError as error:
+            raise FileError(f"{where}: must be {len(names)} numbers") from error
+        row, col, *place, nx, ny, nz = (values[name] for name in _NEEDED)
+        size, length = values.get("area", cell_area), math.hypot(nx, ny, nz)
+        there = row in range(cells.shape[0]) and col in range(cells.shape[1])
+        cell = (int(row), int(col)) if there else (0, 0)
+        for sound, wrong in (
+            (there, "row, col: must be whole numbers below {} and {}".format(*cells.shape)),
+            (cells[cell], "circuit.mask has no such cell"),
+            (not line_of[cell], f"the cell is given in line {line_of[cell]} already"),
+            (np.abs(place).max() <= _FAR, f"x, y, z: must be at most {_FAR:g} m"),
+            (1e-9 < length < math.inf, "nx, ny, nz: must have a finite length above 0"),
+            (0.0 < size <= _WIDE, f"area: must be above 0 and at most {_WIDE:g} m^2"),
+        ):
+            if not sound:
+                raise FileError(f"{where}: {wrong}")
+        line_of[cell], area[cell] = number, size
+        position[cell], normal[cell] = place, np.array([nx, ny, nz]) / length
+    absent = np.argwhere(cells & (line_of == 0))
+    if len(absent):
+        more = f", nor for {len(absent) - 1} others" if len(absent) > 1 else ""
+        row, col = absent[0]
+        raise FileError(f"{path}: row {row}, col {col}: no line for this cell{more}")
+    return position, normal, area
 
 
 def _median_pitch(places: np.ndarray) -> float:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import zipfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -11,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import FileError
+from . import stored
 
 SUFFIX = ".take.npz"
-MOST_BYTES = 50_000_000  # of a file: a minute of a 64 x 64 mat at 25 pictures a second
 VERSION = 1  # of the file
 PAUSE = 1.0  # s without a touch, which parts two takes
 
@@ -39,9 +37,7 @@ class Take(NamedTuple):
         """Write the take to an .npz file."""
         head = {"version": VERSION, "label": self.label, "person": self.person}
         head |= {"period": self.period, "pitch": self.pitch}
-        text = np.frombuffer(json.dumps(head).encode(), np.uint8)
-        with open(path, "wb") as file:
-            np.savez_compressed(file, head=text, pictures=self.pictures.astype(np.float32))
+        stored.save(path, head, {"pictures": self.pictures.astype(np.float32)})
 
 
 def load_take(path: str | Path) -> Take:
@@ -50,31 +46,16 @@ def load_take(path: str | Path) -> Take:
     Raises:
         FileError: the file is absent, too large, or no take.
     """
-    path = Path(path)
-    try:
-        if path.stat().st_size > MOST_BYTES:
-            raise FileError(f"{path}: larger than {MOST_BYTES} bytes: is it a take?")
-        with np.load(path, allow_pickle=False) as data:
-            head = json.loads(bytes(data["head"]).decode())
-            pictures = np.asarray(data["pictures"], float)
-        take = Take(
-            str(head["label"]),
-            str(head["person"]),
-            pictures,
-            float(head["period"]),
-            float(head["pitch"]),
-        )
+    with stored.load(path, "take") as (head, arrays):
+        pictures = np.asarray(arrays["pictures"], float)
+        period, pitch = float(head["period"]), float(head["pitch"])
         if head["version"] != VERSION:
             raise ValueError(f"version {head['version']}: must be {VERSION}")
         if pictures.ndim != 3 or not (np.isfinite(pictures).all() and (pictures >= 0.0).all()):
             raise ValueError("pictures must be (T, rows, cols), finite and 0 or more")
-        if not (take.period > 0.0 and take.pitch > 0.0):
+        if not (period > 0.0 and pitch > 0.0):
             raise ValueError("period and pitch must be above 0")
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror or error}") from error
-    except (ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
-        raise FileError(f"{path}: is no take: {error}") from error
-    return take
+        return Take(str(head["label"]), str(head["person"]), pictures, period, pitch)
 
 
 def find_takes(paths: Iterable[str | Path]) -> Iterator[Path]:

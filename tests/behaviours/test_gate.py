@@ -80,14 +80,6 @@ def test_a_cover_of_unknown_shape_lets_no_motion_pass_while_it_is_pushed():
     assert not is_zero(ask(gate, unit(0.0)))
 
 
-def test_a_push_from_the_left_never_blocks_moving_right():
-    """REP 103: y is left. Also while it drives on, and whatever the right part of it is."""
-    gate = pushed(math.pi / 2)
-    for forward in (-1.0, 0.0, 2.0):
-        assert ask(gate, (forward, -0.3, 0.0)).linear[0] == forward
-    assert is_zero(ask(gate, (0.0, 0.3, 0.0)))
-
-
 @pytest.mark.parametrize(("turn", "passes"), [(1.0, True), (-1.0, False)])
 def test_a_rotation_that_turns_the_skin_into_the_hand_is_blocked(turn, passes):
     """A hand on the front, left of the axis: a left turn takes the skin back, away from it."""
@@ -106,10 +98,6 @@ def test_a_rotation_between_two_hands_turns_the_skin_into_one_of_them(turn):
     gate.touch(10.0, 60.0, (-60.0, 0.0, 0.0), [(0.3, 0.2, 0.0), (0.3, -0.2, 0.0)])
     assert is_zero(ask(gate, angular=(0.0, 0.0, turn)))
     assert ask(gate, (-0.3, 0.0, 0.0), (0.0, 0.0, turn)).reason == ""  # faster away than it turns
-
-
-def test_a_rotation_about_a_cylinders_axis_moves_along_the_skin():
-    assert ask(pushed(0.7), angular=(0.0, 0.0, 1.0)).angular[2] == 1.0
 
 
 def test_a_base_that_cannot_move_sideways_is_never_told_to():
@@ -253,15 +241,6 @@ def test_a_squeeze_blocks_both_sides():
         assert motion.reason == "push: it comes from several sides"
 
 
-@pytest.mark.parametrize("apart", [60, 90, 180])
-def test_two_pushes_from_sides_far_apart_have_no_direction(apart):
-    sides = [0.0, math.radians(apart)]
-    gate = Gate(CONFIG)
-    gate.stop(10.0, PUSH)
-    gate.touch(10.0, 60.0, sum(-30.0 * unit(s) for s in sides), (0.1, 0.1, 0.0))
-    assert is_zero(ask(gate, -unit(math.radians(apart / 2))))
-
-
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 def test_a_touch_that_is_no_number_has_no_direction(bad):
     for force, centre in (((bad, 0.0, 0.0), (0.0,) * 3), ((-40.0, 0.0, 0.0), (0.0, bad, 0.0))):
@@ -317,32 +296,6 @@ def test_the_next_push_does_not_take_the_last_ones_direction():
     gate.stop(10.03, PUSH)
     for course in EIGHT:
         assert ask(gate, unit(course), t=10.03).reason == "push: its direction is unknown"
-
-
-def test_a_push_has_its_direction_at_once():
-    """The touch grew before it was a push: the gate has followed it."""
-    gate = Gate(CONFIG)
-    for k in range(10):
-        gate.touch(10.0 + k / 100, 3.0 * k, -3.0 * k * unit(0.0), RADIUS * unit(0.0))
-        gate.stop(10.0 + k / 100, FREE)
-    gate.stop(10.09, PUSH)
-    assert not is_zero(ask(gate, (-1.0, 0.0, 0.0), t=10.09))
-
-
-@pytest.mark.parametrize(
-    ("kwargs", "message"),
-    [
-        ({"command_timeout": 0.0}, "command_timeout = 0.0"),
-        ({"stop_timeout": -1.0}, "stop_timeout = -1.0"),
-        ({"touch_timeout": math.nan}, "touch_timeout = nan"),
-        ({"touch": 0.0}, "touch = 0.0"),
-        ({"alignment": 0.0}, "alignment = 0.0"),
-        ({"alignment": 1.1}, "alignment = 1.1"),
-    ],
-)
-def test_settings_that_open_the_gate_for_good_are_refused(kwargs, message):
-    with pytest.raises(ValueError, match=message):
-        GateConfig(**kwargs)
 
 
 def test_a_clock_that_is_set_back_does_not_make_it_deaf_to_touches():

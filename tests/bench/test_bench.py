@@ -10,14 +10,13 @@ import pytest
 from tactile_skin import Circuit, PressureCurve, cli, forward
 from tactile_skin.bench import chart, run, speed, stability
 from tactile_skin.bench.measure import Clock, day, errors
-from tactile_skin.bench.troubles import FAULTS, TROUBLES, UNEVEN, faulty, pressed
+from tactile_skin.bench.troubles import TROUBLES, UNEVEN, pressed
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.simulation import scenes
 from tactile_skin.simulation.textile import Sample, Textile
 from tactile_skin.solvers import METHODS
 
 CIRCUIT, CURVE = Circuit(), PressureCurve()
-SMALL = Circuit(5, 4)
 
 
 @pytest.fixture(scope="module")
@@ -44,17 +43,6 @@ def test_pressed_areas_are_as_large_and_heavy_as_asked():
         force = pressed(20, share, 300.0, CIRCUIT, rng)
         assert (force > 0).mean() == pytest.approx(share, abs=0.03)
         assert force[force > 0].mean() == pytest.approx(300 * GRAM, rel=0.05)
-
-
-@pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_changes_the_reading(fault, resistance):
-    adc = faulty(CIRCUIT, resistance[0], fault, np.random.default_rng(6))
-    assert np.abs(adc - forward(CIRCUIT, resistance[0])).max() > 2 / 1023
-
-
-def test_an_unknown_fault_is_refused(resistance):
-    with pytest.raises(ValueError, match="must be one of open, short"):
-        faulty(CIRCUIT, resistance[0], "rust", np.random.default_rng(0))
 
 
 # --- what the figures are made of ---

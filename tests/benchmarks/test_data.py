@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from support import faulty
 from support.faulty import SHAPE, board_of, frames, pressed
+from support.lab.board import (
+    KNOTS,
+)
 
 from benchmarks import pages
 from benchmarks.faults import table
 from benchmarks.faults.data import DATA
 from benchmarks.faults.reliability import FAULTS
-from tactile_skin.simulation.board import (
-    KNOTS,
-)
 
 
 def fault_of(name: str):

@@ -5,14 +5,14 @@ import json
 import numpy as np
 import pytest
 from support.chain import Chain
+from support.lab import touches
+from support.lab.board import KNOTS, FaultBoard
 
 from benchmarks.faults import __main__ as faults
 from benchmarks.faults import reliability, table
 from benchmarks.faults.data import DATA
 from benchmarks.faults.reliability import FAULTS, Record, configured, count, play
 from tactile_skin import Circuit, PressureCurve
-from tactile_skin.simulation import touches
-from tactile_skin.simulation.board import KNOTS, FaultBoard
 
 CURVE = PressureCurve()
 END = CURVE.max_force

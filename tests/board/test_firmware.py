@@ -7,7 +7,17 @@ import threading
 import numpy as np
 import pytest
 from support.chips import needs_chip
-from support.firmware import CURVE, STEPS, frames_of, resistance, steady, time_constant
+from support.firmware import (
+    BROWN_OUT,
+    CURVE,
+    STEPS,
+    WATCHDOG,
+    Chip,
+    frames_of,
+    resistance,
+    steady,
+    time_constant,
+)
 from support.marks import ci
 from support.simulated import PATIENCE
 
@@ -15,8 +25,6 @@ from tactile_skin import Circuit, compensate, forward, measure_rest
 from tactile_skin.board import description
 from tactile_skin.board.description import command, find_description
 from tactile_skin.board.firmware import build
-from tactile_skin.board.firmware import chip as simulated_chip
-from tactile_skin.board.firmware.chip import BROWN_OUT, Chip
 from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.errors import FirmwareError
 from tactile_skin.launch import launch
@@ -189,7 +197,7 @@ def test_10000_random_bytes_do_not_hang_it(chip):
 def test_a_program_that_hangs_is_restarted_by_the_watchdog(chip):
     chip.hang()
     data = chip.run(0.2)
-    assert find_description(data).reset_cause == simulated_chip.WATCHDOG
+    assert find_description(data).reset_cause == WATCHDOG
     assert len(BinaryParser().feed(data)) > 10
 
 

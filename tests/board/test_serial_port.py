@@ -95,15 +95,6 @@ def test_frames_arrive(tmp_path, heard, reading):
     assert reader.parser.counters.corrupt == 0
 
 
-def test_no_frame_comes_after_close(tmp_path, heard, reading):
-    with serving(tmp_path / "skin"):
-        reader = reading(tmp_path / "skin")
-        heard.wait_for_frames()
-        reader.close()
-        reader.close()  # twice does no harm
-        assert not reader._thread.is_alive()
-
-
 def test_an_unplugged_board_is_found_again(tmp_path, heard, reading):
     """Counted and said; the counters of the whole run go on."""
     link = tmp_path / "skin"
@@ -213,18 +204,6 @@ def test_a_port_may_take_its_time_without_a_word(tmp_path, heard, reading):
         heard.wait_for_frames()
         reader.close()
     assert heard.lines == [f"frames arrive on {tmp_path / 'later'}"]
-
-
-def test_a_baud_rate_that_the_port_cannot_do_is_said(monkeypatch, heard, reading):
-    """pyserial has a plain ValueError for it; the reader goes on."""
-
-    def refuse(*_, **__):
-        raise ValueError("Failed to set custom baud rate")
-
-    monkeypatch.setattr(serial, "serial_for_url", refuse)
-    reader = reading("/dev/ttyTEST")
-    heard.wait_for_line("port /dev/ttyTEST: Failed to set custom baud rate")
-    assert reader._thread.is_alive()
 
 
 def test_a_port_in_use_is_said_to_be(silent_port, heard, reading):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.lab.unknown import Creeping
 from support.weights import objects, stream
 from test_guide import SHAPE, Unknown, bodies
 
@@ -10,7 +11,6 @@ from tactile_skin.errors import FileError
 from tactile_skin.launch import read_skin
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.recording.reference import read_reference
-from tactile_skin.simulation.unknown import Creeping
 
 
 @pytest.fixture(scope="module")

@@ -10,9 +10,9 @@ import time
 import numpy as np
 import pytest
 from support.device import Device, run
+from support.lab.unknown import Unknown
 
 from tactile_skin.simulation import simulator
-from tactile_skin.simulation.unknown import Unknown
 
 
 @pytest.fixture

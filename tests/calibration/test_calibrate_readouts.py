@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.lab.board import FaultBoard
 from support.marks import ci
 from support.weights import bodies, objects
 
@@ -9,7 +10,6 @@ from tactile_skin import Circuit, PressureCurve, cli, compensate
 from tactile_skin.calibration.rest import measure_rest
 from tactile_skin.launch import read_skin
 from tactile_skin.physics.curve import GRAM
-from tactile_skin.simulation.board import FaultBoard
 
 SHAPE, FULL = (8, 8), 1023.0
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from support.creep import calibrated, felt
+from support.lab.unknown import Creeping
 from support.weights import known, objects
 
 from tactile_skin import Creep, PressureCurve, measure_creep, measure_rest
 from tactile_skin.calibration.creep import LIMIT, Standing, as_it_comes
-from tactile_skin.simulation.unknown import Creeping
 
 CURVE, CREEP = PressureCurve(), Creep(0.05, 1.0)
 SHAPE = 8, 8

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from support.lab.unknown import Creeping, Unknown
 from support.marks import slow
 from support.resting import noisy_cells
 from support.weights import bodies, objects
@@ -18,7 +19,6 @@ from tactile_skin.guide import Guide, newtons, picture
 from tactile_skin.middleware import written
 from tactile_skin.middleware.config import read_skin
 from tactile_skin.physics.curve import GRAM, PressureCurve
-from tactile_skin.simulation.unknown import Creeping, Unknown
 
 SHAPE = 12, 12
 WEIGHTS = 3.0, 5.0, 8.0, 12.0, 17.0, 23.0, 30.0, 38.0, 44.0, 49.0  # N

@@ -5,18 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.lab.unknown import Unknown, UnknownDriven
 from support.marks import ci, slow
-from support.tracked import run
 from support.weights import bodies
 
 from tactile_skin import Circuit, PressureCurve, identify, measure_rest
-from tactile_skin.calibration.identify import std_of
-from tactile_skin.calibration.rest import Rest, resting_conductance, supposing
+from tactile_skin.calibration.rest import resting_conductance, supposing
 from tactile_skin.calibration.tare import Tare
 from tactile_skin.calibration.tracker import CircuitTracker
-from tactile_skin.simulation.unknown import Unknown, UnknownDriven
-from tactile_skin.solvers import evidence
-from tactile_skin.solvers.evidence import HARD, Evidence, Supposed
+from tactile_skin.solvers.evidence import HARD, Supposed
 
 SHAPE = 12, 12
 
@@ -280,16 +277,6 @@ def test_one_touch_that_tells_r_drive_is_a_hint():
     assert late.unknown < 10.0 and not suggested(late)
 
 
-def test_r_drive_is_used_where_the_touches_do_not_tell_r_par():
-    """Of r_ref + r_par only their sum is told, here to 8 ohm of 470."""
-    known, off, std, message, *_ = run(
-        35, 1.0, 40.0, [(8, 8)], "grounded-rows", r_drive=40.0, r_ref=470.0, r_par=0.0
-    )
-    assert known < 8  # touches
-    assert abs(off[1]) < 3.0 * std[1] < 9.0
-    assert "r_drive is" in message and "r_par" not in message
-
-
 @pytest.mark.parametrize(("off", "std", "kept"), [(20, 9, True), (60, 9, False), (60, 40, True)])
 def test_a_curve_keeps_the_r_par_that_it_was_found_with(board, off, std, kept):
     """It makes up for what that was wrong by; a board that has changed is followed."""
@@ -297,14 +284,6 @@ def test_a_curve_keeps_the_r_par_that_it_was_found_with(board, off, std, kept):
     tracker = follow(board, circuit, standing(board, 12), r_par_std=std)
     assert (tracker.circuit == circuit) == kept
     assert "calibrate again" in said(tracker)
-
-
-def test_few_touches_that_stand_tell_r_par():
-    """The mean of the frames of each has little noise. Of these six, four say anything."""
-    board = Unknown(SHAPE, seed=11, r_par=0.85, line=0.0)
-    board.idle = board.at_rest()
-    tracker = follow(board, board.supposed, standing(board, 16)[:6])
-    assert tracker.circuit.r_par == pytest.approx(board.r_par, abs=10.0)
 
 
 def test_a_touch_tells_more_the_longer_it_stands(board):
@@ -329,39 +308,3 @@ def test_a_touch_that_moves_is_not_asked(board):
         tracker.offer(0.5 * k, adc, 0.5)
         assert not tracker.ask(PressureCurve(), 0.5)
     assert tracker.values() == {}
-
-
-@pytest.mark.parametrize(
-    ("noise", "low", "high"), [(1.0, 0.6, 1.4), (0.3, 0.3, 1.4), (0.0, 0.1, 2.0)]
-)
-def test_the_mean_of_a_touch_that_stands_is_as_certain_as_its_frames_make_it(
-    monkeypatch, noise, low, high
-):
-    """chi^2 a reading of the right circuit is about 1. Rounding does not average out if no noise
-    moves the readings: such means are whole, and hardly more certain than one frame; the rest is as
-    uncertain then."""
-    monkeypatch.setattr(evidence, "_MODEL", 0.0)  # this board is as the model
-    board = Unknown(SHAPE, seed=170001, noise=noise, line=0.0, lateral=0.0)
-    board.idle = board.at_rest()
-    true = replace(board.supposed, r_par=board.r_par)
-    of_mean = (noise**2 + 1.0 / 12.0) ** 0.5 / 2.0  # of four samples
-    asked = follow(board, true, standing(board, 16)[:6], of_mean)._asked
-    assert len(asked) >= 3
-    assert low < np.median([a.evidence.chi2 / a.evidence.count for a in asked]) < high
-
-
-@pytest.mark.parametrize("factor", [0.6, 1.0, 1.6])
-def test_the_scatter_of_frames_is_what_many_are_judged_by(factor):
-    """Sixteen frames whose scores differ by `factor` of what noise is supposed to leave."""
-    scores = factor * np.random.default_rng(170002).standard_normal((400, 16, 2))
-    rest, supposed = Rest(np.zeros((1, 1)), 0.0, 1, np.ones((1, 1))), Supposed.__new__(Supposed)
-    supposed.rest, supposed.circuit = np.ones((1, 1)), Circuit(1, 1)
-    supposed.by_reading = lambda by_rest: np.zeros((2, 1))
-    one = np.eye(2), np.zeros((2, 1, 1)), 10.0, 10
-    named = [
-        std_of([Evidence(score, *one) for score in each], 16.0 * np.eye(2), rest, supposed)
-        for each in scores
-    ]
-    off = scores.sum(1) / 16.0
-    within = np.mean(np.abs(off) < named, axis=0)
-    assert (within > 0.58).all() and (within < 0.83).all()

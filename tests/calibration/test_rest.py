@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from support import resting
+from support.lab.unknown import Unknown
 
 from tactile_skin import measure_rest
-from tactile_skin.simulation.unknown import Unknown
 
 SHAPES = (4, 4), (8, 12), (16, 16)
 

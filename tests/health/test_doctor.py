@@ -5,16 +5,16 @@ import re
 import numpy as np
 import pytest
 from support.damaged import KINDS, Case, explains
+from support.lab.unknown import Unknown
 from support.marks import ci
 from support.weights import known
 
 from tactile_skin import Circuit, cli, diagnose, forward
 from tactile_skin.board.frame import Counters
 from tactile_skin.commands import doctor as command
-from tactile_skin.health.doctor.wiring import Wires, search
+from tactile_skin.health.doctor.wiring import Wires
 from tactile_skin.middleware.config import skin_of
 from tactile_skin.physics.readouts import DRIVEN, READOUTS
-from tactile_skin.simulation.unknown import Unknown
 
 SHAPE, SECONDS = (10, 12), 40.0
 
@@ -114,20 +114,6 @@ def test_faults_that_may_hide_one_another_are_named_on_most_boards(name):
     assert named >= least
 
 
-@pytest.mark.parametrize("off", [-200.0, 0.0, 200.0])
-def test_a_short_with_another_series_resistance_has_no_bad_lead(off):
-    """200 ohm, as of an r_ref that is 10 % off; the line of less resistance shows more of it."""
-    circuit, rng = Circuit(32, 32), np.random.default_rng(146200)
-    wires = Wires.sound(circuit, 2e4)
-    wires.joined.append((0, 5, 6))
-    rho = wires.resistance() * np.exp(0.003 * rng.standard_normal(circuit.shape)) + off
-    known = np.ones(circuit.shape, bool)
-    known[6] = False
-    damages, wires = search(circuit, rho, known, wires)
-    assert damages == []
-    assert wires.cell == pytest.approx(2e4, rel=0.2)
-
-
 @pytest.mark.parametrize("readout", READOUTS)
 @pytest.mark.parametrize("driven", DRIVEN)
 def test_sound_wires_are_the_circuit(readout, driven):
@@ -153,29 +139,6 @@ def test_a_palm_that_stands_still_is_no_fault(palms, cells):
             ratio = board.expose(share * palm)
             frames += [board.sample(ratio) for _ in range(n)]
     assert diagnose(frames, known(board), series=False) == []
-
-
-@pytest.mark.parametrize("stuck", [None, 10])
-def test_hard_fingers_on_a_small_skin_are_no_stuck_bits(stuck):
-    """Few readings lie between those of rest and of a pressed cell; none if the bit is stuck."""
-    circuit, rng = (
-        Circuit(6, 7, r_ref=4700.0, r_par=140.0, adc_bits=12),
-        np.random.default_rng(58426),
-    )
-    rest, frames = 1.0 / (45e3 * np.exp(rng.normal(0.0, 0.2, circuit.shape))), []
-    for _ in range(16):
-        at = rng.uniform(0.5, 4.5), rng.uniform(0.5, 5.5)
-        apart = np.hypot(*(np.indices(circuit.shape) - np.reshape(at, (2, 1, 1))))
-        size = rng.choice([0.9, 1.3, 2.5])
-        added = rng.uniform(2e-3, 8e-3) * np.clip(2.0 * (size - apart), 0.0, 1.0)
-        for share in np.repeat([0.0, 0.3, 0.8, 1.0, 0.2], [14, 1, 1, 18, 1]):
-            adc = 4095.0 * forward(circuit, 1.0 / (rest + share * added))
-            frames.append(np.rint(adc + 0.8 * rng.standard_normal(adc.shape)).astype(int))
-    frames = np.array(frames)
-    if stuck:
-        frames |= 1 << stuck
-    found = diagnose(np.clip(frames, 0, 4095) / 4095.0, circuit, series=False)
-    assert [f.kind for f in found] == ([] if stuck is None else ["bits"])
 
 
 def test_a_board_that_reads_one_voltage_has_no_signal():

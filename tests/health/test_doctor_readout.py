@@ -10,6 +10,8 @@ from support.damaged import KINDS as FAULTS
 from support.damaged import Case, explains
 from support.diodes import recorded as recorded_behind
 from support.kirchhoff import forward_voltage
+from support.lab.board import KNOTS, FaultBoard
+from support.lab.touches import everyday
 from support.marks import ci, slow
 
 from tactile_skin import Circuit, PressureCurve, compensate, diagnose, measure_rest
@@ -22,8 +24,6 @@ from tactile_skin.physics.adc import Adc
 from tactile_skin.physics.circuit import forward
 from tactile_skin.physics.readouts import PASSIVE
 from tactile_skin.simulation import scenes, simulator
-from tactile_skin.simulation.board import KNOTS, FaultBoard
-from tactile_skin.simulation.touches import everyday
 
 CURVE = PressureCurve()
 KINDS = [

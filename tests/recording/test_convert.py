@@ -1,7 +1,6 @@
 """Readings leave as NumPy and CSV, and come back as they were."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,8 +13,6 @@ from tactile_skin.recording import Recording, cdr
 from tactile_skin.recording.convert import export, to_recording
 from tactile_skin.recording.frames import Frames, read_frames
 from tactile_skin.recording.writer import Writer
-
-ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture

@@ -5,10 +5,10 @@ import pytest
 from support import faulty
 from support.faulty import SHAPE, board_of, frames, pressed
 from support.kirchhoff import adc_ratio
+from support.lab.board import FaultBoard
+from support.lab.damage import ELECTRICAL
 
 from tactile_skin import Circuit, forward
-from tactile_skin.simulation.board import FaultBoard
-from tactile_skin.simulation.damage import ELECTRICAL
 from tactile_skin.simulation.network import NOWHERE, Wiring, between_leads, driven_ratio
 
 

@@ -2,19 +2,18 @@
 
 import numpy as np
 import pytest
+from support.lab.parts import BadConverter, BadFabric
+from support.lab.unknown import Creeping, Unknown
 
 from tactile_skin import Circuit, PressureCurve
-from tactile_skin.simulation.converter import Converter
-from tactile_skin.simulation.fabric import Fabric
-from tactile_skin.simulation.unknown import Creeping, Unknown
 
 CIRCUIT, CURVE = Circuit(4, 5), PressureCurve()
 CELL, OTHER = (1, 2), (3, 4)
 IN_CELL, IN_OTHER = (slice(None), *CELL), (slice(None), *OTHER)
 
 
-def fabric() -> Fabric:
-    return Fabric.everyday(CIRCUIT, CURVE, np.random.default_rng(1))
+def fabric() -> BadFabric:
+    return BadFabric.everyday(CIRCUIT, CURVE, np.random.default_rng(1))
 
 
 def test_a_loose_cell_conducts_nothing_for_its_share_of_the_time():
@@ -40,7 +39,7 @@ def test_beyond_the_curves_end_the_fabric_goes_on_conducting_more():
 
 
 def test_dips_take_their_share_of_the_samples():
-    converter = Converter(1023, noise=0.0, dips={CELL: (0.25, 0.5)})
+    converter = BadConverter(1023, noise=0.0, dips={CELL: (0.25, 0.5)})
     found = converter.count(np.full((2000, *CIRCUIT.shape), 0.6), np.random.default_rng(2))
     assert set(np.unique(found[IN_CELL])) == {307, 614}
     assert (found[IN_CELL] == 307).mean() == pytest.approx(0.25, abs=0.04)

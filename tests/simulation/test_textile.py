@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.kirchhoff import DIODES, adc_ratio, behind_diodes
+from support.lab.parts import Diode
 
 from tactile_skin import Circuit, PressureCurve, forward
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.simulation import scenes
-from tactile_skin.simulation.network import NOWHERE, Diode, Wiring, between_leads
+from tactile_skin.simulation.network import NOWHERE, Wiring, between_leads
 from tactile_skin.simulation.textile import Textile, expose
 
 CIRCUIT, CURVE = Circuit(), PressureCurve()

@@ -7,9 +7,10 @@ import pytest
 from support.accuracy import accuracy
 from support.prior import family as by_family
 from support.prior import load as load_of
+from support.troubled import FAULTS, faulty
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
-from tactile_skin.bench.troubles import EVERYDAY, FAULTS, faulty
+from tactile_skin.bench.troubles import EVERYDAY
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.simulation import scenes, textile
 from tactile_skin.solvers import map as map_solver

@@ -5,14 +5,15 @@ import zlib
 
 import numpy as np
 import pytest
+from support.lab import touches
+from support.lab.board import FaultBoard
 from support.marks import ci
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.calibration.rest import resting_conductance
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.physics.readouts import PASSIVE
-from tactile_skin.simulation import scenes, touches
-from tactile_skin.simulation.board import FaultBoard
+from tactile_skin.simulation import scenes
 from tactile_skin.simulation.textile import Textile, read
 from tactile_skin.solvers.reading import SCAN_NOISE, check_reading
 from tactile_skin.solvers.rivals import other_r_par

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from support.lab.unknown import Creeping
 from support.weights import bodies, known, objects
 from tactile_skin import compensate, fit_curve, identify, measure_rest
 from tactile_skin.calibration.creep import LAID, Standing, as_it_comes, measure_creep
 from tactile_skin.physics.creep import Creep
-from tactile_skin.simulation.unknown import Creeping
 
 
 def calibrated(skin: Creeping, objects_n: int, touches: int, seed: int):

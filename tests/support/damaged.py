@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from support.lab.board import READOUTS as SCANNED
+from support.lab.board import Fault, FaultBoard
+from support.lab.damage import ELECTRICAL
+from support.lab.parts import Diode
+from support.lab.touches import everyday
 from tactile_skin import Circuit, PressureCurve
 from tactile_skin.physics.readouts import DRIVEN
-from tactile_skin.simulation.board import READOUTS as SCANNED
-from tactile_skin.simulation.board import Fault, FaultBoard
-from tactile_skin.simulation.damage import ELECTRICAL
-from tactile_skin.simulation.network import Diode
-from tactile_skin.simulation.touches import everyday
 
 SHAPES = (8, 8), (8, 12), (12, 16), (16, 16), (24, 16), (32, 32)
 KINDS = {  # of the report: names in `ELECTRICAL`

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from support.lab.unknown import Unknown, UnknownDriven
 from support.weights import bodies, objects
 from tactile_skin.board import protocol
 from tactile_skin.launch import launch
@@ -23,7 +24,6 @@ from tactile_skin.middleware.config import read_skin
 from tactile_skin.msg import Image, image_array
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.simulation import simulator
-from tactile_skin.simulation.unknown import Unknown, UnknownDriven
 
 OBJECTS, NEW = 10, 15  # that are weighed; that are felt afterwards
 PRESSED = 0.8  # s that a touch stands, and then the next

@@ -6,7 +6,7 @@ import numpy as np
 
 from support.damaged import Case
 from support.kirchhoff import DIODES
-from tactile_skin.simulation.network import Diode
+from support.lab.parts import Diode
 
 SHAPES, R_REF, R_PAR = ((8, 8), (9, 9), (16, 16)), (1780.0, 10e3, 35e3), 25.0
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from support.lab.board import KNOTS, FaultBoard
 from tactile_skin import Circuit, PressureCurve
 from tactile_skin.board import formats
-from tactile_skin.simulation.board import KNOTS, FaultBoard
 
 CURVE = PressureCurve()
 SHAPE = (5, 4)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
 import subprocess
 import time
@@ -13,7 +14,8 @@ from support.chips import AVR8JS
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.board import description
 from tactile_skin.board.firmware import build
-from tactile_skin.board.firmware.chip import CLOCK, TAU, Chip, Measured
+from tactile_skin.board.firmware import chip as simulated
+from tactile_skin.board.firmware.chip import CLOCK, TAU
 from tactile_skin.board.frame import Counters
 from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.simulation import scenes
@@ -21,6 +23,45 @@ from tactile_skin.simulation import scenes
 STEPS = 1024  # of the ADC in the supply's voltage (data sheet: ADC = V * 1024 / V_ref)
 CURVE = PressureCurve()
 _CHUNK = 0.01  # s
+BROWN_OUT, WATCHDOG = 4, 8  # causes of a reset, as in MCUSR
+
+
+class Measured(NamedTuple):
+    """What was seen of the chip's work, in cycles of its clock.
+
+    Attributes:
+        cycles: since the start.
+        conversions: of the ADC.
+        settling: least time from a switch of the multiplexers to the next conversion.
+        hold: least time from the begin of a conversion to the next switch.
+        early, late: most that a conversion began before or after its tick.
+        overruns: bytes that came faster than the program took them.
+    """
+
+    cycles: int
+    conversions: int
+    settling: int
+    hold: int
+    early: int
+    late: int
+    overruns: int
+
+
+class Chip(simulated.Chip):
+    """A chip that is measured, and that things happen to."""
+
+    def hang(self) -> None:
+        """Let the program run astray, into a loop that never ends."""
+        assert self._library.chip_hang(self._chip)
+
+    def slow_line(self, cycles: int) -> None:
+        """Let the serial line take so many cycles for a byte, instead of 160."""
+        self._library.chip_set_byte_cycles(self._chip, cycles)
+
+    def measured(self) -> Measured:
+        values = (ctypes.c_int64 * len(Measured._fields))()
+        self._library.chip_measured(self._chip, values)
+        return Measured(*values)
 
 
 def resistance(circuit: Circuit, scene: str, t: float = 0.0) -> np.ndarray:

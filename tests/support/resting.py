@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from support.lab.unknown import Unknown
 from tactile_skin.simulation import scenes
-from tactile_skin.simulation.unknown import Unknown
 
 NOISY = "scatters", "jumps", "drops to 0", "loses contact"
 TOUCHED = "comes", "goes", "part of the time", "taps", "drifts"

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from support.damaged import frames_of
+from support.lab.board import READOUTS, FaultBoard
+from support.lab.touches import everyday
 from tactile_skin import Circuit, PressureCurve
 from tactile_skin.middleware.bus import Context, ManualClock, Node, Parameter
 from tactile_skin.msg import Header, image
 from tactile_skin.nodes.compensation import Compensation
-from tactile_skin.simulation.board import READOUTS, FaultBoard
-from tactile_skin.simulation.touches import everyday
 from tactile_skin.solvers.evidence import series_scale
 
 KNOWN, DRIVE = 0.03, 3.0  # ohm of r_drive

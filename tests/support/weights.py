@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from support.lab.unknown import Unknown
 from tactile_skin import (
     PressureCurve,
     compensate,
@@ -13,7 +14,6 @@ from tactile_skin import (
 from tactile_skin.physics.creep import Creep
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.simulation import scenes
-from tactile_skin.simulation.unknown import Unknown
 
 LIGHTEST, HEAVIEST = 300.0 * GRAM, 5000.0 * GRAM  # N
 HARDEST = 1000.0 * GRAM  # N on a cell

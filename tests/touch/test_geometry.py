@@ -124,25 +124,21 @@ def test_a_table_leaves_out_cells_that_the_circuit_has_not(table):
     cells = np.array([[True, True], [True, False]])
     geometry = table("\n".join(TABLE.splitlines()[:-1]), cells=cells)
     assert not geometry.normal[1, 1].any()
-    with pytest.raises(ValueError, match=r"line 7: row 1, col 1: circuit\.mask has no such cell"):
+    with pytest.raises(ValueError, match=r"line 7, .*: circuit\.mask has no such cell"):
         table(TABLE, cells=cells)
 
 
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("0,1, 0.1", "0,1, wide", r"cells.csv: line 5: x = 'wide': must be a finite number"),
-        ("0,1, 0.1", "0,1, nan", "line 5: x = 'nan'"),
-        (
-            "1,1,0, 1e-4",
-            "0,0,0, 1e-4",
-            r"line 5: nx, ny, nz = \[0.0, 0.0, 0.0\]: must have",
-        ),
-        ("0,3,0, 2e-4", "0,3,0, 0", "line 7: area = 0: must be above 0 and at most 1 m"),
-        ("0,3,0, 2e-4", "0,3,0", "line 7: 8 values: must be 9"),
-        ("1,1, 0.1", "2,1, 0.1", "line 7: row = '2': must be a whole number from 0 to 1"),
-        ("1,1, 0.1", "1,x, 0.1", "line 7: col = 'x'"),
-        ("1,1, 0.1", "1,0, 0.1", "line 7: row 1, col 0: already given in line 6"),
+        ("0,1, 0.1", "0,1, wide", r"cells.csv: line 5, .*wide.*: must be 9 numbers"),
+        ("0,1, 0.1", "0,1, nan", "line 5, .*: x, y, z: must be at most 100 m"),
+        ("1,1,0, 1e-4", "0,0,0, 1e-4", "line 5, .*: nx, ny, nz: must have"),
+        ("0,3,0, 2e-4", "0,3,0, 0", "line 7, .*: area: must be above 0 and at most 1 m"),
+        ("0,3,0, 2e-4", "0,3,0", "line 7, .*: must be 9 numbers"),
+        ("1,1, 0.1", "2,1, 0.1", "line 7, .*: row, col: must be whole numbers below 2 and 2"),
+        ("1,1, 0.1", "1,x, 0.1", "line 7, .*x.*: must be 9 numbers"),
+        ("1,1, 0.1", "1,0, 0.1", "line 7, .*: the cell is given in line 6 already"),
         ("1,1, 0.1, 0.01, 0.0, 0,3,0, 2e-4\n", "", "row 1, col 1: no line for this cell"),
         ("nz,area", "nz,weight", "line 2: column names .*weight.: must be row,col,x"),
         ("row,col", "row,row", "line 2: column names"),

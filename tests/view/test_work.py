@@ -9,13 +9,13 @@ pytest.importorskip("websockets", reason="serves the page")
 
 from support import chromium
 from support.chromium import Chromium, until
+from support.lab.unknown import Unknown
 from support.page import served
 from support.weights import bodies
 
 from tactile_skin import compensate, guide
 from tactile_skin.middleware.config import read_skin, skin_of
 from tactile_skin.physics.curve import GRAM
-from tactile_skin.simulation.unknown import Unknown
 from tactile_skin.view import work as working
 from tactile_skin.view.snapshot import Snapshot
 from tactile_skin.view.work import CALIBRATED, Work

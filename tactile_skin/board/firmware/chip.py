@@ -11,7 +11,6 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -25,30 +24,9 @@ from . import build
 CLOCK = 16_000_000  # Hz
 _ADC_STEPS = 1024.0  # that the chip reads at its reference, of which it sends 1023 at most
 TAU = 0.27e-6  # s: R_ref, 1.78 kohm, and 150 pF of multiplexers, wires and the chip's input
-POWER_ON, RESET_PIN, BROWN_OUT, WATCHDOG = 1, 2, 4, 8  # causes of a reset, as in MCUSR
+RESET_PIN = 2  # cause of a reset, as in MCUSR
 _BUFFER = 1 << 16  # bytes that chip.c keeps
 _TICK = 0.005  # s between two looks at the scene and at the port
-
-
-class Measured(NamedTuple):
-    """What was seen of the chip's work, in cycles of its clock.
-
-    Attributes:
-        cycles: since the start.
-        conversions: of the ADC.
-        settling: least time from a switch of the multiplexers to the next conversion.
-        hold: least time from the begin of a conversion to the next switch.
-        early, late: most that a conversion began before or after its tick.
-        overruns: bytes that came faster than the program took them.
-    """
-
-    cycles: int
-    conversions: int
-    settling: int
-    hold: int
-    early: int
-    late: int
-    overruns: int
 
 
 class Chip:
@@ -128,20 +106,6 @@ class Chip:
     def reset(self, cause: int = RESET_PIN) -> None:
         """Begin anew, in the middle of whatever it does."""
         self._library.chip_reset(self._chip, cause)
-
-    def hang(self) -> None:
-        """Let the program run astray, into a loop that never ends."""
-        if not self._library.chip_hang(self._chip):
-            raise FirmwareError("there is no endless loop in the binary")
-
-    def slow_line(self, cycles: int) -> None:
-        """Let the serial line take so many cycles for a byte, instead of 160."""
-        self._library.chip_set_byte_cycles(self._chip, cycles)
-
-    def measured(self) -> Measured:
-        values = (ctypes.c_int64 * len(Measured._fields))()
-        self._library.chip_measured(self._chip, values)
-        return Measured(*values)
 
 
 def serve(

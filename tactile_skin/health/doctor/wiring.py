@@ -276,12 +276,10 @@ class _Fit:
     def _cells(self):
         """Cells that conduct much less or more than the others."""
         off = np.where(self.wires.cells > 0.0, np.nan_to_num(self.left), 0.0)
-        own = np.nan_to_num(np.square(self.off))
-        for pick in (np.argsort(-np.abs(off), axis=None), np.argsort(-own, axis=None)):
-            for k in pick[:_TRIED]:
-                row, col = np.unravel_index(k, off.shape)
-                if self.known[row, col] and self.wires.cells[row, col] > 0.0:
-                    yield from self._of_cell(int(row), int(col))
+        for k in np.argsort(-np.abs(off), axis=None)[:_TRIED]:
+            row, col = np.unravel_index(k, off.shape)
+            if self.known[row, col] and self.wires.cells[row, col] > 0.0:
+                yield from self._of_cell(int(row), int(col))
 
     def _of_cell(self, row: int, col: int):
         damage = Damage("cell", 0, row, col, 0.0, 0.0)
@@ -294,7 +292,7 @@ class _Fit:
         after -= np.nanmedian(after)
         before = self._around(self.off, row, col)
         gain = before - self._around(after, row, col)
-        if gain > _LIKELY * before or self._alone(row, col, after, gain):
+        if gain > _LIKELY * before:
             yield damage._replace(gain=gain)
 
     def _size(self, damage: Damage) -> float:
@@ -326,17 +324,6 @@ class _Fit:
     def _around(self, off: np.ndarray, row: int, col: int) -> float:
         """chi^2 of a cell's row and column."""
         return self._cost(0, off[row] - self.col) + self._cost(1, off[:, col] - self.row)
-
-    def _alone(self, row: int, col: int, after: np.ndarray, gain: float) -> bool:
-        """Whether the cell's own reading, of all on its lines, is what the change explains."""
-        return (
-            abs(self.left[row, col]) > 6.0 * self.scatter
-            and gain > _GAIN
-            and bool(
-                abs(after[row, col] - self.row[row] - self.col[col])
-                < 0.5 * abs(self.left[row, col])
-            )
-        )
 
 
 def _polished(off: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..board import protocol as wire
-from ..physics.circuit import Circuit
-from ..physics.curve import PressureCurve
-from .converter import SCANS, Converter
-from .matrix import Matrix
+from tactile_skin.board import protocol as wire
+from tactile_skin.physics.circuit import Circuit
+from tactile_skin.physics.curve import PressureCurve
+
+from .parts import SCANS, BadConverter, BadMatrix
 
 KNOTS = 100  # a second: the force is given, and the network solved, so often
 RATE = 100  # frames a second, at most
@@ -68,9 +68,12 @@ class FaultBoard:
             raise ValueError(f"readout {readout!r}: must be one of {', '.join(READOUTS)}")
         self.circuit, self.curve, self.rng = circuit, curve, rng
         self.protocol, self.readout = protocol, readout
-        self.matrix = Matrix.everyday(circuit, curve, rng)
-        self.converter = Converter(
-            circuit.full_scale, noise, np.zeros(circuit.shape), and_mask=circuit.full_scale
+        self.matrix = BadMatrix.everyday(circuit, curve, rng)
+        self.converter = BadConverter(
+            circuit.full_scale,
+            noise,
+            extra_noise=np.zeros(circuit.shape),
+            and_mask=circuit.full_scale,
         )
         self.kept = np.zeros(circuit.shape, bool)
         self.shift = 0

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..physics.circuit import Circuit
-from ..physics.curve import PressureCurve
-from .matrix import Matrix
-from .textile import Textile
+from tactile_skin.physics.circuit import Circuit
+from tactile_skin.physics.curve import PressureCurve
+from tactile_skin.simulation.textile import Textile
+
+from .parts import BadMatrix
 
 AT_REST = 60  # frames
 _LEVEL, _TILT = 0.3, 0.3  # log of a fabric's resistance; of its change over the curve, at most
@@ -99,7 +100,7 @@ class UnknownDriven(Unknown):
         if readout == "grounded":
             self.r_drive = np.random.default_rng([seed, 3]).uniform(0.0, _R_DRIVE)
         true = replace(self.supposed, r_par=self.r_par, r_drive=self.r_drive)
-        self.matrix = Matrix.everyday(true, self.curve, np.random.default_rng(seed))
+        self.matrix = BadMatrix.everyday(true, self.curve, np.random.default_rng(seed))
 
 
 class Creeping(Unknown):

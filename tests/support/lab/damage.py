@@ -9,8 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from tactile_skin.simulation.network import NOWHERE
+
 from .board import BINARY, BOTH, Fault, FaultBoard
-from .network import NOWHERE
 
 _SHORT = 1.0  # S: 1 ohm between two stripes that touch
 _PRESSED = 1.0 / 150.0  # S of a cell that stays pressed, by some 5 N
