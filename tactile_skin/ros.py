@@ -80,6 +80,22 @@ class RosSkin(launch.Skin):
         return self._lost or super().failed
 
 
+def compose(*words: str) -> RosSkin:
+    """Return the nodes of `skin` for this process, which may have nodes of rclpy of its own.
+
+    They have a context and an executor of their own; use it with `with`.
+
+    Args:
+        words: as those of `ros2 run tactile_skin skin`: "--ros-args", "-p", "port:=/dev/ttyUSB0".
+
+    Raises:
+        ValueError: a word that is not understood, or a value that is not allowed.
+        RosError: rclpy is not installed.
+    """
+    args = split_arguments(list(words))[1]
+    return RosSkin(plan_of(COMPOSED, args), Process(args.logs))
+
+
 def run(executable: str, words: list[str] | None = None) -> int:
     """Run a program of `ros2 run tactile_skin` until SIGTERM or SIGINT: a node, or `skin`.
 

@@ -1,5 +1,6 @@
 """examples/robot on rclpy: a push on each skin stops the base, motion away from it passes."""
 
+import signal
 import sys
 import time
 import xml.etree.ElementTree as ET
@@ -97,3 +98,18 @@ def test_a_push_on_each_skin_stops_the_base_and_motion_away_passes(graph, plain)
             killed = time.monotonic()
             drives(0.0, "a skin is gone")
         assert time.monotonic() - killed < 5.0
+
+
+@pytest.mark.ros
+def test_a_skin_runs_in_the_process_of_a_users_own_node(graph, plain):
+    """Its node, executor and context are rclpy's own; Ctrl-C ends both, with a final stop."""
+    from std_msgs.msg import Bool
+
+    assert len((FOLDER / "listen.py").read_text().splitlines()) < 40
+    plain.hear(Bool, "left/skin/stop")
+    with board() as player, player.playing(endless("push_left", seed=33)):
+        words = ["-p", f"port:={player.port}", "-p", "tare:=false", "-r", "__ns:=/left"]
+        graph.start("own", [sys.executable, str(FOLDER / "listen.py"), "--ros-args", *words])
+        graph.wait_for(lambda: graph.hears("own", "kPa", "contact 1: "), "it hears the skin")
+        graph.stop("own", signal.SIGINT)
+    assert "Traceback" not in graph.said("own").replace("KeyboardInterrupt", "")

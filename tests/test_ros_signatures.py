@@ -15,6 +15,7 @@ from tactile_skin.middleware.ros import node, process
 # fmt: off
 DOCUMENTED = {
     # rclpy
+    "Context": lambda: 0,
     "init": lambda *, args=None, context=None, domain_id=None, signal_handler_options=None: 0,
     "create_node": lambda node_name, *, context=None, cli_args=None, namespace=None,
         use_global_arguments=True, enable_rosout=True, start_parameter_services=True,
@@ -34,6 +35,7 @@ DOCUMENTED = {
     "create_timer": lambda timer_period_sec, callback, callback_group=None, clock=None: 0,
     "add_on_set_parameters_callback": lambda callback: 0,
     "count_publishers": lambda topic_name: 0,
+    "get_node_names_and_namespaces": lambda: 0,
     "destroy_subscription": lambda subscription: 0,
     "get_publishers_info_by_topic": lambda topic_name, no_mangle=False: 0,
     "get_subscriptions_info_by_topic": lambda topic_name, no_mangle=False: 0,

@@ -6,7 +6,7 @@ import sys
 import time
 
 import pytest
-from support.ros_graph import board, endless, skin
+from support.ros_graph import board, endless, program, skin
 
 from tactile_skin import launch
 
@@ -67,6 +67,22 @@ def test_two_skins_of_one_name_say_so(graph):
         with player.playing(endless("idle", seed=12)):
             graph.wait_for(lambda: all(said in graph.said(n) for n in ("one", "other")), "they do")
         assert "/diagnostics: another" not in graph.said("one")
+
+
+@pytest.mark.ros
+def test_a_process_from_which_ros_keeps_a_publisher_ends_for_another_start(graph, plain):
+    """As after a kill -9, in some of a hundred starts: it heard nothing for ever. One whose driver
+    is not there waits for it, and so does one whose driver is of another skin."""
+    import rclpy
+
+    driver = rclpy.create_node("serial_driver", namespace="left", context=plain.node.context)
+    for side in ("left", "right"):
+        graph.start(side, program("compensation", "-r", f"__ns:=/{side}"))
+    plain.until(lambda: graph.processes["left"].poll() is not None, "it ends", graph)
+    assert graph.processes["left"].returncode == 1
+    assert "does not show that it publishes /left/skin/adc" in graph.said("left")
+    assert graph.processes["right"].poll() is None
+    driver.destroy_node()
 
 
 def test_a_namespace_is_an_argument():

@@ -79,7 +79,7 @@ class AdmittanceConfig:
     linear: along the floor, x and y together.
     angular: about the vertical; None: the robot does not turn.
     touch_timeout: how old the last reading may be [s]: the dead man's switch.
-    stop_timeout: how long the stop may be silent [s].
+    stop_timeout: how long the stop may be silent [s]; five of its heartbeats.
     alignment: |sum of the cells' force vectors| / sum of their forces, below which hands on several
         sides lead nowhere.
     """
@@ -87,7 +87,7 @@ class AdmittanceConfig:
     linear: Axis = LINEAR
     angular: Axis | None = None
     touch_timeout: float = 0.1
-    stop_timeout: float = 0.15
+    stop_timeout: float = 0.1
     alignment: float = 0.7
 
 

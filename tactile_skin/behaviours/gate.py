@@ -42,7 +42,7 @@ class GateConfig:
 
     Attributes:
     command_timeout: how old the last command may be [s]: the dead man's switch.
-    stop_timeout: how long the stop may be silent [s].
+    stop_timeout: how long the stop may be silent [s]; five of its heartbeats.
     touch_timeout: how old the reading with the push's direction may be [s].
     touch: contact force below which a touch tells no direction [N]; the last one holds until the
         push is over.
@@ -51,7 +51,7 @@ class GateConfig:
     """
 
     command_timeout: float = 0.25
-    stop_timeout: float = 0.15
+    stop_timeout: float = 0.1
     touch_timeout: float = 0.1
     touch: float = 5.0
     alignment: float = 0.9

@@ -25,6 +25,12 @@ NODES = {  # exec -> class, imported when it is started
 }
 # of each skin, in the way of the data
 SKIN_NODES = "serial_driver", "compensation", "gesture_feature", "stop_on_push"
+SOURCES = {  # topic -> the node that publishes it from its start on
+    "skin/adc": "serial_driver",
+    "skin/pressure": "compensation",
+    "skin/contacts": "gesture_feature",
+    "skin/stop_status": "stop_on_push",
+}
 BODY = "body"  # the node of several skins: who starts it starts their nodes as well
 VIEW = "view"  # it shows one skin, or those of a body
 RECORDER = "recorder"  # of any launch file, but not on ROS; so is

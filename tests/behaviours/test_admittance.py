@@ -237,11 +237,11 @@ def test_a_silent_stop_is_zero_at_once():
     led = Led()
     assert led.policy.step(led.t).reason == "no message from the stop"
     led.hold(1.0, (40.0, 0.0, 0.0))
-    for k in (*range(1, 15), *range(16, 20)):
+    for k in (*range(1, 10), *range(11, 20)):
         t = led.t + k * DT
         led.policy.touch(t, 40.0, (40.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         motion = led.policy.step(t)
-        assert is_zero(motion) is (k > 15)
+        assert is_zero(motion) is (k > 10)
     assert motion.reason == "no message from the stop"
 
 

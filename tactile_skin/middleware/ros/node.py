@@ -10,6 +10,7 @@ from collections.abc import Callable
 from ... import msg
 from ...parameters.fields import About
 from .. import bus
+from ..package import SOURCES
 from ..parameter_file import THEIRS
 from .messages import from_ros, ros_class, to_ros
 from .process import Process
@@ -17,6 +18,8 @@ from .process import Process
 _SERVICE_WITHIN = 5.0  # s, for a node's answer
 _STILL = 0.25  # s without news from /clock: ten messages of `ros2 bag play --clock`
 _COMPARE = 2.0  # s, between two looks at what others publish and subscribe to
+# Looks in a row, 10 s: discovery takes up to 6 s on a busy computer (benchmarks/ros/kill.py).
+_DEAF = 5
 _logger = logging.getLogger("tactile_skin")
 _ONE = bus.QoSProfile(depth=1)
 
@@ -93,13 +96,15 @@ class RosNode(bus.Node):
         )
         self.ros, clock = process.node(node_name, self.get_namespace(), theirs)
         self._clock = _RosClock(clock)
-        self._acknowledged = process.publishers
+        self._process, self._acknowledged = process, process.publishers
         self._connected, self._shared = False, set[str]()
         self._not_taken = 0
         self._kinds: dict[str, type] = {}  # topic -> what this node takes it to be
         self._told: set[tuple[str, str]] = set()
-        look = _isolated("the graph", self._look_at_graph)
-        self.ros.create_timer(_COMPARE, look, clock=process.steady())
+        self._sources: dict[str, str] = {}  # topic -> node that publishes it, in this namespace
+        self._deaf = 0  # looks in a row
+        for look in (self._look_at_graph, self._look_for_sources):
+            self.ros.create_timer(_COMPARE, _isolated("the graph", look), clock=process.steady())
 
     def get_clock(self):
         return self._clock
@@ -148,6 +153,8 @@ class RosNode(bus.Node):
                 self._not_taken += 1
                 raise
 
+        unmapped = topic.removeprefix(f"{self.get_namespace().rstrip('/')}/")
+        self._sources |= {topic: SOURCES[unmapped]} if unmapped in SOURCES else {}
         self._kinds[topic] = kind = ros_class(msg_type)
         taker = _isolated(f"a message on {topic}", arrived)
         qos = _qos(subscription.qos_profile)
@@ -222,6 +229,26 @@ class RosNode(bus.Node):
             except Exception as error:  # raised here it would end rclpy's executor
                 reason = str(error) or repr(error)
         return rcl.SetParametersResult(successful=not reason, reason=reason)
+
+    def _look_for_sources(self) -> None:
+        """End the process if ROS keeps from it what a node that is there publishes from its start.
+
+        After a kill -9, Fast DDS loses announcements of publishers for ever, about once in a
+        hundred restarts: github.com/eProsima/Fast-DDS/issues/5469. Who joins again hears them.
+        """
+        there = self.ros.get_node_names_and_namespaces()
+        lost = [
+            (source, topic)
+            for topic, source in self._sources.items()
+            if (source, self.get_namespace()) in there and not self.ros.count_publishers(topic)
+        ]
+        self._deaf = self._deaf + 1 if lost else 0
+        if self._deaf == _DEAF:
+            source, topic = lost[0]
+            self._process.give_up(
+                f"{source} is there, and ROS does not show that it publishes {topic}: "
+                "this process ends, since only another start finds it"
+            )
 
     def _look_at_graph(self) -> None:
         """Warn of others who use a topic of this node for another type, or publish it as well.

@@ -24,7 +24,7 @@ class Process:
         words: of the command line, for ROS itself.
 
     Attributes:
-        failed: rclpy itself has raised: nothing arrives any more.
+        failed: rclpy itself has raised, or does not show what is there: nothing arrives.
         publishers: rclpy's, whose last messages are waited for.
 
     Raises:
@@ -39,13 +39,15 @@ class Process:
         from rclpy.signals import SignalHandlerOptions
 
         args = ["--ros-args", *words] if words else []
-        try:  # launch.Skin handles signals: a final stop is published first
-            rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        self._context = rclpy.Context()  # of its own: who composes may have the default one
+        no_signals = SignalHandlerOptions.NO  # launch.Skin handles them: it publishes a final stop
+        try:
+            rclpy.init(args=args, context=self._context, signal_handler_options=no_signals)
         except Exception as error:  # of a type that rclpy does not export
             raise RosError(f"--ros-args {' '.join(words)}: {error}") from error
         self.failed, self._closing = False, False
         self.publishers: list = []
-        self._executor = SingleThreadedExecutor()
+        self._executor = SingleThreadedExecutor(context=self._context)
         self._ended: Callable = lambda: None
         self._simulated = None  # the clock of all nodes, once one hears /clock: once is enough
         self._thread = threading.Thread(target=self._spin, name="rclpy", daemon=True)
@@ -56,7 +58,9 @@ class Process:
         from rclpy.parameter import Parameter
 
         given = [Parameter(p.name, value=p.value) for p in parameters]
-        made = rclpy.create_node(name, namespace=namespace, parameter_overrides=given)
+        made = rclpy.create_node(
+            name, context=self._context, namespace=namespace, parameter_overrides=given
+        )
         self._executor.add_node(made)
         if not made.get_clock().ros_time_is_active:
             return made, made.get_clock()
@@ -92,6 +96,12 @@ class Process:
                 _logger.exception("rclpy's executor has ended")
         self._ended()
 
+    def give_up(self, why: str) -> None:
+        """End, as failed: only another start of this process helps."""
+        self.failed = True
+        _logger.error(why)
+        self._ended()
+
     def close(self) -> None:
         """Leave ROS once the last messages have arrived, or nobody takes them."""
         import rclpy
@@ -103,7 +113,7 @@ class Process:
             publisher.wait_for_all_acked(Duration(seconds=max(0.001, end - time.monotonic())))
         # The thread must have left rclpy before Python ends: killed inside C++ code, it would abort
         # the process. Without its context it leaves by itself.
-        rclpy.try_shutdown()
+        rclpy.try_shutdown(context=self._context)
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join(_LAST_WORD)
         self._executor.shutdown(timeout_sec=_LAST_WORD)
