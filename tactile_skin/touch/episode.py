@@ -145,6 +145,12 @@ class Episode:
         self._touched += force > 0.0
 
     @property
+    def touch(self) -> tuple[float, float, float]:
+        """Force of the last picture [N], row and column of its centre; 0 without a touch."""
+        last = self._moments[-1]
+        return last.force, last.y / self.pitch, last.x / self.pitch
+
+    @property
     def silence(self) -> float:
         """For how long nothing has touched [s]."""
         return self._untouched * self.period
@@ -348,19 +354,15 @@ def _spectra(column: dict[str, np.ndarray], period: float) -> list[float]:
     wide = np.var(x[on]) + column["along_x"][on].mean()
     high = np.var(y[on]) + column["along_y"][on].mean()
     place = x if wide > high else y
+    courses = np.array([column["force"], np.where(on, place - place[on].mean(), 0.0)])
+    varies = courses - courses.mean(1, keepdims=True)
+    # rounding has no rhythm
+    varies[np.abs(varies).max(1) < _STEADY * np.abs(courses).max(1)] = 0.0
+    n = max(_SPECTRUM, len(on))
+    frequency = np.fft.rfftfreq(n, period)
+    power = np.square(np.abs(np.fft.rfft(varies, n))) * (frequency >= _SLOWEST)
     values = []
-    for course in (column["force"], np.where(on, place - place[on].mean(), 0.0)):
-        n = max(_SPECTRUM, len(course))
-        varies = course - course.mean()
-        if np.abs(varies).max() < _STEADY * np.abs(course).max():
-            varies = np.zeros(len(course))  # rounding has no rhythm
-        power = np.abs(np.fft.rfft(varies, n)) ** 2
-        frequency = np.fft.rfftfreq(n, period)
-        power[frequency < _SLOWEST] = 0.0
-        total = power.sum()
-        if total > 0.0:
-            main = power.argmax()
-            values += [power @ frequency / total, frequency[main], power[main] / total]
-        else:
-            values += [0.0, 0.0, 0.0]
+    for share in power / np.maximum(power.sum(1, keepdims=True), np.finfo(float).tiny):
+        main = share.argmax()
+        values += [share @ frequency, frequency[main], share[main]]
     return values

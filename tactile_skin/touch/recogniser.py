@@ -48,10 +48,14 @@ class Pictures:
     """Averages frames to PERIOD, and gates each cell by its standard deviation."""
 
     def __init__(self) -> None:
-        self._frames: list[np.ndarray] = []
-        self._stds: list[np.ndarray] = []
-        self._start = self._last = -math.inf
-        self._first = True
+        self._last = -math.inf
+        self._begin(-math.inf, True)
+
+    def _begin(self, t: float, first: bool) -> None:
+        """Begin a picture after a frame at t [s]."""
+        self._start, self._first, self._count = t, first, 0
+        self._force: np.ndarray | float = 0.0  # sums over its frames
+        self._std: np.ndarray | float = 0.0
 
     def update(self, t: float, force: np.ndarray, std: np.ndarray | float = 0.0) -> Picture | None:
         """Take a frame; return the picture that it completes.
@@ -63,17 +67,18 @@ class Pictures:
         """
         step, self._last = t - self._last, t
         if not 0.0 < step <= _PAUSE:  # how long this frame lasts is not known
-            self._frames, self._stds, self._start, self._first = [], [], t, True
+            self._begin(t, True)
             return None
-        self._frames.append(force)
-        self._stds.append(np.broadcast_to(std, force.shape))
+        self._count += 1
+        self._force = self._force + force
+        self._std = self._std + std
         if t - self._start < PERIOD - step / 2:
             return None
-        mean = np.mean(self._frames, axis=0)
-        spread = np.mean(self._stds, axis=0) / math.sqrt(len(self._frames))
+        mean = np.asarray(self._force / self._count)
+        spread = self._std / self._count**1.5
         felt = np.where(mean > np.maximum(LIMIT, GATE * spread), mean, 0.0)
         picture = Picture(felt, t - self._start, self._first)
-        self._frames, self._stds, self._start, self._first = [], [], t, False
+        self._begin(t, False)
         return picture
 
 
@@ -120,13 +125,11 @@ class Gesture:
         """Take the picture of its cells (rows, cols) [N] at t [s]."""
         self.seen = t
         self.episode.add(own)
-        total = float(own.sum())
-        self.force = total
-        self.impulse += total * self.episode.period
-        if total > 0.0:
-            rows, cols = np.indices(own.shape)
-            self.place = float((own * rows).sum() / total), float((own * cols).sum() / total)
-        self._course.append((total, *self.place))
+        self.force, *centre = self.episode.touch
+        self.impulse += self.force * self.episode.period
+        if self.force > 0.0:
+            self.place = centre[0], centre[1]
+        self._course.append((self.force, *self.place))
         if len(self._course) * self.episode.period > STILL:
             del self._course[0]
         over = self.episode.silence >= SILENCE
