@@ -67,3 +67,17 @@ def test_what_a_partial_file_leaves_out_is_what_is_safe(tmp_path, way, values):
     assert decision.stop and not made["GestureFeature"].geometry.normal.any()
     for node in made.values():
         getattr(node, "close", lambda: None)()
+
+
+def test_the_arm_of_the_examples_gives_the_gate_its_frame():
+    """MoveIt Servo's section in the same file is for another program."""
+    path = launch.share_dir() / "examples" / "robot" / "arm.yaml"
+    words = ["--ros-args", "--params-file", str(path), "-p", "port:=loop://"]
+    args = ros.split_arguments([*words, "-p", "cmd_vel_gate:=true"])[1]
+    skin = Skin(ros.plan_of("skin", args))
+    nodes = {type(node).__name__: node for node in skin._nodes} if skin.build() else {}
+    assert nodes["GestureFeature"].geometry.normal.any()
+    gate = next(node for name, node in nodes.items() if "Gate" in name)
+    assert gate._cmd_vel.frame == "base_link"
+    for node in nodes.values():
+        getattr(node, "close", lambda: None)()
