@@ -172,9 +172,14 @@ class StandIn:
     def __init__(self, monkeypatch):
         self.work, self.subscriptions, self.services = queue.Queue(), {}, {}
         parts = {
-            "rclpy": {"init": lambda **_: None, "create_node": lambda *_, **__: self},
+            "rclpy": {
+                "Context": lambda: None,
+                "init": lambda **_: None,
+                "create_node": lambda *_, **__: self,
+                "try_shutdown": lambda context: self.work.put(None),  # its executor ends
+            },
             "rclpy.executors": {
-                "SingleThreadedExecutor": lambda: self,
+                "SingleThreadedExecutor": lambda context: self,
                 "ExternalShutdownException": InterruptedError,
             },
             "rclpy.signals": {"SignalHandlerOptions": types.SimpleNamespace(NO=0)},
@@ -192,7 +197,6 @@ class StandIn:
                 "ReliabilityPolicy": {"RELIABLE": 1, "BEST_EFFORT": 2},
             },
         }
-        parts["rclpy"]["try_shutdown"] = lambda: self.work.put(None)  # its executor ends
         for name, attributes in parts.items():
             module = types.ModuleType(name)
             vars(module).update(attributes)

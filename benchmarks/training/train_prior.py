@@ -95,13 +95,13 @@ def fit(force: np.ndarray, rng) -> Fit | None:
     unknown = np.zeros(gx.shape, bool)
     unknown.flat[free] = True
     own = model.network.own * model.weight * gx
-    misfit = model.misfit.ravel()[equations.readings].astype(np.float32)
+    pull = (gx * model.network.pull(model.weight * model.misfit)).ravel()[free]
     return Fit(
         denoiser.inputs(x, std, own, unknown, CIRCUIT.populated),
         np.log(model.g).ravel().astype(np.float32),
         free.astype(np.int64),
         jacobian.T @ jacobian,
-        jacobian.T @ misfit,
+        pull.astype(np.float32),
         np.clip(std.ravel()[free], *denoiser.STD).astype(np.float32),
         force.ravel().astype(np.float32),
     )
