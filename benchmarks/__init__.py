@@ -4,7 +4,9 @@ They share simulated boards and real parts with the tests (tests/support); nothi
 imports them. harness.py is what each script begins and ends with.
 """
 
+import os
 import sys
 from pathlib import Path
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before any script imports NumPy
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))

@@ -24,8 +24,6 @@ import zlib
 from collections.abc import Callable
 from pathlib import Path
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is imported
-
 from tactile_skin import extras
 from tactile_skin.bench.measure import machine
 from tactile_skin.bench.run import figures_of

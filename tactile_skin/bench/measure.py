@@ -88,12 +88,13 @@ def moving_touch(n: int, rng, shape=(16, 16), speed: float = 0.3, rate: float = 
     """(n, rows, cols) force [N]: a round touch of 25 mm wandering at `speed` m/s, 18 mm cells."""
     y, x = np.arange(shape[0])[:, None], np.arange(shape[1])[None]
     step = speed / rate / 0.018  # cells a frame
-    place = rng.uniform(4, np.array(shape) - 4)
+    ends = np.array(shape) - 3
+    place = rng.uniform(4, ends - 1)
     heading, load = rng.uniform(0, 2 * np.pi), rng.uniform(100, 800)
     force = np.empty((n, *shape))
     for k in range(n):
         heading += 0.1 * rng.standard_normal()
-        place = np.clip(place + step * np.array([np.sin(heading), np.cos(heading)]), 2, 13)
+        place = np.clip(place + step * np.array([np.sin(heading), np.cos(heading)]), 2, ends)
         distance = np.hypot(y - place[0], x - place[1])
         force[k] = load * np.maximum(1.0 - (distance / 2.2) ** 2, 0.0) ** 1.5
     return force * GRAM
