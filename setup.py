@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The package's metadata, and what is found out while it is built: see also pyproject.toml."""
 
 import ast

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Measurements of the whole skin, not installed: `python -m benchmarks.THEME.SCRIPT --help`.
 
 They share simulated boards and real parts with the tests (tests/support); nothing in the package

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the scripts share: arguments, seeds, processes, and results with their machine.
 
 def main(arguments=None):

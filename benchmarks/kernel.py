@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Shows what the compiled loops are worth: how much longer a frame takes without them.
 
     python -m benchmarks.kernel [--frames N]

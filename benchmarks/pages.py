@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Fills the pages that hold a run's figures: what to choose when, what fails unreported.
 
     python -m benchmarks.pages [--run docs/bench] [PAGE ...]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The reference pages that are made of the code: `python docs/generate.py` writes them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the site does beyond mkdocs: files of the repository that pages link to are part of it."""
 
 import posixpath

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Several skins as one body: which of them stops the robot, and what touches it where.
 
 python examples/body.py             # 15 seconds: a chest and a back, both on simulated boards

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compensate one frame: what the board reads, what the naive method makes of it, what is pressed.
 
 No board, no nodes: the forward model makes the reading of two fingers. Replace `adc` by a frame of

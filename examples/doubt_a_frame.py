@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Know when not to trust a frame: status and message of an estimate.
 
 A sound reading, then the same with a row whose lead has come off. An estimate that is not "ok" is

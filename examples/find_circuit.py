@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a board does not say of itself: its series resistances, and the curve of its fabric.
 
 python examples/find_circuit.py

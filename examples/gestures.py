@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A behaviour by gestures: a tap wakes the robot, a stroke calms it, a press sends it away.
 
     python examples/gestures.py [SECONDS] [NAME:=VALUE ...]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A driver of your own in place of serial_driver: python examples/own_driver.py"""
 
 from pathlib import Path

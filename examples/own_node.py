@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A node of your own, started by a launch file: it publishes how hard the skin is touched, 0 to 1.
 
 own_node.launch.yaml names this module as `pkg` and the class as `exec`. A node gets a handle with

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Run the skin on a simulated board and print each contact: its place, force and identity.
 
 python examples/print_contacts.py        # 20 seconds

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From your parameter file to the objects that the pure functions take, and to the robot's frame.
 
 python examples/read_config.py                    # the shipped config/skin.yaml

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Record the readings of a board to an .npy file, to work on them without the board.
 
 python examples/record_frames.py frames.npy        # 20 seconds of a simulated board

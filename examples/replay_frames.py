@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Replay recorded frames through the solver, each started from the last: faster than real time.
 
 The file holds an array (n, rows, cols) of readings as ratios of full scale: record_frames.py.

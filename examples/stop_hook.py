@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Stop motors on a push, and on everything that makes the skin's data unsafe to use.
 
 The hook is called now and at each change, and with `heartbeat` at least every 0.1 s: motors that

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Subscribe to the pressure picture and keep the largest value of each cell.
 
 python examples/subscribe_pressure.py        # 20 seconds on a simulated board

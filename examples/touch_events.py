@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Act on a touch: a function each for a push, its release, and a stroke along the skin.
 
 python examples/touch_events.py        # 20 seconds on a simulated board

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """tactile_skin: a robot's skin from a low-cost resistive pressure matrix.
 
 from tactile_skin import Circuit, PressureCurve, forward, compensate

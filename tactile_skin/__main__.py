@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The command `tactile-skin`, `python -m tactile_skin`, and the programs of ROS 2.
 
 They load for a second. Until then Ctrl-C ends the process at once, as the system does by default:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Command lines: `--name value`, `--name=value` and `name:=value` say the same in every command."""
 
 from __future__ import annotations

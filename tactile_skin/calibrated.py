@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A guided calibration as a parameter file."""
 
 from __future__ import annotations

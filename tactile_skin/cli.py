@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The command `tactile-skin`.
 
 Each command is a module of `commands` with `register(parser)` and `run(args)`; it is loaded when it

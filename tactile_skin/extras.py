@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What not every installation has."""
 
 from __future__ import annotations

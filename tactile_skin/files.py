@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A user's files, read within limits: each refusal is one line that names file, line and key.
 
 Imports nothing of ours but errors. YAML is read by yaml_files.

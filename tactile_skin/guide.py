@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a person does to calibrate a board, step by step; frames and answers come from outside.
 
 Hands off (rest, noise), press here and there (what lies in series), lay known weights on (the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Start the nodes that a ROS 2 YAML launch file names, all in this process.
 
     with launch("skin.launch.yaml", port="/dev/ttyUSB0") as skin:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The ROS messages that the skin speaks: ROS's own field names, types and defaults.
 
 Plain dataclasses, so that a node's code reads the same in-process and on real ROS. `TYPE` is the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The same nodes on ROS 2, by rclpy: one a process, or all in one.
 
 ROS carries the messages from process to process; within a process a node has what it has on the

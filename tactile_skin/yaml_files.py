@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A user's YAML: each refusal is one line that names file, line and key.
 
 What PyYAML's `safe_load` reads, less what it accepts silently: repeated keys, and keys that are

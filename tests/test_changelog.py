@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The changelog is what bloom reads: a version, its date, kinds, and one line a change."""
 
 import re

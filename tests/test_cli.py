@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The command line: the demo runs, and a user's mistake is one clear line, never a traceback."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The package as colcon builds and installs it, and its manifest.
 
 These tests skip where colcon or ament_xmllint is missing; `--require-ros` makes that a failure.

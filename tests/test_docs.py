@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The documents say what the code says, and the site of them builds."""
 
 import importlib.util

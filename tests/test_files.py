@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every bad file is refused: status 2 and one line that names it, soon, and never a traceback."""
 
 import io

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Damaged bytes between sound frames: the sound ones come out, and nothing else does.
 
 The quick runs are small; `pytest -m slow tests/test_fuzz.py -s` mixes 10 million damaged bytes with

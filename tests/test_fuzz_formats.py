@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Damaged bytes between sound frames of every described format: the sound ones come out.
 
 Text and packets without a checksum cannot tell all damage; what they say stays within the ADC's

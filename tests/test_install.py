@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a user gets: the wheel, its metadata, and package.xml. `.ci/run` installs the wheel."""
 
 import configparser

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Launch files: the part of ROS 2's grammar that is understood, and what is refused by name."""
 
 import contextlib

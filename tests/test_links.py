@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Relative links in the documents point to files and headings that exist."""
 
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One line makes a parameter: what follows from it, and that what is shipped does."""
 
 import argparse

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The nodes on real ROS 2, each a process.
 
 Tests of the mark `ros` skip where there is none; `--require-ros` makes that a failure.

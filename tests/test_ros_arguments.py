@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What ROS 2's users write on a command line, in a parameter file and in package.xml."""
 
 import importlib.util

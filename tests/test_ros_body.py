@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Several skins as one body on rclpy: one program, one stop whose reason names the skin."""
 
 import contextlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The shipped launch files in ROS 2's YAML grammar, as its documentation and its parser have it.
 
 launch, launch_yaml and launch_ros are in no package registry, so that `ros2 launch` itself cannot

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """examples/robot on rclpy: a push on each skin stops the base, motion away from it passes."""
 
 import signal

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every call of rclpy fits the signatures that ROS 2 Humble, the oldest that is meant, documents.
 
 CI runs the same calls on Kilted (tests/test_ros.py). Source: docs.ros.org/en/humble/p/rclpy and

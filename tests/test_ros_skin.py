@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A skin on ROS 2 as its users have it: `skin` in namespaces, on a simulated clock, stamped."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How a skin starts on ROS 2, and with whom: clocks, boards that come later, a second skin."""
 
 import signal

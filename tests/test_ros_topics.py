@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Who hears whom on ROS 2: quality of service, and the page in a browser."""
 
 import importlib.util

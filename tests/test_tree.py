@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The tree shows the way of the data: what each folder may import, without circles."""
 
 import ast
@@ -98,6 +99,7 @@ THREADS = {"learning/network", "behaviours/hooks"}
 SHARED = "support"  # what tests and benchmarks both import
 MODULES = 12  # in a folder
 LINES = 400  # in a module
+LICENSE = "SPDX-License-Identifier: Apache-2.0"
 ROOT = PACKAGE.parent
 MODULE_PATHS = sorted(p for p in PACKAGE.rglob("*.py"))
 BENCHMARKS = sorted((ROOT / "benchmarks").rglob("*.py"))
@@ -201,7 +203,14 @@ def test_no_folder_is_crowded(folder):
     "path", (*SOURCES, *BENCHMARKS), ids=lambda p: p.relative_to(ROOT).as_posix()
 )
 def test_no_module_is_long(path):
-    assert len(path.read_text().splitlines()) <= LINES
+    assert len(path.read_text().splitlines()) <= LINES + 1  # and its license
+
+
+def test_each_module_names_its_license_first():
+    paths = {*SOURCES, *BENCHMARKS, *TESTS, *PACKAGE.rglob("*.[ch]"), *PACKAGE.rglob("*.js")}
+    ours = [path for path in paths if not path.name.startswith("three.")]
+    bare = [path for path in ours if LICENSE not in path.read_text().partition("\n")[0]]
+    assert len(ours) > 500 and not bare
 
 
 @pytest.mark.parametrize("folder", PURE)

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Words that CONTRIBUTING.md lists are not used: in documents, docstrings and messages.
 
 Files that still hold some have an allowance in vocabulary.csv. It only shrinks: after you rewrote

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`--name value`, `--name=value` and `name:=value` say the same in every command."""
 
 import itertools

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A parameter file that is missing, misspelt, partial or foreign never ends in a free robot."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The mechanisms that doubt readings: what each watches, its null result and its lines of code."""
 
 from __future__ import annotations

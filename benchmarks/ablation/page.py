@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The page that `benchmarks.ablation` makes of what it measured."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What each mechanism that doubts readings is worth: what is lost and gained where it is off.
 
 Every frame and every stream is played with all mechanisms on and with one off at a time, so that

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Single frames through `compensate`, by families of loads and faults of the circuit."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Streams of bytes through the complete chain: damaged boards, sound boards, a wrong description.
 
 The bytes of each are made once, and played as often as mechanisms are switched off, on a driven

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Switches mechanisms of the package off, and records which of them said anything.
 
 A mechanism is off where its result is replaced by its null result: what it returns where nothing is

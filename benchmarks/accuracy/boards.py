@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How often a sound picture of a real board is refused, and by how much it errs.
 
 noise: values that are not whole ADC steps, and noise that nobody told the solver. palms: broad

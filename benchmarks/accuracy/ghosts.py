@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Two fingers and a palm are shown as they press, as they read, and as they are found."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Time and error of each method from 8 x 8 to 96 x 96 cells, and time by how much is touched."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the prior of `map` is worth, on families that it was tuned on and on others.
 
 Error of newton, of map under the built-in prior alone and of map, on the same frames, `scan`, on

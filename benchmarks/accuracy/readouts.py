@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Ghosts, noise and accuracy of floating, loaded and grounded matrices.
 
     noise      what noise makes of the force, and ghosts, of the exact inverse to first order

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Speed against accuracy of the solvers.
 
 Times are multiples of y, one `numpy.linalg.solve` of 257 dense equations with one thread,

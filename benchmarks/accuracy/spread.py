@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How many touched cells err by less than their standard deviation.
 
 A normal error does in 68 % of the cells. Boards whose cells scatter by 5 % at rest, which was

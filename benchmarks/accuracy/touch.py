@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the skin says of touches, against the truth: force, centre, direction, number, ids.
 
 Prints each figure beside its bound, and ends with 1 if one is missed. Simulated readings, `auto`,

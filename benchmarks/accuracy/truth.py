@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Touches whose force, place and direction are known, and what the skin says of them."""
 
 from __future__ import annotations

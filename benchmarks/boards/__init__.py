@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """Boards as they are: firmware, converters, text, another maker's insole."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What `tactile-skin detect` makes of unknown boards.
 
 A board: a format of support.strangers.boards, a size, a baud rate, an ADC, damage in one of five.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Force felt over the true one on boards with an ESP32's ADC, and time in a fault stop.
 
 The boards' chips are two that others measured, not the shipped table; with --exact all follow that

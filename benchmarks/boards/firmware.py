@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the firmware does on a simulated ATmega328P.
 
 simavr runs the binary; the voltages are those of the circuit model, settling included, without

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Real frames of a floating 32 x 10 insole: does the fit explain them, and what does it show?
 
 FRAMES.npz holds `counts` (n, 32, 10) int16, -1 where there is no sensor, `recording` (n,), which

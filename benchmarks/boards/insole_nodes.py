@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Time in a fault stop of a floating insole's recordings, sent as text through all nodes.
 
 On a driven clock, or with --live in real time over a pty. The recordings are docs/lab/insole.md's.

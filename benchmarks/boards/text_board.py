@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How often a fault stops the robot: a hobby board's text lines, five minutes of touches.
 
 The board of docs/boards.md as support/simulated.py plays it: 8 x 12, 12 bits, cells that

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Show in how many strokes across the seam of two mats a touch keeps its id and its velocity.
 
 Each stroke is a round finger that slides over two planes of 8 x 8 cells: its pressure is averaged

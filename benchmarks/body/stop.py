@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Time from a push to the stop hook, in turns: a body of four skins and one, or a page and none.
 
 Each turn starts the skins in a process of their own, and plays frames to them from this one, as

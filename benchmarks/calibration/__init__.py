@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a skin learns of its board: rest, circuit, curve, creep."""

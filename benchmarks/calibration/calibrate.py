@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How right newtons are after `tactile-skin calibrate`, on unknown boards.
 
 Boards as in `identify` behind a pseudo-terminal, as a serial device. The command

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Newtons of a running skin over what `calibrate` promised, on unknown boards.
 
 Boards of 8 x 8 to 16 x 16 cells: r_ref of 1.78 to 10 kohm, so that hard touches read near the end

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How well creep is measured and taken out, on unknown boards.
 
 The boards are those of `identify.py`; a load's conductance gains a share in each decade of time,

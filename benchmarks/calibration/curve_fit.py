@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How well `fit_curve` finds newtons by a few known weights, on unknown boards.
 
 The boards are those of `identify.py`: 8 % scatter, 3 % at rest, 1 step of noise, 0.5 % carried to

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How well `identify` finds r_par and r_line of unknown boards.
 
 Each board has r_par up to 20 % off, stripes of 0 to 15 ohm, a fabric whose curve is up to 30 % off

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How often `calibrate` refuses a weight that stands, and uses one that came late or slid.
 
 Boards of 8 x 8 to 16 x 16 with 0.3 to 3 steps of noise, six objects of 0.3 to 5 kg on each, 30

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How often `measure_rest` takes noisy boards, and refuses touched ones.
 
 Boards as in `identify.py`. Sound: also with slow noise or a hum of 0.5 to 2.5 steps. Noisy: one to

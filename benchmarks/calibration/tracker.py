@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """After how many touches a running skin knows its r_par.
 
 Boards as the doctor's without other faults, r_par off by each factor from the first

@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is said of damaged, wrongly described and sound boards."""

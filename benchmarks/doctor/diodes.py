@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How often diodes are named, and how often something else is taken for them.
 
 Loaded boards of 8x8, 9x9 and 16x16 cells, r_ref of 1.8, 10 and 35 kohm, 40 s of touches each:

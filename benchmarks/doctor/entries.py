@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Boards of which one entry is wrong: what is on the bench, and what its owner entered."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How many faults `diagnose` names, and how often it names one on a sound board.
 
 Each board is a `FaultBoard`: Kirchhoff's laws for its own wiring, a fabric whose curve is up to

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What `diagnose` says of sound boards in use: all but "too little seen" is false.
 
 Boards as in doctor.py, without a fault and configured rightly, on which something lies from the

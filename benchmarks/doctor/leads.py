@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a bad lead does to the doctor and to `identify`, by its ohms.
 
 The boards are the doctor's (`doctor.py`), each with so many ohm in one line's lead. Named: with its

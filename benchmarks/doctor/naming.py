@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How often a noisy cell, a bad contact or an absent crossing is named by row and column.
 
 All nodes on a driven clock, everyday touches, boards that the solver does not know: cells scatter

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What becomes of a skin whose owner obeys each piece of advice that it gives.
 
 A board is configured with one wrong entry. Its owner starts the skin, takes what the reason says,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which streams are named as processed, and by what; of kinds, and of sound boards.
 
 A stream is 30 s of touches on a simulated board: every passive readout, 8 to 12 bits, 4 x 4 to

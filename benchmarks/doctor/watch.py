@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How soon the node reports a fault that lasts.
 
 A fault stays, touches change. Streams at 100 frames a second, of a skin that is tared first and

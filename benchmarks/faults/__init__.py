@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """Damaged boards through the complete chain, and what was missed."""

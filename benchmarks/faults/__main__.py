@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Damaged boards through the complete chain: silent failures, missed pushes, false stops.
 
 examples:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Dead data: what arrives is not what the skin feels now, though it looks like frames.
 
 Each fault is a function that damages a `FaultBoard`; it stays once it is there, unless its name

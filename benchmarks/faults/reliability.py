@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Faults through the whole chain, counted: silent failures, missed pushes, false stops.
 
 Every 10 ms the last published picture and the decision of the stop are compared with the truth. A

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What `reliability` counted, as tables and as a picture."""
 
 from __future__ import annotations

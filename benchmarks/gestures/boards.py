@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Three boards that read a gesture, and the pictures that each method makes of their readings.
 
 The cells scatter by 5 to 8 %, leak into their neighbours and differ at rest by 3 %, which no method

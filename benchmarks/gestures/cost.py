@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Makes takes of the Corpus of Social Touch, for `tactile-skin gestures evaluate`.
 
     python -m benchmarks.gestures.cost CoST.csv takes/

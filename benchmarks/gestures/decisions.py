@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How soon is a gesture named, how often rightly, and what passes for one that is none?
 
     python -m benchmarks.gestures.decisions [--recordings FILE] [--bed FILE] [--only PART ...]

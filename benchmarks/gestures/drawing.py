@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Draws what each gesture is: where a hand touches, how it moves, and its force over time.
 
     python -m benchmarks.gestures.drawing [--out docs/gestures.svg]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reads touches of real hands that others recorded, as takes in newtons.
 
 The recordings (github.com/yliess86/SocialTouch) are of a capacitive mat of 19 x 24 cells, 12 frames

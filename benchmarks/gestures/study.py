@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Does compensation help gestures? Names recorded gestures by the pictures of each method.
 
     python -m benchmarks.gestures.study FILE [--boards ABC] [--quick]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Ctrl-C on a busy computer: does the skin end cleanly, and are its last messages a stop?
 
 runs `skin` with the velocity gate on ROS 2, beside so many busy loops, while the robot moves, and

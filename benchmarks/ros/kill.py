@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Kill -9 of each process of a skin on ROS 2: how long does the robot still move?
 
 runs each node as a process, and `skin` with all of them in one, while a planner asks for motion;

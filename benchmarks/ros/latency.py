@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Time from a board's last byte to a plain subscriber on real ROS.
 
 prints how long a frame takes from the board's last byte to that subscriber's callback.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether a recording of the demo, played with a simulated clock, brings the same stops.
 
 plays the readings of the demo with /clock, as `ros2 bag play --clock -r SPEED` does, to `skin`

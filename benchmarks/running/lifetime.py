@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Signals at a running skin: is its last word stop, and how soon is it gone?
 
 Each run is a process of its own with a stop node, a velocity gate, a command and a stop hook, under

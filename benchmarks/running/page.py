@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How often the page of the running demo is drawn in Chromium, and what a draw costs.
 
 Prints the snapshots that were drawn in a second and the processor time of each draw, in Chromium

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Makes the pictures of the page in docs, on a clock that no load disturbs.
 
 The frames of the demo's scene go through the solver, the tracker and the stop's policy, and their

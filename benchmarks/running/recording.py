@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What recordings promise, on the demo: equality, kills, a full disk, latency.
 
 equal: read back by another library, frame for frame, and replayed to the bit. kills: SIGKILL while

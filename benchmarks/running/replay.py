@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How fast a recording is replayed.
 
 It makes a recording of the simulated board at 100 frames/s (16 x 16, noise of 1 step, seed 1): most

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The skin for a long time: does it miss frames, slow down, leak, or let go of the robot?
 
 The first runs the nodes of skin.launch.yaml on a simulated board of 16 x 16 cells, a process of its

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Time from the scan that meets a push, and from a cut cable, to the stop hook.
 
 One process plays the board in real time, as `tactile-skin sim` does: 390 scans a second, its

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What open pages cost the stop: last byte to stop hook, with and without them, in turns.
 
 One run of skin.launch.yaml on a simulated board. In every second turn ("shown") five pages are

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Time from bytes to the stop hook, through the nodes and a real serial device.
 
 A process plays one simulated board on as many pseudo-terminals as there are skins; each skin is a

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Makes the weights of the paper's network.
 
 Ten minutes of one core. A run from nothing on exact readings, from there a short one on noisy

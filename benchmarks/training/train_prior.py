@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Trains the network behind `map`'s last step.
 
 Scenes: six tenths bodies whose sizes, number, texture and noise differ from scene to scene, blobs,

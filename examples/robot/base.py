@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A base: drives as cmd_vel says, and stands when it falls silent; publishes its velocity."""
 
 import time

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Run a skin in the process of your own rclpy node, and hear it there as NumPy arrays.
 
 python examples/robot/listen.py --ros-args -p port:=/dev/ttyUSB0 -r __ns:=/left

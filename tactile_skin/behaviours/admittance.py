@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Led by a push: the paper's motor-assisted positioning, as an admittance.
 
 The robot moves as a mass m on a damper d would under the push, m dv/dt + d v = F: it follows the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which motions a robot may make: the velocity gate. One page, no clock and no bus of its own.
 
 What comes out is the command, the command slowed, or zero: never a motion that nobody asked for,

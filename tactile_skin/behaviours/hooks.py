@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Hooks: a robot's own functions, called when the skin says stop, and when somebody touches it.
 
 Each has a thread of its own: one that raises or hangs delays neither the others nor the stop.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How often readings come, how long the last one is good for, and what to say if that is too long.
 
 With `stale_after` = 0 that time follows the board: 2.5 usual intervals, so that one reading may be

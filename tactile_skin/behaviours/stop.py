@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """When the robot must stop: one page, no clock and no bus of its own.
 
 Whatever is not known to be safe stops: a push, readings that are old, stay away or make no sense,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Measurements with production code only: `tactile-skin bench`, one file per part.
 
 speed.py      speed against accuracy           run.py      a part: measure, write, draw

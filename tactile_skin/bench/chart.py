@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How every figure looks, and how it gets into its file with the numbers that it shows."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What every part measures with: time in y, errors in grams, and the machine's name."""
 
 from __future__ import annotations

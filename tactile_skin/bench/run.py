@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The parts in turn: measure, write the numbers, draw what was written."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Speed against accuracy: every method as a point, for each readout, and on exact readings."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What to worry about: each trouble at each strength, and what becomes of the picture.
 
 Readings come from `textile`, a model richer than any solver's. A frame is judged by what a running

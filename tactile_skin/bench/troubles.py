@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Troubles of growing strength, as `textile.Textile` has them."""
 
 from __future__ import annotations

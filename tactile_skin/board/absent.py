@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Crossings without a reading: which ones, and whether the configuration names them."""
 
 from __future__ import annotations

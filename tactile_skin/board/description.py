@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a board with the firmware says of itself, and the commands that it takes.
 
 Description, little-endian: sent at the start, and as the answer to a command.

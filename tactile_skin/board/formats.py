@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The protocols by name: which parser reads each, and which description of a format it takes."""
 
 from __future__ import annotations

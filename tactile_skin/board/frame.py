@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One reading of all cells, what a parser counts, and what a parameter file says of it."""
 
 from __future__ import annotations

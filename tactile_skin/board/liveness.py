@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether frames come from a board that is alive: no clock and no port of its own.
 
 A board can go on sending without measuring: a scan that hangs while the sending goes on, a buffer

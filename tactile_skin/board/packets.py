@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Binary frames of another make -> frames, as a description says: head, words, check, tail.
 
 The pattern `FF FF ?? 01` is four bytes in hexadecimal, of which `??` may be any. All packets of a

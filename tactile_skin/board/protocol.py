@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Bytes of the board <-> frames. The parsers take any chunk and never pass on a damaged frame.
 
 Binary frame, little-endian:

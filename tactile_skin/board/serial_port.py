@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A serial port that is found, opened, read, watched, and opened again after any failure."""
 
 from __future__ import annotations

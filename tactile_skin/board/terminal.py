@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The port of a board that is simulated: a pseudo-terminal that any serial program can open."""
 
 from __future__ import annotations

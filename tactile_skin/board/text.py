@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Lines of numbers -> frames, as a description says how a sketch prints them.
 
 Readings are separated by commas, semicolons, tabs or spaces, one kind a line; runs of spaces count

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """When a body of several skins must stop: any of them stops it, and so does a push on several."""
 
 from __future__ import annotations

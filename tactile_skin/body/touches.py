@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Touches of a body: what crosses from one mat to its neighbour is one touch, with one id.
 
 Each mat gives its own touches ids. Here a touch that begins on a mat close to where one is, or was

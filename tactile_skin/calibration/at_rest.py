@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a second of rest shows: no matrix, lines that are one, a cell or a line that is no fabric's.
 
 The cells of a fabric differ at rest, by 3 % and more, and with them what any two lines read. Lines

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Creep: a fabric conducts more and more under a load that stands (docs/derivation.md).
 
 What a load adds to a cell's conductance grows by a share in each decade of time, by 4 to 10 % on

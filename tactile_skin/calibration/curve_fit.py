@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The curve of a skin's fabric, from objects of known weight laid anywhere (docs/derivation.md).
 
 The circuit's inverse gives what each cell conducts, whatever the curve. Force is a sum of ramps in

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """r_par and the resistance of stripes or drivers, from frames of touches (docs/derivation.md).
 
 Where nothing touches, the cells conduct what they did at rest, and the readings there tell what

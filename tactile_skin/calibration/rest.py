@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What an untouched skin reads, and what its cells then conduct, whatever curve they follow."""
 
 from __future__ import annotations

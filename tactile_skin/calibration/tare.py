@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What each cell conducts while nothing touches, followed as the fabric ages, creeps and warms.
 
 A fabric's cells differ at rest, and drift. `PressureCurve.resting_at` tells that to the solvers;

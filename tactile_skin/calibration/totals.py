@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Known totals explained by what each cell says: slopes that all cells share, and a gain for each.
 
 A total is linear in both. The cells' gains are taken for independent of one another, of a scatter

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What counts as touched: three levels of force, one of a reading; and when a touch stands."""
 
 from __future__ import annotations

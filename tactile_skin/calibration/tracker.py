@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What lies in series with a running skin: `identify`, one touch that stands at a time."""
 
 from __future__ import annotations

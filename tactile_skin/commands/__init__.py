@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Commands of `tactile-skin`, one a file, with `register(parser)` and `run(args)`.
 
 Imports everything but the command line.

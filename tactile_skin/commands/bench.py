@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`tactile-skin bench`: figures of every method."""
 
 from __future__ import annotations

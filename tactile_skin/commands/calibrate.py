@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`tactile-skin calibrate`: from a board that is wired up to a parameter file with its newtons."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`tactile-skin detect`: what a board sends, and a parameter file that reads it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`tactile-skin doctor`: what is wrong with a board, from recorded frames or live."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`tactile-skin flash`: the firmware onto a board, and what the board then says of itself."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`tactile-skin launch`: the skin of a launch file."""
 
 from __future__ import annotations

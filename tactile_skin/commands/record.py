@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`tactile-skin record`: the skin, and all that it publishes, in a file."""
 
 from __future__ import annotations

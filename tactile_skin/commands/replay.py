@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`tactile-skin replay`: recorded readings through the nodes again, or to other formats."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`tactile-skin sim`: a simulated board on a pseudo-terminal."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`tactile-skin train`: a network for a board."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What was found wrong with a skin, as a value: which kind, how bad, where, and its numbers."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Says findings: words.csv holds all words, where each is, what shows it and what to do.
 
 The order of its lines is the one in which findings are said. docs/troubleshooting.md is made of it.

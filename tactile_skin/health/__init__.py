@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A running skin, and what is wrong with it: from evidence to findings.
 
 skin.py     rest, circuit and picture       monitor.py    all checks, each frame

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether the ADC converts all that there is to read: a ceiling, seen over many frames.
 
 One frame with some equal readings proves nothing: a flat touch looks so. Over time a ceiling gives

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a check of a running skin is, and what it sees: frames, and windows of some of them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """When frames in doubt are a fault, and when that fault is over: no clock and no bus of its own.
 
 A single suspect frame is no fault: a touch that comes or goes causes a few. Half of the last frames

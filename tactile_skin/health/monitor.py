@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is watched on one running skin: each check takes each frame, and says what it finds.
 
 To add a check takes a class (check.py), a line in `CHECKS`, a kind in finding.py and its words in

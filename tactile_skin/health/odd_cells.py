@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Single cells that no touch moves so: they jump about, never move, or are often set aside."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether a matrix is read at all: cells of a fabric rest apart, and that picture is its own.
 
 Where all readings are alike no matrix is read. Where the picture of the rest stands at another

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether a running board sends what its ADC reads, or numbers that its sketch has processed.
 
 Of the latter no rest is learnt: what was taken off is missing under every touch.

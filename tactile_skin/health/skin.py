@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One running skin: what is known of it by now, the picture of each frame, and what is wrong.
 
 A frame is fitted with the rest and the circuit that the frames before it told; what it tells itself

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What an untouched skin reads, compared with what it read when its rest was measured.
 
 Its cells differ, so that the readings at rest are a picture that is known. Fabric changes cell by

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The convolutions of the small networks."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the learned inverse learns from: scenes pushed through the forward model (paper V-B)."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What its neighbours say of a cell, given how well each is known: a small network.
 
 It works on x = log conductance, whatever the skin's size, circuit or curve: convolutions only, and

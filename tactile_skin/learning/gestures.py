@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Trains a recogniser of gestures from takes: recordings of one gesture each, by name and person.
 
 Needs scikit-learn (the extra `gestures`); what it makes runs without.

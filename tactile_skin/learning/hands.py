@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Takes of simulated people, on mats of several sizes, and of what is no gesture."""
 
 from __future__ import annotations

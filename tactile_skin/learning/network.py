@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The learned inverses at work: weights on disk, and one pass through a network.
 
 Two networks: the paper's, which sees the ADC picture alone, and one of the same size that is fed

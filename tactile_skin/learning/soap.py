@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The optimiser of the trainings: Adam along the axes in which each layer's gradients vary.
 
 SOAP (Vyas et al., "SOAP: Improving and Stabilizing Shampoo using Adam", 2024). Adam scales each

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Train a learned inverse on scenes pushed through the forward model (paper section V-B)."""
 
 from __future__ import annotations

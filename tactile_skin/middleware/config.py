@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The parameters of nodes on the bus, and as the things that the pure modules work with."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """ROS 2's YAML launch format, as far as it is needed; what is unknown is refused by name."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a launch file gives its nodes; what is wrong names the file."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the skin logs, written by a thread of its own: a terminal that takes nothing stops nobody.
 
 A full pipe and a terminal after Ctrl-S keep whoever writes to them waiting: a stop hook's thread,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the package brings, its nodes, its launch and config folders, and the nodes of a user's."""
 
 from __future__ import annotations

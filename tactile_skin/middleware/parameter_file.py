@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameter files of ROS 2: sections for nodes, their parameters, and what is misspelt in them."""
 
 from __future__ import annotations

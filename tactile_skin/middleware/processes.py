@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The commands of a launch file: processes of their own that end with this one."""
 
 from __future__ import annotations

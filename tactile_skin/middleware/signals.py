@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """SIGINT, SIGTERM and SIGHUP end a skin in order, so that its final message is a stop.
 
 Handlers are installed from the skin's start to its final message, in the main thread, and only

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Linear algebra in one thread: the matrices are small, and more threads wait for one another."""
 
 from __future__ import annotations

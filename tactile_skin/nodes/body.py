@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """body: stops, contacts and wrenches of several skins -> those of the body."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the nodes that move the robot have in common: the stop's messages in, cmd_vel out."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """cmd_vel_gate: cmd_vel_in, the stop's messages and the touch -> cmd_vel."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """compensation: skin/adc -> skin/pressure."""
 
 from __future__ import annotations

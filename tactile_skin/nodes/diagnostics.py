@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What every node reports on `skin/diagnostics` and `/diagnostics`: a level, a message, values.
 
 The counts of messages that its queues dropped and of exceptions that its callbacks raised are among

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The robot's tf: what it says of a frame, and where the skin is mounted."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """gesture_feature: skin/pressure -> contacts, wrench, push direction, stroke, gestures."""
 
 from __future__ import annotations

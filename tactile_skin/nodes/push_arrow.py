@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """push_arrow: skin/centre, skin/push_direction -> skin/push_arrow, which rviz can draw.
 
 rviz has no display for a Vector3Stamped; a polygon in the shape of an arrow needs no plugin, and

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """push_to_move: the touch and the stop's messages -> cmd_vel that follows the hand."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """serial_driver: bytes of the board -> skin/adc."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """stop_on_push: skin/contacts and skin/diagnostics -> skin/stop, skin/stop_status."""
 
 from __future__ import annotations

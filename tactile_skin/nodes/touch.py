@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The touch of one reading from the three topics that hold its parts."""
 
 from __future__ import annotations

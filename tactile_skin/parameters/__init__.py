@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The parameters of all nodes as data: default, unit, range and meaning of each, in one place.
 
 `nodes` holds them, one frozen dataclass a node. What a node declares, ROS's descriptors,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Write config/skin.yaml and docs/parameters.md: python -m tactile_skin.parameters."""
 
 from pathlib import Path

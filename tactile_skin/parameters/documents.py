@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """config/skin.yaml and docs/parameters.md, written from the parameters."""
 
 from __future__ import annotations

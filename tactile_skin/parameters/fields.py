@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is said of a parameter besides its name, and how a dataclass of parameters is walked."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The parameters of each node: default, unit, meaning, range.
 
 A line here is all that a new parameter needs; the node reads it as an attribute.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The parameters that several nodes must agree on; a file holds them under /**."""
 
 from __future__ import annotations

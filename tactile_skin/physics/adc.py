@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From what the ADC reads to the circuit's ratio: scale, table, polarity, diodes, no reading.
 
 The solvers know a ratio from 0 to 1, the voltage over the reference resistor as a share of the

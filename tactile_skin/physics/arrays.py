@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Names of the arrays' types."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The resistor matrix and its read-out: what the ADC sees for given cell resistances.
 
 A skin of ``rows x cols`` cells is a bipartite resistor network: one node per stripe, one resistor

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Preconditioned conjugate gradients over a product function."""
 
 from __future__ import annotations

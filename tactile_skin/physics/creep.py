@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How a fabric conducts more and more under a load that stands."""
 
 from __future__ import annotations

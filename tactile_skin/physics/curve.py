@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The characteristic curve of a taxel: force on a cell <-> its resistance (paper Fig. 5)."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The cells of a grounded matrix from its readings, in closed form (docs/derivation.md)."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The accelerated fixed point g <- g * rho(g) / measured.
 
 The compiled loop does it where there is one (compiled/), else NumPy does the same.

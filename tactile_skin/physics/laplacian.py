@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The network of one frame as one matrix, and what the solvers need of it (docs/derivation.md).
 
 K, (lines, lines) with lines = rows + cols, is a positive definite generalised inverse of the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The stripes' own resistance: what it adds to each reading.
 
 A stripe of n crossings is n equal pieces, the first between its lead and its first crossing; rows

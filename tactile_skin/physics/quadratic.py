@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Quadratic programmes: a minimum within bounds, its spread, and what a sharp cost is near."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Tell readings that somebody processed from what an ADC reads, by a window of frames.
 
 An untouched fabric conducts, and every reading has noise. A stream in which usual cells read 0 was

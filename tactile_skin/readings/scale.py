@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the numbers of a file are: ADC steps, ratios, volts, or pictures that somebody processed.
 
 A file does not say its scale. What cannot be what an ADC reads is refused by what was seen; what

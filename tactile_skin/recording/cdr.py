@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Messages of msg.py <-> CDR bytes, and their definitions, by rosbags; the way to mcap."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Tell the cells of a table from its other columns: time, date, counter, label.
 
 A column is known by its name, or by what it does: it is text, rises by one, rises, repeats, takes

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The nodes' parameters, and the files that they name, as attachments of a recording."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Readings to other formats: NumPy, CSV, and MCAP from a foreign board's file."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Frames of any board from a file: MCAP, NumPy or CSV. What is repaired or dropped is said."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Lines of a text file as a table of numbers, whatever separates, brackets or surrounds them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recordings read back, those that end in the middle too."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Messages to files by a thread of its own: a slow disk drops and counts, and delays nobody."""
 
 from __future__ import annotations

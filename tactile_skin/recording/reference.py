@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Forces that a scale or a force sensor recorded beside a skin."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Frames from a table of numbers: a frame a line, or a row of the matrix a line."""
 
 from __future__ import annotations

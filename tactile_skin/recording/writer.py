@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An MCAP file with ROS 2 messages, of which a killed process leaves all that was flushed."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Methods side by side over one recording, as a table."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The nodes of a launch file in one thread, on a clock that is driven: the same every time."""
 
 from __future__ import annotations

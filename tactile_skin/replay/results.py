@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a replay gave, in arrays; a long one in several processes."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Frames of a board, from the board or from a file as if the board were there."""
 
 from __future__ import annotations

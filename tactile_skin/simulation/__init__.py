@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A skin that nobody has to build: what touches it, its matrix, and the board that reads it.
 
 scenes.py, bodies.py  pictures of forces        matrix.py     fabric and wiring in one circuit

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Touches that no solver's model was made for: bodies off the grid, and real pressure pictures.
 
 Both are drawn on a grid finer than the cells and averaged over each cell, so that no edge lies on a

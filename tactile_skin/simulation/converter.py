@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From voltages to counts: noise, rounding, and an input that ends before full scale."""
 
 from __future__ import annotations

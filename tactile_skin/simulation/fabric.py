@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The cells of a fabric: none is like another, and they leak into their neighbours."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One imperfect matrix: fabric, wiring and circuit of a board, as they truly are."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Kirchhoff's laws for any wiring of a matrix: damaged stripes, leads, multiplexers, resistors.
 
 It shares no code with the solvers' `circuit`. The cells' currents i are the unknowns of a frame:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pressure scenes: what a skin may feel, as force per cell.
 
 Three families are the paper's (section V-B): Gaussian blobs in random rectangles, filled

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The simulated board: the real bytes, on a real serial device (a pseudo-terminal).
 
 It does what the ATmega328P does: scan the matrix, low-pass every sample in integers, send a frame

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How far a skin is from what the solvers know of it: each effect by its strength.
 
 The solvers know stripes without resistance, cells on one curve and a frame read in an instant.

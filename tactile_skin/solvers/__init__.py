@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From a reading to the force on each cell: one entry, `compensate`, and a file per method.
 
 reading.py      one checked frame           estimate.py   what comes out

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Model no more than the frame needs."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What one frame says of the resistances that lie in series (docs/derivation.md).
 
 Untouched cells conduct what they did at rest, touched ones anything. An ohm more of r_par changes

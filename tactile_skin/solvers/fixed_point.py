@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The literature's fixed point g <- g * rho(g) / rho_measured, accelerated."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The noise-aware inverse: least squares in ADC steps, force >= 0, and a prior.
 
     minimise  1/2 sum ((reading - u(x)) / noise)^2 + prior(x),   x = log g between its bounds

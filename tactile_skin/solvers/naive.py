@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The paper's naive method (section V)."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The exact inverse of the circuit: the maximum of a concave function (docs/derivation.md).
 
     phi(g) = log det L(g) - sum rho_measured * g,   g between rest and the curve's end

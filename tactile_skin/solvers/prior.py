@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is likely of a touch before it is read (docs/derivation.md): the prior of `map`.
 
 Works in x, the log of conductance over that at rest, in which a relative error is a difference.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One frame as the solvers see it: what was read, its noise, and the bounds of each cell."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Does the circuit model explain the reading? Tests on a fitted frame (docs/derivation.md)."""
 
 from __future__ import annotations

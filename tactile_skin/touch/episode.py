@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Describes what a hand did to the skin, from its first touch to its last, in 65 numbers.
 
 The features are those of the field (Jung et al., "Touching the Void", ICMI 2014, and "Automatic

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """When a push begins and ends, and when a stroke begins: what hooks are called for.
 
 Pure, like stop.py: stamps come in, events come out.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What one frame says: from the force on each cell to contacts, wrench and push direction.
 
 A skin that senses normal pressure cannot see shear. What it can see of a push's direction is

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A forest of decision trees as plain numbers: it is trained elsewhere, and asked here.
 
 All trees are descended at once, a level a step, so that an answer of 100 trees takes a fraction of

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where one frame is in another: the tree of transforms that a robot publishes."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A touch from its start to its release, in the terms of the social-touch field.
 
 The features are those of Jung et al., "Touching the Void - Introducing CoST: Corpus of Social

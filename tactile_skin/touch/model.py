@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a recogniser has learnt: its classes, a forest and a line, in a file of plain numbers.
 
 A forest sees what belongs together, a logistic regression what adds up; of people that neither has

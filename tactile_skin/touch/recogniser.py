@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Names gestures as they happen: which touches are one gesture, and what the hand does.
 
 Pictures are averaged to 25 a second and each cell is gated by its standard deviation, so that a

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Plain numbers with a head of JSON, in an .npz file that runs nothing when it is read."""
 
 from __future__ import annotations

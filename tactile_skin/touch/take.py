@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A take: one performance of one gesture, as pictures in newtons, in a file of plain numbers."""
 
 from __future__ import annotations

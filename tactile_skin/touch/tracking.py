@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Contacts over time: touches with an id that stays while they move, join and part.
 
 A frame's contact is the touch that it is nearest to, where that one was foreseen (linear

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Serves the page of a running skin: `python -m tactile_skin.view LISTENING SKIN...`.
 
 These are the numbers of open sockets. It is started by process.py, and ends with the skin.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The snapshots of a running skin, in the page's process."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What happened: stops, findings, and the force of the last ten minutes. Time is an argument."""
 
 from __future__ import annotations

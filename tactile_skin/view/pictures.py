@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the page draws of a snapshot: pictures of the cells, contacts on the mat, numbers."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The page's process, from the side of the skin: start it, hand it snapshots, hear its requests.
 
 Between the two is a socket of whole messages for each skin. A snapshot that does not fit in its

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The snapshots of a recording: one for each of its readings."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The page's server: a few files, and one WebSocket for each page.
 
 A page asks for each snapshot when it has drawn the one before, and is answered with the newest:

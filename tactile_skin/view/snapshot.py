@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the topics said last, as one thing to draw."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Numbers and arrays as one string of bytes, which wire.js reads.
 
     length of the head (4 bytes, little-endian) | head: JSON, padded to 4 bytes | arrays

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a person does from the page: the guided calibration, the doctor. They survive a reload.
 
 Each runs in a thread of the page's process, on the readings that the skin hands over; its questions

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The firmware on avr8js, a simulator of the ATmega328P that shares nothing with simavr:
 //   node run.mjs FIRMWARE.hex WORLD.json > BYTES
 // WORLD.json: {"seconds", "tau" [cycles], "noise" [ADC steps], "seed", "ratio": [[begin [s], [256 shares

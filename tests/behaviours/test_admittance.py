@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A robot that is led moves like a mass on a damper, within its limits, and never by itself."""
 
 import dataclasses

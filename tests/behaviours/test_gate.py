@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The gate lets a robot move away from a push and never into it, and is zero when in doubt."""
 
 import math

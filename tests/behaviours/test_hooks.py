@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a stop hook is told: a free is believed while the reading behind it is fresh."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The robot stops for a push and for whatever it does not know, and goes on only when free."""
 
 import dataclasses

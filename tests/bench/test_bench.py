@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The measurements measure what they say, and the pictures show what was measured."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The ablation: what is switched off says nothing, and all else stays as it was."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Dead data look like frames: each fault does what it says."""
 
 from pathlib import Path

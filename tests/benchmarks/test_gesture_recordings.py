@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recordings of others become takes: forces are kept, and gestures are parted."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Time against the number of cells."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Processes that are ended by signals: the last word is stop, and nothing is left."""
 
 import subprocess

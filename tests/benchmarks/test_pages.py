@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The pages hold the lines of the run whose pictures they show."""
 
 import json

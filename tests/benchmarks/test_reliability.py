@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The fault harness counts right, and the chain that it drives is the real one."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How soon the skin stops: what is counted, and what is drawn."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every script of benchmarks/ can be imported, and says what it shows and takes."""
 
 import importlib

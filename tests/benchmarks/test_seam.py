@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A finger that is drawn across the seam of two mats stays one touch."""
 
 import pytest

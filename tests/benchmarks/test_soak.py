@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A short soak; long ones: `python -m benchmarks.running.soak --minutes 30`, `--unplug 200`."""
 
 import subprocess

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Touches on the simulated board, `scan`, `auto`, against their truth; the rest is `slow`."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The network behind the last step of `map`, as it is trained."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The wire format has one description in C and one in Python; descriptions and commands."""
 
 import re

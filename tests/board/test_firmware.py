@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The firmware's binary on a simulated chip: what it sends, takes, and survives."""
 
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`tactile-skin flash`: the real avrdude, and a boot loader on a pseudo-terminal."""
 
 import os

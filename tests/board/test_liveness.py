@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Frames of a living board are believed; frames that only look like it are not, and soon."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The wire format: whatever the wire does to the bytes, only frames that were sent come out."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The reader of a serial port: whatever happens to the port, it goes on, and says so."""
 
 import errno

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The simulated board: what the ATmega328P does, and the real bytes on a real serial device."""
 
 import os

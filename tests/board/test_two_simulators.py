@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The firmware on simavr and on avr8js, which share no code: byte for byte the same."""
 
 import pytest

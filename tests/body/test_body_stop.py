@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """When a body of skins stops, and what it says: on a driven clock."""
 
 import pytest

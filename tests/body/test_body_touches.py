@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Touches of two mats as those of one body."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`tactile-skin calibrate` takes recordings of a board that is not there."""
 
 import numpy as np

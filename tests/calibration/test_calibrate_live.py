@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`tactile-skin calibrate` on a serial device, at a terminal."""
 
 import os

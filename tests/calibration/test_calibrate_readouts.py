@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`calibrate` of boards that are not read as floating matrices, from recorded text lines."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a standing load gains is measured, and taken out while it stands."""
 
 import numpy as np

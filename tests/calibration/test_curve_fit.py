@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Newtons by known weights, on a board whose fabric, stripes and noise no solver knows."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`calibrate` from end to end: an unknown board, and a person who does as he is told."""
 
 import copy

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Boards with r_par, stripes, fabric and noise of their own; the literal network reads them."""
 
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An object whose weight is told must lie on the skin all the while it is measured."""
 
 from types import SimpleNamespace

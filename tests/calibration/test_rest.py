@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An untouched skin is taken, with noisy cells too; one that something touches is not."""
 
 import numpy as np

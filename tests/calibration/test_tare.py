@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is learnt of a skin at rest, and that a touch is never tared away (driven clock)."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Two lines that are one are told at rest; lines of a sound fabric are not."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Findings are equal by their cause, have words, and docs hold all of them."""
 
 import string

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Frames as checks of a running skin take them."""
 
 from types import SimpleNamespace

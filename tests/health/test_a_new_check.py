@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A check is added in some lines, and said by the live skin, the page, the doctor and docs."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A ceiling of the ADC is seen, whatever the board's noise; a flat touch is none."""
 
 import numpy as np

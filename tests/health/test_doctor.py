@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`diagnose` names the line or cell that is bad, and nothing on a sound board."""
 
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A board that is configured as another readout: the doctor names the one that fits."""
 
 import re

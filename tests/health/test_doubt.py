@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """When doubt is a fault, and what proves it gone."""
 
 import pytest

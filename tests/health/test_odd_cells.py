@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A cell that jumps about, never moves, or is often set aside is named; touches are not."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A matrix that is not read, and a stuck bit, show in the picture of an untouched skin."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One running skin without topics: readings in, force and reasons out."""
 
 import numpy as np

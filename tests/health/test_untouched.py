@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Changes of an untouched skin's picture that are none of the fabric's are told; others are not."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The network behind the last step of `map`: the same numbers as PyTorch's, on any skin."""
 
 import numpy as np

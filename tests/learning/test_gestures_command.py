@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`tactile-skin gestures`: takes are recorded, a recogniser is trained, and judged."""
 
 import re

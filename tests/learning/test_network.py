@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The pass through the network equals PyTorch's, and weights know what they were made for."""
 
 from pathlib import Path

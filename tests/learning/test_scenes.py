@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Scenes and readouts are what DESIGN and README say they are."""
 
 import numpy as np

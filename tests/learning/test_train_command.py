@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A network is trained for the board of a parameter file."""
 
 import numpy as np

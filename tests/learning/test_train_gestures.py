@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A recogniser learns from a few takes, and names those of people that it has not seen."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Training repeats itself, survives being killed, and notices its own death."""
 
 import csv

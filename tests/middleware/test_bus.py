@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The bus behaves as rclpy does, and never lets one callback harm another."""
 
 import dataclasses

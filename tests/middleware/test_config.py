@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From a parameter file to circuit, curve and geometry."""
 
 import numpy as np

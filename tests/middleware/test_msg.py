@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The messages are ROS's own, and arrays go in and out of them unchanged."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The linear algebra of a running skin has one thread, with threadpoolctl and without."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A launch file starts nodes of other packages: classes of a module."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Scenes from a robot's day, from the board's bytes to cmd_vel, on a driven clock.
 
 Each frame a planner sends its command, the simulated board sends what the skin feels, and the robot

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """compensation of boards as people have them: offset, full scale, polarity, absent crossings."""
 
 from __future__ import annotations

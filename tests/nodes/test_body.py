@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Several skins of one file as one body, on simulated boards at pseudo-terminals."""
 
 import contextlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What compensation does when it is behind, and what it says of a matrix wired wrong."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every node reports what it dropped and what its callbacks raised."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The live server of the Foxglove app, by a client that speaks its protocol."""
 
 import contextlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The node gesture_feature: its clouds, as any subscriber reads them."""
 
 from collections import defaultdict

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The node gestures: names of what simulated hands do, on the topics."""
 
 import threading

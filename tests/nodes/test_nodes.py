@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The chain from a frame to the stop, on a driven clock and in one thread; and the driver."""
 
 import math

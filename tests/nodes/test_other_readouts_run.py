@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Boards with loaded and grounded lines through all nodes, from the simulated board's bytes."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameters that change while a node runs, and a clock that stands still."""
 
 import pytest

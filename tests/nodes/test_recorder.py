@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The recorder on a running skin: everything is in the file, and replay gives it again."""
 
 import contextlib

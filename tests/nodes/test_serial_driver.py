@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The driver on a driven clock: which frames it publishes, with what stamp, and what it reports."""
 
 from __future__ import annotations

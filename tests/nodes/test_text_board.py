@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A hobby board's lines through a real pty and the real driver: what its maker is told.
 
 docs/boards.md configures this board; its YAML is what is run here.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Until touches have told r_par, the stop counts a hard touch with what it may have at most."""
 
 from dataclasses import replace

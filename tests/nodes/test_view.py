@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The node `view`: snapshots to the page's process, requests from there, and its end."""
 
 import asyncio

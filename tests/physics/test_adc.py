@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From counts to the circuit's ratio, of boards whose ADC is not the paper's."""
 
 from pathlib import Path

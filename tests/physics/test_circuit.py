@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The forward model against Kirchhoff's equations, and the laws that it must obey."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The characteristic curve: monotone, exactly invertible, strict about its file."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The closed form of a grounded matrix, against Kirchhoff's laws for each reading."""
 
 import numpy as np

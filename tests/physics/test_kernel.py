@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The compiled loops against the same in NumPy, and what they leave to that.
 
 That both are right is what the other tests of physics and solvers say, which run over each.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The network of one frame: K against its definition, and what follows from it."""
 
 import numpy as np

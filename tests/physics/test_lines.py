@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The stripes' resistance, against two networks of another author's making."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The loaded and the grounded readout: the literal network, and derivatives by differences."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recordings for the tests, made without a skin."""
 
 import numpy as np

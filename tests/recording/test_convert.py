@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Readings leave as NumPy and CSV, and come back as they were."""
 
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Frames of foreign boards: read, repaired with a word, or refused with one."""
 
 from datetime import datetime, timedelta

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The recorder drops, counts and ends; it never blocks, and what is written stays readable."""
 
 import errno

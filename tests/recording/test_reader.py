@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recordings come back as they were written, whole or cut off."""
 
 import dataclasses

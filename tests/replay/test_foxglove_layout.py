@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The layout that ships for Foxglove: its panels show what a recording holds."""
 
 import json

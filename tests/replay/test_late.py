@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Readings that the skin was late for: a replay takes each as the robot took it."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recorded readings through the nodes again: the same every time, and other methods beside."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The board that can be damaged: its physics, and that each fault does what it says."""
 
 import numpy as np

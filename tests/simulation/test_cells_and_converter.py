@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Single cells that are bad, and single readings that are taken badly."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Simulated hands: the same person is the same hand; performances begin and end untouched."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Effects that a textile, its wires and its board add, one at a time."""
 
 from dataclasses import replace

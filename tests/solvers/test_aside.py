@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Readings that a bad contact explains are set aside, a few; a line that is open is not."""
 
 import numpy as np

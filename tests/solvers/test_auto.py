@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The cheapest method that the frame allows, and an answer to whatever comes in."""
 
 import numpy as np

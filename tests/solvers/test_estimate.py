@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What `compensate` takes and returns: one frame or a batch, and arguments by method."""
 
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The noise-aware inverse: its prior, its accuracy, its spread, its doubts."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The exact inverse and the algebra under it."""
 
 import numpy as np

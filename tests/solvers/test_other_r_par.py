@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An r_par that is not the circuit's: found where it is, and not where it is not."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Each method on loaded and grounded matrices, and what tells one readout from another."""
 
 from pathlib import Path

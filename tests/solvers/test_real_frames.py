@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Frames of a real floating insole (tests/data/insole_floating.txt names the source)."""
 
 from pathlib import Path

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A start and weights that `compensate` cannot use are refused by name."""
 
 import re

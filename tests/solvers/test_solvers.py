@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every method through the same door: the same scenes, the same mistakes."""
 
 import numpy as np

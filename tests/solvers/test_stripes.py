@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every method on a skin whose stripes have resistance; the readings are the literal network's."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the doctor and the running skin say of strangers' boards, and what becomes of who obeys."""
 
 import re

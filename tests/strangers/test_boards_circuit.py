@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Converters and circuits as strangers have them: an ESP32's ADC, one sensor."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`calibrate` on strangers' boards: what it says at the end, and how it looks on a terminal."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From plugging in an unknown board to the right picture: detect, four answers at most, launch."""
 
 import io

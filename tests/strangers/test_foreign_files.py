@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Files as strangers have them: other columns, blocks, other scales, processed numbers."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Formats that strangers' boards send: recognised without a word, and read by what was found."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameter files that are absent, partial, misspelt or foreign, in each way of starting.
 
 None ends in a skin with other numbers than the file's and the documented defaults.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Streams and files that somebody processed are named, and nothing is learnt or entered by them."""
 
 from pathlib import Path

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Accuracy of the solvers in grams a cell, on simulated frames of a family of touches."""
 
 from __future__ import annotations

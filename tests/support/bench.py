@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Nodes on one driven clock, in one thread."""
 
 from tactile_skin.middleware.bus import (

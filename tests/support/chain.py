@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The nodes of launch/skin.launch.yaml on a clock that is driven: bytes in, decisions out."""
 
 from __future__ import annotations

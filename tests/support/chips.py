@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the tests of the firmware need: the tools, or the reason to skip them."""
 
 import shutil

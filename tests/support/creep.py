@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Loads that stand on boards that creep, and what the calibration makes of them."""
 
 from __future__ import annotations

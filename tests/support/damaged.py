@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Damaged boards for the doctor: what was done to each, and which finding names it."""
 
 from __future__ import annotations

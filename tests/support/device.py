@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A person who calibrates a board on a serial device by the command, and answers its questions."""
 
 from __future__ import annotations

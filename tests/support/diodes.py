@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recordings of boards that are driven through diodes."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Boards whose converter is an ESP32: two that others measured, more that scatter about them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A board that is damaged while it plays a press, and what arrives of it."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The firmware on a simulated ATmega328P: its frames, its timing, and another simulator of it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Both implementations of the inner loops: tests/physics and tests/solvers run over each."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Frames of another maker's insole: its circuit, and what the solvers make of its readings."""
 
 from __future__ import annotations

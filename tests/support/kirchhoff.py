@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The paper's literal equations (section IV-B), as the oracle of the forward model."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A subscriber with plain rclpy, as a user would write it: it knows nothing of tactile_skin.
 
     python listen_rclpy.py FILE [TOPIC ...]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A computer that is itself a guest, and whose host takes the processor away for a while."""
 
 from __future__ import annotations

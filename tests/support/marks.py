@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Marks of single cases of a parametrised test: more of what another case shows."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a page reads of a message, as wire.js does; and a page of snapshots that a test made."""
 
 import asyncio

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A plain node of rclpy, in the test's own process: what it heard last, and what it says."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The prior of `map` against none and the built-in one alone, on the same frames."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Untouched boards with noisy cells, and boards that are touched while they should rest."""
 
 from __future__ import annotations

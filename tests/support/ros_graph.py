@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A skin on real ROS: a graph of processes, the bytes that are played to it, a plain subscriber."""
 
 from __future__ import annotations

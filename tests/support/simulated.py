@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A simulated board in a thread of the test, on a real pseudo-terminal."""
 
 import contextlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A running skin that learns the r_par of its board."""
 
 from __future__ import annotations

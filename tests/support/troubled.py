@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Readings of a circuit with one fault and nothing else."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Objects of known weight that are laid on unknown boards, and presses of a hand."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The features of a gesture are what they say, and mean the same on another mat."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Each push and each stroke is one event, and says where and how strong."""
 
 import numpy as np

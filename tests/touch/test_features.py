@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a push is, in the robot's frame."""
 
 import hypothesis

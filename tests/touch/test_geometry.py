@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Cells sit and face where REP 103 puts them."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A touch in the terms of the social-touch field."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A model is plain numbers: trees that answer as trained, in a file."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which touches are one gesture, and when it is named."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Takes in files, and the touches of a recording as takes."""
 
 import numpy as np

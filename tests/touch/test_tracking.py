@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Touches over time: ids, velocity, state, merge and split; a hundred frames a second."""
 
 import numpy as np

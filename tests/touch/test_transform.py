@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Frames as tf has them, against rotations worked out by SciPy; and messages as on a robot."""
 
 import math

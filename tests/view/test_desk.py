@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The page in Chromium, of snapshots that are known: found by role and text."""
 
 import io

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The page's log: stops, findings and moments, on a driven clock."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is drawn of a snapshot, and that it comes through the wire as it is."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The page's server: what it serves, to whom, and what strangers can do to it."""
 
 import asyncio

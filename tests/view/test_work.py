@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Calibration and doctor from the page in Chromium, on a board that nobody knows."""
 
 import threading

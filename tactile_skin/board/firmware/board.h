@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* What is wired to what, and why each number is what it is.
  *
  *   ATmega328P  Nano       wired to

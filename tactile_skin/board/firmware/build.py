@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The firmware's binary, and the library of the simulated chip: built where they are used."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* The board on a simulated chip: simavr runs the binary of the firmware, and this is what is wired
  * to the chip: multiplexers, fabric, the ADC's input, a serial line. chip.py loads it. */
 #include <math.h>

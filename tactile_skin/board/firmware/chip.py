@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The firmware on a simulated ATmega328P: its binary, byte for byte, on simavr.
 
 chip.c is what is wired to the chip; the voltages that it finds are those of the circuit model, and

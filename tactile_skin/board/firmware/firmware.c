@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* Reads the skin 386 times a second, low-passes each crossing, and sends frames.
  *
  * There are no interrupts: all happens in one loop of ticks of 10 us, which is also the time of a byte

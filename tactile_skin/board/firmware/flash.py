@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Put the firmware on a board by avrdude: its chip's signature is read first, and must be right."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* The bytes on the serial line, as in ../protocol.py and ../description.py: a test compares them.
  * Numbers of more than one byte are little-endian, as the ATmega328P keeps them. */
 #ifndef PROTOCOL_H

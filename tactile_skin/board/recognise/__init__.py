@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What bytes are that nobody described: one answer for `detect` and for the live messages.
 
 Imports the parsers of board: what is recognised is what a parser then reads.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Lines of text: which of them hold readings, and what else stands in them.
 
 Nothing is known of the board. Lines that are alike but for their numbers are one kind; the kind

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Listen to an unknown board at one baud rate after the other."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Bytes that are no text: packets of one size, their head, words and check.
 
 A packet's constant bytes come again at one distance. What no check proves is never sure: at a wrong

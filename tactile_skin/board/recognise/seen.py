@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a sample of bytes was recognised as."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`tactile-skin gestures`: record your own gestures, train a recogniser, see how good it is."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The picture of an evaluation: what is taken for what, what is named falsely, and how soon."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Takes of gestures, from the live skin or from a recording."""
 
 from __future__ import annotations

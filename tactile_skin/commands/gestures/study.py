@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What takes teach: a recogniser, and how good it is."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is wrong with a board, from a recording of its ordinary use: which wire, which cell.
 
 recorded.py   rest, noise and touches of the recording

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether to give a piece of advice: the skin that obeys it is tried on the very frames.
 
 Advice after which an untouched skin reads as none does, or after which a touch that the raw

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether the readings are those of a converter that is not linear, whose table is shipped."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Findings of damaged wires and cells.
 
 A check of a recording is a function in `CHECKS`: what is recorded, and (axis, line) of lines that

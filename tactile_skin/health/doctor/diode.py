@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Diodes in the driven lines of a loaded matrix that the configuration does not know.
 
 They take the more the more a line carries, but not in proportion to it, as r_par does. With them

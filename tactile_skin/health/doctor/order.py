@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Lines that read alike, and lines in the wrong order: what the touches in a recording tell.
 
 A touch covers neighbouring cells. Read in the right order its picture rises once and falls once;

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Faults of single readings: bits that never change, a ceiling, noise, lines that read nothing.
 
 A check of a recording takes what is recorded, and (axis, line) of lines that earlier ones found

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which readout a board has, by its touches: the one whose network explains them.
 
 What else explains them as well is looked for, too: another series resistance, another width of the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A recording of ordinary use, summed up for the doctor: rest, noise, and the touches in it."""
 
 from __future__ import annotations

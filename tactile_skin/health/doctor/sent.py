@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether a recording holds what an ADC reads, of a matrix that is connected."""
 
 from __future__ import annotations

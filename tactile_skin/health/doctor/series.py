@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What lies in series with all cells of a recording, by its touches."""
 
 from __future__ import annotations

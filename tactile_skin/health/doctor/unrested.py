@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether a recording shows the skin at rest; if not, little can be said of it."""
 
 from __future__ import annotations

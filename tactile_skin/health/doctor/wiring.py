@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which damage of wires and cells explains what an untouched skin reads.
 
 The fabric's cells are alike but for their scatter. A model of the wiring with equal cells is

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Topics, services, timers and parameters within one process, with rclpy's signatures.
 
 A node written against this module runs unchanged on rclpy's Node, but for the descriptors of its

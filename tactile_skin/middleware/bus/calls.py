@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What calls a node besides messages: timers, and services that others ask."""
 
 from __future__ import annotations

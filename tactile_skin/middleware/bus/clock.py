@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Time, as a node sees it."""
 
 from __future__ import annotations

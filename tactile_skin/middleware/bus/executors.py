@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Executors: which threads run the callbacks."""
 
 from __future__ import annotations

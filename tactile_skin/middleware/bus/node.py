@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A node: its names, what it is made of, and how its callbacks are called."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameters: declared with a default, checked against its type and what is said of it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Topics: who publishes, who listens, and how many messages wait."""
 
 from __future__ import annotations

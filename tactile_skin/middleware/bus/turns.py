@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which call comes next in a thread."""
 
 from __future__ import annotations

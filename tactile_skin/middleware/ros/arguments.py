@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What stands between --ros-args and -- on a ROS program's command line."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Messages of msg.py <-> those of ROS 2, field by field."""
 
 from __future__ import annotations

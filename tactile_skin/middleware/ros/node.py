@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A node of the bus whose topics, services and parameters are those of ROS."""
 
 from __future__ import annotations

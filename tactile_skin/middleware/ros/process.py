@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """This process on ROS 2: one thread takes what arrives for all of its nodes."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """foxglove: all topics, live, for the Foxglove app."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """gestures: skin/pressure -> what a hand does to the skin, by name."""
 
 from __future__ import annotations

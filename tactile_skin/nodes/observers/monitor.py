@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """monitor: a live line on the terminal, and a summary at the end."""
 
 from __future__ import annotations

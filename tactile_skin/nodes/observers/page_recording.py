@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A recording that a page begins and ends, and downloads."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """recorder: all topics -> an MCAP file."""
 
 from __future__ import annotations

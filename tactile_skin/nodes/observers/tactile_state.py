@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """tactile_state: skin/pressure -> tactile_state, which Ubi's tactile_toolbox shows."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Topics -> what hooks are called for; no node of a launch file, see launch.Skin."""
 
 from __future__ import annotations

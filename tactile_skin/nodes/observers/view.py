@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """view: what a skin, or each of a body, sees and says, in the browser (tactile_skin/view)."""
 
 from __future__ import annotations

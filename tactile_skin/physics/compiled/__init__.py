@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The inner loops of small skins, compiled (the C files here) where setup.py found a compiler.
 
 The modules that have the same in NumPy ask here first: laplacian.py, quadratic.py, kernel.py,

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* What follows from the conductances of a small skin: ../laplacian.py says what each is, and
  * ../kernel.py the fixed point; both hold the same in NumPy.
  *

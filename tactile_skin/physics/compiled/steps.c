@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* The parts of a step of `map`: the prior (../../solvers/prior.py), its network's convolutions
  * (../../learning/convolution.py), the curve (../curve.py) and the programme within bounds
  * (../quadratic.py), which hold the same in NumPy. Functions return -1 where NumPy has to do it.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How a matrix is read: from the conductances of a frame to its readings and their derivatives.
 
     floating.py        one row is driven, one column is read, all other lines are open

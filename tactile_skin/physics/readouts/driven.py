@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One line is driven, and each line across it has its own reference resistor and is read."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One row is driven, one column is read, all other lines are open: the paper's board."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One line is driven, each sense line has its reference resistor, other driven lines are open."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What every readout answers: a class for each, of which an object is the network of one frame."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One line is driven, an amplifier with feedback resistor r_ref holds each sense line at 0 V."""
 
 from __future__ import annotations

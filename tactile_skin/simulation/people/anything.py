@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Contacts of any shape, course and path, which stand for what nobody has thought of.
 
 A recogniser that has seen only some kinds of events takes others for the gesture that they look

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What touches a robot and is no gesture: bodies that lean or sit, things laid on, walls, cloth.
 
 As in `hands`, the numbers are chosen to be broad, and come from no recording.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Simulated people who touch a mat: how hands press on it in space and time.
 
 A person has a size, a strength, a tempo, a tremor and ways of doing each gesture; each performance

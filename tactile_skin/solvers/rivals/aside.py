@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Readings that no skin can give beside the others: set aside, a few, where a contact was bad.
 
 Whatever its cell does, a reading is at least what the paths through the other cells let through.

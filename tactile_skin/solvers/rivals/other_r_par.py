@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Does a frame ask for another r_par than the circuit's? See docs/derivation.md, "Which R_par"."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Does another readout than the circuit's explain a frame? See docs/derivation.md, "When to doubt".
 
 Where few cells are at rest, those of a wrong readout can meet the readings as those of the right

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The page of a body: all of its skins, the worst first; each has a page of its own.
 
 import { toggle, twice } from "./buttons.js";

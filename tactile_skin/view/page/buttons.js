@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Buttons: one that is pressed twice, and one that opens and closes something.
 
 /** Within 4 s of the first time, the second is meant. */

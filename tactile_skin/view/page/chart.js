@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Force of all contacts over time, with the time that the robot was stopped.
 
 const FONT = "system-ui, sans-serif";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Colour scales: perceptually uniform, and told apart by the colour-blind.
 
 // viridis of matplotlib, at 16 places

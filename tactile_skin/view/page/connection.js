@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The WebSocket: one snapshot is asked for at a time, so that nothing waits in a queue.
 
 import { unpack } from "./wire.js";

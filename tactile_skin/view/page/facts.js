@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What stands beside the pictures: stop, contacts, numbers, reports.
 
 import { compass, spelt } from "./push.js";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The pictures of the mat with their scales: which is how large, in which unit, what it shows.
 
 import { rising, signed } from "./colours.js";

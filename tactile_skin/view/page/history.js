@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Force and stop over time: each reading of the last minute, and tenths of a second before it.
 
 const FINE = 60; // s of which each reading is kept

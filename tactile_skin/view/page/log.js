@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The log: stops and findings; a click shows the moment of one.
 
 import { clock, happened, lasted } from "./words.js";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One picture of the mat: exact cells, numbered lines, what is drawn on them.
 
 const FONT = "11px system-ui, sans-serif";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The page: takes snapshots, draws them, asks for the next.
 
 import { Chart } from "./chart.js";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The robot from above, x forward, and the push on it.
 
 import { from } from "./words.js";

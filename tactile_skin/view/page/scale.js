@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The scale of a picture: where it ends, and how that is shown.
 
 import { roundUp } from "./colours.js";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The cover in space: each cell where it is on the robot, coloured by its pressure, and the push.
 
 import {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Words for the stop, directions and times.
 
 const FACES = 0.38; // part of a unit vector that a direction is named by: sine of 22.5 degrees

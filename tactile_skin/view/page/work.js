@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is done from the page: recordings, the doctor, the guided calibration.
 
 const $ = (id) => document.getElementById(id);

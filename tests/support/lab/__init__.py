@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Boards that may be damaged or that nobody here made, and a day's touches: for tests, benchmarks.
 
 board.py, damage.py   a board in time with its link, and what may happen to it

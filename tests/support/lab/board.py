@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A board that can be damaged: its matrix in time, its low-pass, its bytes, its link.
 
 A fault (damage.py) changes attributes of it, at any time.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Faults of wires, multiplexers and ADC: what arrives is read now, but from another circuit.
 
 Each is a function that damages a `FaultBoard`, and stays once it is there.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parts of a board that are bad: cells, wires behind diodes, a converter and its supply."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What touches a skin in a day: fingers, palms, edges, strokes and pushes, one after the other.
 
 `everyday` draws them off the grid, with a texture and a tremor, at `board.KNOTS` a second;

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Boards that nobody here made: their circuit, their fabric's curve and its creep are drawn."""
 
 from __future__ import annotations

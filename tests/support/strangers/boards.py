@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What strangers' sketches print of a picture, and what a UART makes of it at another rate."""
 
 import struct

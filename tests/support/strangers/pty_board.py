@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A stranger's board on a pseudo-terminal: any bytes at a given rate, while the port is open."""
 
 import os

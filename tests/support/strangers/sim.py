@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Readings of simulated strangers' boards, by the public forward model."""
 
 import numpy as np
