@@ -82,3 +82,13 @@ def test_the_arm_of_the_examples_gives_the_gate_its_frame():
     assert gate._cmd_vel.frame == "base_link"
     for node in nodes.values():
         getattr(node, "close", lambda: None)()
+
+
+@pytest.mark.parametrize("way", [*WAYS, read_skin], ids=lambda w: w.__name__)
+def test_the_file_of_a_body_is_refused_for_one_skin(tmp_path, way):
+    """It would run on defaults, and never mention the others."""
+    path = tmp_path / "body.yaml"
+    path.write_text("skins:\n  chest: {geometry: {shape: plane}}\n  back: {port: /dev/ttyUSB9}\n")
+    with pytest.raises(ValueError, match=r"chest, back: is the file of a body"):
+        read_skin(path) if way is read_skin else way(path, tmp_path).build()
+    assert read_skin(path, "chest/compensation").geometry.normal.any()

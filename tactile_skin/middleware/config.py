@@ -61,6 +61,7 @@ def read_skin(path=None, node: str = "compensation") -> SkinConfig:
         return skin_of({}, "")
     file = ParameterFile(path)
     file.check({node.rsplit("/", 1)[-1]: None})
+    file.check_skin(f"/{node.strip('/')}")
     return skin_of({p.name: p.value for p in file.overrides(f"/{node.strip('/')}")}, str(path))
 
 

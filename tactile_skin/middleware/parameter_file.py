@@ -181,6 +181,15 @@ class ParameterFile:
                 if of_skin or _misspelt(name, allowed):
                     raise ParameterError(unknown_parameter(where, name, allowed))
 
+    def check_skin(self, node: str) -> None:
+        """Refuse a body's file for the node of a skin that it does not name."""
+        of_one = self.skins and last_of(node) in SKIN_NODES
+        if of_one and not any(concerns(section, node) for section in self._of_skins):
+            raise ParameterError(
+                f"{self.path}: {SKINS}: {', '.join(self.skins)}: is the file of a body, and {node} "
+                "is of none of them: launch body.launch.yaml, or give the file of one skin"
+            )
+
     def check_meant(self, node: str) -> None:
         """Refuse a file with sections for nodes of this name, none of them in its namespace.
 
@@ -189,6 +198,7 @@ class ParameterFile:
         Raises:
             ParameterError: naming the sections and the node.
         """
+        self.check_skin(node)
         for full in (node, *self.programs):
             name = last_of(full)
             alike = [s for s in self.sections.keys() - self._of_skins if last_of(s) == name]

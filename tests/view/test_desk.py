@@ -53,6 +53,18 @@ def test_a_push_is_said_in_a_line(browser):
         assert "from the left" in browser.run("document.getElementById('push').innerText")
 
 
+def test_a_fault_is_not_hidden_behind_the_push_before_it(browser):
+    """And a force that counts as more, while r_par is not known, says so."""
+    words = "fault: serial_driver: no bytes for 3 s + push"
+    unplugged = replace(snapshot(SHAPED, 1.5, 24, stop=True), reason=words, force=37.0)
+    unplugged = replace(unplugged, causes=("fault", "push"))
+    with served(SHAPED, [*pushed(SHAPED)[:3], unplugged]) as (address, _):
+        browser.open(address)
+        browser.until(f"{STATUS} === '■ stopped: {words}'")
+        name = "document.getElementById('total').getAttribute('aria-valuetext')"
+        browser.until(f"{name} === '24.0 N (counts as 37) of 30 N'")
+
+
 def test_a_direction_has_words(browser):
     with served(SHAPED, [snapshot(SHAPED)]) as (address, _):
         browser.open(address)

@@ -70,7 +70,7 @@ class Heard {
   /** @param entry of the log for the stop that lasts, or undefined. */
   line(now, entry) {
     const why = this.silent(now) || "nothing is heard of its stop";
-    return state(this.stop(now), this.latest?.head.reason, entry, why);
+    return state(this.stop(now), this.latest?.head, entry, why);
   }
 }
 
@@ -125,10 +125,11 @@ class Card extends Heard {
     if (this.item.className !== look) this.item.className = look;
     this.find(".simulated").hidden = !head?.simulated;
     const force = (head?.contacts ?? []).reduce((sum, contact) => sum + contact.force, 0);
-    showTotal(this.find(".total"), force, head?.limit ?? null);
+    showTotal(this.find(".total"), force, head?.limit ?? null, head?.force ?? 0);
     const rank = RANKS.indexOf(kind);
     this.ranks = this.ranks.filter(([when]) => when > now - HELD);
     if (head) this.ranks.push([now, rank]);
+    if (kind === "stopped") return rank - 1; // before those that were stopped a moment ago
     return Math.min(rank, ...this.ranks.map(([, before]) => before));
   }
 }

@@ -4,6 +4,7 @@
 import { compass, spelt } from "./push.js";
 import { fixed } from "./words.js";
 
+const MORE = 1.02; // times the force from which on what it counts as is shown
 const $ = (id) => document.getElementById(id);
 
 /** Give an element a text, if it has another. */
@@ -64,13 +65,16 @@ export function showPush(push, colours) {
  * @param meter to show the force in.
  * @param force of all contacts [N].
  * @param limit of it that stops the robot; null: nobody says.
+ * @param counts what the stop takes the force for [N]: more, while r_par is not known.
  */
-export function showTotal(meter, force, limit) {
-  const of = limit ? ` of ${limit} N` : "";
+export function showTotal(meter, force, limit, counts) {
+  const more = limit && counts > MORE * force ? ` (counts as ${fixed(counts, 0, "")})` : "";
+  const of = `${more}${limit ? ` of ${limit} N` : ""}`;
+  const shown = more ? counts : force;
   say(meter.querySelector("strong"), `${fixed(force, 1, " N")}${of}`);
   const end = limit ?? Math.max(1, force);
-  meter.firstElementChild.style.width = `${Math.min(100, (100 * force) / end)}%`;
-  meter.classList.toggle("over", limit !== null && force >= limit);
+  meter.firstElementChild.style.width = `${Math.min(100, (100 * shown) / end)}%`;
+  meter.classList.toggle("over", limit !== null && shown >= limit);
   meter.setAttribute("aria-valuenow", force.toFixed(1));
   meter.setAttribute("aria-valuemax", end);
   meter.setAttribute("aria-valuetext", `${fixed(force, 1, " N")}${of}`);

@@ -264,7 +264,7 @@ function showTexts(now) {
   const silent = silentWhy(now);
   const why = silent || (hello.recording ? "no stop was recorded" : "no stop_on_push is heard");
   const stop = silent ? null : head.stop;
-  const line = state(stop, head.reason, hello.recording ? at(log.entries) : log.stop, why);
+  const line = state(stop, head, hello.recording ? at(log.entries) : log.stop, why);
   facts.showStop(stop, hello.recording ? `recorded: ${line}` : line, stop ? head.reason : "");
   const held = frozen && shown && !hello.recording ? ` · showing ${clock(shown.head.stamp)}` : "";
   $("source").firstElementChild.textContent = `${hello.title}${held}`;
@@ -273,7 +273,7 @@ function showTexts(now) {
   facts.showContacts(picture.head.contacts);
   facts.showPush(picture.head.push, colours);
   const total = picture.head.contacts.reduce((sum, c) => sum + c.force, 0);
-  facts.showTotal($("total"), total, head.limit);
+  facts.showTotal($("total"), total, head.limit, picture.head.force);
   facts.showReports([
     ...Object.entries(picture.head.errors).map(([side, text]) => [side === "a" ? "pressure" : "comparison", 1, text]),
     ...head.says,

@@ -3,6 +3,8 @@
 
 const FACES = 0.38; // part of a unit vector that a direction is named by: sine of 22.5 degrees
 
+const FAILED = ["stale", "waiting", "fault"]; // causes of a stop that are no push
+
 export const fixed = (x, digits, unit) =>
   x === null || x === undefined || Number.isNaN(x) ? "–" : `${x.toFixed(digits)}${unit}`;
 
@@ -40,15 +42,17 @@ export function happened(entry) {
 }
 
 /**
- * The stop in one line.
+ * The stop in one line; a fault is not hidden behind the push before it.
  * @param stop whether the robot is stopped; null: nobody says.
+ * @param head of the snapshot, with the stop's reason and causes.
  * @param entry of the log for the stop that lasts, or undefined.
  * @param why why nobody says.
  */
-export function state(stop, reason, entry, why) {
+export function state(stop, head, entry, why) {
   if (stop === null) return `unknown: ${why}`;
   if (!stop) return "free";
-  return `stopped: ${entry?.causes.includes("push") ? pushed(entry) : reason}`;
+  const failed = head.causes.some((cause) => FAILED.includes(cause));
+  return `stopped: ${entry?.causes.includes("push") && !failed ? pushed(entry) : head.reason}`;
 }
 
 export function lasted(seconds) {
