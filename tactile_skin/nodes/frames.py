@@ -24,6 +24,7 @@ class TFMessage:
 
 def hear(node) -> Frames:
     """Return the frames of /tf and /tf_static, as they arrive."""
+    pose_of((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))  # SciPy's import would hold up the first message
     frames, refused = Frames(), set()
 
     def take(message: TFMessage, static: bool) -> None:
