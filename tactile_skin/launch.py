@@ -28,7 +28,7 @@ from collections.abc import Callable
 from .behaviours.hooks import EventHook, StopHook
 from .errors import LaunchError
 from .middleware.bus import Context, MultiThreadedExecutor, Node
-from .middleware.launch_file import NodeAction, Plan, read_plan
+from .middleware.launch_file import read_arguments, read_plan
 from .middleware.launched import (
     by_thread,
     check_commands,
@@ -39,6 +39,7 @@ from .middleware.launched import (
 )
 from .middleware.logs import QueuedLog
 from .middleware.package import BODY, PACKAGE, RECORDER, VIEW, find, node_class, share_dir
+from .middleware.plan import NodeAction, Plan
 from .middleware.processes import end_commands, start_command
 from .middleware.signals import SIGNALS, unwinding
 from .middleware.threads import one_thread
@@ -46,7 +47,16 @@ from .msg import DiagnosticArray, Trigger
 from .nodes import diagnostics
 from .touch.events import Gestured, Pushed, Released, Stroked
 
-__all__ = ["LaunchError", "Plan", "Skin", "find", "launch", "read_plan", "share_dir"]
+__all__ = [
+    "LaunchError",
+    "Plan",
+    "Skin",
+    "find",
+    "launch",
+    "read_arguments",
+    "read_plan",
+    "share_dir",
+]
 
 
 def __getattr__(name: str):
@@ -140,10 +150,10 @@ class Skin:
         check_parameters(self._plan, names)
         for action in self._plan.nodes:
             SIGNALS.raise_pending()  # the last one took a while
-            handle = self._make_node(action)
+            handle, kind = self._make_node(action), class_of(action)
             self._handles.append(handle)
             with naming_its_file(action):
-                self._nodes.append(class_of(action)(handle))
+                self._nodes.append(kind(handle))
             if names[action.full_name] is None:
                 names[action.full_name] = frozenset(handle.parameter_names())
         check_parameters(self._plan, names)

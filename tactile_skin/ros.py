@@ -21,10 +21,10 @@ from . import launch
 from .errors import LaunchError, ParameterError, did_you_mean
 from .files import one_line
 from .middleware.bus import Node
-from .middleware.launch_file import NodeAction, Plan, with_skins
 from .middleware.launched import given
 from .middleware.package import BODY, COMPOSED, PACKAGE, SKIN_NODES, node_class
 from .middleware.parameter_file import CONFIG, ParameterFile, unknown_of, values_for
+from .middleware.plan import NodeAction, Plan, with_skins
 from .middleware.processes import end_with_launcher
 from .middleware.ros.arguments import PARAMS_FILE, RosArguments, split_arguments
 from .middleware.ros.node import RosNode, ToRos
@@ -69,7 +69,7 @@ class RosSkin(launch.Skin):
 
     def _make_node(self, action: NodeAction) -> RosNode:
         node = RosNode(self._process, action.name, context=self._context, **given(action))
-        self._to_ros.nodes[action.name] = node.ros
+        self._to_ros.nodes[node.get_logger().name] = node.ros
         return node
 
     def _leave(self) -> None:

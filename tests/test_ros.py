@@ -378,6 +378,25 @@ def test_what_ros_cannot_log_harms_nobody(capsys):
     assert "rcl is not initialised" in capsys.readouterr().err
 
 
+def test_what_a_node_of_one_skin_logs_is_logged_by_that():
+    said = []
+
+    class Node:
+        def __init__(self, name):
+            self.name = name
+
+        def get_logger(self):
+            return self
+
+        def error(self, text):
+            said.append(self.name)
+
+    handler = ros_node.ToRos()
+    handler.nodes = {f"n.{name}.driver": Node(name) for name in ("chest", "back")}
+    handler.handle(logging.makeLogRecord({"name": "n.back.driver", "levelno": logging.ERROR}))
+    assert said == ["back"]
+
+
 # --- with ROS ---
 
 

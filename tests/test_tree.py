@@ -28,7 +28,7 @@ MAY = {
     "board": ("physics",),
     "parameters": ("physics", "touch", "behaviours", "board"),
     "simulation": ("physics", "board"),
-    "middleware": ("files", "yaml_files", "msg", "physics", "touch", "parameters"),
+    "middleware": ("files", "yaml_files", "msg", "physics", "touch", "parameters", "board"),
     "recording": ("files", "yaml_files", "msg", "physics", "middleware", "readings"),
     "view": (
         "msg",

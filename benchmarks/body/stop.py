@@ -145,11 +145,12 @@ def _skins(pipe, folder: str, names: tuple[str, ...], page: bool) -> None:
     }
     path = Path(folder) / "robot.yaml"
     path.write_text(json.dumps({"skins": skins}))
-    arguments = {"config": str(path), "wait_for_port": _PATIENCE, "view": page, "view_port": 0}
+    arguments = {"config": str(path), "wait_for_port": _PATIENCE, "monitor": "false"}
+    arguments |= {"view": page, "view_port": 0}
     kind = "body.launch.yaml"
     if len(names) == 1:
         (name,) = names
-        arguments |= {"namespace": name, "monitor": "false"}
+        arguments["namespace"] = name
         kind = "skin.launch.yaml"
     calls: list[tuple[float, bool, str]] = []
     with launch(kind, **arguments) as skin:

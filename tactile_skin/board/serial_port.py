@@ -48,6 +48,15 @@ def candidates(serial_number: str = "") -> list[str]:
     return sorted(p.device for p in wanted)
 
 
+def devices(port: str, serial_number: str = "") -> list[str]:
+    """Return what the port of a `SerialReader` stands for now, links followed; none: not there.
+
+    Two ports that share one of these are one board.
+    """
+    names = candidates(serial_number) if port == "auto" else [port]
+    return [name if "://" in name else os.path.realpath(name) for name in names]
+
+
 def nothing_found(serial_number: str = "") -> str:
     """Say that no board is there, and how to find it."""
     if not serial_number:

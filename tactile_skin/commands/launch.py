@@ -32,11 +32,12 @@ def run(args) -> int:
     """Start it, and wait for its end."""
     from .. import launch
 
-    plan, file = plan_of(args.words)
     if args.show_args:
-        for argument in plan.arguments.values():
-            print(f"{argument.name}:={argument.default}\n    {argument.description}")
+        for argument in launch.read_arguments(_file_of(args.words)[0]):
+            given = "... (must be given)" if argument.default is None else argument.default
+            print(f"{argument.name}:={given}\n    {argument.description}")
         return 0
+    plan, file = plan_of(args.words)
     if not plan.nodes and not plan.commands:
         raise ValueError(f"{file}: starts nothing: must have a node or an executable")
     return spin(launch.Skin(plan))
@@ -46,11 +47,18 @@ def plan_of(words: list[str], default: str = "", **given: str):
     """Return the plan of a launch file, or of the default one, with its arguments; and the file."""
     from .. import launch
 
+    file, arguments = _file_of(words, default)
+    return launch.read_plan(file, arguments | given), file
+
+
+def _file_of(words: list[str], default: str = ""):
+    """Return the path of the launch file, and the arguments that it is given."""
+    from .. import launch
+
     files, arguments = split(words)
     if len(files) > 1:
         raise ValueError(f"one launch file, not {len(files)}: {' '.join(files)}")
-    file = files[0] if files else default or launch.default_file(arguments)
-    return launch.read_plan(launch.find(file), arguments | given), file
+    return launch.find(files[0] if files else default or launch.default_file(arguments)), arguments
 
 
 def spin(skin) -> int:

@@ -8,148 +8,23 @@ import re
 import shlex
 import sys
 import uuid
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from ..errors import FileError, LaunchError, did_you_mean
 from ..files import shorten
 from ..yaml_files import parse_yaml, read_yaml
 from .bus import Parameter
-from .package import BODY, FOXGLOVE, NODES, PACKAGE, RECORDER, SKIN_NODES, VIEW, share_dir
-from .parameter_file import CONFIG, SHARED, ParameterFile, values_for
+from .package import FOXGLOVE, NODES, PACKAGE, RECORDER, share_dir
+from .parameter_file import CONFIG, ParameterFile
+from .plan import Argument, NodeAction, Plan, with_skins
 
 _SEPARATE = "separate"  # argument by which a launch file asks ROS for a process for each node
-
-
-@dataclass
-class Argument:
-    name: str
-    default: str | None
-    description: str
 
 
 RECORD = Argument("record", "", "MCAP file to record all topics to, or folder/ for such files")
 LIVE = Argument("foxglove", "false", "serve all topics to the Foxglove app")
 
 
-@dataclass
-class NodeAction:
-    executable: str
-    name: str
-    namespace: str = ""
-    parameters: list[ParameterFile | Parameter] = field(default_factory=list)  # the last wins
-    remappings: list[tuple[str, str]] = field(default_factory=list)
-    file: Path = Path()  # the launch file
-    package: str = PACKAGE
-
-    @property
-    def kind(self) -> str:
-        """Which node it is: a name in NODES, or package/executable of a user's."""
-        own = self.package == PACKAGE
-        return self.executable if own else f"{self.package}/{self.executable}"
-
-    @property
-    def full_name(self) -> str:
-        """The node's name, its namespace in front."""
-        return "/" + f"{self.namespace}/{self.name}".strip("/")
-
-    def values(self) -> dict[str, Any]:
-        """Return what it is given, name -> value."""
-        return {p.name: p.value for p in values_for(self.full_name, self.parameters)}
-
-    def give(self, values: Mapping[str, Any]) -> None:
-        """Give it parameters, name -> value, over those that it has."""
-        self.parameters += [Parameter(*item) for item in values.items()]
-
-
-@dataclass
-class Plan:
-    """What a launch file, with its arguments filled in, asks for.
-
-    Attributes:
-        skins: commands that run one of a body each: when it ends, the others go on.
-        for_all: names of parameters that may be given to all nodes, though not each has them.
-    """
-
-    nodes: list[NodeAction] = field(default_factory=list)
-    commands: list[list[str]] = field(default_factory=list)
-    skins: list[list[str]] = field(default_factory=list)
-    arguments: dict[str, Argument] = field(default_factory=dict)
-    for_all: frozenset[str] = frozenset()
-
-    def files(self) -> list[ParameterFile]:
-        """Return each parameter file that a node is given, once."""
-        given = [p for action in self.nodes for p in action.parameters]
-        return list(dict.fromkeys(p for p in given if isinstance(p, ParameterFile)))
-
-
-def with_skins(action: NodeAction) -> list[NodeAction]:
-    """Return a node, which learns what each skin of its parameter file is; with a body, theirs too.
-
-    Raises:
-        LaunchError: a body without skins, boards that cannot be distinguished, or a parameter that
-            none of the nodes has.
-    """
-    if action.kind not in _OF_SKINS:
-        return [action]
-    files = [p for p in action.parameters if isinstance(p, ParameterFile)]
-    space = f"{action.namespace}/".lstrip("/")
-    spaces = {name: f"{space}{name}" for file in files for name in file.skins}
-    nodes = _nodes_of(action, files, spaces) if action.kind == BODY else []
-    given = [*action.parameters]
-    if spaces:
-        action.give({"skins": list(spaces)})
-    for name, space in spaces.items():
-        has = NodeAction("compensation", "compensation", space, given).values().items()
-        action.give({f"{name}.{k}": v for k, v in has if k.split(".")[0] in _OF_SKINS[action.kind]})
-    return [*nodes, action]
-
-
-def _nodes_of(body: NodeAction, files: list[ParameterFile], spaces: dict) -> list[NodeAction]:
-    """Return the nodes of a body's skins, name -> namespace; a value is for those that have it."""
-    from ..parameters.nodes import all_names
-
-    if not spaces:
-        raise LaunchError(f"{body.file}: {BODY}: needs config:=FILE, with the skins of the body")
-    singles = [p for p in body.parameters if isinstance(p, Parameter)]
-    own = {kind: [p for p in singles if p.name in all_names(kind)] for kind in (*SKIN_NODES, BODY)}
-    if unknown := [p.name for p in singles if not any(p in have for have in own.values())]:
-        raise LaunchError(f"{body.file}: {BODY}: parameter {unknown[0]!r} is unknown")
-    nodes = [
-        NodeAction(kind, kind, space, [*files, *own[kind]], [], body.file)
-        for space in spaces.values()
-        for kind in SKIN_NODES
-    ]
-    _check_boards({a.namespace: a.values() for a in nodes if a.kind == SKIN_NODES[0]})
-    body.parameters = [*files, *own[BODY]]
-    return nodes
-
-
-def _check_boards(skins: Mapping[str, dict]) -> None:
-    """Refuse skins, name -> what its serial_driver is given, whose boards nothing distinguishes."""
-    seen: dict[tuple, str] = {}
-    for name, values in skins.items():
-        port = values.get("port", _AUTO)
-        board = (port, values.get("serial_number", "") if port == _AUTO else "")
-        if board in seen:
-            what = f"serial_number {board[1]}" if board[1] else f"port {port}"
-            raise LaunchError(
-                f"skins: {seen[board]} and {name} both have {what}: each needs a port of its own, "
-                "or the serial_number of its board, which tactile-skin detect writes"
-            )
-        if len(skins) > 1 and board == (_AUTO, ""):
-            raise LaunchError(
-                f"skins: {name}: port {_AUTO} without serial_number: which board is its own is not "
-                "known: run tactile-skin detect for each board, or give a port"
-            )
-        seen[board] = name
-
-
-_AUTO = "auto"
-# nodes that learn what the skins are -> groups of a skin's parameters that they have
-_OF_SKINS = {BODY: ("circuit", "geometry", "frame_id"), VIEW: SHARED}
 _PROCESS = {"output", "respawn", "respawn_delay", "on_exit"}  # of one that ROS starts: ignored
 _CONDITIONS = {"if", "unless"}
 _KEYS = {  # entity -> keys that it must have, others that it may have
@@ -168,6 +43,17 @@ _ALLOWED = {
     _TOPIC: "a topic",
 }
 _SUBSTITUTION = re.compile(r"\$\(([\w-]+)((?:\s+[^()\s]+)*)\)")
+
+
+def read_arguments(path) -> list[Argument]:
+    """Return the arguments that a launch file takes; starts nothing, and needs none of them.
+
+    Raises:
+        LaunchError: as `read_plan`.
+    """
+    reader = _Reader({_SEPARATE: "true"}, starts=False)
+    reader.file(Path(path))
+    return [*reader.plan.arguments.values(), RECORD, LIVE]
 
 
 def read_plan(path, arguments: dict[str, str]) -> Plan:
@@ -198,10 +84,14 @@ class _Reader:
     """Reads a launch file and what it includes.
 
     As in ROS 2, an included file sees all arguments, and what is set stays.
+
+    Args:
+        starts: whether the plan is to have nodes and commands, and not only arguments.
     """
 
-    def __init__(self, variables: dict[str, str]):
+    def __init__(self, variables: dict[str, str], starts: bool = True):
         self.plan = Plan()
+        self._starts = starts
         self._variables = variables
         self._set: set[str] = set()  # names that launch files themselves have set
         self._anonymous: dict[str, str] = {}
@@ -225,7 +115,7 @@ class _Reader:
         for entity in entities:
             kind, body = _checked(entity, path)
             where = f"{path}: {kind}"
-            if self._wanted(body, where):
+            if (self._starts or kind not in ("node", "executable")) and self._wanted(body, where):
                 getattr(self, f"_{kind}")(body, where)
         self._including.pop()
 
@@ -243,9 +133,9 @@ class _Reader:
         if name not in self._set:
             self.plan.arguments.setdefault(name, argument)
         if name not in self._variables:
-            if default is None:
+            if default is None and self._starts:
                 raise LaunchError(f"{where}: {name} has no default: give {name}:=value")
-            self._variables[name] = default
+            self._variables[name] = default or ""
 
     def _let(self, body: dict, where: str) -> None:
         name = self._named(body, "name", where, _NAME)

@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from ..errors import LaunchError, TopicTypeError
 from ..msg import Twist, TwistStamped
 from .bus import Context, Node
-from .launch_file import NodeAction, Plan
 from .package import CLASSES, NODES
 from .parameter_file import SHARED, ParameterFile, unknown_of, unknown_parameter, values_for
+from .plan import NodeAction, Plan
 
 _SIMULATED = "use_sim_time"
 _ONE_THREAD = ("compensation", "gesture_feature")  # strictly sequential
@@ -78,7 +78,7 @@ def check_parameters(plan: Plan, names: Mapping[str, frozenset[str] | None]) -> 
         known = plan.for_all | (own or frozenset())
         for item in action.parameters if own is not None else ():
             if not isinstance(item, ParameterFile):
-                _refuse_unknown(str(action.file), [item.name], known)
+                _refuse_unknown(item.source or str(action.file), [item.name], known)
                 continue
             item.check_meant(action.full_name)
             for section, values in item.sections.items() if item.by_launch else ():
@@ -131,4 +131,6 @@ def naming_its_file(action: NodeAction):
         for p in values_for(action.full_name, action.parameters):
             if p.source and p.name.split(".")[-1] in words:
                 raise LaunchError(f"{p.source}: {error}") from error
+        if action.namespace:  # a skin of several: which one
+            raise LaunchError(f"{action.full_name}: {error}") from error
         raise

@@ -33,7 +33,8 @@ SOURCES = {  # topic -> the node that publishes it from its start on
     "skin/stop_status": "stop_on_push",
 }
 BODY = "body"  # the node of several skins: who starts it starts their nodes as well
-VIEW = "view"  # it shows one skin, or those of a body
+VIEW = "view"  # it shows one skin, or those of a body; so does
+MONITOR = "monitor"
 RECORDER = "recorder"  # of any launch file, but not on ROS; so is
 FOXGLOVE = "foxglove"
 COMPOSED = "skin"  # the program that runs a whole skin on ROS

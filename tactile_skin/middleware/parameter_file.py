@@ -21,6 +21,7 @@ THEIRS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 SKINS = "skins"  # key of the skins of a body, not of a node
 CONFIG = "config"  # parameter of a program: its parameter file, which must be there
 _PORT = "port"  # of a skin's board
+_OF_SKIN = (*SHARED, "frame_id", _PORT)  # what a skin of a body may state of itself
 _SKIN_NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _LAUNCH_ROS = "launch_params_"  # how launch_ros names the files that it writes for one program
 _MISSPELT = 0.85  # ratio of difflib: `motor` is another node than `monitor`, `stop_on_psh` is none
@@ -83,7 +84,12 @@ class ParameterFile:
                 self._read(f"{name.rstrip('/')}/{key.lstrip('/')}", value)
             return
         if set(below) != {"ros__parameters"}:
-            raise FileError(f"{self.path}: {name}: must hold ros__parameters and nothing else")
+            above, _, key = name.rpartition("/")
+            of_body = above and key in (*_OF_SKIN, CONFIG)
+            hint = f"; the skins of a body stand under {SKINS}, each by its name" if of_body else ""
+            raise FileError(
+                f"{self.path}: {name}: must hold ros__parameters and nothing else{hint}"
+            )
         full = "/" + name.strip("/")
         if full in self._names:
             raise FileError(f"{self.path}: {name}: is the section {self._names[full]} again")
@@ -105,25 +111,25 @@ class ParameterFile:
                 nodes.setdefault(key, {}).update(_flat(value, f"{where}: {key}"))
             elif key == _PORT:
                 nodes.setdefault("serial_driver", {})[_PORT] = value
-            elif key in (*SHARED, "frame_id"):
+            elif key in _OF_SKIN:
                 shared |= _flat({key: value}, where)
             else:
-                known = (*SHARED, "frame_id", _PORT, CONFIG, *SKIN_NODES)
-                raise FileError(f"{where}: {key}: must be one of {', '.join(known)}")
+                known = ", ".join((*_OF_SKIN, CONFIG, *SKIN_NODES))
+                raise FileError(f"{where}: {key}: must be one of {known}{_where_it_stands(key)}")
         if file := given.get(CONFIG):
             own = ParameterFile(self.path.parent / str(file), own=True)
             if own.skins:
                 raise FileError(f"{where}: {file}: must be one skin's, and holds {SKINS}")
             for section, values in own.sections.items():
-                self._take(f"/{name}{section}", own.name_of(section), values)
-        self._take(f"/{name}/**", where, shared)
+                self._take(f"/{name}/**{section}", f"{where}: {own.name_of(section)}", values)
+        self._take(f"/{name}/*", where, shared)  # later, and so it wins
         for node, values in nodes.items():
-            self._take(f"/{name}/**/{node}", f"{where}: {node}", values)
+            self._take(f"/{name}/{node}", f"{where}: {node}", values)
 
     def _take(self, section: str, where: str, values: dict) -> None:
         self._of_skins.add(section)
         self._names[section] = where.removeprefix(f"{self.path}: ")
-        self.sections[section] = self.sections.get(section, {}) | values
+        self.sections[section] = values
 
     def name_of(self, section: str) -> str:
         """Return a section as the file has it, for messages."""
@@ -131,15 +137,13 @@ class ParameterFile:
 
     def overrides(self, node: str) -> list[Parameter]:
         """Return what the file says for the node of this full name; what comes later in it wins."""
-        found: dict = {}
+        found: dict[str, Parameter] = {}
         for section, values in self.sections.items():
             if any(concerns(section, name) for name in (node, *self.programs)):
-                found |= values
-        return [
-            Parameter(key, value, str(self.path))
-            for key, value in found.items()
-            if not (self.by_launch and value == "")
-        ]
+                of_skin = section in self._of_skins
+                source = self.name_of(section) if of_skin else str(self.path)
+                found |= {key: Parameter(key, value, source) for key, value in values.items()}
+        return [p for p in found.values() if not (self.by_launch and p.value == "")]
 
     def named(self) -> list[ParameterFile]:
         """Return the parameter files that `ros2 launch` was given as `config`, and forget them."""
@@ -174,7 +178,8 @@ class ParameterFile:
                 if self.own or foreign or _misspelt(last, known):
                     raise ParameterError(f"{where}: no such node{did_you_mean(last, known)}")
                 continue
-            if (allowed := known[last]) is None:
+            of_any = section in self._of_skins and last in _WILDCARDS  # of its nodes, all known
+            if (allowed := everyone if of_any else known[last]) is None:
                 continue
             for name in unknown_of(values, allowed):
                 of_skin = last not in _WILDCARDS or self.own or name.split(".")[0] in SHARED
@@ -232,6 +237,14 @@ def unknown_of(names: Iterable[str], known: Collection[str]) -> list[str]:
 def unknown_parameter(where: str, name: str, known: Collection[str]) -> str:
     """Return the message that refuses a parameter which nothing has."""
     return f"{where}: parameter {name!r} is unknown{did_you_mean(name, known)}"
+
+
+def _where_it_stands(key: str) -> str:
+    """Return the end of a message that refuses a parameter of a skin's node among the skin's."""
+    from ..parameters.nodes import own_names  # here: reading a file needs none
+
+    node = next((node for node in SKIN_NODES if key in own_names(node)), "")
+    return f"; did you mean {node}: {{{key}: ...}}?" if node else did_you_mean(key, _OF_SKIN)
 
 
 def _misspelt(name: str, known: Collection[str]) -> bool:

@@ -296,6 +296,7 @@ class PushToMove(Framed):
 class Monitor:
     """Started by monitor:=true."""
 
+    skins: list[str] = parameter([""], "", SKINS)
     duration: float = parameter(
         0.0, "s", "end this long after the first frame; 0: at Ctrl-C", 0.0, 1e9
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from ..launch import Skin
 from ..middleware.bus import Context, ManualClock, Node, SingleThreadedExecutor
-from ..middleware.launch_file import Plan
+from ..middleware.plan import Plan
 
 _STEP = 10**14  # ns of which a float holds each
 

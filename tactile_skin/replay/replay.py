@@ -14,8 +14,8 @@ import numpy as np
 
 from ..launch import Skin, find, read_plan
 from ..middleware.bus import Context, Time
-from ..middleware.launch_file import Plan
 from ..middleware.launched import parameters_of
+from ..middleware.plan import Plan
 from ..msg import DiagnosticArray, Image, image_array
 from ..nodes import diagnostics
 from ..nodes.stop_on_push import STATUS, STATUS_TOPIC

@@ -3,16 +3,19 @@
 
 import contextlib
 import json
+import re
 import time
 from functools import partial
 
 import numpy as np
 import pytest
 import yaml
+from serial.tools.list_ports_common import ListPortInfo
 from support.page import unpack
 from support.simulated import CIRCUIT, make_board, serving
 
 from tactile_skin import ros
+from tactile_skin.board import serial_port
 from tactile_skin.errors import FileError, LaunchError
 from tactile_skin.launch import Skin, launch
 from tactile_skin.middleware.package import SKIN_NODES
@@ -67,7 +70,7 @@ def body(tmp_path, write):
             skins = {name: section(name, tmp_path) for name in names}
             skins["back"] |= back or {}
             path = write(skins)
-            given = {"config": path, "wait_for_port": 15.0} | more
+            given = {"config": path, "wait_for_port": 15.0, "monitor": "false"} | more
             skin = stack.enter_context(launch("body.launch.yaml", **given))
             return skin, boards
 
@@ -254,8 +257,24 @@ def test_two_boards_that_nothing_tells_from_each_other_are_refused(tmp_path, wri
         launch("body.launch.yaml", config=write(skins))
     for given in skins.values():
         given["serial_driver"] = {"serial_number": "A1"}
-    with pytest.raises(LaunchError, match="chest and back both have serial_number A1"):
+    with pytest.raises(LaunchError, match="chest's serial_number A1 and back's serial_number A1"):
         launch("body.launch.yaml", config=write(skins))
+
+
+def test_one_board_by_two_names_is_refused_with_both_skins(tmp_path, write, monkeypatch):
+    (tmp_path / "by-id").symlink_to(tmp_path / "chest")
+    skins = {name: section(name, tmp_path) for name in NAMES}
+    skins["back"]["port"] = str(tmp_path / "by-id")
+    with pytest.raises(LaunchError, match=r"chest's port .*chest and back's port .*by-id are one"):
+        launch("body.launch.yaml", config=write(skins))
+    board = ListPortInfo(skins["chest"]["port"])
+    board.vid, board.serial_number = 0x1A86, "A1"
+    monkeypatch.setattr(serial_port.list_ports, "comports", lambda: [board])
+    skins["back"] |= {"port": "auto", "serial_driver": {"serial_number": "A1"}}
+    with pytest.raises(LaunchError, match=r"chest's port .* and back's serial_number A1 are one"):
+        launch("body.launch.yaml", config=write(skins))
+    skins["back"]["serial_driver"] = {"serial_number": "B2"}
+    launch("body.launch.yaml", config=write(skins))
 
 
 @pytest.mark.parametrize("separate", [False, True])
@@ -286,12 +305,86 @@ def test_what_ros2_launch_gives_the_program_body_is_taken(tmp_path, write, separ
     [
         ([1], "must map names to skins"),
         ({"a b": {}}, "must be a name of letters"),
-        ({"chest": {"threshold": 3.0}}, "skins: chest: threshold: must be one of"),
+        ({"chest": {"prt": "a"}}, "skins: chest: prt: must be one of .*; did you mean 'port'"),
+        (
+            {"chest": {"threshold": 3.0}},
+            r"skins: chest: threshold: .*; did you mean stop_on_push: {threshold: \.\.\.}",
+        ),
     ],
 )
 def test_what_is_no_skin_is_refused(write, skins, words):
     with pytest.raises(FileError, match=words):
         launch("body.launch.yaml", config=write(skins))
+
+
+@pytest.mark.parametrize("above", ["skin: {%s}", "Skins: {%s}", "body: {%s}", "%s"])
+def test_skins_under_another_name_are_refused_with_the_right_one(tmp_path, above):
+    path = tmp_path / "robot.yaml"
+    path.write_text(above % "chest: {port: /dev/ttyUSB0, geometry: {shape: plane}}")
+    with pytest.raises(FileError, match=r"chest/port: .*; the skins of a body stand under skins"):
+        launch("body.launch.yaml", config=path)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"geometry": {"shpe": "plane"}}, "parameter 'geometry.shpe' is unknown; did you mean"),
+        ({"geometry": {"shape": "plan"}}, "parameter geometry.shape of node .* = 'plan': must be"),
+        ({"circuit": {"rows": 0}}, "parameter circuit.rows of node serial_driver = 0: must be"),
+        ({"circuit": {"mask": "11 1"}}, "circuit.mask = '11 1': must be words"),
+        ({"stop_on_push": {"threshold": -4.0}}, "stop_on_push: parameter threshold of node"),
+        ({"stop_on_push": {"treshold": 4.0}}, "stop_on_push: parameter 'treshold' is unknown"),
+    ],
+)
+def test_a_wrong_value_is_refused_with_its_file_and_its_skin(tmp_path, write, wrong, words):
+    skins = {name: section(name, tmp_path) for name in NAMES}
+    skins["back"] |= wrong
+    with pytest.raises(ValueError, match=f"robot.yaml: skins: back: {words}"):
+        launch("body.launch.yaml", config=write(skins), wait_for_port=1.0).build()
+
+
+def test_a_wrong_value_of_a_skins_own_file_is_refused_with_that(tmp_path, write):
+    (tmp_path / "mine.yaml").write_text("/**: {ros__parameters: {circuit: {r_par: -1.0}}}")
+    skins = {name: section(name, tmp_path) for name in NAMES}
+    skins["back"]["config"] = "mine.yaml"
+    with pytest.raises(
+        ValueError, match=r"skins: back: .*mine.yaml: /\*\*: parameter circuit.r_par"
+    ):
+        launch("body.launch.yaml", config=write(skins), wait_for_port=1.0).build()
+
+
+def test_a_value_that_nobody_gave_is_refused_with_its_skin(tmp_path, write, monkeypatch):
+    monkeypatch.setattr(serial_port.list_ports, "comports", list)
+    with pytest.raises(LaunchError, match="/chest/serial_driver: port auto: no USB serial port"):
+        launch("body.launch.yaml", config=write({"chest": {"geometry": GEOMETRY}})).build()
+
+
+def test_a_line_of_the_log_names_the_skin(tmp_path, write):
+    skin = launch("body.launch.yaml", config=write({n: section(n, tmp_path) for n in NAMES}))
+    with contextlib.suppress(ValueError):  # no port is there
+        skin.build()
+    assert skin._handles[0].get_logger().name == "tactile_skin.chest.serial_driver"
+
+
+def test_the_live_line_is_of_all_skins_and_ends_after_the_duration(body, capsys):
+    skin, _ = body({"back": "push_left"}, monitor="true", duration=3.0)
+    skin.spin(PATIENCE)
+    skin.__exit__()
+    out = capsys.readouterr().out
+    assert "STOP back: push" in out and not skin.failed
+    for name in NAMES:
+        assert re.search(rf"frames      {name} [1-9]\d+ in 3\.\d s", out)
+        assert f"CRC errors  {name} 0" in out
+    assert re.search(r'at .*: ".*back: push', out) and "up to 6" in out
+
+
+def test_one_skin_of_a_body_has_a_live_line_of_its_own(tmp_path, write, capsys):
+    config = write({name: section(name, tmp_path) for name in NAMES})
+    with serving(tmp_path / "back", make_board("idle")):
+        given = {"namespace": "back", "config": config, "wait_for_port": 15.0, "duration": 1.0}
+        with launch("skin.launch.yaml", **given) as skin:
+            skin.spin(PATIENCE)
+    assert re.search(r"frames      [1-9]\d+ in 1\.\d s", capsys.readouterr().out)
 
 
 def test_a_file_without_skins_is_refused(tmp_path):

@@ -537,11 +537,12 @@ def test_a_decision_that_comes_before_its_reading_is_no_drop(chain):
         header = Header(Time(nanoseconds=stamp * 10**7).to_msg(), "base_link")
         reading = Image(header=header)
         decision = DiagnosticArray(header, [DiagnosticStatus(name="stop_on_push")])
-        first, second = (monitor.on_adc, reading), (monitor.on_status, decision)
+        first, second = (monitor.on_adc, reading), (monitor.on_decision, decision)
         for callback, message in (second, first) if stamp == 2 else (first, second, second):
-            callback(message)  # the third is a heartbeat
-    assert monitor.frames == len(monitor.latencies) == 3
-    assert monitor.dropped == 0
+            callback(*monitor.skins, message)  # the third is a heartbeat
+    (skin,) = monitor.skins
+    assert skin.count == len(skin.latencies) == 3
+    assert skin.dropped == 0
 
 
 def test_the_monitor_ends_the_run_after_its_duration(chain):

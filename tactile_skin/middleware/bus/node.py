@@ -178,7 +178,9 @@ class Node:
         return self.context.clock
 
     def get_logger(self) -> logging.Logger:
-        return logging.getLogger(f"tactile_skin.{self._name}")
+        """Return the logger of its full name, as ROS names it, below that of the package."""
+        name = self.get_fully_qualified_name().replace("/", ".")
+        return logging.getLogger(f"tactile_skin{name}")
 
     def declare_parameter(self, name: str, value, descriptor: About = ANYTHING) -> Parameter:
         """Announce a parameter; its value is the override, or the given default.

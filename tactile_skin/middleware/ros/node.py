@@ -337,7 +337,7 @@ class ToRos(logging.Handler):
     """What is logged goes to ROS, its console and /rosout, under the name of its node.
 
     Attributes:
-        nodes: name -> rclpy's node; the first speaks for all others.
+        nodes: name of its logger -> rclpy's node; the first speaks for all others.
     """
 
     def __init__(self):
@@ -345,8 +345,7 @@ class ToRos(logging.Handler):
         self.nodes: dict = {}
 
     def emit(self, record: logging.LogRecord) -> None:
-        name = record.name.rsplit(".", 1)[-1]
-        node = self.nodes.get(name) or next(iter(self.nodes.values()), None)
+        node = self.nodes.get(record.name) or next(iter(self.nodes.values()), None)
         try:
             if node is not None:
                 _log(node.get_logger(), record.levelno, self.format(record))

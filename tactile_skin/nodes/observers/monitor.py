@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""monitor: a live line on the terminal, and a summary at the end."""
+"""monitor: a live line on the terminal, of a skin or a body, and a summary at the end."""
 
 from __future__ import annotations
 
+import functools
 import os
 import shutil
 import sys
@@ -37,28 +38,61 @@ _CLEAR = "\r\x1b[2K"  # to the line's begin, and erase it (ECMA-48)
 _EVERY_DECISION = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
+class _Frames:
+    """The frames of one skin, and which of them its stop has decided on."""
+
+    def __init__(self, name: str, now: int):
+        self.name = f"{name} " if name else ""
+        self.count = 0
+        self.dropped = 0  # that reached skin/adc, but no stop decision
+        self.latencies: deque[float] = deque(maxlen=_KEPT)  # s
+        self.driver: dict[str, str] = {}  # what it reports
+        self._pending: deque[int] = deque(maxlen=1000)  # stamps without a decision yet [ns]
+        self._decided = 0, 0  # stamp of the last decision that came before its reading, when [ns]
+        self._mark = now, 0
+
+    def arrived(self, stamp: int) -> None:
+        self.count += 1
+        if stamp == self._decided[0]:  # the driver was held up while it called its subscribers
+            self.latencies.append((self._decided[1] - stamp) / 1e9)
+        else:
+            self._pending.append(stamp)
+
+    def decided(self, now: int, stamp: int) -> None:
+        """Take a decision of its stop, with the stamp of the reading that it rests on."""
+        while self._pending and self._pending[0] < stamp:
+            self._pending.popleft()
+            self.dropped += 1
+        if self._pending and self._pending[0] == stamp:
+            self._pending.popleft()
+            self.latencies.append((now - stamp) / 1e9)
+        elif stamp != self._decided[0]:
+            self._decided = stamp, now
+
+    def rate(self, now: int) -> float:
+        """Return the frames per second from the last call to now [ns]; begin to count again."""
+        since, frames = self._mark
+        self._mark = now, self.count
+        return (self.count - frames) / max((now - since) / 1e9, 1e-9)
+
+
 class Monitor:
     """Counts messages as any subscriber could: it uses topics only.
 
-    With a `duration` it ends the launch that many seconds after the first frame.
+    With a `duration` it ends the launch that many seconds after the first frame. Of a body it shows
+    what all skins feel, the rate of the slowest, and the stop of the body.
     """
 
     def __init__(self, node):
         self.node, self.out = node, sys.stdout
         given = declared(node, Parameters)
         self.duration = given.duration
-        self.frames = 0
-        self.dropped = 0  # frames that reached skin/adc, but no stop decision
         self.failed = False
-        self.latencies: deque[float] = deque(maxlen=_KEPT)  # s
         self.stops: list[tuple[float, float | None, str]] = []  # start, end [s], reason
         self.most_contacts = 0
         self.touched_frames = 0
         self.largest_force = 0.0
-        self._pending: deque[int] = deque(maxlen=1000)  # stamps without a decision yet [ns]
-        self._decided = 0, 0  # stamp of the last decision that came before its reading, when [ns]
         self._first: int | None = None
-        self._driver: dict[str, str] = {}
         self._simulated = False
         self._warnings: dict[str, str] = {}  # node -> its message
         self._kinds: dict[str, tuple] = {}  # node -> kind of that and its lines; or its words
@@ -71,29 +105,38 @@ class Monitor:
         self._printed = False  # a live line was printed
         self._last_reason = ""  # the reason of the last one
         self._start = self._now()
-        self._rate_mark = (self._start, 0)
-        node.create_subscription(Image, "skin/adc", self.on_adc, READING)
+        names = [name for name in given.skins if name]
+        self.skins = [_Frames(name, self._start) for name in names or ("",)]
+        for name, frames in zip(names or ("",), self.skins, strict=True):
+            self._listen(f"{name}/" if name else "", frames)
         node.create_subscription(PointCloud2, "skin/contacts", self.on_contacts, 100)
         node.create_subscription(Vector3Stamped, "skin/push_direction", self.on_direction, 100)
         node.create_subscription(String, "skin/gesture", self.on_gesture, 10)
         node.create_subscription(kind_of(given.stamped), "cmd_vel", self.on_cmd_vel, 1)
         node.create_subscription(DiagnosticArray, STATUS_TOPIC, self.on_status, _EVERY_DECISION)
-        node.create_subscription(DiagnosticArray, diagnostics.TOPIC, self.on_diagnostics, 100)
         node.create_timer(0.2 if self.out.isatty() else 1.0, self.live_line)
         if self.duration > 0.0:
             node.create_timer(0.02, self.on_timer)
 
+    def _listen(self, space: str, frames: _Frames) -> None:
+        def hear(kind, topic: str, callback, qos) -> None:
+            take = functools.partial(callback, frames)
+            self.node.create_subscription(kind, f"{space}{topic}", take, qos)
+
+        hear(Image, "skin/adc", self.on_adc, READING)
+        hear(DiagnosticArray, STATUS_TOPIC, self.on_decision, _EVERY_DECISION)
+        hear(DiagnosticArray, diagnostics.TOPIC, self.on_diagnostics, 100)
+
     def _now(self) -> int:
         return self.node.get_clock().now().nanoseconds
 
-    def on_adc(self, msg: Image) -> None:
+    def on_adc(self, frames: _Frames, msg: Image) -> None:
         stamp = Time.from_msg(msg.header.stamp).nanoseconds
         self._first = stamp if self._first is None else self._first
-        self.frames += 1
-        if stamp == self._decided[0]:  # the driver was held up while it called its subscribers
-            self.latencies.append((self._decided[1] - stamp) / 1e9)
-        else:
-            self._pending.append(stamp)
+        frames.arrived(stamp)
+
+    def on_decision(self, frames: _Frames, msg: DiagnosticArray) -> None:
+        frames.decided(self._now(), Time.from_msg(msg.header.stamp).nanoseconds)
 
     def on_contacts(self, msg: PointCloud2) -> None:
         self._contacts = msg.width
@@ -112,16 +155,8 @@ class Monitor:
         self._cmd_vel = twist_of(msg)
 
     def on_status(self, msg: DiagnosticArray) -> None:
-        """Take every decision of the stop, with the stamp of the reading it rests on."""
+        """Take every decision of the robot's stop."""
         now, stamp = self._now(), Time.from_msg(msg.header.stamp).nanoseconds
-        while self._pending and self._pending[0] < stamp:
-            self._pending.popleft()
-            self.dropped += 1
-        if self._pending and self._pending[0] == stamp:
-            self._pending.popleft()
-            self.latencies.append((now - stamp) / 1e9)
-        elif stamp != self._decided[0]:
-            self._decided = stamp, now
         if not self.node.context.ok():  # the stop of a shutdown does not count
             return
         status = msg.status[0]
@@ -139,12 +174,12 @@ class Monitor:
         if reason:
             self.stops.append((t, None, reason))
 
-    def on_diagnostics(self, msg: DiagnosticArray) -> None:
+    def on_diagnostics(self, frames: _Frames, msg: DiagnosticArray) -> None:
         for status in msg.status:
             values = {pair.key: pair.value for pair in status.values}
             if "crc_errors" in values:
-                self._driver = values
-                self._simulated = values.get(diagnostics.SIMULATED) == "true"
+                frames.driver = values
+                self._simulated |= values.get(diagnostics.SIMULATED) == "true"
             if status.level == DiagnosticStatus.WARN:  # an ERROR shows as the stop's reason
                 self._warnings[status.name] = status.message
                 keys = diagnostics.KIND, diagnostics.FORM, diagnostics.ROWS, diagnostics.COLS
@@ -178,7 +213,8 @@ class Monitor:
         reason = self._waiting
         if self.stops and self.stops[-1][1] is None:
             reason = self.stops[-1][2]
-        rate = f"{'SIMULATED ' * self._simulated}{self._frame_rate(now):5.1f}/s"
+        slowest, skin = min((skin.rate(now), skin.name) for skin in self.skins)
+        rate = f"{'SIMULATED ' * self._simulated}{skin}{slowest:5.1f}/s"
         line = (
             f"{rate}  drops {self.drops}  contacts {self._contacts} {self._force:6.1f} N  "
             f"{push:<26} {'STOP ' + reason if reason else 'free'}"
@@ -191,12 +227,6 @@ class Monitor:
             self._write_over(line, rate, reason)
         else:
             self._write(f"{line}\n")
-
-    def _frame_rate(self, now: int) -> float:
-        """Return the frames per second from the last call to now [ns]; begin to count again."""
-        since, frames = self._rate_mark
-        self._rate_mark = (now, self.frames)
-        return (self.frames - frames) / max((now - since) / 1e9, 1e-9)
 
     def _gesture_motion_and_warnings(self, now: int) -> str:
         """Return the end of the live line at now [ns]; empty where there is none of these."""
@@ -245,7 +275,11 @@ class Monitor:
 
     @property
     def drops(self) -> int:
-        return self.dropped + int(self._driver.get("lost", 0))
+        return sum(skin.dropped for skin in self.skins) + self._lost
+
+    @property
+    def _lost(self) -> int:
+        return sum(int(skin.driver.get("lost", 0)) for skin in self.skins)
 
     def close(self) -> None:
         """Print the summary, if there was a run to sum up and somebody takes it."""
@@ -260,16 +294,20 @@ class Monitor:
         seconds = (self._now() - self._first) / 1e9
         if self.duration > 0.0:
             seconds = min(seconds, self.duration)
-        lost = int(self._driver.get("lost", 0))
-        latency = "none measured"
-        if self.latencies:
-            p50, p99, worst = np.percentile(self.latencies, [50, 99, 100]) * 1e3
+        latency, latencies = "none measured", [x for skin in self.skins for x in skin.latencies]
+        if latencies:
+            p50, p99, worst = np.percentile(latencies, [50, 99, 100]) * 1e3
             latency = f"p50 {p50:.2f} ms, p99 {p99:.2f} ms, max {worst:.2f} ms"
-        lines = [
-            f"summary{' of a simulated board' if self._simulated else ''}",
-            f"  frames      {self.frames} in {seconds:.1f} s ({self.frames / seconds:.1f}/s)",
-            f"  CRC errors  {self._driver.get('crc_errors', 'unknown')}",
-            f"  drops       {self.drops} ({lost} lost on the wire, {self.dropped} on the way)",
+        lines = [f"summary{' of a simulated board' if self._simulated else ''}"]
+        for skin in self.skins:
+            rate, corrupt = skin.count / seconds, skin.driver.get("crc_errors", "unknown")
+            lines += [
+                f"  frames      {skin.name}{skin.count} in {seconds:.1f} s ({rate:.1f}/s)",
+                f"  CRC errors  {skin.name}{corrupt}",
+            ]
+        lost = self._lost
+        lines += [
+            f"  drops       {self.drops} ({lost} lost on the wire, {self.drops - lost} on the way)",
             f"  latency     last byte to stop hook: {latency}",
             f"  contacts    at most {self.most_contacts} at once, in {self.touched_frames} frames,"
             f" up to {self.largest_force:.1f} N together",

@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a launch file asks for: nodes, those of a body's skins among them, and commands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..errors import LaunchError
+from .bus import Parameter
+from .package import BODY, MONITOR, PACKAGE, SKIN_NODES, VIEW
+from .parameter_file import SHARED, ParameterFile, values_for
+
+_AUTO = "auto"  # a port
+_NUMBER = "serial_number"
+# nodes that learn what the skins are -> groups of a skin's parameters that they have
+_OF_SKINS = {BODY: ("circuit", "geometry", "frame_id"), VIEW: SHARED, MONITOR: ()}
+
+
+@dataclass
+class Argument:
+    name: str
+    default: str | None
+    description: str
+
+
+@dataclass
+class NodeAction:
+    executable: str
+    name: str
+    namespace: str = ""
+    parameters: list[ParameterFile | Parameter] = field(default_factory=list)  # the last wins
+    remappings: list[tuple[str, str]] = field(default_factory=list)
+    file: Path = Path()  # the launch file
+    package: str = PACKAGE
+
+    @property
+    def kind(self) -> str:
+        """Which node it is: a name in NODES, or package/executable of a user's."""
+        own = self.package == PACKAGE
+        return self.executable if own else f"{self.package}/{self.executable}"
+
+    @property
+    def full_name(self) -> str:
+        """The node's name, its namespace in front."""
+        return "/" + f"{self.namespace}/{self.name}".strip("/")
+
+    def values(self) -> dict[str, Any]:
+        """Return what it is given, name -> value."""
+        return {p.name: p.value for p in values_for(self.full_name, self.parameters)}
+
+    def give(self, values: Mapping[str, Any]) -> None:
+        """Give it parameters, name -> value, over those that it has."""
+        self.parameters += [Parameter(*item) for item in values.items()]
+
+
+@dataclass
+class Plan:
+    """What a launch file, with its arguments filled in, asks for.
+
+    Attributes:
+        skins: commands that run one of a body each: when it ends, the others go on.
+        for_all: names of parameters that may be given to all nodes, though not each has them.
+    """
+
+    nodes: list[NodeAction] = field(default_factory=list)
+    commands: list[list[str]] = field(default_factory=list)
+    skins: list[list[str]] = field(default_factory=list)
+    arguments: dict[str, Argument] = field(default_factory=dict)
+    for_all: frozenset[str] = frozenset()
+
+    def files(self) -> list[ParameterFile]:
+        """Return each parameter file that a node is given, once."""
+        given = [p for action in self.nodes for p in action.parameters]
+        return list(dict.fromkeys(p for p in given if isinstance(p, ParameterFile)))
+
+
+def with_skins(action: NodeAction) -> list[NodeAction]:
+    """Return a node, which learns what each skin of its parameter file is; with a body, theirs too.
+
+    A node in the namespace of a skin is of that one alone.
+
+    Raises:
+        LaunchError: a body without skins, boards that cannot be distinguished, or a parameter that
+            none of the nodes has.
+    """
+    if action.kind not in _OF_SKINS:
+        return [action]
+    files = [p for p in action.parameters if isinstance(p, ParameterFile)]
+    above = f"{action.namespace}/".lstrip("/")
+    skins = {name: file for file in files for name in file.skins}
+    if action.namespace.strip("/") in skins:
+        return [action]
+    spaces = {name: f"{above}{name}" for name in skins}
+    nodes = _nodes_of(action, files, spaces) if action.kind == BODY else []
+    given = [*action.parameters]
+    if spaces:
+        action.give({"skins": list(spaces)})
+    for name, file in skins.items():
+        has = NodeAction("compensation", "compensation", spaces[name], given).values().items()
+        action.parameters += [
+            Parameter(f"{name}.{key}", value, str(file.path))
+            for key, value in has
+            if key.split(".")[0] in _OF_SKINS[action.kind]
+        ]
+    return [*nodes, action]
+
+
+def _nodes_of(body: NodeAction, files: list[ParameterFile], spaces: dict) -> list[NodeAction]:
+    """Return the nodes of a body's skins, name -> namespace; a value is for those that have it."""
+    from ..parameters.nodes import all_names
+
+    if not spaces:
+        raise LaunchError(f"{body.file}: {BODY}: needs config:=FILE, with the skins of the body")
+    singles = [p for p in body.parameters if isinstance(p, Parameter)]
+    own = {kind: [p for p in singles if p.name in all_names(kind)] for kind in (*SKIN_NODES, BODY)}
+    if unknown := [p.name for p in singles if not any(p in have for have in own.values())]:
+        raise LaunchError(f"{body.file}: {BODY}: parameter {unknown[0]!r} is unknown")
+    nodes = [
+        NodeAction(kind, kind, space, [*files, *own[kind]], [], body.file)
+        for space in spaces.values()
+        for kind in SKIN_NODES
+    ]
+    _check_boards({a.namespace: a.values() for a in nodes if a.kind == SKIN_NODES[0]})
+    body.parameters = [*files, *own[BODY]]
+    return nodes
+
+
+def _check_boards(skins: Mapping[str, dict]) -> None:
+    """Refuse skins, name -> what its serial_driver is given, whose boards nothing distinguishes."""
+    from ..board.serial_port import devices  # here: only a body needs pyserial this early
+
+    seen: dict[str, str] = {}  # device, or what stands for one that is not there yet -> whose it is
+    for name, values in skins.items():
+        port, number = (str(values.get(k, other)) for k, other in (("port", _AUTO), (_NUMBER, "")))
+        if len(skins) > 1 and port == _AUTO and not number:
+            raise LaunchError(
+                f"skins: {name}: port {_AUTO} without {_NUMBER}: which board is its own is not "
+                "known: run tactile-skin detect for each board, or give a port"
+            )
+        said = f"{_NUMBER} {number}" if port == _AUTO else f"port {port}"
+        found = said, *devices(port, number)
+        if other := next((seen[device] for device in found if device in seen), None):
+            raise LaunchError(
+                f"skins: {other} and {name}'s {said} are one board: each needs a port of its own, "
+                f"or the {_NUMBER} of its board, which tactile-skin detect writes"
+            )
+        seen |= dict.fromkeys(found, f"{name}'s {said}")
