@@ -14,13 +14,14 @@ NAMES = "chest", "back"
 FOUR = *NAMES, "left_arm", "right_arm"
 
 
-def write(folder, boards) -> Path:
-    """The body's file, of boards by the names of their skins."""
+def write(folder, boards, elsewhere=()) -> Path:
+    """The body's file, of boards by the names of their skins; some on another computer."""
     skins = {
         name: {
             "port": player.port,
             "geometry": {"shape": "plane", "translation": [0.5 * k, 0.0, 0.0]},
             "stop_on_push": {"stale_after": 0.5},
+            "elsewhere": name in elsewhere,
         }
         for k, (name, player) in enumerate(boards.items())
     }

@@ -6,9 +6,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from ..behaviours.stop import Cause, Decision, Reason, StopConfig, StopMessage
+from ..behaviours.stop import MAX_AHEAD, Cause, Decision, Reason, StopConfig, StopMessage
 
 _SILENCE = 0.15  # s without a message of a skin's stop, which publishes every 0.02 s
+_AHEAD = Reason(Cause.STALE, "its clock is ahead: synchronise the clocks")
+_LATE = Reason(Cause.STALE, "its 'free' is old when it arrives: late, or its clock is behind")
 _OLDEST = 0.5  # s that a force may be old and still count: the longest age of a skin's reading
 
 
@@ -30,14 +32,24 @@ class BodyStop:
         waiting = StopMessage(True, words, causes=(Cause.WAITING,))
         self._messages = {skin: (t, waiting) for skin in skins}
         self._forces: dict[str, tuple[float, float]] = {}  # skin -> stamp, newton
+        self._clocks: dict[str, Reason] = {}  # of skins whose stamps do not fit the body's clock
         self._faults: dict[str, str] = {}
         self._push = ""  # the skins that a push lies on together
         self._held_until = -math.inf
         self._latched = ""
 
-    def hear(self, t: float, skin: str, message: StopMessage) -> None:
-        """Take a message of a skin's stop."""
+    def hear(self, t: float, skin: str, message: StopMessage, stamp: float = -math.inf) -> None:
+        """Take a message of a skin's stop.
+
+        Args:
+            stamp: of the reading that it is based on, by the clock of the skin's computer [s].
+        """
         self._messages[skin] = t, message
+        self._clocks.pop(skin, None)
+        if stamp > t + MAX_AHEAD:
+            self._clocks[skin] = _AHEAD
+        elif not message.stop and t > message.until:
+            self._clocks[skin] = _LATE
 
     def fault(self, skin: str, words: str) -> None:
         """Take why a skin's touches cannot be joined to the others'; empty: they can."""
@@ -71,6 +83,9 @@ class BodyStop:
             if not 0.0 <= t - heard <= _SILENCE:
                 silent = Reason(Cause.STALE, "no message from its stop: has its process ended?")
                 decision = Decision(True, str(silent), (Cause.STALE,))
+            elif clock := self._clocks.get(skin):
+                said = f"{decision.reason} + {clock}" if message.stop else str(clock)
+                decision = Decision(True, said, (*message.causes, clock.cause))
             if decision.stop:
                 reasons.append((f"{skin}: {decision.reason}", decision.causes or (Cause.FAULT,)))
             if words := self._faults.get(skin):
@@ -90,7 +105,7 @@ class BodyStop:
         return [
             skin
             for skin, (heard, message) in self._messages.items()
-            if message.at(t).stop or not 0.0 <= t - heard <= _SILENCE
+            if message.at(t).stop or skin in self._clocks or not 0.0 <= t - heard <= _SILENCE
         ]
 
     @property

@@ -14,8 +14,8 @@ from ..errors import FileError, LaunchError, did_you_mean
 from ..files import shorten
 from ..yaml_files import parse_yaml, read_yaml
 from .bus import Parameter
-from .package import FOXGLOVE, NODES, PACKAGE, RECORDER, share_dir
-from .parameter_file import CONFIG, ParameterFile
+from .package import BODY, FOXGLOVE, NODES, PACKAGE, RECORDER, share_dir
+from .parameter_file import CONFIG, ELSEWHERE, SKINS, ParameterFile
 from .plan import Argument, NodeAction, Plan, with_skins
 
 _SEPARATE = "separate"  # argument by which a launch file asks ROS for a process for each node
@@ -180,6 +180,12 @@ class _Reader:
             )
             action.remappings.append((source, to))
         self.plan.nodes += with_skins(action)
+        for file in self._parameter_files.values() if action.kind == BODY else ():
+            if far := min(file.elsewhere, default=""):
+                raise LaunchError(
+                    f"{file.path}: {SKINS}: {far}: {ELSEWHERE} = true: other computers are heard "
+                    "on ROS only: ros2 launch tactile_skin body.launch.yaml"
+                )
 
     def _parameter_file(self, item: dict, key: str, where: str) -> ParameterFile:
         """Return the parameter file of this name; one serves all nodes."""

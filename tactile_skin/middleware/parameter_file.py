@@ -19,6 +19,7 @@ SHARED = ("circuit", "curve", "geometry")  # parameters that several nodes read
 # parameters that ROS itself declares and takes; what ends with a point is a prefix
 THEIRS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 SKINS = "skins"  # key of the skins of a body, not of a node
+ELSEWHERE = "elsewhere"  # key of a skin whose nodes run on another computer
 CONFIG = "config"  # parameter of a program: its parameter file, which must be there
 _PORT = "port"  # of a skin's board
 _OF_SKIN = (*SHARED, "frame_id", _PORT)  # what a skin of a body may state of itself
@@ -35,7 +36,7 @@ class ParameterFile:
 
     ``skins:`` names those of a body. What a skin has, circuit, curve, geometry, port and the
     parameters of nodes by their names, is for the nodes in its namespace, and wins over what its
-    own file says, which it names as ``config``.
+    own file says, which it names as ``config``. ``elsewhere: true``: another computer runs them.
 
     Args:
         own: it is the skin's own, named as its `config`: all of it must be known. Another may serve
@@ -43,6 +44,7 @@ class ParameterFile:
 
     Attributes:
         skins: their names.
+        elsewhere: of those of them that another computer runs.
         sections: full name, such as "/left/stop_on_push" -> {parameter: value}.
         by_launch: whether `ros2 launch` wrote it, of what a launch file gives one program. An empty
             value in it is that of an argument that was not given, and says nothing.
@@ -72,7 +74,7 @@ class ParameterFile:
         self.by_launch = one and self.path.name.startswith(_LAUNCH_ROS)
         if not isinstance(skins, dict):
             raise FileError(f"{path}: {SKINS} = {shorten(skins)}: must map names to skins")
-        self.skins = tuple(skins)
+        self.skins, self.elsewhere = tuple(skins), set[str]()
         self._of_skins: set[str] = set()  # names of sections
         for name, given in skins.items():
             self._read_skin(name, given)
@@ -107,14 +109,18 @@ class ParameterFile:
         for key, value in given.items():
             if key == CONFIG:
                 continue
-            if key in SKIN_NODES:
+            if key == ELSEWHERE:
+                if not isinstance(value, bool):
+                    raise FileError(f"{where}: {key} = {shorten(value)}: must be true or false")
+                self.elsewhere |= {name} if value else set()
+            elif key in SKIN_NODES:
                 nodes.setdefault(key, {}).update(_flat(value, f"{where}: {key}"))
             elif key == _PORT:
                 nodes.setdefault("serial_driver", {})[_PORT] = value
             elif key in _OF_SKIN:
                 shared |= _flat({key: value}, where)
             else:
-                known = ", ".join((*_OF_SKIN, CONFIG, *SKIN_NODES))
+                known = ", ".join((*_OF_SKIN, CONFIG, ELSEWHERE, *SKIN_NODES))
                 raise FileError(f"{where}: {key}: must be one of {known}{_where_it_stands(key)}")
         if file := given.get(CONFIG):
             own = ParameterFile(self.path.parent / str(file), own=True)

@@ -118,10 +118,11 @@ def _nodes_of(body: NodeAction, files: list[ParameterFile], spaces: dict) -> lis
     own = {kind: [p for p in singles if p.name in all_names(kind)] for kind in (*SKIN_NODES, BODY)}
     if unknown := [p.name for p in singles if not any(p in have for have in own.values())]:
         raise LaunchError(f"{body.file}: {BODY}: parameter {unknown[0]!r} is unknown")
+    elsewhere = {name for file in files for name in file.elsewhere}
     nodes = [
         NodeAction(kind, kind, space, [*files, *own[kind]], [], body.file)
-        for space in spaces.values()
-        for kind in SKIN_NODES
+        for name, space in spaces.items()
+        for kind in (() if name in elsewhere else SKIN_NODES)
     ]
     _check_boards({a.namespace: a.values() for a in nodes if a.kind == SKIN_NODES[0]})
     body.parameters = [*files, *own[BODY]]

@@ -42,6 +42,9 @@ from .stop_on_push import CAUSES, HEARTBEAT, LATCHED, STATUS, STATUS_TOPIC, stop
 from .touch import xyz
 
 _SKIN = "skin"  # field of a contact: the place of its skin in the parameter `skins`, from 0
+# key of a value: each skin and how old the reading of its stop was when the body heard it [s];
+# below 0: the clock of its computer is ahead
+AGES = "ages"
 STOPPING = "skins"  # key of a value of the status: the skins that stop the body, between spaces
 
 
@@ -90,6 +93,7 @@ class Body:
         self._wrenches: dict[str, tuple[float, np.ndarray]] = {}  # skin -> stamp, force and torque
         self._fresh: set[str] = set()  # skins that have come since the last message
         self._bases: dict[str, float] = {}  # skin -> stamp of what its stop is based on
+        self._ages: dict[str, float] = {}  # skin -> how old that was when it was heard [s]
         self._said: Decision | None = None
         self._closed = threading.Lock()  # never released once the final stop is published
         self._stop = node.create_publisher(Bool, "skin/stop", LATCHED)
@@ -127,7 +131,8 @@ class Body:
     def on_status(self, name: str, msg: DiagnosticArray) -> None:
         t = self._now()
         self._bases[name] = _seconds(msg.header)
-        self.stop.hear(t, name, stop_message_of(msg, t))
+        self._ages[name] = t - self._bases[name]
+        self.stop.hear(t, name, stop_message_of(msg, t), self._bases[name])
         self._decide(t, always=False)
 
     def on_wrench(self, name: str, msg: WrenchStamped) -> None:
@@ -239,6 +244,7 @@ class Body:
         values = {
             CAUSES: " ".join(cause.value for cause in decision.causes),
             STOPPING: " ".join(self.stop.stopping(t)),
+            AGES: " ".join(f"{name} {age:.3f}" for name, age in self._ages.items()),
             "good_for": f"{good_for if math.isfinite(good_for) else -1.0:g}",
         }
         header = Header(Time(round(based * 1e9)).to_msg(), self._frame)

@@ -58,6 +58,28 @@ def test_silence_and_an_old_free_stop_with_the_name(body):
     assert body.decide(0.17).reason.startswith("back: stale: the stop's last 'free'")
 
 
+def test_a_computer_whose_clock_is_ahead_stops_by_name(body):
+    """Its "free" would hold for longer than its readings are fresh."""
+    body.hear(0.1, "chest", free(9.0), stamp=0.1)
+    body.hear(0.1, "back", free(9.0), stamp=0.13)
+    decision = body.decide(0.1)
+    assert decision.reason == "back: stale: its clock is ahead: synchronise the clocks"
+    assert decision.causes == (Cause.STALE,) and body.stopping(0.1) == ["back"]
+    push = StopMessage(True, "push", causes=(Cause.PUSH,))
+    body.hear(0.1, "back", push, stamp=0.13)
+    assert body.decide(0.1).reason.startswith("back: push + stale: its clock is ahead")
+    assert not body.decide(0.1).for_push_alone
+    body.hear(0.1, "back", free(0.3), stamp=0.11)  # MAX_AHEAD is 0.02
+    assert not body.decide(0.1).stop
+
+
+def test_a_free_that_is_old_on_arrival_is_of_a_late_or_another_clock(body):
+    body.hear(0.1, "back", free(0.05), stamp=-0.1)
+    assert body.decide(0.1).reason.startswith("back: stale: its 'free' is old when it arrives")
+    body.hear(0.1, "back", free(0.3), stamp=0.1)
+    assert not body.decide(0.1).stop
+
+
 def test_a_clock_that_is_set_back_stops(body):
     assert body.decide(-1.0).stop
 

@@ -261,6 +261,26 @@ def test_two_boards_that_nothing_tells_from_each_other_are_refused(tmp_path, wri
         launch("body.launch.yaml", config=write(skins))
 
 
+def test_a_skin_elsewhere_is_of_the_body_and_has_no_node_here(tmp_path, write):
+    """Its port is one of the other computer, which may have the same name as one here."""
+    skins = {name: section(name, tmp_path, port="/dev/ttyUSB0") for name in NAMES}
+    skins["back"]["elsewhere"] = True
+    config = write(skins)
+    plan = ros.plan_of("body", split_arguments(["--ros-args", "-p", f"config:={config}"])[1])
+    nodes = {a.full_name: a.values() for a in plan.nodes}
+    assert nodes.keys() == {"/body", *(f"/chest/{kind}" for kind in SKIN_NODES)}
+    assert nodes["/body"]["skins"] == [*NAMES]
+    words = ["--ros-args", "-p", f"config:={config}", "-r", "__ns:=/back"]
+    there = ros.plan_of("skin", split_arguments(words)[1]).nodes
+    assert {a.full_name for a in there} == {f"/back/{kind}" for kind in SKIN_NODES}
+    assert there[0].values()["port"] == "/dev/ttyUSB0"
+    with pytest.raises(LaunchError, match="skins: back: elsewhere = true: other computers are"):
+        launch("body.launch.yaml", config=config)
+    skins["back"]["elsewhere"] = "yes, please"
+    with pytest.raises(FileError, match="skins: back: elsewhere = 'yes, please': must be true"):
+        launch("body.launch.yaml", config=write(skins))
+
+
 def test_one_board_by_two_names_is_refused_with_both_skins(tmp_path, write, monkeypatch):
     (tmp_path / "by-id").symlink_to(tmp_path / "chest")
     skins = {name: section(name, tmp_path) for name in NAMES}
