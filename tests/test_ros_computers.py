@@ -66,7 +66,5 @@ def test_a_skin_of_another_computer_is_part_of_the_body(graph, plain, tmp_path):
                 for ahead, words in ((0.3, "its clock is ahead"), (-1.0, "its clock is behind")):
                     graph.stop("arm")
                     start_arm(ahead)
-                    plain.until(
-                        lambda w=words: says("back: stale: its ") and says(w), words, graph
-                    )
+                    plain.until(lambda w=words: says("back: stale: its ") and says(w), words, graph)
                     assert (age() < 0.0) == (ahead > 0.0)
