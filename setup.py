@@ -107,7 +107,7 @@ setup(
     extras_require={
         "train": ["torch>=2.1", "tqdm>=4.66"],
         "progress": ["tqdm>=4.66"],  # of benchmarks
-        "record": ["mcap>=1.6", "rosbags>=0.10"],
+        "record": ["mcap>=1.6", "rosbags>=0.10", "joblib>=1.3"],
         "gestures": ["scikit-learn>=1.3", "tqdm>=4.66"],  # to train, not to name
         "view": ["websockets>=14.0", "tqdm>=4.66"],
         "foxglove": ["foxglove-sdk>=0.14", "rosbags>=0.10", "mcap>=1.6"],
@@ -116,8 +116,10 @@ setup(
         "completion": ["argcomplete>=3.0"],  # of the command, in a shell
         "test": [
             "argcomplete>=3.0",
+            "distributed>=2024.1; python_version >= '3.11'",  # a cluster of this computer
             "foxglove-sdk>=0.14",
             "hypothesis>=6.100",
+            "joblib>=1.3",
             "mcap>=1.6",
             "mcap-ros2-support>=0.5",  # reads recordings independently
             "mypy>=1.10",

@@ -3,6 +3,13 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable, Iterable
+from typing import TypeVar
+
+_Item = TypeVar("_Item")
+_Found = TypeVar("_Found")
+
 
 def torch():
     """PyTorch; ModuleNotFoundError names the extra of ours that has it."""
@@ -22,3 +29,33 @@ def tqdm():
             "long work shows its progress by tqdm: pip install 'tactile_skin[progress]'"
         ) from error
     return tqdm
+
+
+def each(
+    function: Callable[[_Item], _Found], items: Iterable[_Item], jobs: int = 1
+) -> Iterable[_Found]:
+    """Return function(item) of each item, in their order: in a loop, or by joblib.
+
+    joblib's backend is the caller's choice: `with joblib.parallel_config("dask"):` a cluster works.
+
+    Args:
+        function: at the top of a module, for other processes find it by its name.
+        jobs: processes; 1: those of joblib's `parallel_config`, or this one where there is none.
+
+    Raises:
+        ValueError: jobs below 1.
+        ModuleNotFoundError: several processes, and joblib is not installed.
+    """
+    if jobs < 1:
+        raise ValueError(f"jobs = {jobs}: must be 1 or more")
+    if jobs == 1 and "joblib" not in sys.modules:  # nobody can have configured it
+        return map(function, items)
+    try:
+        from joblib import Parallel, delayed
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            f"{jobs} processes need joblib: pip install 'tactile_skin[record]'"
+        ) from error
+    work = Parallel(n_jobs=None if jobs == 1 else jobs)
+    found: Iterable[_Found] = work(delayed(function)(item) for item in items)
+    return found

@@ -19,7 +19,7 @@ MAY = {
     "touch": ("files",),
     "behaviours": (),
     "body": ("touch", "behaviours"),
-    "learning": ("files", "physics", "simulation", "touch"),  # the latter while it trains
+    "learning": ("files", "extras", "physics", "simulation", "touch"),  # the latter while it trains
     "solvers": ("files", "physics", "learning", "findings"),
     "readings": (),
     "findings": (),
@@ -70,7 +70,16 @@ MAY = {
         "nodes",
     ),
     "ros": ("files", "yaml_files", "msg", "parameters", "middleware", "nodes", "launch"),
-    "replay": ("msg", "parameters", "middleware", "physics", "recording", "nodes", "launch"),
+    "replay": (
+        "extras",
+        "msg",
+        "parameters",
+        "middleware",
+        "physics",
+        "recording",
+        "nodes",
+        "launch",
+    ),
     "bench": None,  # everything but the command line
     "guide": ("physics", "solvers", "findings", "calibration", "health"),
     "calibrated": ("physics", "calibration", "middleware", "guide"),

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import functools
 import sys
 import tempfile
 import time
@@ -13,23 +14,25 @@ from pathlib import Path
 import numpy as np
 
 from ..arguments import split
+from ..extras import each
 from ..middleware.config import SkinConfig, read_skin
 from ..recording import Recording
 from ..recording.convert import export, to_recording
 from ..recording.frames import read_frames, recorded_skin
-from ..replay.compare import compare, table
+from ..replay.compare import Compared, compare, table
 from ..replay.results import STATUS, Job, Results, collect
 from ..solvers import METHODS
 
 EXAMPLES = """\
-FILE is a recording (.mcap), or frames of any board: .npy, .npz of (n, rows, cols), or .csv, a frame
-a line, with its time in front or not; ADC counts, or ratios from 0 to 1.
+FILES: each a recording (.mcap), or frames of any board: .npy, .npz of (n, rows, cols), or .csv, a
+frame a line, with its time in front or not; ADC counts, or ratios from 0 to 1.
 examples:
   tactile-skin replay touches.mcap
   tactile-skin replay touches.mcap method:=map
   tactile-skin replay touches.mcap config:=calibrated.yaml --out again.mcap
   tactile-skin replay touches.mcap --compare auto naive
   tactile-skin replay touches.mcap --export touches.npz
+  tactile-skin replay monday.mcap tuesday.mcap --compare auto naive --jobs 2
   tactile-skin replay foreign.csv config:=foreign.yaml rate:=60 --out foreign.mcap
 name:=value:
   method     of the compensation (default: as recorded)
@@ -46,7 +49,7 @@ _SHOWN = 20  # stops that the summary lists
 def register(parser) -> None:
     """Declare the arguments."""
     parser.epilog = EXAMPLES
-    parser.add_argument("words", nargs="*", metavar="FILE | NAME:=VALUE", help="recording; options")
+    parser.add_argument("words", nargs="*", metavar="FILES | NAME:=VALUE", help="recordings")
     parser.add_argument(
         "--compare", nargs="+", metavar="METHOD", help="these methods side by side, as a table"
     )
@@ -60,44 +63,78 @@ def register(parser) -> None:
         "--jobs",
         type=int,
         default=1,
-        help="processes, each a part (default 1: to the bit as on the robot)",
+        help="processes, each a file, or a part of one (default 1); a file is to the bit as on the "
+        "robot, a part is not",
     )
 
 
 def run(args) -> int:
     """Return the exit status."""
     files, given = split(args.words, _KINDS)
-    if len(files) != 1:
-        raise ValueError(f"give one FILE, not {len(files)}")
+    if not files:
+        raise ValueError("give a FILE, or several")
+    if len(files) > 1 and (args.out or args.export):
+        raise ValueError(f"--out and --export are of one FILE, not of {len(files)}")
     method, config = given.get("method", ""), given.get("config")
     for name in [method] * bool(method) + (args.compare or []):
         if name not in METHODS:
             raise ValueError(f"method {name!r}: must be one of {', '.join(METHODS)}")
     if args.jobs < 1 or (args.out and args.jobs > 1):
         raise ValueError(f"--jobs = {args.jobs}: must be 1 or more, and 1 with --out")
-    skin = recorded_skin(files[0]) if config is None else read_skin(config)
     namespace = given.get("namespace", "")
     if args.export:
-        return _export(files[0], args.export, skin, namespace)
+        return _export(files[0], args.export, _skin_of(files[0], config), namespace)
     with tempfile.TemporaryDirectory(prefix="tactile_skin_") as folder:
-        path = files[0]
-        if Path(path).suffix.lower() != ".mcap":
-            path = _imported(path, Path(folder), skin, config, given)
-        job = Job(path, namespace, method, config or "")
+        paths = [_recording_of(path, Path(folder), config, given) for path in files]
+        tasks = [Job(path, namespace, method, config or "") for path in paths]
+        if len(files) > 1:
+            return _fleet(dict(zip(files, tasks, strict=True)), args.compare or [], args.jobs)
         if args.compare:
-            return _compare(job, args.compare)
-        _summarize(collect(replace(job, out=str(args.out or "")), args.jobs, _track))
+            return _compare(tasks[0], args.compare)
+        _summarize(collect(replace(tasks[0], out=str(args.out or "")), args.jobs, _track))
     if args.out:
         print(f"{args.out}: all that the nodes published")
     return 0
 
 
-def _imported(path: str, folder: Path, skin: SkinConfig, config: str | None, given: dict) -> str:
-    """Return a recording of a foreign file's frames."""
+def _skin_of(path: str, config: str | None) -> SkinConfig:
+    return recorded_skin(path) if config is None else read_skin(config)
+
+
+def _fleet(tasks: dict[str, Job], methods: list[str], jobs: int) -> int:
+    """Replay each file; one that cannot be read is reported, and the others go on."""
+    status, work = 0, functools.partial(_one, methods)
+    for path, found in zip(
+        tasks, each(work, _track(tasks.values(), len(tasks)), jobs), strict=True
+    ):
+        if isinstance(found, Exception):
+            status = 1
+            print(f"{path}: {found}", file=sys.stderr)
+            continue
+        print(f"{path}:")
+        if isinstance(found, Compared):
+            print(table(found))
+        else:
+            _summarize(found)
+    return status
+
+
+def _one(methods: list[str], job: Job) -> Results | Compared | Exception:
+    try:
+        return compare(job, methods) if methods else collect(job)
+    except (ValueError, OSError) as error:
+        return error
+
+
+def _recording_of(path: str, folder: Path, config: str | None, given: dict) -> str:
+    """Return a recording: the file itself, or one that is made of a foreign file's frames."""
+    if Path(path).suffix.lower() == ".mcap":
+        return path
+    skin = _skin_of(path, config)
     rate = given.get("rate")
     frames = read_frames(path, skin.circuit, rate=rate, full_scale=given.get("full_scale"))
     _say_notes(path, frames.notes)
-    made = folder / f"{Path(path).stem}.mcap"
+    made = Path(tempfile.mkdtemp(dir=folder)) / f"{Path(path).stem}.mcap"
     to_recording(frames, made, skin, config, rate or _RATE, time.time_ns())
     return str(made)
 

@@ -6,6 +6,7 @@ Needs scikit-learn (the extra `gestures`); what it makes runs without.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -13,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
+from ..extras import each
 from ..touch.episode import FEATURES, SILENCE
 from ..touch.forest import Forest
 from ..touch.model import CLIP, OTHER, GestureModel, Logistic, common, sharpened
@@ -58,16 +60,18 @@ class Glances(NamedTuple):
     share: float  # of the take's impulse
 
 
-def table_of(takes: Sequence[Take], reach: float = REACH, track=iter) -> Table:
+def table_of(takes: Sequence[Take], reach: float = REACH, track=iter, jobs: int = 1) -> Table:
     """Return the features of takes; those without a touch are left out.
 
     Args:
         reach: touches within it of each other are one gesture [m]: large, and two hands are one.
         track: wraps the takes, for a progress bar.
+        jobs: processes, as of `extras.each`.
     """
     features, where, weight, end = [], [], [], []
-    for number, take in enumerate(track(takes)):
-        for k, seen in enumerate(glances(take, reach)):
+    of_each = each(functools.partial(glances, reach=reach), track(takes), jobs)
+    for number, found in enumerate(of_each):
+        for k, seen in enumerate(found):
             features += [*seen.early, seen.last]
             where += [number] * (len(seen.early) + 1)
             weight += [seen.share / max(len(seen.early), 1)] * len(seen.early) + [seen.share]

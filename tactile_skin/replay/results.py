@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a replay gave, in arrays; a long one in several processes."""
+"""What a replay gave, in arrays; a long one, or many, in several processes."""
 
 from __future__ import annotations
 
-import multiprocessing
+import functools
+import itertools
 from collections.abc import Callable, Iterable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..extras import each
 from ..middleware.threads import one_thread
 from ..recording import Recording
 from ..recording.reader import EVER
@@ -18,7 +19,6 @@ from .replay import Replay, Step
 STATUS = ("ok", "suspect", "failed")
 LEAD = 10.0  # s that a part begins before it counts: the rest is measured, the stop settles
 PART = 300.0  # s of one, where several processes share a recording
-_SPAWN = multiprocessing.get_context("spawn")  # a fork would copy this process's threads half
 
 
 @dataclass
@@ -105,12 +105,12 @@ def collect(job: Job, jobs: int = 1, track: Callable[[Iterable, int], Iterable] 
     first, last = source.span
     if jobs == 1:
         n = source.topics[source.adc_topic].count
-        parts = [_part(job, 0, EVER, lambda steps: track(steps, n))]
+        parts = [_part(job, (0, EVER), lambda steps: track(steps, n))]
     else:
         n = max(jobs, round((last - first) * 1e-9 / PART))
         edges = [first + (last + 1 - first) * k // n for k in range(n + 1)]
-        with ProcessPoolExecutor(jobs, _SPAWN) as pool:
-            parts = list(track(pool.map(_part, [job] * n, edges, edges[1:]), n))
+        part = functools.partial(_part, job)
+        parts = list(each(part, track(itertools.pairwise(edges), n), jobs))
     steps = [step for part, _ in parts for step in part]
     if not steps:
         raise ValueError(f"{job.path}: holds no reading")
@@ -118,9 +118,10 @@ def collect(job: Job, jobs: int = 1, track: Callable[[Iterable, int], Iterable] 
 
 
 def _part(
-    job: Job, begin: int, end: int, track=lambda steps: steps
+    job: Job, edges: tuple[int, int], track=lambda steps: steps
 ) -> tuple[list[Step], list[str]]:
-    """Return the steps of what was recorded from begin to before end [ns since 1970], and notes."""
+    """Return the steps of what was recorded between two times [ns since 1970], and notes."""
+    begin, end = edges
     with one_thread():
         replay = job.replay(max(0, begin - round(LEAD * 1e9)), end)
         kept = [step.without_picture() for step in track(replay) if step.stamp >= begin]

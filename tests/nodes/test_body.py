@@ -17,7 +17,7 @@ from support.simulated import CIRCUIT, make_board, serving
 from tactile_skin import ros
 from tactile_skin.board import serial_port
 from tactile_skin.errors import FileError, LaunchError
-from tactile_skin.launch import Skin, launch
+from tactile_skin.launch import Skin, launch, share_dir
 from tactile_skin.middleware.package import SKIN_NODES
 from tactile_skin.middleware.ros.arguments import split_arguments
 from tactile_skin.msg import Image, PointCloud2, WrenchStamped, cloud_columns
@@ -426,3 +426,17 @@ def test_a_skin_takes_the_file_of_its_own_and_what_the_body_says_wins(tmp_path, 
     assert values["/chest/compensation"]["circuit.rows"] == CIRCUIT.rows
     assert values["/chest/compensation"]["circuit.r_ref"] == 1000.0
     assert values["/body"]["chest.geometry.shape"] == "plane"
+
+
+def test_the_guides_example_is_taken_with_what_detect_writes_and_a_simulated_board(tmp_path):
+    page = (share_dir() / "docs" / "body.md").read_text()
+    text = page.partition("```yaml\n")[2].partition("```")[0]
+    (tmp_path / "robot.yaml").write_text(text)
+    (tmp_path / "chest.yaml").write_text(
+        "/**: {ros__parameters: {circuit: {rows: 8, cols: 8}}}\n"
+        "/**/serial_driver: {ros__parameters: {protocol: text, serial_number: A1}}\n"
+    )
+    plan = launch("body.launch.yaml", config=tmp_path / "robot.yaml")._plan
+    values = {a.full_name: a.values() for a in plan.nodes}
+    assert values["/chest/serial_driver"]["serial_number"] == "A1"
+    assert f"--link {values['/back/serial_driver']['port']} " in page

@@ -150,16 +150,6 @@ def test_a_replay_is_recorded(path, tmp_path):
     assert found.topics["/skin/contacts"].count == len(pressure)
 
 
-@pytest.mark.ci
-def test_processes_share_a_recording(path):
-    """With their lead of 10 s each begins with it all here, and so all are the same."""
-    one, two = (collect(Job(str(path)), jobs) for jobs in (1, 2))
-    np.testing.assert_array_equal(one.stamps, two.stamps)
-    np.testing.assert_allclose(one.total, two.total)
-    np.testing.assert_array_equal(one.stops, two.stops)
-    assert len(one.stop_begins) == 2
-
-
 def test_methods_side_by_side(path):
     found = compare(Job(str(path)), ["map", "naive", "map"])
     assert found.cell.shape == (3, 600)

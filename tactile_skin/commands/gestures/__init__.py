@@ -52,6 +52,7 @@ def register(parser) -> None:
     train.add_argument(
         "--alone", action="store_true", help="from your takes alone, without simulated hands"
     )
+    train.add_argument("--jobs", type=int, default=1, help="processes (default 1)")
     evaluate = step("evaluate", "which gestures are taken for which, people left out in turn")
     evaluate.add_argument("takes", nargs="+", metavar="TAKES", help="files, or folders of them")
     evaluate.add_argument(

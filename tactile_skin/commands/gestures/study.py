@@ -39,7 +39,7 @@ def train(args) -> int:
         takes += extras.tqdm()(simulated(), desc="simulated hands", leave=False, disable=None)
         people.append(f"{PEOPLE} simulated")
     track = functools.partial(extras.tqdm(), desc="features", leave=False, disable=None)
-    table = table_of(takes, track=track)
+    table = table_of(takes, track=track, jobs=args.jobs)
     if len(set(table.label)) < 2:
         raise ValueError("one gesture alone cannot be recognised: record another one, or 'other'")
     about = {
