@@ -10,7 +10,6 @@ contact parts.
 from __future__ import annotations
 
 import math
-from operator import mul
 from typing import NamedTuple
 
 import numpy as np
@@ -22,8 +21,16 @@ NEW, HELD, RELEASED = "new", "held", "released"
 STATES = (NEW, HELD, RELEASED)
 
 # Chosen on simulated touches (tests/touch); scored by benchmarks.accuracy.touch, in docs/touch.md.
-WINDOW = 0.15  # s of places to which a touch's line of motion is fitted
-MIN_PLACES = 4  # that determine a line
+LONGEST = 0.3  # s of places to which a touch's line of motion is fitted at most,
+_SHORTEST = 0.07  # s of them that are fitted though they bend,
+_MIN_PLACES = 4  # and places that determine a line
+# Pitches, RMS, from a line, from which on a touch turns or changes its speed; more for a small one,
+# whose centre stands on a cell and then goes on to the next. Fitted to round fingers of 7 to 22 mm
+# that slide, rub, start and stop on the mat of benchmarks.body.seam, on seeds 100, 500 and 700.
+_BENT = 0.04
+_STAIRS = 0.35  # pitches more for each cell that it has fewer than
+_SMOOTH = 1.8  # cells: its force over its hardest cell's
+_SURE_AFTER = 0.12  # s of places from which on a touch is known as well as can be
 _NOISE = 0.001  # m, RMS error of the centre of a touch that does not move
 _REACH = 1.5  # pitches from its predicted place within which it is found,
 _MAX_SPEED = 2.0  # and m/s
@@ -51,13 +58,71 @@ class Touch(NamedTuple):
     confidence: float  # 0..1, that it moves: near 0 for a touch that stands still
 
 
+class Course:
+    """Where a touch was lately: its velocity is that of the longest part that is a line.
+
+    Args:
+        pitch: of the cells [m].
+
+    Attributes:
+        velocity: (3,) [m/s]; zero until it is known.
+        span: s that the line lasts; 0: there is none.
+        seen: s that it is known for, 0.3 at most.
+    """
+
+    def __init__(self, pitch: float):
+        self._pitch = pitch
+        self._rows: list[tuple[float, ...]] = []  # t, x, y, z, cells
+        self.velocity, self.span, self.seen = _STANDING, 0.0, 0.0
+
+    def add(self, t: float, place: np.ndarray, cells: float) -> None:
+        """Take where the touch is at t [s], which is later than before, or takes its last place.
+
+        Args:
+            place: (3,) [m].
+            cells: its force over its hardest cell's.
+        """
+        rows = self._rows
+        if rows and t <= rows[-1][0]:
+            t = rows.pop()[0]
+        rows.append((t, *place.tolist(), cells))
+        while rows[0][0] < t - LONGEST:
+            del rows[0]
+        self.seen = t - rows[0][0]
+        self.velocity, self.span = _STANDING, 0.0
+        if len(rows) >= _MIN_PLACES:
+            self._fit(np.array(rows[::-1]))
+
+    def _fit(self, rows: np.ndarray) -> None:
+        """Fit a line to the newest four places, five, and so on; take the longest that is one."""
+        n = len(rows)
+        columns = np.empty((13, n))  # t, x, y, z, cells; t^2, tx, ty, tz; and x^2, y^2, z^2; n
+        columns[:5] = rows.T
+        columns[:4] -= columns[:4, :1]
+        np.multiply(columns[0], columns[:4], out=columns[5:9])
+        np.square(columns[1:4], out=columns[9:12])
+        columns[12] = 1.0
+        sums = columns.cumsum(1)[:, _MIN_PLACES - 1 :]
+        means = sums[:12] / sums[12]
+        spread = means[5] - means[0] ** 2
+        with_t = means[6:9] - means[0] * means[1:4]
+        velocity = with_t / spread
+        off2 = (means[9:12] - means[1:4] ** 2 - velocity * with_t).sum(0)
+        allowed = _BENT + _STAIRS * np.maximum(_SMOOTH - means[4], 0.0)
+        spans = -columns[0, _MIN_PLACES - 1 :]
+        lines = (off2 <= (self._pitch * allowed) ** 2) | (spans <= _SHORTEST)
+        k = int(lines.nonzero()[0].max(initial=0))
+        self.velocity, self.span = velocity[:, k], float(spans[k])
+
+
 class _Track:
     """What is known of one touch."""
 
     contact: Contact  # its last one
 
-    def __init__(self, number: int, t: float):
+    def __init__(self, number: int, t: float, pitch: float):
         self.id, self.born = number, t
+        self._pitch, self._course = pitch, Course(pitch)
         self.members = [self]  # the touches that are one contact, this, the oldest, first
         self.velocity, self.confidence = _STANDING, 0.0
         # Where it is by itself among its members, by its last place alone and how it went on from
@@ -65,38 +130,28 @@ class _Track:
         self.since, self.place, self.leaving = t, _STANDING, _STANDING
         self.joined = t
 
-    def take(self, t: float, contact: Contact, members: list[_Track], pitch: float) -> None:
+    def take(self, t: float, contact: Contact, members: list[_Track]) -> None:
         """Take a contact at t for the touch; a centre that jumps says nothing of how it moves."""
         self.state, jumped = NEW, True
         if self.born < t:
             off = contact.position - self.foreseen(t)
-            self.state, jumped = HELD, members != self.members or off @ off > pitch**2
+            self.state, jumped = HELD, members != self.members or off @ off > self._pitch**2
         if members[1:] and members != self.members:
-            _join(t, members, self.members, pitch)
+            _join(t, members, self.members, self._pitch)
         elif members[1:]:
             for member in members:  # they go where the whole goes
                 member.place = member.place + contact.position - self.contact.position
         self.members, self.contact, self.seen = members, contact, t
         if jumped:
-            self._times, self._places = [], []
-        self._times.append(t)
-        self._places.append(contact.position.tolist())
-        while self._times[0] < t - WINDOW:
-            del self._times[0], self._places[0]
-        self._fit()
+            self._course = Course(self._pitch)
+        course = self._course
+        course.add(t, contact.position, contact.force / contact.peak)
+        self.velocity = course.velocity
+        travelled2 = float(self.velocity @ self.velocity) * course.span**2
+        sure = min(1.0, course.seen / _SURE_AFTER)
+        self.confidence = sure * travelled2 / (travelled2 + (3.0 * _NOISE) ** 2)
         if not members[1:]:
             self.since, self.place, self.leaving = t, contact.position, self.velocity
-
-    def _fit(self) -> None:
-        times = self._times
-        self.velocity, self.confidence = _STANDING, 0.0
-        span = times[-1] - times[0]
-        if len(times) < MIN_PLACES or span == 0.0:
-            return
-        self.velocity = slope(times, self._places)
-        travelled2 = float(self.velocity @ self.velocity) * span**2
-        filled = min(1.0, span / (0.8 * WINDOW))
-        self.confidence = filled * travelled2 / (travelled2 + (3.0 * _NOISE) ** 2)
 
     def foreseen(self, t: float) -> np.ndarray:
         """Where the touch, with all that joined it, is likely to be."""
@@ -169,7 +224,7 @@ class Tracker:
         now = []
         for contact, claim in zip(found, claims, strict=True):
             members = sorted(claim, key=lambda track: track.born) or [self._new(t)]
-            members[0].take(t, contact, members, self.pitch)
+            members[0].take(t, contact, members)
             now.append(members[0])
         for track in now:
             released += [m for m in track.members[1:] if t - m.joined > _MEMORY]
@@ -187,7 +242,7 @@ class Tracker:
 
     def _new(self, t: float) -> _Track:
         self._ids = self._ids % (IDS - 1) + 1
-        return _Track(self._ids, t)
+        return _Track(self._ids, t, self.pitch)
 
     def _assign(self, t: float, frame: Frame, claims: list[list[_Track]]) -> list[int]:
         """Put the touches that each contact is into `claims`; returns the places of those lost."""
@@ -251,15 +306,6 @@ def stroke(touches: list[Touch]) -> tuple[np.ndarray, float]:
     if len(held) != 1:
         return np.zeros(3), 0.0
     return held[0].velocity, held[0].confidence
-
-
-def slope(times: list[float], places: list[list[float]]) -> np.ndarray:
-    """Velocity (3,) [m/s] of the line through places [m] at different times [s]."""
-    mean = sum(times) / len(times)
-    offsets = [t - mean for t in times]
-    spread = sum(map(mul, offsets, offsets))
-    axes = zip(*places, strict=True)
-    return np.array([sum(map(mul, offsets, axis)) / spread for axis in axes])
 
 
 def _distances(a: list[np.ndarray], b: list[np.ndarray]) -> np.ndarray:
