@@ -34,6 +34,8 @@ from tactile_skin.msg import Bool, Header, PointCloud2, Twist, cloud
 from tactile_skin.nodes.stop_on_push import LATCHED
 from tactile_skin.simulation import simulator
 
+pytestmark = pytest.mark.live
+
 PATIENCE = 30.0  # s, for what must happen; how fast it does is not tested
 NODE = "- node: {pkg: tactile_skin, exec: stop_on_push%s}\n"
 NOTHING = "- let: {name: a, value: b}\n"

@@ -17,6 +17,8 @@ from tactile_skin.board import serial_port
 from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.board.serial_port import SerialReader, check_port
 
+pytestmark = pytest.mark.live
+
 
 class Heard:
     """What a reader delivers and says, to be waited for."""

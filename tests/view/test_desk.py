@@ -20,6 +20,8 @@ from tactile_skin.middleware.config import skin_of
 from tactile_skin.view.snapshot import NodeStatus, Snapshot
 from tactile_skin.view.work import Work
 
+pytestmark = pytest.mark.live
+
 if chromium.program() is None:
     pytest.skip("no Chromium here: apt-get install chromium", allow_module_level=True)
 

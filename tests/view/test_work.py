@@ -21,6 +21,8 @@ from tactile_skin.view import work as working
 from tactile_skin.view.snapshot import Snapshot
 from tactile_skin.view.work import CALIBRATED, Work
 
+pytestmark = pytest.mark.live
+
 if chromium.program() is None:
     pytest.skip("no Chromium here: apt-get install chromium", allow_module_level=True)
 
