@@ -11,16 +11,14 @@ import textwrap
 import time
 from pathlib import Path
 
-import numpy as np
-
 from ..arguments import split
-from ..calibrated import write
 from ..calibration.creep import measure_creep
 from ..calibration.curve_fit import MAX_LAG, POOR, FittedCurve, fit_reference
-from ..calibration.rest import check_all_is_sent, supposing
-from ..guide import Guide, newtons
+from ..calibration.rest import supposing
+from ..guide.calibrated import write
+from ..guide.calibration import Guide, newtons
+from ..guide.sent import GLANCE, check_sent
 from ..middleware.config import SkinConfig, read_skin
-from ..readings.processed import Kind, processed
 from ..recording.reference import read_reference
 from ..replay.sources import Live, Recorded
 
@@ -34,9 +32,6 @@ _OF_FILES = {
     "rate": float,
     "full_scale": float,
 }
-_GLANCE = 0.5  # s of frames that show whether the board sends what untouched cells read
-_UNRESOLVED = 0.5  # ADC steps: below, a reading says nothing of what the cell conducts
-_DECIMALS = 2  # of ADC steps, which ratios keep
 
 EXAMPLES = (
     "You need ten minutes, the board, and up to ten things that a kitchen scale has "
@@ -119,7 +114,7 @@ def calibrate(out: Path, config: Path | None, words: list[str], creep: bool = Fa
         guide = Guide(skin.circuit, live, _ask, _say, _count_down)
         try:
             live(0.0)  # what the driver logs of the port stands above the first question
-            _check_all_is_sent(skin, live(_GLANCE))
+            check_sent(skin, live(GLANCE))
             guide.measure_creep(skin.curve) if creep else guide.run()
         finally:
             live.close()
@@ -207,10 +202,10 @@ def from_files(skin: SkinConfig, files: dict, loads: list[tuple[str, str]]) -> G
     guide = Guide(skin.circuit, source, ask, _say)
     source.open(files["rest"])
     rest = source.stream(files["rest"])[0]
-    _check_all_is_sent(skin, rest)
+    check_sent(skin, rest)
     guide.measure_rest()
     if "touches" in files:
-        _check_all_is_sent(skin, rest, source.stream(files["touches"])[0])
+        check_sent(skin, rest, source.stream(files["touches"])[0])
         source.open(files["touches"])
         guide.identify()
     if loads and "reference" in files:
@@ -233,22 +228,6 @@ def from_files(skin: SkinConfig, files: dict, loads: list[tuple[str, str]]) -> G
         creep = guide.creep = measure_creep(frames, times, guide.circuit, at_rest, curve)
         print(f"  a standing load gains {creep.share:.1%} in a decade of time")
     return guide
-
-
-def _check_all_is_sent(skin: SkinConfig, rest: np.ndarray, touches: np.ndarray | None = None):
-    """ValueError: the untouched cells read nothing, or the frames are no ADC's readings."""
-    threshold, circuit = skin.adc.threshold(skin.threshold), skin.circuit
-    check_all_is_sent(rest, circuit, threshold, skin.threshold)
-    steps = np.round((rest if touches is None else touches) * circuit.full_scale, _DECIMALS)
-    done = processed(np.where(circuit.populated, steps, np.nan), circuit.adc_bits, skin.threshold)
-    if done and done.kind is not Kind.CEILING:
-        raise ValueError(f"{done}. Send what the ADC reads")
-    usual = np.nanmedian(np.nanmean(rest, axis=0)[circuit.populated]) * circuit.full_scale
-    if usual < _UNRESOLVED:
-        raise ValueError(
-            f"untouched cells read {usual:.2g} ADC steps: an offset or a threshold is taken off, "
-            "or r_ref is too small for this fabric. Send what the ADC reads"
-        )
 
 
 def _ask(text: str) -> str:

@@ -16,7 +16,7 @@ from ..board.recognise import explain
 from ..board.serial_port import SerialReader, check_port
 from ..middleware.bus import Time
 from ..middleware.config import adc_of, circuit_of, declared
-from ..msg import Header, Image, image
+from ..msg import Header, Image, Trigger, image
 from ..parameters.nodes import SerialDriver as Parameters
 from . import diagnostics
 
@@ -72,6 +72,7 @@ class SerialDriver:
             self._refuse,
             given.serial_number,
         )
+        node.create_service(Trigger, "~/lend", self.on_lend)
         node.create_timer(1.0, self.on_timer)
         # Read only once the node spins: whoever subscribes is there by then.
         self._starter = node.create_timer(0.001, self._start)
@@ -79,6 +80,12 @@ class SerialDriver:
     def _start(self) -> None:
         self._starter.cancel()
         self._reader.start()
+
+    def on_lend(self, _, response):
+        """Let another program have the port for a while; without frames the robot stands."""
+        self._reader.lend()
+        response.success, response.message = True, f"{self._reader.port} is lent"
+        return response
 
     def on_frame(self, frame: Frame) -> None:
         """In the reader's thread: publish at once."""

@@ -156,12 +156,12 @@ def test_what_is_not_allowed_is_off(browser):
     with served(skin, pushed(skin), work=Work(skin, {})) as (address, source):
         browser.open(address)
         browser.until(f"{STATUS} === '✓ free'")
-        for name in ("tare", "reset", "record", "doctor", "calibrate"):
+        for name in ("tare", "reset", "record", "doctor", "detect", "calibrate"):
             assert browser.run(f"document.getElementById('{name}').disabled"), name
         ask = "import('/connection.js').then(({{Connection}}) => new Promise(resolve => {{"
         ask += "const c = new Connection({{hello: () => c.ask('{}'), said: resolve, lost() {{}}}});"
         ask += "}})).then(said => JSON.stringify(said))"
-        for name in ("record", "doctor", "calibrate", "give up"):
+        for name in ("record", "doctor", "detect", "calibrate", "give up"):
             said = json.loads(browser.run(ask.format(name)))
             assert (said["success"], said["message"]) == (False, "controls are off")
         assert not source.asked and not source.work.state()["task"]

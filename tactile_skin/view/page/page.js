@@ -49,6 +49,11 @@ function fill(select, options, value) {
 
 function setUp(said) {
   hello = said;
+  latest = shown = last = null; // of another connection, or another board
+  if (space) {
+    openSpace(false);
+    space = null;
+  }
   const recorded = hello.recording;
   history = new History(hello.history);
   figures = new Figures(hello, choose);

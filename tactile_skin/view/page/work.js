@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is done from the page: recordings, the doctor, the guided calibration.
+// What is done from the page: recordings, detect, the doctor, the guided calibration.
 
 const $ = (id) => document.getElementById(id);
-const TITLES = { doctor: "doctor", calibrate: "calibration" };
+const TITLES = { detect: "detect the board", doctor: "doctor", calibrate: "calibration" };
 const OHM = [10, 1e6]; // of the curve's axis
 
 export class Work {
@@ -11,10 +11,12 @@ export class Work {
     this.findings = [];
     this.until = null; // ms, of a count-down
     this.allowed = allowed;
-    for (const name of ["record", "doctor", "calibrate"]) $(name).disabled = !allowed;
+    $("record").disabled = !allowed;
     $("record").onclick = () => ask(this.recording ? "finish" : "record");
-    $("doctor").onclick = () => ask("doctor");
-    $("calibrate").onclick = () => ask("calibrate");
+    for (const name in TITLES) {
+      $(name).disabled = !allowed;
+      $(name).onclick = () => ask(name);
+    }
     $("leave").onclick = () => (this.task ? ask("give up") : this.hide());
     $("back").onclick = () => ask("answer", "b");
     $("question").onsubmit = (event) => {
@@ -47,7 +49,7 @@ export class Work {
       return link;
     });
     $("files").replaceChildren(...links);
-    for (const name of ["doctor", "calibrate"]) $(name).disabled = !this.allowed || state.task !== "";
+    for (const name in TITLES) $(name).disabled = !this.allowed || state.task !== "";
     this.show(state.lines.length > 0 || state.task !== "");
     if (state.task || !was) this.title = TITLES[state.task] ?? this.title ?? "guided steps";
     $("work").querySelector("h2").textContent = this.title;
@@ -62,6 +64,7 @@ export class Work {
     const asked = state.question !== null;
     if (asked && $("question").hidden !== false) $("question").elements.text.value = "";
     $("question").hidden = !asked;
+    $("back").hidden = !state.back;
     $("question").querySelector("p").textContent = state.question ?? "";
     this.until = state.left === null ? null : performance.now() + 1000 * state.left;
     this.curve(state.curve, colours);

@@ -14,16 +14,16 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .calibration.creep import measure_creep
-from .calibration.curve_fit import FittedCurve, fit_curve
-from .calibration.identify import Identified, identify
-from .calibration.rest import Rest, measure_rest, supposing
-from .calibration.touched import stands_anew
-from .health.doctor import ignored_diode, other_readout
-from .physics.circuit import Circuit
-from .physics.creep import Creep
-from .physics.curve import GRAM, PressureCurve
-from .solvers import compensate
+from ..calibration.creep import measure_creep
+from ..calibration.curve_fit import FittedCurve, fit_curve
+from ..calibration.identify import Identified, identify
+from ..calibration.rest import Rest, measure_rest, supposing
+from ..calibration.touched import stands_anew
+from ..health.doctor import ignored_diode, other_readout
+from ..physics.circuit import Circuit
+from ..physics.creep import Creep
+from ..physics.curve import GRAM, PressureCurve
+from ..solvers import compensate
 
 REST = 3.0  # s that the skin rests
 OBJECT = 1.0  # s for which an object stands
