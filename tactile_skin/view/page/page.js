@@ -272,7 +272,7 @@ function showTexts(now) {
   const line = state(stop, head, hello.recording ? at(log.entries) : log.stop, why);
   facts.showStop(stop, hello.recording ? `recorded: ${line}` : line, stop ? head.reason : "");
   const held = frozen && shown && !hello.recording ? ` · showing ${clock(shown.head.stamp)}` : "";
-  $("source").firstElementChild.textContent = `${hello.title}${held}`;
+  facts.say($("source").firstElementChild, `${hello.title}${held}`);
   $("source").lastElementChild.hidden = !head.simulated;
   const picture = shown || latest;
   facts.showContacts(picture.head.contacts);
@@ -302,7 +302,7 @@ function showTexts(now) {
     ...(hello.recording ? [["time", fixed(time, 2, " s")]] : live),
   ]);
   const cell = $("cell");
-  cell.textContent = cellText(picture);
+  facts.say(cell, cellText(picture));
   cell.classList.toggle("chosen", chosen !== null);
 }
 
