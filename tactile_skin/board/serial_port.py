@@ -26,11 +26,12 @@ _LENT = 2.0  # s in which another program may open a port that is lent to it
 _EARLY = 1.0  # s of bytes without a frame after which the message says what they are, if known
 _ASK_AGAIN = 0.5  # s without an answer after which a board is asked again
 _IN_USE = "is in use by another program (two programs cannot read one board)"
+_LENT_TO = "is lent to another program, and read again when that ends"
 _NOT_ALLOWED = "may not be opened by this user: is it in the group dialout?"
 _GONE = "is gone: was the board unplugged?"
-_TROUBLES = {
-    errno.EAGAIN: _IN_USE,  # of a lock, which this driver takes as well
-    errno.EBUSY: _IN_USE,  # opened by a program that asked to be alone
+# of a lock, which this driver takes as well; opened by a program that asked to be alone
+_BUSY = (errno.EAGAIN, errno.EBUSY)
+_TROUBLES = dict.fromkeys(_BUSY, _IN_USE) | {
     errno.EACCES: _NOT_ALLOWED,
     errno.EPERM: _NOT_ALLOWED,
     errno.ENOENT: "does not exist",
@@ -166,7 +167,8 @@ class SerialReader:
         self._board: tuple | None = None  # identity of the board that "auto" found
         self._reported: dict[str, str] = {}  # port -> why it gave no frame, since one last did
         self._seen = "", ""  # why there is no frame, and what arrived when that was new
-        self._lent_until = -math.inf  # monotonic [s]
+        self._lent_until = -math.inf  # monotonic [s], until when it stays closed
+        self._lent = False  # and has not been opened since
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"serial {port}", daemon=True)
 
@@ -180,16 +182,16 @@ class SerialReader:
 
     def lend(self) -> None:
         """Close the port, so that another program may open it; read it again once that is done."""
-        self._lent_until = time.monotonic() + _LENT
+        self._lent_until, self._lent = time.monotonic() + _LENT, True
 
     @property
-    def _lent(self) -> bool:
+    def _away(self) -> bool:
         return time.monotonic() < self._lent_until
 
     def _run(self) -> None:
         while not self._stop.is_set():
-            if self._lent:
-                self._lost(f"{self.port} is lent to another program")
+            if self._away:
+                self._lost(f"port {self.port} {_LENT_TO}", self.port)
                 self._stop.wait(0.25)
                 continue
             try:
@@ -203,7 +205,8 @@ class SerialReader:
                     with _opened(name, self.baud) as port:
                         self._read(port)
                 except (*PORT_ERRORS, ValueError) as error:  # ValueError: a baud it cannot do
-                    self._lost(why_not(name, error), name)
+                    lent = self._lent and _number(error) in _BUSY
+                    self._lost(f"port {name} {_LENT_TO}" if lent else why_not(name, error), name)
                 except Exception as error:  # of a subscriber's: reading goes on
                     self._lost(f"port {name}: {error!r}", name)
                 if self._stop.is_set():
@@ -232,11 +235,11 @@ class SerialReader:
         counters = self.parser.counters
         self.parser = self._make_parser()  # half a frame of before is worth nothing
         self.parser.counters = counters
-        self.simulated = is_simulated(port)
+        self.simulated, self._lent = is_simulated(port), False
         port.reset_input_buffer()
         last_frame, heard, look_at = time.monotonic(), 0, 1
         asked = -math.inf
-        while not (self._stop.is_set() or self._lent):
+        while not (self._stop.is_set() or self._away):
             if self.parser.request and time.monotonic() - asked > _ASK_AGAIN:
                 port.write(self.parser.request)
                 asked = time.monotonic()

@@ -11,6 +11,8 @@ import textwrap
 import time
 from pathlib import Path
 
+import numpy as np
+
 from ..arguments import split
 from ..calibration.creep import measure_creep
 from ..calibration.curve_fit import MAX_LAG, POOR, FittedCurve, fit_reference
@@ -23,6 +25,7 @@ from ..recording.reference import read_reference
 from ..replay.sources import Live, Recorded
 
 _NAME = "tactile-skin calibrate"
+_SHADES = " .:-=+*#%@"
 _OF_BOARD = {"port": str, "baud": int, "protocol": str}
 _OF_FILES = {
     "rest": str,
@@ -111,7 +114,7 @@ def calibrate(out: Path, config: Path | None, words: list[str], creep: bool = Fa
         guide = from_files(skin, given, loads)
     else:
         live = Live(config, given)
-        guide = Guide(skin.circuit, live, _ask, _say, _count_down)
+        guide = Guide(skin.circuit, live, _ask, _say, _count_down, _show)
         try:
             live(0.0)  # what the driver logs of the port stands above the first question
             check_sent(skin, live(GLANCE))
@@ -199,7 +202,7 @@ def from_files(skin: SkinConfig, files: dict, loads: list[tuple[str, str]]) -> G
             source.open(path)
         return word
 
-    guide = Guide(skin.circuit, source, ask, _say)
+    guide = Guide(skin.circuit, source, ask, _say, show=_show)
     source.open(files["rest"])
     rest = source.stream(files["rest"])[0]
     check_sent(skin, rest)
@@ -230,6 +233,15 @@ def from_files(skin: SkinConfig, files: dict, loads: list[tuple[str, str]]) -> G
     return guide
 
 
+def picture(force: np.ndarray) -> str:
+    """Return a text picture of (rows, cols) [N], one character for two of a terminal's a cell."""
+    share = force / max(force.max(), 1e-9)
+    shade = np.minimum((share * len(_SHADES)).astype(int), len(_SHADES) - 1)
+    lines = ["".join(2 * _SHADES[k] for k in row) for row in shade]
+    edge = "  +" + "-" * (2 * force.shape[1]) + "+"
+    return "\n".join([edge, *(f"  |{line}|" for line in lines), edge])
+
+
 def _ask(text: str) -> str:
     """Return what is typed from now on: an Enter of the step before is no answer."""
     if sys.stdin.isatty():
@@ -247,6 +259,10 @@ def _say(text: str) -> None:
     width = shutil.get_terminal_size().columns
     for line in text.splitlines():
         print(textwrap.fill(line, width, subsequent_indent="    ", break_on_hyphens=False))
+
+
+def _show(force: np.ndarray) -> None:
+    print(picture(force))
 
 
 def _count_down(seconds: int) -> None:

@@ -192,7 +192,7 @@ def test_a_running_skin_lends_its_board_and_takes_it_back(tmp_path):
         browser.until(answer_is_awaited)
         browser.call("Page.reload")
         browser.until(f"document.getElementById('question') && {answer_is_awaited}")
-        browser.until(f"{stop}.includes('in use by another program')")
+        browser.until(f"{stop}.includes('is lent to another program')")
         browser.run("document.getElementById('a').focus()")
         for _ in range(20):
             browser.press("ArrowDown")

@@ -10,6 +10,7 @@ import {
 import { rgb, rising } from "./colours.js";
 
 const CELL = 0.46; // of the pitch, from the middle of a cell to its edge
+const MANY = 1024; // cells, from which on a gap between two is thinner than a pixel: there is none
 const TURN = 0.008; // rad for each px that is dragged
 const STEP = 0.12; // rad for each arrow key
 const STEEPEST = 1.5; // rad that the camera looks down or up
@@ -58,7 +59,7 @@ export class Space {
       const along = at(row * cols + next).sub(at(row * cols + before));
       along.addScaledVector(out, -along.dot(out));
       if (along.lengthSq() < 1e-12) along.crossVectors(UP, out);
-      along.setLength(CELL * pitch);
+      along.setLength((rows * cols < MANY ? CELL : 0.5) * pitch);
       const up = new Vector3().crossVectors(out, along);
       const middle = at(k);
       low.min(middle);

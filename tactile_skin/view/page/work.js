@@ -83,8 +83,10 @@ export class Work {
     const canvas = $("curve");
     canvas.hidden = !force;
     if (!force) return;
+    const [ratio, w, h, left, bottom] = [window.devicePixelRatio || 1, 360, 170, 60, 24];
+    [canvas.width, canvas.height] = [ratio * w, ratio * h];
     const ctx = canvas.getContext("2d");
-    const [w, h, left, bottom] = [canvas.width, canvas.height, 60, 24];
+    ctx.scale(ratio, ratio);
     const known = force.map((f, k) => [f, resistance[k]]).filter(([f]) => f > 0);
     const [low, high] = [known[0][0], known.at(-1)[0]];
     const x = (f) => left + (Math.log(f / low) / Math.log(high / low)) * (w - left - 10);
@@ -95,7 +97,7 @@ export class Work {
     ctx.fillStyle = colours.faint;
     ctx.strokeStyle = colours.line;
     for (let r = OHM[0]; r <= OHM[1]; r *= 10) {
-      ctx.fillText(`${r >= 1000 ? r / 1000 + " k" : r}Ω`, 8, y(r) + 4);
+      ctx.fillText(r >= 1e6 ? `${r / 1e6} MΩ` : r >= 1000 ? `${r / 1000} kΩ` : `${r} Ω`, 8, y(r) + 4);
       ctx.strokeRect(left, y(r), w - left - 10, 0);
     }
     ctx.fillText(`${low.toPrecision(2)} N`, left, h - 6);
