@@ -51,9 +51,9 @@ OF_PAGE = ("detect", "calibrate", "doctor", "answer", "give up")
 _LEND = "lend"  # what the skin is asked for then, before a page detects
 ASKS = OF_SKIN + OF_PAGE
 _WEBSOCKET = "/snapshots"
+_PARTICULAR = "<!-- what is particular -->\n"  # in the frame of a page
 _FOLDER = Path(__file__).parent / "page"
 _TYPES = {
-    ".html": "text/html; charset=utf-8",
     ".js": "text/javascript; charset=utf-8",
     ".css": "text/css; charset=utf-8",
     ".svg": "image/svg+xml",
@@ -190,9 +190,9 @@ class Server:
             for path in _FOLDER.iterdir()
             if path.suffix in _TYPES
         }
-        self._files["/"] = self._files["/body.html" if self._names else "/index.html"]
+        self._files["/"] = _page("body" if self._names else "skin")
         for name in self._names:
-            self._files[f"/?{name}"] = self._files["/index.html"]
+            self._files[f"/?{name}"] = _page("skin")
 
     def answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """Return a file, or a refusal; None: a page that may have its WebSocket."""
@@ -288,6 +288,13 @@ class Server:
             source.work.ask("give up", "")
             return answer | {"message": lent["message"]}
         return answer | {"message": "", "success": True}
+
+
+def _page(name: str) -> tuple[bytes, str]:
+    """Return what is particular to a page within what all have in common, and its type."""
+    frame, particular = ((_FOLDER / f"{part}.html").read_text() for part in ("frame", name))
+    text = frame.replace("skin.js", f"{name}.js").replace(_PARTICULAR, particular)
+    return text.encode(), "text/html; charset=utf-8"
 
 
 def _reached(connection: ServerConnection) -> str:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The page: takes snapshots, draws them, asks for the next.
+// The page of a skin: takes snapshots, draws them, asks for the next.
 
 import { Chart } from "./chart.js";
 import { Connection } from "./connection.js";
