@@ -233,13 +233,18 @@ class Work:
 
     def _calibrate(self, skin: SkinConfig, text: str) -> None:
         """Lead through the steps; what was learnt is entered in the text of a parameter file."""
-        guide = Guide(skin.circuit, self._read, self._wait_for, self._say, self._count_down)
+
+        def fitted(_=None) -> None:
+            curve = guide.fitted.curve.describe() if guide.fitted else {}
+            self._curve = list(curve.values())  # force, resistance
+            self._changed()
+
+        ways = self._read, self._wait_for, self._say, self._count_down, fitted
+        guide = Guide(skin.circuit, *ways)
         check_sent(skin, self._read(GLANCE))
         self._goes_back = True
         guide.run()
-        if guide.fitted:
-            curve = guide.fitted.curve.describe()
-            self._curve = [list(curve["force"]), list(curve["resistance"])]
+        fitted()  # or not: a useless one is dropped
         if not guide.learnt:
             raise ValueError("nothing was learnt: no file is written")
         with tempfile.TemporaryDirectory() as folder:

@@ -347,3 +347,20 @@ def test_axe_finds_no_violation(browser, width, scheme):
             source.now = now
             browser.until(f"{STATUS}.startsWith('{'■' if now else '✓'}')")
             assert violations(browser) == []
+
+
+@pytest.mark.skipif(not AXE.exists(), reason="npm ci --prefix tests/axe")
+@pytest.mark.parametrize(("width", "scheme"), [ci(1400, "light"), (360, "dark")])
+def test_axe_finds_no_violation_in_guided_steps(browser, width, scheme):
+    browser.prefer(scheme)
+    browser.resize(width, 900)
+    work = Work(SHAPED, {})
+    work.files["/mine.yaml"] = b""
+    with served(SHAPED, [snapshot(SHAPED)], controls=True, work=work) as (address, _):
+        browser.open(address)
+        browser.click("button", "doctor")
+        browser.until("!document.getElementById('question').hidden")
+        assert violations(browser) == []
+        assert browser.run("document.documentElement.scrollWidth") <= width
+        browser.click("button", "give up")
+        browser.until("document.getElementById('leave').innerText === 'close'")

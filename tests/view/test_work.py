@@ -217,6 +217,8 @@ def calibrated(browser, hands, folder):
         browser.until(f"document.querySelector('#question p').innerText.includes('object {k}:')")
         hands.force = thing * (weight / thing.sum())
         answer(browser, f"{weight / GRAM:.0f} g", f"object {k}:")
+        if k > guide.LEAST_OBJECTS:
+            browser.until("!document.getElementById('curve').hidden")  # as it forms
     answer(browser, to=f"object {len(WEIGHTS) + 1}:")
     until(lambda: browser.found("link", "download calibrated.yaml"), "a file to download")
     browser.until("!document.getElementById('curve').hidden")

@@ -54,9 +54,9 @@ export class Work {
     if (state.task || !was) this.title = TITLES[state.task] ?? this.title ?? "guided steps";
     $("work").querySelector("h2").textContent = this.title;
     $("leave").textContent = state.task ? "give up" : "close";
-    const list = $("work").querySelector("ol");
+    const list = $("work").querySelector(".scrolled");
     list.replaceChildren(...state.lines.map((line) => {
-      const item = document.createElement("li");
+      const item = document.createElement("p");
       item.textContent = line;
       return item;
     }));
