@@ -261,6 +261,21 @@ def test_later_parameters_win(write, tmp_path):
     assert (config.threshold, config.release, config.hold) == (13.0, 2.0, 1.0)
 
 
+@pytest.mark.parametrize(
+    ("threshold", "rows", "named"),
+    [(20.0, 1, "board.yaml"), (0.5, 16, "limits.yaml"), (-1.0, 16, "limits.yaml")],
+)
+def test_the_file_is_named_that_gives_what_is_refused(write, tmp_path, threshold, rows, named):
+    """Whether one value is out of range, or several do not go together."""
+    section = "/**: {ros__parameters: {%s}}\n"
+    circuit = f"circuit: {{rows: {rows}, cols: {rows}}}"
+    (tmp_path / "board.yaml").write_text(section % circuit)
+    (tmp_path / "limits.yaml").write_text(section % f"threshold: {threshold}, release: 2.0")
+    files = "{from: $(dirname)/board.yaml}, {from: $(dirname)/limits.yaml}"
+    with pytest.raises(LaunchError, match=rf"^{tmp_path}/{named}: "):
+        start(write(NODE % f", param: [{files}]"))
+
+
 # --- the shipped files ---
 
 

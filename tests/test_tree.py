@@ -39,8 +39,8 @@ MAY = {
         "health",
         "middleware",
         "recording",
+        "board",
         "guide",
-        "calibrated",
     ),
     "nodes": (
         "msg",
@@ -72,8 +72,16 @@ MAY = {
     "ros": ("files", "yaml_files", "msg", "parameters", "middleware", "nodes", "launch"),
     "replay": ("msg", "parameters", "middleware", "physics", "recording", "nodes", "launch"),
     "bench": None,  # everything but the command line
-    "guide": ("physics", "solvers", "findings", "calibration", "health"),
-    "calibrated": ("physics", "calibration", "middleware", "guide"),
+    "guide": (
+        "physics",
+        "solvers",
+        "readings",
+        "findings",
+        "calibration",
+        "health",
+        "board",
+        "middleware",
+    ),
     "arguments": (),
     "extras": (),
     "commands": None,  # so do these
