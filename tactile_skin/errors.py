@@ -16,8 +16,9 @@ are raised for the arguments of pure functions.
 
 from __future__ import annotations
 
+import contextlib
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 _ALIKE = 0.6  # ratio of difflib from which on a name is taken for a misspelt one: its own default
 _FEW = 6  # names that a message lists; of more, `--show-args` and config/skin.yaml tell
@@ -36,7 +37,26 @@ class LaunchError(TactileSkinError):
 
 
 class ParameterError(TactileSkinError):
-    """A parameter with an unknown name, a wrong type or a value outside its range."""
+    """A parameter with an unknown name, a wrong type or a value outside its range.
+
+    Attributes:
+        parameters: names of those, or of groups of those, that are refused, where that is known.
+    """
+
+    def __init__(self, message: str, *parameters: str):
+        super().__init__(message)
+        self.parameters = parameters
+
+
+@contextlib.contextmanager
+def concerning(*parameters: str) -> Iterator[None]:
+    """Say which parameters, or groups of them, a plain ValueError refuses: a ParameterError."""
+    try:
+        yield
+    except TactileSkinError:
+        raise
+    except ValueError as error:
+        raise ParameterError(str(error), *parameters) from error
 
 
 class TopicTypeError(TactileSkinError, TypeError):

@@ -26,15 +26,27 @@ def pytest_addoption(parser):
     parser.addoption(
         "--require-ros", action="store_true", help="fail, not skip, what needs ROS and finds none"
     )
+    parser.addoption("--live", action="store_true", help="only what `-n` leaves: in real time")
 
 
 def pytest_configure(config):
     # An exception that ends a thread fails the test that started the thread.
     config.addinivalue_line("filterwarnings", "error::pytest.PytestUnhandledThreadExceptionWarning")
+    if getattr(config.option, "dist", "no") == "load":
+        config.option.dist = "loadscope"  # what a module prepares for its tests is prepared once
 
 
-def pytest_collection_modifyitems(items):
-    """What is heard of other processes in time is heard again if the computer stood still."""
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config, items):
+    """Leave what runs in real time out of parallel runs, for a run of its own.
+
+    What is heard of other processes in time is heard again if the computer stood still.
+    """
+    live, parallel = config.getoption("live"), "PYTEST_XDIST_WORKER" in os.environ
+    if live or parallel:
+        kept = [item for item in items if bool(item.get_closest_marker("live")) == live]
+        config.hook.pytest_deselected(items=list(set(items).difference(kept)))
+        items[:] = kept
     for item in items:
         if item.get_closest_marker("ros"):
             item.add_marker(pytest.mark.flaky(reruns=3, condition=machine.stood_still))

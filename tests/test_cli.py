@@ -25,6 +25,8 @@ from tactile_skin.launch import read_skin, share_dir
 from tactile_skin.learning import network
 from tactile_skin.middleware.stdin import keys
 
+pytestmark = pytest.mark.live
+
 # Frames of another process are counted again if the computer stood still.
 IN_TIME = pytest.mark.flaky(reruns=3, condition=machine.stood_still)
 

@@ -34,6 +34,8 @@ from tactile_skin.msg import Bool, Header, PointCloud2, Twist, cloud
 from tactile_skin.nodes.stop_on_push import LATCHED
 from tactile_skin.simulation import simulator
 
+pytestmark = pytest.mark.live
+
 PATIENCE = 30.0  # s, for what must happen; how fast it does is not tested
 NODE = "- node: {pkg: tactile_skin, exec: stop_on_push%s}\n"
 NOTHING = "- let: {name: a, value: b}\n"
@@ -257,6 +259,21 @@ def test_later_parameters_win(write, tmp_path):
     with launch(write(NODE % params)) as skin:
         config = skin._nodes[0].policy.config
     assert (config.threshold, config.release, config.hold) == (13.0, 2.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("threshold", "rows", "named"),
+    [(20.0, 1, "board.yaml"), (0.5, 16, "limits.yaml"), (-1.0, 16, "limits.yaml")],
+)
+def test_the_file_is_named_that_gives_what_is_refused(write, tmp_path, threshold, rows, named):
+    """Whether one value is out of range, or several do not go together."""
+    section = "/**: {ros__parameters: {%s}}\n"
+    circuit = f"circuit: {{rows: {rows}, cols: {rows}}}"
+    (tmp_path / "board.yaml").write_text(section % circuit)
+    (tmp_path / "limits.yaml").write_text(section % f"threshold: {threshold}, release: 2.0")
+    files = "{from: $(dirname)/board.yaml}, {from: $(dirname)/limits.yaml}"
+    with pytest.raises(LaunchError, match=rf"^{tmp_path}/{named}: "):
+        start(write(NODE % f", param: [{files}]"))
 
 
 # --- the shipped files ---

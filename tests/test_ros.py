@@ -56,6 +56,8 @@ from tactile_skin.nodes.stop_on_push import STATUS_TOPIC
 from tactile_skin.physics.curve import PressureCurve
 from tactile_skin.touch.frames import IDENTITY
 
+pytestmark = pytest.mark.live
+
 MESSAGES = [c for c in vars(msg).values() if dataclasses.is_dataclass(c) and hasattr(c, "TYPE")]
 IDLE, DEMO, PUSH = "idle", "demo", "push_left"
 SEEDS = itertools.count(90)  # one each time something is played: frames that repeat are a fault

@@ -39,8 +39,8 @@ MAY = {
         "health",
         "middleware",
         "recording",
+        "board",
         "guide",
-        "calibrated",
     ),
     "nodes": (
         "msg",
@@ -81,8 +81,16 @@ MAY = {
         "launch",
     ),
     "bench": None,  # everything but the command line
-    "guide": ("physics", "solvers", "findings", "calibration", "health"),
-    "calibrated": ("physics", "calibration", "middleware", "guide"),
+    "guide": (
+        "physics",
+        "solvers",
+        "readings",
+        "findings",
+        "calibration",
+        "health",
+        "board",
+        "middleware",
+    ),
     "arguments": (),
     "extras": (),
     "commands": None,  # so do these

@@ -21,7 +21,7 @@ from support.lab.unknown import Unknown
 from support.weights import bodies, objects
 
 from tactile_skin.commands import calibrate
-from tactile_skin.guide import OBJECTS, Guide
+from tactile_skin.guide.calibration import OBJECTS, Guide
 from tactile_skin.middleware.bus import Context, ManualClock, Node
 from tactile_skin.middleware.config import read_skin
 from tactile_skin.middleware.parameter_file import ParameterFile

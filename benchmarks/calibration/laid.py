@@ -15,7 +15,7 @@ from support.lab.unknown import Unknown
 from support.weights import known, objects, totals
 
 from tactile_skin import measure_rest
-from tactile_skin.guide import Guide
+from tactile_skin.guide.calibration import Guide
 
 from .. import harness
 

@@ -2,8 +2,9 @@
 """Makes the pictures of the page in docs, on a clock that no load disturbs.
 
 The frames of the demo's scene go through the solver, the tracker and the stop's policy, and their
-last snapshot is drawn by Chromium. `python -m benchmarks.running.picture docs/view.png`: a push
-and two fingers; `python -m benchmarks.running.picture --skins docs/body.png`: three skins.
+last snapshot is drawn by Chromium: `python -m benchmarks.running.picture view docs/view.png` a push
+and two fingers, `space docs/space.png` the same on the cover in space, in the dark, and
+`body docs/body.png` three skins.
 """
 
 from __future__ import annotations
@@ -31,8 +32,7 @@ STEP = 0.02  # s between two frames
 PUSH, FINGERS = (8.6, 13.0), (4.2, 6.4)  # s of the demo's scene, in the order that they are shown
 PUSH_NOW, STILL = (8.6, 10.2), (0.0, 0.5)  # s, of three skins
 COUNTS = 64  # of skin/adc in an ADC step of 10 bits
-SIZE = 1400, 910  # px
-SIZE_OF_BODY = 1400, 640  # px
+SIZES = {"view": (1400, 910), "space": (720, 950), "body": (1400, 640)}  # px
 BROKEN = 6  # row of the back that does not reach the board
 
 
@@ -112,26 +112,34 @@ def body() -> dict[str, tuple[SkinConfig, list[Snapshot]]]:
 
 def main(arguments=None) -> None:
     parser = harness.parser(__doc__, __spec__)
+    parser.add_argument("what", choices=tuple(SIZES), help="what it shows")
     parser.add_argument("picture", type=Path, help="PNG to make")
-    parser.add_argument("--skins", action="store_true", help="of three skins")
     args = parser.parse_args(arguments)
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        draw = draw_skins if args.skins else draw_one
-        args.picture.write_bytes(draw(Path(folder)))
+    draw = draw_skins if args.what == "body" else draw_one
+    with (
+        tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder,
+        Chromium(Path(folder), *SIZES[args.what]) as browser,
+    ):
+        args.picture.write_bytes(draw(browser, args.what == "space"))
 
 
-def draw_one(folder: Path) -> bytes:
+def draw_one(browser: Chromium, space: bool) -> bytes:
     skin = skin_of({"geometry.shape": "cylinder"}, "")
-    with served(skin, snapshots(skin)) as (address, _), Chromium(folder, *SIZE) as browser:
+    browser.prefer("dark" if space else "light")
+    with served(skin, snapshots(skin)) as (address, _):
         browser.open(address)
         browser.until("document.querySelectorAll('#contacts tbody tr').length === 2")
         browser.until("document.querySelector('#stop strong').innerText.includes('free')")
         browser.until("document.querySelector('#push p').innerText.includes('front')")
+        if space:
+            browser.click("button", "in space")
+            browser.until("document.querySelector('#space canvas').dataset.turned")
+            browser.run("scrollTo(0, 0)")
         return browser.picture()
 
 
-def draw_skins(folder: Path) -> bytes:
-    with serving(body()) as (address, _), Chromium(folder, *SIZE_OF_BODY) as browser:
+def draw_skins(browser: Chromium, _) -> bytes:
+    with serving(body()) as (address, _):
         browser.open(address)
         browser.until("document.querySelectorAll('.skin.stopped').length === 2")
         browser.until("document.querySelectorAll('.skin.free').length === 1")

@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Time from bytes to the stop hook, through the nodes and a real serial device.
 
-A process plays one simulated board on as many pseudo-terminals as there are skins; each skin is a
-process of its own that runs `launch/skin.launch.yaml`, as a robot would.
+A process plays one simulated board on as many pseudo-terminals as there are skins, each of which is
+touched for a fifth of the time, in turn; each skin is a process of its own that runs
+`launch/skin.launch.yaml`, as a robot would.
 """
 
 from __future__ import annotations
 
 import contextlib
 import io
+import itertools
 import multiprocessing
 import os
 import sys
@@ -18,15 +20,20 @@ import tty
 import numpy as np
 
 from tactile_skin.bench import chart
+from tactile_skin.board import protocol
+from tactile_skin.board.frame import Frame
 from tactile_skin.physics.circuit import Circuit
 from tactile_skin.physics.curve import PressureCurve
-from tactile_skin.simulation import scenes
+from tactile_skin.simulation import scenes, simulator
 from tactile_skin.solvers import METHODS
 
 from .. import harness
 
 RATES = (100, 390)  # frames a second: over USB serial, and each scan of the board
-WARM_UP = 1.0  # s, not counted
+_TOUCHES = "one_finger", "two_fingers", "push_left", "stroke"  # one after the other
+_EVERY = 10.0  # s from one touch to the next
+_TOUCHED = 0.2  # of the time
+_WARM_UP = _EVERY  # s, not counted: each skin has measured its rest then
 SKINS = (1, 2, 4, 8, 12, 16)  # at 100 frames a second, with auto
 _PATIENCE = 120.0  # s, for the skins to start
 _SPAWN = multiprocessing.get_context("spawn")  # a fork would copy this process's threads half
@@ -112,26 +119,37 @@ def run_skins(n: int, method: str, rate: int, seconds: float, seed: int) -> dict
 
 
 def _board(pipe, n: int, rate: int, seed: int) -> None:
-    """Play the demo scene's bytes on n pseudo-terminals until terminated."""
-    from tactile_skin.simulation import simulator
-
+    """Play the touches' bytes on n pseudo-terminals, each at another moment, until terminated."""
     circuit = Circuit()
-    scene = scenes.script("demo", *circuit.shape)
-    played = simulator.Board(circuit, PressureCurve(), scene, frames_per_second=rate, seed=seed)
+    played = simulator.Board(circuit, PressureCurve(), _scene, frames_per_second=rate, seed=seed)
+    parser = protocol.BinaryParser()
+    frames: list[Frame] = []
+    while len(frames) < rate * _EVERY * len(_TOUCHES):
+        frames += parser.feed(played.scan())
     masters, slaves = zip(*(os.openpty() for _ in range(n)), strict=True)
     for master, slave in zip(masters, slaves, strict=True):
         tty.setraw(slave)
         os.set_blocking(master, False)
     pipe.send([os.ttyname(slave) for slave in slaves])
-    tick = time.monotonic()
-    while True:
-        tick += 1.0 / simulator.SCANS_PER_SECOND
-        time.sleep(max(0.0, tick - time.monotonic()))
-        frame = played.scan()
-        if frame:
-            for master in masters:
-                with contextlib.suppress(BlockingIOError):  # nobody reads yet, or reads too late
-                    os.write(master, frame)
+    begun = time.monotonic()
+    for i in itertools.count():
+        time.sleep(max(0.0, begun + i / rate - time.monotonic()))
+        for k, master in enumerate(masters):
+            frame = frames[(i + round(k * rate * _EVERY / n)) % len(frames)]
+            sent = protocol.encode(
+                i, round(i / rate * 1e6), frame.samples, circuit.adc_bits, 16 - circuit.adc_bits
+            )
+            with contextlib.suppress(BlockingIOError):  # nobody reads yet, or reads too late
+                os.write(master, sent)
+
+
+def _scene(t: float) -> np.ndarray:
+    """Return what presses at time t [s]: (rows, cols) force [N]."""
+    turn, t = divmod(t, _EVERY)
+    shape = Circuit().shape
+    if t < (1.0 - _TOUCHED) * _EVERY:
+        return np.zeros(shape)
+    return scenes.script(_TOUCHES[int(turn) % len(_TOUCHES)], *shape)(t)
 
 
 def _skin(pipe, barrier, port: str, method: str, seconds: float) -> None:
@@ -148,7 +166,7 @@ def _skin(pipe, barrier, port: str, method: str, seconds: float) -> None:
         while not monitor.latencies and time.monotonic() < deadline:
             time.sleep(0.05)
         barrier.wait(_PATIENCE)
-        time.sleep(max(WARM_UP, 1.1))  # the driver reports its counts once a second
+        time.sleep(_WARM_UP)
         missed, cpu, start = monitor.drops, time.process_time(), time.monotonic()
         monitor.latencies.clear()
         skin.spin(seconds)

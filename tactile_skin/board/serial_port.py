@@ -21,14 +21,17 @@ from .frame import Frame, Parser
 from .recognise import explain, sample
 from .terminal import is_simulated
 
+_TIMEOUT = 0.05  # s that a read waits for a byte
+_LENT = 2.0  # s in which another program may open a port that is lent to it
 _EARLY = 1.0  # s of bytes without a frame after which the message says what they are, if known
 _ASK_AGAIN = 0.5  # s without an answer after which a board is asked again
 _IN_USE = "is in use by another program (two programs cannot read one board)"
+_LENT_TO = "is lent to another program, and read again when that ends"
 _NOT_ALLOWED = "may not be opened by this user: is it in the group dialout?"
 _GONE = "is gone: was the board unplugged?"
-_TROUBLES = {
-    errno.EAGAIN: _IN_USE,  # of a lock, which this driver takes as well
-    errno.EBUSY: _IN_USE,  # opened by a program that asked to be alone
+# of a lock, which this driver takes as well; opened by a program that asked to be alone
+_BUSY = (errno.EAGAIN, errno.EBUSY)
+_TROUBLES = dict.fromkeys(_BUSY, _IN_USE) | {
     errno.EACCES: _NOT_ALLOWED,
     errno.EPERM: _NOT_ALLOWED,
     errno.ENOENT: "does not exist",
@@ -101,6 +104,24 @@ def check_port(port: str, serial_number: str = "", absent: bool = True) -> None:
         raise ValueError(f"port {port}: {wrong}; USB serial ports found: {found}")
 
 
+def open_port(name: str, baud: int):
+    """Return an open serial port that nobody else reads meanwhile.
+
+    Raises:
+        ValueError: it cannot be opened, and why.
+    """
+    try:
+        return _opened(name, baud)
+    except PORT_ERRORS as error:
+        raise ValueError(why_not(name, error)) from error
+
+
+def _opened(name: str, baud: int):
+    # two readers of one port would each get half of the bytes
+    alone = {"exclusive": True} if name.startswith("/") else {}
+    return serial.serial_for_url(name, baud, timeout=_TIMEOUT, **alone)
+
+
 def _not_serial(port: str) -> str:
     """Why what is there cannot be a serial device; empty if it may be one."""
     try:
@@ -155,6 +176,8 @@ class SerialReader:
         self._board: tuple | None = None  # identity of the board that "auto" found
         self._reported: dict[str, str] = {}  # port -> why it gave no frame, since one last did
         self._seen = "", ""  # why there is no frame, and what arrived when that was new
+        self._lent_until = -math.inf  # monotonic [s], until when it stays closed
+        self._lent = False  # and has not been opened since
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"serial {port}", daemon=True)
 
@@ -166,8 +189,20 @@ class SerialReader:
         if self._thread.is_alive():
             self._thread.join(2.0)
 
+    def lend(self) -> None:
+        """Close the port, so that another program may open it; read it again once that is done."""
+        self._lent_until, self._lent = time.monotonic() + _LENT, True
+
+    @property
+    def _away(self) -> bool:
+        return time.monotonic() < self._lent_until
+
     def _run(self) -> None:
         while not self._stop.is_set():
+            if self._away:
+                self._lost(f"port {self.port} {_LENT_TO}", self.port)
+                self._stop.wait(0.25)
+                continue
             try:
                 ports = self._ports()
             except Exception as error:  # a port that goes while the system lists them
@@ -176,12 +211,11 @@ class SerialReader:
                 continue
             for name in ports:
                 try:
-                    # two readers of one port would each get half of the bytes
-                    alone = {"exclusive": True} if name.startswith("/") else {}
-                    with serial.serial_for_url(name, self.baud, timeout=0.05, **alone) as port:
+                    with _opened(name, self.baud) as port:
                         self._read(port)
                 except (*PORT_ERRORS, ValueError) as error:  # ValueError: a baud it cannot do
-                    self._lost(_explain(name, error), name)
+                    lent = self._lent and _number(error) in _BUSY
+                    self._lost(f"port {name} {_LENT_TO}" if lent else why_not(name, error), name)
                 except Exception as error:  # of a subscriber's: reading goes on
                     self._lost(f"port {name}: {error!r}", name)
                 if self._stop.is_set():
@@ -210,11 +244,11 @@ class SerialReader:
         counters = self.parser.counters
         self.parser = self._make_parser()  # half a frame of before is worth nothing
         self.parser.counters = counters
-        self.simulated = is_simulated(port)
+        self.simulated, self._lent = is_simulated(port), False
         port.reset_input_buffer()
         last_frame, heard, look_at = time.monotonic(), 0, 1
         asked = -math.inf
-        while not self._stop.is_set():
+        while not (self._stop.is_set() or self._away):
             if self.parser.request and time.monotonic() - asked > _ASK_AGAIN:
                 port.write(self.parser.request)
                 asked = time.monotonic()
@@ -290,7 +324,7 @@ def _number(error: BaseException) -> int | None:
     return None
 
 
-def _explain(port: str, error: Exception) -> str:
+def why_not(port: str, error: Exception) -> str:
     """Return what is wrong with a port, for a person who can mend it."""
     number = _number(error)
     if number is None and "device disconnected" in str(error):  # pyserial: it reads as if at an end

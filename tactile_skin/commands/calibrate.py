@@ -14,17 +14,18 @@ from pathlib import Path
 import numpy as np
 
 from ..arguments import split
-from ..calibrated import write
 from ..calibration.creep import measure_creep
 from ..calibration.curve_fit import MAX_LAG, POOR, FittedCurve, fit_reference
-from ..calibration.rest import check_all_is_sent, supposing
-from ..guide import Guide, newtons
+from ..calibration.rest import supposing
+from ..guide.calibrated import write
+from ..guide.calibration import Guide, newtons
+from ..guide.sent import GLANCE, check_sent
 from ..middleware.config import SkinConfig, read_skin
-from ..readings.processed import Kind, processed
 from ..recording.reference import read_reference
 from ..replay.sources import Live, Recorded
 
 _NAME = "tactile-skin calibrate"
+_SHADES = " .:-=+*#%@"
 _OF_BOARD = {"port": str, "baud": int, "protocol": str}
 _OF_FILES = {
     "rest": str,
@@ -34,9 +35,6 @@ _OF_FILES = {
     "rate": float,
     "full_scale": float,
 }
-_GLANCE = 0.5  # s of frames that show whether the board sends what untouched cells read
-_UNRESOLVED = 0.5  # ADC steps: below, a reading says nothing of what the cell conducts
-_DECIMALS = 2  # of ADC steps, which ratios keep
 
 EXAMPLES = (
     "You need ten minutes, the board, and up to ten things that a kitchen scale has "
@@ -116,10 +114,10 @@ def calibrate(out: Path, config: Path | None, words: list[str], creep: bool = Fa
         guide = from_files(skin, given, loads)
     else:
         live = Live(config, given)
-        guide = Guide(skin.circuit, live, _ask, _say, _count_down)
+        guide = Guide(skin.circuit, live, _ask, _say, _count_down, _show)
         try:
             live(0.0)  # what the driver logs of the port stands above the first question
-            _check_all_is_sent(skin, live(_GLANCE))
+            check_sent(skin, live(GLANCE))
             guide.measure_creep(skin.curve) if creep else guide.run()
         finally:
             live.close()
@@ -204,13 +202,13 @@ def from_files(skin: SkinConfig, files: dict, loads: list[tuple[str, str]]) -> G
             source.open(path)
         return word
 
-    guide = Guide(skin.circuit, source, ask, _say)
+    guide = Guide(skin.circuit, source, ask, _say, show=_show)
     source.open(files["rest"])
     rest = source.stream(files["rest"])[0]
-    _check_all_is_sent(skin, rest)
+    check_sent(skin, rest)
     guide.measure_rest()
     if "touches" in files:
-        _check_all_is_sent(skin, rest, source.stream(files["touches"])[0])
+        check_sent(skin, rest, source.stream(files["touches"])[0])
         source.open(files["touches"])
         guide.identify()
     if loads and "reference" in files:
@@ -235,20 +233,13 @@ def from_files(skin: SkinConfig, files: dict, loads: list[tuple[str, str]]) -> G
     return guide
 
 
-def _check_all_is_sent(skin: SkinConfig, rest: np.ndarray, touches: np.ndarray | None = None):
-    """ValueError: the untouched cells read nothing, or the frames are no ADC's readings."""
-    threshold, circuit = skin.adc.threshold(skin.threshold), skin.circuit
-    check_all_is_sent(rest, circuit, threshold, skin.threshold)
-    steps = np.round((rest if touches is None else touches) * circuit.full_scale, _DECIMALS)
-    done = processed(np.where(circuit.populated, steps, np.nan), circuit.adc_bits, skin.threshold)
-    if done and done.kind is not Kind.CEILING:
-        raise ValueError(f"{done}. Send what the ADC reads")
-    usual = np.nanmedian(np.nanmean(rest, axis=0)[circuit.populated]) * circuit.full_scale
-    if usual < _UNRESOLVED:
-        raise ValueError(
-            f"untouched cells read {usual:.2g} ADC steps: an offset or a threshold is taken off, "
-            "or r_ref is too small for this fabric. Send what the ADC reads"
-        )
+def picture(force: np.ndarray) -> str:
+    """Return a text picture of (rows, cols) [N], one character for two of a terminal's a cell."""
+    share = force / max(force.max(), 1e-9)
+    shade = np.minimum((share * len(_SHADES)).astype(int), len(_SHADES) - 1)
+    lines = ["".join(2 * _SHADES[k] for k in row) for row in shade]
+    edge = "  +" + "-" * (2 * force.shape[1]) + "+"
+    return "\n".join([edge, *(f"  |{line}|" for line in lines), edge])
 
 
 def _ask(text: str) -> str:
@@ -268,6 +259,10 @@ def _say(text: str) -> None:
     width = shutil.get_terminal_size().columns
     for line in text.splitlines():
         print(textwrap.fill(line, width, subsequent_indent="    ", break_on_hyphens=False))
+
+
+def _show(force: np.ndarray) -> None:
+    print(picture(force))
 
 
 def _count_down(seconds: int) -> None:

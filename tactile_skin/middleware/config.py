@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import ParameterError
+from ..errors import ParameterError, concerning
 from ..parameters import shared
 from ..parameters.fields import Leaf, members
 from ..parameters.nodes import Compensation
@@ -107,6 +107,7 @@ def declared(node: Node, kind: type, prefix: str = "") -> Any:
     return kind(**values)
 
 
+@concerning("circuit")
 def circuit_of(given: shared.Circuit) -> Circuit:
     """Return the circuit that the parameters ``circuit.*`` describe.
 
@@ -114,7 +115,7 @@ def circuit_of(given: shared.Circuit) -> Circuit:
         ValueError: values that do not go together.
     """
     if given.rows * given.cols == 1:
-        raise ParameterError(
+        raise ValueError(
             "circuit.rows = 1, circuit.cols = 1: must be two cells or more: of a single one "
             "nothing tells a broken wire from a cell that nothing touches"
         )
@@ -132,6 +133,7 @@ def circuit_of(given: shared.Circuit) -> Circuit:
     )
 
 
+@concerning("circuit")
 def adc_of(given: shared.Circuit, circuit: Circuit | None = None) -> Adc:
     """Return the converter that the parameters ``circuit.*`` describe.
 
@@ -161,6 +163,7 @@ def mask_of(text: str, name: str = "mask") -> np.ndarray | None:
     return np.array([[c == "1" for c in word] for word in words]) if words else None
 
 
+@concerning("curve")
 def curve_of(given: shared.Curve, circuit: Circuit) -> PressureCurve:
     """Return the curve that the parameters ``curve.*`` describe, with the gain of each cell.
 
@@ -175,11 +178,13 @@ def curve_of(given: shared.Curve, circuit: Circuit) -> PressureCurve:
     return curve.with_gain(gain if (gain != 1.0).any() else None)
 
 
+@concerning("curve")
 def creep_of(given: shared.Curve) -> Creep:
     """Return what a standing load gains by the parameters ``curve.creep`` and ``creep_time``."""
     return Creep(given.creep, given.creep_time)
 
 
+@concerning("geometry")
 def geometry_of(given: shared.Geometry, circuit: Circuit) -> Geometry:
     """Return the geometry that the parameters ``geometry.*`` describe.
 

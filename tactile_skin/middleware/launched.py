@@ -4,10 +4,9 @@
 from __future__ import annotations
 
 import contextlib
-import re
 from collections.abc import Mapping
 
-from ..errors import LaunchError, TopicTypeError
+from ..errors import LaunchError, ParameterError, TopicTypeError
 from ..msg import Twist, TwistStamped
 from .bus import Context, Node
 from .package import CLASSES, NODES
@@ -127,10 +126,13 @@ def naming_its_file(action: NodeAction):
             f"{action.file}: node {action.full_name}: {error}: check remap"
         ) from error
     except ValueError as error:
-        words = set(re.findall(r"\w+", str(error)))
-        for p in values_for(action.full_name, action.parameters):
-            if p.source and p.name.split(".")[-1] in words:
-                raise LaunchError(f"{p.source}: {error}") from error
-        if action.namespace:  # a skin of several: which one
-            raise LaunchError(f"{action.full_name}: {error}") from error
-        raise
+        names = error.parameters if isinstance(error, ParameterError) else ()
+        files = [
+            p.source
+            for p in values_for(action.full_name, action.parameters)
+            if p.source and any(f"{p.name}.".startswith(f"{name}.") for name in names)
+        ]
+        files += [action.full_name] if action.namespace and not files else []  # of which skin
+        if not files:
+            raise
+        raise LaunchError(f"{', '.join(dict.fromkeys(files))}: {error}") from error

@@ -14,9 +14,10 @@ from ..board.frame import Counters, Frame
 from ..board.liveness import JITTER, Liveness, Verdict
 from ..board.recognise import explain
 from ..board.serial_port import SerialReader, check_port
+from ..errors import concerning
 from ..middleware.bus import Time
 from ..middleware.config import adc_of, circuit_of, declared
-from ..msg import Header, Image, image
+from ..msg import Header, Image, Trigger, image
 from ..parameters.nodes import SerialDriver as Parameters
 from . import diagnostics
 
@@ -46,9 +47,8 @@ class SerialDriver:
         self._absent, self._unread = self._new_absent(), Unread()
         self._frozen_after, self.frame_id = given.frozen_after, given.frame_id
         size = (self.circuit.rows, self.circuit.cols, self.circuit.adc_bits)
-        fmt = make_format(
-            given.protocol, dataclasses.asdict(given.format)
-        )  # what is wrong is an error now
+        with concerning("format", "protocol"):  # what is wrong is an error now
+            fmt = make_format(given.protocol, dataclasses.asdict(given.format))
         self._trouble = ""  # why frames are not published
         self._verdict = _NEW
         self._liveness, self._connection, self._restarts = None, -1, 0
@@ -60,7 +60,8 @@ class SerialDriver:
         self._adc = node.create_publisher(Image, "skin/adc", 10)
         self._diagnostics = diagnostics.Reporter(node)
         absent = given.wait_for_port == 0.0 and not node.waits
-        check_port(given.port, given.serial_number, absent)
+        with concerning("port", "serial_number"):
+            check_port(given.port, given.serial_number, absent)
         self._reader = SerialReader(
             given.port,
             given.baud,
@@ -72,6 +73,7 @@ class SerialDriver:
             self._refuse,
             given.serial_number,
         )
+        node.create_service(Trigger, "~/lend", self.on_lend)
         node.create_timer(1.0, self.on_timer)
         # Read only once the node spins: whoever subscribes is there by then.
         self._starter = node.create_timer(0.001, self._start)
@@ -79,6 +81,12 @@ class SerialDriver:
     def _start(self) -> None:
         self._starter.cancel()
         self._reader.start()
+
+    def on_lend(self, _, response):
+        """Let another program have the port for a while; without frames the robot stands."""
+        self._reader.lend()
+        response.success, response.message = True, f"{self._reader.port} is lent"
+        return response
 
     def on_frame(self, frame: Frame) -> None:
         """In the reader's thread: publish at once."""

@@ -19,6 +19,7 @@ from ..behaviours.stop import (
     StopMessage,
     StopPolicy,
 )
+from ..errors import concerning
 from ..middleware.bus import DurabilityPolicy, QoSProfile, Time
 from ..middleware.config import circuit_of, curve_of, declared
 from ..msg import (
@@ -90,14 +91,16 @@ class StopOnPush:
     def __init__(self, node):
         self.node = node
         given = declared(node, Parameters)
-        self.policy = StopPolicy(configured(StopConfig, given))
+        with concerning(*StopConfig.__dataclass_fields__):
+            self.policy = StopPolicy(configured(StopConfig, given))
         self._circuit = circuit_of(given.circuit)
         self._curve = curve_of(given.curve, self._circuit)
         gain = self._curve.gain
         self._gain = 1.0 if gain is None else float(np.median(gain))  # a contact names no cell
         self._unknown: dict[str, float] = {}  # ohm that may lie in series besides, by who says so
         self._largest = _END * self._curve.max_force
-        self._check(self.policy.config)
+        with concerning("peak", "curve"):
+            self._check(self.policy.config)
         self._stop = node.create_publisher(Bool, "skin/stop", LATCHED)
         self._status = node.create_publisher(DiagnosticArray, STATUS_TOPIC, LATCHED)
         self._to_skin = diagnostics.Reporter(node, (diagnostics.TOPIC,))

@@ -108,6 +108,7 @@ class Live:
         age = time.monotonic() - newest.read_at if newest.read_at is not None else 0.0
         self.log.take(newest.stamp + age, self._number, newest)
         self.work.take(newest)
+        self.newest = self.work.seen(newest)
         self._news.set()
         self._news = asyncio.Event()
 

@@ -49,7 +49,6 @@ class Pictures:
         hello = {
             "rows": circuit.rows,
             "cols": circuit.cols,
-            "full_scale": circuit.full_scale,
             "populated": circuit.populated.astype(int).ravel().tolist(),
             "max_force": self.skin.curve.max_force,
             "area": geometry.cell_area.ravel().tolist(),
@@ -162,15 +161,13 @@ class Pictures:
     def _contacts(self, snapshot: Snapshot) -> list[dict]:
         """Each contact with its place and velocity on the mat, in cells and cells a second."""
         found = []
-        for x, y, z, force, touch, *velocity, peak in snapshot.contacts.tolist():
+        for x, y, z, force, touch, *velocity, _ in snapshot.contacts.tolist():
             place, way = self._on_mat(np.array([x, y, z]), np.array(velocity))
             found.append(
                 {
                     "id": int(touch),
                     "gesture": snapshot.gestures.get(int(touch), ""),
                     "force": force,
-                    "peak": peak,
-                    "at": [x, y, z],
                     "row": place[0],
                     "col": place[1],
                     "way": way,
@@ -198,7 +195,6 @@ class Pictures:
             "way": way,
             "force": math.hypot(*push.force.tolist()),
             "direction": push.direction.tolist(),
-            "confidence": push.confidence,
         }
 
     def _on_mat(self, position: np.ndarray, vector: np.ndarray) -> tuple[list, list]:

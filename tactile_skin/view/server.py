@@ -47,12 +47,13 @@ _LATEST = 1e11  # s, of a time that is asked for
 _SENT = 8  # snapshots of which is known when their readings arrived
 # what a page may ask for, if it may
 OF_SKIN = ("tare", "reset", "record", "finish")
-OF_PAGE = ("calibrate", "doctor", "answer", "give up")
+OF_PAGE = ("detect", "calibrate", "doctor", "answer", "give up")
+_LEND = "lend"  # what the skin is asked for then, before a page detects
 ASKS = OF_SKIN + OF_PAGE
 _WEBSOCKET = "/snapshots"
+_PARTICULAR = "<!-- what is particular -->\n"  # in the frame of a page
 _FOLDER = Path(__file__).parent / "page"
 _TYPES = {
-    ".html": "text/html; charset=utf-8",
     ".js": "text/javascript; charset=utf-8",
     ".css": "text/css; charset=utf-8",
     ".svg": "image/svg+xml",
@@ -189,9 +190,9 @@ class Server:
             for path in _FOLDER.iterdir()
             if path.suffix in _TYPES
         }
-        self._files["/"] = self._files["/body.html" if self._names else "/index.html"]
+        self._files["/"] = _page("body" if self._names else "skin")
         for name in self._names:
-            self._files[f"/?{name}"] = self._files["/index.html"]
+            self._files[f"/?{name}"] = _page("skin")
 
     def answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """Return a file, or a refusal; None: a page that may have its WebSocket."""
@@ -234,8 +235,7 @@ class Server:
 
     async def _talk(self, connection: ServerConnection, name: str, skin: Shown) -> None:
         source, pictures = skin
-        ours = {"controls": self._controls, "skin": name, "skins": self._names}
-        await connection.send(json.dumps({"hello": pictures.hello() | source.hello() | ours}))
+        await connection.send(self._hello(name, skin, pictures))
         sent: OrderedDict[int, float | None] = OrderedDict()
         log, work = source.log, source.work
         known, worked = -1, -1  # versions of the log and of the work
@@ -252,6 +252,10 @@ class Server:
             if (read_at := sent.get(wanted.drawn)) is not None:
                 more["latency"] = time.monotonic() - read_at
             number, snapshot = await source.snapshot(wanted)
+            now = (work and work.pictures) or skin.pictures
+            if now is not pictures:  # another board is drawn
+                pictures, known, worked = now, -1, -1
+                await connection.send(self._hello(name, skin, pictures))
             if snapshot.read_at is not None:
                 more["age"] = max(0.0, time.monotonic() - snapshot.read_at)
             more |= {"number": number, "at": wanted.at}
@@ -264,6 +268,10 @@ class Server:
             while len(sent) > _SENT:
                 sent.popitem(last=False)
 
+    def _hello(self, name: str, skin: Shown, pictures: Pictures) -> str:
+        ours = {"controls": self._controls, "skin": name, "skins": self._names}
+        return json.dumps({"hello": pictures.hello() | skin.source.hello() | ours})
+
     async def _ask(self, wanted: Wanted, source: Source) -> dict:
         answer = {"answer": wanted.ask, "success": False, "message": "controls are off"}
         if not self._controls:
@@ -273,9 +281,20 @@ class Server:
         if source.work is None:
             return answer | {"message": "no running skin"}
         try:
-            return answer | {"message": source.work.ask(wanted.ask, wanted.text), "success": True}
+            source.work.ask(wanted.ask, wanted.text)
         except ValueError as error:
             return answer | {"message": str(error)}
+        if wanted.ask == "detect" and not (lent := await source.ask(_LEND))["success"]:
+            source.work.ask("give up", "")
+            return answer | {"message": lent["message"]}
+        return answer | {"message": "", "success": True}
+
+
+def _page(name: str) -> tuple[bytes, str]:
+    """Return what is particular to a page within what all have in common, and its type."""
+    frame, particular = ((_FOLDER / f"{part}.html").read_text() for part in ("frame", name))
+    text = frame.replace("skin.js", f"{name}.js").replace(_PARTICULAR, particular)
+    return text.encode(), "text/html; charset=utf-8"
 
 
 def _reached(connection: ServerConnection) -> str:

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a person does from the page: the guided calibration, the doctor. They survive a reload.
+"""What a person does from the page: detect, the guided calibration, the doctor.
 
-Each runs in a thread of the page's process, on the readings that the skin hands over; its questions
-are answered by any page.
+Each runs in a thread of the page's process and survives a reload; its questions are answered by any
+page. Calibration and doctor take the readings that the skin hands over. What a board sends that
+nobody described only its port shows: the skin lends it, stands without frames, and takes it back
+once this process closes it, or ends. Meanwhile that board is drawn, and may be calibrated.
 """
 
 from __future__ import annotations
@@ -13,23 +15,31 @@ import time
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
 
-from ..calibrated import write
+from ..board.recognise.listen import BAUDS, listen
+from ..board.serial_port import candidates, open_port
 from ..calibration.rest import check_all_is_sent
-from ..guide import Guide
+from ..guide.calibrated import write
+from ..guide.calibration import Guide
+from ..guide.detection import SECONDS, conclude
+from ..guide.sent import GLANCE, check_sent
 from ..health.doctor import diagnose
 from ..middleware.config import SkinConfig
+from .borrowed import Borrowed
+from .pictures import Pictures
 from .snapshot import Snapshot
 
 _LINES = 40  # that are kept of what was said
-_GLANCE = 0.5  # s of readings that show whether untouched cells are read
+_LENDS = 5.0  # s within which the skin has lent its port
 _PATIENCE = 10.0  # s without a reading after which the task ends
 _FRAMES = 1 << 26  # bytes of readings that a task may keep
 _POLL = 0.1  # s between two looks at whether it is given up
-CALIBRATED, RECORDING = "/calibrated.yaml", "/recording.mcap"  # downloads
+# downloads
+DETECTED, CALIBRATED, RECORDING = "/mine.yaml", "/calibrated.yaml", "/recording.mcap"
 _WAYS = (
     "Take your hands off the skin for 5 s. Then press everywhere with fingers and palm for a "
     "minute, twenty touches or more, some of them hard, with pauses. Then go on: "
@@ -65,26 +75,45 @@ class Work:
         self._findings: list[dict] = []
         self._curve: list[list[float]] = []
         self._frames: list[np.ndarray] = []
-        self._stamp = 0.0
+        self._stamp, self._port = 0.0, ""
+        self._borrowed: Borrowed | None = None
+        self._goes_back = False  # whether a question may be answered by a step back
         self._answered, self._given_up = threading.Event(), threading.Event()
         self._answer = ""
 
     # --- for the server's thread ---
 
     def take(self, snapshot: Snapshot) -> None:
-        """Take the readings, while a task runs."""
-        if not self._task or snapshot.adc is None or snapshot.stamp == self._stamp:
+        """Take the readings, while a task runs on them, and the name of the port."""
+        for name, status in snapshot.nodes.items():
+            if name.rpartition("/")[2] == "serial_driver":
+                self._port = status.values.get("port", "")
+        if not self._task or self._borrowed or snapshot.adc is None:
             return
-        self._stamp = snapshot.stamp
+        if snapshot.stamp != self._stamp:
+            self._stamp = snapshot.stamp
+            self._keep(self._skin, snapshot.adc)
+
+    def _keep(self, skin: SkinConfig, adc: np.ndarray) -> None:
         if not self._full:
-            self._frames.append(self._skin.adc.ratio_of(snapshot.adc))
+            self._frames.append(skin.adc.ratio_of(adc))
+
+    def seen(self, snapshot: Snapshot) -> Snapshot:
+        """Return what is to be drawn: a board that is borrowed goes first."""
+        borrowed = self._borrowed
+        return borrowed.seen(snapshot) if borrowed else snapshot
+
+    @property
+    def pictures(self) -> Pictures | None:
+        """What draws a board that is borrowed; None: the skin is drawn."""
+        return self._borrowed.pictures if self._borrowed else None
 
     @property
     def _full(self) -> bool:
         return bool(self._frames) and len(self._frames) * self._frames[0].nbytes >= _FRAMES
 
-    def ask(self, name: str, text: str) -> str:
-        """Do what a page asks for: "calibrate", "doctor", "answer" or "give up".
+    def ask(self, name: str, text: str) -> None:
+        """Do what a page asks for: "detect", "calibrate", "doctor", "answer" or "give up".
 
         Raises:
             ValueError: that is not possible now.
@@ -102,7 +131,6 @@ class Work:
         else:
             self._begin(name)
         self._changed()
-        return ""
 
     def state(self) -> dict:
         """Return what a page shows of it, as JSON's own types."""
@@ -112,6 +140,7 @@ class Work:
             "recording": self._recording,
             "lines": list(self._lines),
             "question": self._question,
+            "back": self._goes_back,
             "left": left,
             "findings": self._findings,
             "curve": self._curve,
@@ -123,7 +152,8 @@ class Work:
         self._lines.clear()
         self._findings, self._curve = [], []
         self._given_up.clear()
-        steps = {"calibrate": self._calibrate, "doctor": self._doctor}[name]
+        tasks = {"detect": self._detect, "calibrate": self._calibrate_skin, "doctor": self._doctor}
+        steps = tasks[name]
         threading.Thread(target=self._run, args=(steps,), name=name, daemon=True).start()
 
     def record(self, on: bool, made: Path | None) -> None:
@@ -146,24 +176,80 @@ class Work:
             self._say(str(error) or repr(error))
         finally:
             self._task, self._question, self._until = "", None, None
+            self._goes_back = False
             self._frames.clear()
             self._changed()
 
-    def _calibrate(self) -> None:
-        skin = self._skin
-        threshold = skin.adc.threshold(skin.threshold)
-        guide = Guide(skin.circuit, self._read, self._wait_for, self._say, self._count_down)
-        check_all_is_sent(self._read(_GLANCE), skin.circuit, threshold, skin.threshold)
+    def _detect(self) -> None:
+        with self._lent_port() as line:
+            self._say(f"The skin has lent {line.port}: the robot is stopped until this ends.")
+            found = listen(line, BAUDS, SECONDS, self._progress)
+            text = conclude(found, {"port": line.port}, None, self._asked, self._say)
+            if not text:
+                return
+            self.files[DETECTED] = text.encode()
+            self._say("Download mine.yaml, and launch with config:=mine.yaml.")
+            with Borrowed(line, text, self._take_borrowed) as self._borrowed:
+                try:
+                    self._wait_for("Go on to calibrate this board now, or give up: ")
+                    self._calibrate(self._borrowed.skin, text)
+                finally:
+                    self._borrowed = None
+
+    def _lent_port(self):
+        """Return the open port of the skin, once that has lent it."""
+        ports = candidates() if self._port == "auto" else [self._port]  # auto: it found no board
+        if len(ports) != 1 or not ports[0]:
+            found = ", ".join(filter(None, ports)) or "none"
+            raise ValueError(f"serial ports of this skin: {found}: launch with port:= one of them")
+        patience = time.monotonic() + _LENDS
+        while True:
+            try:
+                return open_port(ports[0], BAUDS[0])
+            except ValueError:
+                if time.monotonic() > patience:
+                    raise
+            self._unless_given_up()
+
+    def _progress(self, text: str) -> None:
+        self._say(text)
+        self._unless_given_up()
+
+    def _asked(self, question: str, read: Callable[[str], Any]) -> Any:
+        """Return what is read in the answer of a page, which is asked again if it is none."""
+        while True:
+            try:
+                return read(self._wait_for(question).strip())
+            except ValueError as error:
+                self._say(str(error))
+
+    def _take_borrowed(self, adc: np.ndarray) -> None:
+        if self._borrowed:
+            self._keep(self._borrowed.skin, adc)
+
+    def _calibrate_skin(self) -> None:
+        section = {"/**": {"ros__parameters": self._given}}
+        self._calibrate(self._skin, yaml.safe_dump(section, sort_keys=False))
+
+    def _calibrate(self, skin: SkinConfig, text: str) -> None:
+        """Lead through the steps; what was learnt is entered in the text of a parameter file."""
+
+        def fitted(_=None) -> None:
+            curve = guide.fitted.curve.describe() if guide.fitted else {}
+            self._curve = list(curve.values())  # force, resistance
+            self._changed()
+
+        ways = self._read, self._wait_for, self._say, self._count_down, fitted
+        guide = Guide(skin.circuit, *ways)
+        check_sent(skin, self._read(GLANCE))
+        self._goes_back = True
         guide.run()
-        if guide.fitted:
-            curve = guide.fitted.curve.describe()
-            self._curve = [list(curve["force"]), list(curve["resistance"])]
+        fitted()  # or not: a useless one is dropped
         if not guide.learnt:
             raise ValueError("nothing was learnt: no file is written")
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / CALIBRATED[1:]
-            section = {"/**": {"ros__parameters": self._given}}
-            path.write_text(yaml.safe_dump(section, sort_keys=False))
+            path.write_text(text)
             write(path, path, guide, skin)
             self.files[CALIBRATED] = path.read_bytes()
         self._say(
@@ -195,8 +281,9 @@ class Work:
         self._frames.clear()
         until, patience = time.monotonic() + seconds, time.monotonic() + seconds + _PATIENCE
         while time.monotonic() < until or not self._frames:
-            if time.monotonic() > patience:
-                raise ValueError(f"no reading came for {_PATIENCE:g} s")
+            trouble = self._borrowed.trouble if self._borrowed else ""
+            if trouble or time.monotonic() > patience:
+                raise ValueError(trouble or f"no reading came for {_PATIENCE:g} s")
             self._unless_given_up()
         return np.array(self._frames)
 

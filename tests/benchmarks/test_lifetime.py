@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.live
+
 SCRIPT, ROOT = "benchmarks.running.lifetime", Path(__file__).parents[2]
 DEMO = """
 import os

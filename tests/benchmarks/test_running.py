@@ -11,6 +11,8 @@ from benchmarks.doctor import watch
 from benchmarks.running import touch_to_stop, way
 from tactile_skin.simulation import scenes
 
+pytestmark = pytest.mark.live
+
 
 @pytest.mark.slow
 def test_a_skin_decides_on_every_frame():

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.live
+
 SCRIPT, ROOT = "benchmarks.running.soak", Path(__file__).parents[2]
 
 

@@ -6,6 +6,8 @@ import pytest
 
 from benchmarks.accuracy import touch, truth
 
+pytestmark = pytest.mark.live
+
 SIZES = {"singles": 60, "neighbours": 20, "corners": 40, "streams": 2, "strokes": 2}
 
 

@@ -33,6 +33,8 @@ from tactile_skin.physics.adc import Adc
 from tactile_skin.simulation import scenes
 from tactile_skin.simulation.fabric import resting_curve
 
+pytestmark = pytest.mark.live
+
 # --- the binary ---
 
 

@@ -14,6 +14,8 @@ from tactile_skin.board import description
 from tactile_skin.board.firmware import build
 from tactile_skin.board.protocol import VERSION, crc16
 
+pytestmark = pytest.mark.live
+
 ATMEGA328P, ATMEGA2560 = 0x1E950F, 0x1E9801
 OK, END, IN_SYNC = b"\x10", b"\x20", b"\x14"  # of the STK500 protocol, version 1
 

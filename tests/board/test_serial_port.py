@@ -15,7 +15,9 @@ from support.simulated import CIRCUIT, PATIENCE, Serving, make_board, serving
 from tactile_skin import Circuit
 from tactile_skin.board import serial_port
 from tactile_skin.board.protocol import BinaryParser
-from tactile_skin.board.serial_port import SerialReader, check_port
+from tactile_skin.board.serial_port import SerialReader, check_port, open_port
+
+pytestmark = pytest.mark.live
 
 
 class Heard:
@@ -158,6 +160,24 @@ class Dying:
 
     def read(self, n):
         raise self._error
+
+
+def test_a_port_that_is_lent_is_read_again_once_it_is_free(tmp_path, heard, reading, monkeypatch):
+    monkeypatch.setattr(serial_port, "_LENT", 0.6)
+    link = str(tmp_path / "skin")
+    with serving(tmp_path / "skin"):
+        reader = reading(link)
+        heard.wait_for_frames()
+        with pytest.raises(ValueError, match="in use by another program"):
+            open_port(link, 1_000_000)
+        reader.lend()
+        heard.wait_for_line(f"port {link} is lent to another program")
+        with open_port(link, 1_000_000):
+            time.sleep(1.0)
+            assert reader.connected_to is None and "is lent" in reader.trouble
+        heard.wait_for(lambda: heard.lines.count(f"frames arrive on {link}") == 2)
+        assert reader.reconnects == 1
+        reader.close()
 
 
 def test_a_silent_port_is_opened_anew(silent_port, heard, reading):

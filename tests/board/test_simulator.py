@@ -17,6 +17,8 @@ from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.physics.adc import Adc
 from tactile_skin.simulation import fabric, scenes, simulator
 
+pytestmark = pytest.mark.live
+
 
 def frames_of(simulated, scans: int) -> list:
     parser = BinaryParser()

@@ -7,6 +7,8 @@ from support.firmware import on_both
 
 from tactile_skin.board.protocol import BinaryParser
 
+pytestmark = pytest.mark.live
+
 
 @pytest.mark.ci
 @needs_both

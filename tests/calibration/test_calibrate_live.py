@@ -15,6 +15,8 @@ from support.lab.unknown import Unknown
 
 from tactile_skin.simulation import simulator
 
+pytestmark = pytest.mark.live
+
 
 @pytest.fixture
 def port(tmp_path):

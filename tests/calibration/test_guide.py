@@ -16,7 +16,8 @@ from support.weights import bodies, objects
 from tactile_skin import compensate
 from tactile_skin.calibration.creep import LAID
 from tactile_skin.commands import calibrate
-from tactile_skin.guide import Guide, newtons, picture
+from tactile_skin.commands.calibrate import picture
+from tactile_skin.guide.calibration import Guide, newtons
 from tactile_skin.middleware import written
 from tactile_skin.middleware.config import read_skin
 from tactile_skin.physics.curve import GRAM, PressureCurve

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from tactile_skin import Circuit
-from tactile_skin.guide import Guide
+from tactile_skin.guide.calibration import Guide
 
 
 def test_frames_before_the_object_came_or_slid_are_seen():

@@ -7,6 +7,8 @@ from tactile_skin.errors import LaunchError
 from tactile_skin.launch import launch
 from tactile_skin.msg import Bool
 
+pytestmark = pytest.mark.live
+
 CODE = """
 from tactile_skin.msg import Bool
 

@@ -26,6 +26,8 @@ from tactile_skin.nodes.observers.view import View
 from tactile_skin.simulation import scenes
 from tactile_skin.touch.frames import Pose
 
+pytestmark = pytest.mark.live
+
 PATIENCE = 30.0  # s, for what must happen; how fast it does is not tested
 NAMES = "chest", "back"
 FOUR = *NAMES, "left_arm", "right_arm"

@@ -8,6 +8,8 @@ from tactile_skin.launch import launch
 from tactile_skin.msg import Bool, DiagnosticArray
 from tactile_skin.nodes import diagnostics
 
+pytestmark = pytest.mark.live
+
 
 @pytest.fixture
 def reports():

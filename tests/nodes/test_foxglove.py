@@ -33,6 +33,8 @@ from tactile_skin.msg import (
 from tactile_skin.nodes.observers.foxglove import Foxglove
 from tactile_skin.recording import cdr
 
+pytestmark = pytest.mark.live
+
 PATIENCE = 10.0  # s
 TOPICS = {
     "/skin/adc": Image,

@@ -18,6 +18,8 @@ from tactile_skin.nodes.stop_on_push import LATCHED, StopOnPush
 from tactile_skin.simulation.people.hands import GESTURES, Mat, Person, perform
 from tactile_skin.touch.model import load_model
 
+pytestmark = pytest.mark.live
+
 PATIENCE = 30.0  # s, for what must happen; how fast it does is not tested
 CELL_AREA = 1.44e-4  # m^2
 MAT = Mat(16, 16, 0.018)

@@ -46,6 +46,8 @@ from tactile_skin.simulation import scenes, simulator
 from tactile_skin.simulation.fabric import resting_curve
 from tactile_skin.solvers import Estimate
 
+pytestmark = pytest.mark.live
+
 CELL_AREA = 1.44e-4  # m^2
 GEOMETRY = {"geometry.shape": "cylinder", "geometry.cell_area": CELL_AREA}
 STOP = {"threshold": 30.0, "release": 20.0, "hold": 0.3, "stale_after": 0.1}

@@ -23,6 +23,8 @@ from tactile_skin.recording import Recording
 from tactile_skin.replay.replay import Replay
 from tactile_skin.simulation import scenes, simulator
 
+pytestmark = pytest.mark.live
+
 pytest.importorskip("mcap")
 SHARED = {"circuit": {"rows": CIRCUIT.rows, "cols": CIRCUIT.cols}}
 

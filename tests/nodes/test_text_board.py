@@ -26,6 +26,8 @@ from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Image, image_arr
 from tactile_skin.nodes.stop_on_push import STATUS_TOPIC
 from tactile_skin.physics.adc import NOT_READ
 
+pytestmark = pytest.mark.live
+
 PAGE = Path(__file__).parents[2] / "docs" / "boards.md"
 LAUNCH = """launch:
 - node: {pkg: tactile_skin, exec: serial_driver, param: [{from: $(dirname)/mine.yaml}]}

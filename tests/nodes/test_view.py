@@ -41,6 +41,8 @@ from tactile_skin.recording.reader import Recording
 from tactile_skin.view.process import listen
 from tactile_skin.view.snapshot import LATCHED, STOP
 
+pytestmark = pytest.mark.live
+
 PATIENCE = 30.0  # s, for what must happen
 
 

@@ -16,6 +16,8 @@ from tactile_skin.recording import Recording, writer
 from tactile_skin.recording import recorder as module
 from tactile_skin.recording.recorder import Limits, Recorder
 
+pytestmark = pytest.mark.live
+
 
 class Clock:
     def __init__(self):

@@ -51,7 +51,9 @@ class Chromium:
         with urllib.request.urlopen(address, timeout=PATIENCE) as answer:
             pages = [target for target in json.load(answer) if target["type"] == "page"]
         address = pages[0]["webSocketDebuggerUrl"]
-        self._socket = self._open.enter_context(connect(address, max_size=None))
+        self._socket = self._open.enter_context(
+            connect(address, max_size=None, max_queue=None)  # what nobody waits for is no obstacle
+        )
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
         self.resize(*self._size)

@@ -84,7 +84,8 @@ class Played:
         await asyncio.sleep(0.02)
         snapshot = self._snapshots[self.now]
         self._number += not self.silent
-        return self._number, replace(snapshot, read_at=time.monotonic())
+        snapshot = replace(snapshot, read_at=time.monotonic())
+        return self._number, self.work.seen(snapshot) if self.work else snapshot
 
     def watched(self, pages):
         pass

@@ -17,6 +17,8 @@ pytest.importorskip("websockets", reason="serves the page")
 from support import chromium
 from support.chromium import Chromium, until
 
+pytestmark = pytest.mark.live
+
 if chromium.program() is None:
     pytest.skip("no Chromium here: apt-get install chromium", allow_module_level=True)
 

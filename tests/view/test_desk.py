@@ -20,6 +20,8 @@ from tactile_skin.middleware.config import skin_of
 from tactile_skin.view.snapshot import NodeStatus, Snapshot
 from tactile_skin.view.work import Work
 
+pytestmark = pytest.mark.live
+
 if chromium.program() is None:
     pytest.skip("no Chromium here: apt-get install chromium", allow_module_level=True)
 
@@ -156,12 +158,12 @@ def test_what_is_not_allowed_is_off(browser):
     with served(skin, pushed(skin), work=Work(skin, {})) as (address, source):
         browser.open(address)
         browser.until(f"{STATUS} === '✓ free'")
-        for name in ("tare", "reset", "record", "doctor", "calibrate"):
+        for name in ("tare", "reset", "record", "doctor", "detect", "calibrate"):
             assert browser.run(f"document.getElementById('{name}').disabled"), name
         ask = "import('/connection.js').then(({{Connection}}) => new Promise(resolve => {{"
         ask += "const c = new Connection({{hello: () => c.ask('{}'), said: resolve, lost() {{}}}});"
         ask += "}})).then(said => JSON.stringify(said))"
-        for name in ("record", "doctor", "calibrate", "give up"):
+        for name in ("record", "doctor", "detect", "calibrate", "give up"):
             said = json.loads(browser.run(ask.format(name)))
             assert (said["success"], said["message"]) == (False, "controls are off")
         assert not source.asked and not source.work.state()["task"]
@@ -347,3 +349,20 @@ def test_axe_finds_no_violation(browser, width, scheme):
             source.now = now
             browser.until(f"{STATUS}.startsWith('{'■' if now else '✓'}')")
             assert violations(browser) == []
+
+
+@pytest.mark.skipif(not AXE.exists(), reason="npm ci --prefix tests/axe")
+@pytest.mark.parametrize(("width", "scheme"), [ci(1400, "light"), (360, "dark")])
+def test_axe_finds_no_violation_in_guided_steps(browser, width, scheme):
+    browser.prefer(scheme)
+    browser.resize(width, 900)
+    work = Work(SHAPED, {})
+    work.files["/mine.yaml"] = b""
+    with served(SHAPED, [snapshot(SHAPED)], controls=True, work=work) as (address, _):
+        browser.open(address)
+        browser.click("button", "doctor")
+        browser.until("!document.getElementById('question').hidden")
+        assert violations(browser) == []
+        assert browser.run("document.documentElement.scrollWidth") <= width
+        browser.click("button", "give up")
+        browser.until("document.getElementById('leave').innerText === 'close'")

@@ -96,7 +96,7 @@ async def ask(page, **wanted) -> dict:
 
 def test_it_serves_the_page_for_itself_only():
     async def scenario(source, address):
-        for path, kind in (("/", "text/html"), ("/page.js", "text/javascript")):
+        for path, kind in (("/", "text/html"), ("/skin.js", "text/javascript")):
             answer = await get(address, path)
             assert answer.startswith("HTTP/1.1 200") and f"Content-Type: {kind}" in answer
             assert "default-src 'none'" in answer and "Access-Control" not in answer
@@ -171,9 +171,9 @@ def test_each_skin_of_a_body_has_its_address():
         with socket.create_server(("127.0.0.1", 0)) as listening:
             address = f"127.0.0.1:{listening.getsockname()[1]}"
             serving = asyncio.create_task(serve(listening, shown, ended, True))
-            for path, what in (("/", "body.js"), ("/?chest", "page.js"), ("/?back", "page.js")):
+            for path, what in (("/", "body.js"), ("/?chest", "skin.js"), ("/?back", "skin.js")):
                 assert what in await get(address, path)
-            for path in ("/?nobody", "/snapshots?nobody", "/page.js?chest", "/chest"):
+            for path in ("/?nobody", "/snapshots?nobody", "/skin.js?chest", "/chest"):
                 assert "HTTP/1.1 404" in await get(address, path)
             url = f"ws://{address}/snapshots?back"
             async with connect(url, origin=f"http://{address}", max_size=None) as page:
@@ -285,9 +285,9 @@ def test_a_websocket_by_a_rebound_name_is_refused():
 @pytest.mark.parametrize(
     "path",
     [
-        *("/../server.py", "/..%2fserver.py", "//etc/passwd", "/page.js/../../server.py"),
-        *("/page.js?x", "/./page.js", "/PAGE.JS", "/page", "/..\\server.py"),
-        "http://evil.example/page.js",
+        *("/../server.py", "/..%2fserver.py", "//etc/passwd", "/skin.js/../../server.py"),
+        *("/skin.js?x", "/./skin.js", "/SKIN.JS", "/page", "/..\\server.py"),
+        "http://evil.example/skin.js",
     ],
 )
 def test_nothing_else_is_served(path):

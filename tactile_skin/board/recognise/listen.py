@@ -6,9 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 
-import serial
-
-from ..serial_port import PORT_ERRORS, check_port
+from ..serial_port import PORT_ERRORS, why_not
 from . import recognise
 from .seen import Seen
 
@@ -20,11 +18,16 @@ _MOST = 100_000  # bytes that are enough
 
 
 class Heard:
-    """What arrived at one baud rate, and what it was recognised as."""
+    """What arrived at one baud rate, and what it was recognised as.
 
-    def __init__(self, data: bytes, baud: int, request: str = "", shape=None):
+    Attributes:
+        rate: frames a second; 0: unknown, or only when they are asked for.
+    """
+
+    def __init__(self, data: bytes, baud: int, request: str = "", shape=None, seconds=0.0):
         self.data, self.baud, self.request = data, baud, request
         self.seen: Seen = recognise(data, shape)
+        self.rate = self.seen.frames / seconds if seconds and not request else 0.0
 
     def fits(self, shape: tuple[int, int]) -> bool:
         """Whether it is a board of this shape; it is recognised again where that leads to another.
@@ -43,53 +46,62 @@ class Heard:
         return self.seen.sure, bool(self.seen.protocol), self.seen.text, self.seen.frames
 
 
-def listen(port: str, bauds, seconds: float, say: Callable[[str], None], shape=None) -> Heard:
+def listen(line, bauds, seconds: float, say: Callable[[str], None], shape=None) -> Heard:
     """Return the best understood of what arrives at some baud rates.
 
     Args:
+        line: an open serial port.
         seconds: to listen at each.
         say: takes a line for each.
         shape: (rows, cols) that are expected; None: nothing is known.
 
     Raises:
-        ValueError: no such port, or bytes at no baud rate.
+        ValueError: the port fails, or no byte arrives at any rate.
     """
-    check_port(port)
     best: Heard | None = None
     try:
-        for heard in _at_each(port, bauds, seconds, shape):
+        for heard in _at_each(line, bauds, seconds, shape):
             n, seen = len(heard.data), heard.seen
             say(f"{heard.baud:>8} baud: {n} bytes: {seen.about if n else 'silent'}")
             best = heard if best is None or heard.rank > best.rank else best
             if seen.sure:
                 break
     except PORT_ERRORS as error:
-        raise ValueError(f"port {port}: {error}") from error
+        raise ValueError(why_not(line.port, error)) from error
     if best is None or not best.data:
         raise ValueError(
-            f"port {port}: no byte arrives at {', '.join(map(str, bauds))} baud, nor an answer to "
-            f"{', '.join(map(repr, REQUESTS))}: is the board supplied, does its sketch print?"
+            f"port {line.port}: no byte arrives at {', '.join(map(str, bauds))} baud, nor an "
+            f"answer to {', '.join(map(repr, REQUESTS))}: is the board supplied, does its sketch "
+            "print?"
         )
     return best
 
 
-def _at_each(port: str, bauds, seconds: float, shape) -> Iterator[Heard]:
+def _at_each(line, bauds, seconds: float, shape) -> Iterator[Heard]:
     for baud in bauds:
-        with serial.serial_for_url(port, baud, timeout=0.05) as line:
-            data, request = _read(line, seconds), ""
-            for asked in () if data else REQUESTS:
-                line.write(asked.encode())
-                if data := _read(line, _ASKED):
-                    request, until = asked, time.monotonic() + seconds
-                    while time.monotonic() < until:
-                        line.write(asked.encode())
-                        data += _read(line, 0.25 * _ASKED)
-                    break
-            yield Heard(data, baud, request, shape)
+        line.baudrate = baud
+        line.reset_input_buffer()
+        (data, lasted), request = _read(line, seconds), ""
+        for asked in () if data else REQUESTS:
+            line.write(asked.encode())
+            if data := _read(line, _ASKED)[0]:
+                request, until = asked, time.monotonic() + seconds
+                while time.monotonic() < until:
+                    line.write(asked.encode())
+                    data += _read(line, 0.25 * _ASKED)[0]
+                break
+        yield Heard(data, baud, request, shape, lasted)
 
 
-def _read(line, seconds: float) -> bytes:
-    data, end = b"", time.monotonic() + seconds
-    while time.monotonic() < end and len(data) < _MOST:
-        data += line.read(4096)
-    return data
+def _read(line, seconds: float) -> tuple[bytes, float]:
+    """Return what arrives, and the time from its first to its last byte [s]."""
+    data, now = b"", time.monotonic()
+    end = now + seconds
+    first = last = now
+    while now < end and len(data) < _MOST:
+        new = line.read(max(1, line.in_waiting))
+        now = time.monotonic()
+        if new:
+            first, last = first if data else now, now
+        data += new
+    return data, last - first

@@ -50,17 +50,19 @@ def checked(node: str, name: str, value, default, about: About):
             value = [float(v) if type(v) is int else v for v in value]
         if default and any(type(v) is not type(default[0]) for v in value):
             kind = type(default[0]).__name__
-            raise ParameterError(f"{where} = {value!r}: must be a list of {kind}")
+            raise ParameterError(f"{where} = {value!r}: must be a list of {kind}", name)
     elif type(value) is not type(default) and not about.any_type:
         kind = type(default).__name__
-        raise ParameterError(f"{where} = {value!r}: must be of type {kind}, as {default!r} is")
+        raise ParameterError(
+            f"{where} = {value!r}: must be of type {kind}, as {default!r} is", name
+        )
     for v in value if isinstance(value, list) else [value]:
         if isinstance(v, float) and not math.isfinite(v):
-            raise ParameterError(f"{where} = {value!r}: must be finite")
+            raise ParameterError(f"{where} = {value!r}: must be finite", name)
         if about.low is not None and about.high is not None and not about.low <= v <= about.high:
             low, high = (type(v)(bound) for bound in (about.low, about.high))
-            raise ParameterError(f"{where} = {v!r}: must be from {low} to {high}")
+            raise ParameterError(f"{where} = {v!r}: must be from {low} to {high}", name)
     if about.choices and value not in about.choices:
         allowed = ", ".join(about.choices)
-        raise ParameterError(f"{where} = {value!r}: must be one of {allowed}")
+        raise ParameterError(f"{where} = {value!r}: must be one of {allowed}", name)
     return value

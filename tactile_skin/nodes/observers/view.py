@@ -28,6 +28,7 @@ _AFTER = 0.001  # s after a decision: those who stop the robot go first
 _CALLS = {
     "tare": ("compensation/tare",),
     "reset": ("compensation/reset", "stop_on_push/reset"),
+    "lend": ("serial_driver/lend",),
     **dict.fromkeys(RECORDS, ()),
 }
 _OF_BODY: dict[str, tuple[str, ...]] = {"reset": ("body/reset",)}

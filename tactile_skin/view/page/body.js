@@ -143,7 +143,7 @@ class Body extends Heard {
     if (names.length) location.reload(); // another robot's
     cards = hello.skins.map((name, place) => new Card(name, place));
     $("skins").replaceChildren(...cards.map((card) => card.item));
-    $("source").textContent = `${cards.length} skins`;
+    $("source").firstElementChild.textContent = `${cards.length} skins`;
   }
 }
 

@@ -9,7 +9,8 @@ const VIRIDIS = [
 const BELOW = "#2f7fd6"; // of a misfit: the reading is below the model
 const ABOVE = "#e06a00";
 
-const rgb = (hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16));
+/** A colour as #rrggbb -> [red, green, blue], 0 to 255. */
+export const rgb = (hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16));
 
 /** 256 colours through the given ones, as (256 * 4) bytes. */
 function table(stops) {

@@ -8,7 +8,7 @@ const MORE = 1.02; // times the force from which on what it counts as is shown
 const $ = (id) => document.getElementById(id);
 
 /** Give an element a text, if it has another. */
-function say(element, text) {
+export function say(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
@@ -57,7 +57,9 @@ export function showContacts(contacts) {
 
 export function showPush(push, colours) {
   const box = $("push");
-  compass(box.querySelector("canvas"), push, colours);
+  const key = [push?.direction, colours.faint].join();
+  if (box.dataset.key !== key) compass(box.querySelector("canvas"), push, colours);
+  box.dataset.key = key;
   say(box.querySelector("p"), spelt(push));
 }
 

@@ -49,5 +49,5 @@ export function spelt(push) {
   if (!push) return "no push";
   const signed = (x) => (x < -0.005 ? "−" : "+") + Math.abs(x).toFixed(2);
   const [x, y, z] = push.direction.map(signed);
-  return `${push.force.toFixed(1)} N ${from(push.direction)} (along x ${x}, y ${y}, z ${z})`;
+  return `${push.force.toFixed(1)} N ${from(push.direction)} (along x\u00a0${x}, y\u00a0${y}, z\u00a0${z})`;
 }

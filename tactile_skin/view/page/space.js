@@ -2,13 +2,15 @@
 // The cover in space: each cell where it is on the robot, coloured by its pressure, and the push.
 
 import {
-  BufferAttribute, BufferGeometry, Color, ConeGeometry, CylinderGeometry, DoubleSide, GridHelper,
-  Group, Mesh, MeshBasicMaterial, PerspectiveCamera, Scene, SRGBColorSpace, Vector3, WebGLRenderer,
+  BufferAttribute, BufferGeometry, Color, ColorManagement, ConeGeometry, CylinderGeometry,
+  DoubleSide, GridHelper, Group, LinearSRGBColorSpace, Mesh, MeshBasicMaterial, PerspectiveCamera,
+  Scene, Vector3, WebGLRenderer,
 } from "./three.module.min.js";
 
-import { rising } from "./colours.js";
+import { rgb, rising } from "./colours.js";
 
 const CELL = 0.46; // of the pitch, from the middle of a cell to its edge
+const MANY = 1024; // cells, from which on a gap between two is thinner than a pixel: there is none
 const TURN = 0.008; // rad for each px that is dragged
 const STEP = 0.12; // rad for each arrow key
 const STEEPEST = 1.5; // rad that the camera looks down or up
@@ -18,6 +20,7 @@ const ARROW = 0.6; // length of the arrow at the force that stops, times the siz
 const FULL = 30; // N of the longest arrow, where nobody says what stops
 const AXIS = new Vector3(0, 1, 0); // of a cylinder and a cone of three.js
 const UP = new Vector3(0, 0, 1); // of the robot: x forward, y left, z up
+ColorManagement.enabled = false; // colours are drawn as they are given: nothing is lit or mixed
 
 export class Space {
   /** @param hello of the server: position and normal (rows * cols * 3) of each cell [m]. */
@@ -25,7 +28,7 @@ export class Space {
     this.canvas = canvas;
     this.hello = hello;
     this.renderer = new WebGLRenderer({ canvas, antialias: false, powerPreference: "low-power" });
-    this.renderer.outputColorSpace = SRGBColorSpace;
+    this.renderer.outputColorSpace = LinearSRGBColorSpace; // as above
     this.scene = new Scene();
     this.camera = new PerspectiveCamera(40, 1, 0.01, 100);
     this.camera.up.copy(UP);
@@ -47,7 +50,7 @@ export class Space {
     const { rows, cols, populated, position, normal, pitch } = this.hello;
     const at = (k) => new Vector3().fromArray(position, 3 * k);
     this.cells = [...Array(rows * cols).keys()].filter((k) => populated[k]);
-    const corners = [];
+    const [corners, sides] = [[], []];
     const [low, high] = [new Vector3(Infinity, Infinity, Infinity), new Vector3(-Infinity, -Infinity, -Infinity)];
     for (const k of this.cells) {
       const [row, col] = [Math.floor(k / cols), k % cols];
@@ -56,21 +59,24 @@ export class Space {
       const along = at(row * cols + next).sub(at(row * cols + before));
       along.addScaledVector(out, -along.dot(out));
       if (along.lengthSq() < 1e-12) along.crossVectors(UP, out);
-      along.setLength(CELL * pitch);
+      along.setLength((rows * cols < MANY ? CELL : 0.5) * pitch);
       const up = new Vector3().crossVectors(out, along);
       const middle = at(k);
       low.min(middle);
       high.max(middle);
       const corner = (a, b) => middle.clone().addScaledVector(along, a).addScaledVector(up, b).toArray();
       const [p, q, r, s] = [corner(-1, -1), corner(1, -1), corner(1, 1), corner(-1, 1)];
-      corners.push(...p, ...q, ...r, ...p, ...r, ...s);
+      const first = corners.length / 3;
+      corners.push(...p, ...q, ...r, ...s);
+      sides.push(first, first + 1, first + 2, first, first + 2, first + 3);
     }
     this.middle = low.clone().add(high).divideScalar(2);
     this.lowest = low.z - pitch;
     this.size = Math.max(high.distanceTo(low) / 2, pitch);
     const geometry = new BufferGeometry();
     geometry.setAttribute("position", new BufferAttribute(new Float32Array(corners), 3));
-    this.colours = new BufferAttribute(new Float32Array(corners.length), 3);
+    geometry.setIndex(sides);
+    this.colours = new BufferAttribute(new Uint8Array(4 * (corners.length / 3)), 4, true);
     geometry.setAttribute("color", this.colours);
     return new Mesh(geometry, new MeshBasicMaterial({ vertexColors: true, side: DoubleSide }));
   }
@@ -130,21 +136,23 @@ export class Space {
 
   /** @param scale {high, values}: of the flat picture. */
   draw({ head }, scale, colours) {
-    if (this.turned) this.look();
-    this.scene.background = new Color(colours.panel);
-    const absent = new Color(colours.absent);
-    const colour = new Color();
+    const now = new Uint32Array(4 * this.cells.length);
+    const table = new Uint32Array(rising.buffer);
+    const absent = new Uint32Array(new Uint8Array([...rgb(colours.absent), 255]).buffer)[0];
     this.cells.forEach((k, n) => {
       const value = scale.values?.[k];
-      if (value === undefined || Number.isNaN(value)) {
-        colour.copy(absent);
-      } else {
-        const at = 4 * Math.min(255, Math.max(0, Math.round((255 * value) / scale.high)));
-        colour.setRGB(rising[at] / 255, rising[at + 1] / 255, rising[at + 2] / 255, SRGBColorSpace);
-      }
-      for (let corner = 0; corner < 6; corner++) this.colours.setXYZ(6 * n + corner, colour.r, colour.g, colour.b);
+      const at = Math.min(255, Math.max(0, Math.round((255 * value) / scale.high)));
+      now.fill(value === value && value !== undefined ? table[at] : absent, 4 * n, 4 * n + 4);
     });
+    // where nothing changed, nothing is drawn
+    const key = [head.push?.at, head.push?.direction, head.push?.force, head.limit, colours.panel].join();
+    const before = new Uint32Array(this.colours.array.buffer);
+    if (!this.turned && key === this.key && now.every((colour, k) => colour === before[k])) return;
+    this.key = key;
+    before.set(now);
     this.colours.needsUpdate = true;
+    if (this.turned) this.look();
+    this.scene.background = new Color(colours.panel);
     this.arrow.visible = Boolean(head.push);
     if (head.push) this.point(head.push, head.limit ?? FULL);
     this.renderer.render(this.scene, this.camera);

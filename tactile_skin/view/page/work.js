@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is done from the page: recordings, the doctor, the guided calibration.
+// What is done from the page: recordings, detect, the doctor, the guided calibration.
 
 const $ = (id) => document.getElementById(id);
-const TITLES = { doctor: "doctor", calibrate: "calibration" };
+const TITLES = { detect: "detect the board", doctor: "doctor", calibrate: "calibration" };
 const OHM = [10, 1e6]; // of the curve's axis
 
 export class Work {
@@ -11,10 +11,12 @@ export class Work {
     this.findings = [];
     this.until = null; // ms, of a count-down
     this.allowed = allowed;
-    for (const name of ["record", "doctor", "calibrate"]) $(name).disabled = !allowed;
+    $("record").disabled = !allowed;
     $("record").onclick = () => ask(this.recording ? "finish" : "record");
-    $("doctor").onclick = () => ask("doctor");
-    $("calibrate").onclick = () => ask("calibrate");
+    for (const name in TITLES) {
+      $(name).disabled = !allowed;
+      $(name).onclick = () => ask(name);
+    }
     $("leave").onclick = () => (this.task ? ask("give up") : this.hide());
     $("back").onclick = () => ask("answer", "b");
     $("question").onsubmit = (event) => {
@@ -47,14 +49,14 @@ export class Work {
       return link;
     });
     $("files").replaceChildren(...links);
-    for (const name of ["doctor", "calibrate"]) $(name).disabled = !this.allowed || state.task !== "";
+    for (const name in TITLES) $(name).disabled = !this.allowed || state.task !== "";
     this.show(state.lines.length > 0 || state.task !== "");
     if (state.task || !was) this.title = TITLES[state.task] ?? this.title ?? "guided steps";
     $("work").querySelector("h2").textContent = this.title;
     $("leave").textContent = state.task ? "give up" : "close";
-    const list = $("work").querySelector("ol");
+    const list = $("work").querySelector(".scrolled");
     list.replaceChildren(...state.lines.map((line) => {
-      const item = document.createElement("li");
+      const item = document.createElement("p");
       item.textContent = line;
       return item;
     }));
@@ -62,6 +64,7 @@ export class Work {
     const asked = state.question !== null;
     if (asked && $("question").hidden !== false) $("question").elements.text.value = "";
     $("question").hidden = !asked;
+    $("back").hidden = !state.back;
     $("question").querySelector("p").textContent = state.question ?? "";
     this.until = state.left === null ? null : performance.now() + 1000 * state.left;
     this.curve(state.curve, colours);
@@ -80,8 +83,10 @@ export class Work {
     const canvas = $("curve");
     canvas.hidden = !force;
     if (!force) return;
+    const [ratio, w, h, left, bottom] = [window.devicePixelRatio || 1, 360, 170, 60, 24];
+    [canvas.width, canvas.height] = [ratio * w, ratio * h];
     const ctx = canvas.getContext("2d");
-    const [w, h, left, bottom] = [canvas.width, canvas.height, 60, 24];
+    ctx.scale(ratio, ratio);
     const known = force.map((f, k) => [f, resistance[k]]).filter(([f]) => f > 0);
     const [low, high] = [known[0][0], known.at(-1)[0]];
     const x = (f) => left + (Math.log(f / low) / Math.log(high / low)) * (w - left - 10);
@@ -92,7 +97,7 @@ export class Work {
     ctx.fillStyle = colours.faint;
     ctx.strokeStyle = colours.line;
     for (let r = OHM[0]; r <= OHM[1]; r *= 10) {
-      ctx.fillText(`${r >= 1000 ? r / 1000 + " k" : r}Ω`, 8, y(r) + 4);
+      ctx.fillText(r >= 1e6 ? `${r / 1e6} MΩ` : r >= 1000 ? `${r / 1000} kΩ` : `${r} Ω`, 8, y(r) + 4);
       ctx.strokeRect(left, y(r), w - left - 10, 0);
     }
     ctx.fillText(`${low.toPrecision(2)} N`, left, h - 6);

@@ -6,15 +6,15 @@ from __future__ import annotations
 import datetime
 from pathlib import Path
 
-from . import __version__
-from .calibration.creep import as_it_comes
-from .calibration.identify import names, values
-from .guide import Guide
-from .middleware.config import SkinConfig
-from .middleware.parameter_file import ParameterFile
-from .middleware.written import entered, replace_file
-from .physics.creep import Creep
-from .physics.curve import PressureCurve
+from .. import __version__
+from ..calibration.creep import as_it_comes
+from ..calibration.identify import names, values
+from ..middleware.config import SkinConfig
+from ..middleware.parameter_file import ParameterFile
+from ..middleware.written import entered, replace_file
+from ..physics.creep import Creep
+from ..physics.curve import PressureCurve
+from .calibration import Guide
 
 
 def write(path: Path, source: Path | None, guide: Guide, skin: SkinConfig) -> None:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The page: takes snapshots, draws them, asks for the next.
+// The page of a skin: takes snapshots, draws them, asks for the next.
 
 import { Chart } from "./chart.js";
 import { Connection } from "./connection.js";
@@ -49,6 +49,11 @@ function fill(select, options, value) {
 
 function setUp(said) {
   hello = said;
+  latest = shown = last = null; // of another connection, or another board
+  if (space) {
+    openSpace(false);
+    space = null;
+  }
   const recorded = hello.recording;
   history = new History(hello.history);
   figures = new Figures(hello, choose);
@@ -267,7 +272,7 @@ function showTexts(now) {
   const line = state(stop, head, hello.recording ? at(log.entries) : log.stop, why);
   facts.showStop(stop, hello.recording ? `recorded: ${line}` : line, stop ? head.reason : "");
   const held = frozen && shown && !hello.recording ? ` · showing ${clock(shown.head.stamp)}` : "";
-  $("source").firstElementChild.textContent = `${hello.title}${held}`;
+  facts.say($("source").firstElementChild, `${hello.title}${held}`);
   $("source").lastElementChild.hidden = !head.simulated;
   const picture = shown || latest;
   facts.showContacts(picture.head.contacts);
@@ -297,7 +302,7 @@ function showTexts(now) {
     ...(hello.recording ? [["time", fixed(time, 2, " s")]] : live),
   ]);
   const cell = $("cell");
-  cell.textContent = cellText(picture);
+  facts.say(cell, cellText(picture));
   cell.classList.toggle("chosen", chosen !== null);
 }
 

@@ -14,16 +14,16 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .calibration.creep import measure_creep
-from .calibration.curve_fit import FittedCurve, fit_curve
-from .calibration.identify import Identified, identify
-from .calibration.rest import Rest, measure_rest, supposing
-from .calibration.touched import stands_anew
-from .health.doctor import ignored_diode, other_readout
-from .physics.circuit import Circuit
-from .physics.creep import Creep
-from .physics.curve import GRAM, PressureCurve
-from .solvers import compensate
+from ..calibration.creep import measure_creep
+from ..calibration.curve_fit import FittedCurve, fit_curve
+from ..calibration.identify import Identified, identify
+from ..calibration.rest import Rest, measure_rest, supposing
+from ..calibration.touched import stands_anew
+from ..health.doctor import ignored_diode, other_readout
+from ..physics.circuit import Circuit
+from ..physics.creep import Creep
+from ..physics.curve import GRAM, PressureCurve
+from ..solvers import compensate
 
 REST = 3.0  # s that the skin rests
 OBJECT = 1.0  # s for which an object stands
@@ -51,11 +51,11 @@ _COUNTED = 3  # s that are counted down before a measurement, in which hands lea
 _BACK, _MORE = ("b", "back"), ("m", "more")
 _WEIGHT = re.compile(r"\s*([0-9]*[.,]?[0-9]+)\s*(g|kg|N)\s*$")
 _UNIT = {"g": GRAM, "kg": 1000.0 * GRAM, "N": 1.0}
-_SHADES = " .:-=+*#%@"
 
 Frames = Callable[[float], np.ndarray]  # s -> (n, rows, cols) ADC ratio, of that time from now on
 Ask = Callable[[str], str]  # what to show -> what was typed
 Say = Callable[[str], None]
+Show = Callable[[np.ndarray], None]
 CountDown = Callable[[int], None]  # s to wait for, in which they are counted down
 
 
@@ -74,6 +74,7 @@ class Guide:
         ask: Ask,
         say: Say,
         count_down: CountDown = lambda seconds: None,
+        show: Show = lambda force: None,
     ):
         """Prepare the guided steps.
 
@@ -81,9 +82,10 @@ class Guide:
         circuit: as it is configured.
         frames, ask, say: where frames and answers come from, and words go.
         count_down: before a measurement; recorded frames need none.
+        show: takes the force (rows, cols) [N] of what was weighed last.
         """
         self._supposed, self._frames, self._ask, self._say = circuit, frames, ask, say
-        self._count_down = count_down
+        self._count_down, self._show = count_down, show
         self._touches: list[np.ndarray] = []
         self._rest: Rest | None = None
         self.found: Identified | None = None
@@ -372,7 +374,7 @@ class Guide:
         at_rest = 1.0 / np.where(cells, rest.conductance, usual)
         curve = fitted.curve.resting_at(at_rest)
         found = compensate(frames[-1], self.circuit, curve, "map", missing=True)
-        self._say(picture(found.force))
+        self._show(found.force)
         self._say(f"  felt: {found.force.sum():.1f} N of {weights[-1]:.1f} N")
 
 
@@ -383,15 +385,6 @@ def newtons(text: str) -> float | None:
         return None
     value = float(match[1].replace(",", ".")) * _UNIT[match[2]]
     return value if value > 0.0 else None
-
-
-def picture(force: np.ndarray) -> str:
-    """Return a text picture of (rows, cols) [N], one character for two of a terminal's a cell."""
-    share = force / max(force.max(), 1e-9)
-    shade = np.minimum((share * len(_SHADES)).astype(int), len(_SHADES) - 1)
-    lines = ["".join(2 * _SHADES[k] for k in row) for row in shade]
-    edge = "  +" + "-" * (2 * force.shape[1]) + "+"
-    return "\n".join([edge, *(f"  |{line}|" for line in lines), edge])
 
 
 def _mean(frames: np.ndarray) -> np.ndarray:

@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A board that was listened to: what was found in words, what no byte can show, and its file."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import yaml
+
+from ..board.formats import Format
+from ..board.recognise import shown
+from ..board.recognise.lines import sides
+from ..board.recognise.listen import Heard
+from ..board.recognise.seen import Seen
+from ..board.serial_port import identity
+from ..middleware.config import skin_of
+from ..physics.readouts import DRIVEN, READOUTS
+
+SECONDS = 4.0  # s to listen at each rate: an Arduino that is opened is in its boot loader for 2
+_SAMPLE = 200  # characters of what arrives
+_WIDTHS = (8, 10, 12, 14, 16)  # bits of ADCs
+_R_PAR = {"loaded": 25.0, "grounded": 0.0, "virtual_ground": 0.0}  # ohm: of an Arduino's pin
+_R_DRIVE = 25.0  # ohm of an Arduino's pin
+
+# A question, and what reads its answer, by ValueError if it is none: it is asked again then.
+Ask = Callable[[str, Callable[[str], Any]], Any]
+
+
+def conclude(
+    found: Heard,
+    given: dict,
+    shape: tuple[int, int] | None,
+    ask: Ask,
+    say: Callable[[str], None],
+) -> str:
+    """Say what was found, ask for the rest, and return the text of a parameter file.
+
+    It is empty where nothing was recognised.
+
+    Args:
+        found: what was heard.
+        given: answers that are known: port, readout, driven, pull_up, r_ref, r_par, r_drive,
+            full_scale.
+        shape: (rows, cols), if it is known.
+        ask: returns what its second argument reads in the answer.
+        say: takes lines.
+
+    Raises:
+        ValueError: an answer that no circuit has.
+    """
+    seen = found.seen
+    say(f"what arrives:\n  {shown(seen.sample or found.data, seen.text, _SAMPLE)}")
+    if not seen.protocol:
+        say(f"not recognised: {seen.about}.\ndocs/detect.md says how to describe it.")
+        return ""
+    how = "sure" if seen.sure else "not sure: compare with the sketch"
+    rate = f", {found.rate:.0f} a second" if found.rate else ""
+    say(f"{seen.about}: {seen.protocol}, {seen.frames} frames at {found.baud} baud{rate} ({how})")
+    board = identity(given.get("port", ""))[1:]  # on USB
+    if board:
+        say(f"USB board {board[-1]} at {given['port']}")
+    rows, cols = shape if shape and found.fits(shape) else _cells(found, ask)
+    answers = _answers(seen, given | {"rows": rows, "cols": cols}, ask)
+    circuit, width = _circuit(found.seen, answers)
+    say(f"{rows} x {cols} cells at {circuit['adc_bits']} bits, {answers['readout']}")
+    return _text(found, answers, circuit, width, board)
+
+
+def _cells(found: Heard, ask: Ask) -> tuple[int, int]:
+    """Rows and columns, as the bytes say, or as typed."""
+    if found.seen.shape and found.fits(found.seen.shape):
+        return found.seen.shape
+    cells = found.seen.cells
+    usual = "{} x {}".format(*sides(cells))
+
+    def read(typed: str) -> tuple[int, int]:
+        words = (typed or usual).lower().replace("x", " ").replace(",", " ").split()
+        if len(words) == 2 and all(map(str.isdecimal, words)):
+            shape = int(words[0]), int(words[1])
+            if found.fits(shape):
+                return shape
+        raise ValueError(f"{typed!r}: must be rows x columns, {cells} cells together")
+
+    return ask(f"rows x columns of its {cells} cells [{usual}]: ", read)
+
+
+def _answers(seen: Seen, answers: dict, ask: Ask) -> dict:
+    """Return what no byte shows: readout, resistor and scale, as given or typed."""
+    if "readout" not in answers:
+        about = (
+            f"wiring: {', '.join(READOUTS)}; with -columns behind if the columns are driven, "
+            "-pullup if readings fall [floating]: "
+        )
+        answers = ask(about, _wiring) | answers
+    if "r_ref" not in answers:
+        about = "reference resistor r_ref [ohm] [1780]: "
+        answers["r_ref"] = ask(about, lambda typed: _number("r_ref", typed or "1780"))
+    if not seen.adc_bits and "full_scale" not in answers:
+        usual = f"{_usual_scale(seen):g}"
+        about = f"what an input at the supply prints; largest so far {seen.largest:g} [{usual}]: "
+        answers["full_scale"] = ask(about, lambda typed: _number("full_scale", typed or usual))
+    return answers
+
+
+def _wiring(typed: str) -> dict:
+    readout, *ends = (typed or READOUTS[0]).split("-")
+    if readout not in READOUTS:
+        raise ValueError(f"wiring {readout!r}: must be one of {', '.join(READOUTS)}")
+    if strange := set(ends) - {"columns", "pullup"}:
+        raise ValueError(f"wiring -{strange.pop()}: must be -columns or -pullup")
+    driven = "columns" if "columns" in ends else DRIVEN[0]
+    return {"readout": readout, "driven": driven, "pull_up": "pullup" in ends}
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        number = float(text.replace(",", "."))
+    except ValueError:
+        number = 0.0
+    if not number > 0.0:
+        raise ValueError(f"{name} = {text!r}: must be a number above 0")
+    return number
+
+
+def _usual_scale(seen: Seen) -> float:
+    """Return the smallest usual full scale that holds all readings."""
+    if seen.decimals and seen.largest <= 1.0:
+        return 1.0
+    if seen.decimals:
+        return next((volts for volts in (3.3, 5.0) if seen.largest <= volts + 0.1), 1023.0)
+    bits = next((bits for bits in _WIDTHS[1:] if seen.largest < 2**bits), _WIDTHS[-1])
+    return float(2**bits - 1)
+
+
+def _circuit(seen: Seen, answers: dict) -> tuple[dict, bool]:
+    """Return the parameters circuit.*, and whether the full scale is that of an ADC's width.
+
+    Raises:
+        ValueError: an answer that no circuit has.
+    """
+    scale = answers.get("full_scale", 0.0)
+    width = [bits for bits in _WIDTHS if 2**bits - 1 == scale]
+    circuit = {name: answers[name] for name in ("rows", "cols", "r_ref")}
+    circuit["adc_bits"] = seen.adc_bits or (width[0] if width else _fine(scale, seen.step))
+    readout = answers["readout"]
+    if readout != READOUTS[0]:
+        circuit |= {"readout": readout, "driven": answers.get("driven", DRIVEN[0])}
+        circuit["r_par"] = _R_PAR.get(readout, 0.0)
+    if readout == "grounded":
+        circuit["r_drive"] = _R_DRIVE
+    circuit |= {name: answers[name] for name in ("r_par", "r_drive") if name in answers}
+    if answers.get("pull_up"):
+        circuit["inverted"] = True
+    skin_of({f"circuit.{name}": value for name, value in circuit.items()}, "")
+    return circuit, bool(width)
+
+
+def _fine(scale: float, step: float) -> int:
+    """Bits of an ADC whose steps are as fine as what is printed."""
+    steps = scale / step if step else scale
+    return next((bits for bits in _WIDTHS if 2**bits - 1 >= steps), _WIDTHS[-1])
+
+
+def _text(found: Heard, answers: dict, circuit: dict, width: bool, board: tuple) -> str:
+    """Return the parameter file."""
+    seen = found.seen
+    driver = {"protocol": seen.protocol, "baud": found.baud}
+    if board:
+        driver["serial_number"] = board[-1]  # port: auto finds it again on any socket
+    scale = 0.0 if width else answers.get("full_scale", 0.0)
+    form = _form(seen.format, scale, found.request)
+    if form:
+        driver["format"] = form
+    data = {"/**": {"circuit": circuit}, "/**/serial_driver": driver}
+    if seen.protocol != "binary":  # its frames come at the sketch's pace
+        data["/**/stop_on_push"] = {"debounce": 0.01, "lead": 0.0}
+    sections = {name: {"ros__parameters": values} for name, values in data.items()}
+    how = "sure" if seen.sure else "NOT SURE: compare with the sketch"
+    return (
+        f"# written by tactile-skin detect: {seen.about} ({how})\n"
+        f"# what arrived: {shown(seen.sample or found.data, seen.text)}\n"
+        "# geometry (where the skin is on the robot) is not stated: pushes have no direction\n"
+        + yaml.safe_dump(sections, sort_keys=False)
+    )
+
+
+def _form(fmt: Format, scale: float, request: str) -> dict:
+    """Return what differs from the protocol's default description."""
+    if fmt is None:
+        return {}
+    fmt = dataclasses.replace(fmt, full_scale=scale, request=request)
+    defaults = {field.name: field.default for field in dataclasses.fields(fmt)}
+    return {k: v for k, v in dataclasses.asdict(fmt).items() if v != defaults[k]}
