@@ -49,6 +49,7 @@ class Base:
     """
 
     def __init__(self, plain: Plain):
+        from diagnostic_msgs.msg import DiagnosticArray
         from geometry_msgs.msg import Twist
         from std_msgs.msg import Bool
 
@@ -63,6 +64,11 @@ class Base:
             (Twist, "cmd_vel", lambda m: m.linear.x != 0.0),
         ):
             plain.node.create_subscription(kind, topic, self._noter(topic, free), 100)
+        self._reason = ""
+        plain.node.create_subscription(DiagnosticArray, "skin/stop_status", self._hear_reason, 10)
+
+    def _hear_reason(self, message) -> None:
+        self._reason = message.status[0].message
 
     def _noter(self, topic, free):
         return lambda m: self.heard[topic].append((time.monotonic(), free(m)))
@@ -74,9 +80,9 @@ class Base:
         return all(free and now - at < self._allowed[t] for t, (at, free) in lasts.items())
 
     def lasts(self) -> str:
-        """Return what was heard last of each topic, and how long ago."""
+        """Return what was heard last of each topic, how long ago, and why it is stopped."""
         now = time.monotonic()
-        return ", ".join(
+        return f"{self._reason or 'no reason'}; " + ", ".join(
             f"{topic} {'free' if heard[-1][1] else 'stop'} {now - heard[-1][0]:.2f} s ago"
             if heard
             else f"{topic} never"
