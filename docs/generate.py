@@ -11,8 +11,11 @@ from pathlib import Path
 import tactile_skin
 from tactile_skin import launch, msg
 from tactile_skin.cli import COMMANDS, make_parser
+from tactile_skin.middleware.bus import Context, DurabilityPolicy, Node, Parameter
+from tactile_skin.ros import PARTS
 
 DOCS = Path(__file__).parent
+SHOWN = [*PARTS, "push_arrow", "tactile_state"]  # nodes whose topics are listed
 _MADE = "<!-- made by docs/generate.py -->"
 _WIDTH = 80  # characters of a signature on one line
 _SECTION = re.compile(r"^(Args|Attributes|Returns|Raises|Yields):$")
@@ -125,7 +128,39 @@ def _markdown(thing: object) -> str:
     return re.sub(r"\n{3,}", "\n\n", text).strip()
 
 
-PAGES = {"commands.md": commands, "api.md": api}  # page: what makes it
+def qos() -> str:
+    """Return a page of each topic of a skin's nodes: how it is published, and how it is heard."""
+    found: dict[str, tuple[set[str], set[str]]] = {}
+    for kind in SHOWN:
+        node = Node(kind, context=Context(), parameter_overrides=[Parameter("port", "loop://")])
+        made = launch.node_class(kind)(node)
+        for at, ends in enumerate((node._publishers, node._subscriptions)):
+            for end in ends:
+                found.setdefault(end.topic_name, (set(), set()))[at].add(_profile(end.qos_profile))
+        if hasattr(made, "close"):
+            made.close()
+        node.destroy_node()
+    rows = [
+        f"| `{name}` | {'; '.join(sorted(there))} | {'; '.join(sorted(heard))} |"
+        for name, (there, heard) in sorted(found.items())
+    ]
+    return (
+        f"# Quality of service\n\n{_MADE}\n\n"
+        "How the nodes publish each topic, and how they subscribe to it: reliability, durability "
+        "and depth, in the root namespace. Latched is transient local. "
+        "`qos_overrides` change it ([ROS](robot.md#the-process)).\n\n"
+        "| topic | published | subscribed |\n|---|---|---|\n" + "\n".join(rows) + "\n"
+    )
+
+
+def _profile(profile) -> str:
+    latched = profile.durability is DurabilityPolicy.TRANSIENT_LOCAL
+    words = [profile.reliability.name.lower().replace("_", " "), *["latched"] * latched]
+    return ", ".join([*words, str(profile.depth)])
+
+
+# page: what makes it
+PAGES = {"commands.md": commands, "api.md": api, "qos.md": qos}
 
 
 if __name__ == "__main__":

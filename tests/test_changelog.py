@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The changelog is what bloom reads: a version, its date, kinds, and one line a change."""
+"""A version, its date, kinds, and one line a change. test_colcon.py: as bloom reads it."""
 
 import re
 from pathlib import Path
-
-import pytest
 
 PAGE = Path(__file__).parents[1] / "CHANGELOG.rst"
 KINDS = {"Added:", "Changed:", "Removed:", "Fixed:"}
@@ -17,12 +15,3 @@ def test_each_change_is_one_line_under_a_kind():
         lines = [line for line in version.splitlines() if line]
         assert {line for line in lines if line.endswith(":")} <= KINDS
         assert not [line for line in lines if line.startswith(" ")]
-
-
-def test_bloom_can_read_it():
-    changelog = pytest.importorskip("catkin_pkg.changelog")
-    read = changelog.get_changelog_from_path(str(PAGE))
-    versions = [version for version, _, _ in read.foreach_version()]
-    assert versions == ["0.1.0", "0.2.0"]
-    kinds = [str(part) for part in read.get_content_of_version("0.2.0") if str(part) in KINDS]
-    assert kinds == ["Added:", "Changed:", "Removed:", "Fixed:"]

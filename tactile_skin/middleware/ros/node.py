@@ -102,7 +102,8 @@ class RosNode(bus.Node):
         self._not_taken = 0
         self._kinds: dict[str, type] = {}  # topic -> what this node takes it to be
         self._told: set[tuple[str, str]] = set()
-        self._sources: dict[str, str] = {}  # topic -> node that publishes it, in this namespace
+        # topic -> node that publishes it, in this namespace, and rclpy's subscription
+        self._sources: dict[str, tuple] = {}
         self._deaf = 0  # looks in a row
         for look in (self._look_at_graph, self._look_for_sources):
             self.ros.create_timer(_COMPARE, _isolated("the graph", look), clock=process.steady())
@@ -154,12 +155,16 @@ class RosNode(bus.Node):
                 self._not_taken += 1
                 raise
 
-        unmapped = topic.removeprefix(f"{self.get_namespace().rstrip('/')}/")
-        self._sources |= {topic: SOURCES[unmapped]} if unmapped in SOURCES else {}
         self._kinds[topic] = kind = ros_class(msg_type)
         taker = _isolated(f"a message on {topic}", arrived)
         qos = _qos(subscription.qos_profile)
-        self.ros.create_subscription(kind, topic, taker, qos, qos_overriding_options=_overridable())
+        options = _overridable()
+        theirs = self.ros.create_subscription(
+            kind, topic, taker, qos, qos_overriding_options=options
+        )
+        unmapped = topic.removeprefix(f"{self.get_namespace().rstrip('/')}/")
+        if unmapped in SOURCES:
+            self._sources[topic] = SOURCES[unmapped], theirs
         return subscription
 
     def _is_of_this_process(self, message) -> bool:
@@ -240,8 +245,8 @@ class RosNode(bus.Node):
         there = self.ros.get_node_names_and_namespaces()
         lost = [
             (source, topic)
-            for topic, source in self._sources.items()
-            if (source, self.get_namespace()) in there and not self.ros.count_publishers(topic)
+            for topic, (source, heard) in self._sources.items()
+            if (source, self.get_namespace()) in there and not heard.get_publisher_count()
         ]
         self._deaf = self._deaf + 1 if lost else 0
         if self._deaf == _DEAF:
