@@ -33,8 +33,7 @@ def on_contacts(msg: PointCloud2) -> None:
 with tempfile.TemporaryDirectory() as folder:
     for name, scene in zip(NAMES, ("idle", "push_left"), strict=True):
         subprocess.Popen([*SIM, "--link", f"{folder}/{name}", "--scene", scene])
-    config = Path(folder) / "robot.yaml"
-    config.write_text(FILE.format(folder))
+    (config := Path(folder) / "robot.yaml").write_text(FILE.format(folder))
     with launch("body.launch.yaml", config=config, wait_for_port=15.0, monitor=False) as body:
         body.on_stop(lambda stop, reason: print(f"stop: {reason}" if stop else "free"))
         body.node.create_subscription(PointCloud2, "skin/contacts", on_contacts, 10)

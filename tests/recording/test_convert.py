@@ -140,8 +140,9 @@ def test_methods_are_compared(tmp_path, config, call):
     ("words", "said"),
     [
         (["none.mcap"], "none.mcap: No such file"),
-        ([], "give one FILE, not 0"),
-        (["a.csv", "b.csv"], "give one FILE, not 2"),
+        ([], "give a FILE, or several"),
+        (["a.csv", "b.csv"], "a.csv: No such file"),
+        (["a.mcap", "b.mcap", "--out", "c.mcap"], "--out and --export are of one FILE, not of 2"),
         (["a.mcap", "method:=magic"], "method 'magic': must be one of"),
         (["a.mcap", "sped:=2"], "argument 'sped' is unknown"),
         (["a.mcap", "rate:=fast"], "rate:=fast: must be a number"),
