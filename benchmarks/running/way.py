@@ -162,15 +162,16 @@ def _skin(pipe, barrier, port: str, method: str, seconds: float) -> None:
     with Skin(plan) as skin:
         monitor = Monitor(skin.node)
         monitor.out = io.StringIO()
+        (frames,) = monitor.skins
         deadline = time.monotonic() + _PATIENCE
-        while not monitor.latencies and time.monotonic() < deadline:
+        while not frames.latencies and time.monotonic() < deadline:
             time.sleep(0.05)
         barrier.wait(_PATIENCE)
         time.sleep(_WARM_UP)
         missed, cpu, start = monitor.drops, time.process_time(), time.monotonic()
-        monitor.latencies.clear()
+        frames.latencies.clear()
         skin.spin(seconds)
-        latencies = np.array(monitor.latencies)
+        latencies = np.array(frames.latencies)
         cpu = (time.process_time() - cpu) / (time.monotonic() - start)
     # closed by now: the driver's last word has the final counts
     pipe.send({"latencies": latencies, "missed": monitor.drops - missed, "cpu": cpu})
