@@ -47,7 +47,7 @@ class Identified:
         std: name -> one standard deviation [ohm].
         told: name -> whether the frames tell it: its standard deviation is below 3 % of r_par (of
             `evidence.series_scale`), or 4 ohm of r_line or r_drive; or the supposed r_par is off by
-            half of it and 5 standard deviations. r_line never if loaded.
+            half of it and surely. r_line never if loaded.
         missing: what they do not tell, and more of them would.
         frames: how many of them say anything.
         message: for a person.
