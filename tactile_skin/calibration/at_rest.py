@@ -17,7 +17,6 @@ from scipy.special import gammainccinv, gammaincinv
 
 from ..findings.finding import Finding, Kind, Severity, largest, lines
 from ..physics.circuit import Circuit, forward
-from ..solvers.reading import LIKELY, robust_std
 from .rest import usual_resistance
 
 # RMS by which readings of one voltage differ at most: as channels may [ADC steps]; by chance, once
@@ -32,6 +31,9 @@ _MAX_RESISTANCE = 4.0  # times the usual cell's at rest; a cell that conducts le
 # benchmarks.faults): of a line beside the others; of a line since the start.
 _MAX_LINE_OFFSET = 0.2
 _MAX_LINE_FALL = 0.05
+# Times the median deviation of its cells, over the root of their number, by which a line's median
+# may differ: four standard deviations.
+_MOST_DEVIATIONS = 6.0
 _FEWEST = 2  # cells that two lines are compared by: how few tell, `_CHANCE` says
 _ALIKE = 0.1  # squared difference over the usual one, at most
 _NOISE = 3.0  # times what noise explains of a squared difference
@@ -210,12 +212,12 @@ def weak_line(change: np.ndarray, cells: np.ndarray, *, first: bool) -> Finding 
     """
     form, most = ("rest", _MAX_LINE_OFFSET) if first else ("fading", _MAX_LINE_FALL)
     common = np.median(change[cells])
-    deviation = robust_std(np.abs(change[cells] - common))
+    deviation = np.median(np.abs(change[cells] - common))
     for axis, across in ((0, 1), (1, 0)):
         median = np.ma.median(np.ma.array(change, mask=~cells), axis=across).filled(common)
         off = median - common
         fall = -np.abs(off) if first else np.maximum(median, off)
-        fall += LIKELY * deviation / np.maximum(cells.sum(across), 1) ** 0.5
+        fall += _MOST_DEVIATIONS * deviation / np.maximum(cells.sum(across), 1) ** 0.5
         worst = int(fall.argmin())
         if fall[worst] < -most:
             numbers = {"share": float(np.expm1(off[worst]))}

@@ -19,14 +19,14 @@ from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from ..solvers import compensate
 from ..solvers.evidence import HARDEST
-from ..solvers.reading import LIKELY, MOVED
 from .identify import FEWEST
 from .rest import Rest, check_frames, supposing
 from .totals import Totals
-from .touched import stands_anew
+from .touched import RAISED, stands_anew
 
 _LIGHTLY = 0.25  # times its conductance at rest that the first knot adds to a cell
-_ODD = 1.3  # factor by which the others say another weight of an odd object
+_ODD = 1.3  # factor by which the others say another weight of an odd object,
+_ODD_STD = 4.0  # and standard deviations that they have
 _CANDIDATES = 3  # for the odd ones, the worst, that are tried
 _ODD_SHARE = 1.0 / 3.0  # of the objects at most can be odd
 # RMS error of a total on boards that scatter, creep and bend their curve, and standard deviation of
@@ -169,7 +169,7 @@ def fit_reference(
     late = _lag(times, rise, at, reference)
     known = (times + late >= at[0]) & (times + late <= at[-1])
     force = np.interp(times + late, at, reference)
-    touched = np.nanmax(frames - rest.adc, axis=(1, 2)) > MOVED * noise
+    touched = np.nanmax(frames - rest.adc, axis=(1, 2)) > RAISED * noise
     quiet = known & ~binary_dilation(touched, iterations=max(int(len(times) * 0.005), 1))
     if not quiet.any():
         raise ValueError("the skin never rests in these frames: the reference's zero is unknown")
@@ -315,7 +315,7 @@ def _contradiction(totals: Totals, mine: np.ndarray, used: np.ndarray) -> float:
     """By how much the used objects but one contradict its weight; 1: it is odd."""
     fit, own = totals.only(used & ~mine).explained(), totals.only(mine)
     total = max(float(fit.of(own).mean()), _LEAST_TOTAL)
-    return abs(np.log(total)) / max(np.log(_ODD), LIKELY * fit.std(own) / total)
+    return abs(np.log(total)) / max(np.log(_ODD), _ODD_STD * fit.std(own) / total)
 
 
 def _summary(weights, used, error: float, hardest: float) -> str:

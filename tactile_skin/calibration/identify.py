@@ -22,17 +22,22 @@ import numpy as np
 
 from ..physics.circuit import Circuit
 from ..solvers.evidence import HARD, SOFT, Evidence, Supposed, series_scale
-from ..solvers.reading import LIKELY, ROUNDING_NOISE, SURE
+from ..solvers.reading import ROUNDING_NOISE
 from .rest import Rest, check_frames, mask_of, supposing
 
+# Standard deviations between what is found with HARD and with SOFT from which on rims are soft: 2.5
+# at most on 40 boards that bodies touch (seed 143000), 20 at least on 20 that fingers do (143500).
+# SOFT tells less: a limit of 1.5 made one sound board in three a soft one.
+CONTRADICTION = 3.0
 _ROUNDS = 8  # over all frames, at most
 _DONE = 0.2  # standard deviations by which the last round moved
 # Standard deviations: of r_par, as share of `series_scale`; of others [ohm]. Arduinos' pins have 25
 # ohm, a 74HC595's 20 to 70.
 _PRIOR = {"r_par": 0.2, "r_line": 8.0, "r_drive": 50.0}
 TOLD = {"r_par": 0.03, "r_line": 4.0, "r_drive": 4.0}  # the same, below which it is told
-# What is supposed of r_par is off so evidently, by `SURE` and by the share of what is found, that a
-# rough value is better; soft rims alone make it 20 % too high.
+# What is supposed of r_par is off so evidently, by standard deviations and by the share of what is
+# found, that a rough value is better; soft rims alone make it 20 % too high.
+_EVIDENT = 8.0
 _FAR = 0.5
 FEWEST = 3  # frames; with fewer one odd touch decides
 _STOPPED = 4  # readings of touches at the same largest height: the converter's end
@@ -47,7 +52,7 @@ class Identified:
         std: name -> one standard deviation [ohm].
         told: name -> whether the frames tell it: its standard deviation is below 3 % of r_par (of
             `evidence.series_scale`), or 4 ohm of r_line or r_drive; or the supposed r_par is off by
-            half of it and surely. r_line never if loaded.
+            half of it and 8 standard deviations. r_line never if loaded.
         missing: what they do not tell, and more of them would.
         frames: how many of them say anything.
         message: for a person.
@@ -106,10 +111,9 @@ def _the_cautious(frames, circuit: Circuit, rest: Rest, sharp: Solution, end: fl
     soft = _solve_frames(frames, circuit, rest, sharp.off, SOFT, end)
     if soft is None:
         return sharp
-    # of two estimates of which one uses all that the other does (Hausman): 2.5 at most on 40 boards
-    # that bodies touch (seed 143000), 20 at least on 20 that fingers do (143500)
+    # of two estimates of which one uses all that the other does (Hausman)
     variance = np.maximum(np.square(soft.std) - np.square(sharp.std), (0.3 * soft.std) ** 2)
-    differ = np.abs(soft.off - sharp.off) > LIKELY * np.sqrt(variance)
+    differ = np.abs(soft.off - sharp.off) > CONTRADICTION * np.sqrt(variance)
     return soft if differ.any() else sharp
 
 
@@ -270,7 +274,7 @@ def _identified(circuit: Circuit, solution: Solution, ended: int) -> Identified:
     limits = np.array([r_par * series_scale(circuit), other])
     told = std < limits
     there = series_scale(shifted(circuit, off))
-    told[0] |= abs(off[0]) > max(SURE * std[0], _FAR * there)
+    told[0] |= abs(off[0]) > max(_EVIDENT * std[0], _FAR * there)
     if ideal := circuit.readout in ("loaded", "virtual_ground"):
         told[1] = False
     # What is not told stays as it was supposed, and the other is what then explains the frames.

@@ -11,13 +11,16 @@ from ..physics import readouts
 from ..physics.circuit import Circuit, forward
 from ..physics.curve import PressureCurve
 from ..solvers import compensate
-from ..solvers.reading import MAX_NOISE, MOVED, NOISY, NOISY_STEPS, robust_std
+from ..solvers.reading import MAX_NOISE, robust_std
 
 REST_SPAN = 500.0  # times the usual cell's resistance, either way, that a cell at rest may have
 # (one that stays pressed, or is dead)
 _LEAST_NOISE = 1e-3  # ADC steps of a mean reading: rounding alone leaves more
 _ROUNDS = 3  # in which the readings of noisy cells are put in place
-_STILL_SHARE = 0.02  # of a reading, by which besides its noise it may stray, or drift
+_STILL = 8.0  # times the noise by which a reading may stray, or drift, and
+_STILL_SHARE = 0.02  # share of the reading
+_NOISY = 4.0  # times the usual noise beyond which a reading is noisy, and
+_NOISY_STEPS = 2.0  # ADC steps
 _COMMON = 0.03  # share of a reading by which all may drift
 _MOST = 3  # readings that may be noisy, or
 _MOST_SHARE = 0.05  # of the cells, if that is more
@@ -169,9 +172,9 @@ def _noise(off: np.ndarray) -> float:
 def _strays(off: np.ndarray, middle: np.ndarray, noise: float, circuit: Circuit) -> np.ndarray:
     """Return (rows, cols) bool, readings that scatter, leave the others, or drift."""
     share = _STILL_SHARE * middle * circuit.full_scale
-    strays = np.abs(off).max(0) > MOVED * max(noise, 1.0) + share
-    strays |= np.square(off).mean(0) ** 0.5 > max(NOISY * noise, NOISY_STEPS)
-    slow = MOVED * noise / (len(off) / 3) ** 0.5 + NOISY_STEPS + share
+    strays = np.abs(off).max(0) > _STILL * max(noise, 1.0) + share
+    strays |= np.square(off).mean(0) ** 0.5 > max(_NOISY * noise, _NOISY_STEPS)
+    slow = _STILL * noise / (len(off) / 3) ** 0.5 + _NOISY_STEPS + share
     return strays | (np.abs(_drift(off)) > slow)
 
 

@@ -19,7 +19,7 @@ from ..findings.finding import Finding, Kind, largest
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from ..physics.readouts import apparent
-from ..solvers.reading import MAX_NOISE, SCAN_NOISE, SURE, rest_reading
+from ..solvers.reading import MAX_NOISE, SCAN_NOISE, rest_reading
 from .at_rest import odd_cell, one_voltage, weak_line, which_are_one
 from .rest import resting_conductance
 from .touched import AT_REST, TOUCHED
@@ -28,8 +28,9 @@ from .touched import AT_REST, TOUCHED
 # 4.5 g on each cell of the shipped curve conduct three times as much.
 _LOWEST_LEVEL = 0.1
 _HIGHEST_LEVEL = 3.0
-# Share by which besides its noise a reading may move between the halves of a measurement and after
-# it; share of the cells that may move more, with a bad contact.
+# Standard deviations of its noise, and share, by which a reading may move between the halves of a
+# measurement and after it; share of the cells that may move more, with a bad contact.
+_STILL = 5.0
 _STILL_SHARE = 0.01
 _RESTLESS = 0.02
 _ALIKE_FRAMES = 1000  # that are looked at together while they are alike
@@ -189,7 +190,7 @@ class Tare:
         """Return that readings are far above a level that they had: something lies there by now."""
         low = np.minimum(self._lowest, window.mean)
         noise = min(window.noise, MAX_NOISE)  # what rises while it is measured is none
-        least = (SURE * noise + 1.0) / self._circuit.full_scale
+        least = (_STILL * noise + 1.0) / self._circuit.full_scale
         more = _conducts(self._circuit, window.mean) > (
             self._max_factor * _conducts(self._circuit, low)
         )
@@ -236,7 +237,7 @@ class Tare:
         full = self._circuit.full_scale
         lines = which_are_one(adc * full, noise, self._circuit.populated)
         off = (adc - rest_reading(self._circuit, self.curve)) * full
-        if np.square(off).mean() < (SURE * noise) ** 2:
+        if np.square(off).mean() < (_STILL * noise) ** 2:
             self.found, self.measured, self.lines = None, True, lines
             return False
         cells, at_rest = self._circuit.populated, self.curve.points[0][1]
@@ -300,7 +301,7 @@ class _Window:
         self.spread = float(np.median(variance[cells])) ** 0.5 * full
         self.moved = np.zeros(circuit.shape, bool)
         for one, other in itertools.pairwise(parts):
-            limit = SURE * noise * (1.0 / len(one) + 1.0 / len(other)) ** 0.5
+            limit = _STILL * noise * (1.0 / len(one) + 1.0 / len(other)) ** 0.5
             limit += _STILL_SHARE * one.mean(0)
             self.moved |= np.abs(one.mean(0) - other.mean(0)) > limit
 

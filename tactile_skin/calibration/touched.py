@@ -6,16 +6,17 @@ from __future__ import annotations
 import numpy as np
 
 from ..physics.curve import GRAM
-from ..solvers.reading import LIKELY
 
 AT_REST = 2.0 * GRAM  # N: what conducts more is no rest, and is not taken for one
 TOUCHED = 15.0 * GRAM  # N: a touch; lines that are shorted at rest read as 13 g
 # N on so many cells: a touch that begins, not noise
 STIRRED = 1.0 * GRAM
 STIRRED_CELLS = 3
-# Times the noise, RMS, by which a frame may differ from the one before, since a touch that moves is
-# read row by row.
+RAISED = 8.0  # times the noise: a reading that is touched, whatever its curve
+# Times the noise, RMS: by which a frame may differ from the one before, since a touch that moves is
+# read row by row; and by which it differs from the last that was asked.
 _STANDS = 2.5
+_NEW = 4.0
 
 
 def stands_anew(adc, before, last, noise: float) -> bool:
@@ -29,7 +30,7 @@ def stands_anew(adc, before, last, noise: float) -> bool:
     """
     if before is None or _rms(adc - before) > _STANDS * noise:
         return False
-    return last is None or _rms(adc - last) > LIKELY * noise
+    return last is None or _rms(adc - last) > _NEW * noise
 
 
 def _rms(values: np.ndarray) -> float:

@@ -20,8 +20,9 @@ from ..solvers.evidence import (
     Supposed,
     series_scale,
 )
-from ..solvers.reading import LIKELY, ROUNDING_NOISE, SURE, rest_reading
+from ..solvers.reading import ROUNDING_NOISE, rest_reading
 from .identify import (
+    CONTRADICTION,
     FEWEST,
     TOLD,
     Solution,
@@ -38,7 +39,9 @@ _KEPT = 24  # touches: the latest, since boards warm up and connectors age
 _LATEST = 2 * FEWEST  # of them that may overrule it
 _PATIENCE = 2.0  # s that a stretch waits for a pause between touches,
 _STOPPED = 0.15  # and for more of it, while a stop gives time
-_REFINED = 2.0  # standard deviations by which what was learnt before must be wrong
+# Standard deviations by which the configuration must be wrong; and what was learnt since.
+_SURE = 5.0
+_REFINED = 2.0
 _RELEVANT_OTHER = 1.5  # ohm, of r_line and r_drive: less changes no picture
 _EXPLAINED = 3.0  # chi^2 a reading, in the median frame, beyond which there is another fault
 # Beside the configured r_par, as share of it, or of `MIN_SCALE` r_ref, if that is more: of a loaded
@@ -89,7 +92,7 @@ class CircuitTracker:
         # A curve makes up for the error of the r_par that it was found with, any if nothing told
         # it: newtons are right with that r_par only. What is further off has changed since.
         told = (r_par_std or 0.0) <= TOLD["r_par"] * series_scale(circuit)
-        self._made_up_for = LIKELY * (r_par_std or 0.0) if told else np.inf  # ohm
+        self._made_up_for = CONTRADICTION * (r_par_std or 0.0) if told else np.inf  # ohm
         by_data_sheet = float(prior_of(circuit)[0, 0] ** -0.5)
         self._known_to = [by_data_sheet if r_par_std is None else r_par_std]
         self._tells_drivers = names(circuit)[1] == "r_drive"
@@ -187,7 +190,7 @@ class CircuitTracker:
         if not self._asked:
             return []
         off, _, std, _ = self._solve(list(self._asked))
-        least = np.maximum(LIKELY * std, self._relevant)
+        least = np.maximum(CONTRADICTION * std, self._relevant)
         least[1] = least[1] if self._tells_drivers else np.inf
         return self._differing("likely", off, self._adopted, std, least, Severity.NOTE)
 
@@ -237,7 +240,7 @@ class CircuitTracker:
         """Whether what the touches say together is another circuit than `circuit`."""
         found, latest = self._solve(list(self._asked)), list(self._asked)[-_LATEST:]
         now = self._solve(latest)
-        changed = np.abs(now.off - found.off) > SURE * np.hypot(now.std, found.std)
+        changed = np.abs(now.off - found.off) > _SURE * np.hypot(now.std, found.std)
         if changed.any():
             self._asked, found = deque(latest, _KEPT), now
         off, information, std, _ = found
@@ -253,7 +256,7 @@ class CircuitTracker:
             off = np.array([self._adopted[0], max(off[1] + told, -self._configured.r_drive)])
         change = off - self._adopted
         # the two vary together: what one touch takes for stripes another takes for r_par
-        sure = _REFINED if self._adopted.any() else SURE
+        sure = _REFINED if self._adopted.any() else _SURE
         if not (np.abs(change) > relevant).any() or change @ information @ change < sure**2:
             return False
         if np.median([self._chi2(a, off) for a in self._asked]) > _EXPLAINED:

@@ -17,8 +17,8 @@ from scipy.ndimage import binary_dilation
 
 from ..findings.finding import Finding, Kind, Severity
 from ..physics.adc import Adc
-from ..solvers.reading import ROUNDING_NOISE, SURE
-from .check import ABOVE, Check, Seen, Window
+from ..solvers.reading import ROUNDING_NOISE
+from .check import ABOVE, BEYOND, Check, Seen, Window
 
 _CHANCE = 1e-5  # of a sound skin's readings standing at one height, in one window
 _FORGET = 0.01  # share of the count of readings that stood still, and of all, that a window renews
@@ -63,7 +63,7 @@ class Ceiling(Check):
         self._present = still or stands
         if self._present:
             self.height = float(window.mean.max())
-            self._noise = SURE * (window.noise + ROUNDING_NOISE) if stands else 0.0
+            self._noise = BEYOND * (window.noise + ROUNDING_NOISE) if stands else 0.0
 
     def _still(self, window: Window) -> bool:
         """Whether the ADC ends there, or what is behind it: the largest readings do not move."""

@@ -15,7 +15,6 @@ from ..calibration.rest import resting_conductance
 from ..findings.finding import Finding, Kind, Severity, lines
 from ..physics import readouts
 from ..physics.adc import Adc
-from ..solvers.reading import LIKELY
 from .check import Check, Seen
 
 _FRAMES = 20  # whose mean is looked at, at least: a board's low-pass leaves fewer alike
@@ -33,8 +32,9 @@ _EVEN = 0.1  # if all cells have lost as much, but for this share
 _KEPT = 60.0  # s: by then touches have told another r_par, and a drift has been followed
 _CELLS = 4  # of a line, at least, by which lines are compared
 _OWN = 40.0  # sum of squares [noise squared] by which it differs from its own line
-# Standard deviations of chi^2 up to which no third one may be: on even fabric lines are alike, and
-# one that something lay on at the tare reads as all others once that is gone.
+_OTHER = 4.0  # standard deviations of chi^2 up to which it is the other line
+# The same, up to which no third one may be: on even fabric lines are alike, and one that something
+# lay on at the tare reads as all others once that is gone.
 _ALIKE = 10.0
 _LEAST = 0.1  # ADC steps that a mean may be off: the rest is measured anew only from there on
 _ROUNDED = 0.3  # the same, where a reading has less noise than averages its rounding away,
@@ -94,7 +94,7 @@ class Untouched(Check):
         exchanged = _another_line(now, rest, max(noise, least), known)
         elapsed = min(max(t - self._looked, 0.0), _UNSEEN)
         limit = _AT_ONCE + _A_SECOND * (elapsed if self._rest is None else 0.0)
-        limit += LIKELY * noise / (np.median(rest[known]) * np.count_nonzero(known) ** 0.5)
+        limit += 4.0 * noise / (np.median(rest[known]) * np.count_nonzero(known) ** 0.5)
         self._looked, self._found_at = t, min(self._found_at, t)  # the clock may be set back
         change, even = self._common(now, rest, noise, known, limit)
         before, stopped = self.found, self.found is not None and self.found.stops
@@ -174,7 +174,7 @@ def _another_line(
         own = own[: round((1.0 - _SHARE) * len(own))].sum(0)
         np.fill_diagonal(beyond, np.inf)
         alike = (beyond < _ALIKE).sum(1)
-        found = (beyond.min(1) < LIKELY) & (alike == 1) & (own > _OWN)
+        found = (beyond.min(1) < _OTHER) & (alike == 1) & (own > _OWN)
         if found.any():
             k = int(found.argmax())
             numbers = {"other": float(beyond[k].argmin())}

@@ -11,10 +11,13 @@ import numpy as np
 from .estimate import Estimate
 from .map import map_estimate
 from .newton import newton
-from .reading import SURE, Reading, check_reading, rest_reading, robust_std
+from .reading import Reading, check_reading, rest_reading, robust_std
 from .suspect import by_residual, estimate_from_force
 
-_EXACT_IDLE_PEAK = 1e-9  # ADC steps by which exact readings of an untouched skin may miss it
+# By how much the readings of an untouched skin may differ from rest: standard deviations of noise,
+# which one reading in 150,000 exceeds by chance.
+_IDLE_PEAK = 4.5
+_EXACT_IDLE_PEAK = 1e-9  # the same of exact readings [ADC steps]
 
 
 def auto(reading: Reading, start: Estimate | None = None) -> Estimate:
@@ -39,7 +42,7 @@ def auto(reading: Reading, start: Estimate | None = None) -> Estimate:
 def _idle_estimate(reading: Reading, rest: np.ndarray) -> Estimate | None:
     """Return the estimate of an untouched skin if this is one, else None."""
     peak = np.abs(reading.misfit(rest)).max()
-    at_rest = peak <= max(SURE * reading.noise, _EXACT_IDLE_PEAK)
+    at_rest = peak <= max(_IDLE_PEAK * reading.noise, _EXACT_IDLE_PEAK)
     if at_rest and not (reading.noise and by_residual(reading, rest)):
         idle = _idle(reading.circuit, reading.curve, reading.noise)
         return replace(idle, residual=reading.residual(rest))

@@ -19,10 +19,10 @@ from ..physics import lines, readouts
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from .fixed_point import MAX_STEPS, fill, first_guess, iterate
-from .reading import LIKELY, OUTLIER, Linearised, Reading, check_reading
+from .reading import OUTLIER, Linearised, Reading, check_reading
 
 # Times its conductance at rest from which on a cell is evidently touched: noise is far below, even
-# in the shadow of a hard touch. What else is touched is sought for.
+# in the shadow of a hard touch. What else is touched is found by `_Z`.
 _EVIDENT = 20.0
 # The same, of a cell whose neighbours are unknown, too: fabric and cover carry 0.5 % of a touch to
 # them (paper section IV), which is 5 % of their rest. And where touches have soft rims: with those
@@ -30,9 +30,10 @@ _EVIDENT = 20.0
 HARD = 10.0
 SOFT = 2.0
 _FULL = 0.75  # share of touched cells from which on too few readings are left to ask
-# How often cells are sought that are held at rest and want to conduct more. Noise must not choose
-# them: a limit on a noisy estimate frees cells that read too high; those left, which read too low,
-# make r_par seem 1 % too small.
+# Standard deviations by which a cell that is held at rest must want to conduct more to be touched,
+# and how often such cells are sought. Noise must not choose them: a limit on a noisy estimate frees
+# cells that read too high; those left, which read too low, make r_par seem 1 % too small.
+_Z = 3.5
 _SEARCHES = 3
 _HIDDEN = 1e-3  # share of a cell's squared pattern below which the others can take it
 # chi^2 a reading, that no other r_par or r_line takes, beyond which a frame is of no use.
@@ -43,6 +44,7 @@ _MODEL = 0.0005
 MIN_SCALE = 0.15  # of r_ref: what a board's r_par may be where none is configured
 _MOST_PARTS = 300.0  # ohm, the same whatever r_ref is: two CD4051 have 250 at 5 V, and more below
 _RIDGE = 1e-5  # of the touched cells' precision: the readings may not determine all of them
+_CUT_OFF = 3.0  # ADC steps from the converter's ends within which a reading's noise is cut off
 _STEPS = 6  # of Levenberg and Marquardt, a frame and search of touched cells; the next goes on
 _SETTLED = 0.5  # gain in chi^2 of a step that is the last
 RELEVANT = 0.025  # of `series_scale`: less moves hard touches by 8 to 25 g a cell
@@ -203,8 +205,8 @@ class Supposed:
             return None
         touched = circuit.populated & (touched | _dilated(g > self._hard * self.rest))
         expected = self._network(np.where(touched, g, self.rest), further).adc
-        width = OUTLIER / circuit.full_scale
-        # noise of a step is cut off there; by the model: noise must not choose
+        width = _CUT_OFF / circuit.full_scale
+        # by the model: noise must not choose
         cut_off = (expected < width) | (expected > self._end - width)
         reading = replace(reading, known=reading.known & ~cut_off)
         std = np.sqrt(noise**2 + np.square(_MODEL * reading.steps))
@@ -285,7 +287,7 @@ class Supposed:
         held = past(left[:, 2:], p)  # whatever the circuit is
         misfit_past, held = held[:, 0], held[:, 1:]
         spread = np.sqrt(np.maximum(np.square(held).sum(0), _HIDDEN * size))
-        more = self._cells[~free][held.T @ misfit_past > LIKELY * spread]
+        more = self._cells[~free][held.T @ misfit_past > _Z * spread]
         return _Past(p, misfit, misfit_past, more)
 
     def _beyond_first_order(self, g: np.ndarray) -> np.ndarray:

@@ -17,17 +17,6 @@ from ..physics.curve import PressureCurve
 
 SCAN_NOISE = 0.52  # ADC steps RMS: mean of 4 samples with 1 step of noise, each rounded
 OUTLIER = 3.0  # standard deviations beyond which a misfit counts less than its square
-LIKELY = 4.0  # standard deviations, by chance once in 16,000: what is then looked at
-SURE = 5.0  # standard deviations, by chance once in 2 million: what is then said
-# Times its noise by which a reading has changed, where the noise is measured in the same frames,
-# and what drifts in a minute is in it.
-MOVED = 8.0
-NOISY = 4.0  # times the usual noise beyond which a reading has noise of its own,
-NOISY_STEPS = 2.0  # and ADC steps RMS
-# Share of a reading by which a valid skin may differ from the model: 0.5 % of a touch that fabric
-# and cover carry to the next cells (paper section IV), some ohm of the stripes, rows read in turn.
-# Chosen on streams of damaged boards (benchmarks.faults, seeds 3 and 4), scored on others.
-MODEL_ERROR = 0.003
 MAX_NOISE = 3.5  # ADC steps RMS, above that of any board of benchmarks/accuracy/boards.py (3 steps)
 NEAR_REST = 1.5  # times its conductance at rest below which a cell counts as untouched
 ROUNDING_NOISE = 12**-0.5  # ADC steps RMS of rounding to whole steps

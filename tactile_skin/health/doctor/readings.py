@@ -14,8 +14,7 @@ from scipy.ndimage import maximum_filter1d
 from scipy.optimize import nnls
 
 from ...findings.finding import Finding, Kind, at, lines
-from ...solvers.reading import MOVED, NOISY, NOISY_STEPS
-from .recorded import LINE_OPEN, Recorded, loose
+from .recorded import LINE_OPEN, MOVED, NOISY, Recorded, loose
 
 SEVERAL = 30  # readings, of so many
 SEVERAL_CELLS = 3  # cells, that a bit or a ceiling takes: fewer are single cells' faults
@@ -38,6 +37,7 @@ _PILE = 3.0  # times as many readings at a ceiling as in the same width below
 _EXPLAINED = 0.9
 _NEAR_SHORT = 0.97  # of what a short circuit reads: above, hard touches read alike
 _AT_TOP = 0.5  # share of the frames that a cell which only touches take to the ceiling is there
+_NOISY_STEPS = 2.0  # ADC steps RMS that a noisy cell, or one whose bit leaps, has at least
 _EVEN = 0.6  # median over largest noise of a line, where all its readings are noisy
 _OPEN_NOISY = (
     0.3  # of the usual reading, that an open line reads at most where noise leaves it more
@@ -107,7 +107,7 @@ def leaping_bit(seen: Recorded) -> list[Finding]:
                 continue
             (share, _), left = nnls(np.stack([leaps, np.ones_like(leaps)], 1), variance)
             most = share * leaps.max()
-            if share <= 1.0 and most > NOISY_STEPS**2 and left**2 < least:
+            if share <= 1.0 and most > _NOISY_STEPS**2 and left**2 < least:
                 found, least = (bit, most**0.5), left**2
     if found is None:
         return []
@@ -191,7 +191,7 @@ def _width(seen: Recorded) -> float:
 
 def _noise_limit(seen: Recorded) -> float:
     """ADC steps RMS from which on a reading is noisy."""
-    return max(NOISY * seen.usual_noise, NOISY_STEPS)
+    return max(NOISY * seen.usual_noise, _NOISY_STEPS)
 
 
 def open_lines(seen: Recorded, skip: set) -> list[Finding]:

@@ -18,7 +18,7 @@ from ...physics.adc import Adc
 from ...physics.circuit import Circuit
 from ...physics.curve import PressureCurve
 from ...physics.readouts import DRIVEN, PASSIVE
-from ...solvers.reading import LIKELY, MODEL_ERROR, ROUNDING_NOISE
+from ...solvers.reading import ROUNDING_NOISE
 from .advice import Change, conductance_at_rest, felt, is_safe, of_other_scale
 
 # Times noise and model error up to which the configured readout may miss touches; times what the
@@ -26,12 +26,17 @@ from .advice import Change, conductance_at_rest, felt, is_safe, of_other_scale
 _EXPLAINED = 2.0
 BETTER = 0.5  # times what the configured readout misses, that another one may,
 FITS = 4.0  # and times the noise
+_MODEL_ERROR = (
+    0.003  # of a reading, that real skins are off the circuit's model (solvers/suspect.py)
+)
 # What no passive network reads, all three. Boards with a virtual ground (seeds 3 and 4, r_ref 100
 # to 1000 ohm) were missed by 34 at least, added up to 1.4 and left 0 to 0.66 unmoved.
 _NEVER = 20.0  # times the noise by which all of them miss the touches, with r_par and without
 _ADDS_UP = 1.2  # full scales, along a row and along a column
 _UNMOVED = 0.02  # share of the crossings on the lines of a touch that read as at rest
 _RISEN = 0.2  # of full scale: a touched crossing
+_AT_REST = 3.0  # times the noise by which a reading at rest may stray, and
+_AT_REST_STEPS = 1.0  # ADC steps
 _R_PAR = (0.0, 30.0, 100.0, 300.0)  # ohm that are tried at first: of drivers and multiplexers
 _FACTORS = 1.7**0.5 ** np.arange(5)  # by which the most is refined
 _NONE = 5.0  # ohm: touches that ask for less than any driver has may be read on another scale
@@ -166,7 +171,7 @@ def _separate(seen: Touched, full: int) -> float:
     touches, rest = np.nan_to_num(seen.touches), seen.rest
     risen = touches > np.nan_to_num(rest) + _RISEN
     beside = (risen.any(2)[:, :, None] | risen.any(1)[:, None]) & ~np.isnan(rest)
-    stray = LIKELY * max(seen.noise, ROUNDING_NOISE)
+    stray = _AT_REST * max(seen.noise, ROUNDING_NOISE) + _AT_REST_STEPS
     still = beside & (np.abs(touches - rest) < stray / full)
     sums = np.median(np.minimum(touches.sum(1).max(1), touches.sum(2).max(1)))
     unmoved = np.median(still.sum((1, 2)) / np.maximum(beside.sum((1, 2)), 1))
@@ -217,6 +222,6 @@ def misses(circuit: Circuit, seen: Touched) -> float:
     left = []
     for touch in seen.touches:
         found = felt(touch, circuit, curve, noise)
-        error = MODEL_ERROR * circuit.full_scale * np.sqrt(np.nanmean(np.square(touch)))
+        error = _MODEL_ERROR * circuit.full_scale * np.sqrt(np.nanmean(np.square(touch)))
         left.append(np.inf if found.status == "failed" else found.residual / np.hypot(noise, error))
     return float(np.median(left)) if left else 0.0

@@ -11,8 +11,12 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from ...calibration.rest import Rest, check_frames
 from ...physics.circuit import Circuit
 from ...physics.readouts import apparent
-from ...solvers.reading import MOVED, ROUNDING_NOISE
+from ...solvers.reading import ROUNDING_NOISE
 
+# Times its noise by which a reading has changed: noise exceeds 6 standard deviations once in 5e8
+# readings, a recording has 1e7; what drifts in a minute, and noise itself, are not known better.
+MOVED = 8.0
+NOISY = 4.0  # times the usual noise, or difference at rest, that is not of the same kind
 FEW_TOUCHES = 5  # that must agree in what no single one shows
 _QUIET = 0.15  # share of the frames, the calmest ones, that count as untouched
 _FEWEST = 20  # frames that a recording has at least

@@ -8,8 +8,7 @@ import numpy as np
 from ...findings.finding import Finding, Kind
 from ...readings.processed import Kind as Done
 from ...readings.processed import processed as processing
-from ...solvers.reading import MOVED, NOISY
-from .recorded import Recorded
+from .recorded import MOVED, NOISY, Recorded
 
 _MOST_NOISE = 0.01  # of full scale: what moves more is no noise
 # Share of the usual cell's readings that stand at one end of the range, from which on they are not

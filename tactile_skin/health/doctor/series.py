@@ -12,7 +12,6 @@ from ...calibration.rest import Rest, resting_conductance
 from ...findings.finding import Finding, Kind
 from ...physics.circuit import Circuit
 from ...solvers.evidence import series_scale
-from ...solvers.reading import SURE
 from . import wiring
 from .advice import Change
 from .recorded import FEW_TOUCHES, Recorded
@@ -20,9 +19,11 @@ from .recorded import FEW_TOUCHES, Recorded
 _ASKED = 20_000  # cells, in all touches together, for identify: it takes 0.1 s for 256;
 _LEAST_TOUCHES = 20  # and of large skins so many touches
 _HELD = 15  # frames about its peak within which a touch is looked for
-# Share by which r_par must surely be off: light touches make it seem larger by 0 to 5 % on 50 sound
-# boards, where it is known to 1.5 % (seed 144000).
+# Share, and standard deviations (what all touches share is not in their scatter), by which r_par
+# must be off: light touches make it seem larger by 0 to 5 % on 50 sound boards, where it is known
+# to 1.5 % (seed 144000).
 _SERIES = 0.075
+_SERIES_STD = 5.0
 # Ohm by which r_drive must be off: 3.4 at most on 16 boards (seeds 94000 and 94100).
 _DRIVE = 5.0
 # Percent up to which an r_ref that is off is worth a word: parts are sold at 1 to 20.
@@ -58,7 +59,7 @@ def in_series(seen: Recorded, skip, noisy, wires: wiring.Wires) -> list[Finding]
         value, supposed = getattr(found.circuit, name), getattr(circuit, name)
         if (name == "r_drive" and circuit.readout != "grounded") or found.frames < FEW_TOUCHES:
             continue
-        if abs(value - supposed) > max(least, SURE * found.std[name]):
+        if abs(value - supposed) > max(least, _SERIES_STD * found.std[name]):
             said.append(_finding(name, circuit, found))
     return said
 

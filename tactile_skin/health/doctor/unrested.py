@@ -8,9 +8,8 @@ from scipy.ndimage import label
 
 from ...calibration.rest import resting_conductance
 from ...findings.finding import Finding, Kind, at
-from ...solvers.reading import NOISY
 from .readings import SEVERAL_CELLS
-from .recorded import Recorded, loose
+from .recorded import NOISY, Recorded, loose
 
 # A load that stands: cells that conduct so many times as much as the usual one, at least so many in
 # one piece of several rows and columns, and no more than this share of a line: that is a bad line.

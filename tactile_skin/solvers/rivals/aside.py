@@ -17,7 +17,7 @@ import numpy as np
 
 from ..estimate import Estimate
 from ..fixed_point import last_guess
-from ..reading import LIKELY, NEAR_REST, Reading
+from ..reading import NEAR_REST, Reading
 from ..suspect import model_variance, saturation
 
 # Share of the readings of a frame that carry a value. Chosen on the first halves of recordings of
@@ -30,6 +30,7 @@ _LEFT = 0.45
 _LINE = 0.5  # of the readings of a line, from which on its contact is bad throughout
 _LIGHT = 0.18  # share of all force that may then press on it
 _OPEN = 0.9  # of its readings that may be set aside at all
+_OFF = 4.0  # standard deviations below the model
 _CHI = 2.2  # of a reading that carries a value, on average, without those that are set aside
 _WORST = 0.5  # of the worst one's, from which on others are set aside in the same round
 _ROUNDS = 6
@@ -110,4 +111,4 @@ def _impossible(reading: Reading, estimate: Estimate, aside: np.ndarray) -> np.n
     misfit = reading.misfit(reading.model(g))
     off = -misfit / np.sqrt(np.square(reading.fitted_noise) + model_variance(reading))
     new = np.where(at_rest & ~aside, off, 0.0)
-    return (aside & (off > LIKELY)) | (new > max(LIKELY, _WORST * new.max()))
+    return (aside & (off > _OFF)) | (new > max(_OFF, _WORST * new.max()))

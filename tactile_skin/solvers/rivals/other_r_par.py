@@ -16,10 +16,18 @@ from ...physics.curve import PressureCurve
 from ..estimate import Estimate
 from ..evidence import RELEVANT, REST_FRAMES, SOFT, Supposed, series_scale
 from ..fixed_point import last_guess
-from ..reading import LIKELY, Reading
+from ..reading import Reading
 from ..suspect import rounded
 
+# Of one frame: standard deviations, and share of `series_scale`, by which r_par is off. Chosen on
+# frames as of benchmarks/single_frames.py, seeds 77 and 99; scored on others.
+_SURE = 3.5
 _TOLERANCE = 0.5  # of `series_scale`, beyond which it is another fault
+# Standard deviations, by the fit that there is, from which on a frame is fitted anew, which takes
+# five times as long; frames of sound boards often reach 3. Chosen on bodies, blobs and pictures of
+# boards with another r_par (seed 15) and on streams (benchmarks.faults, seed 91001: with 5 twice as
+# many frames are silent); scored on seed 92407.
+_GLANCE = 4.0
 # RMS of log conductance of the cells of a sound fabric at rest, where it was not measured: 0.03 to
 # 0.05 (health/rest_picture.py has the least).
 _REST_SCATTER = 0.05
@@ -79,7 +87,7 @@ def other_r_par(reading: Reading, g: np.ndarray) -> OtherRPar | None:
     noise = reading.fitted_noise
     shift, std = supposed.glance(reading, g, noise)
     most = _TOLERANCE * series_scale(circuit)
-    if not LIKELY * std <= abs(shift) < most:
+    if not _GLANCE * std <= abs(shift) < most:
         return None
     found = supposed.evidence(np.where(reading.known, reading.adc, np.nan), noise, g)
     if found is None or not (information := found.information[0, 0]) > 0.0:
@@ -92,8 +100,8 @@ def other_r_par(reading: Reading, g: np.ndarray) -> OtherRPar | None:
         of_rest *= noise / REST_FRAMES**0.5
     slack = _ROUNDED if rounded(reading) else 1.0
     std = np.hypot(slack * max(found.chi2 / found.count, 1.0) ** 0.5 * information**-0.5, of_rest)
-    relevant = max(LIKELY * std, RELEVANT * series_scale(circuit)) < abs(shift) < most
-    if not relevant or circuit.r_par + shift + LIKELY * std < 0.0:
+    relevant = max(_SURE * std, RELEVANT * series_scale(circuit)) < abs(shift) < most
+    if not relevant or circuit.r_par + shift + _SURE * std < 0.0:
         return None
     r_par = max(circuit.r_par + shift, 0.0)
     if curve.offset is not None:
