@@ -85,6 +85,13 @@ def pytest_runtest_setup():
     machine.begin()
 
 
+@pytest.fixture
+def joblib_keeps_no_process(no_thread_outlives_its_test):
+    """End the processes that joblib keeps for the next call."""
+    yield
+    pytest.importorskip("joblib").externals.loky.get_reusable_executor().shutdown()
+
+
 def _ours(thread: threading.Thread) -> bool:
     """Whether the thread would hold the process back, or is one of the skin's own."""
     return not thread.daemon or thread.name.startswith(("node ", "serial "))

@@ -101,6 +101,7 @@ def rest(tmp_path, n=200):
 
 
 @pytest.mark.ci
+@pytest.mark.usefixtures("joblib_keeps_no_process")
 def test_a_foreign_file_is_replayed_recorded_and_exported(tmp_path, config, call):
     pytest.importorskip("mcap")
     path, made, out = rest(tmp_path), tmp_path / "made.mcap", tmp_path / "out.npy"

@@ -15,11 +15,7 @@ from tactile_skin.learning.gestures import table_of
 from tactile_skin.replay.results import Job, collect
 from tactile_skin.touch.take import Take
 
-
-@pytest.fixture(autouse=True)
-def joblib_keeps_no_process():
-    yield
-    joblib.externals.loky.get_reusable_executor().shutdown()
+pytestmark = pytest.mark.usefixtures("joblib_keeps_no_process")
 
 
 def process(_) -> int:
