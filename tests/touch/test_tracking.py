@@ -96,15 +96,18 @@ def test_touches_come_in_the_order_of_the_contacts(skin):
 
 @pytest.mark.parametrize("speed", [0.05, 0.5, 1.5])
 def test_a_stroke_keeps_its_id_and_has_the_fingers_velocity(skin, speed):
-    step = speed * DT / PITCH  # cells
+    """So slow that its centre stands on a cell, and goes on, its usual error is twice as large."""
+    step, errors = speed * DT / PITCH, []  # cells
     for k in range(int(12 / step)):
         touches = skin.feel((7.5, 2 + step * k, 5.0))
+        errors.append(np.linalg.norm(touches[0].velocity - [0, speed, 0]) / speed)
         assert ids(touches) == [1]
         if k == 3:
             np.testing.assert_allclose(touches[0].velocity, [0, speed, 0], atol=0.3 * speed)
     (touch,) = touches
-    off = (0.15 if speed < 0.1 else 0.05) * speed  # so slow it stands on a cell, and goes on
-    np.testing.assert_allclose(touch.velocity, [0, speed, 0], atol=off)
+    usual, last = (0.1, 0.15) if speed < 0.1 else (0.05, 0.05)
+    assert np.median(errors[len(errors) // 4 :]) < usual
+    assert errors[-1] < last
     assert touch.confidence > (0.75 if speed < 0.1 else 0.9) * min(1.0, 12 / step / 12)
     velocity, confidence = tracking.stroke(touches)
     assert (velocity == touch.velocity).all()
