@@ -150,6 +150,7 @@ class SerialReader:
         wait: seconds in which a port that is not there yet is not reported.
         refuse: says why a frame is not of the board that is looked for; empty if it is.
         serial_number: of the USB board that "auto" looks for, or its socket; empty: any.
+        line: the port, where it is open already; whoever opened it closes it.
     """
 
     def __init__(
@@ -163,6 +164,7 @@ class SerialReader:
         wait: float = 0.0,
         refuse: Callable[[Frame], str] = lambda frame: "",
         serial_number: str = "",
+        line=None,
     ):
         self.port, self.baud, self.watchdog = port, baud, watchdog
         self.connected_to: str | None = None
@@ -173,6 +175,7 @@ class SerialReader:
         self.parser = make_parser()
         self._make_parser, self._on_frame, self._say = make_parser, on_frame, say
         self._refuse, self._serial_number = refuse, serial_number
+        self._line = contextlib.nullcontext(line) if line else None
         self._board: tuple | None = None  # identity of the board that "auto" found
         self._reported: dict[str, str] = {}  # port -> why it gave no frame, since one last did
         self._seen = "", ""  # why there is no frame, and what arrived when that was new
@@ -211,7 +214,7 @@ class SerialReader:
                 continue
             for name in ports:
                 try:
-                    with _opened(name, self.baud) as port:
+                    with self._line or _opened(name, self.baud) as port:
                         self._read(port)
                 except (*PORT_ERRORS, ValueError) as error:  # ValueError: a baud it cannot do
                     lent = self._lent and _number(error) in _BUSY

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,14 +13,14 @@ from pathlib import Path
 import numpy as np
 
 from ..board.formats import make_format, make_parser
-from ..board.serial_port import PORT_ERRORS, why_not
+from ..board.frame import Frame
+from ..board.serial_port import SerialReader
 from ..middleware.config import read_skin
 from ..middleware.parameter_file import ParameterFile
 from ..solvers import compensate
 from .pictures import Pictures
 from .snapshot import NO_CONTACTS, Snapshot
 
-_ASK_AGAIN = 0.5  # s without a frame after which a board is asked again
 _FORMAT = "format."
 
 
@@ -35,7 +35,6 @@ class Borrowed:
     Attributes:
         skin: its configuration.
         pictures: draw it.
-        trouble: why the port fails; empty if it does not.
     """
 
     def __init__(self, line, text: str, take: Callable[[np.ndarray], None]):
@@ -47,20 +46,30 @@ class Borrowed:
         forms = {k.removeprefix(_FORMAT): v for k, v in given.items() if k.startswith(_FORMAT)}
         form = make_format(given["protocol"], forms)
         circuit = self.skin.circuit
-        self._parser = make_parser(given["protocol"], *circuit.shape, circuit.adc_bits, form)
+        self._reader = SerialReader(
+            line.port,
+            line.baudrate,
+            lambda: make_parser(given["protocol"], *circuit.shape, circuit.adc_bits, form),
+            self._on_frame,
+            say=lambda text: None,
+            watchdog=math.inf,
+            line=line,
+        )
         self.pictures = Pictures(self.skin)
-        self.trouble, self._line, self._take = "", line, take
+        self._take = take
         self._newest: tuple[float, np.ndarray] | None = None  # when [s], counts
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="borrowed board", daemon=True)
 
     def __enter__(self) -> Borrowed:
-        self._thread.start()
+        self._reader.start()
         return self
 
     def __exit__(self, *_) -> None:
-        self._ended.set()
-        self._thread.join()
+        self._reader.close()
+
+    @property
+    def trouble(self) -> str:
+        """Why no frame comes any more; empty if they come, or have not come yet."""
+        return self._reader.trouble if self._reader.reconnects >= 0 else ""
 
     def seen(self, said: Snapshot) -> Snapshot:
         """Return what the skin says, with the picture of this board in place of its own."""
@@ -74,20 +83,8 @@ class Borrowed:
         stamp = said.stamp + at - (at if said.read_at is None else said.read_at)
         return replace(none, stamp=stamp, read_at=at, adc=adc, pressure=pressure)
 
-    def _run(self) -> None:
-        asked = 0.0
-        try:
-            self._line.reset_input_buffer()
-            while not self._ended.is_set():
-                now = time.monotonic()
-                if self._parser.request and now - asked > _ASK_AGAIN:
-                    self._line.write(self._parser.request)
-                    asked = now
-                for frame in self._parser.feed(self._line.read(max(1, self._line.in_waiting))):
-                    if frame.samples.shape == self.skin.circuit.shape:
-                        asked = 0.0
-                        adc = self.skin.adc.marked(frame.samples, frame.unread)
-                        self._newest = time.monotonic(), adc
-                        self._take(adc)
-        except PORT_ERRORS as error:
-            self.trouble = why_not(self._line.port, error)
+    def _on_frame(self, frame: Frame) -> None:
+        if frame.samples.shape == self.skin.circuit.shape:
+            adc = self.skin.adc.marked(frame.samples, frame.unread)
+            self._newest = time.monotonic(), adc
+            self._take(adc)

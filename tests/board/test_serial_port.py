@@ -180,6 +180,23 @@ def test_a_port_that_is_lent_is_read_again_once_it_is_free(tmp_path, heard, read
         reader.close()
 
 
+def test_a_line_that_is_open_already_is_read_and_left_open(tmp_path, heard, reading):
+    """As a page reads a board that the skin has lent it; that the board has gone is said once."""
+    link = str(tmp_path / "skin")
+    served = Serving(tmp_path / "skin")
+    with open_port(link, 1_000_000) as line:
+        reader = reading(link, line=line)
+        heard.wait_for_frames()
+        reader.close()
+        assert line.is_open
+        reader = reading(link, line=line)
+        heard.wait_for(lambda: reader.connected_to == link)
+        served.unplug()
+        heard.wait_for(lambda: reader.connected_to is None)
+        assert reader.trouble.startswith(f"port {link}")
+        assert line.is_open
+
+
 def test_a_silent_port_is_opened_anew(silent_port, heard, reading):
     """By the watchdog; that it never sent is said, and no connection is counted."""
     reader = reading(silent_port, watchdog=0.02)
