@@ -32,7 +32,7 @@ STEP = 0.02  # s between two frames
 PUSH, FINGERS = (8.6, 13.0), (4.2, 6.4)  # s of the demo's scene, in the order that they are shown
 PUSH_NOW, STILL = (8.6, 10.2), (0.0, 0.5)  # s, of three skins
 COUNTS = 64  # of skin/adc in an ADC step of 10 bits
-SIZES = {"view": (1400, 910), "space": (720, 950), "body": (1400, 640)}  # px
+SIZES = {"view": (1400, 910), "space": (720, 1010), "body": (1400, 640)}  # px
 BROKEN = 6  # row of the back that does not reach the board
 
 

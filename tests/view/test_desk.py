@@ -212,6 +212,10 @@ def test_the_cover_is_turned_in_space(browser):
                 return {c for _, c in picture.convert("RGB").crop(edges).getcolors(10**6)}
 
         until(lambda: {(68, 1, 84), (255, 47, 135)} <= colours(), "cells at rest, and the arrow")
+        dx, dy = 0.3 * where["width"], 0.3 * where["height"]
+        edges = (edges[0] + dx, edges[1] + dy, edges[2] - dx, edges[3] - dy)
+        floor = {(red, red, red) for red in range(255)}
+        assert not floor & colours(), "no line of the floor is seen between two cells"
         before = browser.run(turned)
         browser.run("document.querySelector('#space canvas').focus()")
         browser.press("ArrowLeft")

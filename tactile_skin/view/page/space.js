@@ -10,6 +10,7 @@ import {
 import { rgb, rising } from "./colours.js";
 
 const CELL = 0.46; // of the pitch, from the middle of a cell to its edge
+const BACKING = 0.52; // the same of what is behind it: nothing is seen through a gap
 const MANY = 1024; // cells, from which on a gap between two is thinner than a pixel: there is none
 const TURN = 0.008; // rad for each px that is dragged
 const STEP = 0.12; // rad for each arrow key
@@ -45,12 +46,12 @@ export class Space {
     this.listen();
   }
 
-  /** A square for each cell, in the plane that its normal stands on. */
+  /** A square for each cell, in the plane that its normal stands on, and a backing for all gaps. */
   cover() {
     const { rows, cols, populated, position, normal, pitch } = this.hello;
     const at = (k) => new Vector3().fromArray(position, 3 * k);
     this.cells = [...Array(rows * cols).keys()].filter((k) => populated[k]);
-    const [corners, sides] = [[], []];
+    const [corners, behind, sides] = [[], [], []];
     const [low, high] = [new Vector3(Infinity, Infinity, Infinity), new Vector3(-Infinity, -Infinity, -Infinity)];
     for (const k of this.cells) {
       const [row, col] = [Math.floor(k / cols), k % cols];
@@ -59,26 +60,31 @@ export class Space {
       const along = at(row * cols + next).sub(at(row * cols + before));
       along.addScaledVector(out, -along.dot(out));
       if (along.lengthSq() < 1e-12) along.crossVectors(UP, out);
-      along.setLength((rows * cols < MANY ? CELL : 0.5) * pitch);
+      along.setLength(pitch);
       const up = new Vector3().crossVectors(out, along);
       const middle = at(k);
       low.min(middle);
       high.max(middle);
       const corner = (a, b) => middle.clone().addScaledVector(along, a).addScaledVector(up, b).toArray();
-      const [p, q, r, s] = [corner(-1, -1), corner(1, -1), corner(1, 1), corner(-1, 1)];
+      const square = (a) => [...corner(-a, -a), ...corner(a, -a), ...corner(a, a), ...corner(-a, a)];
       const first = corners.length / 3;
-      corners.push(...p, ...q, ...r, ...s);
+      corners.push(...square(rows * cols < MANY ? CELL : 0.5));
+      behind.push(...square(BACKING));
       sides.push(first, first + 1, first + 2, first, first + 2, first + 3);
     }
     this.middle = low.clone().add(high).divideScalar(2);
     this.lowest = low.z - pitch;
     this.size = Math.max(high.distanceTo(low) / 2, pitch);
-    const geometry = new BufferGeometry();
-    geometry.setAttribute("position", new BufferAttribute(new Float32Array(corners), 3));
-    geometry.setIndex(sides);
+    const [squares, backing] = [corners, behind].map((at) =>
+      new BufferGeometry().setAttribute("position", new BufferAttribute(new Float32Array(at), 3)).setIndex(sides));
     this.colours = new BufferAttribute(new Uint8Array(4 * (corners.length / 3)), 4, true);
-    geometry.setAttribute("color", this.colours);
-    return new Mesh(geometry, new MeshBasicMaterial({ vertexColors: true, side: DoubleSide }));
+    squares.setAttribute("color", this.colours);
+    const deeper = { polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 2 };
+    this.backing = new MeshBasicMaterial({ side: DoubleSide, ...deeper });
+    return new Group().add(
+      new Mesh(squares, new MeshBasicMaterial({ vertexColors: true, side: DoubleSide })),
+      new Mesh(backing, this.backing),
+    );
   }
 
   /** The floor under the cover. */
@@ -152,7 +158,7 @@ export class Space {
     before.set(now);
     this.colours.needsUpdate = true;
     if (this.turned) this.look();
-    this.scene.background = new Color(colours.panel);
+    this.scene.background = this.backing.color = new Color(colours.panel);
     this.arrow.visible = Boolean(head.push);
     if (head.push) this.point(head.push, head.limit ?? FULL);
     this.renderer.render(this.scene, this.camera);
