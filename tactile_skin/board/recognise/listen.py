@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
 
@@ -52,17 +53,19 @@ def listen(line, bauds, seconds: float, say: Callable[[str], None], shape=None) 
     Args:
         line: an open serial port.
         seconds: to listen at each.
-        say: takes a line for each.
+        say: takes a line before the first, and one behind each.
         shape: (rows, cols) that are expected; None: nothing is known.
 
     Raises:
         ValueError: the port fails, or no byte arrives at any rate.
     """
     best: Heard | None = None
+    say(f"listening for {seconds:g} s at each of {len(bauds)} baud rates, until one is sure ...")
     try:
-        for heard in _at_each(line, bauds, seconds, shape):
+        for k, heard in enumerate(_at_each(line, bauds, seconds, shape), 1):
             n, seen = len(heard.data), heard.seen
-            say(f"{heard.baud:>8} baud: {n} bytes: {seen.about if n else 'silent'}")
+            about = seen.about or "not recognised" if n else "silent"
+            say(f"{heard.baud:>8} baud ({k} of {len(bauds)}): {n} bytes: {about}")
             best = heard if best is None or heard.rank > best.rank else best
             if seen.sure:
                 break
@@ -78,10 +81,13 @@ def listen(line, bauds, seconds: float, say: Callable[[str], None], shape=None) 
 
 
 def _at_each(line, bauds, seconds: float, shape) -> Iterator[Heard]:
+    patience = math.inf
     for baud in bauds:
         line.baudrate = baud
         line.reset_input_buffer()
-        (data, lasted), request = _read(line, seconds), ""
+        (data, lasted), request = _read(line, seconds, patience), ""
+        if not data:  # what sends by itself sends bytes at any rate: less is enough at the others
+            patience = _ASKED
         for asked in () if data else REQUESTS:
             line.write(asked.encode())
             if data := _read(line, _ASKED)[0]:
@@ -93,12 +99,15 @@ def _at_each(line, bauds, seconds: float, shape) -> Iterator[Heard]:
         yield Heard(data, baud, request, shape, lasted)
 
 
-def _read(line, seconds: float) -> tuple[bytes, float]:
-    """Return what arrives, and the time from its first to its last byte [s]."""
+def _read(line, seconds: float, patience: float = math.inf) -> tuple[bytes, float]:
+    """Return what arrives, and the time from its first to its last byte [s].
+
+    Args:
+        patience: seconds after which it ends, if there was no byte.
+    """
     data, now = b"", time.monotonic()
-    end = now + seconds
-    first = last = now
-    while now < end and len(data) < _MOST:
+    first = last = begin = now
+    while now < begin + (seconds if data else min(seconds, patience)) and len(data) < _MOST:
         new = line.read(max(1, line.in_waiting))
         now = time.monotonic()
         if new:
