@@ -20,6 +20,7 @@ from support.simulated import CIRCUIT, serving
 
 from tactile_skin import PressureCurve
 from tactile_skin.behaviours.hooks import EventHook
+from tactile_skin.board.serial_port import _LENT_TO
 from tactile_skin.findings.finding import Finding, Kind
 from tactile_skin.launch import (
     LaunchError,
@@ -30,7 +31,7 @@ from tactile_skin.launch import (
     share_dir,
 )
 from tactile_skin.middleware.bus import Context, ParameterError
-from tactile_skin.msg import Bool, Header, PointCloud2, Twist, cloud
+from tactile_skin.msg import Bool, Header, PointCloud2, Trigger, Twist, cloud
 from tactile_skin.nodes.stop_on_push import LATCHED
 from tactile_skin.simulation import simulator
 
@@ -908,9 +909,9 @@ class Mute(simulator.Board):
         return b"" if self.mute else frame
 
 
-@pytest.mark.parametrize("cut", ["closed", "silent"])
+@pytest.mark.parametrize("cut", ["closed", "silent", "lent"])
 def test_a_cut_cable_stops(tmp_path, cut):
-    """A real device whose other end closes, or sends nothing more; and back again.
+    """A real device whose other end closes, sends nothing more, or is lent; and back again.
 
     Within 150 ms, as bench/touch_to_stop.py measures; here it has to come.
     """
@@ -926,7 +927,7 @@ def test_a_cut_cable_stops(tmp_path, cut):
         if action.executable == "compensation":
             action.give({name: parameters[name] for name in ("method", "suspect_stops")})
         if action.executable == "stop_on_push":
-            action.give({"stale_after": 0.5})  # a busy machine
+            action.give({"stale_after": 0.5, "latch": cut == "lent"})  # a busy machine
     heard, simulated = Heard(), Mute(CIRCUIT, PressureCurve(), lambda t: np.zeros((4, 5)))
     with serving(tmp_path / "s", simulated) as served, Skin(plan) as skin:
         skin.on_stop(heard)
@@ -935,6 +936,14 @@ def test_a_cut_cable_stops(tmp_path, cut):
         if cut == "closed":
             served.unplug()
             heard.wait_for_reason("fault: serial_driver: ")
+        elif cut == "lent":  # as before a page detects
+            skin._nodes[0].on_lend(None, Trigger.Response())
+            fault = f"fault: serial_driver: port {tmp_path / 's'} {_LENT_TO}"
+            heard.wait_for((True, f"{fault} + latched: {fault}"))
+            heard.wait_for((True, f"latched: {fault}"))
+            assert (False, "") not in heard.calls
+            assert skin.reset_stop() == (True, "free")
+            heard.wait_for((False, ""))
         else:
             simulated.mute = True
             heard.wait_for((True, "stale: readings no longer arrive"))
