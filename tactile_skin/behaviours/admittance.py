@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .gate import Motion, zero
-from .stop import MAX_AHEAD, StopMessage
+from .stop import FROM_ZERO, MAX_AHEAD, POSITIVE, SHARE, StopMessage, check
 
 _REST = 1e-3  # m/s, rad/s: slower than this, and not pushed, is at rest
 
@@ -45,6 +45,10 @@ class Axis:
     dead_band: float
     max_speed: float
     max_acceleration: float
+
+    def __post_init__(self) -> None:
+        check(self, "axis", "mass damping max_speed max_acceleration", POSITIVE)
+        check(self, "axis", "dead_band", FROM_ZERO)
 
     def step(self, velocity: np.ndarray, force: np.ndarray, dt: float) -> np.ndarray:
         """Return the velocity (n,) after dt [s] under a force (n,) that holds meanwhile."""
@@ -90,6 +94,10 @@ class AdmittanceConfig:
     touch_timeout: float = 0.1
     stop_timeout: float = 0.1
     alignment: float = 0.7
+
+    def __post_init__(self) -> None:
+        check(self, "admittance", "touch_timeout stop_timeout", POSITIVE)
+        check(self, "admittance", "alignment", SHARE)
 
 
 class Admittance:

@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from .stop import MAX_AHEAD, StopMessage
+from .stop import MAX_AHEAD, POSITIVE, SHARE, StopMessage, check
 
 _EDGE = math.sin(0.1)  # sine of the angle into the contact at which a motion is blocked
 
@@ -56,6 +56,10 @@ class GateConfig:
     touch_timeout: float = 0.1
     touch: float = 5.0
     alignment: float = 0.9
+
+    def __post_init__(self) -> None:
+        check(self, "gate", "command_timeout stop_timeout touch_timeout touch", POSITIVE)
+        check(self, "gate", "alignment", SHARE)
 
 
 class Gate:

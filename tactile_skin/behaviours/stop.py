@@ -22,6 +22,21 @@ TRANSPORT = 0.02  # s that a message of the stop may take to its subscribers: th
 OUT_OF_DATE = "stale: the stop's last 'free' is based on an old reading"
 
 
+_TINY = math.ulp(0.0)  # the least number above 0
+_HUGE = math.nextafter(math.inf, 0.0)  # the largest that is finite
+POSITIVE = "above 0, and finite", _TINY, _HUGE
+FROM_ZERO = "0 or more, and finite", 0.0, _HUGE
+SHARE = "above 0, and at most 1", _TINY, 1.0
+
+
+def check(config: object, what: str, names: str, allowed: tuple[str, float, float]) -> None:
+    """Raise ValueError unless these fields of a configuration are numbers that are allowed."""
+    words, low, high = allowed
+    for name in names.split():
+        if not low <= (value := getattr(config, name)) <= high:
+            raise ValueError(f"{what}: {name} = {value!r}: must be {words}")
+
+
 class Cause(str, Enum):
     """What stops the robot."""
 
@@ -105,12 +120,8 @@ class StopConfig:
     latch: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("threshold", "release", "peak"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"stop: {name} = {getattr(self, name)!r}: must be above 0")
-        for name in ("debounce", "lead", "hold", "stale_after"):
-            if not getattr(self, name) >= 0:
-                raise ValueError(f"stop: {name} = {getattr(self, name)!r}: must be 0 or more")
+        check(self, "stop", "threshold release peak", POSITIVE)
+        check(self, "stop", "debounce lead hold stale_after", FROM_ZERO)
         if self.release > self.threshold:
             raise ValueError(
                 f"stop: release = {self.release} N: must be at most threshold = {self.threshold} N"

@@ -294,3 +294,19 @@ def test_a_clock_that_is_set_back_does_not_make_it_deaf_to_touches():
     led.policy.stop(led.t, PUSH)
     assert is_zero(led.policy.step(led.t))
     assert led.hold(1.0, (40.0, 0.0, 0.0)).linear[0] > 0.1
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"touch_timeout": math.inf}, "admittance: touch_timeout = inf: must be above 0, and fin"),
+        ({"stop_timeout": 0.0}, "admittance: stop_timeout = 0.0: must be above 0, and finite"),
+        ({"alignment": 1.1}, "admittance: alignment = 1.1: must be above 0, and at most 1"),
+        ({"mass": 0.0}, "axis: mass = 0.0: must be above 0, and finite"),
+        ({"max_speed": math.nan}, "axis: max_speed = nan: must be above 0, and finite"),
+        ({"dead_band": -1.0}, "axis: dead_band = -1.0: must be 0 or more, and finite"),
+    ],
+)
+def test_settings_under_which_it_would_not_follow_are_refused(wrong, said):
+    with pytest.raises(ValueError, match=said):
+        dataclasses.replace(ANGULAR if said.startswith("axis") else AdmittanceConfig(), **wrong)
