@@ -311,7 +311,7 @@ class View(Skin):
     host: str = parameter("127.0.0.1", "", "address to serve the page on; 0.0.0.0: all of them")
     port: int = parameter(8321, "", "TCP port of the page; 0: any that is free", 0, 65535)
     controls: bool = parameter(
-        False, "", "whether a page may tare, reset the stop, record and calibrate"
+        False, "", "whether a page may tare, reset the stop, record, detect and calibrate"
     )
 
 
