@@ -86,8 +86,9 @@ def run(args) -> int:
         return 1
     out.write_text(text)
     print(f"{out} is written. See it live:")
-    print(f"  tactile-skin launch port:={given.get('port', 'PORT')} config:={out}")
-    print(f"then: tactile-skin calibrate --config {out} --out {out}")
+    port = given.get("port", "PORT")
+    print(f"  tactile-skin launch port:={port} config:={out}")
+    print(f"then: tactile-skin calibrate --config {out} --out {out} port:={port}")
     return 0
 
 

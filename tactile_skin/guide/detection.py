@@ -48,7 +48,7 @@ def conclude(
         say: takes lines.
 
     Raises:
-        ValueError: an answer that no circuit has.
+        ValueError: an answer that no circuit has, or a shape that no frame has.
     """
     seen = found.seen
     say(f"what arrives:\n  {shown(seen.sample or found.data, seen.text, _SAMPLE)}")
@@ -61,7 +61,10 @@ def conclude(
     board = identity(given.get("port", ""))[1:]  # on USB
     if board:
         say(f"USB board {board[-1]} at {given['port']}")
-    rows, cols = shape if shape and found.fits(shape) else _cells(found, ask)
+    if shape and not found.fits(shape):
+        given, cells = f"rows = {shape[0]}, cols = {shape[1]}", found.seen.cells
+        raise ValueError(f"{given}: must be {cells} cells together, as a frame has")
+    rows, cols = shape or _cells(found, ask)
     answers = _answers(seen, given | {"rows": rows, "cols": cols}, ask)
     circuit, width = _circuit(found.seen, answers)
     say(f"{rows} x {cols} cells at {circuit['adc_bits']} bits, {answers['readout']}")

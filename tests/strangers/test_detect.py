@@ -144,6 +144,17 @@ def test_cells_that_are_typed_are_looked_for_again_in_the_bytes(tmp_path, monkey
     np.testing.assert_array_equal(frames[0].samples, pictures[1] * 64)
 
 
+def test_a_shape_that_no_frame_has_is_refused(tmp_path, monkeypatch, capsys):
+    """Nobody is asked, and nothing guessed, against what was given."""
+    data = boards.sent(boards.frame_a_line, np.random.default_rng(4).integers(20, 900, (30, 8, 10)))
+    (tmp_path / "bytes.bin").write_bytes(data)
+    monkeypatch.chdir(tmp_path)
+    assert main(["detect", "bytes.bin", "rows:=10", "cols:=9", "r_ref:=470"]) == 2
+    said = "rows = 10, cols = 9: must be 80 cells together, as a frame has"
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "mine.yaml").exists()
+
+
 def test_what_a_parameter_file_knows_of_the_wiring_is_kept(tmp_path, monkeypatch):
     data = boards.sent(boards.frame_a_line, np.random.default_rng(4).integers(20, 900, (30, 6, 6)))
     (tmp_path / "bytes.bin").write_bytes(data)

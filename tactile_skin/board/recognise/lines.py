@@ -36,6 +36,7 @@ _CLASSES = 12  # different values, at most, of a last number that may be a class
 _TIME = re.compile(rb"(?:\d+-\d+-\d+[T ])?\d+:\d+:\d+(?:[.,]\d+)?|\d+-\d+-\d+")
 _MARK = re.compile(rb"^(?P<label>[^,;\t]*?(?:[:=]|->))(?P<rest>[^:=]*)$", re.DOTALL)
 _LABELS = re.compile(rb'[\[{(\s]*"?[A-Za-z_][\w .]*"?(?:\[\d+\])?[ \t]*[:=]')
+_NUMBER = "\0"  # in a label: no board prints it in a line
 _INTEGER = re.compile(r"\d+")
 _NO_TEXT = re.compile("[^ -}]+")  # what differs from line to line, `~` in place of a time
 _NUMERIC = re.compile(rb"-?(?:\d+\.?\d*|\.\d+)|-|nan|NaN|NAN")
@@ -47,7 +48,7 @@ _LINE_ENDS = (b"\n", b"\r", b"#", b">", b"]", b"}", b"|", b"$", b"!")
 class _Line:
     """A line taken apart: text in front with its numbers, fields, readings, fields behind."""
 
-    label: str  # `#` in place of each number
+    label: str  # _NUMBER in place of each number
     lead: tuple[float, ...]  # these numbers
     front: int  # fields in front that are no numbers
     values: tuple[float, ...]
@@ -86,7 +87,7 @@ def _take_apart(line: bytes) -> _Line | None:
         label, body = match["label"], match["rest"]
     text = label.decode("ascii", "replace")
     lead = tuple(float(n) for n in _INTEGER.findall(text))
-    text = _NO_TEXT.sub("{skip}", _INTEGER.sub("#", text))
+    text = _INTEGER.sub(_NUMBER, _NO_TEXT.sub("{skip}", text))
     body = body.translate(bytes.maketrans(_BRACKETS, b" " * 8)).strip()
     counts = {s: body.count(s) for s in (b",", b";", b"\t")}
     separator = max(counts, key=lambda mark: counts[mark]) if any(counts.values()) else b" "
@@ -160,10 +161,10 @@ def _roles(lead: np.ndarray, readings: int) -> tuple[list[str], int, tuple[int, 
 
 
 def _template(kind: tuple, lead: list[str], front: list[str], behind: int) -> str:
-    """Return the description of a line; `#` in its label stands for the numbers of `lead`."""
+    """Return the description of a line; _NUMBER in its label stands for those of `lead`."""
     label, skips, _, more, separator = kind
     names = iter(lead)
-    text = re.sub("#", lambda _: f"{{{next(names)}}}", label)
+    text = re.sub(_NUMBER, lambda _: f"{{{next(names)}}}", label)
     fields = ["{skip}"] * skips + [f"{{{name}}}" for name in front] + ["{values}"]
     fields += ["{skip}"] * (more + behind)
     return f"{text} {separator.join(fields)}".strip()
