@@ -62,8 +62,8 @@ def conclude(
     if board:
         say(f"USB board {board[-1]} at {given['port']}")
     if shape and not found.fits(shape):
-        given, cells = f"rows = {shape[0]}, cols = {shape[1]}", found.seen.cells
-        raise ValueError(f"{given}: must be {cells} cells together, as a frame has")
+        wrong, cells = f"rows = {shape[0]}, cols = {shape[1]}", found.seen.cells
+        raise ValueError(f"{wrong}: must be {cells} cells together, as a frame has")
     rows, cols = shape or _cells(found, ask)
     answers = _answers(seen, given | {"rows": rows, "cols": cols}, ask)
     circuit, width = _circuit(found.seen, answers)
