@@ -12,7 +12,6 @@ refused by name.
 from __future__ import annotations
 
 import atexit
-import concurrent.futures
 import contextlib
 import gc
 import importlib
@@ -350,11 +349,9 @@ class Skin:
     def _reset(self, handle: Node, timeout: float):
         """Return the answer of the node's service ~/reset."""
         name = f"{handle.get_fully_qualified_name()}/reset"
-        future = self.node.create_client(Trigger, name).call_async(Trigger.Request())
         try:
-            return future.result(timeout)
-        except concurrent.futures.TimeoutError:
-            future.cancel()  # a reset that was given up must not free the robot later
+            return self.node.create_client(Trigger, name).call(Trigger.Request(), timeout)
+        except TimeoutError:
             return Trigger.Response(False, f"{name} does not answer")
 
     def _started(self, executable: str) -> list[Node]:

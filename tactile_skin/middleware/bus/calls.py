@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import concurrent.futures
 import math
 import operator
 from collections import deque
@@ -92,3 +93,20 @@ class Client:
                 raise RuntimeError(f"service {self.srv_name} is not offered by any node")
             service._put(request, future)
         return future
+
+    def call(self, request, timeout_sec: float):
+        """Ask, and return the response, or raise what the server raised.
+
+        Raises:
+            RuntimeError: as `call_async`.
+            TimeoutError: no answer in time; what has not begun by then does not happen later.
+        """
+        future = self.call_async(request)
+        try:
+            return future.result(timeout_sec)
+        except concurrent.futures.TimeoutError:
+            if future.done():  # the server's own
+                raise
+            begun = "" if future.cancel() else ", but is at work on it"
+            why = f"the node did not answer within {timeout_sec:g} s{begun}"
+            raise TimeoutError(why) from None

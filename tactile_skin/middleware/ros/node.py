@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import concurrent.futures
 import logging
 import time
 from collections.abc import Callable
@@ -182,7 +181,7 @@ class RosNode(bus.Node):
 
         def answer(request, response):  # in ROS's thread: the node's own does the work
             try:
-                found = _ask(client, from_ros(srv_type.Request, request))
+                found = client.call(from_ros(srv_type.Request, request), _SERVICE_WITHIN)
             except Exception as error:  # raised here it would end rclpy's executor
                 self.get_logger().error("service %s: %r", service.srv_name, error)
                 found = srv_type.Response(success=False, message=str(error) or repr(error))
@@ -231,7 +230,7 @@ class RosNode(bus.Node):
         if ours:
             client = super().create_client(bus.SetParameters, bus.SET_PARAMETERS)
             try:
-                reason = _ask(client, bus.SetParameters.Request(ours)).reason
+                reason = client.call(bus.SetParameters.Request(ours), _SERVICE_WITHIN).reason
             except Exception as error:  # raised here it would end rclpy's executor
                 reason = str(error) or repr(error)
         return rcl.SetParametersResult(successful=not reason, reason=reason)
@@ -320,22 +319,6 @@ def _isolated(what: str, callback: Callable) -> Callable:
             _logger.exception("%s was not taken", what)
 
     return call
-
-
-def _ask(client: bus.Client, request):
-    """Return the response, or the exception that the node raised.
-
-    Raises:
-        RuntimeError: it does not answer in time; what it has not begun does not happen later.
-    """
-    future = client.call_async(request)
-    try:
-        return future.result(_SERVICE_WITHIN)
-    except concurrent.futures.TimeoutError:
-        if future.done():  # the node's own
-            raise
-        begun = "" if future.cancel() else ", but is at work on it"
-        raise RuntimeError(f"the node did not answer within {_SERVICE_WITHIN:g} s{begun}") from None
 
 
 class ToRos(logging.Handler):

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import concurrent.futures
 import math
 import threading
 import time
@@ -23,6 +22,7 @@ from .page_recording import RECORDS, PageRecording
 
 _QUIET = 0.1  # s after which a page is told that nothing changed
 _UNHEARD = 1.0  # s without a message of the stop, which comes every 0.02 s: nobody says then
+_ANSWER = 1.0  # s that a service has for its answer
 _AFTER = 0.001  # s after a decision: those who stop the robot go first
 # What a page may ask for, if it may -> the services that are called, in turn.
 _CALLS = {
@@ -179,13 +179,8 @@ class ShownSkin:
             return self.recording.ask(name)
         said = []
         for client in self._clients[name]:
-            future = client.call_async(Trigger.Request())
             try:
-                answer = future.result(1.0)
-            except (TimeoutError, concurrent.futures.TimeoutError):
-                # a reset that was given up must not free the robot later
-                given_up = future.cancel()
-                return False, f"{name}: {'no answer' if given_up else 'is at work on it'}"
+                answer = client.call(Trigger.Request(), _ANSWER)
             except Exception as error:
                 return False, f"{name}: {error}"
             said.append(answer.message)
