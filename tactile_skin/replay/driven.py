@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from ..launch import Skin
 from ..middleware.bus import Context, ManualClock, Node, SingleThreadedExecutor
+from ..middleware.launched import parameters_of
 from ..middleware.plan import Plan
 
 _STEP = 10**14  # ns of which a float holds each
@@ -54,6 +55,11 @@ class Driven:
     def run(self) -> None:
         """Carry out what is due now."""
         self._executor.spin_some()
+
+    @property
+    def parameters(self) -> dict[str, dict]:
+        """Full name of each node -> {parameter: value}."""
+        return parameters_of(self._skin._handles)
 
     @property
     def errors(self) -> int:

@@ -12,13 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ..launch import Skin, find, read_plan
-from ..middleware.bus import Context, Time
-from ..middleware.launched import parameters_of
+from ..launch import find, read_plan
+from ..middleware.bus import Time
 from ..middleware.plan import Plan
 from ..msg import DiagnosticArray, Image, image_array
 from ..nodes import diagnostics
 from ..nodes.stop_on_push import STATUS, STATUS_TOPIC
+from ..parameters.nodes import all_names
 from ..recording import Recording, cdr, configuration
 from ..recording.reader import ADC, EVER
 from ..recording.writer import Writer
@@ -97,9 +97,8 @@ class Replay:
         self._writer: Writer | None = None
         self._left_out = 0  # readings
         plan = _plan(config)
-        self._actions = {f"/{action.name}": action for action in plan.nodes}
         for action in plan.nodes:
-            values = {} if config else self._recorded(action.executable, action.values())
+            values = {} if config else self._recorded(action.executable)
             values |= (parameters or {}).get(action.executable, {})
             if action.executable == "compensation":
                 values |= {"time_limit": _PATIENT} | ({"method": method} if method else {})
@@ -120,8 +119,7 @@ class Replay:
         Raises:
             FileError, OSError: the file cannot be made.
         """
-        values = {name: a.values() for name, a in self._actions.items()}
-        attachments = configuration.attachments(values)
+        attachments = configuration.attachments(self.driven.parameters)
         now = self.driven.now
         self._writer = writer = Writer(path, attachments, now())
         for topic, (kind,) in self.driven.observer.get_topic_names_and_types():
@@ -131,11 +129,12 @@ class Replay:
 
             self.driven.observer.create_subscription(cdr.KINDS[kind], topic, take, STATUS)
 
-    def _recorded(self, executable: str, known: dict) -> dict:
+    def _recorded(self, executable: str) -> dict:
         """Return the recorded parameters of a node; those that it does not know are left out."""
         attached, folder = self._source.attachments, Path(self._folder.name)
         values = configuration.unpack(self._source.node_parameters(executable), attached, folder)
-        unknown = sorted(set(values) - set(known))
+        known = all_names(executable)
+        unknown = sorted(set(values) - known)
         if unknown:
             self.notes.append(f"{executable}: recorded parameters unknown here: {unknown}")
         return {name: value for name, value in values.items() if name in known}
@@ -202,14 +201,8 @@ class Replay:
 
 
 def _plan(config) -> Plan:
-    """Return the nodes that follow the board, with a value for every parameter."""
+    """Return the nodes that follow the board."""
     arguments = {"config": str(config)} if config else {}
     plan = read_plan(find("skin.launch.yaml"), arguments | {"port": _NO_PORT, "monitor": "false"})
-    skin = Skin(plan, Context())
-    skin.build()  # with the board's node: it declares what the file may hold, too
-    values = parameters_of(skin._handles)
     plan.nodes = [action for action in plan.nodes if action.executable in _NODES]
-    for action in plan.nodes:
-        action.parameters.clear()
-        action.give(values[f"/{action.name}"])
     return plan

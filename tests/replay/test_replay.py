@@ -64,6 +64,12 @@ def test_each_reading_gives_a_step(path):
     assert {s.status for s in steps} == {"ok"}
 
 
+def test_each_node_is_made_once(path, caplog):
+    """And so what it warns of is read once."""
+    Replay(Recording(path))
+    assert caplog.text.count("geometry.shape is unknown") == 1
+
+
 def test_a_replay_is_the_same_to_the_bit(path):
     np.testing.assert_array_equal(force(path), force(path))
 
