@@ -7,6 +7,7 @@ import dataclasses
 import functools
 import importlib
 import inspect
+from collections.abc import Iterator
 from typing import TypeVar
 
 import numpy as np
@@ -22,6 +23,14 @@ KINDS: dict[str, type[Message]] = {  # ROS 2 type -> class of a message
 }
 SCHEMAS, MESSAGES = "ros2msg", "cdr"  # names of ROS 2's formats, in MCAP and in Foxglove
 _PARTS = "reader", "records", "stream_reader", "writer"
+
+
+def new_topics(node, heard: set[str]) -> Iterator[tuple[str, type[Message]]]:
+    """Yield each topic of a node's process that is not among those heard yet, and its messages."""
+    for topic, (name,) in node.get_topic_names_and_types():
+        if topic not in heard and name in KINDS:
+            heard.add(topic)
+            yield topic, KINDS[name]
 
 
 @functools.cache

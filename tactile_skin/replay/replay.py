@@ -122,12 +122,12 @@ class Replay:
         attachments = configuration.attachments(self.driven.parameters)
         now = self.driven.now
         self._writer = writer = Writer(path, attachments, now())
-        for topic, (kind,) in self.driven.observer.get_topic_names_and_types():
+        for topic, kind in cdr.new_topics(self.driven.observer, set()):
 
             def take(message, topic=topic):
                 writer.write(topic, type(message), now(), cdr.encode(message))
 
-            self.driven.observer.create_subscription(cdr.KINDS[kind], topic, take, STATUS)
+            self.driven.observer.create_subscription(kind, topic, take, STATUS)
 
     def _recorded(self, executable: str) -> dict:
         """Return the recorded parameters of a node; those that it does not know are left out."""

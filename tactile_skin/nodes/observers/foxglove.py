@@ -7,7 +7,6 @@ import logging
 import threading
 import time
 from collections import deque
-from typing import Any
 
 from ...errors import LaunchError
 from ...middleware.config import declared
@@ -62,13 +61,9 @@ class Foxglove:
 
     def _listen(self) -> None:
         """Make a channel for each topic that is new."""
-        for topic, (name,) in self.node.get_topic_names_and_types():
-            if topic in self._heard or name not in cdr.KINDS:
-                continue
-            self._heard.add(topic)
-            kind: Any = cdr.KINDS[name]
+        for topic, kind in cdr.new_topics(self.node, self._heard):
             schema = self._sdk.Schema(
-                name=name, encoding=cdr.SCHEMAS, data=cdr.definition(kind).encode()
+                name=kind.TYPE, encoding=cdr.SCHEMAS, data=cdr.definition(kind).encode()
             )
             channel = self._sdk.Channel(
                 topic, schema=schema, message_encoding=cdr.MESSAGES, context=self._context

@@ -59,11 +59,9 @@ class PageRecording:
         except (ModuleNotFoundError, OSError) as error:
             return False, str(error)
         self._recorder.start()
-        for topic, (kind,) in self.node.get_topic_names_and_types():
-            ours = topic.startswith(self._here) or topic == "/diagnostics"
-            if ours and topic not in self._heard and kind in cdr.KINDS:
-                self._heard.add(topic)
-                self.node.create_tap(cdr.KINDS[kind], topic, self._taker(topic))
+        for topic, kind in cdr.new_topics(self.node, self._heard):
+            if topic.startswith(self._here) or topic == "/diagnostics":
+                self.node.create_tap(kind, topic, self._taker(topic))
         return True, "recording; press again to end it"
 
     def _taker(self, topic: str):

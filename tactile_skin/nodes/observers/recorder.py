@@ -54,10 +54,8 @@ class RecorderNode:
 
     def _listen(self) -> None:
         """Subscribe to the topics that are new."""
-        for topic, (kind,) in self.node.get_topic_names_and_types():
-            if topic not in self._heard and kind in cdr.KINDS:
-                self._heard.add(topic)
-                self.node.create_tap(cdr.KINDS[kind], topic, self._taker(topic))
+        for topic, kind in cdr.new_topics(self.node, self._heard):
+            self.node.create_tap(kind, topic, self._taker(topic))
 
     def _taker(self, topic: str):
         is_stop = topic.endswith("/skin/stop")
