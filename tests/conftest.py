@@ -3,6 +3,7 @@
 
 import importlib.util
 import os
+import signal
 import threading
 import time
 
@@ -108,3 +109,27 @@ def no_thread_outlives_its_test():
             thread.join(max(0.0, deadline - time.monotonic()))
     left = [t.name for t in set(threading.enumerate()) - before if _ours(t)]
     assert not left, f"still running: {', '.join(left)}"
+
+
+@pytest.fixture
+def call(capfd):
+    """A function that runs a command in this process: (status, standard output, errors).
+
+    What `main` does not catch, a user would see as a traceback; here it fails the test.
+    """
+    from tactile_skin.cli import main
+
+    kept = {s: signal.getsignal(s) for s in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)}
+
+    def call(*words):
+        try:
+            status = main(list(map(str, words)))
+        except SystemExit as end:  # argparse
+            status = end.code
+        out, err = capfd.readouterr()
+        assert "Traceback" not in out + err
+        return status, out, err
+
+    yield call
+    for number, handler in kept.items():
+        signal.signal(number, handler)

@@ -37,28 +37,6 @@ def run_command(*words, cwd=None, timeout=120) -> subprocess.CompletedProcess:
     return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=timeout)
 
 
-@pytest.fixture
-def call(capfd):
-    """A function that runs a command in this process: (status, standard output, errors).
-
-    What `main` does not catch, a user would see as a traceback; here it fails the test.
-    """
-    kept = {s: signal.getsignal(s) for s in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)}
-
-    def call(*words):
-        try:
-            status = cli.main(list(map(str, words)))
-        except SystemExit as end:  # argparse
-            status = end.code
-        out, err = capfd.readouterr()
-        assert "Traceback" not in out + err
-        return status, out, err
-
-    yield call
-    for number, handler in kept.items():
-        signal.signal(number, handler)
-
-
 @pytest.fixture(autouse=True)
 def log_settings_stay():
     """`main` configures logging; tests of other modules must not see that."""

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import recorded
 
-from tactile_skin import cli, msg
+from tactile_skin import msg
 from tactile_skin.errors import FileError
 from tactile_skin.launch import read_skin
 from tactile_skin.recording import Recording, cdr
@@ -73,20 +73,6 @@ def test_frames_without_times_take_a_rate(tmp_path, config):
 
 
 # --- the commands ---
-
-
-@pytest.fixture
-def call(capfd):
-    def call(*words):
-        try:
-            status = cli.main(list(map(str, words)))
-        except SystemExit as end:
-            status = end.code
-        out, err = capfd.readouterr()
-        assert "Traceback" not in out + err
-        return status, out, err
-
-    return call
 
 
 def rest(tmp_path, n=200):
