@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import threading
 
 import numpy as np
 
@@ -15,7 +14,6 @@ from ..body.touches import OLDEST, BodyTouch, BodyTracker, Piece, coincident
 from ..middleware.bus import Time
 from ..middleware.config import circuit_of, declared, geometry_of
 from ..msg import (
-    Bool,
     DiagnosticArray,
     Header,
     Point,
@@ -35,10 +33,17 @@ from ..parameters.shared import Circuit, Framed, Geometry
 from ..touch.frames import IDENTITY, Frames, Pose
 from ..touch.geometry import UNKNOWN
 from ..touch.geometry import Geometry as SkinGeometry
-from . import QUEUE, diagnostics
+from . import QUEUE
 from .frames import hear
 from .gesture_feature import CONTACT
-from .stop_on_push import CAUSES, HEARTBEAT, LATCHED, STATUS, STATUS_TOPIC, stop_message_of
+from .stop_on_push import (
+    HEARTBEAT,
+    STATUS,
+    STATUS_TOPIC,
+    Decisions,
+    answered,
+    stop_message_of,
+)
 from .touch import xyz
 
 _SKIN = "skin"  # field of a contact: the place of its skin in the parameter `skins`, from 0
@@ -94,12 +99,7 @@ class Body:
         self._fresh: set[str] = set()  # skins that have come since the last message
         self._bases: dict[str, float] = {}  # skin -> stamp of what its stop is based on
         self._ages: dict[str, float] = {}  # skin -> how old that was when it was heard [s]
-        self._said: Decision | None = None
-        self._closed = threading.Lock()  # never released once the final stop is published
-        self._stop = node.create_publisher(Bool, "skin/stop", LATCHED)
-        self._status = node.create_publisher(DiagnosticArray, STATUS_TOPIC, LATCHED)
-        self._to_all = diagnostics.Reporter(node, (diagnostics.ALL,))
-        self._to_skin = diagnostics.Reporter(node, (diagnostics.TOPIC,))
+        self._decisions = Decisions(node)
         self._contacts = node.create_publisher(PointCloud2, "skin/contacts", 10)
         self._wrench = node.create_publisher(WrenchStamped, "skin/wrench", 10)
         self._centre = node.create_publisher(PointStamped, "skin/centre", 10)
@@ -108,7 +108,6 @@ class Body:
             self._listen(name)
         node.on_set_parameters(self.on_parameters)
         node.create_service(Trigger, "~/reset", self.on_reset)
-        node.create_timer(1.0, self.on_second)
         node.create_timer(HEARTBEAT, self.on_timer)
         self.on_timer()
 
@@ -222,51 +221,31 @@ class Body:
         self._decide(self._now())
 
     def on_reset(self, _, response):
-        reason = self.stop.reset(self._now())
-        response.success = not reason
-        response.message = f"still stopped: {reason}" if reason else "free"
+        causes = self.stop.reset(self._now())
         self.on_timer()
-        return response
+        return answered(response, causes)
 
     def _decide(self, t: float, always: bool = True) -> None:
         decision = self.stop.decide(t)
-        if (always or decision != self._said) and self._closed.acquire(blocking=False):
-            try:
-                self._say(decision, t)
-            finally:
-                self._closed.release()
+        if always or decision != self._decisions.last:
+            self._publish(decision, t)
 
-    def _say(self, decision: Decision, t: float) -> None:
-        changed, self._said = decision != self._said, decision
-        self._stop.publish(Bool(decision.stop))
+    def _publish(self, decision: Decision, t: float, final: bool = False) -> None:
         based = min(self._bases.values(), default=t)
         good_for = self.stop.until - TRANSPORT - based
         values = {
-            CAUSES: " ".join(cause.value for cause in decision.causes),
             STOPPING: " ".join(self.stop.stopping(t)),
             AGES: " ".join(f"{name} {age:.3f}" for name, age in self._ages.items()),
             "good_for": f"{good_for if math.isfinite(good_for) else -1.0:g}",
         }
         header = Header(Time(round(based * 1e9)).to_msg(), self._frame)
-        level = diagnostics.ERROR if decision.stop else diagnostics.OK
-        self._status.publish(diagnostics.report(self.node, level, decision.reason, values, header))
-        if changed:
-            self.on_second()
-
-    def on_second(self) -> None:
-        """Report once a second and when the reason changes; a stop is no fault of this node."""
-        if (said := self._said) is None:
-            return
-        level = diagnostics.ERROR if said.stop else diagnostics.OK
-        level = diagnostics.WARN if said.for_push_alone else level
-        self._to_all.publish(diagnostics.report(self.node, level, said.reason or "free", {}))
-        self._to_skin.publish(diagnostics.report(self.node, diagnostics.OK, "running", {}))
+        self._decisions.publish(decision, values, header, final)
 
     def close(self) -> None:
         """Publish a final stop: nothing monitors the skins from here on."""
-        self._closed.acquire()
+        decision = self.stop.decide(self._now())
         words = "fault: the body shuts down"
-        self._say(self.stop.decide(self._now())._replace(stop=True, reason=words, causes=()), 0.0)
+        self._publish(decision._replace(stop=True, reason=words, causes=()), 0.0, final=True)
 
 
 def _seconds(header: Header) -> float:

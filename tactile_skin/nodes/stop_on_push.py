@@ -73,6 +73,57 @@ def causes_of(status: DiagnosticStatus) -> tuple[Cause, ...]:
     return causes or (Cause.FAULT,)
 
 
+def answered(response, causes: str):
+    """Return the answer to a reset after which the causes are left."""
+    response.success = not causes
+    response.message = f"still stopped: {causes}" if causes else "free"
+    return response
+
+
+class Decisions:
+    """Publishes the decisions of a stop, and how it is once a second and when the reason changes.
+
+    Attributes:
+        last: the last decision; None: there was none yet.
+    """
+
+    def __init__(self, node):
+        self._node = node
+        self.last: Decision | None = None
+        self._closed = threading.Lock()  # never released once the final stop is published
+        self._stop = node.create_publisher(Bool, "skin/stop", LATCHED)
+        self._status = node.create_publisher(DiagnosticArray, STATUS_TOPIC, LATCHED)
+        self._to_all = diagnostics.Reporter(node, (diagnostics.ALL,))
+        self._to_skin = diagnostics.Reporter(node, (diagnostics.TOPIC,))
+        node.create_timer(1.0, self._on_second)
+
+    def publish(self, decision: Decision, values: dict, header: Header, final: bool) -> None:
+        """Publish a decision, with values of its status; after the final one no other."""
+        if not self._closed.acquire(blocking=final):
+            return
+        try:
+            changed, self.last = decision != self.last, decision
+            self._stop.publish(Bool(decision.stop))
+            values |= {CAUSES: " ".join(cause.value for cause in decision.causes)}
+            level = diagnostics.ERROR if decision.stop else diagnostics.OK
+            status = diagnostics.report(self._node, level, decision.reason, values, header)
+            self._status.publish(status)
+            if changed:
+                self._on_second()
+        finally:
+            if not final:
+                self._closed.release()
+
+    def _on_second(self) -> None:
+        """Report; a stop is no fault of this node."""
+        if (last := self.last) is None:
+            return
+        level = diagnostics.ERROR if last.stop else diagnostics.OK
+        level = diagnostics.WARN if last.for_push_alone else level
+        self._to_all.publish(diagnostics.report(self._node, level, last.reason or "free", {}))
+        self._to_skin.publish(diagnostics.report(self._node, diagnostics.OK, "running", {}))
+
+
 class StopOnPush:
     """Publishes whether the robot must stop, and why.
 
@@ -101,20 +152,14 @@ class StopOnPush:
         self._largest = _END * self._curve.max_force
         with concerning("peak", "curve"):
             self._check(self.policy.config)
-        self._stop = node.create_publisher(Bool, "skin/stop", LATCHED)
-        self._status = node.create_publisher(DiagnosticArray, STATUS_TOPIC, LATCHED)
-        self._to_skin = diagnostics.Reporter(node, (diagnostics.TOPIC,))
-        self._to_all = diagnostics.Reporter(node, (diagnostics.ALL,))
+        self._decisions = Decisions(node)
         self._header = Header()
         self._force = self._most = 0.0
         self._simulated = False  # the driver says that its board is
-        self._said: Decision | None = None
-        self._closed = threading.Lock()  # never released once the final stop is published
         node.on_set_parameters(self.on_parameters)
         node.create_subscription(PointCloud2, "skin/contacts", self.on_contacts, QUEUE)
         node.create_subscription(DiagnosticArray, diagnostics.TOPIC, self.on_diagnostics, 50)
         node.create_service(Trigger, "~/reset", self.on_reset)
-        node.create_timer(1.0, self.on_second)
         self._heartbeat = node.create_timer(HEARTBEAT, self.on_timer)
         self.on_timer()
 
@@ -175,7 +220,7 @@ class StopOnPush:
                 if simulated := values.get(diagnostics.SIMULATED):
                     self._simulated = simulated == "true"
         decision = self.policy.decide(self._now())
-        if decision != self._said:  # a fault need not wait for the timer
+        if decision != self._decisions.last:  # a fault need not wait for the timer
             self._publish(decision)
 
     def _learn(self, source: str, values: dict[str, str]) -> None:
@@ -186,10 +231,8 @@ class StopOnPush:
 
     def on_reset(self, _, response):
         causes = self.policy.reset(self._now())
-        response.success = not causes
-        response.message = f"still stopped: {causes}" if causes else "free"
         self.on_timer()
-        return response
+        return answered(response, causes)
 
     def on_timer(self) -> None:
         self._watch_clock()
@@ -199,27 +242,7 @@ class StopOnPush:
         still = self.node.get_clock().stands_still
         self.policy.fault("clock", "stands still: no age of a reading is known" if still else "")
 
-    def on_second(self) -> None:
-        """Report once a second and when the reason changes; a stop is no fault of this node."""
-        if (said := self._said) is None:
-            return
-        level = diagnostics.ERROR if said.stop else diagnostics.OK
-        if said.for_push_alone:
-            level = diagnostics.WARN
-        self._to_all.publish(diagnostics.report(self.node, level, said.reason or "free", {}))
-        self._to_skin.publish(diagnostics.report(self.node, diagnostics.OK, "running", {}))
-
-    def _publish(self, decision) -> None:
-        if self._closed.acquire(blocking=False):
-            try:
-                self._say(decision)
-            finally:
-                self._closed.release()
-
-    def _say(self, decision) -> None:
-        changed, self._said = decision != self._said, decision
-        self._stop.publish(Bool(decision.stop))
-        level = diagnostics.ERROR if decision.stop else diagnostics.OK
+    def _publish(self, decision: Decision, final: bool = False) -> None:
         interval = self.policy.interval
         values = {
             "force": f"{self._force:.2f}",
@@ -227,22 +250,16 @@ class StopOnPush:
             "threshold": f"{self.policy.config.threshold:g}",
             "peak": f"{self.policy.config.peak:g}",
             "push": str(self.policy.pushed).lower(),
-            CAUSES: " ".join(cause.value for cause in decision.causes),
             diagnostics.SIMULATED: str(self._simulated).lower(),
             "good_for": f"{self.policy.stale_after:g}",
             "interval": "unknown" if interval is None else f"{interval:.4f}",
         }
-        self._status.publish(
-            diagnostics.report(self.node, level, decision.reason, values, self._header)
-        )
-        if changed:
-            self.on_second()
+        self._decisions.publish(decision, values, self._header, final)
 
     def close(self) -> None:
         """Publish a final stop: nothing monitors the skin from here on."""
-        self._closed.acquire()
         self.policy.fault(diagnostics.name_of(self.node), "the skin shuts down")
-        self._say(self.policy.decide(self._now()))
+        self._publish(self.policy.decide(self._now()), final=True)
 
 
 def _unless_negative(newtons: np.ndarray, together) -> float:
