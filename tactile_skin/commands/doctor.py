@@ -8,10 +8,10 @@ from dataclasses import asdict
 import numpy as np
 
 from ..arguments import split
-from ..calibration.rest import Rest, check_all_is_sent, measure_rest
+from ..calibration.rest import check_all_is_sent, measure_rest
 from ..findings.finding import Finding, Kind
+from ..guide.notes import notes
 from ..health.doctor import diagnose
-from ..health.doctor.recorded import record
 from ..middleware.config import SkinConfig, read_skin, skin_of
 from ..parameters import shared as parameters
 from ..parameters.fields import leaves
@@ -50,10 +50,6 @@ _KINDS: dict[str, type] = {
 _LIVE = ("baud", "protocol", "seconds")
 _SECONDS = 5.0, 3600.0
 _CORRUPT, _LOST = 0.005, 0.05  # shares of the frames from which on the link is bad
-# Share of what a short circuit reads that hard presses exceed on every board that was seen: of one
-# with 10 bits that is configured as 12 they read 0.25 at most.
-_LOW = 0.3
-_FEW_TOUCHES = 5
 
 
 def register(parser) -> None:
@@ -93,61 +89,9 @@ def run(args) -> int:
     print(picture(found, circuit))
     for finding in found:
         print(f"- {finding}")
-    if not found:
-        print("nothing found. " + unseen(circuit))
-    if note := touches_note(frames, circuit, rest):
-        print(note)
-    if note := scale_note(frames, circuit):
+    for note in notes(found, frames, circuit, rest):
         print(note)
     return 1 if found else 0
-
-
-def unseen(circuit: Circuit) -> str:
-    """Return what might be wrong though nothing was found."""
-    series = "r_drive" if circuit.readout == "grounded" else "r_par"
-    words = [
-        "two lines that are exchanged with all their neighbours",
-        f"a wrong {series} if the board was only touched lightly",
-    ]
-    if circuit.readout != "floating":
-        words.append("a wrong r_ref, which reads like another fabric")
-    return "Frames do not show " + "; ".join(words) + "."
-
-
-def touches_note(frames: np.ndarray, circuit: Circuit, rest: Rest | None) -> str:
-    """Return what to record instead if hardly a touch was seen; empty if some were.
-
-    Args:
-        frames: (n, rows, cols) ADC ratio, NaN where a crossing was not read.
-    """
-    touches = len(record(frames, circuit, rest).touches)
-    if touches >= _FEW_TOUCHES:
-        return ""
-    return (
-        f"{touches} touches were seen. Most faults need twenty, and a skin left alone for a "
-        "third of the time: take your hands off for 5 s, then press everywhere."
-    )
-
-
-def scale_note(frames: np.ndarray, circuit: Circuit) -> str:
-    """Return what to check if hard presses read little; empty if they do not.
-
-    Readings that are all too small by one factor are those of another fabric behind another r_par:
-    no frame tells, and the forces found are far too small.
-
-    Args:
-        frames: (n, rows, cols) ADC ratio, NaN where a crossing was not read.
-    """
-    most = float(np.nanmax(frames))
-    if not most < _LOW * float(circuit.ratio(0.0)):
-        return ""
-    full = circuit.full_scale
-    return (
-        f"no reading exceeds {most * full:.0f} of {full} ADC steps ({most:.0%}). If some presses "
-        f"were hard, check circuit.adc_bits = {circuit.adc_bits}, adc_full_scale and "
-        "serial_driver.format.full_scale: with a wrong one all forces are too small, and frames do "
-        "not show it."
-    )
 
 
 def picture(found: list[Finding], circuit: Circuit) -> str:

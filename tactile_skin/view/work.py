@@ -26,6 +26,7 @@ from ..calibration.rest import check_all_is_sent
 from ..guide.calibrated import write
 from ..guide.calibration import Guide
 from ..guide.detection import SECONDS, conclude
+from ..guide.notes import notes
 from ..guide.sent import GLANCE, check_sent
 from ..health.doctor import diagnose
 from ..middleware.config import SkinConfig
@@ -272,10 +273,8 @@ class Work:
             {"text": str(f), "rows": list(map(int, f.rows)), "cols": list(map(int, f.cols))}
             for f in found
         ]
-        for finding in found:
-            self._say(str(finding))
-        if not found:
-            self._say("Nothing was found.")
+        for said in (*found, *notes(found, frames, skin.circuit)):
+            self._say(str(said))
 
     def _read(self, seconds: float) -> np.ndarray:
         self._frames.clear()

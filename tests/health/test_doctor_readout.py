@@ -17,7 +17,7 @@ from support.marks import ci, slow
 
 from tactile_skin import Circuit, PressureCurve, compensate, diagnose, measure_rest
 from tactile_skin.board.protocol import BinaryParser
-from tactile_skin.commands.doctor import touches_note
+from tactile_skin.guide.notes import touches_note
 from tactile_skin.health.doctor import ignored_diode
 from tactile_skin.health.doctor.recorded import record
 from tactile_skin.health.doctor.wiring import Damage, Wires, search

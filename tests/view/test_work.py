@@ -256,7 +256,9 @@ def test_the_doctor_is_given_up_and_asked_again(newcomer):
     until(lambda: len(work._frames) > 100, "readings of a skin that nobody touches")
     browser.click("button", "go on")
     browser.until("document.getElementById('leave').textContent === 'close'")
-    assert "readings: looking" in browser.run(SAID) and work.state()["task"] == ""
+    said = browser.run(SAID)
+    assert "readings: looking" in said and work.state()["task"] == ""
+    assert "0 touches were seen" in said, said
 
 
 @pytest.mark.ci
