@@ -126,7 +126,8 @@ def calibrate(out: Path, config: Path | None, words: list[str], creep: bool = Fa
         print(f"{_NAME}: no curve was found: {out} is not written", file=sys.stderr)
         return 1
     write(out, config, guide, skin)
-    use = f"tactile-skin launch skin.launch.yaml config:={out}"
+    port = f"port:={given['port']} " if "port" in given else ""
+    use = f"tactile-skin launch skin.launch.yaml {port}config:={out}"
     if no_curve:
         print(
             f"{_NAME}: no curve was found: {out} is written with {' and '.join(learnt)} only, its "

@@ -63,7 +63,7 @@ def _scale_note(frames: np.ndarray, circuit: Circuit) -> str:
     """Return what to check if hard presses read little; empty if they do not.
 
     Readings that are all too small by one factor are those of another fabric behind another r_par:
-    no frame tells, and the forces found are far too small.
+    no frame shows it, and the forces found are far too small.
 
     Args:
         frames: (n, rows, cols) ADC ratio, NaN where a crossing was not read.
