@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from support import faulty
 from support.faulty import SHAPE, board_of, frames, pressed
-from support.lab.board import (
-    KNOTS,
-)
+from support.lab.board import KNOTS
+from support.lab.damage import ELECTRICAL
 
 from benchmarks import pages
 from benchmarks.faults import table
@@ -96,7 +95,7 @@ def test_the_link_loses_damages_and_delays():
     assert 0.3 <= np.diff(times)[gap] <= 2.6 and np.diff(times)[gap + 1] < 1e-3
 
 
-@pytest.mark.parametrize("fault", DATA, ids=lambda fault: fault.name)
+@pytest.mark.parametrize("fault", [*ELECTRICAL, *DATA], ids=lambda fault: fault.name)
 def test_every_fault_happens_on_the_smallest_skins(fault):
     for shape in ((2, 2), (1, 8)):
         for kind in fault.protocols:

@@ -132,17 +132,6 @@ def test_bits_ceilings_and_drifts():
     assert 0.1 < line.any(1).mean() < 0.9
 
 
-@pytest.mark.parametrize("fault", ELECTRICAL, ids=lambda fault: fault.name)
-def test_every_fault_happens_on_the_smallest_skins(fault):
-    for shape in ((2, 2), (1, 8)):
-        for kind in fault.protocols:
-            board = board_of(shape, protocol=kind)
-            force = np.full((20, *shape), 1.0)
-            board.advance(force)
-            fault.damage(board)
-            assert all(isinstance(data, bytes) for _, data in board.advance(force))
-
-
 @pytest.mark.parametrize("readout", ["loaded", "grounded"])
 @pytest.mark.parametrize("driven", ["rows", "columns"])
 def test_other_readouts_are_read_as_the_circuit_says(readout, driven):
