@@ -35,6 +35,12 @@ _MOST_IN_FRONT = 3  # numbers in front of readings, or behind them, that are non
 _CLASSES = 12  # different values, at most, of a last number that may be a class
 _TIME = re.compile(rb"(?:\d+-\d+-\d+[T ])?\d+:\d+:\d+(?:[.,]\d+)?|\d+-\d+-\d+")
 _MARK = re.compile(rb"^(?P<label>[^,;\t]*?(?:[:=]|->))(?P<rest>[^:=]*)$", re.DOTALL)
+# Words, with numbers among them, and a blank in front of readings that other marks separate.
+_WORDS = re.compile(
+    rb"^(?P<label>[^,;\t]{0,40}[^\d\s,;.\-\[({][^,;\t]{0,40})(?: +|[ \t]+(?=[^\t]*$))"
+    rb"(?P<rest>-?[\d.][^\s,;]* *[,;\t].*)$",
+    re.DOTALL,
+)
 _LABELS = re.compile(rb'[\[{(\s]*"?[A-Za-z_][\w .]*"?(?:\[\d+\])?[ \t]*[:=]')
 _NUMBER = "\0"  # in a label: no board prints it in a line
 _INTEGER = re.compile(r"\d+")
@@ -83,7 +89,7 @@ def _take_apart(line: bytes) -> _Line | None:
             label = b"".join(m.group() + j for m, j in zip(marks, joints, strict=False))
             label += marks[k].group()
         body = b" ".join(pieces[k:])
-    elif match := _MARK.match(body):
+    elif match := _MARK.match(body) or _WORDS.match(body):
         label, body = match["label"], match["rest"]
     text = label.decode("ascii", "replace")
     lead = tuple(float(n) for n in _INTEGER.findall(text))

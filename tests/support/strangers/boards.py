@@ -52,6 +52,14 @@ def rows_with_a_label(a, k) -> str:
     return "".join(f"Row {i}: {_joined(row, ' ')}\n" for i, row in enumerate(a))
 
 
+def rows_with_a_word(a, k) -> str:
+    return "".join(f"row {r} {_joined(row)}\n" for r, row in enumerate(a))
+
+
+def clock_in_front(a, k) -> str:
+    return f"12:{k // 60 % 60:02d}:{k % 60:02d} {_joined(a.ravel())}\r\n"
+
+
 def rows_with_a_hash(a, k) -> str:
     return "".join(f"row #{r}: {_joined(row)}\n" for r, row in enumerate(a))
 
@@ -102,8 +110,8 @@ TEXT = {
     for f in (
         frame_a_line, counter_in_front, time_and_class, bracketed, labelled, json_line, json_lines,
         row_a_line, rows_under_a_heading, rows_with_a_label, rows_with_a_number, numpy_print,
-        rows_with_a_hash, index_value, row_col_value, cell_in_words, volts, millivolts,
-        carriage_returns, angle_brackets, status_lines,
+        rows_with_a_word, clock_in_front, rows_with_a_hash, index_value, row_col_value,
+        cell_in_words, volts, millivolts, carriage_returns, angle_brackets, status_lines,
     )
 }  # fmt: skip
 
