@@ -23,7 +23,7 @@ from ..arrays import Bools, Floats, Floats32, Ints
 
 LINES = 64  # rows + cols up to which the loops are faster than NumPy's BLAS
 CELLS = LINES**2 // 4  # of such a skin at most
-_UNKNOWNS = 100  # of a programme within bounds, the same
+_UNKNOWNS = 150  # of a programme within bounds, the same
 SOURCES = sorted(Path(__file__).parent.glob("*.c"))
 _View = ctypes.c_char * 0  # of an array's memory, which it keeps
 
