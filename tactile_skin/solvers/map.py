@@ -177,10 +177,12 @@ def _forces(
     if converged and not broad and independent and step.equations is not None:
         smoothed = prior_terms.with_neighbours(reading, point, step.equations, std_x)
         g, std_x, adc = smoothed or (g, std_x, adc)
-    with np.errstate(divide="ignore"):
-        force = reading.curve.force(1.0 / g) * circuit.populated
+    log_g = np.log(g if circuit.mask is None else np.where(circuit.mask, g, 1.0))
     std_x = std_x if broad and independent else _WIDEN * std_x
-    std = spread(reading.curve, force, np.minimum(std_x, 10.0)) * circuit.populated
+    force = reading.curve.force_at(log_g)
+    std = spread(reading.curve, log_g, np.minimum(std_x, 10.0))
+    if circuit.mask is not None:
+        force, std = force * circuit.mask, std * circuit.mask
     if reading.topped.any():  # up to the curve's end all is as likely
         more = np.maximum(reading.curve.max_force - force, 0.0) / 3**0.5
         std = np.where(reading.topped, np.maximum(std, more), std)
