@@ -27,8 +27,7 @@ from .suspect import estimate_from_force
 MAX_STEPS = 40  # 5 is usual; bounds the time of readings that no circuit explains
 _DONE = 1e-7  # relative step of g; a thousandth of a gram is 6e-7 at full load
 _DONE_NOISY = 1e-4  # the same of a noisy reading: the step itself leaves a twentieth of it
-_ROUNDS = 2  # in which the unknowns of a step are found,
-_FAR = 2  # but of so many first steps, which change them anyway
+_ROUNDS = 2  # in which the unknowns of a step are found
 # Times its noise by which a valid reading is missed: where a bound acts, this is the best fit in
 # another measure than ADC steps. 2 in 1,000 exceed 2, 1 in 10,000 exceeds 2.5.
 _SLACK = 2.2
@@ -110,7 +109,7 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
         misfit = np.abs(gradient.ravel()[now] / here).max()
         # rho log(rho / rho_measured) is the gradient to first order, and closer to linear far off
         pull = rho * np.log(rho / rho_measured)
-        for _ in range(_ROUNDS if iteration >= _FAR else 1):
+        for _ in range(_ROUNDS):
             if solve is None or misfit > 0.05 * last or not np.array_equal(free, now):
                 free = now
                 solve = _step_solver(reading, network, g, free)
