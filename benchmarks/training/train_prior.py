@@ -89,20 +89,18 @@ def fit(force: np.ndarray, rng) -> Fit | None:
     seen = []
     with mock.patch.object(prior, "with_neighbours", lambda *given: seen.append(given)):
         compensate(adc, CIRCUIT, CURVE, "map", noise=noise)
-    if not seen or not seen[-1][4].unknowns.size:
+    if not seen or not seen[-1][2].unknowns.size:
         return None
-    _, model, gx, x, equations, std = seen[-1]
-    free, jacobian = equations.unknowns, equations.jacobian
-    unknown = np.zeros(gx.shape, bool)
+    _, point, equations, std = seen[-1]
+    free, information = equations.unknowns, np.triu(equations.information)
+    unknown = np.zeros(std.shape, bool)
     unknown.flat[free] = True
-    own = model.network.own * model.weight * gx
-    pull = (gx * model.network.pull(model.weight * model.misfit)).ravel()[free]
     return Fit(
-        denoiser.inputs(x, std, own, unknown, CIRCUIT.populated),
-        np.log(model.g).ravel().astype(np.float32),
+        denoiser.inputs(point.x, std, point.own, unknown, CIRCUIT.populated),
+        np.log(point.model.g).ravel().astype(np.float32),
         free.astype(np.int64),
-        jacobian.T @ jacobian,
-        pull.astype(np.float32),
+        information + np.triu(information, 1).T,
+        point.pull.ravel()[free].astype(np.float32),
         np.clip(std.ravel()[free], *denoiser.STD).astype(np.float32),
         force.ravel().astype(np.float32),
     )

@@ -70,10 +70,10 @@ def _inside_next(
     return left
 
 
-def inverse_diagonal(factor: Floats32) -> Floats32:
-    """Return that of (U^T U)^-1, U (n, n)."""
-    inverse: Floats32 = lapack.spotri(factor.T, lower=1)[0]
-    return inverse.diagonal()
+def inverse(factor: Floats32) -> Floats32:
+    """Return (U^T U)^-1 of U (n, n), upper triangle."""
+    lower: Floats32 = lapack.spotri(factor.T, lower=1)[0]
+    return lower.T
 
 
 def roughness(x: Floats, weight: Floats, square: float) -> tuple[float, Floats, Floats, Floats]:

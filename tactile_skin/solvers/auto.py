@@ -41,12 +41,12 @@ def auto(reading: Reading, start: Estimate | None = None) -> Estimate:
 
 def _idle_estimate(reading: Reading, rest: np.ndarray) -> Estimate | None:
     """Return the estimate of an untouched skin if this is one, else None."""
-    peak = np.abs(reading.misfit(rest)).max()
-    at_rest = peak <= max(_IDLE_PEAK * reading.noise, _EXACT_IDLE_PEAK)
-    if at_rest and not (reading.noise and by_residual(reading, rest)):
-        idle = _idle(reading.circuit, reading.curve, reading.noise)
-        return replace(idle, residual=reading.residual(rest))
-    return None
+    misfit = reading.misfit(rest)
+    most = max(_IDLE_PEAK * reading.noise, _EXACT_IDLE_PEAK)
+    if max(misfit.max(), -misfit.min()) > most or (reading.noise and by_residual(reading, rest)):
+        return None
+    idle = _idle(reading.circuit, reading.curve, reading.noise)
+    return replace(idle, residual=reading.rms(misfit))
 
 
 @lru_cache(maxsize=16)

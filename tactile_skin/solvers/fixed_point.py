@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from scipy.ndimage import correlate
 
 from ..physics import grounded, kernel, readouts
+from ..physics.curve import PressureCurve
 from .estimate import Estimate
 from .reading import Reading
 from .suspect import estimate_from_force
@@ -55,8 +57,17 @@ def closed_form(reading: Reading, target: float = grounded.EXACT) -> tuple[np.nd
 
 
 def last_guess(reading: Reading, start: Estimate) -> np.ndarray:
-    """Conductance [S] of an earlier estimate."""
-    return reading.circuit.populated / reading.curve.resistance(start.force)
+    """Conductance [S] of an earlier estimate; read-only."""
+    g = _conductance(start, reading.curve)
+    return g if reading.circuit.mask is None else g * reading.circuit.mask
+
+
+@lru_cache(maxsize=16)
+def _conductance(estimate: Estimate, curve: PressureCurve) -> np.ndarray:
+    """(rows, cols) [S]; kept, as a frame asks for its own and the last one's a few times."""
+    g = 1.0 / curve.resistance(estimate.force)
+    g.setflags(write=False)
+    return g
 
 
 def fill(reading: Reading, g: np.ndarray) -> np.ndarray:

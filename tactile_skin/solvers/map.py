@@ -16,23 +16,25 @@ import numpy as np
 from ..findings.finding import Finding, Kind
 from ..physics.conjugate_gradients import conjugate_gradients
 from ..physics.grounded import BOUND
-from ..physics.quadratic import inverse_diagonal, solve_in_box
+from ..physics.quadratic import solve_in_box
 from . import prior as prior_terms
 from . import suspect
 from .estimate import Estimate, spread
 from .fixed_point import START_STEPS, fill, first_guess, iterate, last_guess
-from .reading import NEAR_REST, OUTLIER, ROUNDING_NOISE, Linearised, Reading, noise_at_rest
+from .prior import NormalEquations, Point
+from .reading import NEAR_REST, OUTLIER, ROUNDING_NOISE, Reading, noise_at_rest
 from .rivals.aside import without_bad_contacts
 from .rivals.other_r_par import with_other_r_par
 from .rivals.other_readout import other_readout
-from .suspect import NormalEquations
 
 MAX_STEPS = 12  # of Gauss-Newton; bounds the time of readings that no circuit explains
 _NEAR = 1.2  # residual over noise at which the fixed point has done its part
 _SETTLED = 4.0  # gain in units of 1/2 chi^2 below which a step is the last
+_ALONE = 1.5  # the same that one cell alone may gain then, where a fit did not begin near its end
 # chi^2 that a cell at rest must gain alone to become an unknown; noise gains it in 1 of 70 cells.
 _JOIN_CHI2 = 6.0
 _JOIN_SHARE = 0.1  # of the best cell's gain, that it must gain as well
+_MOST_JOIN = 40  # cells that join in one step: of more, most would be found at rest again
 _MEMORY = 4  # last costs, of which a step must not exceed the largest: a bound met costs at first
 _DENSE = 600  # unknowns up to which a Cholesky factor is faster than conjugate gradients
 _CG_STEPS = 100
@@ -123,7 +125,7 @@ def _fit(
     at_rest = circuit.populated & (g < NEAR_REST * low)
     broad = level and prior_terms.is_broad(circuit, at_rest) and prior_terms.is_level(reading, g)
     g = np.where(at_rest, low, g)
-    point, step, iterations, settled = _converge(reading, _Point.at(reading, g, broad), broad, warm)
+    point, step, iterations, settled = _converge(reading, Point(reading, g, broad), broad, warm)
     if broad and _leaves_level(reading, point):
         found = _fit(reading, point.model.g, warm, fits, level=False)
         return replace(found, iterations=found.iterations + steps + iterations)
@@ -161,7 +163,7 @@ def _fit(
 
 
 def _forces(
-    reading: Reading, point: _Point, step: _Step, converged: bool, broad: bool
+    reading: Reading, point: Point, step: _Step, converged: bool, broad: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the force of each cell [N], its standard deviation [N] and the ADC ratio it gives.
 
@@ -173,14 +175,14 @@ def _forces(
     # deviation tells the network nothing: it then trusts neighbours too much.
     independent = circuit.readout != "grounded"
     if converged and not broad and independent and step.equations is not None:
-        smoothed = prior_terms.with_neighbours(
-            reading, point.model, point.gx, point.x, step.equations, std_x
-        )
+        smoothed = prior_terms.with_neighbours(reading, point, step.equations, std_x)
         g, std_x, adc = smoothed or (g, std_x, adc)
-    with np.errstate(divide="ignore"):
-        force = reading.curve.force(1.0 / g) * circuit.populated
+    log_g = np.log(g if circuit.mask is None else np.where(circuit.mask, g, 1.0))
     std_x = std_x if broad and independent else _WIDEN * std_x
-    std = spread(reading.curve, force, np.minimum(std_x, 10.0)) * circuit.populated
+    force = reading.curve.force_at(log_g)
+    std = spread(reading.curve, log_g, np.minimum(std_x, 10.0))
+    if circuit.mask is not None:
+        force, std = force * circuit.mask, std * circuit.mask
     if reading.topped.any():  # up to the curve's end all is as likely
         more = np.maximum(reading.curve.max_force - force, 0.0) / 3**0.5
         std = np.where(reading.topped, np.maximum(std, more), std)
@@ -188,8 +190,8 @@ def _forces(
 
 
 def _converge(
-    reading: Reading, point: _Point, broad: bool, warm: bool
-) -> tuple[_Point, _Step, int, bool]:
+    reading: Reading, point: Point, broad: bool, warm: bool
+) -> tuple[Point, _Step, int, bool]:
     """Gauss-Newton from a point: the last point and step, their number, whether that is the end."""
     costs = [point.cost]
     iterations, settled = 0, False
@@ -203,13 +205,21 @@ def _converge(
         # What is left to gain is the error of the quadratic's prediction. A load on the whole skin
         # is tested by its cost, and is therefore fitted to the end.
         left = 2.0 * abs(costs[-2] - costs[-1] - step.gain)
-        settled = step.gain < _SETTLED or (warm and not broad and left < _SETTLED)
+        settled = step.gain < _SETTLED or (
+            left < _SETTLED and not broad and (warm or _gain_alone(reading, point) < _ALONE)
+        )
         if settled or reading.late() or (broad and _leaves_level(reading, point)):
             break
     return point, step, iterations, settled
 
 
-def _leaves_level(reading: Reading, point: _Point) -> bool:
+def _gain_alone(reading: Reading, point: Point) -> float:
+    """Return the most that one cell alone would gain, in units of 1/2 chi^2."""
+    at_rest = point.model.g <= reading.bounds[0] * BOUND
+    return 0.5 * float(np.where(at_rest, point.alone, np.abs(point.alone)).max())
+
+
+def _leaves_level(reading: Reading, point: Point) -> bool:
     """Whether a fit with the level prior finds a load that does not cover the skin.
 
     The first guess lifts cells beside a hard touch, which that prior lets go. Noise does the same
@@ -223,7 +233,7 @@ def _touches(reading: Reading, g: np.ndarray) -> np.ndarray:
     """Return (rows, cols) conductance [S] of the likeliest touches near g, none on all the skin."""
     low = reading.bounds[0]
     g = np.where(g < NEAR_REST * low, low, g) * reading.circuit.populated
-    point = _Point.at(reading, g, False)
+    point = Point(reading, g, False)
     return _converge(reading, point, False, False)[0].model.g
 
 
@@ -236,50 +246,18 @@ def _with_noise_at_rest(reading: Reading, g: np.ndarray) -> Reading:
     return reading.with_noise(_USUAL_NOISE if noise is None else noise)
 
 
-def _noise_left(reading: Reading, point: _Point, step: _Step) -> float:
+def _noise_left(reading: Reading, point: Point, step: _Step) -> float:
     """RMS noise [ADC steps] by what a fit leaves, corrected for what its unknowns absorbed.
 
     The distance of outliers does not count; where the unknowns absorb nearly all readings, the
     noise is what boards usually have.
     """
-    absorbed = 0.0 if step.equations is None else step.equations.absorbed()
+    absorbed = 0.0 if step.equations is None else step.equations.absorbed
     left = reading.n_informative - absorbed
     misfit = suspect.beside_sums(reading, point.model.misfit)
     square = np.minimum(np.square(misfit), OUTLIER**2).sum() * reading.fitted_noise**2
     usual = _USUAL_COUNT * _USUAL_NOISE**2
     return float(((square + usual) / (left + _USUAL_COUNT)) ** 0.5)
-
-
-class _Point(NamedTuple):
-    """All that follows from one g."""
-
-    model: Linearised
-    gx: np.ndarray  # `prior.pressed` of g
-    x: np.ndarray
-    prior: prior_terms.Quadratic
-    cost: float
-
-    @classmethod
-    def at(cls, reading: Reading, g: np.ndarray, broad: bool) -> _Point:
-        model = reading.linearised(g, reading.fitted_noise)
-        gx, x = prior_terms.pressed(reading, g)
-        if broad:
-            load = prior_terms.force_of(reading, g)
-            terms = prior_terms.level(*load, reading.circuit.populated)
-        else:
-            terms = prior_terms.touches(x, prior_terms.differences(reading.circuit))
-        flat = model.misfit.ravel()
-        cost = 0.5 * (flat @ flat) + terms.value
-        return cls(model, gx, x, terms, float(cost))
-
-    @property
-    def curvature(self) -> np.ndarray:
-        """(rows, cols) of the cost over each cell's x, from its own reading and prior alone."""
-        own = self.model.network.own * self.model.weight
-        own *= self.gx
-        own *= own
-        own += self.prior.diagonal
-        return own
 
 
 class _Step(NamedTuple):
@@ -290,27 +268,18 @@ class _Step(NamedTuple):
     solved: bool = True  # False: the numbers are beyond what its equations can hold
 
 
-def _downhill(point: _Point) -> np.ndarray:
-    """- d cost / d x (rows, cols), for all cells at once in O(lines^3)."""
-    model = point.model
-    pull = model.network.pull(model.weight * model.misfit)
-    pull *= point.gx
-    pull -= point.prior.gradient
-    return pull
-
-
-def _gauss_newton(reading: Reading, point: _Point) -> _Step:
+def _gauss_newton(reading: Reading, point: Point) -> _Step:
     low, high = reading.bounds
     g, gx, circuit = point.model.g, point.gx, reading.circuit
-    slope = _downhill(point)
     # A cell at rest joins if it alone would gain enough, compared with the best: a touch that moved
     # leaves misfit along its lines in cells that the next step finds at rest.
-    alone = slope * np.abs(slope)  # with the slope's sign
-    alone /= point.curvature + 1e-9
-    if circuit.mask is not None:
-        alone *= circuit.mask
+    slope, alone = point.slope, point.alone
     gain = max(_JOIN_CHI2, _JOIN_SHARE * max(alone.max(), -alone.min()))
-    moves = np.where(g <= low * BOUND, alone >= gain, (g < high / BOUND) | (slope < 0))
+    at_rest = g <= low * BOUND
+    joining = alone[at_rest & (alone >= gain)]
+    if joining.size > _MOST_JOIN:
+        gain = np.partition(joining, -_MOST_JOIN)[-_MOST_JOIN]
+    moves = np.where(at_rest, alone >= gain, (g < high / BOUND) | (slope < 0))
     moves = moves if circuit.mask is None else moves & circuit.mask
     (free,) = moves.ravel().nonzero()
     if not free.size:
@@ -320,22 +289,20 @@ def _gauss_newton(reading: Reading, point: _Point) -> _Step:
         dx = _conjugate_gradients(point, prior_terms.differences(circuit), free, b)
         solved = bool(np.isfinite(dx).all())
         return _Step(free, dx, 0.5 * b @ dx, solved=solved)
-    model, readings = point.model.grouped(free)
-    jacobian = model.jacobian(readings, free)
-    jacobian *= gx.ravel()[free].astype(np.float32)
     between = prior_terms.differences(circuit)
-    precision = prior_terms.precision(jacobian, point.prior, between, free)
+    information = prior_terms.information(point.jacobian(free))
+    precision = prior_terms.precision(information, point.prior, between, free)
     here = g.ravel()[free]
     ends = ((bound.ravel()[free] - here) / gx.ravel()[free] for bound in (low, high))
     dx, factor, inside = solve_in_box(precision, b, *ends)
     # The factor of a matrix with overflows is unusable, though LAPACK may return one.
     if factor is None or not np.isfinite(precision.diagonal()).all() or not np.isfinite(dx).all():
         return _Step(free, dx, 0.0, solved=False)
-    equations = NormalEquations(free[inside], jacobian[:, inside], factor)
+    equations = NormalEquations(free, inside, information, factor)
     return _Step(free, dx, float(0.5 * b @ dx), equations)
 
 
-def _conjugate_gradients(point: _Point, between, free: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _conjugate_gradients(point: Point, between, free: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Solve for the Gauss-Newton step without its matrix: a product costs O(lines^3)."""
     diagonal = point.curvature.ravel()[free]
     picture = np.zeros(point.gx.shape)
@@ -349,7 +316,7 @@ def _conjugate_gradients(point: _Point, between, free: np.ndarray, b: np.ndarray
     return conjugate_gradients(product, lambda r: r / diagonal, b, steps=_CG_STEPS, target=1e-2)
 
 
-def _descend(reading: Reading, point: _Point, step: _Step, broad: bool, ceiling) -> _Point:
+def _descend(reading: Reading, point: Point, step: _Step, broad: bool, ceiling) -> Point:
     """Take the step, or as much of it as stays below `ceiling`; the old point if none does."""
     if not step.free.size:
         return point
@@ -361,19 +328,19 @@ def _descend(reading: Reading, point: _Point, step: _Step, broad: bool, ceiling)
         g = point.model.g.copy()
         flat = g.reshape(-1)
         flat[step.free] = np.minimum(np.maximum(flat[step.free] + change, low), high)
-        new = _Point.at(reading, g, broad)
+        new = Point(reading, g, broad)
         if new.cost <= ceiling:
             return new
         dx = 0.4 * dx
     return point
 
 
-def _std_x(point: _Point, equations: NormalEquations | None) -> np.ndarray:
+def _std_x(point: Point, equations: NormalEquations | None) -> np.ndarray:
     """(rows, cols) standard deviation of x: of the posterior for cells that met no bound.
 
     From each one's own reading and prior alone for cells held at a bound.
     """
     std_x = 1.0 / np.sqrt(point.curvature + 1e-12)
     if equations is not None:
-        std_x.flat[equations.unknowns] = np.sqrt(inverse_diagonal(equations.factor))
+        std_x.flat[equations.unknowns] = np.sqrt(equations.inverse.diagonal())
     return std_x

@@ -34,6 +34,7 @@ _SLACK = 2.2
 # Residual over noise by which `MAX_STEPS` of the fixed point show that cells explain a reading.
 _FIT_RESIDUAL = 1.3
 _INEXACT = 1e-2  # of its right side that a step without the matrix leaves: the next one has it
+_PAST = 0.1  # of its slope at the begin of a step, that phi may fall with at the end
 _DENSE = 400  # unknowns up to which a Cholesky factor is faster than conjugate gradients
 
 
@@ -85,41 +86,47 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
     Returns:
         g, the number of steps, whether it converged.
     """
-    cells = reading.circuit.populated
+    circuit = reading.circuit
     low, high = reading.bounds
+    top = high / BOUND
     rho_measured = reading.rho
     network = readouts.solve(reading.circuit, g)
     free, solve, last = np.zeros(0, int), None, np.inf
     done = _DONE_NOISY if reading.noise else _DONE
     for iteration in range(MAX_STEPS):
         rho = reading.rho_of(network)
-        gradient = np.where(cells, rho - rho_measured, 0.0)
+        gradient = rho - rho_measured
+        if circuit.mask is not None:
+            gradient *= circuit.mask
         # A cell on its bound is held there if the gradient pushes outwards.
         at_rest = g <= low * BOUND
-        held = (at_rest & (gradient <= 0.0)) | ((g >= high / BOUND) & (gradient >= 0.0))
-        now = np.flatnonzero(cells & ~held)
+        held = np.where(at_rest, gradient <= 0.0, (g >= top) & (gradient >= 0.0))
+        held = held if circuit.mask is None else held | ~circuit.mask
+        (now,) = (~held).ravel().nonzero()
         if not now.size:
             return g, iteration, True
-        misfit = np.abs(gradient.flat[now] / rho.flat[now]).max()
+        here = rho.ravel()[now]
+        misfit = np.abs(gradient.ravel()[now] / here).max()
         # rho log(rho / rho_measured) is the gradient to first order, and closer to linear far off
         pull = rho * np.log(rho / rho_measured)
         for _ in range(_ROUNDS):
             if solve is None or misfit > 0.05 * last or not np.array_equal(free, now):
                 free = now
                 solve = _step_solver(reading, network, g, free)
-            change = solve(pull.flat[free])
+            change = solve(pull.ravel()[free])
             # the others draw some cells at rest below it
-            stays = at_rest.flat[free] & (change < 0.0)
+            stays = at_rest.ravel()[free] & (change < 0.0)
             if not stays.any() or stays.all():
                 break
             now = free[~stays]
         last = misfit
         step = np.zeros(g.shape)
-        step.flat[free] = change
-        held = np.ones(g.shape, bool)
-        held.flat[free] = False
-        new, network = _climb(reading, g, network, step, np.where(held, 0.0, gradient))
-        moved = np.abs(new.flat[free] / g.flat[free] - 1.0).max()
+        step.reshape(-1)[free] = change
+        held[...] = True
+        held.reshape(-1)[free] = False
+        gradient[held] = 0.0
+        new, network = _climb(reading, g, network, step, gradient)
+        moved = np.abs(new.ravel()[free] / g.ravel()[free] - 1.0).max()
         g = new
         if moved < done:
             return g, iteration + 1, True
@@ -135,17 +142,23 @@ def _climb(reading: Reading, g, network, step, gradient):
         gradient: (rows, cols) of the unknowns, 0 elsewhere.
     """
     low, high = reading.bounds
-    cells = reading.circuit.populated
+    cells = reading.circuit.mask
     height = None
     for halving in range(40):
-        new = np.where(cells, np.clip(g + step, np.maximum(low, 0.05 * g), high), 0.0)
+        new = np.minimum(np.maximum(g + step, np.maximum(low, 0.05 * g)), high)
+        new = new if cells is None else new * cells
         there = readouts.solve(reading.circuit, new)
         change = new - g
         if np.abs(change).max() < 1e-2 * low.min():  # so near that phi's own rounding would decide
             break
+        climbs = np.vdot(gradient, change)
+        if isinstance(there, readouts.Floating) and (
+            np.vdot(there.rho - reading.rho, change) >= -_PAST * climbs
+        ):
+            break
         if height is None:
             height = _height(reading, g, network, gradient)
-        if _height(reading, new, there, gradient) >= height + 1e-4 * (gradient * change).sum():
+        if _height(reading, new, there, gradient) >= height + 1e-4 * climbs:
             break
         if halving == 3:  # past the bounds' corners only the gradient is sure to climb
             step = 8.0 * gradient / np.square(reading.rho_of(network))

@@ -6,7 +6,7 @@ Works in x, the log of conductance over that at rest, in which a relative error 
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -14,9 +14,8 @@ from scipy.linalg import blas
 
 from ..learning import denoiser
 from ..physics import compiled, quadratic
-from ..physics.quadratic import inverse_diagonal, solve_in_box
-from .reading import Linearised, Reading
-from .suspect import NormalEquations
+from ..physics.quadratic import inverse, solve_in_box
+from .reading import Reading
 
 # Chosen on bodies of many sizes and textures (benchmarks/accuracy/prior.py).
 _SPREAD = 0.3  # of x, and of its differences between neighbours, below which they are drawn to 0
@@ -151,9 +150,104 @@ def is_level(reading: Reading, g: np.ndarray) -> bool:
     return bool(force.max() < _LEVEL * force.mean())
 
 
-def precision(jacobian, prior: Quadratic, between: Differences | None, free: np.ndarray):
+class Point:
+    """All that follows from one g in a fit.
+
+    Attributes:
+        model: of the frame.
+        gx, x: (rows, cols), `pressed` of g.
+        prior: there.
+        cost: in units of 1/2 chi^2.
+    """
+
+    def __init__(self, reading: Reading, g: np.ndarray, broad: bool):
+        self.model = reading.linearised(g, reading.fitted_noise)
+        self.gx, self.x = pressed(reading, g)
+        self._circuit = reading.circuit
+        if broad:
+            self.prior = level(*force_of(reading, g), reading.circuit.populated)
+        else:
+            self.prior = touches(self.x, differences(reading.circuit))
+        flat = self.model.misfit.ravel()
+        self.cost = float(0.5 * (flat @ flat) + self.prior.value)
+
+    @cached_property
+    def own(self) -> np.ndarray:
+        """(rows, cols) d reading / d x of each cell's own, in standard deviations."""
+        own = self.model.network.own * self.model.weight
+        own *= self.gx
+        return own
+
+    @cached_property
+    def curvature(self) -> np.ndarray:
+        """(rows, cols) of the cost over each cell's x, from its own reading and prior alone."""
+        return np.square(self.own) + self.prior.diagonal
+
+    @cached_property
+    def pull(self) -> np.ndarray:
+        """- d (chi^2 / 2) / d x (rows, cols), for all cells at once in O(lines^3)."""
+        model = self.model
+        return self.gx * model.network.pull(model.weight * model.misfit)
+
+    def jacobian(self, cells: np.ndarray) -> np.ndarray:
+        """(m, n) float32 d reading / d x of flat cells (n,), of the few readings that say all."""
+        model, readings = self.model.grouped(cells)
+        jacobian = model.jacobian(readings, cells)
+        jacobian *= self.gx.ravel()[cells].astype(np.float32)
+        return jacobian
+
+    @cached_property
+    def slope(self) -> np.ndarray:
+        """- d cost / d x (rows, cols)."""
+        return self.pull - self.prior.gradient
+
+    @cached_property
+    def alone(self) -> np.ndarray:
+        """(rows, cols) chi^2 that each cell alone would gain, with its slope's sign."""
+        alone = self.slope * np.abs(self.slope)
+        alone /= self.curvature + 1e-9
+        return alone if self._circuit.mask is None else alone * self._circuit.mask
+
+
+class NormalEquations:
+    """The linear system of a fit's last step; x = log g of its unknowns.
+
+    Attributes:
+        unknowns: (n,) flat cells.
+        factor: (n, n) U of U^T U = information + curvature of the prior.
+    """
+
+    def __init__(self, free: np.ndarray, inside: np.ndarray, information, factor):
+        """Keep the free cells inside their bounds, of the information of all."""
+        self.unknowns, self.factor = free[inside], factor
+        self._inside, self._information = inside, information
+
+    @cached_property
+    def information(self) -> np.ndarray:
+        """Return J^T J of the unknowns (n, n), upper triangle."""
+        kept = np.flatnonzero(self._inside)
+        return self._information.take(kept, 0).take(kept, 1)
+
+    @cached_property
+    def inverse(self) -> np.ndarray:
+        """Return the unknowns' covariance (n, n), upper triangle."""
+        return inverse(self.factor)
+
+    @property
+    def absorbed(self) -> float:
+        """Return the number of readings that the unknowns take: trace(H^-1 J^T J)."""
+        both = np.triu(self.inverse) * np.triu(self.information)
+        return float(2.0 * both.sum() - both.trace())
+
+
+def information(jacobian: np.ndarray) -> np.ndarray:
+    """(n, n) J^T J, upper triangle, of J (m, n)."""
+    return blas.ssyrk(1.0, jacobian.T, lower=1).T
+
+
+def precision(information, prior: Quadratic, between: Differences | None, free: np.ndarray):
     """(n, n) of the cost over the n free cells, upper triangle: J^T J and the prior's."""
-    total = blas.ssyrk(1.0, jacobian.T, lower=1).T
+    total = information.copy()
     entries = None if between is None else prior.entries
     if compiled.add_terms(total, prior.diagonal, entries, free):
         return total
@@ -179,12 +273,7 @@ def product(terms: Quadratic, x: np.ndarray, between: Differences) -> np.ndarray
 
 
 def with_neighbours(
-    reading: Reading,
-    model: Linearised,
-    gx: np.ndarray,
-    x: np.ndarray,
-    equations: NormalEquations,
-    std_x: np.ndarray,
+    reading: Reading, point: Point, equations: NormalEquations, std_x: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Return what the neighbours of each unknown say of it, after a fit, in place of `touches`.
 
@@ -193,7 +282,7 @@ def with_neighbours(
     meets the readings with that as the only prior.
 
     Args:
-        gx, x: `pressed` of the fit.
+        point: of the fit.
         std_x: (rows, cols) its standard deviation of x.
 
     Returns:
@@ -205,32 +294,28 @@ def with_neighbours(
         return None
     unknown = np.zeros(cells.shape, bool)
     unknown.flat[free] = True
-    jacobian = equations.jacobian
-    own = model.network.own * model.weight * gx
-    mean, std = denoiser.shipped()(x, std_x, own, unknown, cells)
-    limit = np.square(model.misfit).sum() + _RISE * (2.0 * reading.n_informative) ** 0.5
+    data = equations.information
+    mean, std = denoiser.shipped()(point.x, std_x, point.own, unknown, cells)
+    limit = np.square(point.model.misfit).sum() + _RISE * (2.0 * reading.n_informative) ** 0.5
     low, high = (bound.ravel()[free] for bound in reading.bounds)
     for _ in range(_STEPS):
-        terms = known(x, 1.0, mean, std, unknown)
-        pull = model.network.pull(model.weight * model.misfit)
-        b = (gx * pull - terms.gradient).ravel()[free]
-        here, change = model.g.ravel()[free], gx.ravel()[free]
+        terms = known(point.x, 1.0, mean, std, unknown)
+        b = (point.pull - terms.gradient).ravel()[free]
+        here, change = point.model.g.ravel()[free], point.gx.ravel()[free]
         ends = ((bound - here) / change for bound in (low, high))
-        matrix = precision(jacobian, terms, None, free)
+        matrix = precision(data, terms, None, free)
         dx, factor, inside = solve_in_box(matrix, b, *ends)
         if factor is None or not np.isfinite(dx).all():
             return None
         # in g: the readings are closer to linear in g than in log g
-        g = model.g.copy()
+        g = point.model.g.copy()
         dx = np.minimum(np.maximum(dx, _MOST_FALL), _MOST_RISE)
         g.flat[free] = np.minimum(np.maximum(here + dx * change, low), high)
         adc = reading.model(g)
         if np.square(reading.misfit(adc) / reading.fitted_noise).sum() <= limit:
             std_x = std_x.copy()
-            std_x.flat[free[inside]] = np.sqrt(inverse_diagonal(factor))
+            std_x.flat[free[inside]] = np.sqrt(inverse(factor).diagonal())
             return g, std_x, adc
-        model = reading.linearised(g, reading.fitted_noise)
-        gx, x = pressed(reading, g)
-        grouped, readings = model.grouped(free)
-        jacobian = grouped.jacobian(readings, free) * gx.ravel()[free].astype(np.float32)
+        point = Point(reading, g, False)
+        data = information(point.jacobian(free))
     return None

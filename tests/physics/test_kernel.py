@@ -206,7 +206,8 @@ def test_the_prior_is_numpys(rng, monkeypatch, shape):
     jacobian = rng.standard_normal((x.size, free.size)).astype(np.float32)
     for joined in (between, None):
         one, other = both(
-            monkeypatch, lambda joined=joined: prior.precision(jacobian, plain, joined, free)
+            monkeypatch,
+            lambda joined=joined: prior.precision(prior.information(jacobian), plain, joined, free),
         )
         np.testing.assert_allclose(np.triu(one), np.triu(other), rtol=1e-6, atol=1e-4)
 

@@ -16,7 +16,7 @@ from tactile_skin.physics.curve import GRAM
 from tactile_skin.simulation import scenes, textile
 from tactile_skin.solvers import map as map_solver
 from tactile_skin.solvers import prior
-from tactile_skin.solvers.map import _gauss_newton, _Point
+from tactile_skin.solvers.map import _gauss_newton
 from tactile_skin.solvers.reading import SCAN_NOISE, check_reading
 
 CIRCUIT, CURVE = Circuit(), PressureCurve()
@@ -124,7 +124,7 @@ def test_the_precision_is_that_of_the_differences_one_by_one(shape, masked):
     free = np.flatnonzero(cells)[::2]
     jacobian = rng.standard_normal((7, free.size)).astype(np.float32)
     expected = jacobian.T @ jacobian + (each.T @ each)[np.ix_(free, free)]
-    found = prior.precision(jacobian, terms, between, free)
+    found = prior.precision(prior.information(jacobian), terms, between, free)
     np.testing.assert_allclose(np.triu(found), np.triu(expected), rtol=1e-4, atol=1e-4)
     direction = rng.standard_normal(shape) * cells
     product = prior.product(terms, direction, between).ravel()
@@ -150,12 +150,12 @@ def test_the_step_goes_down_the_true_cost():
     truth = rng.uniform(0.1, 5.0, (4, 5))
     reading = check_reading(scan(truth, rng, circuit), circuit, CURVE)
     x = np.log(1.0 / CURVE.resistance(truth * rng.uniform(0.7, 1.3, truth.shape)))
-    point = _Point.at(reading, np.exp(x), False)
+    point = prior.Point(reading, np.exp(x), False)
     step = _gauss_newton(reading, point)
     direction = np.zeros(20)
     direction[step.free] = step.dx
     direction = 1e-6 * direction.reshape(4, 5)
-    up, down = (_Point.at(reading, np.exp(x + s), False).cost for s in (direction, -direction))
+    up, down = (prior.Point(reading, np.exp(x + s), False).cost for s in (direction, -direction))
     assert (up - down) / 2e-6 == pytest.approx(-2.0 * step.gain, rel=1e-3)
 
 

@@ -184,6 +184,19 @@ def test_another_fault_is_not_taken_for_it(fault):
         assert compensate(adc, CIRCUIT, CURVE, "map", noise=SCAN_NOISE).r_par is None
 
 
+def test_the_scatter_of_an_unknown_rest_is_seldom_worth_a_second_fit(monkeypatch):
+    """It shifts the r_par that a frame seems to ask for by more than its noise."""
+    rng, fits = np.random.default_rng(1), []
+    rest = CURVE.points[0][1] * np.exp(0.05 * rng.standard_normal(CIRCUIT.shape))
+    force = scenes.sample("blobs", 40, 16, 16, rng)
+    adc = forward(CIRCUIT, CURVE.resting_at(rest).resistance(force))
+    once = other_r_par.Supposed.evidence
+    monkeypatch.setattr(other_r_par.Supposed, "evidence", lambda *a: fits.append(a) or once(*a))
+    found = compensate(scenes.read_out(CIRCUIT, adc, "scan", rng), CIRCUIT, CURVE, "map", noise=0.5)
+    assert np.count_nonzero(found.status == "ok") == 40
+    assert len(fits) <= 16
+
+
 def palm(rng):
     """(16, 16) [N]: a broad load, softer and softer towards its rim."""
     row, col = np.mgrid[:16, :16]

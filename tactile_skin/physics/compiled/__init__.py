@@ -23,7 +23,8 @@ from ..arrays import Bools, Floats, Floats32, Ints
 
 LINES = 64  # rows + cols up to which the loops are faster than NumPy's BLAS
 CELLS = LINES**2 // 4  # of such a skin at most
-_UNKNOWNS = 100  # of a programme within bounds, the same
+_UNKNOWNS = 150  # of a programme within bounds, the same
+_SHORT = 10  # steps of the fixed point, which take 1 ms on the largest skin
 SOURCES = sorted(Path(__file__).parent.glob("*.c"))
 _View = ctypes.c_char * 0  # of an array's memory, which it keeps
 
@@ -74,13 +75,15 @@ class Library:
     """The compiled functions by their C names."""
 
     def __init__(self, path: str):
-        # A call of some microseconds keeps Python's lock: another thread may hold it for 5 ms.
-        short, long = ctypes.PyDLL(path), ctypes.CDLL(path)
+        # A short call keeps Python's lock: who gives it away waits for each other thread, while
+        # that one computes or for the interpreter's switch interval.
         for name, arguments in _ARGUMENTS.items():
-            function = (long if name == "fixed_point" else short)[name]
+            function = ctypes.PyDLL(path)[name]
             function.argtypes = arguments
             setattr(self, name, function)
         self.touches.restype = _real
+        self.long_fixed_point = ctypes.CDLL(path)["fixed_point"]
+        self.long_fixed_point.argtypes = _ARGUMENTS["fixed_point"]
 
     if TYPE_CHECKING:
 
@@ -238,5 +241,6 @@ def fixed_point(
     if not n == measured.size == low.size == high.size:
         raise ValueError("the fixed point needs a resistance and two bounds for each cell")
     given = *g.shape, there, n, cells, measured, low, high
-    taken = library.fixed_point(*given, *divider, goal, steps)
+    loop = library.fixed_point if steps <= _SHORT else library.long_fixed_point
+    taken = loop(*given, *divider, goal, steps)
     return None if taken < 0 else (there, taken)
