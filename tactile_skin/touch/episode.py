@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Describes what a hand did to the skin, from its first touch to its last, in 65 numbers.
+"""Describes what a hand did to the skin, from its first touch to its last, in 67 numbers.
 
 The features are those of the field (Jung et al., "Touching the Void", ICMI 2014, and "Automatic
 recognition of touch gestures in the corpus of social touch", JMUI 2017) without the means of rows
@@ -27,6 +27,7 @@ _HILL = 0.35  # of the hardest cell: maxima above it are parts of the hand, not 
 _RISEN = 0.5  # of the largest force so far: where a peak begins
 _FALLEN = 0.4  # of the largest force so far: where it ends
 _PLATEAU = 0.8  # of the largest force: a hand that rests
+_CALM = 0.003  # of the force: noise of a picture; changes below it say nothing
 _SLOWEST = 0.7  # Hz: slower changes are no rhythm, the force of one push among them
 _STEADY = 1e-6  # share of a course by which rounding varies it
 _SPECTRUM = 64  # samples at least, to which a course is padded
@@ -43,7 +44,7 @@ FEATURES = (
     *("roundness", "time_of_peak", "area_at_peak", "rise", "fall", "rise_relative"),
     *("fall_relative", "change", "change_relative", "halves", "peaks", "peak_rate"),
     *("skewness", "plateau", "path", "net_path", "extent", "straightness", "speed", "top_speed"),
-    *("turning", "reversals", "reversal_rate"),
+    *("turning", "reversals", "reversal_rate", "unsteadiness", "restlessness"),
     *("force_frequency", "force_main_frequency", "force_tone"),
     *("place_frequency", "place_main_frequency", "place_tone"),
     *("swept_area", "swept_relative", "entropy", "longest_touched", "lifted", "roughness"),
@@ -112,11 +113,6 @@ class Episode:
         self._touched = np.zeros(shape)
 
     @property
-    def pictures(self) -> int:
-        """How many it has taken."""
-        return self._count
-
-    @property
     def duration(self) -> float:
         """From the first picture to the last [s]."""
         return self._count * self.period
@@ -174,6 +170,7 @@ class Episode:
             *_shape(touched),
             *_course(column, self.period),
             *_way(column, self.period),
+            *_rest(column),
             *_spectra(column, self.period),
             *self._all_together(touched.mean),
             min(self.silence, SILENCE),
@@ -346,6 +343,19 @@ def _way(column: dict[str, np.ndarray], period: float) -> list[float]:
         reversals,
         rate,
     ]
+
+
+def _rest(column: dict[str, np.ndarray]) -> list[float]:
+    """Describe how a touch rests: a hand's force and place tremble, a thing's do not."""
+    force, change = column["force"], column["change"]
+    on = force > _PLATEAU * force.max()
+    both = on[1:] & on[:-1]
+    if not both.any():
+        return [0.0, 0.0]
+    # medians: a thing that is laid on swings before it rests
+    usual = np.median(force[on])
+    steps = np.median(np.abs(np.diff(force))[both])
+    return [_log(steps / usual, _CALM), _log(np.median(change[1:][both]) / usual, _CALM)]
 
 
 def _spectra(column: dict[str, np.ndarray], period: float) -> list[float]:

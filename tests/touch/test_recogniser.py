@@ -5,7 +5,17 @@ import numpy as np
 import pytest
 
 from tactile_skin.touch.episode import FEATURES, SILENCE
-from tactile_skin.touch.recogniser import DECIDED, ENDED, STILL, Named, Recogniser
+from tactile_skin.touch.recogniser import (
+    COMMON_PITCH,
+    DECIDED,
+    ENDED,
+    PERIOD,
+    STILL,
+    Cells,
+    Gathering,
+    Named,
+    Recogniser,
+)
 
 PITCH, RATE, SHAPE = 0.018, 100.0, (16, 16)
 
@@ -149,3 +159,30 @@ def test_slow_and_fast_boards_name_the_same(rate):
         named += recogniser.update(k / rate, frame)
     assert [g.label for g in named if g.state == ENDED] == ["stroke"]
     assert named[-1].duration == pytest.approx(1.0 + SILENCE, abs=0.3)
+
+
+def test_a_fine_mat_is_read_on_cells_as_large_as_those_of_others():
+    rng = np.random.default_rng(1)
+    force, std = rng.uniform(0.0, 2.0, (19, 24)), rng.uniform(0.01, 0.1, (19, 24))
+    coarse = Cells(0.016)
+    assert coarse.pitch == 0.016 and coarse.of(force, std)[0] is force
+    fine = Cells(0.008)
+    assert fine.pitch == COMMON_PITCH
+    put, spread = fine.of(force, std)
+    assert put.shape == (8, 10)  # 152 and 192 mm on cells of 20 mm
+    assert put.sum() == pytest.approx(force.sum())
+    # each of 2.5 x 2.5 cells: two of them and a half along each axis
+    share = np.outer([1.0, 1.0, 0.5], [1.0, 1.0, 0.5])
+    assert put[0, 0] == pytest.approx((share * force[:3, :3]).sum())
+    assert spread[0, 0] == pytest.approx(np.sqrt((share**2 * std[:3, :3] ** 2).sum()))
+
+
+def test_a_gesture_on_a_fine_mat_has_its_place_on_the_mat():
+    gathering = Gathering(0.008)
+    for row, col in ((0, 0), (9, 13), (18, 23)):
+        force = np.zeros((19, 24))
+        force[row, col] = 3.0
+        (gesture,) = [g for k in range(4) for g in gathering.update(k * PERIOD, force)][-1:]
+        at = np.array(gathering.cells.place(*gesture.place))
+        assert np.abs(at - (row, col)).max() < 1.5 and (at >= 0).all() and (at <= (18, 23)).all()
+        gathering = Gathering(0.008)
