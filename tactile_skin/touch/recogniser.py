@@ -26,8 +26,9 @@ TOUCHED = 0.1  # N: a touch has a cell with more
 COMMON_PITCH = 0.02  # m: fingers lie so far apart; finer cells say more of the mat than of the hand
 _FINE = 0.75  # of it: mats with less between their cells are read on cells of COMMON_PITCH
 REACH = 0.06  # m: touches within it of each other are of one hand: fingers are 0.02 to 0.04 apart
-FIRST = 0.1  # s of a gesture before it is judged
-EVERY = 0.08  # s between two judgements
+FIRST = 0.2  # s of a gesture before it is judged: until then a pat and a poke look alike
+EVERY = 0.08  # s between two judgements at least,
+_LONGER = 0.1  # and this share of its length so far: less than that changes no mind
 STILL = 2.0  # s after which a touch that does not change is background
 _CHANGE = 0.2  # share of its force by which a still touch may vary: a hand breathes by 5 to 10 %
 _MOVED = 0.5  # pitches by which the centre of a still touch may move
@@ -363,13 +364,15 @@ class Recogniser:
         episode, final = gesture.episode, gesture.state == ENDED
         if not final and episode.duration < opinion.due:
             return False
-        opinion.due = episode.duration + EVERY - episode.period / 2
+        wait = max(EVERY, _LONGER * episode.duration)
+        opinion.due = episode.duration + wait - episode.period / 2
         opinion.probabilities = self.model.probabilities(episode.features())
         favourite = int(opinion.probabilities.argmax())
+        label = self.model.classes[favourite]
         sure = opinion.probabilities[favourite] >= self.min_probability
+        sure = sure and (label == OTHER or not episode.lies())
         again = favourite == opinion.surely
         opinion.surely = favourite if sure else -1
-        label = self.model.classes[favourite]
         if final and not sure:
             label = OTHER  # what was named early on is withdrawn
         elif not sure or not (again or final):

@@ -76,6 +76,6 @@ def test_a_force_that_is_held_varies_about_its_mean_as_the_person_is_unsteady():
 
 def test_people_differ_in_size_strength_and_tempo():
     people = [Person(number) for number in range(60)]
-    broad = {"size": 0.05, "strength": 0.25, "tempo": 0.1, "tremor": 1e-4, "unsteady": 0.005}
+    broad = {"size": 0.05, "strength": 0.25, "tempo": 0.1, "tremor": 1e-4, "unsteady": 0.004}
     for name, least in broad.items():
         assert np.std([getattr(person, name) for person in people]) > least

@@ -51,8 +51,14 @@ def nothing(seconds: float) -> list[np.ndarray]:
     return [np.zeros(SHAPE)] * round(seconds * RATE)
 
 
-def resting(seconds: float, row=3.0, col=3.0, force=20.0) -> list[np.ndarray]:
+def lying(seconds: float, row=3.0, col=3.0, force=20.0) -> list[np.ndarray]:
     return [spot(row, col, force)] * round(seconds * RATE)
+
+
+def resting(seconds: float, row=3.0, col=3.0, force=20.0) -> list[np.ndarray]:
+    """Return what a hand presses, whose force is never quite steady."""
+    wave = 1.0 + 0.03 * np.sin(2 * np.pi * 1.5 * np.arange(round(seconds * RATE)) / RATE)
+    return [spot(row, col, force * share) for share in wave]
 
 
 def stroke(seconds: float = 0.5, row=10.0, force=2.0) -> list[np.ndarray]:
@@ -82,7 +88,7 @@ def test_taps_in_one_place_are_one_gesture_and_two_hands_are_two():
     tap = [spot(8.0, 8.0)] * 10
     one = played([*tap, *nothing(0.2), *tap, *nothing(0.2), *tap, *nothing(1.0)])
     assert {g.id for g in one} == {1}
-    apart = [a + spot(12.0, 13.0) for a in stroke(row=3.0)]
+    apart = [a + b for a, b in zip(stroke(row=3.0), resting(0.5, 12.0, 13.0, 2.0), strict=True)]
     two = played([*apart, *nothing(1.0)])
     assert {g.id: g.label for g in two if g.state == ENDED} == {1: "press", 2: "stroke"} or {
         g.id: g.label for g in two if g.state == ENDED
@@ -92,6 +98,13 @@ def test_taps_in_one_place_are_one_gesture_and_two_hands_are_two():
 def test_fingers_of_one_hand_are_one_gesture():
     hand = [spot(8.0, 4.0) + spot(8.0, 7.0) + spot(8.0, 10.0)] * 50
     assert {g.id for g in played([*hand, *nothing(1.0)])} == {1}
+
+
+def test_what_lies_as_still_as_no_hand_is_no_gesture():
+    ended = {g.id: g.label for g in played([*lying(1.5), *nothing(1.0)]) if g.state == ENDED}
+    assert ended == {1: "other"}
+    # a blow is over before it could be said to lie
+    assert decisions(played([*lying(0.2), *nothing(1.0)])) == [(1, "press")]
 
 
 def test_what_stands_still_becomes_background_beside_which_others_are_named():

@@ -22,9 +22,9 @@ _STRENGTH_STD = 0.45  # of its logarithm
 _TEMPO_STD = 0.22  # of its logarithm
 _TREMOR = 0.0006  # m
 _TREMOR_STD = 0.4  # of its logarithm
-# Standard deviation of a force that is held, as a share of it: chosen. What is studied is how steady
-# a grip is (Blomkvist et al., BMC Musculoskeletal Disorders 19:96, 2018).
-_UNSTEADY = 0.03
+# Standard deviation of a force that is held, as a share of it; chosen. How steady a grip is, is
+# studied: Blomkvist et al., BMC Musculoskeletal Disorders 19:96, 2018.
+_UNSTEADY = 0.02
 _UNSTEADY_STD = 0.4  # of its logarithm
 _CORRECTS = 0.15  # s in which such a variation is forgotten: most of it is below 2 Hz
 _LEFT_HANDED = 0.15  # share of people
