@@ -22,7 +22,7 @@ class Window(NamedTuple):
 
     Attributes:
     mean, spread: (rows, cols) of each reading in some frames [ADC steps].
-    noise: spread of the readings that nothing moves.
+    noise: RMS of the readings that nothing moves [ADC steps].
     low: (rows, cols) lowest mean of each reading so far: at rest.
     """
 
@@ -49,7 +49,9 @@ class Windows:
         self._frames = []
         mean, spread = steps.mean(0), steps.std(0)
         self._low = mean if self._low is None else np.minimum(self._low, mean)
-        read = spread[mean > 0.0]  # 0: not read, or below the ADC's range
+        # by what changes from frame to frame: a palm on a small skin moves all readings at once
+        chance = np.sqrt(np.square(np.diff(steps, axis=0)).mean(0) / 2.0)
+        read = chance[mean > 0.0]  # 0: not read, or below the ADC's range
         noise = float(np.quantile(read, _CALM)) if read.size else 0.0
         return Window(mean, spread, noise, self._low)
 

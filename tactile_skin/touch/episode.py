@@ -27,6 +27,11 @@ _HILL = 0.35  # of the hardest cell: maxima above it are parts of the hand, not 
 _RISEN = 0.5  # of the largest force so far: where a peak begins
 _FALLEN = 0.4  # of the largest force so far: where it ends
 _PLATEAU = 0.8  # of the largest force: a hand that rests
+# Median change from picture to picture, as a share of the force, that is less than any hand's: of
+# its sum and of its cells. Recorded hands at rest change by 1 % and 4 %, by 0.3 % and 2 % at least.
+_STEADY_FORCE = 0.0025
+_STEADY_CELLS = 0.012
+_LONG_ENOUGH = 0.4  # s at rest, in which it can be seen
 _SLOWEST = 0.7  # Hz: slower changes are no rhythm, the force of one push among them
 _STEADY = 1e-6  # share of a course by which rounding varies it
 _SPECTRUM = 64  # samples at least, to which a course is padded
@@ -112,11 +117,6 @@ class Episode:
         self._touched = np.zeros(shape)
 
     @property
-    def pictures(self) -> int:
-        """How many it has taken."""
-        return self._count
-
-    @property
     def duration(self) -> float:
         """From the first picture to the last [s]."""
         return self._count * self.period
@@ -155,6 +155,19 @@ class Episode:
     def silence(self) -> float:
         """For how long nothing has touched [s]."""
         return self._untouched * self.period
+
+    def lies(self) -> bool:
+        """Return whether it has rested so steadily that it is a thing and no hand."""
+        force = np.array([moment.force for moment in self._moments])
+        change = np.array([moment.change for moment in self._moments])
+        on = force > _PLATEAU * force.max()
+        both = on[1:] & on[:-1]
+        if np.count_nonzero(both) * self.period < _LONG_ENOUGH:
+            return False
+        usual = float(np.median(force[on]))
+        steps = float(np.median(np.abs(np.diff(force))[both]))
+        changes = float(np.median(change[1:][both]))
+        return steps < _STEADY_FORCE * usual and changes < _STEADY_CELLS * usual
 
     def features(self) -> np.ndarray:
         """Return the features of the episode so far; all but silence of what touched.

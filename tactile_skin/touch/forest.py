@@ -42,13 +42,12 @@ class Forest(NamedTuple):
         Returns:
             (classes,), of sum 1.
         """
-        node = self.roots
-        while True:
+        node, left = self.roots, []
+        while node.size:
             asked = self.feature[node]
             inner = asked != _LEAF
-            if not inner.any():
-                return np.asarray(self.share[node].mean(0))
-            step = np.where(
-                features[asked] <= self.threshold[node], self.below[node], self.above[node]
-            )
-            node = np.where(inner, step, node)
+            left.append(node[~inner])
+            node, asked = node[inner], asked[inner]
+            below = features[asked] <= self.threshold[node]
+            node = np.where(below, self.below[node], self.above[node])
+        return np.asarray(self.share[np.concatenate(left)].mean(0))

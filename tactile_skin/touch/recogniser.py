@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Names gestures as they happen: which touches are one gesture, and what the hand does.
 
-Pictures are averaged to 25 a second and each cell is gated by its standard deviation, so that a
-noisy skin sees less rather than something else. Touches near each other in space and time are one
-gesture; one that stands still becomes background. A gesture is named as soon as the model is sure,
-and again where it changes its mind, until the hand is gone.
+Pictures are averaged to 25 a second, fine cells are put together, and each is gated by its standard
+deviation, so that a noisy skin sees less rather than something else. Touches near each other in
+space and time are one gesture; one that stands still becomes background. A gesture is named as soon
+as the model is sure, and again where it changes its mind, until the hand is gone.
 """
 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -22,9 +23,12 @@ from .tracking import IDS
 PERIOD = 0.04  # s between pictures: a slap is seen in two, and noise is averaged over four frames
 GATE = 3.0  # standard deviations above which a cell is touched
 TOUCHED = 0.1  # N: a touch has a cell with more
+COMMON_PITCH = 0.02  # m: fingers lie so far apart; finer cells say more of the mat than of the hand
+_FINE = 0.75  # of it: mats with less between their cells are read on cells of COMMON_PITCH
 REACH = 0.06  # m: touches within it of each other are of one hand: fingers are 0.02 to 0.04 apart
-FIRST = 0.1  # s of a gesture before it is judged
-EVERY = 2  # pictures between two judgements
+FIRST = 0.2  # s of a gesture before it is judged: until then a pat and a poke look alike
+EVERY = 0.08  # s between two judgements at least,
+_LONGER = 0.1  # and this share of its length so far: less than that changes no mind
 STILL = 2.0  # s after which a touch that does not change is background
 _CHANGE = 0.2  # share of its force by which a still touch may vary: a hand breathes by 5 to 10 %
 _MOVED = 0.5  # pitches by which the centre of a still touch may move
@@ -40,15 +44,63 @@ STATES = (NEW, HELD, DECIDED, ENDED)
 class Picture(NamedTuple):
     """The mean of some frames."""
 
-    force: np.ndarray  # (rows, cols) [N], 0 on cells that are not surely touched
+    force: np.ndarray  # (rows, cols) of Cells [N], 0 where nothing surely touches
     period: float  # since the picture before [s]
     first: bool  # whether there was a pause before it
 
 
-class Pictures:
-    """Averages frames to PERIOD, and gates each cell by its standard deviation."""
+class Cells:
+    """Cells of about one size, in which a touch looks alike on mats of any pitch.
 
-    def __init__(self) -> None:
+    Those of a fine mat are put together: each gives its force to the larger ones it lies on, by
+    area.
+
+    Args:
+        pitch: distance between neighbouring cells of the mat [m].
+
+    Attributes:
+        pitch: the same of these cells [m].
+    """
+
+    def __init__(self, pitch: float):
+        self.pitch = COMMON_PITCH if pitch < _FINE * COMMON_PITCH else pitch
+        self._ratio = self.pitch / pitch
+        self._ends = np.zeros(2)  # last row and column of the mat
+
+    def of(self, force: np.ndarray, std: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the force on these cells and its standard deviation, of the mat's (rows, cols)."""
+        self._ends = np.array(force.shape) - 1.0
+        if self._ratio == 1.0:
+            return force, std
+        down, across = (_shares(n, self._ratio) for n in force.shape)
+        variance = down**2 @ np.broadcast_to(std, force.shape) ** 2 @ (across**2).T
+        return down @ force @ across.T, np.sqrt(variance)
+
+    def place(self, row: float, col: float) -> tuple[float, float]:
+        """Return the row and column of the mat at a row and column of these cells."""
+        at = (np.array([row, col]) + 0.5) * self._ratio - 0.5
+        row, col = np.minimum(at, self._ends).tolist()  # the last of these cells may reach beyond
+        return row, col
+
+
+@lru_cache(maxsize=8)
+def _shares(n: int, ratio: float) -> np.ndarray:
+    """Return (m, n): the share of each of n cells that lies on each of m that are `ratio` long."""
+    edge = np.arange(math.ceil(n / ratio) + 1)[:, None] * ratio
+    start = np.arange(n)
+    overlap = np.minimum(edge[1:], start + 1) - np.maximum(edge[:-1], start)
+    return np.maximum(overlap, 0.0)
+
+
+class Pictures:
+    """Averages frames to PERIOD, and gates each cell by its standard deviation.
+
+    Args:
+        cells: in which it gives them.
+    """
+
+    def __init__(self, cells: Cells) -> None:
+        self._cells = cells
         self._last = -math.inf
         self._begin(-math.inf, True)
 
@@ -75,8 +127,9 @@ class Pictures:
         self._std = self._std + std
         if t - self._start < PERIOD - step / 2:
             return None
-        mean = np.asarray(self._force / self._count)
-        spread = self._std / self._count**1.5
+        mean, spread = self._cells.of(
+            np.asarray(self._force / self._count), np.asarray(self._std / self._count**1.5)
+        )
         felt = np.where(mean > np.maximum(LIMIT, GATE * spread), mean, 0.0)
         picture = Picture(felt, t - self._start, self._first)
         self._begin(t, False)
@@ -91,7 +144,7 @@ class Named(NamedTuple):
     decided: bool  # whether its label is new, or the first
     label: str  # what it is, "other", or "" while the model is not sure
     probabilities: np.ndarray  # (classes,) in the order of the model's classes
-    place: tuple[float, float]  # row and column of the centre of force
+    place: tuple[float, float]  # row and column of the mat, of the centre of force
     force: float  # [N]; 0 between two touches and when it has ended
     duration: float  # [s]
 
@@ -106,7 +159,7 @@ class Gesture:
         seen: when its last picture was complete [s].
         state: NEW, HELD or ENDED.
         still: whether it has ended because it stands still.
-        place: row and column of the centre of force.
+        place: row and column of `Cells`, of the centre of force.
         force: [N]; 0 between two touches and when it has ended.
         impulse: sum of its force over time [N s].
         cells: (n,) flat numbers of all that it has touched.
@@ -171,9 +224,9 @@ class Gathering:
     """
 
     def __init__(self, pitch: float, reach: float = REACH):
-        self.pitch, self.reach = pitch, reach
+        self.cells, self.reach = Cells(pitch), reach
         self._ids = 0
-        self._pictures = Pictures()
+        self._pictures = Pictures(self.cells)
         self._active: list[Gesture] = []
         self._background: list[_Background] = []
 
@@ -204,7 +257,7 @@ class Gathering:
             gesture = self._belongs_to(touch, cols)
             if gesture is None:
                 self._ids = self._ids % (IDS - 1) + 1
-                episode = Episode(force.shape, self.pitch, period)
+                episode = Episode(force.shape, self.cells.pitch, period)
                 gesture = Gesture(self._ids, episode, t)
                 self._active.append(gesture)
             gesture.cells = np.union1d(gesture.cells, touch)
@@ -246,7 +299,7 @@ class Gathering:
         rows, columns = np.divmod(touch, cols)
         for gesture in self._active:
             r, c = np.divmod(gesture.cells, cols)
-            away = np.hypot(rows[:, None] - r, columns[:, None] - c).min() * self.pitch
+            away = np.hypot(rows[:, None] - r, columns[:, None] - c).min() * self.cells.pitch
             if away < least:
                 nearest, least = gesture, away
         return nearest
@@ -259,6 +312,7 @@ class _Opinion:
         self.label = ""
         self.surely = -1  # number of the class that it was last sure of, or -1
         self.probabilities = np.zeros(0)
+        self.due = FIRST  # s into the gesture when the model is asked next
 
 
 class Recogniser:
@@ -298,7 +352,7 @@ class Recogniser:
                     decided,
                     opinion.label,
                     opinion.probabilities,
-                    gesture.place,
+                    self._gathering.cells.place(*gesture.place),
                     gesture.force,
                     gesture.seen - gesture.start,
                 )
@@ -308,14 +362,17 @@ class Recogniser:
     def _judge(self, gesture: Gesture, opinion: _Opinion) -> bool:
         """Ask the model; return whether the gesture has a label that it had not."""
         episode, final = gesture.episode, gesture.state == ENDED
-        if not final and (episode.pictures % EVERY or episode.duration < FIRST):
+        if not final and episode.duration < opinion.due:
             return False
+        wait = max(EVERY, _LONGER * episode.duration)
+        opinion.due = episode.duration + wait - episode.period / 2
         opinion.probabilities = self.model.probabilities(episode.features())
         favourite = int(opinion.probabilities.argmax())
+        label = self.model.classes[favourite]
         sure = opinion.probabilities[favourite] >= self.min_probability
+        sure = sure and (label == OTHER or not episode.lies())
         again = favourite == opinion.surely
         opinion.surely = favourite if sure else -1
-        label = self.model.classes[favourite]
         if final and not sure:
             label = OTHER  # what was named early on is withdrawn
         elif not sure or not (again or final):

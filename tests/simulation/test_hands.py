@@ -55,7 +55,8 @@ def test_a_hand_presses_with_its_force_where_it_is():
     t = np.arange(0.0, 1.0, PERIOD)
     force, at = 7.0 * pulse(t, 0.1, 0.8), np.repeat([[0.1, 0.2]], len(t), 0)
     person = Person(1)
-    pictures = pressed(MAT, Hand("tip", force, at, 0.0), person, np.random.default_rng(0))
+    person.unsteady = 0.0
+    pictures = pressed(MAT, Hand("tip", force, at, 0.0), person, np.random.default_rng(0), PERIOD)
     assert pictures.sum((1, 2)) == pytest.approx(force, abs=1e-9)
     rows, cols = np.indices((16, 16))
     total = pictures.sum()
@@ -63,7 +64,18 @@ def test_a_hand_presses_with_its_force_where_it_is():
     assert np.array(centre) * MAT.pitch == pytest.approx([0.1, 0.2], abs=0.006)
 
 
+def test_a_force_that_is_held_varies_about_its_mean_as_the_person_is_unsteady():
+    for period in (0.01, 0.04):
+        force = np.full(round(60.0 / period), 7.0)
+        hand = Hand("tip", force, np.full((len(force), 2), 0.1), 0.0)
+        person = Person(1)
+        held = pressed(MAT, hand, person, np.random.default_rng(0), period).sum((1, 2))
+        assert held.mean() == pytest.approx(7.0, rel=0.01)
+        assert held.std() == pytest.approx(7.0 * person.unsteady, rel=0.2)
+
+
 def test_people_differ_in_size_strength_and_tempo():
     people = [Person(number) for number in range(60)]
-    for name, least in (("size", 0.05), ("strength", 0.25), ("tempo", 0.1), ("tremor", 1e-4)):
+    broad = {"size": 0.05, "strength": 0.25, "tempo": 0.1, "tremor": 1e-4, "unsteady": 0.004}
+    for name, least in broad.items():
         assert np.std([getattr(person, name) for person in people]) > least

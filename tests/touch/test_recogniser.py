@@ -5,7 +5,17 @@ import numpy as np
 import pytest
 
 from tactile_skin.touch.episode import FEATURES, SILENCE
-from tactile_skin.touch.recogniser import DECIDED, ENDED, STILL, Named, Recogniser
+from tactile_skin.touch.recogniser import (
+    COMMON_PITCH,
+    DECIDED,
+    ENDED,
+    PERIOD,
+    STILL,
+    Cells,
+    Gathering,
+    Named,
+    Recogniser,
+)
 
 PITCH, RATE, SHAPE = 0.018, 100.0, (16, 16)
 
@@ -41,8 +51,14 @@ def nothing(seconds: float) -> list[np.ndarray]:
     return [np.zeros(SHAPE)] * round(seconds * RATE)
 
 
-def resting(seconds: float, row=3.0, col=3.0, force=20.0) -> list[np.ndarray]:
+def lying(seconds: float, row=3.0, col=3.0, force=20.0) -> list[np.ndarray]:
     return [spot(row, col, force)] * round(seconds * RATE)
+
+
+def resting(seconds: float, row=3.0, col=3.0, force=20.0) -> list[np.ndarray]:
+    """Return what a hand presses, whose force is never quite steady."""
+    wave = 1.0 + 0.03 * np.sin(2 * np.pi * 1.5 * np.arange(round(seconds * RATE)) / RATE)
+    return [spot(row, col, force * share) for share in wave]
 
 
 def stroke(seconds: float = 0.5, row=10.0, force=2.0) -> list[np.ndarray]:
@@ -72,7 +88,7 @@ def test_taps_in_one_place_are_one_gesture_and_two_hands_are_two():
     tap = [spot(8.0, 8.0)] * 10
     one = played([*tap, *nothing(0.2), *tap, *nothing(0.2), *tap, *nothing(1.0)])
     assert {g.id for g in one} == {1}
-    apart = [a + spot(12.0, 13.0) for a in stroke(row=3.0)]
+    apart = [a + b for a, b in zip(stroke(row=3.0), resting(0.5, 12.0, 13.0, 2.0), strict=True)]
     two = played([*apart, *nothing(1.0)])
     assert {g.id: g.label for g in two if g.state == ENDED} == {1: "press", 2: "stroke"} or {
         g.id: g.label for g in two if g.state == ENDED
@@ -82,6 +98,13 @@ def test_taps_in_one_place_are_one_gesture_and_two_hands_are_two():
 def test_fingers_of_one_hand_are_one_gesture():
     hand = [spot(8.0, 4.0) + spot(8.0, 7.0) + spot(8.0, 10.0)] * 50
     assert {g.id for g in played([*hand, *nothing(1.0)])} == {1}
+
+
+def test_what_lies_as_still_as_no_hand_is_no_gesture():
+    ended = {g.id: g.label for g in played([*lying(1.5), *nothing(1.0)]) if g.state == ENDED}
+    assert ended == {1: "other"}
+    # a blow is over before it could be said to lie
+    assert decisions(played([*lying(0.2), *nothing(1.0)])) == [(1, "press")]
 
 
 def test_what_stands_still_becomes_background_beside_which_others_are_named():
@@ -149,3 +172,30 @@ def test_slow_and_fast_boards_name_the_same(rate):
         named += recogniser.update(k / rate, frame)
     assert [g.label for g in named if g.state == ENDED] == ["stroke"]
     assert named[-1].duration == pytest.approx(1.0 + SILENCE, abs=0.3)
+
+
+def test_a_fine_mat_is_read_on_cells_as_large_as_those_of_others():
+    rng = np.random.default_rng(1)
+    force, std = rng.uniform(0.0, 2.0, (19, 24)), rng.uniform(0.01, 0.1, (19, 24))
+    coarse = Cells(0.016)
+    assert coarse.pitch == 0.016 and coarse.of(force, std)[0] is force
+    fine = Cells(0.008)
+    assert fine.pitch == COMMON_PITCH
+    put, spread = fine.of(force, std)
+    assert put.shape == (8, 10)  # 152 and 192 mm on cells of 20 mm
+    assert put.sum() == pytest.approx(force.sum())
+    # each of 2.5 x 2.5 cells: two of them and a half along each axis
+    share = np.outer([1.0, 1.0, 0.5], [1.0, 1.0, 0.5])
+    assert put[0, 0] == pytest.approx((share * force[:3, :3]).sum())
+    assert spread[0, 0] == pytest.approx(np.sqrt((share**2 * std[:3, :3] ** 2).sum()))
+
+
+def test_a_gesture_on_a_fine_mat_has_its_place_on_the_mat():
+    gathering = Gathering(0.008)
+    for row, col in ((0, 0), (9, 13), (18, 23)):
+        force = np.zeros((19, 24))
+        force[row, col] = 3.0
+        (gesture,) = [g for k in range(4) for g in gathering.update(k * PERIOD, force)][-1:]
+        at = np.array(gathering.cells.place(*gesture.place))
+        assert np.abs(at - (row, col)).max() < 1.5 and (at >= 0).all() and (at <= (18, 23)).all()
+        gathering = Gathering(0.008)

@@ -44,9 +44,10 @@ class Course:
     """Pictures of what was felt, as a recogniser sees them, until they are taken."""
 
     def __init__(self, geometry):
-        from ...touch.recogniser import Pictures
+        from ...touch.recogniser import Cells, Pictures
 
-        self._geometry, self._pictures = geometry, Pictures()
+        self._geometry, self._cells = geometry, Cells(geometry.pitch)
+        self._pictures = Pictures(self._cells)
         self._found: list = []
         self._periods: list[float] = []
 
@@ -73,7 +74,7 @@ class Course:
         if pause and silent.any():
             return []
         self._found, self._periods = [], []
-        return [(take, period, self._geometry.pitch) for take in touches(pictures, period)]
+        return [(take, period, self._cells.pitch) for take in touches(pictures, period)]
 
 
 def _recorded(path: str) -> list[tuple]:

@@ -131,7 +131,7 @@ def _carry(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
     out = np.zeros((len(t), mat.rows, mat.cols))
     for share in (0.2, 0.8):
         at = np.repeat([mat.size * (share, rng.uniform(0.3, 0.7))], len(t), 0)
-        out += pressed(mat, Hand("flat", force, at, rng.normal(0.0, 0.5)), person, rng)
+        out += pressed(mat, Hand("flat", force, at, rng.normal(0.0, 0.5)), person, rng, period)
     return out
 
 

@@ -22,6 +22,11 @@ _STRENGTH_STD = 0.45  # of its logarithm
 _TEMPO_STD = 0.22  # of its logarithm
 _TREMOR = 0.0006  # m
 _TREMOR_STD = 0.4  # of its logarithm
+# Standard deviation of a force that is held, as a share of it; chosen. How steady a grip is, is
+# studied: Blomkvist et al., BMC Musculoskeletal Disorders 19:96, 2018.
+_UNSTEADY = 0.02
+_UNSTEADY_STD = 0.4  # of its logarithm
+_CORRECTS = 0.15  # s in which such a variation is forgotten: most of it is below 2 Hz
 _LEFT_HANDED = 0.15  # share of people
 _OWN = 0.65  # share of a gesture's number that is the person's own; the rest is this performance's
 _SLIP = 0.08  # std of that share
@@ -113,6 +118,8 @@ class Person:
         self.tempo = float(np.exp(_TEMPO_STD * rng.standard_normal()))
         self.tremor = float(_TREMOR * np.exp(_TREMOR_STD * rng.standard_normal()))
         self.rough = float(rng.uniform(0.15, 0.5))
+        own = np.random.default_rng([number, 12])
+        self.unsteady = float(_UNSTEADY * np.exp(_UNSTEADY_STD * own.standard_normal()))
         self.left = bool(rng.random() < _LEFT_HANDED)
         self._habits: dict[str, float] = {}
         self._tastes: dict[str, np.ndarray] = {}
@@ -142,12 +149,19 @@ class Hand(NamedTuple):
     weights: np.ndarray | None = None  # (T, pads) of each pad, where they move by themselves
 
 
-def pressed(mat: Mat, hand: Hand, person: Person, rng: np.random.Generator) -> np.ndarray:
-    """Return (T, rows, cols) force [N] of a hand; what lies beyond the edge presses elsewhere."""
+def pressed(
+    mat: Mat, hand: Hand, person: Person, rng: np.random.Generator, period: float
+) -> np.ndarray:
+    """Return (T, rows, cols) force [N] of a hand; what lies beyond the edge presses elsewhere.
+
+    Args:
+        period: between pictures [s].
+    """
     steps = len(hand.force)
     out = np.zeros((steps, mat.rows, mat.cols))
     skin = texture(mat, person.rough, rng)
     tremor = person.tremor * np.cumsum(rng.standard_normal((steps, 2)), 0) / np.sqrt(10.0)
+    force = hand.force * (1.0 + person.unsteady * _fluctuation(steps, period, rng))
     x, y = mat.points()
     sin, cos = np.sin(hand.angle), np.cos(hand.angle)
     pads = np.array(POSES[hand.pose])
@@ -169,8 +183,18 @@ def pressed(mat: Mat, hand: Hand, person: Person, rng: np.random.Generator) -> n
         picture *= skin
         total = picture.sum()
         if total > 0.0:
-            out[k] = mat.cells(picture) / total * hand.force[k]
+            out[k] = mat.cells(picture) / total * force[k]
     return out
+
+
+def _fluctuation(steps: int, period: float, rng: np.random.Generator) -> np.ndarray:
+    """Return (steps,) a random course of mean 0 and std 1 that _CORRECTS forgets."""
+    from scipy.signal import lfilter  # here: most simulated boards feel no hands
+
+    keeps = np.exp(-period / _CORRECTS)
+    noise = rng.standard_normal(steps) * np.sqrt(1.0 - keeps**2)
+    start = rng.standard_normal()
+    return lfilter([1.0], [1.0, -keeps], noise, zi=[keeps * start])[0]
 
 
 def pulse(t: np.ndarray, start: float, duration: float, rise: float = 0.35) -> np.ndarray:
@@ -216,7 +240,7 @@ class _Stage:
 
     def show(self, pose: str, force, at, weights=None) -> np.ndarray:
         hand = Hand(pose, force, at, self.angle, weights)
-        return pressed(self.mat, hand, self.person, self.rng)
+        return pressed(self.mat, hand, self.person, self.rng, self.period)
 
 
 def _tap(s: _Stage) -> np.ndarray:
