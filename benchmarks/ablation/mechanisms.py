@@ -133,7 +133,7 @@ MECHANISMS = (
     ),
     Mechanism(
         "contacts", "one reading is left out again and again",
-        (f"{_HEALTH}/odd_cells.py:OddCells._count_aside",),
+        (),
         (_finds("health.odd_cells:OddCells.findings", "set aside"),),
     ),
     Mechanism(

@@ -222,29 +222,32 @@ def resting_conductance(
     """Return the (rows, cols) conductance [S] of the cells of a skin that reads `adc`.
 
     Args:
+        adc: (rows, cols) ADC ratio; NaN where a crossing was not read.
         noise: of the reading [ADC steps].
-        noisy: (row, column) of cells whose reading is not used: they conduct as the usual cell.
+        noisy: (row, column) of cells whose reading is not used, as of those that were not read:
+            they conduct as the usual cell.
 
     Raises:
         ValueError: no cells near one another's resistance read so.
     """
     cells = circuit.populated
-    unused = mask_of(noisy, circuit.shape)
-    known = cells & np.isfinite(adc) & ~unused
+    unused = cells & ~np.isfinite(adc) | mask_of(noisy, circuit.shape)
+    known = cells & ~unused
     usual = usual_resistance(adc, known, circuit)
     if not 0.0 < usual < np.inf:
         raise ValueError("the readings fit no skin: r_par or r_ref is wrong, or no cell")
     curve = PressureCurve((0.0, 1.0), (usual * REST_SPAN, usual / REST_SPAN))
     adc = np.where(np.isfinite(adc), adc, 0.0)
     adc = np.where(unused, np.median(adc[known]), adc)
-    for _ in range(_ROUNDS if noisy else 1):
+    for _ in range(_ROUNDS if unused.any() else 1):
         found = compensate(adc, circuit, curve, "newton", noise=max(noise, _LEAST_NOISE))
         if found.status == "failed":
             raise ValueError(f"the readings fit no skin: {found.message}")
         conductance = np.where(cells, 1.0 / curve.resistance(found.force), 0.0)
         conductance[unused & cells] = np.median(conductance[known])
-        model = forward(circuit, 1.0 / np.where(cells, conductance, 1.0)) if noisy else adc
-        adc = np.where(unused, model, adc)
+        if unused.any():
+            model = forward(circuit, 1.0 / np.where(cells, conductance, 1.0))
+            adc = np.where(unused, model, adc)
     return conductance
 
 

@@ -66,7 +66,8 @@ class OddCells(Check):
         t, force, before = seen.t, seen.estimate.force, self._force
         elapsed, step = t - self._t, force - before
         self._force, self._t = force, t
-        self._count_aside(elapsed, seen.estimate.aside)
+        aside = seen.estimate.aside
+        self._aside.add(0.0 if aside is None else aside, elapsed)
         if not 0.0 < elapsed < _MEMORY:
             step, self._since[:] = np.zeros(force.shape), np.inf
         high = np.maximum(force, before)
@@ -95,9 +96,6 @@ class OddCells(Check):
         if self._aside.cells.any():
             found.append(Finding(Kind.CONTACT, "set aside", **largest(self._aside.count)))
         return found
-
-    def _count_aside(self, elapsed: float, aside: np.ndarray | None) -> None:
-        self._aside.add(0.0 if aside is None else aside, elapsed)
 
     def _look_for_still_ones(self, t: float, force: np.ndarray) -> None:
         off = np.abs(force - self._stood_at)

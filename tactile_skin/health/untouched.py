@@ -47,8 +47,6 @@ class Untouched(Check):
     def __init__(self, adc: Adc, threshold: float = 0.0):
         self._circuit = adc.circuit
         self._looked = -np.inf  # s
-        self._asked: np.ndarray | None = None  # (rows, cols) rest,
-        self._conductance = np.zeros(())  # and what its cells conduct [S]
         self._before: np.ndarray | None = None  # what the last look saw
         self.forget()
 
@@ -130,7 +128,7 @@ class Untouched(Check):
         news = self.found is None or (middle < -_FALL and not self.found.stops)
         if news and abs(middle) > limit and known[self._circuit.populated].all():
             try:
-                before = self._conducted(rest)
+                before = resting_conductance(rest, self._circuit)
                 after = resting_conductance(now, self._circuit)
                 change = np.log(after[known] / before[known])
             except ValueError:  # no cells read so
@@ -142,12 +140,6 @@ class Untouched(Check):
         least = (low if middle > 0.0 else -high) + _QUARTILE * spread
         even = high - low < 2.0 * _QUARTILE * (_EVEN * abs(middle) + 1.5 * spread)
         return float(middle) if least > 0.5 * abs(middle) else 0.0, bool(even)
-
-    def _conducted(self, rest: np.ndarray) -> np.ndarray:
-        """(rows, cols) conductance [S] of the cells at rest; asked for the same rest again."""
-        if rest is not self._asked:
-            self._asked, self._conductance = rest, resting_conductance(rest, self._circuit)
-        return self._conductance
 
 
 def _another_line(

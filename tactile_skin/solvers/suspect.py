@@ -24,7 +24,7 @@ _ROUNDED_NOISE = 1.3  # times the noise of rounding up to which noise is roundin
 # Share of a reading by which a valid skin may differ from the model: 0.5 % of a touch that fabric
 # and cover carry to the next cells (paper section IV), some ohm of the stripes, rows read in turn.
 # Chosen on streams of damaged boards (benchmarks.faults, seeds 3 and 4), scored on others.
-_MODEL_ERROR = 0.003
+MODEL_ERROR = 0.003
 _MEASURED_NOISE = 1.1  # times noise that was measured in the same frame, and is not exact
 _MEAN_LIMIT = 6.0  # standard deviations of the mean misfit, where the noise was measured
 _IMPOSSIBLE = 5.0  # standard deviations of noise past what any skin can read: 1 in 3 million
@@ -161,7 +161,7 @@ def model_variance(reading: Reading) -> np.ndarray:
 
     None of an exact reading, which comes from a simulation or a laboratory.
     """
-    return np.square(_MODEL_ERROR * reading.steps) if reading.noise else np.zeros(reading.adc.shape)
+    return np.square(MODEL_ERROR * reading.steps) if reading.noise else np.zeros(reading.adc.shape)
 
 
 class NormalEquations(NamedTuple):

@@ -128,7 +128,7 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     votes = order.transposed(seen)
     if votes and (change := _other_way(seen, touched)):
         detail = readout.entered(change.settings(circuit))
-        numbers = votes.numbers()
+        numbers = votes._asdict()
         return [Finding(Kind.TRANSPOSED, numbers=numbers, detail=detail, change=change)]
     if fitting and named and not votes:  # touches that are torn add up to what no network reads
         return [fitting.finding(circuit)]

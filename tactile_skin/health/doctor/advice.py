@@ -70,20 +70,6 @@ class Change:
         return found
 
 
-def conductance_at_rest(at_rest: np.ndarray, circuit: Circuit, noise: float) -> np.ndarray:
-    """Return (rows, cols) conductance [S] of the cells of a skin that reads so at rest.
-
-    Args:
-        at_rest: (rows, cols) ADC ratio; NaN: not read, they conduct as the usual cell.
-        noise: of a reading [ADC steps].
-
-    Raises:
-        ValueError: no skin rests so.
-    """
-    unread = list(zip(*np.nonzero(np.isnan(at_rest) & circuit.populated), strict=True))
-    return resting_conductance(at_rest, circuit, noise, unread)
-
-
 def felt(touch: np.ndarray, circuit: Circuit, curve: PressureCurve, noise: float) -> Estimate:
     """Return what a skin feels that reads (rows, cols) [ADC ratio]; NaN: not read."""
     noise = max(noise, ROUNDING_NOISE)
@@ -114,7 +100,7 @@ def is_safe(change: Change, frames: np.ndarray, quiet: np.ndarray, noise: float)
     then = change.of(frames)
     at_rest = then[quiet].mean(0)
     try:
-        rest = conductance_at_rest(at_rest, circuit, max(noise, ROUNDING_NOISE))
+        rest = resting_conductance(at_rest, circuit, max(noise, ROUNDING_NOISE))
     except ValueError:
         return False
     if not _rests(at_rest, rest, circuit, noise):

@@ -48,14 +48,11 @@ _LOOSE = 0.25  # of all lines at most come and go: more are touches on a skin th
 
 def wrong_bits(seen: Recorded) -> list[Finding]:
     """Return bits of the ADC that never change: by the readings that lack, or by noise at rest."""
-    names = "bit", "kept", "share"
-    stuck = [Finding(Kind.BITS, "gap", numbers=dict(zip(names, bit, strict=True)))
-             for bit in _stuck_bits(seen)]  # fmt: skip
-    return stuck or leaping_bit(seen)
+    return _stuck_bits(seen) or leaping_bit(seen)
 
 
-def _stuck_bits(seen: Recorded) -> list[tuple[int, int, float]]:
-    """Return (bit, the value it keeps, share of readings where the other value would put them)."""
+def _stuck_bits(seen: Recorded) -> list[Finding]:
+    """Return bits whose other value would put readings where there are hardly any."""
     every, base = seen.steps[:, seen.read], seen.base[seen.read]
     if top := ceiling(seen):  # what piles up there lies beside a gap by chance
         every = np.where(every < top[0] - _width(seen), every, base)
@@ -81,7 +78,8 @@ def _stuck_bits(seen: Recorded) -> list[tuple[int, int, float]]:
             # A hand that stands still fills no gap: evidence is what was read once.
             gap = once.near >= _GAP_READINGS and still.share < (_LOW_GAP if low else _HIGH_GAP)
             if gap or (bit == bits - 1 and all_.empty and folded and (kept or lacking)):
-                found.append((bit, kept, all_.share))
+                numbers = {"bit": bit, "kept": kept, "share": all_.share}
+                found.append(Finding(Kind.BITS, "gap", numbers=numbers))
     return found
 
 
