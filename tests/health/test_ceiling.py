@@ -196,12 +196,6 @@ def test_the_ceiling_of_an_inverted_board_is_named_as_it_prints_it():
     assert board.frames(40, 800.0)[-1].startswith("readings end at 409 ADC steps")
 
 
-def test_what_a_short_circuit_reads_is_counted_with_the_offset():
-    """Hard touches all read alike near it: no ceiling. With offset and another full scale, too."""
-    adc = Adc(Circuit(8, 8, adc_bits=12), offset=176.2, full_scale=2703.0)
-    assert adc.rising_count(0.845) == pytest.approx(0.845 * 2703.0 - 176.2)
-
-
 def test_crossings_that_are_not_read_hide_no_ceiling():
     """They stand still at 0, without the noise that all others have."""
     board = Clipped(noise=0.5, ceiling=614.0)

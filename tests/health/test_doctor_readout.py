@@ -219,9 +219,6 @@ def test_the_rest_of_other_readouts(kind):
     found = compensate(pressed, circuit, curve, noise=0.5)
     assert found.status == "ok"
     assert found.force.sum() == pytest.approx(force.sum(), rel=0.05)
-    frames[20:30] += pressed - ratio  # somebody presses for a moment
-    with pytest.raises(ValueError, match="does something touch the skin"):
-        measure_rest(np.clip(frames, 0.0, 1.0), circuit)
 
 
 def other_boards(circuit, seed):
