@@ -176,11 +176,6 @@ MECHANISMS = (
         (_finds("health.sent:Sent.findings"),),
     ),
     Mechanism(
-        "loaded at start", "half of the skin is loaded from the start",
-        (f"{_HEALTH}/monitor.py:LoadedAtStart",),
-        (_finds("health.monitor:LoadedAtStart.findings"),),
-    ),
-    Mechanism(
         "twins", "two lines, or half of them, read the same at rest",
         tuple(f"calibration/at_rest.py:{name}" for name in (
             "twins", "stuck_bits", "_Pairs", "_sides", "which_are_one",
