@@ -13,8 +13,11 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 from scipy.optimize import nnls
 
+from ...calibration.rest import NOISY, NOISY_STEPS
+from ...calibration.touched import MOVED
 from ...findings.finding import Finding, Kind, at, lines
-from .recorded import LINE_OPEN, MOVED, NOISY, Recorded, loose
+from ...solvers.suspect import BELOW_REST, LINE_OPEN
+from .recorded import Recorded, loose
 
 SEVERAL = 30  # readings, of so many
 SEVERAL_CELLS = 3  # cells, that a bit or a ceiling takes: fewer are single cells' faults
@@ -29,7 +32,6 @@ _HIGH_GAP = 0.03
 _STANDING = 3  # frames in which a reading stands
 _GAP_READINGS = 200  # on either side of the gaps, at least; of frames that say anything new
 _AT_REST = 48  # ADC steps about its rest in which a reading does not count, at most
-_BELOW = 0.5  # of its reading at rest that no sound cell falls below
 _EMPTY = 0.02  # of the readings may lie in the gap of a top bit
 _PILE = 3.0  # times as many readings at a ceiling as in the same width below
 # A wrong bit about whose edge untouched cells rest, where a reading is the mean of some samples:
@@ -37,7 +39,6 @@ _PILE = 3.0  # times as many readings at a ceiling as in the same width below
 _EXPLAINED = 0.9
 _NEAR_SHORT = 0.97  # of what a short circuit reads: above, hard touches read alike
 _AT_TOP = 0.5  # share of the frames that a cell which only touches take to the ceiling is there
-_NOISY_STEPS = 2.0  # ADC steps RMS that a noisy cell, or one whose bit leaps, has at least
 _EVEN = 0.6  # median over largest noise of a line, where all its readings are noisy
 _OPEN_NOISY = (
     0.3  # of the usual reading, that an open line reads at most where noise leaves it more
@@ -62,7 +63,7 @@ def _stuck_bits(seen: Recorded) -> list[Finding]:
     width = _width(seen)
     standing = np.where(moves < width, every, base)
     # exactly 0 is what a recorder leaves out, too
-    fell = (new > 0.0) & (new < _BELOW * base - width)
+    fell = (new > 0.0) & (new < BELOW_REST * base - width)
     folded = fell.sum() >= SEVERAL and np.count_nonzero(fell.any(0)) >= SEVERAL_CELLS
     folded &= seen.circuit.readout == "floating"  # a load only raises its readings
     found, bits = [], seen.circuit.adc_bits
@@ -105,7 +106,7 @@ def leaping_bit(seen: Recorded) -> list[Finding]:
                 continue
             (share, _), left = nnls(np.stack([leaps, np.ones_like(leaps)], 1), variance)
             most = share * leaps.max()
-            if share <= 1.0 and most > _NOISY_STEPS**2 and left**2 < least:
+            if share <= 1.0 and most > NOISY_STEPS**2 and left**2 < least:
                 found, least = (bit, most**0.5), left**2
     if found is None:
         return []
@@ -189,7 +190,7 @@ def _width(seen: Recorded) -> float:
 
 def _noise_limit(seen: Recorded) -> float:
     """ADC steps RMS from which on a reading is noisy."""
-    return max(NOISY * seen.usual_noise, _NOISY_STEPS)
+    return max(NOISY * seen.usual_noise, NOISY_STEPS)
 
 
 def open_lines(seen: Recorded, skip: set) -> list[Finding]:
