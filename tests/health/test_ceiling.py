@@ -25,10 +25,14 @@ class Board:
         self.watch = Ceiling(ADC)
         self.windows = Samples(self.watch, BITS)
 
-    def frame(self, touch=0.0, cells=np.s_[2:4, 2:4]) -> str:
+    def steps(self, touch=0.0, cells=np.s_[2:4, 2:4]) -> np.ndarray:
         steps = self.picture.copy()
         steps[cells] += touch
-        steps = np.minimum(steps + self.noise * self.rng.standard_normal(steps.shape), self.ceiling)
+        noise = self.noise * self.rng.standard_normal(steps.shape)
+        return np.minimum(steps + noise, self.ceiling)
+
+    def frame(self, *args) -> str:
+        steps = self.steps(*args)
         steps = np.rint(steps) if self.whole else np.rint(steps * FRACTION) / FRACTION
         return self.look(np.rint(steps * FRACTION).astype(np.uint16))
 
@@ -174,11 +178,8 @@ class Turned(Board):
         self.adc = Adc(Circuit(8, 8, adc_bits=BITS), inverted=True)
         self.windows = Samples(Ceiling(self.adc), BITS)
 
-    def frame(self, touch=0.0, cells=np.s_[2:4, 2:4]) -> str:
-        steps = self.picture.copy()
-        steps[cells] += touch
-        steps = np.minimum(steps + self.noise * self.rng.standard_normal(steps.shape), self.ceiling)
-        sent = np.clip(np.rint(1023.0 - steps), 0, 1023) * FRACTION
+    def frame(self, *args) -> str:
+        sent = np.clip(np.rint(1023.0 - self.steps(*args)), 0, 1023) * FRACTION
         return self.look(self.adc.rising(sent.astype(np.uint16)))
 
 

@@ -14,7 +14,6 @@ from scipy.ndimage import maximum_filter1d
 from scipy.optimize import nnls
 
 from ...calibration.rest import NOISY, NOISY_STEPS
-from ...calibration.touched import MOVED
 from ...findings.finding import Finding, Kind, at, lines
 from ...solvers.suspect import BELOW_REST, LINE_OPEN
 from .recorded import Recorded, loose
@@ -49,18 +48,18 @@ _LOOSE = 0.25  # of all lines at most come and go: more are touches on a skin th
 
 def wrong_bits(seen: Recorded) -> list[Finding]:
     """Return bits of the ADC that never change: by the readings that lack, or by noise at rest."""
-    return _stuck_bits(seen) or leaping_bit(seen)
+    return _stuck_bits(seen) or _leaping_bit(seen)
 
 
 def _stuck_bits(seen: Recorded) -> list[Finding]:
     """Return bits whose other value would put readings where there are hardly any."""
     every, base = seen.steps[:, seen.read], seen.base[seen.read]
     if top := ceiling(seen):  # what piles up there lies beside a gap by chance
-        every = np.where(every < top[0] - _width(seen), every, base)
+        every = np.where(every < top[0] - seen.width, every, base)
     new = every[seen.anew]
     moves = np.abs(np.diff(every, axis=0, prepend=every[:1]))
     moves = maximum_filter1d(moves, _STANDING, axis=0)
-    width = _width(seen)
+    width = seen.width
     standing = np.where(moves < width, every, base)
     # exactly 0 is what a recorder leaves out, too
     fell = (new > 0.0) & (new < BELOW_REST * base - width)
@@ -84,7 +83,7 @@ def _stuck_bits(seen: Recorded) -> list[Finding]:
     return found
 
 
-def leaping_bit(seen: Recorded) -> list[Finding]:
+def _leaping_bit(seen: Recorded) -> list[Finding]:
     """Return the wrong bit that shows in the noise at rest.
 
     It fills the gap of a stuck bit where cells rest at an end of it: samples leap by the bit's
@@ -157,7 +156,7 @@ def ceiling(seen: Recorded) -> tuple[float, Finding] | None:
     if not len(seen.peaks):
         return None  # what nothing presses ends at its rest
     most = seen.circuit.ratio(0.0) * seen.circuit.full_scale
-    width = _width(seen)
+    width = seen.width
     calm = seen.read & (seen.noise < _noise_limit(seen))  # others have more noise on top
     every = seen.steps[:, calm]
     stays = np.ones(1, bool)
@@ -178,16 +177,6 @@ def ceiling(seen: Recorded) -> tuple[float, Finding] | None:
     return height, Finding(Kind.SATURATION, numbers=numbers)
 
 
-def at_ceiling(seen: Recorded, height: float) -> np.ndarray:
-    """(rows, cols) bool: cells that read as much as the ceiling lets them while nothing touches."""
-    return seen.base > height - _width(seen)
-
-
-def _width(seen: Recorded) -> float:
-    """ADC steps by which noise, and rounding, may move a reading."""
-    return MOVED * seen.usual_noise + 1.0
-
-
 def _noise_limit(seen: Recorded) -> float:
     """ADC steps RMS from which on a reading is noisy."""
     return max(NOISY * seen.usual_noise, NOISY_STEPS)
@@ -206,7 +195,7 @@ def open_lines(seen: Recorded, skip: set) -> list[Finding]:
         across[~across.any(1)] = True
         high = np.where(across, every, 0.0).max(1)
         usual = float(np.median(base[base > 0])) if (base > 0).any() else 0.0
-        limit = min(max(_width(seen), LINE_OPEN * usual), _OPEN_NOISY * usual)
+        limit = min(max(seen.width, LINE_OPEN * usual), _OPEN_NOISY * usual)
         for k in map(int, np.flatnonzero(high <= limit)):
             numbers = {"count": np.count_nonzero(read[k]), "most": high[k], "usual": usual}
             found.append(Finding(Kind.OPEN, **lines(axis, k), numbers=numbers))

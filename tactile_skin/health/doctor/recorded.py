@@ -72,6 +72,11 @@ class Recorded:
         """RMS of a reading [ADC steps], of rounding at least."""
         return float(max(np.median(self.noise[self.cells]), ROUNDING_NOISE))
 
+    @property
+    def width(self) -> float:
+        """ADC steps by which noise, and rounding, may move a reading."""
+        return MOVED * self.usual_noise + 1.0
+
     def is_open(self, axis: int) -> np.ndarray:
         """(n, lines) bool: frames in which each row, or column, is nearer to open than closed."""
         return self.closed[axis] < _HALF_CLOSED
