@@ -133,7 +133,7 @@ MECHANISMS = (
     ),
     Mechanism(
         "contacts", "one reading is left out again and again",
-        (f"{_HEALTH}/odd_cells.py:OddCells._count_aside",),
+        (),
         (_finds("health.odd_cells:OddCells.findings", "set aside"),),
     ),
     Mechanism(
@@ -174,11 +174,6 @@ MECHANISMS = (
         "sent", "the board sends numbers that its sketch has processed",
         (f"{_HEALTH}/sent.py", "readings/processed.py"),
         (_finds("health.sent:Sent.findings"),),
-    ),
-    Mechanism(
-        "loaded at start", "half of the skin is loaded from the start",
-        (f"{_HEALTH}/monitor.py:LoadedAtStart",),
-        (_finds("health.monitor:LoadedAtStart.findings"),),
     ),
     Mechanism(
         "twins", "two lines, or half of them, read the same at rest",

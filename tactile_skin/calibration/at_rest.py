@@ -17,7 +17,7 @@ from scipy.special import gammainccinv, gammaincinv
 
 from ..findings.finding import Finding, Kind, Severity, largest, lines
 from ..physics.circuit import Circuit, forward
-from .rest import usual_resistance
+from .rest import UNLIKE, usual_resistance
 
 # RMS by which readings of one voltage differ at most: as channels may [ADC steps]; by chance, once
 # in so many seconds; and times the noise of a mean, as a low-pass before it leaves more.
@@ -26,15 +26,13 @@ _CHANCE = 1e-4
 _LOW_PASS = 1.3
 _LEAST_STEPS = 3.0  # ADC steps below which the board may take something off
 _LEAST_SCATTER = 0.03  # RMS of log resistance of a good fabric's cells at rest, chosen
-_MAX_RESISTANCE = 4.0  # times the usual cell's at rest; a cell that conducts less is broken
 # Changes of log conductance that are no fabric's, chosen on simulated boards (tests/calibration;
 # benchmarks.faults): of a line beside the others; of a line since the start.
 _MAX_LINE_OFFSET = 0.2
-_MAX_LINE_FALL = 0.05
+FALL = 0.05  # from which on a push may be hidden
 # Times the median deviation of its cells, over the root of their number, by which a line's median
 # may differ: four standard deviations.
 _MOST_DEVIATIONS = 6.0
-_FEWEST = 2  # cells that two lines are compared by: how few tell, `_CHANCE` says
 _ALIKE = 0.1  # squared difference over the usual one, at most
 _NOISE = 3.0  # times what noise explains of a squared difference
 _NEAR_WHOLE = 0.01  # ADC steps off a whole one,
@@ -120,7 +118,7 @@ def _sides(steps: np.ndarray, noise: float, cells: np.ndarray):
         one, other = np.triu_indices(len(values), 1)
         both = there[one] & there[other]  # (pairs, cells of a line)
         n = both.sum(1)
-        one, other, both, n = (of[n >= _FEWEST] for of in (one, other, both, n))
+        one, other, both, n = (of[n > 0] for of in (one, other, both, n))
         beside = there[:, 1:] & there[:, :-1]  # of the other lines, next to one another
         if n.size and beside.any():
             square = (np.square(values[one] - values[other]) * both).sum(1)
@@ -194,7 +192,7 @@ def odd_cell(times: np.ndarray, cells: np.ndarray, most: float) -> Finding | Non
     times = np.where(cells, times, 1.0)
     if times.max() > most:
         return Finding(Kind.STUCK, "rest", **largest(times), numbers={"times": times.max()})
-    if times.min() < 1.0 / _MAX_RESISTANCE:
+    if times.min() < 1.0 / UNLIKE:
         return Finding(Kind.DEAD, "rest", **largest(-times), numbers={"times": times.min()})
     return None
 
@@ -210,7 +208,7 @@ def weak_line(change: np.ndarray, cells: np.ndarray, *, first: bool) -> Finding 
         change: (rows, cols) log of each cell's conductance over the curve's, or the first one.
         first: whether it is the first that is measured.
     """
-    form, most = ("rest", _MAX_LINE_OFFSET) if first else ("fading", _MAX_LINE_FALL)
+    form, most = ("rest", _MAX_LINE_OFFSET) if first else ("fading", FALL)
     common = np.median(change[cells])
     deviation = np.median(np.abs(change[cells] - common))
     for axis, across in ((0, 1), (1, 0)):

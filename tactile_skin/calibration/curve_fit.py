@@ -22,7 +22,7 @@ from ..solvers.evidence import HARDEST
 from .identify import FEWEST
 from .rest import Rest, check_frames, supposing
 from .totals import Totals
-from .touched import RAISED, stands_anew
+from .touched import MOVED, stands_anew
 
 _LIGHTLY = 0.25  # times its conductance at rest that the first knot adds to a cell
 _ODD = 1.3  # factor by which the others say another weight of an odd object,
@@ -169,7 +169,7 @@ def fit_reference(
     late = _lag(times, rise, at, reference)
     known = (times + late >= at[0]) & (times + late <= at[-1])
     force = np.interp(times + late, at, reference)
-    touched = np.nanmax(frames - rest.adc, axis=(1, 2)) > RAISED * noise
+    touched = np.nanmax(frames - rest.adc, axis=(1, 2)) > MOVED * noise
     quiet = known & ~binary_dilation(touched, iterations=max(int(len(times) * 0.005), 1))
     if not quiet.any():
         raise ValueError("the skin never rests in these frames: the reference's zero is unknown")

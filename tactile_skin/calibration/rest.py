@@ -12,18 +12,20 @@ from ..physics.circuit import Circuit, forward
 from ..physics.curve import PressureCurve
 from ..solvers import compensate
 from ..solvers.reading import MAX_NOISE, robust_std
+from .touched import MOVED
 
 REST_SPAN = 500.0  # times the usual cell's resistance, either way, that a cell at rest may have
 # (one that stays pressed, or is dead)
 _LEAST_NOISE = 1e-3  # ADC steps of a mean reading: rounding alone leaves more
 _ROUNDS = 3  # in which the readings of noisy cells are put in place
-_STILL = 8.0  # times the noise by which a reading may stray, or drift, and
-_STILL_SHARE = 0.02  # share of the reading
-_NOISY = 4.0  # times the usual noise beyond which a reading is noisy, and
-_NOISY_STEPS = 2.0  # ADC steps
+# Times the usual cell's conductance, either way, beyond which a cell at rest is pressed, or broken.
+UNLIKE = 4.0
+_STRAYS = 0.02  # share of a reading by which it may stray, or drift, beside `MOVED`
+NOISY = 4.0  # times the usual noise, or difference at rest, that is not of the same kind, and
+NOISY_STEPS = 2.0  # ADC steps RMS at least
 _COMMON = 0.03  # share of a reading by which all may drift
 _MOST = 3  # readings that may be noisy, or
-_MOST_SHARE = 0.05  # of the cells, if that is more
+_FEW = 0.05  # of the cells, if that is more; and of dead ones, below the board's threshold
 # Share of what a cell's change would change in its row and column, from which on it is a cell that
 # changed, not its reading alone.
 _CARRIED = 0.3
@@ -33,7 +35,6 @@ _MOVED = 0.01  # the same, that is looked at
 _LOOSE = 1.2
 _TIMES = 4
 _TOGETHER = 0.7  # correlation from which on two neighbours move together
-_SILENT = 0.05  # of the cells may stay below the board's threshold: dead ones
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +104,7 @@ def check_all_is_sent(frames: np.ndarray, circuit: Circuit, threshold: float, st
     if not threshold:
         return
     silent = np.mean(np.nan_to_num(np.nanmedian(frames, axis=0))[circuit.populated] <= threshold)
-    if silent > _SILENT:
+    if silent > _FEW:
         raise ValueError(
             f"{silent:.0%} of the untouched cells read no more than "
             f"compensation's board_threshold = {steps:g} ADC steps: what they conduct must be "
@@ -124,7 +125,7 @@ def _noisy_cells(off: np.ndarray, middle: np.ndarray, circuit: Circuit) -> tuple
     usual = usual_resistance(middle, circuit.populated, circuit)
     equal = readouts.solve(circuit, circuit.populated / usual)  # a skin of equal cells
     noise, left = _noise(off[:, circuit.populated]), off.copy()
-    most = max(_MOST, int(_MOST_SHARE * np.count_nonzero(circuit.populated)))
+    most = max(_MOST, int(_FEW * np.count_nonzero(circuit.populated)))
     found: list[tuple[int, int]] = []
     drift = _drift(off) / np.maximum(middle * circuit.full_scale, 1.0)
     if abs(common := float(np.median(drift[circuit.populated]))) > _COMMON:
@@ -171,10 +172,10 @@ def _noise(off: np.ndarray) -> float:
 
 def _strays(off: np.ndarray, middle: np.ndarray, noise: float, circuit: Circuit) -> np.ndarray:
     """Return (rows, cols) bool, readings that scatter, leave the others, or drift."""
-    share = _STILL_SHARE * middle * circuit.full_scale
-    strays = np.abs(off).max(0) > _STILL * max(noise, 1.0) + share
-    strays |= np.square(off).mean(0) ** 0.5 > max(_NOISY * noise, _NOISY_STEPS)
-    slow = _STILL * noise / (len(off) / 3) ** 0.5 + _NOISY_STEPS + share
+    share = _STRAYS * middle * circuit.full_scale
+    strays = np.abs(off).max(0) > MOVED * max(noise, 1.0) + share
+    strays |= np.square(off).mean(0) ** 0.5 > max(NOISY * noise, NOISY_STEPS)
+    slow = MOVED * noise / (len(off) / 3) ** 0.5 + NOISY_STEPS + share
     return strays | (np.abs(_drift(off)) > slow)
 
 
@@ -222,29 +223,32 @@ def resting_conductance(
     """Return the (rows, cols) conductance [S] of the cells of a skin that reads `adc`.
 
     Args:
+        adc: (rows, cols) ADC ratio; NaN where a crossing was not read.
         noise: of the reading [ADC steps].
-        noisy: (row, column) of cells whose reading is not used: they conduct as the usual cell.
+        noisy: (row, column) of cells whose reading is not used, as of those that were not read:
+            they conduct as the usual cell.
 
     Raises:
         ValueError: no cells near one another's resistance read so.
     """
     cells = circuit.populated
-    unused = mask_of(noisy, circuit.shape)
-    known = cells & np.isfinite(adc) & ~unused
+    unused = cells & ~np.isfinite(adc) | mask_of(noisy, circuit.shape)
+    known = cells & ~unused
     usual = usual_resistance(adc, known, circuit)
     if not 0.0 < usual < np.inf:
         raise ValueError("the readings fit no skin: r_par or r_ref is wrong, or no cell")
     curve = PressureCurve((0.0, 1.0), (usual * REST_SPAN, usual / REST_SPAN))
     adc = np.where(np.isfinite(adc), adc, 0.0)
     adc = np.where(unused, np.median(adc[known]), adc)
-    for _ in range(_ROUNDS if noisy else 1):
+    for _ in range(_ROUNDS if unused.any() else 1):
         found = compensate(adc, circuit, curve, "newton", noise=max(noise, _LEAST_NOISE))
         if found.status == "failed":
             raise ValueError(f"the readings fit no skin: {found.message}")
         conductance = np.where(cells, 1.0 / curve.resistance(found.force), 0.0)
         conductance[unused & cells] = np.median(conductance[known])
-        model = forward(circuit, 1.0 / np.where(cells, conductance, 1.0)) if noisy else adc
-        adc = np.where(unused, model, adc)
+        if unused.any():
+            model = forward(circuit, 1.0 / np.where(cells, conductance, 1.0))
+            adc = np.where(unused, model, adc)
     return conductance
 
 

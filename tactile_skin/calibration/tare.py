@@ -20,6 +20,7 @@ from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from ..physics.readouts import apparent
 from ..solvers.reading import MAX_NOISE, SCAN_NOISE, rest_reading
+from ..solvers.suspect import BEYOND
 from .at_rest import odd_cell, one_voltage, weak_line, which_are_one
 from .rest import resting_conductance
 from .touched import AT_REST, TOUCHED
@@ -28,9 +29,8 @@ from .touched import AT_REST, TOUCHED
 # 4.5 g on each cell of the shipped curve conduct three times as much.
 _LOWEST_LEVEL = 0.1
 _HIGHEST_LEVEL = 3.0
-# Standard deviations of its noise, and share, by which a reading may move between the halves of a
-# measurement and after it; share of the cells that may move more, with a bad contact.
-_STILL = 5.0
+# Share by which a reading may move between the halves of a measurement and after it, beside its
+# noise; share of the cells that may move more, with a bad contact.
 _STILL_SHARE = 0.01
 _RESTLESS = 0.02
 _ALIKE_FRAMES = 1000  # that are looked at together while they are alike
@@ -46,10 +46,10 @@ _GAIN = 0.5  # share of the change, of the rest and of its noise, that a later m
 # bench faults): of all cells from what is known, and besides in each second, as a robot's cover
 # warms up.
 _MAX_STEP = 0.1
-_MAX_DRIFT = 0.02 / 60.0
+_MAXDRIFT = 0.02 / 60.0
 _DRIFTS_AFTER = 0.3  # s of rest after which a drift of all cells is followed
-_DRIFT = 0.003  # 1/s, of log conductance, that is followed at most
-_DRIFT_UNSEEN = 5.0  # s for which it is made up for, after a touch that hid it
+DRIFT = 0.003  # 1/s, of log conductance, that is followed at most
+DRIFT_UNSEEN = 5.0  # s for which it is made up for, after a touch that hid it
 _LEVEL_FRAMES = 4  # in a row, at or below a level that readings then had before any measurement
 
 
@@ -190,7 +190,7 @@ class Tare:
         """Return that readings are far above a level that they had: something lies there by now."""
         low = np.minimum(self._lowest, window.mean)
         noise = min(window.noise, MAX_NOISE)  # what rises while it is measured is none
-        least = (_STILL * noise + 1.0) / self._circuit.full_scale
+        least = (BEYOND * noise + 1.0) / self._circuit.full_scale
         more = _conducts(self._circuit, window.mean) > (
             self._max_factor * _conducts(self._circuit, low)
         )
@@ -216,7 +216,7 @@ class Tare:
         if t - read < _QUIET_AFTER:
             return False
         self._drifted = None
-        elapsed, self._followed = min(read - self._followed, _DRIFT_UNSEEN), read
+        elapsed, self._followed = min(read - self._followed, DRIFT_UNSEEN), read
         known = self._circuit.populated & (adc > 0.0) & (adc < 1.0)
         before = rest_reading(self._circuit, self.curve)
         change = [_conducts(self._circuit, np.where(known, a, before)) for a in (adc, before)]
@@ -224,7 +224,7 @@ class Tare:
         noise = SCAN_NOISE / (self._circuit.full_scale * np.median(adc[known]))
         if not noise < abs(common) <= _MAX_STEP:
             return False
-        common = float(np.clip(common, -_DRIFT * elapsed, _DRIFT * elapsed))
+        common = float(np.clip(common, -DRIFT * elapsed, DRIFT * elapsed))
         self.curve = self.curve.resting_at(np.exp(-common) * self.curve.rest_resistance)
         return True
 
@@ -237,7 +237,7 @@ class Tare:
         full = self._circuit.full_scale
         lines = which_are_one(adc * full, noise, self._circuit.populated)
         off = (adc - rest_reading(self._circuit, self.curve)) * full
-        if np.square(off).mean() < (_STILL * noise) ** 2:
+        if np.square(off).mean() < (BEYOND * noise) ** 2:
             self.found, self.measured, self.lines = None, True, lines
             return False
         cells, at_rest = self._circuit.populated, self.curve.points[0][1]
@@ -264,7 +264,7 @@ class Tare:
             before = 1.0 / self.curve.rest_resistance
             self.found = weak_line(np.log(now / self._first), cells, first=False)
             common = float(np.median(np.log(now / before)[cells]))
-            if abs(common) > _MAX_STEP + _MAX_DRIFT * (self._last - self._learned):
+            if abs(common) > _MAX_STEP + _MAXDRIFT * (self._last - self._learned):
                 numbers = {"share": float(np.expm1(common))}
                 self.found = self.found or Finding(Kind.ALL_CELLS, numbers=numbers)
             if self.found:
@@ -301,7 +301,7 @@ class _Window:
         self.spread = float(np.median(variance[cells])) ** 0.5 * full
         self.moved = np.zeros(circuit.shape, bool)
         for one, other in itertools.pairwise(parts):
-            limit = _STILL * noise * (1.0 / len(one) + 1.0 / len(other)) ** 0.5
+            limit = BEYOND * noise * (1.0 / len(one) + 1.0 / len(other)) ** 0.5
             limit += _STILL_SHARE * one.mean(0)
             self.moved |= np.abs(one.mean(0) - other.mean(0)) > limit
 

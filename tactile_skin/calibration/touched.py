@@ -12,7 +12,9 @@ TOUCHED = 15.0 * GRAM  # N: a touch; lines that are shorted at rest read as 13 g
 # N on so many cells: a touch that begins, not noise
 STIRRED = 1.0 * GRAM
 STIRRED_CELLS = 3
-RAISED = 8.0  # times the noise: a reading that is touched, whatever its curve
+# Times its noise by which a reading has changed: noise exceeds 6 standard deviations once in 5e8
+# readings, a recording has 1e7; what drifts in a minute, and noise itself, are not known better.
+MOVED = 8.0
 # Times the noise, RMS: by which a frame may differ from the one before, since a touch that moves is
 # read row by row; and by which it differs from the last that was asked.
 _STANDS = 2.5

@@ -18,7 +18,8 @@ from scipy.ndimage import binary_dilation
 from ..findings.finding import Finding, Kind, Severity
 from ..physics.adc import Adc
 from ..solvers.reading import ROUNDING_NOISE
-from .check import ABOVE, BEYOND, Check, Seen, Window
+from ..solvers.suspect import BEYOND
+from .check import ABOVE, Check, Seen, Window
 
 _CHANCE = 1e-5  # of a sound skin's readings standing at one height, in one window
 _FORGET = 0.01  # share of the count of readings that stood still, and of all, that a window renews

@@ -12,7 +12,6 @@ from ..physics.adc import Adc
 from ..solvers import Estimate
 
 WINDOW = 10  # frames that are looked at together: 0.1 s at 100 a second
-BEYOND = 5.0  # standard deviations of noise: once in 3 million readings
 ABOVE = 16.0  # ADC steps over the middle reading: below, nothing presses
 _CALM = 0.25  # of the readings are not moved by a touch
 

@@ -27,13 +27,14 @@ class Doubt:
     Attributes:
         kept: why a fault holds although the present frames are not in doubt; empty if it does not.
         held: whether a fault that was seen under a touch is not over.
+        present: whether the last frames are in doubt, whatever was before.
     """
 
     def __init__(self):
         # at first as many count as in doubt as make a fault: a skin that is wrong from the start is
         # never free
         self._recent = deque([True] * _FAULT + [False] * (_WINDOW - _FAULT), maxlen=_WINDOW)
-        self._now = False  # the last frames are in doubt
+        self.present = False
         self.reset()
 
     def reset(self) -> None:
@@ -49,11 +50,6 @@ class Doubt:
         self._began = self._last = -math.inf
         self._touched = False
 
-    @property
-    def present(self) -> bool:
-        """Whether the last frames are in doubt, whatever was before."""
-        return self._now
-
     def frame(self, t: float, suspect: bool, touched: bool) -> bool:
         """Take a frame; whether there is a fault.
 
@@ -64,13 +60,13 @@ class Doubt:
         """
         self._recent.append(suspect)
         doubts = sum(self._recent)
-        self._now = doubts >= (_OVER if self._now else _FAULT)
+        self.present = doubts >= (_OVER if self.present else _FAULT)
         if suspect or touched != self._touched or t < self._last:
             self._began = t  # of a stretch without doubt, all touch or all rest
         self._last, self._touched = t, touched
         clear = t - self._began
         if touched:
-            if self._now and not self._counted:
+            if self.present and not self._counted:
                 self._touches, self._counted, self.held = self._touches + 1, True, True
             if clear >= _VALID_SECONDS:
                 self._touches, self._counted, self.held = 0, False, False
@@ -82,10 +78,10 @@ class Doubt:
             if clear >= _REST_SECONDS:
                 self._counted, self.held = False, self.held and self._touches >= _REPEATED
         self.kept = ""
-        if self.held and not self._now:
+        if self.held and not self.present:
             self.kept = (
                 "seen under each touch: kept until a valid touch or a reset"
                 if self._touches >= _REPEATED
                 else f"seen under the last touch: kept until {_REST_SECONDS:g} s of rest"
             )
-        return self._now or self._lasting or self.held
+        return self.present or self._lasting or self.held

@@ -9,10 +9,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from ..calibration.touched import TOUCHED
-from ..findings.finding import Finding, Kind, Severity, largest
+from ..findings.finding import Finding, Kind, Severity
 from ..physics.adc import Adc
 from ..solvers import Estimate
 from .ceiling import Ceiling
@@ -23,23 +21,7 @@ from .rest_picture import RestPicture
 from .sent import Sent
 from .untouched import Untouched
 
-
-class LoadedAtStart(Check):
-    """Looks for a load on half of the skin since the first frame: its rest is unknown."""
-
-    def __init__(self, adc: Adc, threshold: float):
-        self._cells = np.count_nonzero(adc.circuit.populated)
-        self._let_go = False
-
-    def frame(self, seen: Seen) -> None:
-        force, form = seen.estimate.force, "since the start"
-        self._let_go |= bool(force.max() < TOUCHED)
-        loaded = 2 * np.count_nonzero(force >= TOUCHED) > self._cells and not self._let_go
-        found = Finding(Kind.LOADED, form, severity=Severity.FAULT, **largest(force))
-        self.found = found if loaded else None
-
-
-CHECKS: list[type[Check]] = [Sent, LoadedAtStart, RestPicture, Ceiling, Untouched, OddCells]
+CHECKS: list[type[Check]] = [Sent, RestPicture, Ceiling, Untouched, OddCells]
 
 
 class Monitor:
@@ -49,23 +31,21 @@ class Monitor:
         doubtful: whether so many frames are in doubt, or were under a touch, that it is a fault.
     """
 
-    def __init__(self, adc: Adc, threshold: float, *, rest_known: bool):
+    def __init__(self, adc: Adc, threshold: float):
         """Watch a skin that is read by this converter.
 
         Args:
         adc, threshold: as of `Check`.
-        rest_known: whether the rest of the cells need not be measured.
         """
         self._adc, self._threshold = adc, threshold
         self._windows = Windows(adc.circuit.adc_bits)
         self._why = ""
-        self.begin_anew(rest_known=rest_known)
+        self.begin_anew()
         self.forget_doubts()
 
-    def begin_anew(self, *, rest_known: bool = False) -> None:
+    def begin_anew(self) -> None:
         """Watch as from the start: the rest is measured from here on."""
-        skipped = (LoadedAtStart,) if rest_known else ()
-        self._checks = [make(self._adc, self._threshold) for make in CHECKS if make not in skipped]
+        self._checks = [make(self._adc, self._threshold) for make in CHECKS]
 
     def forget_doubts(self) -> None:
         """Forget doubts, since the rest was measured for the first time."""

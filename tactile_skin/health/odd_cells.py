@@ -23,7 +23,6 @@ _OVER = 0.25  # of these counts, that ends it
 # Of its force, by which noise alone moves the mean of a look; a hand trembles more (3 % RMS in the
 # tests). In a second a trembling force stays within it by chance once in some 10,000 times.
 _STEADY = 0.02
-_DRIFT = 0.02  # N, besides: noise at low forces
 _LOOK = 0.05  # s whose mean is looked at
 _STANDS = 1.0  # s for which a stuck cell stands still, alone
 _NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], bool)
@@ -66,7 +65,8 @@ class OddCells(Check):
         t, force, before = seen.t, seen.estimate.force, self._force
         elapsed, step = t - self._t, force - before
         self._force, self._t = force, t
-        self._count_aside(elapsed, seen.estimate.aside)
+        aside = seen.estimate.aside
+        self._aside.add(0.0 if aside is None else aside, elapsed)
         if not 0.0 < elapsed < _MEMORY:
             step, self._since[:] = np.zeros(force.shape), np.inf
         high = np.maximum(force, before)
@@ -96,13 +96,10 @@ class OddCells(Check):
             found.append(Finding(Kind.CONTACT, "set aside", **largest(self._aside.count)))
         return found
 
-    def _count_aside(self, elapsed: float, aside: np.ndarray | None) -> None:
-        self._aside.add(0.0 if aside is None else aside, elapsed)
-
     def _look_for_still_ones(self, t: float, force: np.ndarray) -> None:
         off = np.abs(force - self._stood_at)
-        self._stuck &= off <= _STEP * self._stood_at + _DRIFT
-        moved = off > _STEADY * self._stood_at + _DRIFT
+        self._stuck &= off <= _STEP * self._stood_at
+        moved = off > _STEADY * self._stood_at
         alone = (force > _LEAST) & (_around(force) < _ALONE * force)
         self._stood_at = np.where((moved | ~alone) & ~self._stuck, force, self._stood_at)
         self._since = np.where(~alone, np.inf, np.where(moved, t, np.minimum(self._since, t)))

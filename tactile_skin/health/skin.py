@@ -92,7 +92,7 @@ class Skin:
         self._standing = Standing(creep, curve) if creep.share else None
         self._tare = Tare(self.circuit, curve)
         self._tracker = CircuitTracker(self.circuit, r_par_std)
-        self._monitor = Monitor(adc, threshold, rest_known=not follows)
+        self._monitor = Monitor(adc, threshold)
         self._last: Estimate | None = None  # the last frame: where the next starts from
         self._doubts = 0  # frames in a row
         self._found: list[Finding] = []  # by the monitor

@@ -11,7 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..calibration.at_rest import FALL
 from ..calibration.rest import resting_conductance
+from ..calibration.tare import DRIFT, DRIFT_UNSEEN
 from ..findings.finding import Finding, Kind, Severity, lines
 from ..physics import readouts
 from ..physics.adc import Adc
@@ -19,16 +21,12 @@ from .check import Check, Seen
 
 _FRAMES = 20  # whose mean is looked at, at least: a board's low-pass leaves fewer alike
 _TAKE = 0.18  # s that they take, at least
-# Log conductance by which all cells change at once, and besides for each second since rest was seen
-# last: what the tare follows of a drift; time [s] for which that adds up.
+# Log conductance by which all cells change at once, beside what the tare follows of a drift.
 _AT_ONCE = 0.004
-_A_SECOND = 0.003
-_UNSEEN = 5.0
 # Of the cells, or of a line's, may have changed otherwise: a touch has left them behind.
 _SHARE = 0.25
 _QUARTILE = 0.674  # standard deviations that a normal distribution's quartile lies off
-_FALL = 0.05  # log conductance lost from which on a push may be hidden: it stops,
-_EVEN = 0.1  # if all cells have lost as much, but for this share
+_EVEN = 0.1  # share of a `FALL` by which cells may differ that all have lost it: it stops then
 _KEPT = 60.0  # s: by then touches have told another r_par, and a drift has been followed
 _CELLS = 4  # of a line, at least, by which lines are compared
 _OWN = 40.0  # sum of squares [noise squared] by which it differs from its own line
@@ -47,8 +45,6 @@ class Untouched(Check):
     def __init__(self, adc: Adc, threshold: float = 0.0):
         self._circuit = adc.circuit
         self._looked = -np.inf  # s
-        self._asked: np.ndarray | None = None  # (rows, cols) rest,
-        self._conductance = np.zeros(())  # and what its cells conduct [S]
         self._before: np.ndarray | None = None  # what the last look saw
         self.forget()
 
@@ -92,8 +88,8 @@ class Untouched(Check):
         least = _ROUNDED if noise * self._circuit.full_scale < _DITHER else _LEAST
         least, noise = least / self._circuit.full_scale, noise / _FRAMES**0.5
         exchanged = _another_line(now, rest, max(noise, least), known)
-        elapsed = min(max(t - self._looked, 0.0), _UNSEEN)
-        limit = _AT_ONCE + _A_SECOND * (elapsed if self._rest is None else 0.0)
+        elapsed = min(max(t - self._looked, 0.0), DRIFT_UNSEEN)
+        limit = _AT_ONCE + DRIFT * (elapsed if self._rest is None else 0.0)
         limit += 4.0 * noise / (np.median(rest[known]) * np.count_nonzero(known) ** 0.5)
         self._looked, self._found_at = t, min(self._found_at, t)  # the clock may be set back
         change, even = self._common(now, rest, noise, known, limit)
@@ -102,7 +98,7 @@ class Untouched(Check):
         if exchanged:
             self._rest, self._found_at, self.found = rest, t, exchanged
         elif abs(change) > limit and not was_line and not (stopped and change > 0.0):
-            fell = even and change < -_FALL
+            fell = even and change < -FALL
             if before is None or fell > stopped:
                 self._rest, self._found_at = rest, t
                 severity = Severity.FAULT if fell else Severity.WARN
@@ -127,10 +123,10 @@ class Untouched(Check):
         spread = noise / np.median(b * (1.0 - b))  # of one reading's change
         middle = float(np.median(change))
         # what is known already need not be found again, unless it grows into a fault
-        news = self.found is None or (middle < -_FALL and not self.found.stops)
+        news = self.found is None or (middle < -FALL and not self.found.stops)
         if news and abs(middle) > limit and known[self._circuit.populated].all():
             try:
-                before = self._conducted(rest)
+                before = resting_conductance(rest, self._circuit)
                 after = resting_conductance(now, self._circuit)
                 change = np.log(after[known] / before[known])
             except ValueError:  # no cells read so
@@ -142,12 +138,6 @@ class Untouched(Check):
         least = (low if middle > 0.0 else -high) + _QUARTILE * spread
         even = high - low < 2.0 * _QUARTILE * (_EVEN * abs(middle) + 1.5 * spread)
         return float(middle) if least > 0.5 * abs(middle) else 0.0, bool(even)
-
-    def _conducted(self, rest: np.ndarray) -> np.ndarray:
-        """(rows, cols) conductance [S] of the cells at rest; asked for the same rest again."""
-        if rest is not self._asked:
-            self._asked, self._conductance = rest, resting_conductance(rest, self._circuit)
-        return self._conductance
 
 
 def _another_line(

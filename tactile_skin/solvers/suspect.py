@@ -24,16 +24,15 @@ _ROUNDED_NOISE = 1.3  # times the noise of rounding up to which noise is roundin
 # Share of a reading by which a valid skin may differ from the model: 0.5 % of a touch that fabric
 # and cover carry to the next cells (paper section IV), some ohm of the stripes, rows read in turn.
 # Chosen on streams of damaged boards (benchmarks.faults, seeds 3 and 4), scored on others.
-_MODEL_ERROR = 0.003
+MODEL_ERROR = 0.003
 _MEASURED_NOISE = 1.1  # times noise that was measured in the same frame, and is not exact
 _MEAN_LIMIT = 6.0  # standard deviations of the mean misfit, where the noise was measured
-_IMPOSSIBLE = 5.0  # standard deviations of noise past what any skin can read: 1 in 3 million
-_OPEN = 0.5  # times the reading at rest: fabrics differ from the curve by less
-_NOTHING = 0.1  # the same, of an open line
+BEYOND = 5.0  # standard deviations of noise: once in 3 million readings
+BELOW_REST = 0.5  # times the reading at rest, below which no sound cell reads
+LINE_OPEN = 0.1  # the same, of an open line
 _UPSIDE_DOWN = 0.1  # of the readings that are too low, on no one line: more than some bad contacts
 EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
 # A saturated input (docs/derivation.md, "When to doubt", 3).
-_CEILING = 5.0  # times the noise that it is thick, and an ADC step
 _GAP = 3.0  # times as far below the largest reading there are few others:
 _FLAT = 8  # readings at it at least,
 _FLAT_OTHERS = 0.25  # and others in the gap for each of them
@@ -49,14 +48,14 @@ def by_reading(reading: Reading) -> Finding | None:
     readings.
     """
     circuit, steps, known = reading.circuit, reading.steps, reading.known
-    margin = _IMPOSSIBLE * reading.noise + 1.0
+    margin = BEYOND * reading.noise + 1.0
     rest = _rest_steps(circuit, reading.curve) * reading.apparent[0]
     short_circuit = circuit.ratio(0.0) * circuit.full_scale
-    low = known & (steps < _OPEN * rest - margin)
+    low = known & (steps < BELOW_REST * rest - margin)
     if np.count_nonzero(low):
         line, numbers, bad = _place(low, known)
         numbers |= {"most": steps[bad].max(), "usual": np.median(rest[bad])}
-        if line and numbers["most"] <= _NOTHING * numbers["usual"] + margin:
+        if line and numbers["most"] <= LINE_OPEN * numbers["usual"] + margin:
             return Finding(Kind.OPEN, "frame", **line, numbers=numbers)
         many = np.count_nonzero(low) > _UPSIDE_DOWN * np.count_nonzero(known)
         form = "mostly low" if many else "low"
@@ -111,7 +110,7 @@ def saturation(
     top, circuit = reading.steps.max(), reading.circuit
     if reading.topped.any():  # it ends there, and what that means is known
         return None
-    thick = _CEILING * reading.noise + 1.0 if thick is None else thick
+    thick = BEYOND * reading.noise + 1.0 if thick is None else thick
     rest = _rest_steps(circuit, reading.curve) * reading.apparent[0]
     hardest = circuit.ratio(np.max(reading.curve.least_resistance)) * circuit.full_scale
     if abs(top - rest.max()) <= thick or top >= hardest:  # cells at either end read alike
@@ -161,7 +160,7 @@ def model_variance(reading: Reading) -> np.ndarray:
 
     None of an exact reading, which comes from a simulation or a laboratory.
     """
-    return np.square(_MODEL_ERROR * reading.steps) if reading.noise else np.zeros(reading.adc.shape)
+    return np.square(MODEL_ERROR * reading.steps) if reading.noise else np.zeros(reading.adc.shape)
 
 
 class NormalEquations(NamedTuple):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from support.damaged import KINDS, Case, explains
 from support.lab.unknown import Unknown
-from support.marks import ci
+from support.marks import ci, slow
 from support.weights import known
 
 from tactile_skin import Circuit, cli, diagnose, forward
@@ -15,7 +15,7 @@ from tactile_skin.board.frame import Counters
 from tactile_skin.commands import doctor as command
 from tactile_skin.health.doctor.wiring import Wires
 from tactile_skin.middleware.config import skin_of
-from tactile_skin.physics.readouts import DRIVEN, READOUTS
+from tactile_skin.physics.readouts import DRIVEN, PASSIVE, READOUTS
 
 SHAPE, SECONDS = (10, 12), 40.0
 
@@ -29,13 +29,22 @@ def test_a_sound_board_has_no_fault(seed):
 LONG = "bits", "noisy line", "doubled", "saturation", "short at a crossing"
 
 
-@pytest.mark.parametrize(
-    "kind",
-    [ci(k) if k in LONG else k for k in KINDS if k not in ("resistor", "drivers")],
-)
-def test_a_fault_is_named_with_its_line_or_cell(kind):
-    case = Case(7, (kind,), SECONDS, SHAPE)
+FLOATING = [k for k in KINDS if k not in ("resistor", "drivers")]
+NAMED = [(ci if k in LONG else pytest.param)(k, "floating", 7) for k in FLOATING] + [
+    (ci if readout == "loaded" else slow)(kind, readout, 192007)
+    for kind in KINDS
+    for readout in (PASSIVE[2:] if kind == "drivers" else PASSIVE[1:])
+    if kind not in ("bits", "saturation")
+]
+
+
+@pytest.mark.parametrize(("kind", "readout", "seed"), NAMED)
+def test_a_fault_is_named_with_its_line_or_cell(kind, readout, seed):
+    case = Case(seed, (kind,), SECONDS, SHAPE, readouts=(readout,))
     found = diagnose(case.frames, case.circuit)
+    if case.hidden:
+        assert found == []
+        return
     ((_, name, rows, cols),) = case.faults
     assert [explains(f, kind, name, rows, cols, case.cut) for f in found] == [True], found
     assert found[0].evidence and found[0].remedy

@@ -60,14 +60,6 @@ def test_it_measures_its_rest_and_finds_the_force():
     assert not board.skin.fault and board.skin.findings() == [] and not board.warnings
 
 
-def test_once_its_rest_is_measured_nothing_of_before_is_a_fault():
-    """Nor the frame that ends the measurement: it was fitted without what it tells."""
-    board = Board()
-    for _ in range(150):
-        board.feel(NOTHING)
-        assert board.skin.waits or not board.skin.fault, board.skin.findings()
-
-
 @pytest.mark.parametrize("off", [0.0, 0.3])
 def test_one_voltage_from_the_start_is_a_fault_at_once_and_for_as_long_as_it_lasts(off):
     """Though it is what an untouched skin reads: cells that are as alike are not read."""
@@ -84,11 +76,15 @@ def test_one_voltage_from_the_start_is_a_fault_at_once_and_for_as_long_as_it_las
 
 
 def test_a_sound_skin_waits_until_its_rest_is_measured_and_not_again():
-    """Free, stopped and free again would make a robot jerk at every start."""
+    """Free, stopped and free again would make a robot jerk at every start.
+
+    The frame that ends the measurement is no fault: it was fitted without what it tells.
+    """
     board, faults = Board(), []
     for _ in range(300):
         board.feel(NOTHING)
         faults.append(board.skin.fault)
+        assert board.skin.waits or not board.skin.fault, board.skin.findings()
     assert all(faults[:100]) and not any(faults[120:])
     assert np.count_nonzero(np.diff(np.array(faults, int))) == 1
 

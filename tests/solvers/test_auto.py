@@ -116,13 +116,6 @@ def test_bad_arguments_are_named(arguments, message):
         compensate(TOUCHED, CIRCUIT, CURVE, **arguments)
 
 
-def test_nan_must_be_announced():
-    holed = np.where(np.eye(16) > 0, np.nan, TOUCHED)
-    with pytest.raises(ValueError, match="missing=True"):
-        compensate(holed, CIRCUIT, CURVE)
-    assert np.isfinite(compensate(holed, CIRCUIT, CURVE, missing=True).force).all()
-
-
 def test_a_board_that_counts_to_1024_is_not_suspect():
     """Its readings are a thousandth low: less than anyone knows of a full scale."""
     rng = np.random.default_rng(12)

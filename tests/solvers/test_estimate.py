@@ -123,22 +123,6 @@ def test_what_a_stream_hands_on_serves_every_method(method):
         assert last.status == "ok"
 
 
-@pytest.mark.parametrize("start", [np.zeros((16, 16)), 5.0, "map"])
-@pytest.mark.parametrize("method", METHODS)
-def test_a_start_that_is_no_estimate_is_refused(method, start):
-    message = (
-        f"start is of type {type(start).__name__}: must be an Estimate, that of the last frame"
-    )
-    with pytest.raises(ValueError, match=message):
-        compensate(frames(1)[0], CIRCUIT, CURVE, method, start=start)
-
-
-def test_a_batch_is_no_start():
-    adc = frames()
-    with pytest.raises(ValueError, match=r"start has shape \(3, 16, 16\)"):
-        compensate(adc, CIRCUIT, CURVE, start=compensate(adc, CIRCUIT, CURVE))
-
-
 @pytest.mark.parametrize(
     "low, remedy",
     [

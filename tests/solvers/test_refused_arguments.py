@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
+from tactile_skin.solvers import METHODS
 
 CIRCUIT, CURVE = Circuit(4, 6), PressureCurve()
 FORCE = np.zeros((4, 6))
@@ -28,10 +29,13 @@ STARTS = {
     "negative": (replace(LAST, force=hole(-1.0)), "start.force = -1.0 at row 2, column 3"),
     "shape": (replace(LAST, force=np.ones((6, 4))), "start has shape (6, 4): the circuit is"),
     "length": (replace(LAST, force=[1.0]), "start has shape (1,)"),
+    "batch": (compensate(np.stack([ADC] * 3), CIRCUIT, CURVE), "start has shape (3, 4, 6)"),
+    "picture": (FORCE, "start is of type ndarray: must be an Estimate, that of the last frame"),
+    "name": ("map", "start is of type str: must be an Estimate"),
 }
 
 
-@pytest.mark.parametrize("method", ["map", "auto", "newton"])
+@pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("wrong", STARTS)
 def test_a_bad_start_is_refused(method, wrong):
     start, message = STARTS[wrong]

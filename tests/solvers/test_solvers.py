@@ -63,7 +63,7 @@ def test_each_cell_feels_its_gain_times_the_force(method):
         (lambda a: a[:8], r"shape \(8, 16\)"),
         (
             lambda a: np.where(np.eye(16) > 0, np.nan, a),
-            "16 of 256 values .* nan at row 0, column 0",
+            "16 of 256 values .* nan at row 0, column 0; say missing=True",
         ),
         (lambda a: a + 0.9, "not in"),
         (lambda a: a - 0.9, "not in"),
@@ -136,10 +136,6 @@ def test_the_network_beats_the_naive_method(family, share):
 def test_a_fabric_that_is_not_connected_is_suspect(method):
     """Readings below the untouched skin's: no force does that."""
     assert compensate(np.zeros((16, 16)), CIRCUIT, CURVE, method).status != "ok"
-    adc = reading(one_touch())
-    adc[3] = 0.0
-    estimate = compensate(adc, CIRCUIT, CURVE, method)
-    assert estimate.status != "ok" and "row 3" in estimate.message
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -149,7 +145,7 @@ def test_a_line_that_no_skin_can_read_is_suspect_whatever_the_method(method, val
     adc[5] = value
     noisy = scenes.read_out(Circuit(), adc, "adc10", np.random.default_rng(0))
     found = compensate(noisy, Circuit(), PressureCurve(), method)
-    assert found.status == "suspect" and word in found.message
+    assert found.status == "suspect" and "row 5" in found.message and word in found.message
 
 
 @pytest.mark.parametrize("method", ["newton", "map", "auto"])

@@ -72,8 +72,8 @@ def diagnose(
     seen = record(frames, circuit, rest)
     if finding := sent.processed(seen):
         return [finding]
-    judged = rest is not None or sent.at_an_end(seen) or readings.leaping_bit(seen)
-    if not judged and (finding := unrested(seen)):
+    finding = unrested(seen) if rest is None else None
+    if finding and not (sent.at_an_end(seen) or readings.wrong_bits(seen)):
         turned = record(1.0 - frames, circuit, None)  # upside down, the calmest are the hardest
         return (not unrested(turned) and _upside_down(seen, turned, inverted)) or [finding]
     found = _diagnose(seen, series)
@@ -128,7 +128,7 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     votes = order.transposed(seen)
     if votes and (change := _other_way(seen, touched)):
         detail = readout.entered(change.settings(circuit))
-        numbers = votes.numbers()
+        numbers = votes._asdict()
         return [Finding(Kind.TRANSPOSED, numbers=numbers, detail=detail, change=change)]
     if fitting and named and not votes:  # touches that are torn add up to what no network reads
         return [fitting.finding(circuit)]
@@ -154,7 +154,7 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     for axis, a, b in wires.joined:  # a cell of lines that touch may be on either
         swap = {a: b, b: a}
         quiet |= {(swap.get(r, r), c) if axis == 0 else (r, swap.get(c, c)) for r, c in quiet}
-    ends = readings.at_ceiling(seen, height)
+    ends = seen.base > height - seen.width
     cells = {(d.line, d.at) for d in damages if d.kind == "cell"}
     for d in damages:
         cell = (d.line, d.at) if d.kind == "cell" else None

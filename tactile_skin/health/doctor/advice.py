@@ -11,15 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...calibration.rest import resting_conductance
+from ...calibration.rest import UNLIKE, resting_conductance
 from ...calibration.touched import AT_REST, TOUCHED
 from ...physics.circuit import Circuit
 from ...physics.curve import PressureCurve
 from ...solvers import Estimate, compensate
 from ...solvers.reading import ROUNDING_NOISE
 
-_ALIKE = 4.0  # times the usual cell's conductance, either way, within which cells at rest lie
-_MAY_DIFFER = 0.34  # share of the cells that may lie beyond, as those of damaged lines do
+_MAY_DIFFER = 0.34  # share of the cells that are unlike the usual one, as those of damaged lines
 _OFF_END = 2.0  # times the noise plus an ADC step, that usual readings at rest keep off either end
 _SEEN = 0.3  # of the largest change of a reading, in a frame that shows a touch
 _HARD = 0.8  # the same, of a hard touch
@@ -70,20 +69,6 @@ class Change:
         return found
 
 
-def conductance_at_rest(at_rest: np.ndarray, circuit: Circuit, noise: float) -> np.ndarray:
-    """Return (rows, cols) conductance [S] of the cells of a skin that reads so at rest.
-
-    Args:
-        at_rest: (rows, cols) ADC ratio; NaN: not read, they conduct as the usual cell.
-        noise: of a reading [ADC steps].
-
-    Raises:
-        ValueError: no skin rests so.
-    """
-    unread = list(zip(*np.nonzero(np.isnan(at_rest) & circuit.populated), strict=True))
-    return resting_conductance(at_rest, circuit, noise, unread)
-
-
 def felt(touch: np.ndarray, circuit: Circuit, curve: PressureCurve, noise: float) -> Estimate:
     """Return what a skin feels that reads (rows, cols) [ADC ratio]; NaN: not read."""
     noise = max(noise, ROUNDING_NOISE)
@@ -96,7 +81,7 @@ def _rests(at_rest: np.ndarray, rest: np.ndarray, circuit: Circuit, noise: float
     usual, end = float(np.median(at_rest[cells])), float(circuit.ratio(0.0))
     margin = _OFF_END * (noise + 1.0) / circuit.full_scale
     share = rest[cells] / np.median(rest[cells])
-    differs = (share > _ALIKE) | (share < 1.0 / _ALIKE)
+    differs = (share > UNLIKE) | (share < 1.0 / UNLIKE)
     return margin < usual < end - margin and differs.mean() <= _MAY_DIFFER
 
 
@@ -114,7 +99,7 @@ def is_safe(change: Change, frames: np.ndarray, quiet: np.ndarray, noise: float)
     then = change.of(frames)
     at_rest = then[quiet].mean(0)
     try:
-        rest = conductance_at_rest(at_rest, circuit, max(noise, ROUNDING_NOISE))
+        rest = resting_conductance(at_rest, circuit, max(noise, ROUNDING_NOISE))
     except ValueError:
         return False
     if not _rests(at_rest, rest, circuit, noise):

@@ -54,7 +54,7 @@ def misplaced(seen: Recorded, skip, cells=(), pressed=()) -> list[Finding]:
     found: list[tuple[float, Finding]] = []  # share of the variation that the order saves
     if not (skip or cells):
         late = _one_late(pictures)
-        found += [(late.share, Finding(Kind.SHIFTED, numbers=late.numbers()))] if late else []
+        found += [(late.share, Finding(Kind.SHIFTED, numbers=late._asdict()))] if late else []
     for axis in (0, 1):
         used = [k for k in range(seen.circuit.shape[axis]) if (axis, k) not in skip]
         beside = {line for a, line in skip if a != axis} | {cell[1 - axis] for cell in cells}
@@ -66,7 +66,7 @@ def misplaced(seen: Recorded, skip, cells=(), pressed=()) -> list[Finding]:
         of = lines(axis, *pair)
         odd = {cell[axis] for cell in pressed} & {*of.get("rows", ()), *of.get("cols", ())}
         if votes.share > _PRESSED_GAIN or not odd:
-            found.append((votes.share, Finding(Kind.SWAPPED, **of, numbers=votes.numbers())))
+            found.append((votes.share, Finding(Kind.SWAPPED, **of, numbers=votes._asdict())))
     return [max(found, key=lambda pair: pair[0])[1]] if found else []
 
 
@@ -134,10 +134,6 @@ class Vote(NamedTuple):
 
     touches: int
     share: float
-
-    def numbers(self) -> dict[str, float]:
-        """Return what a finding says of it."""
-        return {"touches": self.touches, "share": self.share}
 
 
 def vote(now: np.ndarray, other: np.ndarray) -> Vote | None:

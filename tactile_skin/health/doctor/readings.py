@@ -13,8 +13,10 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 from scipy.optimize import nnls
 
+from ...calibration.rest import NOISY, NOISY_STEPS
 from ...findings.finding import Finding, Kind, at, lines
-from .recorded import LINE_OPEN, MOVED, NOISY, Recorded, loose
+from ...solvers.suspect import BELOW_REST, LINE_OPEN
+from .recorded import Recorded, loose
 
 SEVERAL = 30  # readings, of so many
 SEVERAL_CELLS = 3  # cells, that a bit or a ceiling takes: fewer are single cells' faults
@@ -29,7 +31,6 @@ _HIGH_GAP = 0.03
 _STANDING = 3  # frames in which a reading stands
 _GAP_READINGS = 200  # on either side of the gaps, at least; of frames that say anything new
 _AT_REST = 48  # ADC steps about its rest in which a reading does not count, at most
-_BELOW = 0.5  # of its reading at rest that no sound cell falls below
 _EMPTY = 0.02  # of the readings may lie in the gap of a top bit
 _PILE = 3.0  # times as many readings at a ceiling as in the same width below
 # A wrong bit about whose edge untouched cells rest, where a reading is the mean of some samples:
@@ -37,7 +38,6 @@ _PILE = 3.0  # times as many readings at a ceiling as in the same width below
 _EXPLAINED = 0.9
 _NEAR_SHORT = 0.97  # of what a short circuit reads: above, hard touches read alike
 _AT_TOP = 0.5  # share of the frames that a cell which only touches take to the ceiling is there
-_NOISY_STEPS = 2.0  # ADC steps RMS that a noisy cell, or one whose bit leaps, has at least
 _EVEN = 0.6  # median over largest noise of a line, where all its readings are noisy
 _OPEN_NOISY = (
     0.3  # of the usual reading, that an open line reads at most where noise leaves it more
@@ -48,24 +48,21 @@ _LOOSE = 0.25  # of all lines at most come and go: more are touches on a skin th
 
 def wrong_bits(seen: Recorded) -> list[Finding]:
     """Return bits of the ADC that never change: by the readings that lack, or by noise at rest."""
-    names = "bit", "kept", "share"
-    stuck = [Finding(Kind.BITS, "gap", numbers=dict(zip(names, bit, strict=True)))
-             for bit in _stuck_bits(seen)]  # fmt: skip
-    return stuck or leaping_bit(seen)
+    return _stuck_bits(seen) or _leaping_bit(seen)
 
 
-def _stuck_bits(seen: Recorded) -> list[tuple[int, int, float]]:
-    """Return (bit, the value it keeps, share of readings where the other value would put them)."""
+def _stuck_bits(seen: Recorded) -> list[Finding]:
+    """Return bits whose other value would put readings where there are hardly any."""
     every, base = seen.steps[:, seen.read], seen.base[seen.read]
     if top := ceiling(seen):  # what piles up there lies beside a gap by chance
-        every = np.where(every < top[0] - _width(seen), every, base)
+        every = np.where(every < top[0] - seen.width, every, base)
     new = every[seen.anew]
     moves = np.abs(np.diff(every, axis=0, prepend=every[:1]))
     moves = maximum_filter1d(moves, _STANDING, axis=0)
-    width = _width(seen)
+    width = seen.width
     standing = np.where(moves < width, every, base)
     # exactly 0 is what a recorder leaves out, too
-    fell = (new > 0.0) & (new < _BELOW * base - width)
+    fell = (new > 0.0) & (new < BELOW_REST * base - width)
     folded = fell.sum() >= SEVERAL and np.count_nonzero(fell.any(0)) >= SEVERAL_CELLS
     folded &= seen.circuit.readout == "floating"  # a load only raises its readings
     found, bits = [], seen.circuit.adc_bits
@@ -81,11 +78,12 @@ def _stuck_bits(seen: Recorded) -> list[tuple[int, int, float]]:
             # A hand that stands still fills no gap: evidence is what was read once.
             gap = once.near >= _GAP_READINGS and still.share < (_LOW_GAP if low else _HIGH_GAP)
             if gap or (bit == bits - 1 and all_.empty and folded and (kept or lacking)):
-                found.append((bit, kept, all_.share))
+                numbers = {"bit": bit, "kept": kept, "share": all_.share}
+                found.append(Finding(Kind.BITS, "gap", numbers=numbers))
     return found
 
 
-def leaping_bit(seen: Recorded) -> list[Finding]:
+def _leaping_bit(seen: Recorded) -> list[Finding]:
     """Return the wrong bit that shows in the noise at rest.
 
     It fills the gap of a stuck bit where cells rest at an end of it: samples leap by the bit's
@@ -107,7 +105,7 @@ def leaping_bit(seen: Recorded) -> list[Finding]:
                 continue
             (share, _), left = nnls(np.stack([leaps, np.ones_like(leaps)], 1), variance)
             most = share * leaps.max()
-            if share <= 1.0 and most > _NOISY_STEPS**2 and left**2 < least:
+            if share <= 1.0 and most > NOISY_STEPS**2 and left**2 < least:
                 found, least = (bit, most**0.5), left**2
     if found is None:
         return []
@@ -158,7 +156,7 @@ def ceiling(seen: Recorded) -> tuple[float, Finding] | None:
     if not len(seen.peaks):
         return None  # what nothing presses ends at its rest
     most = seen.circuit.ratio(0.0) * seen.circuit.full_scale
-    width = _width(seen)
+    width = seen.width
     calm = seen.read & (seen.noise < _noise_limit(seen))  # others have more noise on top
     every = seen.steps[:, calm]
     stays = np.ones(1, bool)
@@ -179,19 +177,9 @@ def ceiling(seen: Recorded) -> tuple[float, Finding] | None:
     return height, Finding(Kind.SATURATION, numbers=numbers)
 
 
-def at_ceiling(seen: Recorded, height: float) -> np.ndarray:
-    """(rows, cols) bool: cells that read as much as the ceiling lets them while nothing touches."""
-    return seen.base > height - _width(seen)
-
-
-def _width(seen: Recorded) -> float:
-    """ADC steps by which noise, and rounding, may move a reading."""
-    return MOVED * seen.usual_noise + 1.0
-
-
 def _noise_limit(seen: Recorded) -> float:
     """ADC steps RMS from which on a reading is noisy."""
-    return max(NOISY * seen.usual_noise, _NOISY_STEPS)
+    return max(NOISY * seen.usual_noise, NOISY_STEPS)
 
 
 def open_lines(seen: Recorded, skip: set) -> list[Finding]:
@@ -207,7 +195,7 @@ def open_lines(seen: Recorded, skip: set) -> list[Finding]:
         across[~across.any(1)] = True
         high = np.where(across, every, 0.0).max(1)
         usual = float(np.median(base[base > 0])) if (base > 0).any() else 0.0
-        limit = min(max(_width(seen), LINE_OPEN * usual), _OPEN_NOISY * usual)
+        limit = min(max(seen.width, LINE_OPEN * usual), _OPEN_NOISY * usual)
         for k in map(int, np.flatnonzero(high <= limit)):
             numbers = {"count": np.count_nonzero(read[k]), "most": high[k], "usual": usual}
             found.append(Finding(Kind.OPEN, **lines(axis, k), numbers=numbers))

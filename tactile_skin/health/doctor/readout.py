@@ -12,23 +12,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...calibration.rest import REST_SPAN
+from ...calibration.rest import REST_SPAN, resting_conductance
 from ...findings.finding import Finding, Kind
 from ...physics.adc import Adc
 from ...physics.circuit import Circuit
 from ...physics.curve import PressureCurve
 from ...physics.readouts import DRIVEN, PASSIVE
 from ...solvers.reading import ROUNDING_NOISE
-from .advice import Change, conductance_at_rest, felt, is_safe, of_other_scale
+from ...solvers.suspect import MODEL_ERROR
+from .advice import Change, felt, is_safe, of_other_scale
 
 # Times noise and model error up to which the configured readout may miss touches; times what the
 # best explanation misses, that others do between which touches do not decide.
 _EXPLAINED = 2.0
 BETTER = 0.5  # times what the configured readout misses, that another one may,
 FITS = 4.0  # and times the noise
-_MODEL_ERROR = (
-    0.003  # of a reading, that real skins are off the circuit's model (solvers/suspect.py)
-)
 # What no passive network reads, all three. Boards with a virtual ground (seeds 3 and 4, r_ref 100
 # to 1000 ohm) were missed by 34 at least, added up to 1.4 and left 0 to 0.66 unmoved.
 _NEVER = 20.0  # times the noise by which all of them miss the touches, with r_par and without
@@ -213,7 +211,7 @@ def misses(circuit: Circuit, seen: Touched) -> float:
     """Median over the touches of the RMS misfit, in noise and model error; infinity: no rest."""
     noise = max(seen.noise, ROUNDING_NOISE)
     try:
-        rest = conductance_at_rest(seen.rest, circuit, noise)
+        rest = resting_conductance(seen.rest, circuit, noise)
         usual = 1.0 / np.median(rest[circuit.populated])
         rest = np.where(circuit.populated, np.maximum(rest, 2.0 / (usual * REST_SPAN)), 1.0 / usual)
         curve = PressureCurve((0.0, 1.0), (usual, usual / REST_SPAN)).resting_at(1.0 / rest)
@@ -222,6 +220,6 @@ def misses(circuit: Circuit, seen: Touched) -> float:
     left = []
     for touch in seen.touches:
         found = felt(touch, circuit, curve, noise)
-        error = _MODEL_ERROR * circuit.full_scale * np.sqrt(np.nanmean(np.square(touch)))
+        error = MODEL_ERROR * circuit.full_scale * np.sqrt(np.nanmean(np.square(touch)))
         left.append(np.inf if found.status == "failed" else found.residual / np.hypot(noise, error))
     return float(np.median(left)) if left else 0.0

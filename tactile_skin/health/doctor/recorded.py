@@ -9,21 +9,18 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from ...calibration.rest import Rest, check_frames
+from ...calibration.touched import MOVED
 from ...physics.circuit import Circuit
 from ...physics.readouts import apparent
 from ...solvers.reading import ROUNDING_NOISE
+from ...solvers.suspect import LINE_OPEN
 
-# Times its noise by which a reading has changed: noise exceeds 6 standard deviations once in 5e8
-# readings, a recording has 1e7; what drifts in a minute, and noise itself, are not known better.
-MOVED = 8.0
-NOISY = 4.0  # times the usual noise, or difference at rest, that is not of the same kind
 FEW_TOUCHES = 5  # that must agree in what no single one shows
 _QUIET = 0.15  # share of the frames, the calmest ones, that count as untouched
 _FEWEST = 20  # frames that a recording has at least
 _APART = 0.003  # share of the frames by which two touches are apart, and
 _LEAST_APART = 10  # frames at least
-LINE_OPEN = 0.1  # of the usual reading, below which a line is not connected,
-_LINE_CLOSED = 0.6  # and above which it is
+_LINE_CLOSED = 0.6  # of the usual reading, above which a line is connected
 _HALF_CLOSED = 0.5 * (LINE_OPEN + _LINE_CLOSED)  # neither, of a line that does not say
 
 
@@ -74,6 +71,11 @@ class Recorded:
     def usual_noise(self) -> float:
         """RMS of a reading [ADC steps], of rounding at least."""
         return float(max(np.median(self.noise[self.cells]), ROUNDING_NOISE))
+
+    @property
+    def width(self) -> float:
+        """ADC steps by which noise, and rounding, may move a reading."""
+        return MOVED * self.usual_noise + 1.0
 
     def is_open(self, axis: int) -> np.ndarray:
         """(n, lines) bool: frames in which each row, or column, is nearer to open than closed."""

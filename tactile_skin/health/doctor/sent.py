@@ -5,10 +5,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...calibration.rest import NOISY
+from ...calibration.touched import MOVED
 from ...findings.finding import Finding, Kind
 from ...readings.processed import Kind as Done
 from ...readings.processed import processed as processing
-from .recorded import MOVED, NOISY, Recorded
+from .recorded import Recorded
 
 _MOST_NOISE = 0.01  # of full scale: what moves more is no noise
 # Share of the usual cell's readings that stand at one end of the range, from which on they are not

@@ -6,10 +6,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import label
 
-from ...calibration.rest import resting_conductance
+from ...calibration.rest import NOISY, resting_conductance
 from ...findings.finding import Finding, Kind, at
 from .readings import SEVERAL_CELLS
-from .recorded import NOISY, Recorded, loose
+from .recorded import Recorded, loose
 
 # A load that stands: cells that conduct so many times as much as the usual one, at least so many in
 # one piece of several rows and columns, and no more than this share of a line: that is a bad line.

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...calibration.rest import UNLIKE
 from ...physics.circuit import Circuit
 from ...physics.readouts import of_network
 
@@ -24,9 +25,7 @@ _LIKELY = 0.5  # share of a line's, or a cell's, misfit that it explains at leas
 _LEAST_LEAD = 0.03  # share of the usual resistance that a bad lead adds at least
 _OF_MEDIAN = (np.pi / 2.0) ** 0.5  # standard deviation of a median over that of a mean
 _OF_DEVIATIONS = 1.4826  # standard deviation over the median deviation, of a normal distribution
-_PRESSED = 4.0  # times the usual cell's conductance, above which a cell is pressed
-_DEAD = 1.0 / _PRESSED  # the same, below which it is dead
-_SHORTED = 1000.0  # times the same, of a crossing that is shorted
+_SHORTED = 1000.0  # times the usual cell's conductance, of a crossing that is shorted
 _OHM = 100.0  # ohm of a lead by which readings are tried
 _MISSING = 0.05  # share of its conductance up to which a resistor is missing
 _ROUNDS = 12  # in which the usual cell's resistance is found
@@ -285,9 +284,9 @@ class _Fit:
     def _of_cell(self, row: int, col: int):
         damage = Damage("cell", 0, row, col, 0.0, 0.0)
         size = self._size(damage)
-        if _DEAD < size < _PRESSED:
+        if 1.0 / UNLIKE < size < UNLIKE:
             return
-        damage = damage._replace(size=0.0 if size < _DEAD else size)
+        damage = damage._replace(size=0.0 if size < 1.0 else size)
         now = self.wires.with_one(damage).resistance()
         after = self.off - np.log(now / self.model)
         after -= np.nanmedian(after)
