@@ -20,7 +20,8 @@ from tactile_skin.learning.gestures import fit, table_of, train
 from tactile_skin.learning.hands import MATS, simulated
 from tactile_skin.nodes.observers.gestures import SHIPPED
 from tactile_skin.simulation.people.events import EVENTS, happen
-from tactile_skin.simulation.people.hands import GESTURES, Mat, Person, perform
+from tactile_skin.simulation.people.hands import GESTURES, Person, perform
+from tactile_skin.simulation.people.mat import Mat
 from tactile_skin.touch.episode import LIMIT
 from tactile_skin.touch.model import OTHER, GestureModel, load_model
 from tactile_skin.touch.recogniser import ENDED, PERIOD, Recogniser

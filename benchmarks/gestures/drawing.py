@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_skin.simulation.people.hands import POSES, Mat, Person, perform
+from tactile_skin.simulation.people.hands import POSES, Person, perform
+from tactile_skin.simulation.people.mat import Mat
 from tactile_skin.touch.recogniser import PERIOD
 
 from .. import harness

@@ -10,7 +10,8 @@ import numpy as np
 
 from ..simulation.people.anything import anything
 from ..simulation.people.events import EVENTS, happen
-from ..simulation.people.hands import GESTURES, Mat, Person, perform
+from ..simulation.people.hands import GESTURES, Person, perform
+from ..simulation.people.mat import Mat
 from ..touch.episode import LIMIT
 from ..touch.model import OTHER
 from ..touch.take import Take

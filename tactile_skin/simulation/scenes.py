@@ -15,7 +15,8 @@ import numpy as np
 from ..physics.circuit import Circuit
 from ..physics.curve import GRAM
 from .bodies import bodies, pictures
-from .people.hands import Mat, Person, perform
+from .people.hands import Person, perform
+from .people.mat import Mat
 
 FAMILIES = ("blobs", "rects", "random")  # the paper's
 _FREE = {"bodies": bodies, "pictures": pictures}

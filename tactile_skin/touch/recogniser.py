@@ -74,7 +74,7 @@ class Cells:
             return force, std
         down, across = (_shares(n, self._ratio) for n in force.shape)
         variance = down**2 @ np.broadcast_to(std, force.shape) ** 2 @ (across**2).T
-        return down @ force @ across.T, np.sqrt(variance)
+        return np.asarray(down @ force @ across.T), np.sqrt(variance)
 
     def place(self, row: float, col: float) -> tuple[float, float]:
         """Return the row and column of the mat at a row and column of these cells."""
@@ -89,7 +89,7 @@ def _shares(n: int, ratio: float) -> np.ndarray:
     edge = np.arange(math.ceil(n / ratio) + 1)[:, None] * ratio
     start = np.arange(n)
     overlap = np.minimum(edge[1:], start + 1) - np.maximum(edge[:-1], start)
-    return np.maximum(overlap, 0.0)
+    return np.asarray(np.maximum(overlap, 0.0))
 
 
 class Pictures:

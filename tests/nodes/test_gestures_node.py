@@ -15,7 +15,8 @@ from tactile_skin.nodes.observers import gestures
 from tactile_skin.nodes.observers.gestures import SHIPPED, Gestures
 from tactile_skin.nodes.observers.touch_events import GestureListener
 from tactile_skin.nodes.stop_on_push import LATCHED, StopOnPush
-from tactile_skin.simulation.people.hands import GESTURES, Mat, Person, perform
+from tactile_skin.simulation.people.hands import GESTURES, Person, perform
+from tactile_skin.simulation.people.mat import Mat
 from tactile_skin.touch.model import load_model
 
 pytestmark = pytest.mark.live

@@ -9,12 +9,12 @@ from tactile_skin.simulation.people.events import EVENTS, happen
 from tactile_skin.simulation.people.hands import (
     GESTURES,
     Hand,
-    Mat,
     Person,
     perform,
     pressed,
     pulse,
 )
+from tactile_skin.simulation.people.mat import Mat
 
 MAT = Mat(16, 16, 0.018)
 PERIOD = 0.04

@@ -12,7 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from .events import over, turned
-from .hands import FINE, Mat, pulse, ramp
+from .hands import pulse, ramp
+from .mat import FINE, Mat
 
 _SECONDS = (0.1, 8.0)  # of an event
 _FORCE = (0.4, 150.0)  # N

@@ -10,7 +10,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .hands import FINE, Hand, Mat, Person, pressed, pulse, ramp, texture
+from .hands import Hand, Person, pressed, pulse, ramp
+from .mat import FINE, Mat, texture
 
 
 def over(mat: Mat, shape: np.ndarray, force: np.ndarray) -> np.ndarray:
