@@ -4,10 +4,8 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import lapack
 
 from ..findings.finding import Finding, Kind, Where, at, lines
 from ..physics import readouts
@@ -161,20 +159,6 @@ def model_variance(reading: Reading) -> np.ndarray:
     None of an exact reading, which comes from a simulation or a laboratory.
     """
     return np.square(MODEL_ERROR * reading.steps) if reading.noise else np.zeros(reading.adc.shape)
-
-
-class NormalEquations(NamedTuple):
-    """The linear system of a fit's last step; x = log g of its unknowns."""
-
-    unknowns: np.ndarray  # (n,) flat cells
-    jacobian: np.ndarray  # (m, n) d model / d x of `Linearised.grouped`, in standard deviations
-    factor: np.ndarray  # (n, n) U of U^T U = J^T J + curvature of the prior
-
-    def absorbed(self) -> float:
-        """Return the number of readings that the unknowns take: trace(H^-1 J^T J)."""
-        if not self.unknowns.size:
-            return 0.0
-        return float(np.square(lapack.strtrs(self.factor, self.jacobian.T, trans=1)[0]).sum())
 
 
 def beside_sums(reading: Reading, misfit: np.ndarray) -> np.ndarray:
