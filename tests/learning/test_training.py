@@ -177,7 +177,7 @@ def test_pairs_do_not_depend_on_how_many_are_made(network_kind, monkeypatch):
 
 @pytest.mark.ci
 def test_a_run_goes_on_from_weights_that_are_there(tmp_path):
-    weights, _ = run(tmp_path / "first", replace(TINY, epochs=8))
+    weights, _ = run(tmp_path / "first", replace(TINY, epochs=8, rate=2.5e-3))
     _, anew = run(tmp_path / "anew", replace(TINY, epochs=1))
     more = replace(TINY, epochs=1, rate=1e-3, start=str(weights.path))
     _, further = run(tmp_path / "further", more)
