@@ -29,7 +29,7 @@ _LEAST_SCATTER = 0.03  # RMS of log resistance of a good fabric's cells at rest,
 # Changes of log conductance that are no fabric's, chosen on simulated boards (tests/calibration;
 # benchmarks.faults): of a line beside the others; of a line since the start.
 _MAX_LINE_OFFSET = 0.2
-FALL = 0.05  # from which on a push may be hidden
+LINE_FALL = 0.05  # the least that may hide a push
 # Times the median deviation of its cells, over the root of their number, by which a line's median
 # may differ: four standard deviations.
 _MOST_DEVIATIONS = 6.0
@@ -208,7 +208,7 @@ def weak_line(change: np.ndarray, cells: np.ndarray, *, first: bool) -> Finding 
         change: (rows, cols) log of each cell's conductance over the curve's, or the first one.
         first: whether it is the first that is measured.
     """
-    form, most = ("rest", _MAX_LINE_OFFSET) if first else ("fading", FALL)
+    form, most = ("rest", _MAX_LINE_OFFSET) if first else ("fading", LINE_FALL)
     common = np.median(change[cells])
     deviation = np.median(np.abs(change[cells] - common))
     for axis, across in ((0, 1), (1, 0)):

@@ -46,7 +46,7 @@ _GAIN = 0.5  # share of the change, of the rest and of its noise, that a later m
 # bench faults): of all cells from what is known, and besides in each second, as a robot's cover
 # warms up.
 _MAX_STEP = 0.1
-_MAXDRIFT = 0.02 / 60.0
+_MAX_DRIFT = 0.02 / 60.0
 _DRIFTS_AFTER = 0.3  # s of rest after which a drift of all cells is followed
 DRIFT = 0.003  # 1/s, of log conductance, that is followed at most
 DRIFT_UNSEEN = 5.0  # s for which it is made up for, after a touch that hid it
@@ -264,7 +264,7 @@ class Tare:
             before = 1.0 / self.curve.rest_resistance
             self.found = weak_line(np.log(now / self._first), cells, first=False)
             common = float(np.median(np.log(now / before)[cells]))
-            if abs(common) > _MAX_STEP + _MAXDRIFT * (self._last - self._learned):
+            if abs(common) > _MAX_STEP + _MAX_DRIFT * (self._last - self._learned):
                 numbers = {"share": float(np.expm1(common))}
                 self.found = self.found or Finding(Kind.ALL_CELLS, numbers=numbers)
             if self.found:

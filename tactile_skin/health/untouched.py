@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..calibration.at_rest import FALL
+from ..calibration.at_rest import LINE_FALL
 from ..calibration.rest import resting_conductance
 from ..calibration.tare import DRIFT, DRIFT_UNSEEN
 from ..findings.finding import Finding, Kind, Severity, lines
@@ -26,7 +26,7 @@ _AT_ONCE = 0.004
 # Of the cells, or of a line's, may have changed otherwise: a touch has left them behind.
 _SHARE = 0.25
 _QUARTILE = 0.674  # standard deviations that a normal distribution's quartile lies off
-_EVEN = 0.1  # share of a `FALL` by which cells may differ that all have lost it: it stops then
+_EVEN = 0.1  # share of a `LINE_FALL` by which cells may differ that all have lost it: it stops then
 _KEPT = 60.0  # s: by then touches have told another r_par, and a drift has been followed
 _CELLS = 4  # of a line, at least, by which lines are compared
 _OWN = 40.0  # sum of squares [noise squared] by which it differs from its own line
@@ -98,7 +98,7 @@ class Untouched(Check):
         if exchanged:
             self._rest, self._found_at, self.found = rest, t, exchanged
         elif abs(change) > limit and not was_line and not (stopped and change > 0.0):
-            fell = even and change < -FALL
+            fell = even and change < -LINE_FALL
             if before is None or fell > stopped:
                 self._rest, self._found_at = rest, t
                 severity = Severity.FAULT if fell else Severity.WARN
@@ -123,7 +123,7 @@ class Untouched(Check):
         spread = noise / np.median(b * (1.0 - b))  # of one reading's change
         middle = float(np.median(change))
         # what is known already need not be found again, unless it grows into a fault
-        news = self.found is None or (middle < -FALL and not self.found.stops)
+        news = self.found is None or (middle < -LINE_FALL and not self.found.stops)
         if news and abs(middle) > limit and known[self._circuit.populated].all():
             try:
                 before = resting_conductance(rest, self._circuit)

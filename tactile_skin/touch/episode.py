@@ -28,7 +28,8 @@ _RISEN = 0.5  # of the largest force so far: where a peak begins
 _FALLEN = 0.4  # of the largest force so far: where it ends
 _PLATEAU = 0.8  # of the largest force: a hand that rests
 # Median change from picture to picture, as a share of the force, that is less than any hand's: of
-# its sum and of its cells. Recorded hands at rest change by 1 % and 4 %, by 0.3 % and 2 % at least.
+# its sum and of its cells. Recorded hands at rest, 12 pictures a second, change by 1 % and 4 %, by
+# 0.3 % and 2 % at least (docs/lab/gestures.md).
 _STEADY_FORCE = 0.0025
 _STEADY_CELLS = 0.012
 _LONG_ENOUGH = 0.4  # s at rest, in which it can be seen

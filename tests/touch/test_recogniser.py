@@ -191,11 +191,10 @@ def test_a_fine_mat_is_read_on_cells_as_large_as_those_of_others():
 
 
 def test_a_gesture_on_a_fine_mat_has_its_place_on_the_mat():
-    gathering = Gathering(0.008)
     for row, col in ((0, 0), (9, 13), (18, 23)):
+        gathering = Gathering(0.008)
         force = np.zeros((19, 24))
         force[row, col] = 3.0
         (gesture,) = [g for k in range(4) for g in gathering.update(k * PERIOD, force)][-1:]
         at = np.array(gathering.cells.place(*gesture.place))
         assert np.abs(at - (row, col)).max() < 1.5 and (at >= 0).all() and (at <= (18, 23)).all()
-        gathering = Gathering(0.008)

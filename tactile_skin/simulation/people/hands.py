@@ -2,8 +2,8 @@
 """Simulated people who touch a mat: how hands press on it in space and time.
 
 A person has a size, a strength, a tempo, a tremor and ways of doing each gesture; each performance
-varies about them. The numbers are chosen to be broad, and come from no recording: what is trained
-on these hands is scored on others as well.
+varies about them. The numbers are chosen to be broad, and but for `_UNSTEADY` come from no
+recording: what is trained on these hands is scored on others as well.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ _STRENGTH_STD = 0.45  # of its logarithm
 _TEMPO_STD = 0.22  # of its logarithm
 _TREMOR = 0.0006  # m
 _TREMOR_STD = 0.4  # of its logarithm
-# Standard deviation of a force that is held, as a share of it; chosen. How steady a grip is, is
-# studied: Blomkvist et al., BMC Musculoskeletal Disorders 19:96, 2018.
+# Standard deviation of a force that is held, as a share of it: chosen so that it changes about as
+# much from picture to picture as that of recorded hands (docs/lab/gestures.md).
 _UNSTEADY = 0.02
 _UNSTEADY_STD = 0.4  # of its logarithm
 _CORRECTS = 0.15  # s in which such a variation is forgotten: most of it is below 2 Hz
