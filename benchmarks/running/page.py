@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How often the page of a running skin is drawn in Chromium, and what a draw costs.
 
-Prints the snapshots that were drawn in a second and the processor time of each draw, in Chromium
+The board is played: its scans were computed before. Prints the snapshots that were drawn in a second and the processor time of each draw, in Chromium
 (all its processes, without a GPU), in the page's server and, on ROS, in `view` and `skin`.
 --space: with the cover in space. --ros: of a skin in a namespace, by ROS 2.
 """
@@ -9,6 +9,7 @@ Prints the snapshots that were drawn in a second and the processor time of each 
 from __future__ import annotations
 
 import contextlib
+import multiprocessing
 import os
 import re
 import tempfile
@@ -16,7 +17,7 @@ import time
 from pathlib import Path
 
 from support.chromium import Chromium
-from support.ros_graph import Graph, Player, endless, program
+from support.ros_graph import Graph, Player, program, record
 
 from tactile_skin import launch
 from tactile_skin.launch import share_dir
@@ -25,6 +26,9 @@ from tactile_skin.nodes.observers.view import View
 from .. import harness
 
 SIZE = 1400, 910  # of the page [px]
+BEFORE = 15.0  # s that a board plays, at most, until the page is measured
+CONFIG = share_dir() / "config" / "demo.yaml"
+SPAWN = multiprocessing.get_context("spawn")  # a fork would copy this process's threads half
 
 
 def processor_time(pid: int) -> float:
@@ -49,7 +53,7 @@ def main(arguments=None) -> None:
     parser.add_argument("--ros", action="store_true", help="of a skin in a namespace, on ROS 2")
     parser.add_argument("--space", action="store_true", help="with the cover in space")
     args = parser.parse_args(arguments)
-    served = on_ros() if args.ros else in_process()
+    served = (on_ros if args.ros else in_process)(args.seconds)
     with (
         tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder,
         Chromium(Path(folder), *SIZE) as browser,
@@ -72,21 +76,21 @@ def main(arguments=None) -> None:
 
 
 @contextlib.contextmanager
-def in_process():
-    """Run the demo; yield the page's address, whose times count, and how to wait."""
+def in_process(seconds: float):
+    """Run a skin; yield the page's address, whose times count, and how to wait."""
     arguments = {"method": "auto", "view": "true", "view_port": "0", "monitor": "false"}
-    with launch.launch(**arguments) as skin:
+    with board(seconds) as port, launch.launch(port=port, config=str(CONFIG), **arguments) as skin:
         view = next(node for node in skin._nodes if isinstance(node, View))
         yield view._page.address, {"the page's server": view._page._process.pid}, skin.spin
 
 
 @contextlib.contextmanager
-def on_ros():
+def on_ros(seconds: float):
     """Run a skin in a namespace and its page as processes on ROS; yield the same."""
-    player, space = Player(), ["-r", "__ns:=/left"]
-    with Graph() as graph, player.playing(endless()):
-        given = ["-p", f"config:={share_dir() / 'config' / 'demo.yaml'}"]
-        words = [*given, "-p", f"port:={player.port}", "-p", "method:=auto", "-p", "tare:=false"]
+    space = ["-r", "__ns:=/left"]
+    with Graph() as graph, board(seconds) as port:
+        given = ["-p", f"config:={CONFIG}"]
+        words = [*given, "-p", f"port:={port}", "-p", "method:=auto"]
         graph.start("skin", program("skin", *space, *words))
         given += ["-p", "port:=0", "-p", "controls:=false"]
         graph.start("view", program("view", *space, *given))
@@ -94,7 +98,23 @@ def on_ros():
         (address,) = re.findall(r"http://[\d.]+:\d+", graph.said("view"))
         pids = {name: process.pid for name, process in graph.processes.items()}
         yield address, pids, time.sleep
-    player.close()
+
+
+@contextlib.contextmanager
+def board(seconds: float):
+    """Play a board in a process of its own; yield its port."""
+    ours, theirs = SPAWN.Pipe()
+    process = SPAWN.Process(target=play, args=(theirs, BEFORE + seconds), daemon=True)
+    process.start()
+    yield ours.recv()
+    process.terminate()
+
+
+def play(pipe, seconds: float) -> None:
+    player = Player()
+    frames = record(round(player.rate * seconds))
+    pipe.send(player.port)
+    player.play(frames)
 
 
 def drawn(browser: Chromium) -> int:

@@ -20,13 +20,13 @@ from .server import Shown, Wanted, serve
 from .snapshot import Snapshot
 from .work import Work
 
-_PACE = 0.015  # s between two snapshots: a screen's 60 Hz; pages that ask in between share one
+_PACE = 0.015  # s between two snapshots that no page waits for: a screen's 60 Hz
 _PATIENCE = 0.5  # s after which a page is told once more what there is
 _ANSWER_WITHIN = 5.0  # s
 
 
 class Live:
-    """The newest snapshot only, 60 times a second.
+    """The newest snapshot only: when a page asks, and about 60 times a second.
 
     Args:
         skin: the socket to the skin.
@@ -40,6 +40,7 @@ class Live:
         self.newest, self._number = Snapshot(), 0
         self._waiting = b""  # a newer one, still packed; empty: none
         self._taken_at = -math.inf  # s, of the loop's clock, when the newest was taken
+        self._awaited = False  # by a page that has all that came
         self._skin = skin
         self._news = asyncio.Event()
         self._answer: asyncio.Future | None = None
@@ -58,6 +59,9 @@ class Live:
         if wanted.at:
             return self.log.moment(wanted.at) or (self._number, self.newest)
         if self._number <= wanted.after:
+            self._take()
+        if self._number <= wanted.after:
+            self._awaited = True
             with contextlib.suppress(TimeoutError, asyncio.TimeoutError):
                 await asyncio.wait_for(self._news.wait(), _PATIENCE)
         return self._number, self.newest
@@ -96,14 +100,18 @@ class Live:
             pass
         except OSError:
             self.ended.set()
-        if self._waiting and not scheduled:
+        if self._waiting and self._awaited:
+            self._take()
+        elif self._waiting and not scheduled:
             loop = asyncio.get_running_loop()
             loop.call_at(max(loop.time(), self._taken_at + _PACE), self._take)
 
     def _take(self) -> None:
+        if not self._waiting:
+            return
         self._taken_at = asyncio.get_running_loop().time()
         self.newest, self._number = pickle.loads(self._waiting), self._number + 1
-        self._waiting = b""
+        self._waiting, self._awaited = b"", False
         newest = self.newest
         age = time.monotonic() - newest.read_at if newest.read_at is not None else 0.0
         self.log.take(newest.stamp + age, self._number, newest)

@@ -355,6 +355,7 @@ let before = performance.now();
 
 function frame(now) {
   requestAnimationFrame(frame);
+  if (hello) ask();
   const seconds = (now - before) / 1000;
   before = now;
   if (hello?.recording && !frozen) {
@@ -385,6 +386,5 @@ function frame(now) {
     facts.showOld(oldWhy(now));
     if (hello && latest) showTexts(now);
   }
-  if (hello) ask();
 }
 requestAnimationFrame(frame);

@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The cover in space: each cell where it is on the robot, coloured by its pressure, and the push.
-
-import {
-  BufferAttribute, BufferGeometry, Color, ColorManagement, ConeGeometry, CylinderGeometry,
-  DoubleSide, GridHelper, Group, LinearSRGBColorSpace, Mesh, MeshBasicMaterial, PerspectiveCamera,
-  Scene, Vector3, WebGLRenderer,
-} from "./three.module.min.js";
+//
+// Painted from far to near on a plain canvas: a robot's computer often has no graphics processor,
+// and there a frame of WebGL costs twice as much as these few hundred squares.
 
 import { rgb, rising } from "./colours.js";
 
@@ -17,84 +14,60 @@ const STEP = 0.12; // rad for each arrow key
 const STEEPEST = 1.5; // rad that the camera looks down or up
 const ZOOM = 1.1; // for each turn of the wheel
 const FAR = 2.6; // times the size of the cover that the camera is away at first
+const NEAREST = 1.2; // the same, after the wheel
+const FARTHEST = 20; // the same
+const VIEW = Math.tan(0.35); // half of the height that is seen, at a distance of 1
+const NEAR = 1e-3; // m before the camera, from which on a point is seen
+const TILES = 6; // of the floor, from its middle to its end
+const TILE = 0.5; // times the size of the cover
+const FLOOR = "rgb(128 128 128 / 35%)"; // colour of its lines
 const ARROW = 0.6; // length of the arrow at the force that stops, times the size of the cover
 const FULL = 30; // N of the longest arrow, where nobody says what stops
-const AXIS = new Vector3(0, 1, 0); // of a cylinder and a cone of three.js
-const UP = new Vector3(0, 0, 1); // of the robot: x forward, y left, z up
-ColorManagement.enabled = false; // colours are drawn as they are given: nothing is lit or mixed
+const PAINT = "#ff2f87"; // of the arrow
+// Outline of the arrow, of length 1 and with its tip in the origin: [distance from the tip, radius]
+const OUTLINE = [[0, 0], [0.25, 0.09], [0.25, 0.03], [1, 0.03], [1, 0]];
+const AROUND = 12; // sides of the arrow
+const UP = [0, 0, 1]; // of the robot: x forward, y left, z up
+const LEVELS = [...Array(256).keys()].map((k) => `rgb(${rising.slice(4 * k, 4 * k + 3).join()})`);
+
+const add = (a, b, times = 1) => a.map((x, k) => x + times * b[k]);
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const scaled = (a, length) => a.map((x) => (x * length) / (Math.hypot(...a) || 1));
 
 export class Space {
   /** @param hello of the server: position and normal (rows * cols * 3) of each cell [m]. */
   constructor(canvas, hello) {
     this.canvas = canvas;
-    this.hello = hello;
-    this.renderer = new WebGLRenderer({ canvas, antialias: false, powerPreference: "low-power" });
-    this.renderer.outputColorSpace = LinearSRGBColorSpace; // as above
-    this.scene = new Scene();
-    this.camera = new PerspectiveCamera(40, 1, 0.01, 100);
-    this.camera.up.copy(UP);
-    this.scene.add(this.cover());
-    this.arrow = arrow();
-    this.scene.add(this.arrow);
-    this.ground();
-    const facing = new Vector3();
-    for (let k = 0; k < hello.normal.length; k += 3) facing.add(new Vector3().fromArray(hello.normal, k));
-    this.azimuth = Math.atan2(facing.y, facing.x) + 0.5;
+    this.context = canvas.getContext("2d", { alpha: false });
+    this.cover(hello);
+    const facing = [0, 1, 2].map((axis) => hello.normal.reduce((sum, x, k) => sum + (k % 3 === axis ? x : 0), 0));
+    this.azimuth = Math.atan2(facing[1], facing[0]) + 0.5;
     this.height = 0.4;
     this.away = FAR * this.size;
     this.turned = true;
     this.listen();
   }
 
-  /** A square for each cell, in the plane that its normal stands on, and a backing for all gaps. */
-  cover() {
-    const { rows, cols, populated, position, normal, pitch } = this.hello;
-    const at = (k) => new Vector3().fromArray(position, 3 * k);
+  /** Corners of a square for each cell, in the plane that its normal stands on, and of its backing. */
+  cover({ rows, cols, populated, position, normal, pitch }) {
+    const at = (k) => position.slice(3 * k, 3 * k + 3);
     this.cells = [...Array(rows * cols).keys()].filter((k) => populated[k]);
-    const [corners, behind, sides] = [[], [], []];
-    const [low, high] = [new Vector3(Infinity, Infinity, Infinity), new Vector3(-Infinity, -Infinity, -Infinity)];
-    for (const k of this.cells) {
-      const [row, col] = [Math.floor(k / cols), k % cols];
-      const out = new Vector3().fromArray(normal, 3 * k);
-      const [next, before] = [Math.min(col + 1, cols - 1), Math.max(col - 1, 0)];
-      const along = at(row * cols + next).sub(at(row * cols + before));
-      along.addScaledVector(out, -along.dot(out));
-      if (along.lengthSq() < 1e-12) along.crossVectors(UP, out);
-      along.setLength(pitch);
-      const up = new Vector3().crossVectors(out, along);
-      const middle = at(k);
-      low.min(middle);
-      high.max(middle);
-      const corner = (a, b) => middle.clone().addScaledVector(along, a).addScaledVector(up, b).toArray();
-      const square = (a) => [...corner(-a, -a), ...corner(a, -a), ...corner(a, a), ...corner(-a, a)];
-      const first = corners.length / 3;
-      corners.push(...square(rows * cols < MANY ? CELL : 0.5));
-      behind.push(...square(BACKING));
-      sides.push(first, first + 1, first + 2, first, first + 2, first + 3);
-    }
-    this.middle = low.clone().add(high).divideScalar(2);
-    this.lowest = low.z - pitch;
-    this.size = Math.max(high.distanceTo(low) / 2, pitch);
-    const [squares, backing] = [corners, behind].map((at) =>
-      new BufferGeometry().setAttribute("position", new BufferAttribute(new Float32Array(at), 3)).setIndex(sides));
-    this.colours = new BufferAttribute(new Uint8Array(4 * (corners.length / 3)), 4, true);
-    squares.setAttribute("color", this.colours);
-    const deeper = { polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 2 };
-    this.backing = new MeshBasicMaterial({ side: DoubleSide, ...deeper });
-    return new Group().add(
-      new Mesh(squares, new MeshBasicMaterial({ vertexColors: true, side: DoubleSide })),
-      new Mesh(backing, this.backing),
-    );
-  }
-
-  /** The floor under the cover. */
-  ground() {
-    this.grid = new GridHelper(6 * this.size, 12, 0x808080, 0x808080);
-    this.grid.rotateX(Math.PI / 2);
-    this.grid.position.set(this.middle.x, this.middle.y, this.lowest);
-    this.grid.material.transparent = true;
-    this.grid.material.opacity = 0.35;
-    this.scene.add(this.grid);
+    this.squares = this.cells.map((k) => {
+      const [row, col, out] = [Math.floor(k / cols), k % cols, normal.slice(3 * k, 3 * k + 3)];
+      let along = add(at(row * cols + Math.min(col + 1, cols - 1)), at(row * cols + Math.max(col - 1, 0)), -1);
+      along = add(along, out, -dot(along, out));
+      if (Math.hypot(...along) < 1e-6) along = cross(UP, out);
+      along = scaled(along, pitch);
+      const up = cross(out, along);
+      const square = (a) => [[-a, -a], [a, -a], [a, a], [-a, a]].map(([x, y]) => add(add(at(k), along, x), up, y));
+      return { middle: at(k), front: square(rows * cols < MANY ? CELL : 0.5), back: square(BACKING) };
+    });
+    const middles = this.squares.map(({ middle }) => middle);
+    const [low, high] = [Math.min, Math.max].map((end) => [0, 1, 2].map((k) => end(...middles.map((at) => at[k]))));
+    this.middle = scaled(add(low, high), Math.hypot(...add(low, high)) / 2);
+    this.size = Math.max(Math.hypot(...add(high, low, -1)) / 2, pitch);
+    this.lowest = low[2] - pitch;
   }
 
   listen() {
@@ -104,7 +77,8 @@ export class Space {
       if (event.buttons) this.turn(-TURN * event.movementX, TURN * event.movementY);
     };
     canvas.onwheel = (event) => {
-      this.away = Math.min(20, Math.max(1.2, (this.away / this.size) * ZOOM ** Math.sign(event.deltaY))) * this.size;
+      const away = (this.away / this.size) * ZOOM ** Math.sign(event.deltaY);
+      this.away = Math.min(FARTHEST, Math.max(NEAREST, away)) * this.size;
       this.turned = true;
       event.preventDefault();
     };
@@ -124,62 +98,115 @@ export class Space {
   }
 
   resize(width, height) {
-    this.renderer.setSize(width, height);
-    this.camera.aspect = width / height;
+    const ratio = window.devicePixelRatio;
+    Object.assign(this.canvas, { width: width * ratio, height: height * ratio });
+    Object.assign(this.canvas.style, { width: `${width}px`, height: `${height}px` });
     this.turned = true;
   }
 
+  /** Project all squares, and order them from far to near. */
   look() {
     const { azimuth, height, away } = this;
     const level = Math.cos(height);
-    this.camera.position.set(Math.cos(azimuth) * level, Math.sin(azimuth) * level, Math.sin(height));
-    this.camera.position.multiplyScalar(away).add(this.middle);
-    this.camera.lookAt(this.middle);
-    this.camera.updateProjectionMatrix();
+    const from = [Math.cos(azimuth) * level, Math.sin(azimuth) * level, Math.sin(height)];
+    this.camera = add(this.middle, from, away);
+    this.axes = [cross(UP, from), cross(from, cross(UP, from)), from].map((axis) => scaled(axis, 1));
+    const far = ({ middle }) => -dot(add(middle, this.camera, -1), this.axes[2]);
+    this.painted = this.squares
+      .map((square, n) => ({ n, far: far(square), front: this.seen(square.front), back: this.seen(square.back) }))
+      .sort((a, b) => b.far - a.far);
+    const at = (x, y) => [this.middle[0] + x * TILE * this.size, this.middle[1] + y * TILE * this.size, this.lowest];
+    this.floor = [...Array(2 * TILES + 1).keys()].flatMap((k) => [
+      this.seen([at(k - TILES, -TILES), at(k - TILES, TILES)]), this.seen([at(-TILES, k - TILES), at(TILES, k - TILES)]),
+    ]);
     this.turned = false;
     this.canvas.dataset.turned = this.azimuth.toFixed(2);
   }
 
+  /** Points [m] -> points on the canvas [px], always in the same sense around a shape. */
+  seen(points) {
+    const { width, height } = this.canvas;
+    const shape = points.map((point) => {
+      const at = add(point, this.camera, -1);
+      const zoom = height / 2 / VIEW / Math.max(NEAR, -dot(at, this.axes[2]));
+      return [width / 2 + zoom * dot(at, this.axes[0]), height / 2 - zoom * dot(at, this.axes[1])];
+    });
+    const area = shape.reduce((sum, [x, y], k) => {
+      const [next, down] = shape[(k + 1) % shape.length];
+      return sum + x * down - next * y;
+    }, 0);
+    return area < 0 ? shape.reverse() : shape; // what is filled with its neighbour has no hole
+  }
+
   /** @param scale {high, values}: of the flat picture. */
-  draw({ head }, scale, colours) {
-    const now = new Uint32Array(4 * this.cells.length);
-    const table = new Uint32Array(rising.buffer);
-    const absent = new Uint32Array(new Uint8Array([...rgb(colours.absent), 255]).buffer)[0];
-    this.cells.forEach((k, n) => {
+  draw({ head: { push, limit } }, scale, colours) {
+    const now = this.cells.map((k) => {
       const value = scale.values?.[k];
-      const at = Math.min(255, Math.max(0, Math.round((255 * value) / scale.high)));
-      now.fill(value === value && value !== undefined ? table[at] : absent, 4 * n, 4 * n + 4);
+      if (value === undefined || value !== value) return colours.absent;
+      return LEVELS[Math.min(255, Math.max(0, Math.round((255 * value) / scale.high)))];
     });
     // where nothing changed, nothing is drawn
-    const key = [head.push?.at, head.push?.direction, head.push?.force, head.limit, colours.panel].join();
-    const before = new Uint32Array(this.colours.array.buffer);
-    if (!this.turned && key === this.key && now.every((colour, k) => colour === before[k])) return;
-    this.key = key;
-    before.set(now);
-    this.colours.needsUpdate = true;
+    const key = [push?.at, push?.direction, push?.force, limit, colours.panel].join();
+    if (!this.turned && key === this.key && now.every((colour, k) => colour === this.now[k])) return;
+    Object.assign(this, { key, now });
     if (this.turned) this.look();
-    this.scene.background = this.backing.color = new Color(colours.panel);
-    this.arrow.visible = Boolean(head.push);
-    if (head.push) this.point(head.push, head.limit ?? FULL);
-    this.renderer.render(this.scene, this.camera);
+    const { context, canvas } = this;
+    context.fillStyle = colours.panel;
+    context.fillRect(0, 0, canvas.width, canvas.height);
+    this.ground();
+    const facing = push && dot(push.direction, add(push.at, this.camera, -1)) > 0;
+    if (push && !facing) this.arrow(push, limit ?? FULL);
+    this.paint(this.painted.map(({ back }) => back), colours.panel);
+    for (let k = 0; k < this.painted.length;) { // neighbours of one colour at a time
+      const colour = now[this.painted[k].n];
+      const first = k;
+      while (k < this.painted.length && now[this.painted[k].n] === colour) k++;
+      this.paint(this.painted.slice(first, k).map(({ front }) => front), colour);
+    }
+    if (facing) this.arrow(push, limit ?? FULL);
+  }
+
+  paint(shapes, colour) {
+    const { context } = this;
+    context.fillStyle = colour;
+    context.beginPath();
+    for (const [[x, y], ...others] of shapes) {
+      context.moveTo(x, y);
+      for (const [x, y] of others) context.lineTo(x, y);
+      context.closePath();
+    }
+    context.fill();
+  }
+  /** The floor under the cover, as lines of its tiles. */
+  ground() {
+    const { context } = this;
+    context.strokeStyle = FLOOR;
+    context.lineWidth = window.devicePixelRatio;
+    context.beginPath();
+    for (const line of this.floor) {
+      for (const [n, [x, y]] of line.entries()) n ? context.lineTo(x, y) : context.moveTo(x, y);
+    }
+    context.stroke();
   }
 
   /** The arrow ends where the push presses. */
-  point(push, limit) {
-    const direction = new Vector3(...push.direction);
+  arrow(push, limit) {
     const length = this.size * Math.min(1, Math.max(0.2, (ARROW * push.force) / limit));
-    this.arrow.position.set(...push.at);
-    this.arrow.quaternion.setFromUnitVectors(AXIS, direction);
-    this.arrow.scale.setScalar(length);
+    const along = push.direction;
+    const side = scaled(cross(along, Math.abs(along[2]) < 0.9 ? UP : [1, 0, 0]), 1);
+    const other = cross(along, side);
+    const rings = OUTLINE.map(([behind, radius]) => [...Array(AROUND).keys()].map((k) => {
+      const angle = (2 * Math.PI * k) / AROUND;
+      const middle = add(push.at, along, -behind * length);
+      return add(add(middle, side, radius * length * Math.cos(angle)), other, radius * length * Math.sin(angle));
+    }));
+    const shapes = [];
+    for (let ring = 1; ring < rings.length; ring++) {
+      for (let k = 0; k < AROUND; k++) {
+        const next = (k + 1) % AROUND;
+        shapes.push(this.seen([rings[ring - 1][k], rings[ring][k], rings[ring][next], rings[ring - 1][next]]));
+      }
+    }
+    this.paint(shapes, PAINT);
   }
-}
-
-/** Of length 1 along AXIS; its tip is in the origin. */
-function arrow() {
-  const paint = new MeshBasicMaterial({ color: 0xff2f87 });
-  const shaft = new Mesh(new CylinderGeometry(0.03, 0.03, 0.75, 12), paint);
-  const head = new Mesh(new ConeGeometry(0.09, 0.25, 16), paint);
-  shaft.position.y = -0.625;
-  head.position.y = -0.125;
-  return new Group().add(shaft, head);
 }
