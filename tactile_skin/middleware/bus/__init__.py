@@ -22,6 +22,7 @@ from .parameters import (
 from .topics import (
     Context,
     DurabilityPolicy,
+    Mailbox,
     Publisher,
     QoSProfile,
     ReliabilityPolicy,
@@ -38,6 +39,7 @@ __all__ = [
     "Clock",
     "Context",
     "DurabilityPolicy",
+    "Mailbox",
     "ManualClock",
     "MultiThreadedExecutor",
     "Node",

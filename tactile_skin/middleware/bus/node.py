@@ -19,6 +19,7 @@ from .parameters import ANYTHING, SET_PARAMETERS, Parameter, SetParameters, chec
 from .topics import (
     Context,
     DurabilityPolicy,
+    Mailbox,
     Publisher,
     QoSProfile,
     Subscription,
@@ -155,6 +156,13 @@ class Node:
         with self._lock:
             self._subscriptions.append(tap)
         return tap
+
+    def create_mailbox(self, msg_type, topic: str, qos_profile: QoSProfile | int) -> Mailbox:
+        """Subscribe without a callback: what has come is taken when it is wanted."""
+        mailbox = Mailbox(self, msg_type, self.resolve_topic_name(topic), as_qos(qos_profile))
+        with self._lock:
+            self._subscriptions.append(mailbox)
+        return mailbox
 
     def create_timer(self, timer_period_sec: float, callback) -> Timer:
         if not timer_period_sec > 0:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import enum
 import threading
 from collections import defaultdict, deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -162,3 +163,21 @@ class Tap(Subscription):
             self.callback(message)
         except Exception as error:  # it must not reach the publisher
             self._node._report(self.callback, error)
+
+
+class Mailbox(Tap):
+    """Keeps the newest messages, as many as its depth, until they are taken; wakes nobody.
+
+    Attributes:
+        fetch: what puts in what has come from another process.
+    """
+
+    def __init__(self, node: Node, msg_type: type, topic: str, qos: QoSProfile):
+        self._kept: deque = deque(maxlen=qos.depth)
+        self.fetch: Callable[[], None] = lambda: None
+        super().__init__(node, msg_type, topic, self._kept.append, qos)
+
+    def take(self) -> list:
+        """Return what has come since the last time, oldest first."""
+        self.fetch()
+        return [self._kept.popleft() for _ in range(len(self._kept))]

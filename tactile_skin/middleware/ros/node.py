@@ -125,6 +125,9 @@ class RosNode(bus.Node):
     def create_tap(self, msg_type, topic: str, callback, qos_profile=_ONE):
         return self._hear(super().create_tap(msg_type, topic, callback, qos_profile))
 
+    def create_mailbox(self, msg_type, topic: str, qos_profile):
+        return self._hear(super().create_mailbox(msg_type, topic, qos_profile))
+
     def connect(self, *shared: str) -> None:
         """Take from ROS what no node of this process publishes.
 
@@ -157,10 +160,17 @@ class RosNode(bus.Node):
         self._kinds[topic] = kind = ros_class(msg_type)
         taker = _isolated(f"a message on {topic}", arrived)
         qos = _qos(subscription.qos_profile)
-        options = _overridable()
+        mailbox = isinstance(subscription, bus.Mailbox)
         theirs = self.ros.create_subscription(
-            kind, topic, taker, qos, qos_overriding_options=options
+            kind,
+            topic,
+            taker,
+            qos,
+            callback_group=_no_callbacks() if mailbox else None,
+            qos_overriding_options=_overridable(),
         )
+        if mailbox:
+            subscription.fetch = lambda: _take_all(theirs, taker)
         unmapped = topic.removeprefix(f"{self.get_namespace().rstrip('/')}/")
         if unmapped in SOURCES:
             self._sources[topic] = SOURCES[unmapped], theirs
@@ -301,6 +311,30 @@ def _overridable():
     from rclpy.qos_overriding_options import QoSOverridingOptions
 
     return QoSOverridingOptions.with_default_policies()
+
+
+def _no_callbacks():
+    """Return a callback group of what no executor waits for."""
+    from rclpy.callback_groups import CallbackGroup
+
+    class Never(CallbackGroup):
+        def can_execute(self, entity) -> bool:
+            return False
+
+        def beginning_execution(self, entity) -> bool:
+            return False
+
+        def ending_execution(self, entity) -> None:
+            pass
+
+    return Never()
+
+
+def _take_all(theirs, taker: Callable) -> None:
+    """Hand over all that has come for rclpy's subscription."""
+    with theirs.handle:
+        while taken := theirs.handle.take_message(theirs.msg_type, theirs.raw):
+            taker(taken[0])
 
 
 def _remedy(ours: str, theirs: str) -> str:

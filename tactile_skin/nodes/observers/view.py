@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections import deque
 from dataclasses import replace
 
 from ...errors import LaunchError
@@ -132,10 +131,10 @@ class ShownSkin:
         self._collector = Collector()
         self._stop_at = -math.inf  # s, when its stop was heard last
         self._sent = 0.0, 0.0  # stamp of the last snapshot, and when it was sent
-        self._newest: dict[str, deque] = {}  # topic -> messages that were not taken yet
-        for topic, (kind, count) in readings.items():  # nobody is woken for each of them
-            self._newest[topic] = deque(maxlen=count)
-            node.create_tap(kind, f"{space}{topic}", self._newest[topic].append, READING)
+        self._readings = {
+            topic: node.create_mailbox(kind, f"{space}{topic}", replace(READING, depth=count))
+            for topic, (kind, count) in readings.items()
+        }
         for topic, (kind, qos) in others.items():
             node.create_subscription(kind, f"{space}{topic}", self._taker(topic), qos)
 
@@ -154,9 +153,9 @@ class ShownSkin:
         """Send what there is, unless it was sent just now."""
         if not self.page.watched:
             return
-        for topic, messages in self._newest.items():
-            while messages:
-                self._collector.take(topic, messages.popleft())
+        for topic, mailbox in self._readings.items():
+            for message in mailbox.take():
+                self._collector.take(topic, message)
         snapshot, now = self._collector.snapshot(), time.monotonic()
         stamp, at = self._sent
         if snapshot.stamp == stamp and now - at < _QUIET:
