@@ -225,9 +225,8 @@ def test_no_module_is_long(path):
 
 def test_each_module_names_its_license_first():
     paths = {*SOURCES, *BENCHMARKS, *TESTS, *PACKAGE.rglob("*.[ch]"), *PACKAGE.rglob("*.js")}
-    ours = [path for path in paths if not path.name.startswith("three.")]
-    bare = [path for path in ours if LICENSE not in path.read_text().partition("\n")[0]]
-    assert len(ours) > 500 and not bare
+    bare = [path for path in paths if LICENSE not in path.read_text().partition("\n")[0]]
+    assert len(paths) > 500 and not bare
 
 
 @pytest.mark.parametrize("folder", PURE)

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """How often the page of a running skin is drawn in Chromium, and what a draw costs.
 
-The board is played: its scans were computed before. Prints the snapshots that were drawn in a second and the processor time of each draw, in Chromium
-(all its processes, without a GPU), in the page's server and, on ROS, in `view` and `skin`.
+The board's scans are computed before. Prints the snapshots that were drawn in a second and the
+processor time of each draw, in Chromium (all its processes, without a GPU), in the page's server
+and, on ROS, in `view` and `skin`.
 --space: with the cover in space. --ros: of a skin in a namespace, by ROS 2.
 """
 

@@ -744,6 +744,16 @@ def test_a_tap_hears_at_once_and_what_was_latched(bench):
     assert len(heard) == 2
 
 
+def test_a_mailbox_keeps_the_newest_until_they_are_taken(bench):
+    """And wakes nobody: nothing spins here."""
+    publisher = bench.node("a").create_publisher(Bool, "topic", 10)
+    mailbox = bench.node("b").create_mailbox(Bool, "topic", 2)
+    for value in (True, True, False):
+        publisher.publish(Bool(value))
+    assert values(mailbox.take()) == [True, False]
+    assert mailbox.take() == []
+
+
 def test_a_tap_that_raises_is_counted_and_does_not_reach_the_publisher(bench, caplog):
     publisher, heard = bench.node("a").create_publisher(Bool, "topic", 1), []
 

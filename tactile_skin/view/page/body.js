@@ -15,6 +15,7 @@ const OLD = 1; // s after which data are old
 const HELD = 3000; // ms for which a skin stays in front that was worse
 const LEAST = 0.5; // N per cell, end of the scale at least
 const SIZE = 360; // px that a picture is high, at most
+const IN_SPACE = 480; // px, the same of all covers in space
 const RANKS = ["stopped", "unknown", "suspect", "free"]; // the worst first
 const $ = (id) => document.getElementById(id);
 
@@ -93,6 +94,7 @@ class Card extends Heard {
     super.greet(hello);
     this.mat = new Mat(this.find("canvas"), hello.rows, hello.cols, hello.populated);
     this.resize();
+    if (shape) openSpace(true); // another board may have another shape
   }
 
   resize() {
@@ -148,10 +150,31 @@ class Body extends Heard {
 }
 
 let cards = [];
+let covers = []; // cards of those that are shown in space
+let shape = null; // they, once that is wanted
 const body = new Body("");
 twice($("reset"), "reset? then again", () => body.connection.ask("reset"));
 toggle($("details"), "details", "less", () => { textsAt = 0; });
-window.onresize = () => cards.forEach((card) => card.resize());
+window.onresize = resize;
+$("flat").onclick = () => openSpace(!shape);
+
+function resize() {
+  cards.forEach((card) => card.resize());
+  shape?.resize($("space").clientWidth, IN_SPACE);
+}
+
+/** The covers whose place is known. */
+const placed = () => cards.filter((card) => card.hello?.position);
+
+async function openSpace(open) {
+  const { Space } = await import("./space.js");
+  $("space").hidden = !open;
+  $("flat").setAttribute("aria-pressed", open);
+  $("flat").textContent = open ? "cards only" : "in space";
+  covers = open ? placed() : [];
+  shape = open ? new Space(document.querySelector("#space canvas"), covers.map(({ name, hello }) => ({ ...hello, name }))) : null;
+  resize();
+}
 
 /** The worst first; of equal ones that of the file. What has the focus keeps it. */
 function arrange(ranks) {
@@ -167,6 +190,7 @@ function showTexts(now) {
   const stop = body.stop(now);
   showStop(stop, body.line(now), stop ? body.latest.head.reason : "");
   showOld(body.lost ? `${body.lost}: what is shown is old; trying again` : "");
+  $("flat").hidden = !placed().length;
   arrange(new Map(cards.map((card) => [card, card.show(now)])));
 }
 
@@ -178,6 +202,10 @@ function frame(now) {
   const most = Math.max(...heard.map((card) => largest(card.latest.arrays.a)), 0);
   const high = scales.hold("a", most, LEAST, now);
   for (const card of heard) card.draw(high);
+  shape?.draw(covers.map(({ latest }) => {
+    const { head, arrays } = latest ?? { head: {}, arrays: {} };
+    return { values: arrays.a, push: head.push, limit: head.limit };
+  }), high, colours);
   const limits = heard.map((card) => card.latest.head.cell_limit).filter((limit) => limit !== null);
   const limit = limits.length ? Math.min(...limits) : null;
   showScale(document.querySelector(".legend"), rising, 0, high, "N per cell", limit);

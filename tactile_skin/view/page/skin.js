@@ -142,12 +142,7 @@ function choose(cell) {
 async function openSpace(open) {
   if (open && !space) {
     const { Space } = await import("./space.js");
-    try {
-      space = new Space(document.querySelector("#space canvas"), hello);
-    } catch (error) {
-      $("said").textContent = `no view in space: ${error.message}`;
-      return;
-    }
+    space = new Space(document.querySelector("#space canvas"), [hello]);
   }
   $("flat").setAttribute("aria-pressed", open);
   $("flat").textContent = open ? "flat" : "in space";
@@ -230,7 +225,12 @@ const connection = new Connection({
 function drawPictures(now) {
   figures.follow(shown.head);
   figures.draw(shown, [...shown.head.findings, ...work.findings], chosen, colours, now);
-  if (space && !$("space").hidden) space.draw(shown, figures.scale, colours);
+  if (space && !$("space").hidden) showSpace();
+}
+
+function showSpace() {
+  const { values, high } = figures.scale;
+  space.draw([{ values, push: shown.head.push, limit: shown.head.limit }], high, colours);
 }
 
 function drawChart(now) {
