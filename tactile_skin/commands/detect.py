@@ -108,7 +108,7 @@ def _ask(text: str, read: Callable[[str], Any]) -> Any:
             typed = input(text).strip()
         except EOFError:  # nobody is there: what is in brackets
             typed = ""
-            print()
+            print("no answer: what is in brackets holds; give NAME:=VALUE for another")
         try:
             return read(typed)
         except ValueError as error:

@@ -144,6 +144,16 @@ def test_cells_that_are_typed_are_looked_for_again_in_the_bytes(tmp_path, monkey
     np.testing.assert_array_equal(frames[0].samples, pictures[1] * 64)
 
 
+def test_what_nobody_answers_is_said(tmp_path, monkeypatch, capsys):
+    data = boards.sent(boards.frame_a_line, np.random.default_rng(4).integers(20, 900, (30, 8, 10)))
+    (tmp_path / "bytes.bin").write_bytes(data)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.stdin", io.StringIO(""))
+    assert main(["detect", "bytes.bin"]) == 0
+    asked = capsys.readouterr().out.count("no answer: what is in brackets holds")
+    assert asked == 4  # shape, wiring, r_ref and full scale
+
+
 def test_a_shape_that_no_frame_has_is_refused(tmp_path, monkeypatch, capsys):
     """Nobody is asked, and nothing guessed, against what was given."""
     data = boards.sent(boards.frame_a_line, np.random.default_rng(4).integers(20, 900, (30, 8, 10)))

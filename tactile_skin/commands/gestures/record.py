@@ -28,6 +28,9 @@ def record(args) -> int:
     kept = 0
     with contextlib.suppress(KeyboardInterrupt):
         for pictures, period, pitch in _recorded(files[0]) if files else _live(given, args):
+            if len(pictures) < 2:
+                print(f"  a touch of {period:.2f} s is too short to be kept")
+                continue
             kept += 1
             stamp = datetime.datetime.now().strftime("%Y%m%d-%H%M%S")
             path = args.out / f"{args.name}-{args.person}-{stamp}-{kept}{SUFFIX}"
@@ -36,7 +39,7 @@ def record(args) -> int:
             print(f"  {path.name}: {len(pictures) * period:.1f} s, up to {force:.1f} N")
             if kept == args.times and not files:
                 break
-    print(f"{kept} takes of {args.name} in {args.out}")
+    print(f"{kept} take{'s' * (kept != 1)} of {args.name} in {args.out}")
     return 0 if kept else 1
 
 

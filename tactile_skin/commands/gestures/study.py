@@ -57,13 +57,18 @@ def train(args) -> int:
 def evaluate(args) -> int:
     import numpy as np
 
+    from ... import extras
     from ...bench.chart import prepare
     from ...learning.gestures import left_out, sharpness_of, table_of
     from ...touch.model import load_model, sharpened
 
     if args.picture:
         prepare()
-    table = table_of(_read(args.takes))
+    takes = _read(args.takes)
+    if not args.model and len({take.label for take in takes}) < 2:
+        raise ValueError("takes of two gestures at least are needed")
+    track = functools.partial(extras.tqdm(), desc="features", leave=False, disable=None)
+    table = table_of(takes, track=track)
     if args.model:
         model = load_model(args.model)
         classes = np.array(model.classes)
@@ -71,8 +76,6 @@ def evaluate(args) -> int:
         print(f"{args.model}: {model.about}")
     else:
         classes = np.unique(table.label)
-        if len(classes) < 2:
-            raise ValueError("takes of two gestures at least are needed")
         shares = left_out(table)
         shares = sharpened(shares, sharpness_of(table, shares))
         people = len(set(table.person))
