@@ -40,7 +40,6 @@ class Chromium:
         from websockets.sync.client import connect
 
         words = ["--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars"]
-        words += ["--enable-unsafe-swiftshader"]  # WebGL without a GPU
         words += ["--remote-debugging-port=0", f"--user-data-dir={self._folder}", "about:blank"]
         self._process = subprocess.Popen(
             [program(), *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL

@@ -4,11 +4,11 @@
 // Painted from far to near on a plain canvas: a robot's computer often has no graphics processor,
 // and there a frame of WebGL costs twice as much as these few hundred squares.
 
-import { rgb, rising } from "./colours.js";
+import { rising } from "./colours.js";
 
 const CELL = 0.46; // of the pitch, from the middle of a cell to its edge
 const BACKING = 0.6; // the same of what is behind it, which overlaps: nothing is seen through a gap
-const MANY = 1024; // cells, from which on a gap between two is thinner than a pixel: there is none
+const MANY = 1024; // cells, of which a gap between two would be thinner than a pixel: they overlap
 const TURN = 0.008; // rad for each px that is dragged
 const STEP = 0.12; // rad for each arrow key
 const STEEPEST = 1.5; // rad that the camera looks down or up
@@ -44,8 +44,8 @@ export class Space {
   constructor(canvas, hellos) {
     this.canvas = canvas;
     this.context = canvas.getContext("2d", { alpha: false });
-    const cells = hellos.reduce((sum, { rows, cols }) => sum + rows * cols, 0);
-    this.covers = hellos.map((hello, n) => cover(hello, n, cells < MANY ? CELL : 0.5));
+    this.close = hellos.reduce((sum, { rows, cols }) => sum + rows * cols, 0) >= MANY;
+    this.covers = hellos.map((hello, n) => cover(hello, n, this.close ? BACKING : CELL));
     this.squares = this.covers.flatMap(({ squares }) => squares);
     const { middle, size, lowest } = extent(this.squares, Math.max(...hellos.map(({ pitch }) => pitch)));
     Object.assign(this, { middle, size, lowest });
@@ -162,7 +162,7 @@ export class Space {
     const before = ({ direction, at }) => dot(direction, add(at, this.camera, -1)) > 0;
     pushes.filter((push) => !before(push)).forEach((push) => this.arrow(push));
     for (const { cells } of this.sides) {
-      this.paint(cells.map(({ back }) => back), colours.panel);
+      if (!this.close) this.paint(cells.map(({ back }) => back), colours.panel);
       for (const { k, front } of cells) this.paint([front], now[k]);
     }
     pushes.filter(before).forEach((push) => this.arrow(push));
