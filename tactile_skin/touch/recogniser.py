@@ -35,6 +35,9 @@ _MOVED = 0.5  # pitches by which the centre of a still touch may move
 _HARDER = 1.5  # times its force from which on what was background is a gesture again
 _GONE = 0.3  # share of its force below which background is leaving
 _ITS_OWN = 0.5  # share of a touch's force on the cells of the background that make it background
+# m^2 that all touches cover, which are hands no more: a hand is 0.8 % of a body's 1.8 m^2, 0.014 m^2.
+# Who lies or sits on a skin covers 0.15 m^2 and more, and a part of him that moves is no gesture.
+_HANDS = 0.1
 _PAUSE = 0.5  # s without a frame, which ends all gestures
 
 NEW, HELD, DECIDED, ENDED = "new", "held", "decided", "ended"
@@ -162,6 +165,7 @@ class Gesture:
         place: row and column of `Cells`, of the centre of force.
         force: [N]; 0 between two touches and when it has ended.
         impulse: sum of its force over time [N s].
+        covered: area that it and all other touches covered, at the most [m^2].
         cells: (n,) flat numbers of all that it has touched.
     """
 
@@ -170,7 +174,7 @@ class Gesture:
         self.start = self.seen = start
         self.state, self.still = NEW, False
         self.place = (0.0, 0.0)
-        self.force = self.impulse = 0.0
+        self.force = self.impulse = self.covered = 0.0
         self.cells = np.zeros(0, int)
         # force, row and column of the last pictures
         self._course: list[tuple[float, float, float]] = []
@@ -263,7 +267,9 @@ class Gathering:
             gesture.cells = np.union1d(gesture.cells, touch)
             parts.setdefault(gesture.id, []).append(touch)
         followed = self._active
+        covered = np.count_nonzero(flat) * self.cells.pitch**2
         for gesture in followed:
+            gesture.covered = max(gesture.covered, covered)
             own = np.zeros(force.shape)
             for touch in parts.get(gesture.id, ()):
                 own.ravel()[touch] = flat[touch]
@@ -370,7 +376,7 @@ class Recogniser:
         favourite = int(opinion.probabilities.argmax())
         label = self.model.classes[favourite]
         sure = opinion.probabilities[favourite] >= self.min_probability
-        sure = sure and (label == OTHER or not episode.lies())
+        sure = sure and (label == OTHER or not (gesture.covered > _HANDS or episode.lies()))
         again = favourite == opinion.surely
         opinion.surely = favourite if sure else -1
         if final and not sure:

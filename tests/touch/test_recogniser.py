@@ -117,6 +117,22 @@ def test_what_stands_still_becomes_background_beside_which_others_are_named():
     assert ended == {1: "press", 2: "stroke"}
 
 
+@pytest.mark.parametrize(("rows_pressed", "label"), [(4, "stroke"), (14, "other")])
+def test_beside_a_body_nothing_is_a_gesture(rows_pressed, label):
+    """On a mat of 40 x 40 cells of 20 mm: 0.03 m^2, an arm, and 0.11 m^2, who sits on it."""
+    body = np.zeros((40, 40))
+    body[:rows_pressed, :20] = 1.0
+    frames = []
+    for k in range(300):
+        breathes = body * (1.0 + 0.03 * np.sin(2 * np.pi * 1.5 * k / RATE))
+        if 240 <= k < 290:
+            breathes[24:, 24:] += stroke()[k - 240]
+        frames.append(breathes)
+    recogniser = Recogniser(Walks(), 0.02)
+    named = played([*frames, *[frames[240] * (body > 0.0)] * 60], recogniser)
+    assert {g.id: g.label for g in named if g.state == ENDED}[2] == label
+
+
 def test_background_that_is_pressed_harder_is_a_gesture_again():
     named = played([*resting(STILL + 0.5), *resting(0.5, force=60.0), *nothing(1.0)])
     assert {g.id for g in named} == {1, 2}
