@@ -210,7 +210,9 @@ class StandIn:
     def add_node(self, node):
         pass
 
-    def create_subscription(self, kind, topic, callback, qos, qos_overriding_options):
+    def create_subscription(
+        self, kind, topic, callback, qos, callback_group, qos_overriding_options
+    ):
         self.subscriptions[topic] = callback
 
     def get_clock(self):
