@@ -35,8 +35,8 @@ _MOVED = 0.5  # pitches by which the centre of a still touch may move
 _HARDER = 1.5  # times its force from which on what was background is a gesture again
 _GONE = 0.3  # share of its force below which background is leaving
 _ITS_OWN = 0.5  # share of a touch's force on the cells of the background that make it background
-# m^2 that all touches cover, which are hands no more: a hand is 0.8 % of a body's 1.8 m^2, 0.014 m^2.
-# Who lies or sits on a skin covers 0.15 m^2 and more, and a part of him that moves is no gesture.
+# m^2 that all touches cover, more than hands do: one is 0.8 % of a body's 1.8 m^2, 0.014 m^2. Who
+# lies or sits on a skin covers 0.15 m^2 and more, and a part of him that moves is no gesture.
 _HANDS = 0.1
 _PAUSE = 0.5  # s without a frame, which ends all gestures
 

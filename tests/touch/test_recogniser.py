@@ -118,7 +118,7 @@ def test_what_stands_still_becomes_background_beside_which_others_are_named():
 
 
 @pytest.mark.parametrize(("rows_pressed", "label"), [(4, "stroke"), (14, "other")])
-def test_beside_a_body_nothing_is_a_gesture(rows_pressed, label):
+def test_next_to_a_body_nothing_is_a_gesture(rows_pressed, label):
     """On a mat of 40 x 40 cells of 20 mm: 0.03 m^2, an arm, and 0.11 m^2, who sits on it."""
     body = np.zeros((40, 40))
     body[:rows_pressed, :20] = 1.0
