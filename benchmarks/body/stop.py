@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time from a push to the stop hook, in turns: a body of four skins and one, or a page and none.
+"""Time from a push to the stop hook, in turns: a body of four skins and one, or one skin and more.
 
 Each turn starts the skins in a process of their own, and plays frames to them from this one, as
 boards of 100 frames a second do that were simulated before: so both meet the same pushes, and no
 simulation takes their processor. A push rises within a scan, in turn on each skin of the body. A
 time is that from the write of the first frame after the push began, whose low-pass may still hide
 it, to the hook's call with a push of this skin.
---page: one skin, with its page open in Chromium on this computer, and without.
+--page: one skin, with its page open in Chromium on this computer, and without. --gestures: one
+skin, whose gestures are named, and are not.
 """
 
 from __future__ import annotations
@@ -29,10 +30,13 @@ from tactile_skin.physics.curve import PressureCurve
 from tactile_skin.simulation import scenes, simulator
 
 SKINS = "chest", "back", "left_arm", "right_arm"
-# what is compared, the first with the second: name -> its skins, and whether a page is open
-BODY = {"four": (SKINS, False), "one": (SKINS[:1], False)}
-PAGE = {"page": (SKINS[:1], True), "none": (SKINS[:1], False)}
-GOALS = {"four": 1.2, "page": 1.1}  # times of the second that the first may take, p50 and p99
+# what is compared, the first with the second: name -> its skins, and what they are launched with
+ONE: tuple[tuple[str, ...], dict] = (SKINS[:1], {})
+BODY = {"four": (SKINS, {}), "one": ONE}
+PAGE = {"page": (SKINS[:1], {"view": True, "view_port": 0}), "none": ONE}
+GESTURES = {"gestures": (SKINS[:1], {"gestures": True}), "none": ONE}
+# times of the second that the first may take, p50 and p99
+GOALS = {"four": 1.2, "page": 1.1, "gestures": 1.1}
 _START, _PERIOD, _LENGTH = 3.0, 0.6, 0.2  # s until the first push, between two, of one
 SIZE = 1400, 910  # of the page [px]
 _HOLD = 0.05  # s that a stop is held: the robot is free again before the next push
@@ -71,8 +75,8 @@ def frames_of(pushes, seconds: float, seed: int) -> tuple[list[bytes], list[int]
     return frames, shown
 
 
-def turn(names: tuple[str, ...], page: bool, pushes, seed: int) -> tuple[list[float], int, int]:
-    """Play pushes in turn on these skins, with a page open or not.
+def turn(names: tuple[str, ...], more: dict, pushes, seed: int) -> tuple[list[float], int, int]:
+    """Play pushes in turn on these skins, launched with more arguments.
 
     Returns:
         the time to the hook of each [s]; how many were missed, and how many another
@@ -87,7 +91,7 @@ def turn(names: tuple[str, ...], page: bool, pushes, seed: int) -> tuple[list[fl
         folder = stack.enter_context(made)
         links = {name: Path(folder) / name for name in names}
         mine, theirs = _SPAWN.Pipe()
-        skins = _SPAWN.Process(target=_skins, args=(theirs, folder, names, page), daemon=True)
+        skins = _SPAWN.Process(target=_skins, args=(theirs, folder, names, more), daemon=True)
         skins.start()
         if address := mine.recv():
             stack.enter_context(Chromium(Path(folder) / "profile", *SIZE)).open(address)
@@ -130,7 +134,7 @@ def _play(boards: dict[Path, list[bytes]]) -> list[list[float]]:
     return written
 
 
-def _skins(pipe, folder: str, names: tuple[str, ...], page: bool) -> None:
+def _skins(pipe, folder: str, names: tuple[str, ...], more: dict) -> None:
     """In a process of its own: the skins, with a hook that notes when it is called."""
     from tactile_skin.launch import launch
     from tactile_skin.nodes.observers.view import View
@@ -145,8 +149,7 @@ def _skins(pipe, folder: str, names: tuple[str, ...], page: bool) -> None:
     }
     path = Path(folder) / "robot.yaml"
     path.write_text(json.dumps({"skins": skins}))
-    arguments = {"config": str(path), "wait_for_port": _PATIENCE, "monitor": "false"}
-    arguments |= {"view": page, "view_port": 0}
+    arguments = {"config": str(path), "wait_for_port": _PATIENCE, "monitor": "false"} | more
     kind = "body.launch.yaml"
     if len(names) == 1:
         (name,) = names
@@ -168,8 +171,9 @@ def main(arguments=None) -> dict:
     parser.add_argument("--pushes", type=int, default=24, help="in a turn (default 24)")
     parser.add_argument("--seed", type=int, default=3830, help="of pushes and noise")
     parser.add_argument("--page", action="store_true", help="a page and none, of one skin")
+    parser.add_argument("--gestures", action="store_true", help="gestures named and not, the same")
     args = parser.parse_args(arguments)
-    compared = PAGE if args.page else BODY
+    compared = PAGE if args.page else GESTURES if args.gestures else BODY
     times: dict[str, list[float]] = {kind: [] for kind in compared}
     missed, wrong = dict.fromkeys(times, 0), dict.fromkeys(times, 0)
     loads = []
@@ -185,7 +189,7 @@ def main(arguments=None) -> dict:
     for kind, (p50, p99) in quantiles.items():
         n = len(times[kind])
         said = f"missed {missed[kind]}, of another name {wrong[kind]}"
-        print(f"{kind:5} p50 {p50:.2f} ms, p99 {p99:.2f} ms of {n} pushes; {said}")
+        print(f"{kind:8} p50 {p50:.2f} ms, p99 {p99:.2f} ms of {n} pushes; {said}")
     first, second = compared
     ratio, goal = quantiles[first] / quantiles[second], GOALS[first]
     print(f"{first} / {second}: p50 {ratio[0]:.2f}, p99 {ratio[1]:.2f} (goal {goal}); ", end="")
