@@ -107,11 +107,14 @@ def board(seconds: float):
     ours, theirs = SPAWN.Pipe()
     process = SPAWN.Process(target=play, args=(theirs, BEFORE + seconds), daemon=True)
     process.start()
-    yield ours.recv()
-    process.terminate()
+    try:
+        yield ours.recv()
+    finally:
+        process.terminate()
 
 
 def play(pipe, seconds: float) -> None:
+    """Compute a board's scans, say on which port it is, and play them."""
     player = Player()
     frames = record(round(player.rate * seconds))
     pipe.send(player.port)

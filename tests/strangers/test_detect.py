@@ -144,10 +144,15 @@ def test_cells_that_are_typed_are_looked_for_again_in_the_bytes(tmp_path, monkey
     np.testing.assert_array_equal(frames[0].samples, pictures[1] * 64)
 
 
+def heard(folder, monkeypatch, *shape: int) -> None:
+    """Write what a board of this shape sends to bytes.bin in this folder, and go there."""
+    pictures = np.random.default_rng(4).integers(20, 900, (30, *shape))
+    (folder / "bytes.bin").write_bytes(boards.sent(boards.frame_a_line, pictures))
+    monkeypatch.chdir(folder)
+
+
 def test_what_nobody_answers_is_said(tmp_path, monkeypatch, capsys):
-    data = boards.sent(boards.frame_a_line, np.random.default_rng(4).integers(20, 900, (30, 8, 10)))
-    (tmp_path / "bytes.bin").write_bytes(data)
-    monkeypatch.chdir(tmp_path)
+    heard(tmp_path, monkeypatch, 8, 10)
     monkeypatch.setattr("sys.stdin", io.StringIO(""))
     assert main(["detect", "bytes.bin"]) == 0
     asked = capsys.readouterr().out.count("no answer: what is in brackets holds")
@@ -156,9 +161,7 @@ def test_what_nobody_answers_is_said(tmp_path, monkeypatch, capsys):
 
 def test_a_shape_that_no_frame_has_is_refused(tmp_path, monkeypatch, capsys):
     """Nobody is asked, and nothing guessed, against what was given."""
-    data = boards.sent(boards.frame_a_line, np.random.default_rng(4).integers(20, 900, (30, 8, 10)))
-    (tmp_path / "bytes.bin").write_bytes(data)
-    monkeypatch.chdir(tmp_path)
+    heard(tmp_path, monkeypatch, 8, 10)
     assert main(["detect", "bytes.bin", "rows:=10", "cols:=9", "r_ref:=470"]) == 2
     said = "rows = 10, cols = 9: must be 80 cells together, as a frame has"
     assert said in capsys.readouterr().err
@@ -166,13 +169,11 @@ def test_a_shape_that_no_frame_has_is_refused(tmp_path, monkeypatch, capsys):
 
 
 def test_what_a_parameter_file_knows_of_the_wiring_is_kept(tmp_path, monkeypatch):
-    data = boards.sent(boards.frame_a_line, np.random.default_rng(4).integers(20, 900, (30, 6, 6)))
-    (tmp_path / "bytes.bin").write_bytes(data)
+    heard(tmp_path, monkeypatch, 6, 6)
     given = {"rows": 6, "cols": 6, "r_ref": 470.0, "r_par": 12.0, "adc_bits": 12, "inverted": True}
     given |= {"readout": "grounded", "driven": "columns", "r_drive": 7.0}
     mine = {"/**": {"ros__parameters": {"circuit": given}}}
     (tmp_path / "old.yaml").write_text(yaml.safe_dump(mine))
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.stdin", io.StringIO("6 x 6\n1023\n"))
     assert main(["detect", "bytes.bin", "config:=old.yaml"]) == 0
     found = yaml.safe_load((tmp_path / "mine.yaml").read_text())["/**"]["ros__parameters"]
@@ -180,9 +181,7 @@ def test_what_a_parameter_file_knows_of_the_wiring_is_kept(tmp_path, monkeypatch
 
 
 def test_an_unknown_word_behind_the_wiring_is_an_error(tmp_path, monkeypatch, capsys):
-    data = boards.sent(boards.frame_a_line, np.random.default_rng(4).integers(20, 900, (30, 6, 6)))
-    (tmp_path / "bytes.bin").write_bytes(data)
-    monkeypatch.chdir(tmp_path)
+    heard(tmp_path, monkeypatch, 6, 6)
     monkeypatch.setattr("sys.stdin", io.StringIO("6 x 6\nloaded-rows\n\n\n"))
     assert main(["detect", "bytes.bin"]) == 2
     assert "wiring -rows: must be -columns or -pullup" in capsys.readouterr().err

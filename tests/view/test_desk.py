@@ -282,7 +282,7 @@ def test_all_covers_are_in_their_places_in_space(browser):
     skins = {"": (front, [Snapshot(stop=False)])}
     for name, skin in {"front": front, "behind": behind, "flat": flat}.items():
         skins[name] = skin, [snapshot(skin, newtons=25 if name == "behind" else 0)]
-    with serving(skins) as (address, _):
+    with serving(skins) as (address, sources):
         browser.open(address)
         browser.click("button", "in space")
         turned = "document.querySelector('#space canvas').dataset.turned"
@@ -293,6 +293,9 @@ def test_all_covers_are_in_their_places_in_space(browser):
         right = (middle, where["y"], where["right"], where["bottom"])
         until(lambda: {REST, ARROW} <= colours(browser, right), "the one behind, pushed")
         assert REST in colours(browser, left) and ARROW not in colours(browser, left)
+        sources["behind"].silent = True
+        until(lambda: ARROW not in colours(browser, right), "it is heard no more: nothing is shown")
+        assert REST in colours(browser, left)
         browser.click("button", "cards only")
         assert not browser.found("image", "the covers in space")
 

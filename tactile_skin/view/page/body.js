@@ -112,6 +112,20 @@ class Card extends Heard {
     [this.drawn, this.high] = [this.latest, high];
   }
 
+  /** Whether what is shown of it is not what it feels now. */
+  isOld(now) {
+    if (this.stop(now) === null) return true;
+    const { head, at } = this.latest;
+    return head.age !== undefined && head.age + (now - at) / 1000 > OLD;
+  }
+
+  /** What is shown of it in space; nothing that is old. */
+  inSpace(now) {
+    if (this.isOld(now)) return {};
+    const { head, arrays } = this.latest;
+    return { values: arrays.a, push: head.push, limit: head.limit };
+  }
+
   /** The texts; how bad it is. */
   show(now) {
     const stop = this.stop(now);
@@ -122,8 +136,7 @@ class Card extends Heard {
     const mark = { unknown: "? ", stopped: "■ ", suspect: "! ", free: "✓ " }[kind];
     const text = mark + (says ? `${line}, but ${says}` : line);
     if (this.find(".state").textContent !== text) this.find(".state").textContent = text;
-    const old = head && head.age !== undefined && head.age + (now - this.latest.at) / 1000 > OLD;
-    const look = `skin ${kind}${old || stop === null ? " old" : ""}`;
+    const look = `skin ${kind}${this.isOld(now) ? " old" : ""}`;
     if (this.item.className !== look) this.item.className = look;
     this.find(".simulated").hidden = !head?.simulated;
     const force = (head?.contacts ?? []).reduce((sum, contact) => sum + contact.force, 0);
@@ -202,10 +215,7 @@ function frame(now) {
   const most = Math.max(...heard.map((card) => largest(card.latest.arrays.a)), 0);
   const high = scales.hold("a", most, LEAST, now);
   for (const card of heard) card.draw(high);
-  shape?.draw(covers.map(({ latest }) => {
-    const { head, arrays } = latest ?? { head: {}, arrays: {} };
-    return { values: arrays.a, push: head.push, limit: head.limit };
-  }), high, colours);
+  shape?.draw(covers.map((card) => card.inSpace(now)), high, colours);
   const limits = heard.map((card) => card.latest.head.cell_limit).filter((limit) => limit !== null);
   const limit = limits.length ? Math.min(...limits) : null;
   showScale(document.querySelector(".legend"), rising, 0, high, "N per cell", limit);

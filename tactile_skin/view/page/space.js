@@ -103,10 +103,10 @@ export class Space {
     this.axes = [cross(UP, from), cross(from, cross(UP, from)), from].map((axis) => scaled(axis, 1));
     const sides = new Map();
     for (const [k, { n, middle, out, front, back }] of this.squares.entries()) {
-      const from = add(this.camera, middle, -1);
-      const side = `${n}, ${dot(out, from) > 0 ? "outside" : "inside"}`;
+      const way = add(this.camera, middle, -1);
+      const side = `${n}, ${dot(out, way) > 0 ? "outside" : "inside"}`;
       if (!sides.has(side)) sides.set(side, []);
-      sides.get(side).push({ k, far: dot(from, this.axes[2]), front: this.seen(front), back: this.seen(back) });
+      sides.get(side).push({ k, far: dot(way, this.axes[2]), front: this.seen(front), back: this.seen(back) });
     }
     const farther = (a, b) => b.far - a.far;
     this.sides = [...sides.values()]
@@ -123,19 +123,14 @@ export class Space {
     this.canvas.dataset.turned = this.azimuth.toFixed(2);
   }
 
-  /** Points [m] -> points on the canvas [px], always in the same sense around a shape. */
+  /** Points [m] -> points on the canvas [px]. */
   seen(points) {
     const { width, height } = this.canvas;
-    const shape = points.map((point) => {
+    return points.map((point) => {
       const at = add(point, this.camera, -1);
       const zoom = height / 2 / VIEW / Math.max(NEAR, -dot(at, this.axes[2]));
       return [width / 2 + zoom * dot(at, this.axes[0]), height / 2 - zoom * dot(at, this.axes[1])];
     });
-    const area = shape.reduce((sum, [x, y], k) => {
-      const [next, down] = shape[(k + 1) % shape.length];
-      return sum + x * down - next * y;
-    }, 0);
-    return area < 0 ? shape.reverse() : shape; // what is filled with its neighbour has no hole
   }
 
   /**
@@ -183,6 +178,7 @@ export class Space {
     }
   }
 
+  /** Fill shapes, each a list of points [px]. */
   paint(shapes, colour) {
     const { context } = this;
     context.fillStyle = colour;
@@ -192,7 +188,8 @@ export class Space {
       context.fill();
     }
   }
-  /** The floor under the cover, as lines of its tiles. */
+
+  /** The floor under the covers, as lines of its tiles. */
   ground() {
     const { context } = this;
     context.strokeStyle = FLOOR;
