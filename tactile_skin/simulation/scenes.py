@@ -196,9 +196,13 @@ SCRIPTS = {
 def script(name: str, rows: int, cols: int):
     """Return a scripted scene: function of the time [s] that gives (rows, cols) force per cell [N].
 
+    What it prepares is prepared here, so that a board's first scan is on time.
+
     Raises:
         ValueError: an unknown name.
     """
     if name not in SCRIPTS:
         raise ValueError(f"scene {name!r}: must be one of {', '.join(SCRIPTS)}")
-    return lambda t: SCRIPTS[name](t, rows, cols)
+    scene = SCRIPTS[name]
+    scene(0.0, rows, cols)
+    return lambda t: scene(t, rows, cols)
