@@ -93,15 +93,6 @@ MECHANISMS = (
         (_finds_one("solvers.suspect:by_residual"),), True,
     ),
     Mechanism(
-        "other_r_par", "another r_par explains the frame better",
-        (f"{_SOLVE}/rivals/other_r_par.py",),
-        (_finds_one("solvers.map:with_other_r_par"),), True,
-    ),
-    Mechanism(
-        "other_readout", "another readout explains the frame better",
-        (f"{_SOLVE}/rivals/other_readout.py",), (_finds_one("solvers.map:other_readout"),), True,
-    ),
-    Mechanism(
         "impossible readings", "readings that no skin can give",
         (f"{_SOLVE}/suspect.py:by_reading", f"{_SOLVE}/suspect.py:_place"),
         (Result("solvers.suspect:by_reading", _saturation_alone),), True,
@@ -109,12 +100,12 @@ MECHANISMS = (
     Mechanism(
         "saturation in a frame", "many equal readings at the top",
         (f"{_SOLVE}/suspect.py:saturation",),
-        (_finds_one("solvers.rivals.aside:saturation"),
+        (_finds_one("solvers.aside:saturation"),
          _finds_one("solvers.suspect:saturation")), True,
     ),
     Mechanism(
         "aside", "readings that the others do not allow are left out",
-        (f"{_SOLVE}/rivals/aside.py",),
+        (f"{_SOLVE}/aside.py",),
         (Result("solvers.map:without_bad_contacts", lambda found, *_: None),), True,
     ),
     # --- of the stream: readings and circuit ---
@@ -246,10 +237,6 @@ MECHANISMS = (
 )  # fmt: skip
 ALL_ON = "all on"
 BUNDLES = {  # switched off together
-    "both rivals": ("other_r_par", "other_readout"),
-    "rivals, guards, impossible": (
-        "other_r_par", "other_readout", "tare guards", "impossible readings",
-    ),
     "aside + contacts": ("aside", "contacts"),
 }  # fmt: skip
 

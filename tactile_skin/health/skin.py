@@ -153,7 +153,7 @@ class Skin:
         # A touch that comes or goes leaves a few suspect frames, as the board's low-pass mixes
         # scans: they are close to the truth. More in a row may be a bad local fit: start anew,
         # unless the fault is known.
-        in_doubt = estimate.status != "ok" and estimate.r_par is None and self.fitted
+        in_doubt = estimate.status != "ok" and self.fitted
         self._doubts = self._doubts + 1 if in_doubt else 0
         self._last = estimate if self._doubts < _RESTART_AFTER else None
         self.taken[str(estimate.method)] += 1

@@ -28,8 +28,6 @@ class Estimate:
         message: why, for a person; empty when ok.
         method: the method that was used ("auto" names its choice).
         iterations: steps that it took; 0 for a closed form.
-        r_par: series resistance [ohm] with which `force` explains the reading, where the circuit's
-            does not; None, in a batch NaN: it does, or none was sought.
         noise: RMS of a reading that was supposed, or measured in the frame [ADC steps].
         aside: (rows, cols) bool, readings that were set aside since a bad contact, and no cell,
             explains them; None: there are none.
@@ -43,7 +41,6 @@ class Estimate:
     message: str | np.ndarray
     method: str | np.ndarray
     iterations: int | np.ndarray
-    r_par: float | np.ndarray | None = None
     noise: float | np.ndarray = 0.0
     aside: np.ndarray | None = None
     finding: Finding | list[Finding | None] | None = None
@@ -86,7 +83,7 @@ class Estimate:
 def batch_of(estimates: list[Estimate], shape: tuple[int, int]) -> Estimate:
     """Frames of (rows, cols) = `shape` as one estimate with a leading axis."""
     kinds: dict[str, type] = {"iterations": int}
-    kinds |= dict.fromkeys(("force", "std", "residual", "r_par", "noise"), float)  # None: NaN
+    kinds |= dict.fromkeys(("force", "std", "residual", "noise"), float)
     kinds |= dict.fromkeys(("status", "message", "method"), str)
     found: dict[str, Any] = {
         name: np.array([getattr(e, name) for e in estimates], kinds[name]) for name in kinds

@@ -19,7 +19,7 @@ from ..physics import lines, readouts
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from .fixed_point import MAX_STEPS, fill, first_guess, iterate
-from .reading import OUTLIER, Linearised, Reading, check_reading
+from .reading import OUTLIER, Linearised, check_reading
 
 # Times its conductance at rest from which on a cell is evidently touched: noise is far below, even
 # in the shadow of a hard touch. What else is touched is found by `_Z`.
@@ -238,42 +238,6 @@ class Supposed:
         by_rest = [~touched * model.network.pull(b) for b in by_adc]
         score, information = -weighed @ past.misfit, weighed @ past.patterns
         return Evidence(score, information, np.array(by_rest), chi2, count)
-
-    def glance(
-        self, reading: Reading, g: np.ndarray, noise: float, scatter: float
-    ) -> tuple[float, float, float]:
-        """Return by how much r_par seems too small, by a fit with a prior.
-
-        Args:
-            g: (rows, cols) of that fit [S].
-            noise: RMS of a reading [ADC steps].
-            scatter: RMS of log conductance of cells at rest, where it was not measured, else 0.
-
-        Returns:
-            the shift, its standard deviation by noise, and that by what else is left of the misfit
-            and by the scatter [ohm].
-        """
-        touched = _dilated(g > self._hard * self.rest) & self.circuit.populated
-        (cells,) = touched.ravel().nonzero()
-        if not cells.size or cells.size > _FULL * reading.n_informative:
-            return 0.0, np.inf, np.inf
-        model = reading.linearised(
-            np.where(touched, g, self.rest), np.hypot(noise, _MODEL * reading.steps)
-        )
-        columns = np.empty((g.size, 2), np.float32)
-        columns[:, 0] = self._pattern(model, model.network.by_r_par, self.shift).ravel()
-        columns[:, 1] = model.misfit.ravel()
-        readings = np.arange(g.size, dtype=np.int32)
-        jacobian = model.jacobian(readings, cells)
-        jacobian *= model.g.ravel()[cells].astype(np.float32)
-        p, misfit = past(columns, jacobian).T
-        information = max(float(p @ p), _HIDDEN)
-        shift, std = -float(p @ misfit) / information, information**-0.5
-        left = std * max(float(misfit @ misfit) / (reading.n_informative - cells.size), 1.0) ** 0.5
-        if scatter:
-            by_rest = ~touched * model.network.pull(model.weight * p.reshape(g.shape)) * self.rest
-            left = np.hypot(left, scatter * float(np.linalg.norm(by_rest)) / information)
-        return shift, std, left
 
     @staticmethod
     def _pattern(model: Linearised, change: np.ndarray, shift: np.ndarray) -> np.ndarray:

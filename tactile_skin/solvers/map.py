@@ -9,6 +9,7 @@ by projected Gauss-Newton. The Jacobian is analytic, d u_a / d x_b = u_a^2 / R_r
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -19,13 +20,11 @@ from ..physics.grounded import BOUND
 from ..physics.quadratic import solve_in_box
 from . import prior as prior_terms
 from . import suspect
+from .aside import without_bad_contacts
 from .estimate import Estimate, spread
 from .fixed_point import START_STEPS, fill, first_guess, iterate, last_guess
 from .prior import NormalEquations, Point
 from .reading import NEAR_REST, OUTLIER, ROUNDING_NOISE, Reading, noise_at_rest
-from .rivals.aside import without_bad_contacts
-from .rivals.other_r_par import with_other_r_par
-from .rivals.other_readout import other_readout
 
 MAX_STEPS = 12  # of Gauss-Newton; bounds the time of readings that no circuit explains
 _NEAR = 1.2  # residual over noise at which the fixed point has done its part
@@ -49,19 +48,10 @@ _USUAL_COUNT = 3.0  # which counts as so many readings
 
 
 def map_estimate(reading: Reading, start: Estimate | None = None) -> Estimate:
-    """`_map_estimate`; what it doubts once its time is over, more time might explain."""
-    found = _map_estimate(reading, start)
-    if found.status != "suspect" or not reading.late() or suspect.by_reading(reading):
-        return found
-    return found.doubted(Finding(Kind.MISFIT, "late"))
-
-
-def _map_estimate(reading: Reading, start: Estimate | None) -> Estimate:
     """Most probable force, from `start` or from a few steps of the fixed point.
 
-    A start may lead to a bad local fit, so a suspect frame is solved again without it. A frame that
-    is suspect in a stream is not asked for another r_par: a touch that comes or goes is, for some
-    frames.
+    A start may lead to a bad local fit, so a suspect frame is solved again without it. What is
+    doubted once the time is over, more time might explain.
     """
     reading, warm = reading.above_cut_off(), start is not None
     g = first_guess(reading) if start is None else last_guess(reading, start)
@@ -72,18 +62,14 @@ def _map_estimate(reading: Reading, start: Estimate | None) -> Estimate:
     if warm and estimate.status != "ok" and not reading.late():
         again = _fit(reading, first_guess(reading))
         estimate = estimate if again.status == "failed" else again
-    if not reading.noise_given:
-        reading = replace(reading, noise=float(estimate.noise))
-    if not reading.circuit.has_cross_talk:  # cells of any other circuit would fit as well
+    # without cross-talk cells of any other circuit would fit as well
+    if estimate.status == "suspect" and reading.circuit.has_cross_talk and not reading.late():
+        if not reading.noise_given:
+            reading = replace(reading, noise=float(estimate.noise))
+        estimate = without_bad_contacts(reading, partial(_fit, warm=True), estimate) or estimate
+    if estimate.status != "suspect" or not reading.late() or suspect.by_reading(reading):
         return estimate
-    if estimate.status == "suspect" and not reading.late():
-        estimate = without_bad_contacts(reading, _refit, estimate) or estimate
-    if estimate.status == "ok" and (finding := other_readout(reading, estimate, start, _touches)):
-        return estimate.doubted(finding)
-    explained = estimate.status == "ok" or (estimate.status == "suspect" and not warm)
-    if estimate.aside is not None or not explained:
-        return estimate
-    return with_other_r_par(reading, _refit, estimate) or estimate
+    return estimate.doubted(Finding(Kind.MISFIT, "late"))
 
 
 def _unchanged(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | None:
@@ -99,11 +85,6 @@ def _unchanged(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | N
     if residual**2 > noise**2 * (1.0 + _UNCHANGED * (2.0 / reading.n_informative) ** 0.5):
         return None
     return replace(start, residual=residual, iterations=0)
-
-
-def _refit(reading: Reading, g: np.ndarray) -> Estimate:
-    """Fit the load to a reading like one whose answer g (rows, cols) [S] is known."""
-    return _fit(reading, g, warm=True)
 
 
 def _fit(
@@ -227,14 +208,6 @@ def _leaves_level(reading: Reading, point: Point) -> bool:
     """
     at_rest = point.model.g < NEAR_REST * reading.bounds[0]
     return reading.noise_given and not prior_terms.is_broad(reading.circuit, at_rest)
-
-
-def _touches(reading: Reading, g: np.ndarray) -> np.ndarray:
-    """Return (rows, cols) conductance [S] of the likeliest touches near g, none on all the skin."""
-    low = reading.bounds[0]
-    g = np.where(g < NEAR_REST * low, low, g) * reading.circuit.populated
-    point = Point(reading, g, False)
-    return _converge(reading, point, False, False)[0].model.g
 
 
 def _with_noise_at_rest(reading: Reading, g: np.ndarray) -> Reading:

@@ -31,8 +31,6 @@ _ROUNDS = 2  # in which the unknowns of a step are found
 # Times its noise by which a valid reading is missed: where a bound acts, this is the best fit in
 # another measure than ADC steps. 2 in 1,000 exceed 2, 1 in 10,000 exceeds 2.5.
 _SLACK = 2.2
-# Residual over noise by which `MAX_STEPS` of the fixed point show that cells explain a reading.
-_FIT_RESIDUAL = 1.3
 _INEXACT = 1e-2  # of its right side that a step without the matrix leaves: the next one has it
 _PAST = 0.1  # of its slope at the begin of a step, that phi may fall with at the end
 _DENSE = 400  # unknowns up to which a Cholesky factor is faster than conjugate gradients
@@ -61,19 +59,6 @@ def newton(reading: Reading, start: Estimate | None = None) -> Estimate:
         slack=_SLACK if reading.noise else 1.0,
         network=(log_g, g, readouts.solve(reading.circuit, g, derivatives=False)),
     )
-
-
-def cells_that_fit(reading: Reading) -> np.ndarray | None:
-    """Return conductances (rows, cols) [S] that explain the reading within its noise.
-
-    None: there are none. The fixed point mostly finds some.
-    """
-    target = _FIT_RESIDUAL * reading.noise
-    g, _ = iterate(reading, first_guess(reading), MAX_STEPS, target)
-    if reading.residual(reading.model(g)) <= target:
-        return g
-    found = newton(reading) if reading.all_cells_read else None
-    return last_guess(reading, found) if found and found.status != "suspect" else None
 
 
 def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:

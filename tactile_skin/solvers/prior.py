@@ -88,11 +88,6 @@ def touches(x: np.ndarray, between: Differences) -> Quadratic:
     return Quadratic(value, gradient, diagonal, entries)
 
 
-def roughness(x: np.ndarray, between: Differences, spread: float) -> float:
-    """Return the part of `touches` that compares neighbours."""
-    return quadratic.roughness(x, between.weight, spread**2)[0]
-
-
 def level(force: np.ndarray, slope: np.ndarray, cells: np.ndarray) -> Quadratic:
     """Return a load on the whole skin: each cell's force is uniform from 0 to one unknown level.
 

@@ -6,7 +6,7 @@ import dataclasses
 import numpy as np
 import pytest
 from support.accuracy import accuracy
-from support.marks import slow
+from support.marks import ci, slow
 from support.prior import family as by_family
 from support.prior import load as load_of
 from support.troubled import FAULTS, faulty
@@ -14,6 +14,7 @@ from support.troubled import FAULTS, faulty
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.bench.troubles import EVERYDAY
 from tactile_skin.physics.curve import GRAM
+from tactile_skin.physics.readouts import PASSIVE
 from tactile_skin.simulation import scenes, textile
 from tactile_skin.solvers import map as map_solver
 from tactile_skin.solvers import prior
@@ -322,3 +323,46 @@ def test_a_load_of_nothing_has_no_level(recwarn):
     nothing = np.zeros((4, 4))
     assert prior.level(nothing, nothing - 1.0, np.ones((4, 4), bool))[0] == np.inf
     assert not recwarn.list
+
+
+def test_readings_next_to_the_cut_off_err_to_neither_side():
+    """Those just above it are the ones that noise raised."""
+    rng, circuit = np.random.default_rng(8), Circuit(100, 200, readout="grounded")
+    true = rng.uniform(0.0, 4.0, circuit.shape) / circuit.full_scale
+    adc = scenes.read_out(circuit, true, "scan", rng)
+    reading = check_reading(adc, circuit, CURVE, noise=SCAN_NOISE).above_cut_off()
+    assert abs(reading.misfit(true).mean()) < 0.05 * SCAN_NOISE
+
+
+def palm(rng):
+    """(16, 16) [N]: a broad load, softer and softer towards its rim."""
+    row, col = np.mgrid[:16, :16]
+    (y, x), (high, wide), power = rng.uniform(2, 14, 2), rng.uniform(3, 6, 2), rng.choice([2, 3, 4])
+    force = np.exp(-(np.abs((row - y) / high) ** power) - np.abs((col - x) / wide) ** power)
+    return force * rng.uniform(0.5, 4.0) * np.exp(0.1 * rng.standard_normal(force.shape))
+
+
+@pytest.mark.parametrize("noise", [None, ci(SCAN_NOISE)])
+@pytest.mark.parametrize("readout", PASSIVE)
+def test_a_palm_is_no_fault(readout, noise):
+    """Its rim would be of another r_par, if its cells were at rest."""
+    circuit, rng = Circuit(readout=readout), np.random.default_rng(3)
+    frames = np.array([scan(palm(rng), rng, circuit) for _ in range(60)])
+    found = compensate(frames, circuit, CURVE, "map", noise=noise)
+    assert np.count_nonzero(found.status != "ok") <= 3
+
+
+def even(rng, scatter):
+    """(16, 16) [N]: a load on all cells, whose touch scatters."""
+    force = np.exp(rng.uniform(np.log(0.3), np.log(9.0)) + scatter * rng.standard_normal((16, 16)))
+    return np.minimum(force, CURVE.max_force)
+
+
+@pytest.mark.parametrize("scatter", [0.05, 0.2])
+@pytest.mark.parametrize("readout", PASSIVE)
+def test_an_even_load_on_all_cells_is_no_fault(readout, scatter):
+    """The cells of its fit differ by noise, not by a load that would be too even."""
+    circuit, rng = Circuit(readout=readout), np.random.default_rng(6)
+    frames = [scan(even(rng, scatter), rng, circuit) for _ in range(40)]
+    found = compensate(np.array(frames), circuit, CURVE, "map", noise=SCAN_NOISE)
+    assert np.count_nonzero(found.status != "ok") <= 2

@@ -8,7 +8,6 @@ import pytest
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.bench.measure import frames
-from tactile_skin.calibration.rest import resting_conductance
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.simulation import scenes
 from tactile_skin.solvers import check_reading
@@ -111,13 +110,12 @@ def test_another_readout_is_suspect(true, supposed):
 
 
 @pytest.mark.parametrize("kind", KINDS[:2], ids="-".join)
-def test_another_r_par_is_told(kind):
+def test_another_r_par_is_suspect(kind):
     """Of a grounded matrix r_par scales all readings, as r_ref does."""
     force = 3.0 * press((16, 16), 6.0)
     adc = forward(skin(kind, 16, 16, r_par=420.0), CURVE.resistance(force))
     found = compensate(adc, skin(kind, 16, 16), CURVE, "map", noise=SCAN_NOISE)
     assert found.status == "suspect"
-    assert found.r_par is None or found.r_par == pytest.approx(420.0, rel=0.02)
 
 
 @pytest.mark.parametrize("method", ["cnn", "physics"])
@@ -155,87 +153,3 @@ def test_newton_believes_hard_loads_on_a_grounded_matrix(kind, family):
     found = compensate(adc, circuit, CURVE, "newton", noise=SCAN_NOISE)
     assert (found.status == "ok").all()
     assert found.residual.max() < 2.0 * SCAN_NOISE
-
-
-def tared(true, supposed, shape) -> PressureCurve:
-    """The curve whose rest is measured on a board of one readout, taken for another."""
-    rest = forward(skin(true, *shape), CURVE.resistance(np.zeros(shape)))
-    return CURVE.resting_at(1.0 / resting_conductance(rest, skin(supposed, *shape), 0.1))
-
-
-@pytest.mark.parametrize(
-    ("true", "supposed", "family", "shape"),
-    [
-        (("loaded", "rows"), ("floating", "rows"), "random", (16, 16)),
-        (("loaded", "columns"), ("floating", "rows"), "pictures", (8, 8)),
-        (("loaded", "rows"), ("loaded", "columns"), "random", (16, 16)),
-        (("loaded", "columns"), ("loaded", "rows"), "random", (16, 16)),
-        (("loaded", "columns"), ("grounded", "rows"), "light", (16, 16)),
-    ],
-)
-def test_another_readout_is_suspect_where_hardly_a_cell_rests(true, supposed, family, shape):
-    curve, rng = tared(true, supposed, shape), np.random.default_rng(13)
-    if family == "light":
-        force = np.array([scenes.finger(*shape, *rng.uniform(2, 13, 2), 0.1) for _ in range(20)])
-    else:
-        force = np.minimum(scenes.sample(family, 20, *shape, rng), CURVE.max_force)
-    ratio = forward(skin(true, *shape), CURVE.resistance(force))
-    adc = scenes.read_out(skin(true, *shape), ratio, "scan", rng)
-    found = compensate(adc, skin(supposed, *shape), curve, "map", noise=SCAN_NOISE)
-    assert np.mean(found.status != "ok") >= 0.75
-    assert any("driven" in message for message in found.message)
-    untouched = compensate(
-        forward(skin(true, *shape), CURVE.resistance(np.zeros(shape))),
-        skin(supposed, *shape),
-        curve,
-    )
-    following = compensate(adc[0], skin(supposed, *shape), curve, noise=0.5, start=untouched)
-    assert following.status != "ok"  # in a stream, too
-
-
-@pytest.mark.parametrize("kind", [("floating", "rows"), *KINDS[:2]], ids="-".join)
-@pytest.mark.parametrize("shape", [(8, 12), (12, 8), (8, 16), (5, 7)])
-@pytest.mark.parametrize("spread", [0.05, 0.3, 0.6])
-def test_a_load_on_all_of_an_oblong_skin_is_no_other_readouts(kind, shape, spread):
-    """Of which the lines that are driven are more, or fewer, than those that are read."""
-    rng, circuit = np.random.default_rng(15), skin(kind, *shape)
-    for level in (0.3, 1.0, 3.0, 6.0):  # N a cell
-        force = level * np.exp(spread * rng.standard_normal(shape))
-        adc = scenes.read_out(circuit, forward(circuit, CURVE.resistance(force)), "scan", rng)
-        assert "driven" not in compensate(adc, circuit, CURVE, "map", noise=SCAN_NOISE).message
-
-
-@pytest.mark.parametrize("kind", [*KINDS, *HELD], ids="-".join)
-@pytest.mark.parametrize("shape", [(8, 8), (12, 8), (16, 16)])
-@pytest.mark.parametrize("lines", [2, 3, 16])
-def test_a_load_on_whole_lines_is_no_other_readouts(kind, shape, lines):
-    """How hard they are pressed is one number, and no evidence by each cell."""
-    rng, circuit, named = np.random.default_rng(16), skin(kind, *shape), 0
-    for k in range(10):
-        where = [slice(None), slice(None)]
-        where[k % 2] = slice(2, 2 + lines) if lines < min(shape) else slice(None)
-        force = np.zeros(shape)
-        even = np.exp(0.05 * rng.standard_normal(shape))
-        force[tuple(where)] = (rng.uniform(0.7, 6.0) * even)[tuple(where)]  # N a cell
-        adc = scenes.read_out(circuit, forward(circuit, CURVE.resistance(force)), "scan", rng)
-        found = compensate(adc, circuit, CURVE, "map", noise=SCAN_NOISE)
-        named += "driven" in found.message
-    assert named <= 1
-
-
-@pytest.mark.parametrize("kind", [("floating", "rows"), *KINDS, *HELD], ids="-".join)
-@pytest.mark.parametrize("shape", [(4, 4), (8, 8), (16, 16)])
-def test_the_right_readout_is_believed(kind, shape):
-    """Whole skins, light touches, and fabrics that do not rest where the curve says."""
-    rng, circuit = np.random.default_rng(14), skin(kind, *shape)
-    far = 2.5 if shape[0] > 4 else 1.0
-    curve = CURVE.resting_at(CURVE.rest_resistance * far * rng.uniform(0.9, 1.1, shape))
-    light = [scenes.finger(*shape, *rng.uniform(1, shape[0] - 2, 2), 0.1) for _ in range(8)]
-    for family in ("pictures", "random", "blobs", "light"):
-        if family == "light":
-            ratio = forward(circuit, curve.resistance(np.array(light)))
-            adc = scenes.read_out(circuit, ratio, "scan", rng)
-        else:
-            _, adc = frames(family, "scan", 8, rng, circuit, curve)
-        found = compensate(adc, circuit, curve, "map", noise=SCAN_NOISE)
-        assert not [m for m in found.message if "readout" in m or "driven" in m]

@@ -15,10 +15,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..estimate import Estimate
-from ..fixed_point import last_guess
-from ..reading import NEAR_REST, Reading
-from ..suspect import model_variance, saturation
+from .estimate import Estimate
+from .fixed_point import last_guess
+from .reading import NEAR_REST, Reading
+from .suspect import model_variance, saturation
 
 # Share of the readings of a frame that carry a value. Chosen on the first halves of recordings of
 # real insoles, scored on their second halves (benchmarks/accuracy/boards.py).
