@@ -34,12 +34,12 @@ def notes(
 
 def _unseen(circuit: Circuit) -> str:
     """Return what might be wrong though nothing was found."""
-    series = "r_drive" if circuit.readout == "grounded" else "r_par"
+    series = "r_drive" if circuit.readout_class.knows_r_drive else "r_par"
     words = [
         "two lines that are exchanged with all their neighbours",
         f"a wrong {series} if the board was only touched lightly",
     ]
-    if circuit.readout != "floating":
+    if not circuit.readout_class.two_terminal:
         words.append("a wrong r_ref, which reads like another fabric")
     return "Frames do not show " + "; ".join(words) + "."
 

@@ -94,7 +94,7 @@ def make_pairs(circuit, curve, n: int, network_kind: str, readout: str, seed, tr
     Raises:
         ValueError: the circuit's readout is not the floating one.
     """
-    if circuit.readout != "floating":
+    if not circuit.readout_class.two_terminal:
         raise ValueError(
             f"the networks know the floating readout only, not {circuit.readout!r}: use the "
             "method auto or map, which need no training"

@@ -152,7 +152,7 @@ class Weights:
         if self._fits and circuit is self._fits[0] and curve is self._fits[1]:  # the next frame
             return
         made, here = self.meta["circuit"], circuit.describe()
-        if circuit.readout != "floating":
+        if not circuit.readout_class.two_terminal:
             raise ValueError(
                 f"the networks know the floating readout only, not {circuit.readout!r}: use "
                 "the method auto or map"

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import lapack
 
-from ..physics import lines, readouts
+from ..physics import laplacian, lines, readouts
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from .fixed_point import MAX_STEPS, fill, first_guess, iterate
@@ -56,7 +56,7 @@ _ANY = 3.0  # standard deviation of a touched cell's log conductance: nothing is
 def series_scale(circuit: Circuit) -> float:
     """Return the series resistance that errors of r_par are compared with [ohm]: r_par may be 0."""
     scale = MIN_SCALE * circuit.r_ref
-    if circuit.readout != "grounded":  # whose readings tell only the sum of both, to a share
+    if not circuit.readout_class.shares_sum:  # else readings tell r_ref + r_par, to a share
         scale = min(scale, _MOST_PARTS)
     return max(circuit.r_par, scale)
 
@@ -84,8 +84,8 @@ class Evidence(NamedTuple):
     """What one frame says of the circuit that is supposed.
 
     Attributes:
-        score: (2,) d(-chi^2 / 2) / d(r_par, r_line) past what the touched cells can take [1/ohm];
-            if grounded r_drive in place of r_line, if loaded 0: stripes are taken as ideal.
+        score: (2,) d(-chi^2 / 2) / d(r_par, `Readout.second`) past what the touched cells can take
+            [1/ohm]; 0 where the latter is not modelled.
         information: (2, 2) of the same [1/ohm^2].
         by_rest: (2, rows, cols) by how much the score changes with what each cell conducts at rest
             [1/ohm/S].
@@ -123,7 +123,6 @@ class Supposed:
         self.circuit, self._hard, self._exact, self._end = circuit, hard, exact, end
         self.rest = rest
         self._cells = np.flatnonzero(circuit.populated).astype(np.int32)
-        self._unit = np.ones(circuit.rows), np.ones(circuit.cols)
         # of any cell: between half of its own rest and the hardest
         hardest = HARDEST * circuit.r_ref
         softest = np.full(circuit.shape, 2.0 * hardest)
@@ -132,7 +131,7 @@ class Supposed:
 
     @cached_property
     def _resting(self) -> readouts.Network:
-        return self._network(self.rest, np.zeros(self.circuit.shape))
+        return readouts.solve(self.circuit, self.rest).behind_stripes(np.zeros(self.circuit.shape))
 
     @cached_property
     def shift(self) -> np.ndarray:
@@ -145,7 +144,7 @@ class Supposed:
     @cached_property
     def _other_shift(self) -> np.ndarray:
         """(rows, cols) the same for each ohm more of r_line or r_drive."""
-        change = self._changes(self._resting, self.rest)[1]
+        change = self._resting.by_second
         return self._resting.cells_for(self._cells, -change) if change.any() else change
 
     def by_reading(self, by_rest: np.ndarray) -> np.ndarray:
@@ -156,27 +155,6 @@ class Supposed:
         """
         found = [self._resting.readings_for(self._cells, b).ravel() for b in by_rest]
         return np.array(found) / self.circuit.full_scale
-
-    def _network(self, g: np.ndarray, further: np.ndarray) -> readouts.Network:
-        """Of cells g [S], behind stripes.
-
-        Args:
-            further: (rows, cols) [ohm] that the stripes add beyond first order.
-        """
-        network = readouts.solve(self.circuit, g)
-        if self.circuit.stripes is None or not isinstance(network, readouts.Floating):
-            return network
-        added = lines.added_resistance(network.inverse.k, g, *self.circuit.stripes)
-        return network.behind(added + further)
-
-    def _changes(self, network, g: np.ndarray) -> list[np.ndarray]:
-        """(rows, cols) d adc / d r_par, and / d r_line or r_drive, of cells g [1/ohm]."""
-        if self.circuit.readout == "grounded":
-            return [network.by_r_par, network.by_r_drive]
-        if not isinstance(network, readouts.Floating):
-            return [network.by_r_par, np.zeros(g.shape)]
-        by_line = lines.added_resistance(network.inverse.k, g, *self._unit)
-        return [network.by_r_par, network.by_r_par * by_line]
 
     def evidence(
         self, adc: np.ndarray, noise: float, g: np.ndarray | None = None
@@ -204,7 +182,11 @@ class Supposed:
         if not touched.any():
             return None
         touched = circuit.populated & (touched | _dilated(g > self._hard * self.rest))
-        expected = self._network(np.where(touched, g, self.rest), further).adc
+
+        def network(g: np.ndarray) -> readouts.Network:
+            return readouts.solve(circuit, g).behind_stripes(further)
+
+        expected = network(np.where(touched, g, self.rest)).adc
         width = _CUT_OFF / circuit.full_scale
         # by the model: noise must not choose
         cut_off = (expected < width) | (expected > self._end - width)
@@ -214,7 +196,7 @@ class Supposed:
         most = _FULL * np.count_nonzero((reading.known | reading.capped) & circuit.populated)
 
         def at(g: np.ndarray) -> Linearised:
-            return reading.linearised(g, std, self._network(g, further))
+            return reading.linearised(g, std, network(g))
 
         for search in range(_SEARCHES + 1):
             if np.count_nonzero(touched) > most:
@@ -246,7 +228,8 @@ class Supposed:
 
     def _patterns(self, model: Linearised, further: np.ndarray) -> list[np.ndarray]:
         """(rows, cols) d misfit / d r_par, and / d r_line or r_drive [1/ohm]."""
-        changes, network = self._changes(model.network, model.g), model.network
+        network = model.network
+        changes = [network.by_r_par, network.by_second]
         if further.any():  # it grows with the square of r_line
             more = network.by_r_par * 2.0 * further / np.max(self.circuit.r_line)
             changes[1] = changes[1] + more
@@ -274,13 +257,11 @@ class Supposed:
         stripes, nothing = self.circuit.stripes, np.zeros(g.shape)
         if not self._exact or stripes is None:
             return nothing
-        network = readouts.solve(self.circuit, g)
-        if not isinstance(network, readouts.Floating):
-            return nothing
+        network = laplacian.solve(g)
         added = lines.solve(g, *stripes).rho - network.rho
         return np.where(
             self.circuit.populated & np.isfinite(added),
-            added - lines.added_resistance(network.inverse.k, g, *stripes),
+            added - lines.added_resistance(network.k, g, *stripes),
             0.0,
         )
 

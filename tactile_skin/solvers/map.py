@@ -16,8 +16,8 @@ import numpy as np
 
 from ..findings.finding import Finding, Kind
 from ..physics.conjugate_gradients import conjugate_gradients
-from ..physics.grounded import BOUND
 from ..physics.quadratic import solve_in_box
+from ..physics.readouts import BOUND
 from . import prior as prior_terms
 from . import suspect
 from .aside import without_bad_contacts
@@ -152,9 +152,9 @@ def _forces(
     """
     circuit = reading.circuit
     g, std_x, adc = point.model.g, _std_x(point, step.equations), point.model.adc
-    # A grounded sense line's readings share the error of its sum, of which each cell's standard
-    # deviation tells the network nothing: it then trusts neighbours too much.
-    independent = circuit.readout != "grounded"
+    # Readings that share a sum share its error, of which each cell's standard deviation tells
+    # the network nothing: it then trusts neighbours too much.
+    independent = not circuit.readout_class.shares_sum
     if converged and not broad and independent and step.equations is not None:
         smoothed = prior_terms.with_neighbours(reading, point, step.equations, std_x)
         g, std_x, adc = smoothed or (g, std_x, adc)

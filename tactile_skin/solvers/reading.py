@@ -70,8 +70,8 @@ class Reading:
         """
         threshold = max(self.threshold, _CUT_OFF / self.circuit.full_scale)
         low = self.known & (self.adc <= threshold)
-        free = self.circuit.readout in ("floating", "virtual_ground")
-        if free or not self.noise or not low.any():
+        lowered = self.circuit.readout_class.loads_lower and self.noise and low.any()
+        if not lowered:
             return self
         known, adc = self.known & ~low, np.where(low, 0.0, self.adc)
         return replace(self, adc=adc, known=known, capped=self.capped | low, threshold=threshold)
@@ -114,7 +114,7 @@ class Reading:
     def apparent(self) -> tuple[np.ndarray | float, float]:
         """`readouts.apparent` of the frame: scale and offset of `rho`."""
         adc = self.adc
-        if not self.all_read and self.circuit.readout != "floating":
+        if not self.all_read:
             informative = self.known | self.capped | self.topped
             adc = np.where(informative, adc, adc.sum() / max(self.n_informative, 1))
         return readouts.apparent(self.circuit, adc)
@@ -135,7 +135,7 @@ class Reading:
 
     def rho_of(self, network: readouts.Network) -> np.ndarray:
         """(rows, cols) the same of a model [ohm]: equal if the readings are."""
-        if isinstance(network, readouts.Floating):
+        if self.circuit.readout_class.two_terminal:
             return network.rho
         return self._rho_at(network.adc)
 

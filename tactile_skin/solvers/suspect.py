@@ -162,12 +162,12 @@ def model_variance(reading: Reading) -> np.ndarray:
 
 
 def beside_sums(reading: Reading, misfit: np.ndarray) -> np.ndarray:
-    """Return a fit's misfit (rows, cols), without the mean of each sense line of a grounded matrix.
+    """Return a fit's misfit (rows, cols) without the mean of lines whose readings share a sum.
 
     Of a line that is loaded hard the readings' sum hardly changes. So the prior, which pulls all of
     its cells one way, leaves some of the sum, which is no noise.
     """
-    if reading.circuit.readout != "grounded":
+    if not reading.circuit.readout_class.shares_sum:
         return misfit
     axis, known = reading.circuit.sense_axis, reading.known
     lines = (misfit * known).sum(axis, keepdims=True)

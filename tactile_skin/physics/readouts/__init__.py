@@ -18,24 +18,21 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..arrays import Floats, Ints
-from .driven import LEAST_SCALE, Driven
 from .floating import Floating
 from .grounded import Grounded
 from .loaded import Loaded
-from .readout import Pair, Readout
+from .readout import BOUND, Pair, Readout
 from .virtual_ground import VirtualGround
 
 if TYPE_CHECKING:
     from ..circuit import Circuit
 
 __all__ = [
+    "BOUND",
     "BY_NAME",
-    "CLOSED_FORM",
     "DRIVEN",
-    "LEAST_SCALE",
     "PASSIVE",
     "READOUTS",
-    "Driven",
     "Floating",
     "Grounded",
     "Loaded",
@@ -52,7 +49,6 @@ _ALL: tuple[type[Readout], ...] = Floating, Loaded, Grounded, VirtualGround
 BY_NAME = {readout.name: readout for readout in _ALL}
 READOUTS = tuple(BY_NAME)
 PASSIVE = tuple(readout.name for readout in _ALL if readout.passive)
-CLOSED_FORM = tuple(readout.name for readout in _ALL if readout.has_closed_form)
 DRIVEN = "rows", "columns"
 Network = Readout  # of one frame
 

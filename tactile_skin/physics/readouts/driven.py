@@ -33,6 +33,7 @@ class Driven(Readout):
     Inside, pictures are (driven, sense) and the driven lines come first.
     """
 
+    loads_lower = True
     _p: Floats  # (driven, lines) P
     _k: Floats  # (sense, lines) K [ohm]
 

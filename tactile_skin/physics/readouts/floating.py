@@ -26,6 +26,7 @@ class Floating(Readout):
     """All follows from two-terminal resistances rho: d rho_a / d g_b = -t_ab^2."""
 
     name = "floating"
+    two_terminal = True
     knows_r_line = True
     takes_diodes = True
 
@@ -38,11 +39,14 @@ class Floating(Readout):
         self.adc = circuit.ratio(self.rho)
         self._circuit, self._g = circuit, g
 
-    def behind(self, added: Floats) -> Floating:
-        """Return the same with (rows, cols) [ohm] more before each reading."""
+    def behind_stripes(self, further: Floats) -> Floating:
+        stripes = self._circuit.stripes
+        if stripes is None:
+            return self
         other = copy(self)
         other.__dict__.pop("_slope", None)
-        other.adc = self._circuit.ratio(self.rho + added)
+        added = lines.added_resistance(self.inverse.k, self._g, *stripes)
+        other.adc = self._circuit.ratio(self.rho + (added + further))
         return other
 
     @cached_property
@@ -59,6 +63,11 @@ class Floating(Readout):
     @property
     def by_r_par(self) -> Floats:
         return -self._slope
+
+    @property
+    def by_second(self) -> Floats:
+        unit = (np.ones(n) for n in self._g.shape)
+        return self.by_r_par * lines.added_resistance(self.inverse.k, self._g, *unit)
 
     def change(self, p: Floats) -> Floats:
         return self._slope * laplacian.hessian_product(self.inverse.k, p)
@@ -113,6 +122,14 @@ class Floating(Readout):
     def apparent(cls, circuit: Circuit, adc: Floats) -> tuple[Floats | float, float]:
         """Return scale and offset [ohm] of readings as two-terminal resistances."""
         return 1.0, cls.in_series(circuit)
+
+    @classmethod
+    def guess(
+        cls, circuit: Circuit, adc: Floats, rho: Floats, bounds: Pair, product: float = 1.0
+    ) -> Floats:
+        """Return what keeps Foster's sum: that of g * rho is rows + cols - 1."""
+        product = (sum(circuit.shape) - 1) / np.count_nonzero(circuit.populated)
+        return super().guess(circuit, adc, rho, bounds, product)
 
     @classmethod
     def read(cls, circuit: Circuit, g: Floats) -> Floats:

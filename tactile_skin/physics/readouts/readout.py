@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
 import numpy as np
@@ -14,7 +14,9 @@ from ..arrays import Floats, Floats32, Ints, Value
 if TYPE_CHECKING:
     from ..circuit import Circuit
 
-Pair: TypeAlias = Sequence[Floats]  # of rows and of columns
+Pair: TypeAlias = Sequence[Floats]  # of rows and of columns; low and high
+Late: TypeAlias = Callable[[], bool]
+BOUND = 1.0 + 1e-9  # factor within which a conductance is on a bound, but for rounding
 
 
 class Readout(ABC):
@@ -31,19 +33,28 @@ class Readout(ABC):
         name: of the readout, as in `Circuit.readout`.
         passive: whether resistors are all there is.
         has_cross_talk: whether a reading depends on other cells than its own.
-        has_closed_form: whether the cells follow from the readings, line by line.
+        two_terminal: whether a reading is that of `rho`, the resistance between its two lines
+            (rows, cols) [ohm], which follows from `inverse`, a `laplacian.Network`.
+        loads_lower: whether a load may lower readings of other cells.
+        shares_sum: whether the readings of a sense line share what its divider leaves of their sum:
+            r_par lies with r_ref.
         knows_r_line, knows_r_drive: whether `Circuit.r_line` and `Circuit.r_drive` are modelled.
+        second: of these the one that frames tell besides r_par, if any.
         takes_diodes: whether lines may be driven through diodes: none is held at 0 V.
     """
 
     name: ClassVar[str]
     passive: ClassVar[bool] = True
     has_cross_talk: ClassVar[bool] = True
-    has_closed_form: ClassVar[bool] = False
+    two_terminal: ClassVar[bool] = False
+    loads_lower: ClassVar[bool] = False
+    shares_sum: ClassVar[bool] = False
     knows_r_line: ClassVar[bool] = False
     knows_r_drive: ClassVar[bool] = False
+    second: ClassVar[str] = "r_line"
     takes_diodes: ClassVar[bool] = False
     adc: Floats
+    rho: Floats  # if two_terminal
 
     @abstractmethod
     def __init__(self, circuit: Circuit, g: Floats, derivatives: bool = True): ...
@@ -59,9 +70,17 @@ class Readout(ABC):
         """(rows, cols) d adc_a / d r_par [1/ohm]."""
 
     @property
-    def by_r_drive(self) -> Floats:
-        """(rows, cols) d adc_a / d r_drive [1/ohm]."""
+    def by_second(self) -> Floats:
+        """(rows, cols) d adc_a / d r_line of all stripes, or / d r_drive [1/ohm]."""
         return np.zeros(self.adc.shape)
+
+    def behind_stripes(self, further: Floats) -> Readout:
+        """Return the same behind the circuit's stripes, at first order.
+
+        Args:
+            further: (rows, cols) [ohm] that they add beyond that.
+        """
+        return self
 
     @abstractmethod
     def change(self, p: Floats) -> Floats:
@@ -109,6 +128,36 @@ class Readout(ABC):
     @abstractmethod
     def apparent(cls, circuit: Circuit, adc: Floats) -> tuple[Floats | float, float]:
         """Return scale and offset of readings as resistances: see `readouts.apparent`."""
+
+    @classmethod
+    def guess(
+        cls, circuit: Circuit, adc: Floats, rho: Floats, bounds: Pair, product: float = 1.0
+    ) -> Floats:
+        """Return (rows, cols) cells between bounds [S] whose products with `rho` are all alike.
+
+        Equal cells send no current from one sense line to another: the product is then 1.
+
+        Args:
+            adc: (rows, cols) ADC ratio, 0 where it is not known.
+            rho: (rows, cols) of it by `apparent` [ohm].
+        """
+        return circuit.populated * np.clip(product / rho, *bounds)
+
+    @classmethod
+    def closed_form(
+        cls, circuit: Circuit, adc: Floats, rho: Floats, bounds: Pair, target: float, late: Late
+    ) -> tuple[Floats, int, bool] | None:
+        """Return the cells where they follow from the readings line by line; None: they do not.
+
+        Args:
+            adc, rho, bounds: as of `guess`, all of them read.
+            target: share of the supply by which a step for the drivers may be the last.
+            late: whether there is no time for another step.
+
+        Returns:
+            (rows, cols) [S], steps, whether these sufficed.
+        """
+        return None
 
     @classmethod
     def read(cls, circuit: Circuit, g: Floats) -> Floats:

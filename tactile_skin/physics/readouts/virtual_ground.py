@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..arrays import Floats, Floats32, Ints, Value
-from .readout import Pair, Readout, blank
+from .readout import Late, Pair, Readout, blank
 
 if TYPE_CHECKING:
     from ..circuit import Circuit
@@ -20,7 +20,6 @@ class VirtualGround(Readout):
     name = "virtual_ground"
     passive = False
     has_cross_talk = False
-    has_closed_form = True
 
     def __init__(self, circuit: Circuit, g: Floats, derivatives: bool = True):
         behind = 1.0 + circuit.r_par * g
@@ -83,6 +82,12 @@ class VirtualGround(Readout):
     def apparent(cls, circuit: Circuit, adc: Floats) -> tuple[Floats | float, float]:
         """Return scale and offset [ohm] of readings as the cells' resistances."""
         return 1.0, circuit.r_par
+
+    @classmethod
+    def closed_form(
+        cls, circuit: Circuit, adc: Floats, rho: Floats, bounds: Pair, target: float, late: Late
+    ) -> tuple[Floats, int, bool]:
+        return cls.guess(circuit, adc, rho, bounds), 0, True
 
     @classmethod
     def ratio(cls, circuit: Circuit, rho: Value) -> Value:
