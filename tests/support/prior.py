@@ -24,7 +24,7 @@ TUNED = {
     "pictures": "nothing",
     "blobs": "yes, other seeds",
     "rects": "yes, other seeds",
-    "random": "level prior only",
+    "random": "nothing",
 }
 METHODS = "newton", "built-in prior", "map"
 
