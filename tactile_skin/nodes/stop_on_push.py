@@ -33,7 +33,6 @@ from ..msg import (
 )
 from ..parameters.fields import configured
 from ..parameters.nodes import StopOnPush as Parameters
-from ..physics import readouts
 from . import QUEUE, diagnostics
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -203,7 +202,7 @@ class StopOnPush:
         peak /= self._gain
         if not 0.0 < peak < math.inf or not unknown:
             return 1.0
-        hidden = unknown * readouts.sharing(self._circuit, cells)
+        hidden = unknown * self._circuit.readout_class.sharing(self._circuit, cells)
         behind = np.maximum(curve.resistance(peak) - hidden, curve.least_resistance)
         return max(float(curve.force(behind)) / peak, 1.0)
 

@@ -130,7 +130,7 @@ class Supposed:
         self._curve = PressureCurve((0.0, 1.0), (softest.max(), hardest)).resting_at(softest)
 
     @cached_property
-    def _resting(self) -> readouts.Network:
+    def _resting(self) -> readouts.Readout:
         return readouts.solve(self.circuit, self.rest).behind_stripes(np.zeros(self.circuit.shape))
 
     @cached_property
@@ -183,7 +183,7 @@ class Supposed:
             return None
         touched = circuit.populated & (touched | _dilated(g > self._hard * self.rest))
 
-        def network(g: np.ndarray) -> readouts.Network:
+        def network(g: np.ndarray) -> readouts.Readout:
             return readouts.solve(circuit, g).behind_stripes(further)
 
         expected = network(np.where(touched, g, self.rest)).adc

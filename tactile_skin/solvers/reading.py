@@ -112,7 +112,7 @@ class Reading:
 
     @cached_property
     def apparent(self) -> tuple[np.ndarray | float, float]:
-        """`readouts.apparent` of the frame: scale and offset of `rho`."""
+        """`Readout.apparent` of the frame: scale and offset of `rho`."""
         adc = self.adc
         if not self.all_read:
             informative = self.known | self.capped | self.topped
@@ -123,7 +123,7 @@ class Reading:
     def rho(self) -> np.ndarray:
         """Return (rows, cols) measured resistance [ohm], kept finite and above 0.
 
-        It is two-terminal, or as `readouts.apparent` says.
+        It is two-terminal, or as `Readout.apparent` says.
         """
         return self._rho_at(self.adc)
 
@@ -133,7 +133,7 @@ class Reading:
             rho = self.circuit.r_ref * scale / adc - offset
         return np.minimum(np.maximum(rho, 1e-3), 1e12)
 
-    def rho_of(self, network: readouts.Network) -> np.ndarray:
+    def rho_of(self, network: readouts.Readout) -> np.ndarray:
         """(rows, cols) the same of a model [ohm]: equal if the readings are."""
         if self.circuit.readout_class.two_terminal:
             return network.rho
@@ -205,7 +205,7 @@ class Linearised(NamedTuple):
     """
 
     g: np.ndarray  # S, the cells' conductance
-    network: readouts.Network
+    network: readouts.Readout
     adc: np.ndarray  # ratio
     misfit: np.ndarray  # reading - model
     weight: np.ndarray  # of an ADC ratio of 1; 0 for readings that are not informative

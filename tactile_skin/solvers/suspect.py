@@ -9,7 +9,7 @@ import numpy as np
 
 from ..findings.finding import Finding, Kind, Where, at, lines
 from ..physics import readouts
-from .estimate import Estimate
+from .estimate import Estimate, spread
 from .reading import ROUNDING_NOISE, Reading, rest_reading
 
 # Standard deviations of chi^2 beyond which a frame is suspect: chosen so that 2 % of valid frames
@@ -179,9 +179,6 @@ def rounded(reading: Reading) -> bool:
     return 0.0 < reading.noise <= _ROUNDED_NOISE * ROUNDING_NOISE
 
 
-_SIGNS = np.array([1.0, -1.0])[:, None, None]
-
-
 def estimate_from_force(
     force,
     reading: Reading,
@@ -208,9 +205,7 @@ def estimate_from_force(
     slope = g * model.own * circuit.full_scale  # steps per log g
     misfit = reading.misfit(model.adc)
     shift = np.sqrt(np.square(misfit) + max(reading.noise, 1e-9) ** 2) / np.maximum(slope, 1e-9)
-    # both ends at once: half the time
-    ends = curve.force_at(_SIGNS * np.minimum(shift, 50.0) + log_g)
-    std = 0.5 * (ends[0] - ends[1])
+    std = spread(curve, log_g, np.minimum(shift, 50.0))
     finding = by_reading(reading)
     if slack and not finding:
         finding = by_residual(reading, model.adc, slack=slack)

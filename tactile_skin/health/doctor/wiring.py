@@ -15,7 +15,6 @@ import numpy as np
 
 from ...calibration.rest import UNLIKE
 from ...physics.circuit import Circuit
-from ...physics.readouts import of_network
 
 _TIE = 1e3  # times a cell's conductance, between two stripes that touch: more than a line has
 _INSULATION = 1e-7  # of a cell's conductance, between parts that nothing connects
@@ -133,7 +132,9 @@ class Wires:
         laplacian[np.diag_indices(nodes)] = -laplacian.sum(1)
         of_rows, of_cols = self.reads
         lines = of_rows, np.where(of_cols < 0, of_cols, of_cols + rows)
-        adc = of_network(self.circuit, laplacian / self.cell, lines, self.lead, self.r_ref)
+        adc = self.circuit.readout_class.of_network(
+            self.circuit, laplacian / self.cell, lines, self.lead, self.r_ref
+        )
         return measured_resistance(self.circuit, adc)
 
     def fitted(self, rho: np.ndarray, known: np.ndarray) -> tuple[Wires, np.ndarray, np.ndarray]:

@@ -17,11 +17,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..arrays import Floats, Ints
+from ..arrays import Floats
 from .floating import Floating
 from .grounded import Grounded
 from .loaded import Loaded
-from .readout import BOUND, Pair, Readout
+from .readout import BOUND, Readout
 from .virtual_ground import VirtualGround
 
 if TYPE_CHECKING:
@@ -36,12 +36,9 @@ __all__ = [
     "Floating",
     "Grounded",
     "Loaded",
-    "Network",
     "Readout",
     "VirtualGround",
     "apparent",
-    "of_network",
-    "sharing",
     "solve",
 ]
 
@@ -50,41 +47,13 @@ BY_NAME = {readout.name: readout for readout in _ALL}
 READOUTS = tuple(BY_NAME)
 PASSIVE = tuple(readout.name for readout in _ALL if readout.passive)
 DRIVEN = "rows", "columns"
-Network = Readout  # of one frame
 
 
-def solve(circuit: Circuit, g: Floats, derivatives: bool = True) -> Network:
+def solve(circuit: Circuit, g: Floats, derivatives: bool = True) -> Readout:
     """Return the network of cells g (rows, cols) [S]: see `Readout`."""
     return circuit.readout_class(circuit, g, derivatives)
 
 
-def of_network(
-    circuit: Circuit, laplacian: Floats, lines: tuple[Ints, Ints], leads: Pair, r_ref: Floats
-) -> Floats:
-    """Return (rows, cols) the ADC ratio of any network, of damaged wires, say: not fast.
-
-    Args:
-        laplacian: (nodes, nodes) [S].
-        lines: for rows and columns, the node that each address selects; -1: none, which reads 0.
-        leads: for rows and columns, what lies between each address and its node [ohm].
-        r_ref: of each sense line [ohm], infinite where it is missing; not if floating.
-    """
-    return circuit.readout_class.of_network(circuit, laplacian, lines, leads, r_ref)
-
-
-def sharing(circuit: Circuit, cells: float) -> float:
-    """Return how many cells of a square touch share the current through what lies in series.
-
-    An ohm there hides as much as so many ohm of each of them.
-    """
-    return circuit.readout_class.sharing(circuit, cells)
-
-
 def apparent(circuit: Circuit, adc: Floats) -> tuple[Floats | float, float]:
-    """Return how readings (..., rows, cols) become resistances that vary with their own cell most.
-
-    Returns:
-        scale, to be broadcast, or a number, and offset [ohm]: r_ref * scale / adc - offset is what
-        the readout's own `apparent` says.
-    """
+    """Return `Readout.apparent` of the circuit's readout."""
     return circuit.readout_class.apparent(circuit, adc)

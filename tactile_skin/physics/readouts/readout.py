@@ -117,17 +117,31 @@ class Readout(ABC):
         leads: Pair,
         r_ref: Floats,
     ) -> Floats:
-        """Return (rows, cols) the ADC ratio of any network: see `readouts.of_network`."""
+        """Return (rows, cols) the ADC ratio of any network, of damaged wires, say: not fast.
+
+        Args:
+            laplacian: (nodes, nodes) [S].
+            lines: for rows and columns, the node that each address selects; -1: none, reads 0.
+            leads: for rows and columns, what lies between each address and its node [ohm].
+            r_ref: of each sense line [ohm], infinite where it is missing; not if floating.
+        """
 
     @classmethod
     @abstractmethod
     def sharing(cls, circuit: Circuit, cells: float) -> float:
-        """Return how many cells of a touch share a current: see `readouts.sharing`."""
+        """Return how many cells of a square touch share the current through what lies in series.
+
+        An ohm there hides as much as so many ohm of each of them.
+        """
 
     @classmethod
     @abstractmethod
     def apparent(cls, circuit: Circuit, adc: Floats) -> tuple[Floats | float, float]:
-        """Return scale and offset of readings as resistances: see `readouts.apparent`."""
+        """Return how readings (..., rows, cols) become resistances that follow their own cell most.
+
+        Returns:
+            scale, to be broadcast, or a number, and offset [ohm], of r_ref * scale / adc - offset.
+        """
 
     @classmethod
     def guess(
