@@ -14,11 +14,9 @@ import numpy as np
 import pytest
 from support.implementations import COMPILED
 
-from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.learning.convolution import convolve
 from tactile_skin.physics import compiled, kernel, laplacian, quadratic
 from tactile_skin.physics.curve import Table
-from tactile_skin.simulation import scenes
 from tactile_skin.solvers import prior
 
 pytestmark = pytest.mark.skipif(COMPILED is None, reason="no compiler was found at installation")
@@ -144,27 +142,6 @@ def test_what_is_no_such_array_is_refused(rng):
         outside[0] = cell
         rest = given["measured"], given["low"], given["high"], 1780.0, 326.0, 0.0, 3
         assert COMPILED.fixed_point(4, 4, given["g"].copy(), outside.size, outside, *rest) == -1
-
-
-@pytest.mark.parametrize("family", ["blobs", "rects", "random"])
-@pytest.mark.parametrize("method", ["newton", "map"])
-def test_estimates_are_numpys(monkeypatch, family, method):
-    board, curve = Circuit(), PressureCurve()
-    rng = np.random.default_rng(7)
-    for force in scenes.sample(family, 5, *board.shape, rng):
-        adc = forward(board, curve.resistance(force))
-        if method == "map":
-            adc = np.rint(adc * 1023) / 1023
-        found = compensate(adc, board, curve, method)
-        with monkeypatch.context() as patch:
-            patch.setattr(compiled, "library", None)
-            plain = compensate(adc, board, curve, method)
-        assert found.status == plain.status
-        # map stops at the noise, where rounding leaves more to choose from than for newton
-        close = 1e-2 if method == "map" else 1e-6
-        np.testing.assert_allclose(found.force, plain.force, rtol=close, atol=0.1 * close)
-        # a cell that rounding keeps at rest, or not, has another spread
-        assert np.median(np.abs(found.std - plain.std)) < 1e-5
 
 
 def both(monkeypatch, function):

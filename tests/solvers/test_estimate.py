@@ -2,6 +2,7 @@
 """What `compensate` takes and returns: one frame or a batch, and arguments by method."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -136,3 +137,42 @@ def test_readings_below_rest_name_the_likelier_cause(low, remedy):
     found = compensate(adc, circuit, PressureCurve(), "newton", noise=0.5)
     assert found.status == "suspect"
     assert re.search(remedy, found.message)
+
+
+# --- a start and weights that cannot be used ---
+
+SMALL = Circuit(4, 6)
+FORCE = np.zeros((4, 6))
+FORCE[1:3, 2:4] = 2.0
+ADC = np.rint(forward(SMALL, CURVE.resistance(FORCE)) * 1023) / 1023
+LAST = compensate(ADC, SMALL, CURVE)
+
+
+def hole(value) -> np.ndarray:
+    force = np.ones((4, 6))
+    force[2, 3] = value
+    return force
+
+
+STARTS = {
+    "NaN": (replace(LAST, force=hole(np.nan)), "start.force = nan at row 2, column 3"),
+    "infinite": (replace(LAST, force=hole(np.inf)), "start.force = inf at row 2, column 3"),
+    "negative": (replace(LAST, force=hole(-1.0)), "start.force = -1.0 at row 2, column 3"),
+    "shape": (replace(LAST, force=np.ones((6, 4))), "start has shape (6, 4): the circuit is"),
+    "length": (replace(LAST, force=[1.0]), "start has shape (1,)"),
+    "batch": (compensate(np.stack([ADC] * 3), SMALL, CURVE), "start has shape (3, 4, 6)"),
+    "picture": (FORCE, "start is of type ndarray: must be an Estimate, that of the last frame"),
+    "name": ("map", "start is of type str: must be an Estimate"),
+}
+
+
+@pytest.mark.parametrize("wrong", STARTS)
+def test_a_bad_start_is_refused(wrong):
+    start, message = STARTS[wrong]
+    with pytest.raises(ValueError, match=re.escape(message)):
+        compensate(ADC, SMALL, CURVE, start=start)
+
+
+def test_weights_must_be_weights():
+    with pytest.raises(ValueError, match="weights are of type str: must be Weights"):
+        compensate(ADC, SMALL, CURVE, "cnn", weights="mine.npz")

@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The noise-aware inverse: its prior, its accuracy, its spread, its doubts."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from support.accuracy import accuracy
-from support.marks import ci, slow
+from support.marks import slow
 from support.prior import family as by_family
 from support.troubled import FAULTS, faulty
 
@@ -110,18 +108,6 @@ def test_the_precision_is_that_of_the_differences_one_by_one(shape, masked):
     direction = rng.standard_normal(shape) * cells
     product = prior.product(terms, direction, between).ravel()
     np.testing.assert_allclose(product, each.T @ (each @ direction.ravel()), atol=1e-9)
-
-
-def test_the_differences_depend_on_the_cells_alone():
-    """Another r_par, which a frame is fitted with, finds those of the last."""
-    mask = np.ones((16, 16), bool)
-    mask[3, 4] = False
-    between = prior.differences(CIRCUIT)
-    assert prior.differences(dataclasses.replace(CIRCUIT, r_par=300.0, r_ref=1000.0)) is between
-    holed = prior.differences(dataclasses.replace(CIRCUIT, mask=mask))
-    assert holed is not between
-    assert prior.differences(dataclasses.replace(CIRCUIT, mask=mask, adc_bits=12)) is holed
-    assert prior.differences(Circuit(8, 32)) is not between
 
 
 def test_the_step_goes_down_the_true_cost():
@@ -291,24 +277,6 @@ def test_readings_next_to_the_cut_off_err_to_neither_side():
     adc = scenes.read_out(circuit, true, "scan", rng)
     reading = check_reading(adc, circuit, CURVE, noise=SCAN_NOISE).above_cut_off()
     assert abs(reading.misfit(true).mean()) < 0.05 * SCAN_NOISE
-
-
-def palm(rng):
-    """(16, 16) [N]: a broad load, softer and softer towards its rim."""
-    row, col = np.mgrid[:16, :16]
-    (y, x), (high, wide), power = rng.uniform(2, 14, 2), rng.uniform(3, 6, 2), rng.choice([2, 3, 4])
-    force = np.exp(-(np.abs((row - y) / high) ** power) - np.abs((col - x) / wide) ** power)
-    return force * rng.uniform(0.5, 4.0) * np.exp(0.1 * rng.standard_normal(force.shape))
-
-
-@pytest.mark.parametrize("noise", [None, ci(SCAN_NOISE)])
-@pytest.mark.parametrize("readout", PASSIVE)
-def test_a_palm_is_no_fault(readout, noise):
-    """Its rim would be of another r_par, if its cells were at rest."""
-    circuit, rng = Circuit(readout=readout), np.random.default_rng(3)
-    frames = np.array([scan(palm(rng), rng, circuit) for _ in range(60)])
-    found = compensate(frames, circuit, CURVE, "map", noise=noise)
-    assert np.count_nonzero(found.status != "ok") <= 3
 
 
 def even(rng, scatter):

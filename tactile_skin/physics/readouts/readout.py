@@ -39,7 +39,7 @@ class Readout(ABC):
         shares_sum: whether the readings of a sense line share what its divider leaves of their sum:
             r_par lies with r_ref.
         knows_r_line, knows_r_drive: whether `Circuit.r_line` and `Circuit.r_drive` are modelled.
-        second: of these the one that frames tell besides r_par, if any.
+        second: of these the one that frames determine besides r_par, if any.
         takes_diodes: whether lines may be driven through diodes: none is held at 0 V.
     """
 
@@ -117,7 +117,7 @@ class Readout(ABC):
         leads: Pair,
         r_ref: Floats,
     ) -> Floats:
-        """Return (rows, cols) the ADC ratio of any network, of damaged wires, say: not fast.
+        """Return (rows, cols) the ADC ratio of any network, damaged wires included: not fast.
 
         Args:
             laplacian: (nodes, nodes) [S].
