@@ -124,9 +124,9 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
         message.append("if the lines are driven through diodes, enter circuit.diode")
     if doubts:
         remedy = "find what lies in series by touches first"
-        if circuit.readout != "floating":
+        if not circuit.readout_class.two_terminal:
             remedy = f"check r_ref = {circuit.r_ref:g} ohm, r_par = {circuit.r_par:g} ohm"
-            if circuit.readout == "grounded":
+            if circuit.readout_class.knows_r_drive:
                 remedy += f", r_drive = {circuit.r_drive:g} ohm"
         message.append(
             f"the circuit does not explain {doubts} of {len(frames)} frames: {remedy}, and check "

@@ -184,7 +184,7 @@ def _solve_frames(
 
 def names(circuit: Circuit) -> tuple[str, str]:
     """Of the two resistances that frames may tell."""
-    return "r_par", "r_drive" if circuit.readout == "grounded" else "r_line"
+    return "r_par", circuit.readout_class.second
 
 
 def values(circuit: Circuit) -> tuple[float, float]:
@@ -275,7 +275,8 @@ def _identified(circuit: Circuit, solution: Solution, ended: int) -> Identified:
     told = std < limits
     there = series_scale(shifted(circuit, off))
     told[0] |= abs(off[0]) > max(_EVIDENT * std[0], _FAR * there)
-    if ideal := circuit.readout in ("loaded", "virtual_ground"):
+    readout = circuit.readout_class
+    if ideal := not (readout.knows_r_line or readout.knows_r_drive):
         told[1] = False
     # What is not told stays as it was supposed, and the other is what then explains the frames.
     off = np.where(told, off + information[:, ::-1].diagonal() / information.diagonal()

@@ -183,7 +183,7 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
 def _other_way(seen: Recorded, touched: readout.Touched) -> Change | None:
     """Rows and columns exchanged, and what is driven as the touches say; None: neither fits."""
     supposed = replace(seen.circuit, rows=seen.circuit.cols, cols=seen.circuit.rows)
-    driven = DRIVEN[:1] if supposed.readout == "floating" else DRIVEN
+    driven = DRIVEN[:1] if supposed.readout_class.two_terminal else DRIVEN
     changes = [Change(supposed.read_as(supposed.readout, lines)) for lines in driven]
     tried = [(readout.misses(c.circuit, touched.after(c)), k, c) for k, c in enumerate(changes)]
     left, _, change = min(tried)

@@ -108,7 +108,7 @@ def record(frames, circuit: Circuit, rest: Rest | None) -> Recorded:
     power = np.square(change) * rows[:, None] * cols
     fell = float(power[change < 0.0].sum() / max(power.sum(), 1e-9))
     # A finger on a grounded matrix lowers the other readings of its line: by their mean it is rest.
-    level = _activity(np.abs(change) if circuit.readout == "grounded" else change, closed)
+    level = _activity(np.abs(change) if circuit.readout_class.shares_sum else change, closed)
     quiet = level <= np.quantile(level, _QUIET)
     calm, n = np.where(absent, 0.0, steps)[quiet], np.maximum((~absent)[quiet].sum(0), 1)
     mean = np.where((~absent)[quiet].any(0), calm.sum(0) / n, usual)

@@ -57,7 +57,9 @@ def in_series(seen: Recorded, skip, noisy, wires: wiring.Wires) -> list[Finding]
     said = []
     for name, least in (("r_par", _SERIES * series_scale(circuit)), ("r_drive", _DRIVE)):
         value, supposed = getattr(found.circuit, name), getattr(circuit, name)
-        if (name == "r_drive" and circuit.readout != "grounded") or found.frames < FEW_TOUCHES:
+        if (
+            name == "r_drive" and not circuit.readout_class.knows_r_drive
+        ) or found.frames < FEW_TOUCHES:
             continue
         if abs(value - supposed) > max(least, _SERIES_STD * found.std[name]):
             said.append(_finding(name, circuit, found))

@@ -266,7 +266,7 @@ class _Fit:
 
     def _has_resistor(self, axis: int, line: int) -> bool:
         circuit = self.wires.circuit
-        there = circuit.readout != "floating" and axis != circuit.sense_axis
+        there = not circuit.readout_class.two_terminal and axis != circuit.sense_axis
         return there and np.isfinite(self.wires.r_ref[line])
 
     @staticmethod
