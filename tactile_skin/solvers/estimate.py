@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -44,10 +44,6 @@ class Estimate:
     noise: float | np.ndarray = 0.0
     aside: np.ndarray | None = None
     finding: Finding | list[Finding | None] | None = None
-
-    def doubted(self, finding: Finding) -> Estimate:
-        """Return the same as a suspect one, for this reason."""
-        return replace(self, status="suspect", message=str(finding), finding=finding)
 
     def __post_init__(self):
         # Frames share pictures: an idle skin's are kept, and a frame like the last has that one's.

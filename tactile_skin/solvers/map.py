@@ -69,7 +69,8 @@ def map_estimate(reading: Reading, start: Estimate | None = None) -> Estimate:
         estimate = without_bad_contacts(reading, partial(_fit, warm=True), estimate) or estimate
     if estimate.status != "suspect" or not reading.late() or suspect.by_reading(reading):
         return estimate
-    return estimate.doubted(Finding(Kind.MISFIT, "late"))
+    finding = Finding(Kind.MISFIT, "late")
+    return replace(estimate, message=str(finding), finding=finding)
 
 
 def _unchanged(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | None:

@@ -178,7 +178,7 @@ def test_frames_that_tell_no_curve_are_refused(bench, change, named):
 
 
 def test_a_wrong_circuit_is_told(bench):
-    """By the frames that it does not explain; cells may make up for an r_par that is less far off."""
+    """By frames that it does not explain; cells may make up for an r_par that is less far off."""
     wrong = replace(bench.circuit, r_par=2.0 * bench.circuit.r_par)
     found = fit_curve(bench.frames, bench.weights, wrong, bench.rest)
     assert "find what lies in series by touches" in found.message
