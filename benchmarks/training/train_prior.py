@@ -78,7 +78,7 @@ def scene(family: str, rng) -> np.ndarray:
 
 
 def fit(force: np.ndarray, rng) -> Fit | None:
-    """The fit of one reading of it; None: nothing to learn from, as nothing touches."""
+    """The fit of one reading of it; None: nothing to learn from (the level prior, or no touch)."""
     adc, noise = forward(CIRCUIT, CURVE.resistance(force)), SCAN_NOISE
     if rng.random() < 0.5:
         adc = scenes.read_out(CIRCUIT, adc, "scan", rng)

@@ -251,6 +251,16 @@ class PressureCurve:
         root: Floats = self._root_of(log_g)
         return np.square(root) * self._gain_of(log_g)
 
+    def slope(self, force: float | Floats) -> Floats:
+        """d force / d log(resistance) [N], of the curve without its offset."""
+        gain = self._gain_of(force)
+        root = np.sqrt(np.minimum(np.maximum(force / gain, 0.0), self.points[-1][0]))
+        after = np.searchsorted(self._root, root, side="right")
+        k = np.minimum(np.maximum(after, 1), self._root.size - 1)
+        d_root = (self._root[k] - self._root[k - 1]) / (self._log_g[k - 1] - self._log_g[k])
+        slope: Floats = 2.0 * root * d_root * gain
+        return slope
+
     def describe(self) -> dict[str, list[float]]:
         """Return the curve's points as plain lists, as trained weights keep them.
 

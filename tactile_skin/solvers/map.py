@@ -38,7 +38,7 @@ _MEMORY = 4  # last costs, of which a step must not exceed the largest: a bound 
 _DENSE = 600  # unknowns up to which a Cholesky factor is faster than conjugate gradients
 _CG_STEPS = 100
 _UNCHANGED = 2.2  # standard deviations of chi^2 up to which a frame is that of the same load
-_WIDEN = 1.2  # what the measured coverage requires
+_WIDEN = 1.2  # what the measured coverage requires; not of loads on all cells
 # Noise that is measured in the frame (docs/derivation.md).
 _MAX_FITS = 6  # that may be made
 _AGREE = 1.15  # factor within which two agree
@@ -88,12 +88,15 @@ def _unchanged(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | N
     return replace(start, residual=residual, iterations=0)
 
 
-def _fit(reading: Reading, g: np.ndarray, warm: bool = False, fits: int = _MAX_FITS) -> Estimate:
+def _fit(
+    reading: Reading, g: np.ndarray, warm: bool = False, fits: int = _MAX_FITS, level=True
+) -> Estimate:
     """Fit the load to a reading.
 
     Args:
-        warm: g is close to the answer; a step that went as predicted is then the last one.
-        fits: that may be made to measure the noise, where it was not given.
+    warm: g is close to the answer; a step that went as predicted is then the last one.
+    fits: that may be made to measure the noise, where it was not given.
+    level: whether the load may be one of the level prior.
     """
     circuit, begin = reading.circuit, g
     g, steps = iterate(reading, g, START_STEPS, _NEAR * reading.fitted_noise)
@@ -102,8 +105,12 @@ def _fit(reading: Reading, g: np.ndarray, warm: bool = False, fits: int = _MAX_F
         reading = _with_noise_at_rest(reading, g)
     low = reading.bounds[0]
     at_rest = circuit.populated & (g < NEAR_REST * low)
+    broad = level and prior_terms.is_broad(circuit, at_rest) and prior_terms.is_level(reading, g)
     g = np.where(at_rest, low, g)
-    point, step, iterations, settled = _converge(reading, Point(reading, g), warm)
+    point, step, iterations, settled = _converge(reading, Point(reading, g, broad), broad, warm)
+    if broad and _leaves_level(reading, point):
+        found = _fit(reading, point.model.g, warm, fits, level=False)
+        return replace(found, iterations=found.iterations + steps + iterations)
     converged = step.solved and (settled or iterations == MAX_STEPS)
     if converged and not reading.late():
         again, g = reading, point.model.g
@@ -111,12 +118,12 @@ def _fit(reading: Reading, g: np.ndarray, warm: bool = False, fits: int = _MAX_F
             noise = _noise_left(reading, point, step)
             if not 1.0 / _AGREE < noise / reading.noise < _AGREE:
                 again = reading.with_noise(noise)
-            if again.noise > _LOUD * _USUAL_NOISE:
+            if broad or again.noise > _LOUD * _USUAL_NOISE:
                 g = begin
         if again.noise != reading.noise:
-            found = _fit(again, g, warm, max(fits - 1, 0))
+            found = _fit(again, g, warm, max(fits - 1, 0), level)
             return replace(found, iterations=found.iterations + steps + iterations)
-    force, std, adc = _forces(reading, point, step, converged)
+    force, std, adc = _forces(reading, point, step, converged, broad)
     residual = reading.residual(adc)
     finding = suspect.by_reading(reading)
     finding = finding or suspect.by_residual(reading, point.model.adc, ROUNDING_NOISE)
@@ -138,7 +145,7 @@ def _fit(reading: Reading, g: np.ndarray, warm: bool = False, fits: int = _MAX_F
 
 
 def _forces(
-    reading: Reading, point: Point, step: _Step, converged: bool
+    reading: Reading, point: Point, step: _Step, converged: bool, broad: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the force of each cell [N], its standard deviation [N] and the ADC ratio it gives.
 
@@ -149,11 +156,11 @@ def _forces(
     # Readings that share a sum share its error, of which each cell's standard deviation tells
     # the network nothing: it then trusts neighbours too much.
     independent = not circuit.readout_class.shares_sum
-    if converged and independent and step.equations is not None:
+    if converged and not broad and independent and step.equations is not None:
         smoothed = prior_terms.with_neighbours(reading, point, step.equations, std_x)
         g, std_x, adc = smoothed or (g, std_x, adc)
     log_g = np.log(g if circuit.mask is None else np.where(circuit.mask, g, 1.0))
-    std_x = _WIDEN * std_x
+    std_x = std_x if broad and independent else _WIDEN * std_x
     force = reading.curve.force_at(log_g)
     std = spread(reading.curve, log_g, np.minimum(std_x, 10.0))
     if circuit.mask is not None:
@@ -164,7 +171,9 @@ def _forces(
     return force, std, adc
 
 
-def _converge(reading: Reading, point: Point, warm: bool) -> tuple[Point, _Step, int, bool]:
+def _converge(
+    reading: Reading, point: Point, broad: bool, warm: bool
+) -> tuple[Point, _Step, int, bool]:
     """Gauss-Newton from a point: the last point and step, their number, whether that is the end."""
     costs = [point.cost]
     iterations, settled = 0, False
@@ -173,14 +182,15 @@ def _converge(reading: Reading, point: Point, warm: bool) -> tuple[Point, _Step,
         step = _gauss_newton(reading, point)
         if not step.solved:
             break
-        point = _descend(reading, point, step, max(costs[-_MEMORY:]))
+        point = _descend(reading, point, step, broad, max(costs[-_MEMORY:]))
         costs.append(point.cost)
-        # What is left to gain is the error of the quadratic's prediction.
+        # What is left to gain is the error of the quadratic's prediction. A load on the whole skin
+        # is tested by its cost, and is therefore fitted to the end.
         left = 2.0 * abs(costs[-2] - costs[-1] - step.gain)
         settled = step.gain < _SETTLED or (
-            left < _SETTLED and (warm or _gain_alone(reading, point) < _ALONE)
+            left < _SETTLED and not broad and (warm or _gain_alone(reading, point) < _ALONE)
         )
-        if settled or reading.late():
+        if settled or reading.late() or (broad and _leaves_level(reading, point)):
             break
     return point, step, iterations, settled
 
@@ -189,6 +199,16 @@ def _gain_alone(reading: Reading, point: Point) -> float:
     """Return the most that one cell alone would gain, in units of 1/2 chi^2."""
     at_rest = point.model.g <= reading.bounds[0] * BOUND
     return 0.5 * float(np.where(at_rest, point.alone, np.abs(point.alone)).max())
+
+
+def _leaves_level(reading: Reading, point: Point) -> bool:
+    """Whether a fit with the level prior finds a load that does not cover the skin.
+
+    The first guess lifts cells beside a hard touch, which that prior lets go. Noise does the same
+    to an even load, so it must be known.
+    """
+    at_rest = point.model.g < NEAR_REST * reading.bounds[0]
+    return reading.noise_given and not prior_terms.is_broad(reading.circuit, at_rest)
 
 
 def _with_noise_at_rest(reading: Reading, g: np.ndarray) -> Reading:
@@ -270,7 +290,7 @@ def _conjugate_gradients(point: Point, between, free: np.ndarray, b: np.ndarray)
     return conjugate_gradients(product, lambda r: r / diagonal, b, steps=_CG_STEPS, target=1e-2)
 
 
-def _descend(reading: Reading, point: Point, step: _Step, ceiling) -> Point:
+def _descend(reading: Reading, point: Point, step: _Step, broad: bool, ceiling) -> Point:
     """Take the step, or as much of it as stays below `ceiling`; the old point if none does."""
     if not step.free.size:
         return point
@@ -282,7 +302,7 @@ def _descend(reading: Reading, point: Point, step: _Step, ceiling) -> Point:
         g = point.model.g.copy()
         flat = g.reshape(-1)
         flat[step.free] = np.minimum(np.maximum(flat[step.free] + change, low), high)
-        new = Point(reading, g)
+        new = Point(reading, g, broad)
         if new.cost <= ceiling:
             return new
         dx = 0.4 * dx

@@ -19,6 +19,8 @@ from .reading import Reading
 
 # Chosen on bodies of many sizes and textures (benchmarks/accuracy/prior.py).
 _SPREAD = 0.3  # of x, and of its differences between neighbours, below which they are drawn to 0
+_BROAD = 0.1  # share of the cells at rest below which the whole skin is loaded
+_LEVEL = 5.0  # times the mean force, which no cell of an even load on the whole skin reaches
 # The last step, `with_neighbours`.
 _STEPS = 3  # at most; one nearly always
 _RISE = 3.0  # standard deviations by which chi^2 may rise: more is the step's curvature
@@ -86,11 +88,39 @@ def touches(x: np.ndarray, between: Differences) -> Quadratic:
     return Quadratic(value, gradient, diagonal, entries)
 
 
-def known(x: np.ndarray, mean: np.ndarray, std: np.ndarray, cells: np.ndarray) -> Quadratic:
-    """Return what is known of the x of some cells, all (rows, cols)."""
-    off = np.where(cells, (x - mean) / std, 0.0)
-    rate = np.where(cells, 1.0 / std, 0.0)
+def level(force: np.ndarray, slope: np.ndarray, cells: np.ndarray) -> Quadratic:
+    """Return a load on the whole skin: each cell's force is uniform from 0 to one unknown level.
+
+    The level is twice the mean force; a uniform spread has mean / sqrt(3).
+
+    Args:
+        slope: d force / d x.
+    """
+    mean = force[cells].mean()
+    if not mean > 0.0:  # a step that is too long; no load has that level
+        nothing = np.zeros(force.shape)
+        return Quadratic(np.inf, nothing, nothing, None)
+    found = known(force, slope, mean, mean / 3**0.5, cells)
+    # The level moves with the forces: without that, each step would lower all of them.
+    lift = 3.0 * (np.square(force[cells] / mean).mean() - 1.0) / mean
+    return found._replace(gradient=found.gradient - lift * np.where(cells, slope, 0.0))
+
+
+def known(force, slope, mean, std, cells) -> Quadratic:
+    """Return what is known of each force, mean and std [N].
+
+    Or of each x = log conductance, whose slope is 1.
+    """
+    off = np.where(cells, (force - mean) / std, 0.0)
+    rate = np.where(cells, slope / std, 0.0)
     return Quadratic(0.5 * np.square(off).sum(), off * rate, np.square(rate), None)
+
+
+def force_of(reading, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(rows, cols) force of cells that conduct g [N], and d force / d x."""
+    cells = reading.circuit.populated
+    force = np.where(cells, reading.curve.force(1.0 / np.where(cells, g, 1.0)), 0.0)
+    return force, -reading.curve.slope(force)
 
 
 def pressed(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -103,6 +133,18 @@ def pressed(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return gx, np.log(np.where(cells, gx * curve.points[0][1], 1.0))
 
 
+def is_broad(circuit, at_rest: np.ndarray) -> bool:
+    """Whether nearly all cells are loaded, by (rows, cols) which are at rest."""
+    cells = circuit.populated
+    return bool(np.count_nonzero(at_rest & cells) < _BROAD * np.count_nonzero(cells))
+
+
+def is_level(reading: Reading, g: np.ndarray) -> bool:
+    """Whether g may be of a load spread as the level prior says: no cell far above the mean."""
+    force = force_of(reading, g)[0][reading.circuit.populated]
+    return bool(force.max() < _LEVEL * force.mean())
+
+
 class Point:
     """All that follows from one g in a fit.
 
@@ -113,11 +155,14 @@ class Point:
         cost: in units of 1/2 chi^2.
     """
 
-    def __init__(self, reading: Reading, g: np.ndarray):
+    def __init__(self, reading: Reading, g: np.ndarray, broad: bool):
         self.model = reading.linearised(g, reading.fitted_noise)
         self.gx, self.x = pressed(reading, g)
         self._circuit = reading.circuit
-        self.prior = touches(self.x, differences(reading.circuit))
+        if broad:
+            self.prior = level(*force_of(reading, g), reading.circuit.populated)
+        else:
+            self.prior = touches(self.x, differences(reading.circuit))
         flat = self.model.misfit.ravel()
         self.cost = float(0.5 * (flat @ flat) + self.prior.value)
 
@@ -249,7 +294,7 @@ def with_neighbours(
     limit = np.square(point.model.misfit).sum() + _RISE * (2.0 * reading.n_informative) ** 0.5
     low, high = (bound.ravel()[free] for bound in reading.bounds)
     for _ in range(_STEPS):
-        terms = known(point.x, mean, std, unknown)
+        terms = known(point.x, 1.0, mean, std, unknown)
         b = (point.pull - terms.gradient).ravel()[free]
         here, change = point.model.g.ravel()[free], point.gx.ravel()[free]
         ends = ((bound - here) / change for bound in (low, high))
@@ -266,6 +311,6 @@ def with_neighbours(
             std_x = std_x.copy()
             std_x.flat[free[inside]] = np.sqrt(inverse(factor).diagonal())
             return g, std_x, adc
-        point = Point(reading, g)
+        point = Point(reading, g, False)
         data = information(point.jacobian(free))
     return None

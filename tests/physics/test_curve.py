@@ -47,6 +47,16 @@ def test_is_clipped_at_both_ends():
     assert CURVE.resistance(-1.0) == pytest.approx(CURVE.rest_resistance)
 
 
+def test_slope_equals_finite_differences():
+    force = np.array([0.03, 0.3, 1.1, 6.0])
+    step = 1e-6
+    resistance = CURVE.resistance(force)
+    numeric = (CURVE.force(resistance * (1 + step)) - CURVE.force(resistance * (1 - step))) / (
+        2 * step
+    )
+    np.testing.assert_allclose(CURVE.slope(force), numeric, rtol=1e-2)
+
+
 def test_round_trip_through_a_file(tmp_path):
     file = tmp_path / "curve.yaml"
     file.write_text("force: [0, 1, 5]\nresistance: [20000, 900, 100]\n")
@@ -76,12 +86,15 @@ def test_a_bad_file_is_named(tmp_path, text, message):
 
 
 def test_a_gain_scales_the_force():
-    """Both ways, and its end; the points and the resistance at rest stay."""
+    """Both ways, its slope, and its end; the points and the resistance at rest stay."""
     gain = np.array([[0.5, 1.0], [2.0, 1.3]])
     usual, own = PressureCurve(), PressureCurve().with_gain(gain)
     force = np.full((2, 2), 1.5)
     np.testing.assert_allclose(own.resistance(force * gain), usual.resistance(force))
     np.testing.assert_allclose(own.force(own.resistance(force)), force)
+    step = 1e-4
+    higher = own.force(own.resistance(force) * np.exp(step))
+    np.testing.assert_allclose(own.slope(force), (higher - force) / step, rtol=1e-2)
     np.testing.assert_array_equal(own.resistance(force[0, :1]), usual.resistance(force[0, :1]))
     assert own.max_force == 0.5 * usual.max_force
     assert own.rest_resistance == usual.rest_resistance

@@ -6,6 +6,7 @@ import pytest
 from support.accuracy import accuracy
 from support.marks import slow
 from support.prior import family as by_family
+from support.prior import load as load_of
 from support.troubled import faulty
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
@@ -37,6 +38,26 @@ def test_the_priors_gradient_is_that_of_its_value(holes):
         step[i] = 1e-6
         up, down = (prior.touches(x + s, between).value for s in (step, -step))
         assert (up - down) / 2e-6 == pytest.approx(gradient[i], abs=1e-6)
+
+
+@pytest.mark.parametrize("holes", [0.0, 0.25])
+def test_the_level_priors_gradient_is_that_of_its_value(holes):
+    """Its level is that of the forces and moves with them."""
+    rng = np.random.default_rng(2)
+    x = rng.normal(-8.0, 0.5, (5, 6))
+    cells = rng.random((5, 6)) >= holes
+
+    def level(x):
+        force = CURVE.force(np.exp(-x))
+        return prior.level(force, -CURVE.slope(force), cells)
+
+    gradient = level(x).gradient
+    assert np.abs(gradient[cells]).min() > 0.0 and not gradient[~cells].any()
+    for i in np.argwhere(cells):
+        step = np.zeros(x.shape)
+        step[tuple(i)] = 1e-5
+        slope = (level(x + step).value - level(x - step).value) / 2e-5
+        assert slope == pytest.approx(gradient[tuple(i)], rel=2e-3, abs=2e-3)
 
 
 @pytest.mark.parametrize("side", [8, 16])
@@ -116,12 +137,12 @@ def test_the_step_goes_down_the_true_cost():
     truth = rng.uniform(0.1, 5.0, (4, 5))
     reading = check_reading(scan(truth, rng, circuit), circuit, CURVE)
     x = np.log(1.0 / CURVE.resistance(truth * rng.uniform(0.7, 1.3, truth.shape)))
-    point = prior.Point(reading, np.exp(x))
+    point = prior.Point(reading, np.exp(x), False)
     step = _gauss_newton(reading, point)
     direction = np.zeros(20)
     direction[step.free] = step.dx
     direction = 1e-6 * direction.reshape(4, 5)
-    up, down = (prior.Point(reading, np.exp(x + s)).cost for s in (direction, -direction))
+    up, down = (prior.Point(reading, np.exp(x + s), False).cost for s in (direction, -direction))
     assert (up - down) / 2e-6 == pytest.approx(-2.0 * step.gain, rel=1e-3)
 
 
@@ -148,6 +169,19 @@ def test_what_neighbours_say_gives_way_to_the_readings(monkeypatch):
     found = compensate(adc, CIRCUIT, CURVE, "map", noise=SCAN_NOISE)
     assert found.status == "ok" and found.residual < 1.2 * sound.residual
     assert np.abs(found.force - force).mean() < 2.0 * np.abs(sound.force - force).mean()
+
+
+@pytest.mark.parametrize("seed", [13, 132, 161])
+def test_hard_bodies_on_half_of_the_skin_are_no_load_on_all_of_it(seed):
+    """The first guess lifts the cells beside them; as they return to rest, the level prior goes."""
+    rng = np.random.default_rng(seed)
+    force = load_of("large bodies", 1, rng)[0]
+    adc = scan(force, rng)
+    found, exact = (
+        np.abs(compensate(adc, CIRCUIT, CURVE, method, noise=SCAN_NOISE).force - force).mean()
+        for method in ("map", "newton")
+    )
+    assert found < 0.8 * exact
 
 
 @pytest.mark.parametrize(("family", "limit"), [("blobs", 4.2), ("rects", 13.0)])
@@ -267,6 +301,13 @@ def test_a_palm_is_not_suspect_and_its_sum_is_right(shape, spread):
         estimate = compensate(adc, circuit, CURVE)
         assert estimate.status == "ok", estimate.message
         assert estimate.force.sum() == pytest.approx(force.sum(), rel=0.08)
+
+
+def test_a_load_of_nothing_has_no_level(recwarn):
+    """A step that is too long leads there: it costs more than any other, without a warning."""
+    nothing = np.zeros((4, 4))
+    assert prior.level(nothing, nothing - 1.0, np.ones((4, 4), bool))[0] == np.inf
+    assert not recwarn.list
 
 
 def test_readings_next_to_the_cut_off_err_to_neither_side():

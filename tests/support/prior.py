@@ -24,7 +24,7 @@ TUNED = {
     "pictures": "nothing",
     "blobs": "yes, other seeds",
     "rects": "yes, other seeds",
-    "random": "nothing",
+    "random": "level prior only",
 }
 METHODS = "newton", "built-in prior", "map"
 
