@@ -34,9 +34,6 @@ _FRAMES = 2.0
 _SHORTEST = 0.05  # s
 _LONGEST = 0.5  # s: a push must not wait for longer
 _FOLLOW = 0.1  # share of the usual interval between frames that each frame renews
-# What takes a tenth of the time of a fit under a palm, errs by twice as much, and says nothing of
-# the circuit.
-_FAST = "fixed_point"
 
 
 class Skin:
@@ -50,7 +47,7 @@ class Skin:
         std: (rows, cols) of the last picture, one standard deviation of each force [N].
         waits: whether the rest has still to be measured for the first time.
         taken: method -> number of frames.
-        fitted: whether the method in use took the last frame, not the fast one.
+        fitted: whether the last frame was fitted in full, not in a hurry.
     """
 
     def __init__(
@@ -127,13 +124,13 @@ class Skin:
         Args:
             t: when it was read.
             samples: (rows, cols) of skin/adc.
-            late: whether it has waited: `auto` takes the fast method then.
+            late: whether it has waited: `auto` hurries then.
             stopped: whether a fault of this skin stops the robot.
 
         Returns:
             (rows, cols) force [N]; None: no picture was found.
         """
-        self.fitted, since, self._at = True, t - self._at, t
+        since, self._at = t - self._at, t
         if since > 0.0:
             self._interval += _FOLLOW * (since - self._interval)
         shape = self.circuit.shape
@@ -145,11 +142,11 @@ class Skin:
             return None
         try:
             adc = self._adc.ratio_of(samples)
-            self.fitted = not (late and self._hurries(adc))
-            estimate = self._compensate(adc)
+            estimate = self._compensate(adc, hurry=late and not self._threshold)
         except ValueError as error:
             self.refuse(str(error))
             return None
+        self.fitted = estimate.method != "fixed_point" or self._method != "auto"
         # A touch that comes or goes leaves a few suspect frames, as the board's low-pass mixes
         # scans: they are close to the truth. More in a row may be a bad local fit: start anew,
         # unless the fault is known.
@@ -184,20 +181,19 @@ class Skin:
         """Refuse a frame of which nothing can be made."""
         self.status, self.message, self._doubt = "failed", why, None
 
-    def _hurries(self, adc: np.ndarray) -> bool:
-        """Whether the fast method may stand for the one in use: it needs a value of each cell."""
-        if self._method != "auto" or self._threshold:
-            return False
-        unknown = np.isnan(adc) | self._adc.bounds(adc)
-        return not unknown[self.circuit.populated].any()
-
-    def _compensate(self, adc: np.ndarray) -> Estimate:
-        method, given = (self._method, self._given) if self.fitted else (_FAST, self._common)
+    def _compensate(self, adc: np.ndarray, hurry: bool) -> Estimate:
+        given = self._given | {"hurry": hurry}
         if given["noise"] is None and self._tare.noise is not None:
             given = given | {"noise": max(self._tare.noise, ROUNDING_NOISE)}
         limit = self._time_limit or min(max(_FRAMES * self._interval, _SHORTEST), _LONGEST)
         return compensate(
-            adc, self.circuit, self._tare.curve, method, start=self._last, time_limit=limit, **given
+            adc,
+            self.circuit,
+            self._tare.curve,
+            self._method,
+            start=self._last,
+            time_limit=limit,
+            **given,
         )
 
     def _rest(self, t: float, adc: np.ndarray, estimate: Estimate) -> None:

@@ -65,6 +65,7 @@ def compensate(
     threshold: float = 0.0,
     ceiling: float = 1.0,
     time_limit: float | None = None,
+    hurry: bool = False,
 ) -> Estimate:
     """Undo the cross-talk of one frame, or of each of a batch.
 
@@ -86,6 +87,7 @@ def compensate(
             to be above (map and auto only).
         time_limit: seconds after which an iteration gives up on a frame; its last estimate is
             "failed".
+        hurry: whether `auto` is to take `fixed_point` for what touches; the others ignore it.
 
     Returns:
         The estimate, of a batch with a leading axis: force and std (n, rows, cols), all else (n,).
@@ -98,7 +100,7 @@ def compensate(
     """
     if method not in METHODS:
         raise ValueError(f"method {method!r}: must be one of {', '.join(METHODS)}")
-    given = {"weights": weights, "start": start}
+    given = {"weights": weights, "start": start, "hurry": hurry}
     if weights is not None and "weights" not in _TAKES[method]:
         users = " and ".join(m for m, takes in _TAKES.items() if "weights" in takes)
         raise ValueError(f"method {method!r} does not use weights: only {users} do")

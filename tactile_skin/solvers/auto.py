@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from .estimate import Estimate
+from .fixed_point import fixed_point
 from .map import map_estimate
 from .newton import newton
 from .reading import Reading, check_reading, rest_reading, robust_std
@@ -20,10 +21,12 @@ _IDLE_PEAK = 4.5
 _EXACT_IDLE_PEAK = 1e-9  # the same of exact readings [ADC steps]
 
 
-def auto(reading: Reading, start: Estimate | None = None) -> Estimate:
+def auto(reading: Reading, start: Estimate | None = None, hurry: bool = False) -> Estimate:
     """Nothing where nothing touches, `newton` for exact readings that it explains, else `map`.
 
-    `map` sizes itself: its unknowns are the touched cells alone, and it stops at the noise.
+    `map` sizes itself: its unknowns are the touched cells alone, and it stops at the noise. In a
+    hurry, `fixed_point` stands for both: it takes a tenth of the time of a fit under a palm, errs
+    by twice as much, and says nothing of the circuit.
     """
     circuit, curve = reading.circuit, reading.curve
     rest = rest_reading(circuit, curve)
@@ -32,6 +35,8 @@ def auto(reading: Reading, start: Estimate | None = None) -> Estimate:
         quiet = reading.with_noise(robust_std(np.abs(reading.misfit(rest))))
     if (idle := _idle_estimate(quiet, rest)) is not None:
         return idle
+    if hurry and reading.all_cells_read:
+        return fixed_point(reading)
     if reading.noise == 0.0 and reading.all_cells_read:
         estimate = newton(reading, start)
         if estimate.status == "ok":

@@ -20,7 +20,10 @@ from .reading import Reading
 # Chosen on bodies of many sizes and textures (benchmarks/accuracy/prior.py).
 _SPREAD = 0.3  # of x, and of its differences between neighbours, below which they are drawn to 0
 _BROAD = 0.1  # share of the cells at rest below which the whole skin is loaded
-_LEVEL = 5.0  # times the mean force, which no cell of an even load on the whole skin reaches
+# Geary's contiguity ratio: 1 where neighbours differ as any two cells do. That of touches that cover
+# the skin is below 0.45, that of loads that are independent in each cell above 0.6, by first guesses
+# of scans of 8x8 and 16x16 cells of all readouts (seed 555).
+_ALIKE = 0.55
 # The last step, `with_neighbours`.
 _STEPS = 3  # at most; one nearly always
 _RISE = 3.0  # standard deviations by which chi^2 may rise: more is the step's curvature
@@ -140,9 +143,11 @@ def is_broad(circuit, at_rest: np.ndarray) -> bool:
 
 
 def is_level(reading: Reading, g: np.ndarray) -> bool:
-    """Whether g may be of a load spread as the level prior says: no cell far above the mean."""
-    force = force_of(reading, g)[0][reading.circuit.populated]
-    return bool(force.max() < _LEVEL * force.mean())
+    """Whether neighbours under g (rows, cols) [S] are no more alike than any two cells."""
+    x, between = pressed(reading, g)[1].ravel(), differences(reading.circuit)
+    apart = between.weight @ np.square(x[between.here] - x[between.there])
+    as_any = 2.0 * x[reading.circuit.populated.ravel()].var() * between.weight.sum()
+    return bool(apart > _ALIKE * as_any)
 
 
 class Point:

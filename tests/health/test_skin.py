@@ -97,6 +97,15 @@ def test_a_late_frame_is_taken_by_the_fast_method_if_the_user_asked_for_none():
         assert board.skin.taken["fixed_point"] == fast
 
 
+def test_a_late_frame_of_an_untouched_skin_is_known_as_that():
+    """It takes less than the fast method would, and judges the skin in full."""
+    board = Board()
+    board.feel(NOTHING, 150)
+    before = board.skin.taken["rest"]
+    board.feel(NOTHING, 20, late=True)
+    assert board.skin.taken["rest"] == before + 20 and board.skin.fitted
+
+
 @pytest.mark.parametrize("late", [False, True])
 @pytest.mark.parametrize("shape", [(4, 4), (8, 9), (64,), (0, 8), (1, 8, 8)])
 def test_a_frame_of_which_nothing_can_be_made_fails_and_the_next_does_not(shape, late):
