@@ -129,7 +129,12 @@ MECHANISMS = (
     Mechanism(
         "odd cells", "one cell jumps about, or never moves",
         (f"{_HEALTH}/odd_cells.py",),
-        (_finds("health.odd_cells:OddCells.findings"),),
+        (_finds("health.odd_cells:OddCells.findings", "jumps", "constant"),),
+    ),
+    Mechanism(
+        "contacts", "one reading is left out again and again",
+        (),
+        (_finds("health.odd_cells:OddCells.findings", "set aside"),),
     ),
     Mechanism(
         "untouched.line", "a line at rest reads as another one did",
@@ -245,6 +250,7 @@ BUNDLES = {  # switched off together
     "rivals, guards, impossible": (
         "other_r_par", "other_readout", "tare guards", "impossible readings",
     ),
+    "aside + contacts": ("aside", "contacts"),
 }  # fmt: skip
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Single cells that no touch moves so: they jump about, or never move."""
+"""Single cells that no touch moves so: they jump about, never move, or are often set aside."""
 
 from __future__ import annotations
 
@@ -15,13 +15,35 @@ _LEAST = 0.3  # N
 _ALONE = 0.3  # of the change, or of the force: its neighbours have less
 _MEMORY = 1.0  # s in which a count of reversals falls by 1/e,
 _JUMPS = 20.0  # and reversals that make a cell one that jumps: no finger drums so
-_OVER = 0.25  # of these reversals, that end it
+# The same, of times that a reading is set aside. On a sound board each is once a minute; a touch
+# that comes or goes sets one aside up to 6 times in a row (8 x 8, seed 33201).
+_CONTACT_MEMORY = 10.0
+_SET_ASIDE = 15.0
+_OVER = 0.25  # of these counts, that ends it
 # Of its force, by which noise alone moves the mean of a look; a hand trembles more (3 % RMS in the
 # tests). In a second a trembling force stays within it by chance once in some 10,000 times.
 _STEADY = 0.02
 _LOOK = 0.05  # s whose mean is looked at
 _STANDS = 1.0  # s for which a stuck cell stands still, alone
 _NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], bool)
+
+
+class Often:
+    """Counts what happens to each cell, and forgets it in time.
+
+    Attributes:
+        count: (rows, cols) times.
+        cells: (rows, cols) bool, where it happens often.
+    """
+
+    def __init__(self, shape, memory: float, limit: float):
+        self._memory, self._limit = memory, limit
+        self.count, self.cells = np.zeros(shape), np.zeros(shape, bool)
+
+    def add(self, times, elapsed: float) -> None:
+        """Count `times` (rows, cols) after so many seconds."""
+        self.count = self.count * np.exp(-max(elapsed, 0.0) / self._memory) + times
+        self.cells = self.count > self._limit * np.where(self.cells, _OVER, 1.0)
 
 
 class OddCells(Check):
@@ -31,7 +53,8 @@ class OddCells(Check):
         shape = adc.circuit.shape
         self._force, self._t = np.zeros(shape), -np.inf
         self._way = np.zeros(shape)  # +-1, of each cell's last jump
-        self._reversals, self._jumping = np.zeros(shape), np.zeros(shape, bool)
+        self._reversals = Often(shape, _MEMORY, _JUMPS)
+        self._aside = Often(shape, _CONTACT_MEMORY, _SET_ASIDE)
         self._stood_at = np.zeros(shape)  # N
         self._looked = -np.inf  # s
         self._sum, self._frames = np.zeros(shape), 0  # N, of the frames since
@@ -42,18 +65,18 @@ class OddCells(Check):
         t, force, before = seen.t, seen.estimate.force, self._force
         elapsed, step = t - self._t, force - before
         self._force, self._t = force, t
-        self._reversals *= np.exp(-max(elapsed, 0.0) / _MEMORY)
+        aside = seen.estimate.aside
+        self._aside.add(0.0 if aside is None else aside, elapsed)
         if not 0.0 < elapsed < _MEMORY:
             step, self._since[:] = np.zeros(force.shape), np.inf
         high = np.maximum(force, before)
         if high.max() < _LEAST:  # nothing touches: the usual case
-            self._jumping &= self._reversals > _OVER * _JUMPS
+            self._reversals.add(0.0, elapsed)
             self._since[:], self._stuck[:] = np.inf, False
             return
         jumps = np.abs(step) > np.maximum(_LEAST, _STEP * high)
         jumps &= _around(np.abs(step)) < _ALONE * np.abs(step)
-        self._reversals += jumps & (np.sign(step) == -self._way)
-        self._jumping = self._reversals > _JUMPS * np.where(self._jumping, _OVER, 1.0)
+        self._reversals.add(jumps & (np.sign(step) == -self._way), elapsed)
         self._way = np.where(jumps, np.sign(step), self._way)
         self._sum, self._frames = self._sum + force, self._frames + 1
         if not 0.0 <= t - self._looked < _LOOK:
@@ -61,14 +84,17 @@ class OddCells(Check):
             self._looked, self._sum, self._frames = t, np.zeros(force.shape), 0
 
     def findings(self) -> list[Finding]:
-        """Return the worst cell that is odd by now."""
-        if self._jumping.any():
-            return [Finding(Kind.CONTACT, "jumps", **largest(self._reversals))]
-        if self._stuck.any():
+        """Return which cells are odd by now; one of each kind, the worst."""
+        found = []
+        if self._reversals.cells.any():
+            found.append(Finding(Kind.CONTACT, "jumps", **largest(self._reversals.count)))
+        elif self._stuck.any():
             cell = np.argwhere(self._stuck)[0]
             numbers = {"force": float(self._force[tuple(cell)]), "seconds": _STANDS}
-            return [Finding(Kind.STUCK, "constant", **at(cell), numbers=numbers)]
-        return []
+            found.append(Finding(Kind.STUCK, "constant", **at(cell), numbers=numbers))
+        if self._aside.cells.any():
+            found.append(Finding(Kind.CONTACT, "set aside", **largest(self._aside.count)))
+        return found
 
     def _look_for_still_ones(self, t: float, force: np.ndarray) -> None:
         off = np.abs(force - self._stood_at)

@@ -8,11 +8,11 @@ import numpy as np
 from tactile_skin.health.check import Seen, Windows
 
 
-def seen(t=0.0, *, force=None, samples=None, adc=None, rest=None, noise=0.0, **more):
+def seen(t=0.0, *, force=None, aside=None, samples=None, adc=None, rest=None, noise=0.0, **more):
     """Return a frame with what is given; samples are taken as rising."""
     given = next(picture for picture in (force, samples, adc) if picture is not None)
     force = np.zeros(np.shape(given)) if force is None else force
-    estimate = SimpleNamespace(force=force, status="ok", message="")
+    estimate = SimpleNamespace(force=force, aside=aside, status="ok", message="")
     more = {"stirs": False, "window": None} | more
     return Seen(t, samples, samples, adc, estimate, rest=rest, noise=noise, **more)
 

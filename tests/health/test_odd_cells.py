@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A cell that jumps about or never moves is named; touches are not."""
+"""A cell that jumps about, never moves, or is often set aside is named; touches are not."""
 
 import numpy as np
 import pytest
@@ -106,3 +106,38 @@ def test_a_gap_in_time_begins_anew(rng):
     frames = one_cell(np.full(80, 5.0))
     assert not any(watch(frames, cells))
     assert not any(watch(frames, cells, 100.0))
+
+
+# --- readings that are set aside ---
+
+
+def set_aside(cells, frames, start=0.0):
+    """Whether a contact is named after frames in which these cells are set aside (None: none)."""
+    for k, at in enumerate(frames):
+        aside = np.zeros(SHAPE, bool)
+        if at is not None:
+            aside[at] = True
+        cells.frame(seen(start + k * FRAME, force=np.zeros(SHAPE), aside=aside))
+    return said(cells)
+
+
+def test_a_reading_that_is_set_aside_in_half_of_the_frames_is_named_soon():
+    cells = odd_cells()
+    assert set_aside(cells, [AT, None] * 25).startswith(f"row {AT[0]}, column {AT[1]}: reads less")
+    assert not set_aside(cells, [None] * 3000, 0.5), "it is over"
+
+
+def test_one_of_a_few_frames_is_named_in_time():
+    cells = odd_cells()
+    assert not set_aside(cells, [AT, *[None] * 24] * 4)
+    assert set_aside(cells, [AT, *[None] * 24] * 20, 1.0)
+
+
+def test_what_a_touch_sets_aside_as_it_comes_is_not():
+    cells = odd_cells()
+    for col in range(8):  # each touch elsewhere
+        assert not set_aside(cells, [(2, col)] * 6 + [None] * 94, float(col))
+
+
+def test_several_at_once_are_not_added_up():
+    assert not set_aside(odd_cells(), [(k % 8, k % 7) for k in range(100)])
