@@ -169,7 +169,7 @@ MECHANISMS = (
     Mechanism(
         "twins", "two lines, or half of them, read the same at rest",
         tuple(f"calibration/at_rest.py:{name}" for name in (
-            "twins", "stuck_bits", "_Pairs", "_sides", "which_are_one",
+            "equal_lines", "address_bits", "which_are_one",
         )), (_finds_one("calibration.tare:which_are_one"),),
     ),
     Mechanism(

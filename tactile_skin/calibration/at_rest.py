@@ -10,8 +10,6 @@ across tell, which lie side by side.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from scipy.special import gammainccinv, gammaincinv
 
@@ -39,107 +37,81 @@ _NEAR_WHOLE = 0.01  # ADC steps off a whole one,
 _WHOLE = 0.3  # and share of readings that may be so near to it
 
 
-def twins(steps: np.ndarray, noise: float, cells: np.ndarray) -> tuple[int, int, int] | None:
-    """Return the pair of lines that are one, as (axis, k, l); None: there is none.
+def equal_lines(steps: np.ndarray, noise: float, cells: np.ndarray) -> list[tuple[int, int, int]]:
+    """Return (axis, line, line) of each pair of lines that are one.
 
     Args:
         steps: (rows, cols) mean reading of an untouched skin [ADC steps].
         noise: RMS of each [ADC steps].
         cells: (rows, cols) bool, those that exist.
     """
-    for axis, pairs in _sides(steps, noise, cells):
-        below = pairs.square / pairs.count - pairs.alike(pairs.count)
-        if below.min() < 0.0:
-            k = int(below.argmin())
-            return axis, int(pairs.one[k]), int(pairs.other[k])
-    return None
-
-
-def stuck_bits(
-    steps: np.ndarray, noise: float, cells: np.ndarray
-) -> tuple[int, tuple[int, ...]] | None:
-    """Return the address bits, as (axis, bits), without which all lines are read.
-
-    Lines that differ in these bits only read alike; together they tell more surely than each pair.
-    Other lines as near to one another, or nearer, must be apart: those of a smooth fabric are not.
-
-    Args:
-        as of `twins`.
-    """
-    for axis, pairs in _sides(steps, noise, cells):
-        bits, distance = pairs.one ^ pairs.other, pairs.other - pairs.one
-        for mask in range((1 << int(pairs.other.max()).bit_length()) - 2, 0, -1):
-            group = bits & ~mask == 0
-            others = (distance <= distance[group].max(initial=0)) & ~group
-            if np.count_nonzero(group) < 2 or not others.any():
-                continue
-            n = pairs.count[group].sum()
-            near = np.median((pairs.square / pairs.count)[others])
-            if pairs.square[group].sum() / n < min(pairs.alike(n), _ALIKE * near):
-                return axis, tuple(k for k in range(mask.bit_length()) if mask >> k & 1)
-    return None
-
-
-class _Pairs(NamedTuple):
-    """All pairs of rows, or of columns, that have cells to be compared by.
-
-    Attributes:
-        one, other: (pairs,) lines.
-        square: (pairs,) squared differences, summed [ADC steps squared]; count: of so many.
-        across: mean squared difference of neighbours along the lines [ADC steps squared].
-        noise: what noise explains of a squared difference [ADC steps squared].
-    """
-
-    one: np.ndarray
-    other: np.ndarray
-    square: np.ndarray
-    count: np.ndarray  # type: ignore[assignment]  # a tuple has a method of this name
-    across: float
-    noise: float
-
-    @property
-    def usual(self) -> float:
-        return float(np.median(self.square / self.count))
-
-    def alike(self, n):
-        """Mean squared difference of n cells, below which it is noise, and no chance."""
-        # the smoother the fabric, the fewer of its cells are independent of those beside them
-        free = 0.5 * n * min(1.0, self.across / max(self.usual, 1e-300))
-        # of normal differences the sum of n squares is chi^2, whose small values are rare
-        alike = gammaincinv(free, _CHANCE / (2.0 * self.count.size)) / free
-        return np.minimum(np.minimum(alike, _ALIKE) * self.usual, _NOISE * self.noise)
-
-
-def _sides(steps: np.ndarray, noise: float, cells: np.ndarray):
-    """Yield (axis, _Pairs) of both, if they can be compared."""
     if not cells.any() or np.mean(np.abs(steps - np.rint(steps))[cells] < _NEAR_WHOLE) > _WHOLE:
-        return  # rounded without noise that would average it away: many read alike
+        return []  # rounded without noise that would average it away: many read alike
+    found, by_noise = [], 2.0 * noise**2
     for axis, values, there in ((0, steps, cells), (1, steps.T, cells.T)):
         one, other = np.triu_indices(len(values), 1)
         both = there[one] & there[other]  # (pairs, cells of a line)
-        n = both.sum(1)
-        one, other, both, n = (of[n > 0] for of in (one, other, both, n))
-        beside = there[:, 1:] & there[:, :-1]  # of the other lines, next to one another
-        if n.size and beside.any():
-            square = (np.square(values[one] - values[other]) * both).sum(1)
-            across = np.square(np.diff(values, axis=1))[beside].mean()
-            pairs = _Pairs(one, other, square, n, float(across), 2.0 * noise**2)
-            if pairs.usual * _ALIKE >= pairs.noise:  # those of a simulated fabric may not differ
-                yield axis, pairs
+        one, other, both = (of[both.any(1)] for of in (one, other, both))
+        n, beside = both.sum(1), there[:, 1:] & there[:, :-1]  # of the other lines
+        if not (n.size and beside.any()):
+            continue
+        square = (np.square(values[one] - values[other]) * both).sum(1) / n
+        usual = float(np.median(square))
+        if usual * _ALIKE < by_noise:  # those of a simulated fabric may not differ
+            continue
+        # the smoother the fabric, the fewer of its cells are independent of those beside them
+        across = np.square(np.diff(values, axis=1))[beside].mean()
+        free = 0.5 * min(1.0, across / max(usual, 1e-300))
+
+        def most(n, free=free, pairs=n.size, usual=usual):
+            """Return the mean square of n cells below which it is noise, and no chance."""
+            # of normal differences the sum of n squares is chi^2, whose small values are rare
+            by_chance = gammaincinv(free * n, _CHANCE / (2.0 * pairs)) / (free * n)
+            return np.minimum(np.minimum(by_chance, _ALIKE) * usual, _NOISE * by_noise)
+
+        equal = square < most(n)
+        # Lines that differ in some address bits only show it together more surely than each pair,
+        # if those as near to one another are apart: on a smooth fabric they are not.
+        distance = other - one
+        for bits in range(1, (1 << int(other.max()).bit_length()) - 1):
+            group = (one ^ other) & ~bits == 0
+            near = (distance <= distance[group].max(initial=0)) & ~group
+            if np.count_nonzero(group) > 1 and near.any():
+                mean = np.average(square[group], weights=n[group])
+                if mean < min(most(n[group].sum()), _ALIKE * np.median(square[near])):
+                    equal |= group
+        pairs = zip(one[equal].tolist(), other[equal].tolist(), strict=True)
+        found += [(axis, *pair) for pair in pairs]
+    return found
+
+
+def address_bits(pairs: list[tuple[int, int]], count: int) -> list[int]:
+    """Return the address bits without which lines are read, by the pairs that are one.
+
+    Args:
+        count: of lines.
+    """
+    found = []
+    for bit in range((count - 1).bit_length()):
+        expected = {(k, k | 1 << bit) for k in range(count) if not k >> bit & 1}
+        if len(pairs) > 1 and {pair for pair in expected if pair[1] < count} <= set(pairs):
+            found.append(bit)
+    return found
 
 
 def which_are_one(steps: np.ndarray, noise: float, cells: np.ndarray) -> Finding | None:
     """Return lines that are one, a fault if half of all are; None: there are none.
 
     Args:
-        as of `twins`.
+        as of `equal_lines`.
     """
-    if found := stuck_bits(steps, noise, cells):
-        axis, bits = found
-        of = lines(axis, 0, *(1 << bit for bit in bits))
-        return Finding(Kind.DOUBLED, "address bits", severity=Severity.FAULT, **of)
-    if pair := twins(steps, noise, cells):
-        return Finding(Kind.DOUBLED, "live", **lines(*pair))
+    found = equal_lines(steps, noise, cells)
+    for axis, count in enumerate(steps.shape):
+        if bits := address_bits([(a, b) for at, a, b in found if at == axis], count):
+            of = lines(axis, 0, *(1 << bit for bit in bits))
+            return Finding(Kind.DOUBLED, "address bits", severity=Severity.FAULT, **of)
+    for axis, *pair in found:
+        return Finding(Kind.DOUBLED, "live", **lines(axis, *pair))
     return None
 
 

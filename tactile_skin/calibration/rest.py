@@ -26,15 +26,8 @@ NOISY_STEPS = 2.0  # ADC steps RMS at least
 _COMMON = 0.03  # share of a reading by which all may drift
 _MOST = 3  # readings that may be noisy, or
 _FEW = 0.05  # of the cells, if that is more; and of dead ones, below the board's threshold
-# Share of what a cell's change would change in its row and column, from which on it is a cell that
-# changed, not its reading alone.
-_CARRIED = 0.3
-_MOVED = 0.01  # the same, that is looked at
-# A loose one comes and goes by so much of the usual cell's conductance, and so many times; what
-# touches changes more.
-_LOOSE = 1.2
-_TIMES = 4
-_TOGETHER = 0.7  # correlation from which on two neighbours move together
+_TOGETHER = 0.7  # correlation above which readings of one row, or column, move together
+_LOOSE = 1.1  # times what a crossing usually conducts, up to which they lose contact: none touches
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +106,10 @@ def check_all_is_sent(frames: np.ndarray, circuit: Circuit, threshold: float, st
 
 
 def _noisy_cells(off: np.ndarray, middle: np.ndarray, circuit: Circuit) -> tuple:
-    """Return (row, column) of cells that scatter by themselves, the strongest stray first judged.
+    """Return (row, column) of cells that scatter by themselves.
+
+    What touches moves the readings of its rows and columns as well. So does a cell that loses its
+    contact, but it never conducts more than usual.
 
     Args:
         off: (n, rows, cols) from the median [ADC steps].
@@ -122,42 +118,37 @@ def _noisy_cells(off: np.ndarray, middle: np.ndarray, circuit: Circuit) -> tuple
     Raises:
         ValueError: something touches the skin.
     """
-    usual = usual_resistance(middle, circuit.populated, circuit)
-    equal = readouts.solve(circuit, circuit.populated / usual)  # a skin of equal cells
-    noise, left = _noise(off[:, circuit.populated]), off.copy()
-    most = max(_MOST, int(_FEW * np.count_nonzero(circuit.populated)))
-    found: list[tuple[int, int]] = []
     drift = _drift(off) / np.maximum(middle * circuit.full_scale, 1.0)
     if abs(common := float(np.median(drift[circuit.populated]))) > _COMMON:
         raise ValueError(
             f"all readings drift by {common:+.0%} in these frames: does something touch the skin, "
             "or has it just been taken off?"
         )
-    while (strays := _strays(left, middle, noise, circuit) & ~mask_of(found, circuit.shape)).any():
-        power = np.where(strays, np.square(left).sum(0), -1.0)
-        row, col = (int(k) for k in np.unravel_index(power.argmax(), power.shape))
-        cell = row, col
-        own = left[:, row, col].copy()
-        carried = equal.change(mask_of([cell], circuit.shape) * 1.0)
-        carried = np.where(circuit.populated, carried / carried[cell], 0.0)
-        beside = np.abs(carried) > _MOVED
-        beside[cell] = False
-        follows = np.tensordot(own, left, 1) / (own @ own)
-        moves = beside.any() and np.median(follows[beside] / carried[beside]) > _CARRIED
-        if moves:  # the cell changes, not its reading alone
-            left -= own[:, None, None] * np.where(beside, carried, 0.0)
-        near = [c for c in found if max(abs(c[0] - row), abs(c[1] - col)) == 1]
-        together = any(np.corrcoef(own, left[(slice(None), *c)])[0, 1] > _TOGETHER for c in near)
-        touched = moves and not _loose(own, middle[cell], usual, circuit)
-        if touched or together or len(found) == most:
-            k = np.abs(off[:, row, col]).argmax()
-            raise ValueError(
-                f"frame {k}, row {row}, column {col} reads {off[k, row, col]:+.0f} ADC steps off "
-                f"the median, noise is {noise:.1f}: does something touch the skin, or is a contact "
-                "loose?"
-            )
-        found.append(cell)
-    return tuple(sorted(found))
+    noise = _noise(off[:, circuit.populated])
+    strays = _strays(off, middle, noise, circuit)
+    row, col = np.nonzero(strays)
+    own, calm = off[:, row, col], np.ma.array(off, mask=np.broadcast_to(strays, off.shape))
+    carried = np.ma.median(calm, 2)[:, row] + np.ma.median(calm, 1)[:, col]
+    with np.errstate(invalid="ignore"):  # a row of one cell carries nothing
+        alike = np.abs(np.corrcoef(own.T, carried.filled(0.0).T)) > _TOGETHER
+    beside = (row[:, None] == row) | (col[:, None] == col)
+    beside |= np.maximum(abs(row[:, None] - row), abs(col[:, None] - col)) == 1
+    together = beside & alike[: row.size, : row.size]  # each with itself, too
+    power = np.square(own).sum(0)
+    cells = ~(together & (power[:, None] > power)).any(0)  # others follow a stronger one
+    high = (middle[row, col] + own / circuit.full_scale).max(0)
+    usual = np.median(circuit.two_terminal(middle)[circuit.populated])
+    touched = (together.sum(0) > 1) | alike[row.size :, : row.size].diagonal()
+    touched &= circuit.two_terminal(high) < usual / _LOOSE
+    most = max(_MOST, _FEW * np.count_nonzero(circuit.populated))
+    if touched.any() or np.count_nonzero(cells) > most:
+        k, at = np.unravel_index(np.abs(own).argmax(), own.shape)
+        raise ValueError(
+            f"frame {k}, row {row[at]}, column {col[at]} reads {own[k, at]:+.0f} ADC steps off "
+            f"the median, noise is {noise:.1f}: does something touch the skin, or is a contact "
+            "loose?"
+        )
+    return tuple(zip(row[cells].tolist(), col[cells].tolist(), strict=True))
 
 
 def _noise(off: np.ndarray) -> float:
@@ -183,22 +174,6 @@ def _drift(off: np.ndarray) -> np.ndarray:
     """Return (rows, cols) from the first third of the frames to the last [ADC steps]."""
     third = max(len(off) // 3, 1)
     return off[-third:].mean(0) - off[:third].mean(0)
-
-
-def _loose(own: np.ndarray, middle: float, usual: float, circuit: Circuit) -> bool:
-    """Return whether a cell comes and goes as one with a loose contact does, and no touch.
-
-    Args:
-        own: (n,) reading from its median [ADC steps].
-        middle: that median, ADC ratio.
-        usual: resistance of the usual cell [ohm].
-    """
-    least = 0.5 / circuit.full_scale
-    rho = circuit.two_terminal(np.maximum(middle + own / circuit.full_scale, least))
-    conducts = 1.0 / np.maximum(rho, least * circuit.r_ref)
-    high = own > (own.max() + own.min()) / 2
-    times = np.count_nonzero(high[1:] != high[:-1])
-    return bool(np.ptp(conducts) < _LOOSE / usual and times >= _TIMES)
 
 
 def check_frames(frames, circuit: Circuit) -> np.ndarray:

@@ -37,10 +37,9 @@ _ALIKE_FRAMES = 1000  # that are looked at together while they are alike
 _TRIES = 5  # measurements that held a touch, or seemed to, after which to say so
 _HALF_STEP = 0.5  # ADC steps: below, rounding leaves no reading
 _OF_CHANGES = 0.886  # standard deviation over the mean change from one to the next, normal noise
-_WINDOW = 1.0  # s that a measurement takes
+_WINDOW = 1.0  # s that a measurement takes, and that a fabric recovers for after a touch
 _QUIET_AFTER = 0.1  # s without a touch that must follow it: an onset is too weak to feel
 _MIN_FRAMES = 8  # frames that it takes
-_RECOVERY = 1.0  # s after a touch in which the fabric recovers: nothing is measured
 _GAIN = 0.5  # share of the change, of the rest and of its noise, that a later measurement adds
 # Changes of log conductance that are no fabric's, chosen on simulated boards (tests/calibration;
 # bench faults): of all cells from what is known, and besides in each second, as a robot's cover
@@ -123,9 +122,9 @@ class Tare:
         if t < self._last:
             self._learned = -np.inf  # how long ago is unknown, and whether a pause is over
             self._quiet, self._followed, self._drifted = t, t, None
-            self._begin(t + _RECOVERY)
+            self._begin(t + _WINDOW)
         elif self.measured and force.max() > TOUCHED:
-            self._begin(t + _RECOVERY)
+            self._begin(t + _WINDOW)
         elif t - self._last > _WINDOW:  # what lies between was not seen
             self._begin(t)
         if force.max() > AT_REST:

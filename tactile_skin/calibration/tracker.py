@@ -48,9 +48,9 @@ _EXPLAINED = 3.0  # chi^2 a reading, in the median frame, beyond which there is 
 # matrix, where r_ref changes nothing of it, only above; ohm of the others: a multiplexer that
 # drives has up to 1050 (data sheet of the CD4051B at 5 V and 25 degrees).
 _POSSIBLE = {"r_par": 0.5, "r_line": 60.0, "r_drive": 1050.0}
-# Ohm by which r_drive may exceed what is configured as long as nothing tells: that of an Arduino's
-# pin (data sheet of the ATmega328P).
-_DRIVE = 25.0
+# Ohm of an Arduino's pin (data sheet of the ATmega328P), by which r_drive may exceed what is
+# configured as long as nothing tells.
+PIN = 25.0
 
 
 class _Asked(NamedTuple):
@@ -97,7 +97,7 @@ class CircuitTracker:
         self._known_to = [by_data_sheet if r_par_std is None else r_par_std]
         self._tells_drivers = names(circuit)[1] == "r_drive"
         if self._tells_drivers:
-            self._known_to.append(_DRIVE if r_par_std is None else TOLD["r_drive"])
+            self._known_to.append(PIN if r_par_std is None else TOLD["r_drive"])
         self.std = np.full(2, np.inf)
         self._learnt: list[Finding] = []
         self._likely: list[Finding] = []

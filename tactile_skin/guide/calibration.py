@@ -18,8 +18,9 @@ from ..calibration.creep import measure_creep
 from ..calibration.curve_fit import FittedCurve, fit_curve
 from ..calibration.identify import Identified, identify
 from ..calibration.rest import Rest, measure_rest, supposing
-from ..calibration.touched import stands_anew
+from ..calibration.touched import MOVED, stands_anew
 from ..health.doctor import ignored_diode, other_readout
+from ..health.doctor.advice import HARDEST
 from ..physics.circuit import Circuit
 from ..physics.creep import Creep
 from ..physics.curve import GRAM, PressureCurve
@@ -34,16 +35,13 @@ _TRIES = 5  # to measure the rest
 _FEW = 20  # frames that a rest takes at least, at any rate
 TOUCHES = 30  # that are asked for at most
 _EVERY = 5  # touches after which the circuit is looked for
-_HARDEST = 12  # of them that the readout is judged by
 OBJECTS = 10  # that are asked for
 LEAST_OBJECTS = 3  # with fewer there is no curve
 ENOUGH = 0.05  # error of a total, left out in turn, at which the objects suffice
 _USELESS = 0.5  # the same, from which on the shipped curve is as good
-_TOUCHED = 8.0  # times the noise by which a reading rises where something touches
 # Share of its readings by which a load that stands may change: 0.005 at most of objects that creep,
 # 0.05 and 0.09 at least of 19 in 20 that slide by half a cell and by one (seed 151000).
 _MOVED = 0.08
-_FELT = 4.0  # the same, from which on something touches that may be too light to count
 _GLANCE = 0.3  # s that a touch must stand
 _PERSISTS = 4  # glances in a row for which a press does not count before it is said why
 _PATIENCE = 20.0  # s without a new touch after which it asks whether to go on
@@ -228,7 +226,7 @@ class Guide:
 
         Where something else explains them as well it is only said.
         """
-        hardest = sorted(touches, key=lambda touch: -np.nanmax(touch))[:_HARDEST]
+        hardest = sorted(touches, key=lambda touch: -np.nanmax(touch))[:HARDEST]
         at_rest = self.rest.quiet(self.rest.adc[None])[0]
         found = other_readout(self.circuit, at_rest, self.rest.noise, np.array(hardest))
         if found and found.change:
@@ -242,8 +240,8 @@ class Guide:
         if len(frames) < 2:
             return None, ""
         frame, last = _mean(frames), touches[-1] if touches else None
-        rise, least = float(np.nanmax(frame - self.rest.adc)), _TOUCHED * self._noise
-        if rise <= _FELT * self._noise:
+        rise, least = float(np.nanmax(frame - self.rest.adc)), MOVED * self._noise
+        if rise <= 0.5 * least:
             return None, ""
         if rise <= least:
             full = self._supposed.full_scale
@@ -258,7 +256,7 @@ class Guide:
         return frame, ""
 
     def _touched(self, frame: np.ndarray) -> bool:
-        return bool(np.nanmax(frame - self.rest.adc) > _TOUCHED * self._noise)
+        return bool(np.nanmax(frame - self.rest.adc) > MOVED * self._noise)
 
     def stands(self, frames: np.ndarray) -> bool:
         """Whether a load on the skin stood in (n, rows, cols) frames."""

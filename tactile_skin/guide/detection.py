@@ -15,14 +15,14 @@ from ..board.recognise.lines import sides
 from ..board.recognise.listen import Heard
 from ..board.recognise.seen import Seen
 from ..board.serial_port import identity
+from ..calibration.tracker import PIN
+from ..health.doctor.advice import WIDTHS
 from ..middleware.config import skin_of
 from ..physics.readouts import DRIVEN, READOUTS
 
 SECONDS = 4.0  # s to listen at each rate: an Arduino that is opened is in its boot loader for 2
 _SAMPLE = 200  # characters of what arrives
-_WIDTHS = (8, 10, 12, 14, 16)  # bits of ADCs
-_R_PAR = {"loaded": 25.0, "grounded": 0.0, "virtual_ground": 0.0}  # ohm: of an Arduino's pin
-_R_DRIVE = 25.0  # ohm of an Arduino's pin
+_R_PAR = {"loaded": PIN, "grounded": 0.0, "virtual_ground": 0.0}  # ohm
 
 # A question, and what reads its answer, by ValueError if it is none: it is asked again then.
 Ask = Callable[[str, Callable[[str], Any]], Any]
@@ -133,7 +133,7 @@ def _usual_scale(seen: Seen) -> float:
         return 1.0
     if seen.decimals:
         return next((volts for volts in (3.3, 5.0) if seen.largest <= volts + 0.1), 1023.0)
-    bits = next((bits for bits in _WIDTHS[1:] if seen.largest < 2**bits), _WIDTHS[-1])
+    bits = next((bits for bits in WIDTHS[1:] if seen.largest < 2**bits), WIDTHS[-1])
     return float(2**bits - 1)
 
 
@@ -144,7 +144,7 @@ def _circuit(seen: Seen, answers: dict) -> tuple[dict, bool]:
         ValueError: an answer that no circuit has.
     """
     scale = answers.get("full_scale", 0.0)
-    width = [bits for bits in _WIDTHS if 2**bits - 1 == scale]
+    width = [bits for bits in WIDTHS if 2**bits - 1 == scale]
     circuit = {name: answers[name] for name in ("rows", "cols", "r_ref")}
     circuit["adc_bits"] = seen.adc_bits or (width[0] if width else _fine(scale, seen.step))
     readout = answers["readout"]
@@ -152,7 +152,7 @@ def _circuit(seen: Seen, answers: dict) -> tuple[dict, bool]:
         circuit |= {"readout": readout, "driven": answers.get("driven", DRIVEN[0])}
         circuit["r_par"] = _R_PAR.get(readout, 0.0)
     if readout == "grounded":
-        circuit["r_drive"] = _R_DRIVE
+        circuit["r_drive"] = PIN
     circuit |= {name: answers[name] for name in ("r_par", "r_drive") if name in answers}
     if answers.get("pull_up"):
         circuit["inverted"] = True
@@ -163,7 +163,7 @@ def _circuit(seen: Seen, answers: dict) -> tuple[dict, bool]:
 def _fine(scale: float, step: float) -> int:
     """Bits of an ADC whose steps are as fine as what is printed."""
     steps = scale / step if step else scale
-    return next((bits for bits in _WIDTHS if 2**bits - 1 >= steps), _WIDTHS[-1])
+    return next((bits for bits in WIDTHS if 2**bits - 1 >= steps), WIDTHS[-1])
 
 
 def _text(found: Heard, answers: dict, circuit: dict, width: bool, board: tuple) -> str:

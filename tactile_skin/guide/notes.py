@@ -9,13 +9,12 @@ import numpy as np
 
 from ..calibration.rest import Rest
 from ..findings.finding import Finding
-from ..health.doctor.recorded import record
+from ..health.doctor.recorded import FEW_TOUCHES, record
 from ..physics.circuit import Circuit
 
 # Share of what a short circuit reads that hard presses exceed on every board that was seen: of one
 # with 10 bits that is configured as 12 they read 0.25 at most.
 _LOW = 0.3
-_FEW_TOUCHES = 5
 
 
 def notes(
@@ -51,7 +50,7 @@ def touches_note(frames: np.ndarray, circuit: Circuit, rest: Rest | None) -> str
         frames: (n, rows, cols) ADC ratio, NaN where a crossing was not read.
     """
     touches = len(record(frames, circuit, rest).touches)
-    if touches >= _FEW_TOUCHES:
+    if touches >= FEW_TOUCHES:
         return ""
     return (
         f"{touches} touches were seen. Most faults need twenty, and a skin left alone for a "

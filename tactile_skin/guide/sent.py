@@ -6,12 +6,12 @@ from __future__ import annotations
 import numpy as np
 
 from ..calibration.rest import check_all_is_sent
+from ..health.doctor.sent import DECIMALS
 from ..middleware.config import SkinConfig
 from ..readings.processed import Kind, processed
 
 GLANCE = 0.5  # s of frames that show it
 _UNRESOLVED = 0.5  # ADC steps: below, a reading says nothing of what the cell conducts
-_DECIMALS = 2  # of ADC steps, which ratios keep
 
 
 def check_sent(skin: SkinConfig, rest: np.ndarray, touches: np.ndarray | None = None) -> None:
@@ -27,7 +27,7 @@ def check_sent(skin: SkinConfig, rest: np.ndarray, touches: np.ndarray | None = 
     """
     threshold, circuit = skin.adc.threshold(skin.threshold), skin.circuit
     check_all_is_sent(rest, circuit, threshold, skin.threshold)
-    steps = np.round((rest if touches is None else touches) * circuit.full_scale, _DECIMALS)
+    steps = np.round((rest if touches is None else touches) * circuit.full_scale, DECIMALS)
     done = processed(np.where(circuit.populated, steps, np.nan), circuit.adc_bits, skin.threshold)
     if done and done.kind is not Kind.CEILING:
         raise ValueError(f"{done}. Send what the ADC reads")

@@ -55,10 +55,14 @@ class Ceiling(Check):
         self._present = False  # the last window shows it
 
     def frame(self, seen: Seen) -> None:
+        self.look(seen.rising, seen.window)
+
+    def look(self, rising: np.ndarray, window: Window | None) -> None:
+        """Take the samples and the window of a frame, as `Seen` has them."""
         if self.height is not None:
             most = (self.height + self._noise) * self._scale
-            self.height = None if seen.rising.max() > most else self.height  # it was none
-        if (window := seen.window) is None:
+            self.height = None if rising.max() > most else self.height  # it was none
+        if window is None:
             return
         still, stands = self._still(window), self._stands(window)
         self._present = still or stands

@@ -13,7 +13,7 @@ from .check import Check, Seen
 _STEP = 0.15  # of a cell's force, that it gains or loses as it jumps, or is let go; and
 _LEAST = 0.3  # N
 _ALONE = 0.3  # of the change, or of the force: its neighbours have less
-_MEMORY = 1.0  # s in which a count of reversals falls by 1/e,
+_MEMORY = 1.0  # s for which a stuck cell stands still, and a count of reversals falls by 1/e,
 _JUMPS = 20.0  # and reversals that make a cell one that jumps: no finger drums so
 # The same, of times that a reading is set aside. On a sound board each is once a minute; a touch
 # that comes or goes sets one aside up to 6 times in a row (8 x 8, seed 33201).
@@ -24,7 +24,6 @@ _OVER = 0.25  # of these counts, that ends it
 # tests). In a second a trembling force stays within it by chance once in some 10,000 times.
 _STEADY = 0.02
 _LOOK = 0.05  # s whose mean is looked at
-_STANDS = 1.0  # s for which a stuck cell stands still, alone
 _NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], bool)
 
 
@@ -90,7 +89,7 @@ class OddCells(Check):
             found.append(Finding(Kind.CONTACT, "jumps", **largest(self._reversals.count)))
         elif self._stuck.any():
             cell = np.argwhere(self._stuck)[0]
-            numbers = {"force": float(self._force[tuple(cell)]), "seconds": _STANDS}
+            numbers = {"force": float(self._force[tuple(cell)]), "seconds": _MEMORY}
             found.append(Finding(Kind.STUCK, "constant", **at(cell), numbers=numbers))
         if self._aside.cells.any():
             found.append(Finding(Kind.CONTACT, "set aside", **largest(self._aside.count)))
@@ -103,7 +102,7 @@ class OddCells(Check):
         alone = (force > _LEAST) & (_around(force) < _ALONE * force)
         self._stood_at = np.where((moved | ~alone) & ~self._stuck, force, self._stood_at)
         self._since = np.where(~alone, np.inf, np.where(moved, t, np.minimum(self._since, t)))
-        self._stuck |= t - self._since >= _STANDS
+        self._stuck |= t - self._since >= _MEMORY
 
 
 def _around(values: np.ndarray) -> np.ndarray:

@@ -17,7 +17,6 @@ _ALIKE = 3.0  # times that readings at rest are further apart than now, which ma
 _STILL_ALIKE = 2.0  # and which ends it
 _MANY = 8  # readings at least
 _QUARTILE = 0.77  # of the noise: a quarter of the spreads of 10 readings lie below, Window.noise
-_RAISED = 0.3  # share of the rest by which no fabric changes between two measurements of it
 
 
 class RestPicture(Check):
@@ -48,7 +47,7 @@ class RestPicture(Check):
         up = float(np.median(now - rest))
         if now.var() - noise**2 < most**2:
             kind, form, numbers = Kind.NO_SIGNAL, "", {"steps": float(now.mean())}
-        elif abs(up) > max(ABOVE, _RAISED * np.median(rest)) and (now - rest).std() < most:
+        elif abs(up) > max(ABOVE, np.median(rest) / _ALIKE) and (now - rest).std() < most:
             kind, form, numbers = Kind.BITS, "shift", {"steps": up}
         else:
             return None

@@ -17,6 +17,7 @@ from ..calibration.tare import DRIFT, DRIFT_UNSEEN
 from ..findings.finding import Finding, Kind, Severity, lines
 from ..physics import readouts
 from ..physics.adc import Adc
+from ..solvers.reading import ROUNDING_NOISE
 from .check import Check, Seen
 
 _FRAMES = 20  # whose mean is looked at, at least: a board's low-pass leaves fewer alike
@@ -35,8 +36,7 @@ _OTHER = 4.0  # standard deviations of chi^2 up to which it is the other line
 # lay on at the tare reads as all others once that is gone.
 _ALIKE = 10.0
 _LEAST = 0.1  # ADC steps that a mean may be off: the rest is measured anew only from there on
-_ROUNDED = 0.3  # the same, where a reading has less noise than averages its rounding away,
-_DITHER = 0.4  # ADC steps RMS
+_DITHER = 0.4  # ADC steps RMS of noise that average rounding away: with less it is off by that
 
 
 class Untouched(Check):
@@ -85,7 +85,7 @@ class Untouched(Check):
             self._look(t, now, rest, seen.noise, known)
 
     def _look(self, t: float, now, rest, noise: float, known) -> None:
-        least = _ROUNDED if noise * self._circuit.full_scale < _DITHER else _LEAST
+        least = ROUNDING_NOISE if noise * self._circuit.full_scale < _DITHER else _LEAST
         least, noise = least / self._circuit.full_scale, noise / _FRAMES**0.5
         exchanged = _another_line(now, rest, max(noise, least), known)
         elapsed = min(max(t - self._looked, 0.0), DRIFT_UNSEEN)

@@ -4,6 +4,7 @@
 import copy
 import dataclasses
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from support.marks import slow
 from support.resting import noisy_cells
 from support.weights import bodies, objects
 
-from tactile_skin import compensate
+from tactile_skin import Circuit, compensate
 from tactile_skin.calibration.creep import LAID
 from tactile_skin.commands import calibrate
 from tactile_skin.commands.calibrate import picture
@@ -271,3 +272,18 @@ def test_an_object_can_be_taken_back():
     guide.measure_rest()
     guide.fit_curve()
     assert guide.fitted is not None and len(guide.fitted.off) == 3
+
+
+def test_frames_before_the_object_came_or_slid_are_seen():
+    guide = Guide(Circuit(rows=4, cols=4), lambda s: None, lambda q: "", lambda t: None)
+    guide._rest = SimpleNamespace(adc=np.full((4, 4), 0.1), noise=1.0)
+    noise = np.random.default_rng(0).normal(0.0, 0.001, (90, 4, 4))
+    stands = 0.1 + noise
+    stands[:, 1:3, 1:3] += 0.3
+    came = stands.copy()
+    came[:50, 1:3, 1:3] -= 0.3
+    slid = stands.copy()
+    slid[45:, 1:3, 1] -= 0.05
+    assert guide.stands(stands)
+    assert not guide.stands(came)
+    assert not guide.stands(slid)

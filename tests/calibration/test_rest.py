@@ -40,14 +40,6 @@ def test_neighbours_that_move_together_are_refused():
         measure_rest(frames, board.supposed)
 
 
-def test_a_touch_that_stands_all_the_time_is_not_told():
-    """No reading tells it from a skin whose cells rest so."""
-    board = Unknown((8, 8), 34)
-    force = np.zeros((8, 8))
-    force[3:5, 3:5] = 0.2
-    assert measure_rest(board.frames([force] * 30), board.supposed).noisy == ()
-
-
 def test_a_sound_skin_has_no_noisy_cells():
     for seed in range(5):
         board = Unknown((8, 8), seed)

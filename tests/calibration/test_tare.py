@@ -72,23 +72,6 @@ def test_a_known_rest_changes_no_more_and_costs_nothing():
     assert np.abs(skin.tare.curve.rest_resistance / known - 1.0).max() < 0.01
 
 
-def test_a_standing_contact_of_ten_minutes_keeps_its_force():
-    """The fabric creeps: 3 % more conductance a decade of seconds under load."""
-    skin = Skin(scatter(0.05), seed=2)
-    skin.frames(150)
-    rest = skin.tare.curve
-    force = touch(20.0)
-    found = []
-    for second in range(600):
-        creep = 1.0 + 0.03 * np.log10(1.0 + second)
-        found += [e.force.sum() for e in skin.frames(2, force, dt=0.5, creep=creep)]
-    assert skin.tare.curve is rest
-    assert found[0] == pytest.approx(20.0, rel=0.04)
-    assert np.abs(np.array(found) / 20.0 - 1.0).max() < 0.10
-    after = skin.frames(100)
-    assert max(e.force.max() for e in after[5:]) < 2 * GRAM
-
-
 @pytest.mark.ci
 def test_the_zero_follows_a_drift_of_ten_minutes():
     """Warm fabric conducts up to 60 % more; each cell drifts its own way."""

@@ -86,44 +86,6 @@ def test_a_bad_lead_has_its_ohms(seed):
     assert abs(size - 1000.0) < 3.0 * std
 
 
-# Faults that may hide one another: (kinds, shape or any, readout, whether r_par is judged, boards
-# of BOARDS on which each is named, and nothing else, at least).
-BOARDS, SEED = 12, 212000  # no limit was chosen on these
-TOGETHER = {
-    "a wrong bit": (("bits",), None, "floating", False, 10),
-    "a dead cell on a swapped line": (("swapped", "dead"), (12, 12), "floating", False, 9),
-    "a stuck cell on a swapped line": (("swapped", "stuck"), (12, 16), "floating", False, 9),
-    "a stuck cell alone": (("stuck",), (12, 16), "floating", False, 11),
-    "a shorted crossing alone": (("short at a crossing",), (8, 8), "floating", False, 9),
-    "noise above a ceiling": (("noisy line", "saturation"), SHAPE, "floating", False, 9),
-    "a cell above the ceiling": (("stuck", "saturation"), (8, 8), "floating", False, 9),
-    "another r_par beside a short": (
-        ("short of neighbours", "circuit"), (8, 12), "floating", True, 7,
-    ),
-    "an open line that a noisy one crosses": (
-        ("noisy line", "open"), (16, 16), "loaded", False, 9,
-    ),
-    "an open line, and no r_par": (("open",), None, "loaded", True, 11),
-    "a bad lead, and no r_par": (("lead",), None, "loaded", True, 10),
-    "light touches, and no r_par": ((), None, "floating", True, 11),
-}  # fmt: skip
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", TOGETHER)
-def test_faults_that_may_hide_one_another_are_named_on_most_boards(name):
-    kinds, shape, readout, series, least = TOGETHER[name]
-    named = 0
-    for seed in range(SEED, SEED + BOARDS):
-        case = Case(seed, kinds, SECONDS, shape, (readout,))
-        found = diagnose(case.frames, case.circuit, series=series)
-        faults = [fault for fault in case.faults if fault[0] not in case.hidden]
-        all_named = all(any(explains(f, *fault, case.cut) for f in found) for fault in faults)
-        named += all_named and len(found) <= len(kinds)
-    print(f"\n{name}: {named} of {BOARDS}")
-    assert named >= least
-
-
 @pytest.mark.parametrize("readout", READOUTS)
 @pytest.mark.parametrize("driven", DRIVEN)
 def test_sound_wires_are_the_circuit(readout, driven):

@@ -143,6 +143,13 @@ def test_a_supply_that_falls_stops(shape, readout):
     assert not said(skin.run(skin.rest))
 
 
+def test_a_supply_that_falls_under_a_long_touch_stops_after_it():
+    """No fabric drifts for so long that it explains 8 %."""
+    skin = Skin((8, 8))
+    skin.run(skin.rest, 30.0, touched=True)
+    assert stops(skin.run(0.92 * skin.rest))
+
+
 @pytest.mark.parametrize("readout", READOUTS)
 @pytest.mark.parametrize("shape", SHAPES)
 def test_a_supply_that_falls_before_the_rest_was_measured_stops_too(shape, readout):

@@ -19,14 +19,14 @@ from ...solvers import Estimate, compensate
 from ...solvers.reading import ROUNDING_NOISE
 
 _MAY_DIFFER = 0.34  # share of the cells that are unlike the usual one, as those of damaged lines
-_OFF_END = 2.0  # times the noise plus an ADC step, that usual readings at rest keep off either end
+OFF_END = 2.0  # times the noise plus an ADC step, that usual readings at rest keep off either end
 _SEEN = 0.3  # of the largest change of a reading, in a frame that shows a touch
 _HARD = 0.8  # the same, of a hard touch
 HARDEST = 12  # touches that a circuit is tried by; and as many at even steps of hardness
 _STUCK = 0.9  # of the conductance at the curve's end: what conducts more at rest is stuck
 _DEAD = 1e-3  # of the usual conductance: what conducts less is dead
 _TIME = 0.1  # s for a frame that no cells explain
-_WIDTHS = (8, 10, 12, 14, 16)  # bits of ADCs
+WIDTHS = (8, 10, 12, 14, 16)  # bits of ADCs
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def _rests(at_rest: np.ndarray, rest: np.ndarray, circuit: Circuit, noise: float
     """Whether (rows, cols) readings, and what conducts [S], are those of an untouched skin."""
     cells = circuit.populated & np.isfinite(at_rest)
     usual, end = float(np.median(at_rest[cells])), float(circuit.ratio(0.0))
-    margin = _OFF_END * (noise + 1.0) / circuit.full_scale
+    margin = OFF_END * (noise + 1.0) / circuit.full_scale
     share = rest[cells] / np.median(rest[cells])
     differs = (share > UNLIKE) | (share < 1.0 / UNLIKE)
     return margin < usual < end - margin and differs.mean() <= _MAY_DIFFER
@@ -119,4 +119,4 @@ def is_safe(change: Change, frames: np.ndarray, quiet: np.ndarray, noise: float)
 def of_other_scale(circuit: Circuit) -> list[Change]:
     """Return the changes to ADCs of fewer bits: with more, any touch would be too light to tell."""
     full = circuit.full_scale
-    return [Change(circuit, scale=full / (2**b - 1)) for b in _WIDTHS if 2**b - 1 < full]
+    return [Change(circuit, scale=full / (2**b - 1)) for b in WIDTHS if 2**b - 1 < full]

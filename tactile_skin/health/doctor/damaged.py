@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ...calibration.at_rest import address_bits
 from ...findings.finding import Finding, Kind, at, lines
 from ...findings.words import place
 from ...physics.circuit import Circuit
@@ -39,18 +40,16 @@ def doubled(axis: int, count: int, pairs: list[tuple[int, int]]) -> list[Finding
     Args:
         count: of lines.
     """
-    found = []
-    for bit in range((count - 1).bit_length()):
-        apart = 1 << bit
-        expected = {(k, k | apart) for k in range(count) if not k & apart and k | apart < count}
-        if len(pairs) > 1 and expected <= set(pairs):
-            name = ("rows", "columns")[axis]
-            alike = f"{name} {', '.join(f'{a} and {b}' for a, b in sorted(expected))}"
-            of = lines(axis, *range(count))
-            found.append(
-                Finding(Kind.DOUBLED, "address bit", **of, numbers={"bit": bit}, detail=alike)
-            )
-    return found or [Finding(Kind.DOUBLED, **lines(axis, *pair)) for pair in pairs]
+    if not (bits := address_bits(pairs, count)):
+        return [Finding(Kind.DOUBLED, **lines(axis, *pair)) for pair in pairs]
+    name, every, found = ("rows", "columns")[axis], lines(axis, *range(count)), []
+    for bit in bits:
+        of = [f"{a} and {b}" for a, b in pairs if a ^ b == 1 << bit]
+        alike = f"{name} {', '.join(of)}"
+        found.append(
+            Finding(Kind.DOUBLED, "address bit", **every, numbers={"bit": bit}, detail=alike)
+        )
+    return found
 
 
 def damage(circuit: Circuit, damage: Damage, cell: float, ends: bool = False) -> Finding:

@@ -8,12 +8,11 @@ the size by which another order would be smoother than this one.
 
 from __future__ import annotations
 
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
-from ...calibration.at_rest import twins
+from ...calibration import at_rest
 from ...findings.finding import Finding, Kind, lines
 from .recorded import FEW_TOUCHES, Recorded
 
@@ -34,12 +33,7 @@ def equal_lines(seen: Recorded, skip) -> list[tuple[int, int, int]]:
     for axis, line in skip:
         seen.turned(axis, cells)[line] = False
     noise = seen.usual_noise / np.count_nonzero(seen.quiet) ** 0.5
-    groups: dict[tuple[int, int], list[int]] = {}  # (axis, line): all that read as it does
-    while pair := twins(steps, noise, cells):
-        axis, a, b = pair
-        groups.setdefault((axis, a), [a]).extend(groups.pop((axis, b), [b]))
-        seen.turned(axis, cells)[b] = False
-    return [(axis, *two) for (axis, _), of in groups.items() for two in combinations(sorted(of), 2)]
+    return at_rest.equal_lines(steps, noise, cells)
 
 
 def misplaced(seen: Recorded, skip, cells=(), pressed=()) -> list[Finding]:

@@ -15,7 +15,10 @@ from scipy.optimize import nnls
 
 from ...calibration.rest import NOISY, NOISY_STEPS
 from ...findings.finding import Finding, Kind, at, lines
+from ...physics.adc import Adc
 from ...solvers.suspect import BELOW_REST, LINE_OPEN
+from ..ceiling import Ceiling
+from ..check import Windows
 from .recorded import Recorded, loose
 
 SEVERAL = 30  # readings, of so many
@@ -32,12 +35,9 @@ _STANDING = 3  # frames in which a reading stands
 _GAP_READINGS = 200  # on either side of the gaps, at least; of frames that say anything new
 _AT_REST = 48  # ADC steps about its rest in which a reading does not count, at most
 _EMPTY = 0.02  # of the readings may lie in the gap of a top bit
-_PILE = 3.0  # times as many readings at a ceiling as in the same width below
 # A wrong bit about whose edge untouched cells rest, where a reading is the mean of some samples:
 # share of the variance of their noise that it explains at least.
 _EXPLAINED = 0.9
-_NEAR_SHORT = 0.97  # of what a short circuit reads: above, hard touches read alike
-_AT_TOP = 0.5  # share of the frames that a cell which only touches take to the ceiling is there
 _EVEN = 0.6  # median over largest noise of a line, where all its readings are noisy
 _OPEN_NOISY = (
     0.3  # of the usual reading, that an open line reads at most where noise leaves it more
@@ -151,30 +151,15 @@ def _gaps(steps: np.ndarray, base: np.ndarray, bit: int, bits: int) -> list[_Gap
 def ceiling(seen: Recorded) -> tuple[float, Finding] | None:
     """Return the height where readings end that should rise further [ADC steps], and the finding.
 
-    None: there is none.
+    As a running skin sees it. None: there is none.
     """
-    if not len(seen.peaks):
-        return None  # what nothing presses ends at its rest
-    most = seen.circuit.ratio(0.0) * seen.circuit.full_scale
-    width = seen.width
+    bits = seen.circuit.adc_bits
+    watch, windows = Ceiling(Adc(seen.circuit)), Windows(bits)
     calm = seen.read & (seen.noise < _noise_limit(seen))  # others have more noise on top
-    every = seen.steps[:, calm]
-    stays = np.ones(1, bool)
-    while stays.any():  # a cell that stays at the top is stuck there: the next one
-        top = float(every.max())
-        stays = (every > top - width).mean(0) > _AT_TOP
-        if stays.all():
-            return None
-        every = every[:, ~stays]
-    steps = every[seen.anew]
-    at_top = steps > top - width
-    below = np.count_nonzero((steps > top - 3.0 * width) & ~at_top) / 2.0
-    n, cells = int(np.count_nonzero(at_top)), int(np.count_nonzero(at_top.any(0)))
-    if top > _NEAR_SHORT * most or n < max(SEVERAL, _PILE * below) or cells < SEVERAL_CELLS:
-        return None
-    height = float(np.median(steps[at_top]))
-    numbers = {"count": n, "cells": cells, "steps": height, "most": most}
-    return height, Finding(Kind.SATURATION, numbers=numbers)
+    for steps in seen.steps:
+        samples = np.rint(np.where(calm, steps, 0.0) * (1 << 16 - bits)).astype(np.uint16)
+        watch.look(samples, windows.frame(samples))
+    return None if watch.height is None else (watch.height, *watch.findings())
 
 
 def _noise_limit(seen: Recorded) -> float:

@@ -20,7 +20,7 @@ from ...physics.curve import PressureCurve
 from ...physics.readouts import DRIVEN, PASSIVE
 from ...solvers.reading import ROUNDING_NOISE
 from ...solvers.suspect import MODEL_ERROR
-from .advice import Change, felt, is_safe, of_other_scale
+from .advice import OFF_END, Change, felt, is_safe, of_other_scale
 
 # Times noise and model error up to which the configured readout may miss touches; times what the
 # best explanation misses, that others do between which touches do not decide.
@@ -33,8 +33,6 @@ _NEVER = 20.0  # times the noise by which all of them miss the touches, with r_p
 _ADDS_UP = 1.2  # full scales, along a row and along a column
 _UNMOVED = 0.02  # share of the crossings on the lines of a touch that read as at rest
 _RISEN = 0.2  # of full scale: a touched crossing
-_AT_REST = 3.0  # times the noise by which a reading at rest may stray, and
-_AT_REST_STEPS = 1.0  # ADC steps
 _R_PAR = (0.0, 30.0, 100.0, 300.0)  # ohm that are tried at first: of drivers and multiplexers
 _FACTORS = 1.7**0.5 ** np.arange(5)  # by which the most is refined
 _NONE = 5.0  # ohm: touches that ask for less than any driver has may be read on another scale
@@ -169,7 +167,7 @@ def _separate(seen: Touched, full: int) -> float:
     touches, rest = np.nan_to_num(seen.touches), seen.rest
     risen = touches > np.nan_to_num(rest) + _RISEN
     beside = (risen.any(2)[:, :, None] | risen.any(1)[:, None]) & ~np.isnan(rest)
-    stray = _AT_REST * max(seen.noise, ROUNDING_NOISE) + _AT_REST_STEPS
+    stray = OFF_END * (max(seen.noise, ROUNDING_NOISE) + 1.0)
     still = beside & (np.abs(touches - rest) < stray / full)
     sums = np.median(np.minimum(touches.sum(1).max(1), touches.sum(2).max(1)))
     unmoved = np.median(still.sum((1, 2)) / np.maximum(beside.sum((1, 2)), 1))

@@ -16,7 +16,7 @@ _MOST_NOISE = 0.01  # of full scale: what moves more is no noise
 # Share of the usual cell's readings that stand at one end of the range, from which on they are not
 # what the ADC reads. Sound boards have no such usual cell.
 _AT_END = 0.1
-_DECIMALS = 2  # of ADC steps, which ratios of single precision keep
+DECIMALS = 2  # of ADC steps, which ratios of single precision keep
 
 
 def processed(seen: Recorded) -> Finding | None:
@@ -25,7 +25,7 @@ def processed(seen: Recorded) -> Finding | None:
     for steps in (cells, seen.circuit.full_scale - cells):
         # a threshold, below which a reading is what an offset makes of 0
         for shift, kinds in ((0.0, set(Done) - {Done.CEILING}), (steps.min(), {Done.THRESHOLD})):
-            done = processing(np.round(steps - shift, _DECIMALS), seen.circuit.adc_bits)
+            done = processing(np.round(steps - shift, DECIMALS), seen.circuit.adc_bits)
             if done and done.kind in kinds:
                 return Finding(Kind.ZEROS, detail=str(done))
     return None
