@@ -17,7 +17,8 @@ MAY = {
     "msg": (),
     "physics": ("files", "yaml_files"),  # the latter while it reads a file: no PyYAML otherwise
     "touch": ("files",),
-    "behaviours": (),
+    "fields": (),
+    "behaviours": ("fields",),
     "body": ("touch", "behaviours"),
     "learning": ("files", "extras", "physics", "simulation", "touch"),  # the latter while it trains
     "solvers": ("files", "physics", "learning", "findings"),
@@ -26,9 +27,18 @@ MAY = {
     "calibration": ("physics", "solvers", "readings", "findings"),
     "health": ("physics", "solvers", "readings", "findings", "calibration"),
     "board": ("physics",),
-    "parameters": ("physics", "touch", "behaviours", "board"),
+    "parameters": ("fields", "physics", "touch", "behaviours", "board"),
     "simulation": ("physics", "board"),
-    "middleware": ("files", "yaml_files", "msg", "physics", "touch", "parameters", "board"),
+    "middleware": (
+        "fields",
+        "files",
+        "yaml_files",
+        "msg",
+        "physics",
+        "touch",
+        "parameters",
+        "board",
+    ),
     "recording": ("files", "yaml_files", "msg", "physics", "middleware", "readings"),
     "view": (
         "msg",
@@ -43,6 +53,7 @@ MAY = {
         "guide",
     ),
     "nodes": (
+        "fields",
         "msg",
         "physics",
         "touch",

@@ -9,12 +9,12 @@ import numpy as np
 
 from ..arguments import split
 from ..calibration.rest import check_all_is_sent, measure_rest
+from ..fields import leaves
 from ..findings.finding import Finding, Kind
 from ..guide.notes import notes
 from ..health.doctor import diagnose
 from ..middleware.config import SkinConfig, read_skin, skin_of
 from ..parameters import shared as parameters
-from ..parameters.fields import leaves
 from ..physics.adc import Adc
 from ..physics.circuit import Circuit
 from ..recording.frames import read_frames, recorded_skin

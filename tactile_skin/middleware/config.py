@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import ParameterError, concerning
+from ..fields import Leaf, members
 from ..parameters import shared
-from ..parameters.fields import Leaf, members
 from ..parameters.nodes import Compensation
 from ..physics.adc import Adc
 from ..physics.circuit import Circuit
@@ -104,7 +104,8 @@ def declared(node: Node, kind: type, prefix: str = "") -> Any:
             values[name] = node.declare_parameter(prefix + name, member.default, member.about).value
         else:
             values[name] = declared(node, member, f"{prefix}{name}.")
-    return kind(**values)
+    with concerning(*(prefix + name for name in values)):
+        return kind(**values)
 
 
 @concerning("circuit")

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from ..behaviours.stop import TRANSPORT, Decision, StopConfig
+from ..behaviours.stop import TRANSPORT, Decision
 from ..body.stop import BodyStop
 from ..body.touches import OLDEST, BodyTouch, BodyTracker, Piece, coincident
 from ..middleware.bus import Time
@@ -27,7 +27,6 @@ from ..msg import (
     cloud_columns,
     cloud_of,
 )
-from ..parameters.fields import configured
 from ..parameters.nodes import Body as Parameters
 from ..parameters.shared import Circuit, Framed, Geometry
 from ..touch.frames import IDENTITY, Frames, Pose
@@ -92,7 +91,7 @@ class Body:
                 )
         fixed = skins.pop(self._frame.lstrip("/"), {})
         self._tf = hear(node) if skins else Frames()
-        self.stop = BodyStop(self._names, configured(StopConfig, given), self._now())
+        self.stop = BodyStop(self._names, given, self._now())
         self.tracker = BodyTracker(fixed)
         self._stamps: dict[str, float] = {}  # skin -> of its newest contacts
         self._wrenches: dict[str, tuple[float, np.ndarray]] = {}  # skin -> stamp, force and torque

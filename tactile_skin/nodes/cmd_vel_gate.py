@@ -5,11 +5,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..behaviours.gate import Gate, GateConfig
+from ..behaviours.gate import Gate
 from ..middleware.bus import Time
 from ..middleware.config import declared
 from ..msg import Header, Twist, TwistStamped
-from ..parameters.fields import configured
 from ..parameters.nodes import CmdVelGate as Parameters
 from . import frames
 from .cmd_vel import CmdVel, twist_of
@@ -26,7 +25,7 @@ class CmdVelGate:
 
     def __init__(self, node):
         given = declared(node, Parameters)
-        self.gate = Gate(configured(GateConfig, given))
+        self.gate = Gate(given)
         self._base = given.base_frame
         self._frames = frames.hear(node) if self._base else None
         self._cmd_vel = CmdVel(node, given, self.gate.decide, self.gate.stop)

@@ -31,7 +31,6 @@ from ..msg import (
     Trigger,
     cloud_columns,
 )
-from ..parameters.fields import configured
 from ..parameters.nodes import StopOnPush as Parameters
 from ..physics import readouts
 from . import QUEUE, diagnostics
@@ -142,8 +141,7 @@ class StopOnPush:
     def __init__(self, node):
         self.node = node
         given = declared(node, Parameters)
-        with concerning(*StopConfig.__dataclass_fields__):
-            self.policy = StopPolicy(configured(StopConfig, given))
+        self.policy = StopPolicy(given)
         self._circuit = circuit_of(given.circuit)
         self._curve = curve_of(given.curve, self._circuit)
         gain = self._curve.gain

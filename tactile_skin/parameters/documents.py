@@ -8,7 +8,7 @@ import re
 import textwrap
 from collections.abc import Iterator
 
-from .fields import Leaf, leaves, members
+from ..fields import Leaf, leaves, members
 from .nodes import SECTIONS, Shared, shared_names
 
 _WIDTH = 110  # characters of a line of config/skin.yaml

@@ -9,6 +9,7 @@ import threading
 import pytest
 from support.bench import Bench
 
+from tactile_skin.fields import About
 from tactile_skin.middleware.bus import (
     Context,
     DurabilityPolicy,
@@ -20,7 +21,6 @@ from tactile_skin.middleware.bus import (
     Time,
 )
 from tactile_skin.msg import Bool, Float32, Trigger
-from tactile_skin.parameters.fields import About
 
 PATIENCE = 20.0  # s, for what must happen; how fast it does is not tested
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

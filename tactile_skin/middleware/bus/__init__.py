@@ -2,7 +2,7 @@
 """Topics, services, timers and parameters within one process, with rclpy's signatures.
 
 A node written against this module runs unchanged on rclpy's Node, but for the descriptors of its
-parameters, which are `parameters.fields.About`. What else differs is chosen for a robot's stop:
+parameters, which are `fields.About`. What else differs is chosen for a robot's stop:
 queues are bounded and drop the oldest (counted), a callback that raises is logged, counted and
 isolated, and `MultiThreadedExecutor` gives each node a thread of its own, so that a slow subscriber
 delays nobody but itself.

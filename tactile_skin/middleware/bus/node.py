@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 
 from ...errors import ParameterError
-from ...parameters.fields import About
+from ...fields import About
 from .calls import DUE, Client, Service, Timer
 from .parameters import ANYTHING, SET_PARAMETERS, Parameter, SetParameters, checked
 from .topics import (

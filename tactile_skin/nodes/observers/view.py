@@ -9,9 +9,9 @@ import time
 from dataclasses import replace
 
 from ...errors import LaunchError
+from ...fields import leaves
 from ...middleware.config import adc_of, circuit_of, curve_of, declared, geometry_of
 from ...msg import Trigger
-from ...parameters.fields import leaves
 from ...parameters.nodes import View as Parameters
 from ...parameters.shared import Skin
 from ...view.process import PageProcess, ToPage
