@@ -99,12 +99,14 @@ def declared(node: Node, kind: type, prefix: str = "") -> Any:
         ParameterError: a value that is not allowed.
     """
     values: dict[str, Any] = {}
+    single = []
     for name, member in members(kind):
         if isinstance(member, Leaf):
+            single.append(prefix + name)
             values[name] = node.declare_parameter(prefix + name, member.default, member.about).value
         else:
             values[name] = declared(node, member, f"{prefix}{name}.")
-    with concerning(*(prefix + name for name in values)):
+    with concerning(*single):
         return kind(**values)
 
 
