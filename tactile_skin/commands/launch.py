@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import contextlib
 
+from .. import launch
 from ..arguments import split
+from ..middleware.stdin import keys
 
 EXAMPLES = (
     "examples:\n"
@@ -19,7 +21,6 @@ EXAMPLES = (
 
 def register(parser) -> None:
     """Declare the arguments."""
-    parser.epilog = EXAMPLES
     parser.add_argument(
         "words", nargs="*", metavar="FILE | NAME:=VALUE", help="launch file; arguments"
     )
@@ -30,8 +31,6 @@ def register(parser) -> None:
 
 def run(args) -> int:
     """Start it, and wait for its end."""
-    from .. import launch
-
     if args.show_args:
         for argument in launch.read_arguments(_file_of(args.words)[0]):
             given = "... (must be given)" if argument.default is None else argument.default
@@ -45,16 +44,12 @@ def run(args) -> int:
 
 def plan_of(words: list[str], default: str = "", **given: str):
     """Return the plan of a launch file, or of the default one, with its arguments; and the file."""
-    from .. import launch
-
     file, arguments = _file_of(words, default)
     return launch.read_plan(file, arguments | given), file
 
 
 def _file_of(words: list[str], default: str = ""):
     """Return the path of the launch file, and the arguments that it is given."""
-    from .. import launch
-
     files, arguments = split(words)
     if len(files) > 1:
         raise ValueError(f"one launch file, not {len(files)}: {' '.join(files)}")
@@ -63,8 +58,6 @@ def _file_of(words: list[str], default: str = ""):
 
 def spin(skin) -> int:
     """Run a skin until it ends, and return the exit status."""
-    from ..middleware.stdin import keys
-
     with skin, contextlib.suppress(KeyboardInterrupt), keys(skin.reset_stop):
         skin.spin()
     return 1 if skin.failed else 0

@@ -47,7 +47,6 @@ def is_recording(words: list[str]) -> bool:
 
 def register(parser) -> None:
     """Declare the arguments."""
-    parser.epilog = EXAMPLES
     parser.add_argument(
         "words", nargs="*", metavar="FILE | NAME:=VALUE", help="recording or launch file; arguments"
     )
