@@ -94,7 +94,7 @@ def compose(*words: str) -> RosSkin:
         RosError: rclpy is not installed.
     """
     args = split_arguments(list(words))[1]
-    return RosSkin(plan_of(COMPOSED, args), Process(args.logs))
+    return RosSkin(plan_of(COMPOSED, args), Process(args.others))
 
 
 def run(executable: str, words: list[str] | None = None) -> int:
@@ -107,7 +107,7 @@ def run(executable: str, words: list[str] | None = None) -> int:
         own, args = split_arguments(sys.argv[1:] if words is None else words)
         parser = argparse.ArgumentParser(prog=executable, description=_about(executable))
         parser.parse_args(own)
-        skin = RosSkin(plan_of(executable, args), Process(args.logs))
+        skin = RosSkin(plan_of(executable, args), Process(args.others))
         # a signal that came before it ran has asked for the same
         with contextlib.suppress(KeyboardInterrupt, SystemExit), skin:
             end_with_launcher(skin.shutdown)

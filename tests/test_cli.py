@@ -21,9 +21,9 @@ from support.marks import ci
 
 from tactile_skin import Circuit, PressureCurve, cli
 from tactile_skin.board.terminal import is_simulated
+from tactile_skin.commands.launch import keys
 from tactile_skin.launch import read_skin, share_dir
 from tactile_skin.learning import network
-from tactile_skin.middleware.stdin import keys
 
 pytestmark = pytest.mark.live
 

@@ -21,6 +21,7 @@ from support.simulated import CIRCUIT, serving
 from tactile_skin import PressureCurve
 from tactile_skin.behaviours.hooks import EventHook
 from tactile_skin.board.serial_port import _LENT_TO
+from tactile_skin.errors import ParameterError
 from tactile_skin.findings.finding import Finding, Kind
 from tactile_skin.launch import (
     LaunchError,
@@ -30,7 +31,7 @@ from tactile_skin.launch import (
     read_plan,
     share_dir,
 )
-from tactile_skin.middleware.bus import Context, ParameterError
+from tactile_skin.middleware.bus import Context
 from tactile_skin.msg import Bool, Header, PointCloud2, Trigger, Twist, cloud
 from tactile_skin.nodes.stop_on_push import LATCHED
 from tactile_skin.simulation import simulator

@@ -143,8 +143,6 @@ def test_ros_arguments_are_split_from_the_programs_own():
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        (["--log-levle", "debug"], "'--log-levle'"),
-        (["--log-level"], "--log-level: must be followed by a value"),
         (["-r", "from"], "'from'"),
         (["-r"], "-r"),
         (["-p", "=1"], "'=1'"),

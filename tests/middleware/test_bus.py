@@ -9,6 +9,7 @@ import threading
 import pytest
 from support.bench import Bench
 
+from tactile_skin.errors import ParameterError
 from tactile_skin.fields import About
 from tactile_skin.middleware.bus import (
     Context,
@@ -16,7 +17,6 @@ from tactile_skin.middleware.bus import (
     MultiThreadedExecutor,
     Node,
     Parameter,
-    ParameterError,
     QoSProfile,
     Time,
 )
@@ -215,10 +215,6 @@ def test_remapping(bench):
     assert node.resolve_topic_name("/a") == "/left/b"
     assert node.resolve_topic_name("other") == "/left/other"
     assert node.create_service(Trigger, "adc", print).srv_name == "/left/raw"
-    rules = [("rostopic://~/reset", "/a"), ("rosservice://~/reset", "/b")]
-    node = bench.node("n", remappings=rules)
-    assert node.resolve_topic_name("~/reset") == "/a"
-    assert node.resolve_service_name("~/reset") == "/b"
 
 
 # --- timers ---

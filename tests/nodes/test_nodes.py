@@ -12,12 +12,12 @@ from support.simulated import CIRCUIT, PATIENCE, serving
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.board.protocol import BinaryParser
+from tactile_skin.errors import ParameterError
 from tactile_skin.middleware.bus import (
     Context,
     MultiThreadedExecutor,
     Node,
     Parameter,
-    ParameterError,
     Time,
 )
 from tactile_skin.msg import (

@@ -8,17 +8,10 @@ isolated, and `MultiThreadedExecutor` gives each node a thread of its own, so th
 delays nobody but itself.
 """
 
-from .calls import Client, Service, Timer
-from .clock import Clock, ManualClock, Time
+from .clock import ManualClock, Time
 from .executors import MultiThreadedExecutor, SingleThreadedExecutor
 from .node import Node
-from .parameters import (
-    ANYTHING,
-    SET_PARAMETERS,
-    Parameter,
-    ParameterError,
-    SetParameters,
-)
+from .parameters import ANYTHING, SET_PARAMETERS, Parameter, SetParameters
 from .topics import (
     Context,
     DurabilityPolicy,
@@ -26,17 +19,12 @@ from .topics import (
     Publisher,
     QoSProfile,
     ReliabilityPolicy,
-    Subscription,
-    TopicTypeError,
-    as_qos,
     type_name,
 )
 
 __all__ = [
     "ANYTHING",
     "SET_PARAMETERS",
-    "Client",
-    "Clock",
     "Context",
     "DurabilityPolicy",
     "Mailbox",
@@ -44,17 +32,11 @@ __all__ = [
     "MultiThreadedExecutor",
     "Node",
     "Parameter",
-    "ParameterError",
     "Publisher",
     "QoSProfile",
     "ReliabilityPolicy",
-    "Service",
     "SetParameters",
     "SingleThreadedExecutor",
-    "Subscription",
     "Time",
-    "Timer",
-    "TopicTypeError",
-    "as_qos",
     "type_name",
 ]

@@ -30,7 +30,6 @@ from .topics import (
 )
 
 _LATCHED = QoSProfile(durability=DurabilityPolicy.TRANSIENT_LOCAL)
-_TOPIC, _SERVICE = "rostopic://", "rosservice://"  # before a remapping that is for one kind
 
 
 class Node:
@@ -39,8 +38,7 @@ class Node:
     Args:
         node_name: last part of its full name.
         context: the topics it sees; None: those of the process.
-        remappings: (from, to) of topics and services; the first for a name counts, as in ROS, and
-            rostopic:// or rosservice:// in front limits one to its kind.
+        remappings: (from, to) of topics and services; the first for a name counts, as in ROS.
         namespace: prefix of its relative names.
         parameter_overrides: values that win over the defaults its parameters are declared with.
 
@@ -77,8 +75,7 @@ class Node:
         self._publishers: list[Publisher] = []
         self._errors: dict[int, tuple[int, float]] = {}
         self._in_callback = False
-        self._topic_remappings = self._remapping(remappings, _TOPIC, _SERVICE)
-        self._service_remappings = self._remapping(remappings, _SERVICE, _TOPIC)
+        self._remapped = {self._expand(a): self._expand(b) for a, b in reversed(remappings)}
         self.context.node_names.add(self.get_fully_qualified_name())
 
     # names
@@ -93,14 +90,11 @@ class Node:
         return f"{self._namespace.rstrip('/')}/{self._name}"
 
     def resolve_topic_name(self, topic: str) -> str:
-        """Full name of a topic: namespace, private "~/" and remappings applied."""
+        """Full name of a topic, or a service: namespace, private "~/" and remappings applied."""
         name = self._expand(topic)
-        return self._topic_remappings.get(name, name)
+        return self._remapped.get(name, name)
 
-    def resolve_service_name(self, service: str) -> str:
-        """Full name of a service, as that of a topic."""
-        name = self._expand(service)
-        return self._service_remappings.get(name, name)
+    resolve_service_name = resolve_topic_name
 
     def get_topic_names_and_types(self) -> list[tuple[str, list[str]]]:
         """Full name of each topic, and ROS 2's name of its type."""
@@ -122,13 +116,6 @@ class Node:
         if name.startswith("~/"):
             return f"{self.get_fully_qualified_name()}/{name[2:]}"
         return f"{self._namespace.rstrip('/')}/{name}"
-
-    def _remapping(self, rules, kind: str, other: str) -> dict[str, str]:
-        return {
-            self._expand(source.removeprefix(kind)): self._expand(target)
-            for source, target in reversed(rules)
-            if not source.startswith(other)
-        }
 
     # what a node is made of
 
