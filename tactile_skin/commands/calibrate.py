@@ -9,6 +9,7 @@ import tempfile
 import termios
 import textwrap
 import time
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -112,14 +113,11 @@ def calibrate(out: Path, config: Path | None, words: list[str], creep: bool = Fa
         weighed = bool(loads or "reference" in given)
         guide = from_files(skin, given, loads)
     else:
-        live = Live(config, given)
-        guide = Guide(skin.circuit, live, _ask, _say, _count_down, _show)
-        try:
+        with closing(Live(config, given)) as live:
+            guide = Guide(skin.circuit, live, _ask, _say, _count_down, _show)
             live(0.0)  # what the driver logs of the port stands above the first question
             check_sent(skin, live(GLANCE))
             guide.measure_creep(skin.curve) if creep else guide.run()
-        finally:
-            live.close()
     no_curve, learnt = weighed and not guide.fitted, guide.learnt
     if no_curve and not learnt:
         print(f"{_NAME}: no curve was found: {out} is not written", file=sys.stderr)

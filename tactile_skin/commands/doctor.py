@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import asdict
 
 import numpy as np
@@ -148,14 +149,11 @@ def _listen(given: dict, board: dict) -> tuple[np.ndarray, list[Finding]]:
         raise ValueError(f"seconds:={seconds:g}: must be from {_SECONDS[0]:g} to {_SECONDS[1]:g}")
     driver = {name: given[name] for name in ("port", "baud", "protocol") if name in given}
     # frames that repeat are what is looked for: they are not held back
-    live = Live(given.get("config"), board | driver | {"frozen_after": 0.0})
-    try:
+    with closing(Live(given.get("config"), board | driver | {"frozen_after": 0.0})) as live:
         live(0.0)
         print(f"hands off for 5 s, then press everywhere, with pauses: {seconds:g} s", flush=True)
         frames = live(seconds)
         counters, reconnects = live.counters, live.reconnects
-    finally:
-        live.close()
     print(
         f"{len(frames) / seconds:.0f} frames a second, {counters.corrupt} damaged (CRC or line), "
         f"{counters.lost} lost, {reconnects} reconnections"
