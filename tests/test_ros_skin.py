@@ -162,8 +162,7 @@ class Simulation:
         time.sleep(0.01)
 
 
-@pytest.mark.parametrize("where", ["parameter", "file", "launch"])
-def test_a_simulated_clock(graph, plain, tmp_path, where):
+def test_a_simulated_clock(graph, plain, tmp_path):
     """Readings that are old by the time of day count by /clock; while it stands still, and when it
     jumps, the robot stops."""
     from std_msgs.msg import Bool
@@ -173,15 +172,10 @@ def test_a_simulated_clock(graph, plain, tmp_path, where):
 
     plain.hear(DiagnosticArray, "skin/stop_status")
     path = tmp_path / "launch_params_x"  # as launch_ros makes them
-    section = "/**" if where == "launch" else "stop_on_push"
-    path.write_text(f"{section}: {{ros__parameters: {{use_sim_time: true}}}}\n")
+    path.write_text("/**: {ros__parameters: {use_sim_time: true}}\n")
     words = ["-p", "serial_driver:=false", "-p", "tare:=false", "-p", "time_limit:=10.0"]
-    given = ["--params-file", str(path)]
-    if where == "file":  # of one node, for all
-        given += ["-p", "compensation:use_sim_time:=true", "-p", "stale_after:=0.5"]
-    if where == "parameter":
-        given = ["-p", "use_sim_time:=true"]
-    graph.start("skin", skin(*words, *given, "-p", "stop_on_push:stale_after:=0.5"))
+    words += ["--params-file", str(path), "-p", "stop_on_push:stale_after:=0.5"]
+    graph.start("skin", skin(*words))
     simulation = Simulation(plain)
 
     def runs_until(stop: bool, what: str) -> None:
@@ -251,22 +245,6 @@ def test_qos_of_a_publisher_is_overridden(graph, plain):
             lambda: reliability("/skin/pressure") == [ReliabilityPolicy.BEST_EFFORT], "it is", graph
         )
         plain.until(lambda: reliability("/skin/stop") == [ReliabilityPolicy.RELIABLE], "not", graph)
-
-
-def test_parameters_of_the_program_reach_its_nodes(graph, plain, tmp_path):
-    """In a section of its own name and namespace, as a launch file's `name` makes it."""
-    from rclpy.parameter_client import AsyncParameterClient
-
-    path = tmp_path / "robot.yaml"
-    path.write_text("left: {torso: {ros__parameters: {threshold: 25.0}}}\n")
-    with board() as player:
-        words = ["-r", "__ns:=/left", "-r", "__node:=torso", "--params-file", str(path)]
-        graph.start("skin", skin(*words, "-p", f"port:={player.port}"))
-        client = AsyncParameterClient(plain.node, "/left/stop_on_push")
-        plain.until(client.services_are_ready, "it runs", graph)
-        future = client.get_parameters(["threshold"])
-        plain.until(future.done, "parameters are there", graph)
-        assert future.result().values[0].double_value == 25.0
 
 
 def test_a_duration_ends_the_process(graph):

@@ -367,29 +367,6 @@ def feels(monkeypatch, force, status) -> None:
     monkeypatch.setattr("tactile_skin.health.skin.compensate", lambda *a, **k: found)
 
 
-def test_a_fault_seen_at_rest_is_not_healed_by_a_touch_that_hides_it(monkeypatch):
-    """Two shorted lines read off at rest, and alike under a touch that lies on both."""
-    chain = Chain("naive")
-    skin = chain.compensation.skin
-    skin._follows = skin.waits = False  # the frames are all alike
-    touch = np.zeros((16, 16))
-    touch[5, 5] = 1.0  # N
-
-    def feel(frames, force, status):
-        feels(monkeypatch, force, status)
-        chain.publish_alike(frames)
-        chain.spin(1.0)  # for a report
-        return last_report(chain).level
-
-    rest, bad = np.zeros((16, 16)), DiagnosticStatus.ERROR
-    assert feel(5, rest, "ok") == DiagnosticStatus.OK
-    assert feel(30, touch, "suspect") == bad
-    assert feel(60, touch, "ok") == DiagnosticStatus.OK, "the touch is believed again"
-    assert feel(15, rest, "suspect") == bad
-    assert feel(100, touch, "ok") == bad
-    assert feel(30, rest, "ok") == DiagnosticStatus.OK
-
-
 def test_a_reset_forgets_what_was_under_a_touch_and_says_so_at_once(monkeypatch):
     """On diagnostics, before it answers: who then resets the stop finds the fault gone."""
     chain, rest, touch = Chain("naive"), np.zeros((16, 16)), np.zeros((16, 16))
@@ -420,19 +397,6 @@ def test_a_doubt_before_the_rest_was_measured_is_no_fault(monkeypatch):
     chain.publish_alike(30)
     assert chain.reason == "waiting: compensation: measuring rest: hands off"
     assert chain.stopped
-
-
-@pytest.mark.parametrize("status", ["suspect", "failed"])
-def test_a_reset_is_no_cure_for_what_is_still_wrong(monkeypatch, status):
-    chain = Chain("naive")
-    chain.compensation.skin.waits = False  # rest was measured
-    client = chain.observer.create_client(Trigger, "compensation/reset")
-    feels(monkeypatch, np.zeros((16, 16)), status)
-    chain.publish_alike(30)
-    client.call_async(Trigger.Request())
-    chain.executor.spin_some()
-    assert last_report(chain).level == DiagnosticStatus.ERROR
-    assert "fault: compensation: " in chain.reason
 
 
 # --- the pressure picture ---
