@@ -149,7 +149,10 @@ class Skin:
         check_parameters(self._plan, names)
         for action in self._plan.nodes:
             SIGNALS.raise_pending()  # the last one took a while
-            handle, kind = self._make_node(action), class_of(action)
+            handle, kind = (
+                self._make_node(action),
+                node_class(action.executable, action.package, action.file),
+            )
             self._handles.append(handle)
             with naming_its_file(action):
                 self._nodes.append(kind(handle))
@@ -262,14 +265,17 @@ class Skin:
 
         stops = self._of_kind(BODY, self._handles) or self._started("stop_on_push")
         topics = [handle.resolve_topic_name(STATUS_TOPIC) for handle in stops]
-        clock = self._context.clock
-        stop_hook = StopHook(hook, topics, clock, heartbeat)
+
+        def now() -> float:
+            return self._context.clock.now().nanoseconds / 1e9
+
+        stop_hook = StopHook(hook, topics, now, heartbeat)
         self._hooks.append(stop_hook)
         node = Node(f"stop_hook_{len(self._hooks)}", context=self._context)
 
         def listener(topic: str):
             def on_status(message: DiagnosticArray) -> None:
-                stop_hook.hear(topic, stop_message_of(message, clock.now().nanoseconds / 1e9))
+                stop_hook.hear(topic, stop_message_of(message, now()))
 
             return on_status
 
@@ -371,14 +377,6 @@ def _close(handle: Node, node) -> None:
         node.close()
     except Exception:  # a closed stdout, say
         handle.get_logger().exception("close() raised")
-
-
-def class_of(action: NodeAction) -> type:
-    """Return the class of a launch file's node; LaunchError names the file."""
-    try:
-        return node_class(action.executable, action.package)
-    except LaunchError as error:
-        raise LaunchError(f"{action.file}: {error}") from error
 
 
 def launch(path=None, context: Context | None = None, **arguments) -> Skin:

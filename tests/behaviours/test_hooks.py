@@ -99,7 +99,8 @@ def made():
     hooks = []
 
     def make(hook, clock=None, **kwargs):
-        hooks.append(StopHook(hook, ["stop"], clock or ManualClock(10.0), **kwargs))
+        clock = clock or ManualClock(10.0)
+        hooks.append(StopHook(hook, ["stop"], lambda: clock.now().nanoseconds / 1e9, **kwargs))
         return hooks[-1]
 
     yield make
@@ -166,4 +167,4 @@ def test_with_a_heartbeat_the_hook_is_called_without_a_change(made, word, heartb
 @pytest.mark.parametrize("heartbeat", [0.0, -1.0, math.inf, math.nan])
 def test_a_bad_heartbeat_is_refused_by_name(heartbeat):
     with pytest.raises(ValueError, match="heartbeat = "):
-        StopHook(print, ["stop"], ManualClock(), heartbeat)
+        StopHook(print, ["stop"], lambda: 0.0, heartbeat)
