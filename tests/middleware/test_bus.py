@@ -536,66 +536,6 @@ def test_a_raising_callback_is_logged_once(bench, caplog):
     ]
 
 
-class Broken(logging.Handler):
-    """A log handler that raises what it was made with."""
-
-    def __init__(self, error):
-        super().__init__()
-        self.error = error
-
-    def emit(self, record):
-        raise self.error
-
-
-@pytest.fixture(params=[ValueError("log"), OSError("gone"), SystemExit(1)], ids=repr)
-def broken_log(request):
-    loggers = [logging.getLogger(name) for name in ("tactile_skin.n", "concurrent.futures")]
-    handler = Broken(request.param)
-    for logger in loggers:
-        logger.addHandler(handler)
-    yield
-    for logger in loggers:
-        logger.removeHandler(handler)
-
-
-class Unspeakable:
-    """A callback of which not even the name can be told."""
-
-    def __call__(self, message):
-        raise ValueError("bad")
-
-    def __repr__(self):
-        raise RuntimeError("no name")
-
-
-@pytest.mark.parametrize("callback", [raising, Unspeakable()], ids=["function", "object"])
-def test_a_log_handler_that_raises_ends_no_thread(threads, callback, broken_log, capfd):
-    """A subscriber's exception that cannot be told is counted, and stderr hears of it."""
-    seen, node = threading.Event(), Node("n", context=Context())
-    node.create_subscription(Float32, "a", callback, 10)
-    node.create_subscription(Float32, "b", lambda message: seen.set(), 10)
-    threads.add_node(node)
-    for topic in "ab":
-        node.create_publisher(Float32, topic, 10).publish(Float32())
-    assert seen.wait(PATIENCE)
-    assert node.callback_errors == 1
-    assert "node n: ValueError, and " in capfd.readouterr().err
-
-
-@pytest.mark.parametrize("server", [answer, raising], ids=["answers", "raises"])
-def test_a_listener_to_an_answer_ends_no_thread(threads, server, broken_log):
-    """One that raises: concurrent.futures logs that, here with a handler that raises as well."""
-    node = Node("n", context=Context())
-    node.create_service(Trigger, "reset", server)
-    client = node.create_client(Trigger, "reset")
-    first = client.call_async(Trigger.Request())
-    first.add_done_callback(raising)
-    second = client.call_async(Trigger.Request())
-    threads.add_node(node)
-    for future in (first, second):
-        assert (future.exception(PATIENCE) is None) == (server is answer)
-
-
 # --- clocks ---
 
 

@@ -3,10 +3,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import math
-import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -284,10 +282,10 @@ class Node:
         except (Exception, SystemExit) as error:  # a node's thread must not end silently
             self._report(callback, error)
             if future is not None:
-                _settle(future.set_exception, error)
+                future.set_exception(error)
         else:
             if future is not None:
-                _settle(future.set_result, result)
+                future.set_result(result)
         finally:
             self._in_callback = False
 
@@ -299,14 +297,11 @@ class Node:
         self._errors[id(callback)] = count + 1, now if said else last
         if not said:
             return
-        try:
-            name = getattr(callback, "__qualname__", None) or repr(callback)
-            if count == 0:
-                self.get_logger().error("callback %s raised", name, exc_info=error)
-            else:
-                self.get_logger().error("callback %s raised %d times: %r", name, count + 1, error)
-        except (Exception, SystemExit) as broken:  # of a log handler: it must not end the thread
-            _complain(f"node {self._name}: {type(error).__name__}", broken)
+        name = getattr(callback, "__qualname__", None) or repr(callback)
+        if count == 0:
+            self.get_logger().error("callback %s raised", name, exc_info=error)
+        else:
+            self.get_logger().error("callback %s raised %d times: %r", name, count + 1, error)
 
     @property
     def publishers(self) -> tuple[Publisher, ...]:
@@ -323,17 +318,3 @@ class Node:
     def callback_errors(self) -> int:
         """Number of exceptions that callbacks of this node have raised."""
         return sum(count for count, _ in tuple(self._errors.values()))
-
-
-def _settle(settle, value) -> None:
-    """Give a Future its result, whatever a listener to it or a log handler raises."""
-    try:
-        settle(value)
-    except (Exception, SystemExit) as broken:
-        _complain("the answer of a service", broken)
-
-
-def _complain(what: str, broken: BaseException) -> None:
-    """Write what could not be logged to stderr, if there is one."""
-    with contextlib.suppress(Exception):
-        print(f"{what}, and {type(broken).__name__} while that was reported", file=sys.stderr)
