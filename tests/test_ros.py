@@ -24,7 +24,7 @@ from collections import defaultdict
 
 import numpy as np
 import pytest
-from support.ros_graph import DECIDED, Graph, Player, endless, plan_of, program, record
+from support.ros_graph import Graph, Player, endless, plan_of, record
 
 import tactile_skin
 from tactile_skin import __main__, launch, msg, ros
@@ -692,65 +692,3 @@ def test_parameters_are_shown_and_set(skin):
         "True ",
     ]
     assert answers[3].startswith("False ") and "read-only" in answers[3]
-
-
-def rate(messages) -> float:
-    """Messages that arrived a second, by the line through their stamps."""
-    stamps = np.array([stamp for _, stamp, _ in messages])
-    return 1e9 / np.polyfit(np.arange(len(stamps)), stamps - stamps[0], 1)[0]
-
-
-@pytest.mark.ros
-def test_the_demo_speaks_100_times_a_second(rclpy, tmp_path):
-    """As demo.launch.yaml has it: the simulated board, the program `skin`; and a plain subscriber.
-    All topics at 100 a second within 1 % over 8 s, which on a busy machine may be any of 20;
-    SIGTERM ends it, and the last word is stop.
-    """
-    link = tmp_path / "skin"
-    with Graph() as graph:
-        words = ["-m", "tactile_skin", "sim", "--once", "--link", str(link)]
-        graph.start("sim", [sys.executable, *words])
-        graph.start("skin", program("skin", "-p", f"port:={link}", "-p", "wait_for_port:=15.0"))
-        name = graph.listen()
-        graph.wait_until_heard(name)
-        start = time.time()
-        time.sleep(20.0)
-        end = time.time()
-        assert graph.stop("skin") == 0
-        graph.wait_for(
-            lambda: graph.hears(name, "the skin shuts down"), "the last word of the stop"
-        )
-        time.sleep(0.5)
-        heard = by_topic(graph.heard(name))
-    rates = {}
-    for begin in np.arange(start, end - 8.0, 0.5):
-        window = slice(begin, begin + 8.0)
-        rates[window.start] = [rate(taken_in(heard[t], window)) for t in ("skin/adc", *DECIDED)]
-    best = min(rates, key=lambda begin: np.abs(np.subtract(rates[begin], 100.0)).max())
-    assert rates[best] == pytest.approx([100.0] * 5, rel=0.01)
-    window = slice(best, best + 8.0)
-    assert heard["skin/pressure"][-1][2][:6] == ("base_link", 16, 16, "32FC1", 0, 64)
-    # a decision for each reading; the heartbeat only fills gaps
-    readings = {stamp for _, stamp, _ in taken_in(heard["skin/adc"], window)}
-    decided = {stamp for _, stamp, _ in heard["skin/stop_status"]} & readings
-    assert len(decided) >= 0.99 * len(readings)
-    stops = [t for t, *_ in heard["skin/stop"] if window.start <= t <= window.stop]
-    assert 99.0 <= len(stops) / 8.0 < 160.0
-    reports, doubted = defaultdict(list), []
-    for t, _, ((node, level, why, hardware, values),) in heard["skin/diagnostics"]:
-        if start + 2.0 <= t <= end:
-            assert hardware == "tactile_skin"
-            doubted += [why] if level and node != "compensation" else []
-            reports[node].append(values)
-    # a machine that stands still for a moment makes readings late, which the driver tells
-    assert len(doubted) <= 2, doubted
-    assert min(len(reports[node]) for node in ("serial_driver", "compensation")) >= 16
-    told = np.median([float(values["rate"]) for values in reports["serial_driver"]])
-    assert told == pytest.approx(100.0, rel=0.01)
-    assert heard["skin/stop"][-1][2] is True
-    assert not os.path.lexists(link)
-
-
-def taken_in(messages, window: slice):
-    """Those whose stamp lies in the window [s]."""
-    return [m for m in messages if window.start <= m[1] / 1e9 <= window.stop]

@@ -5,12 +5,12 @@ import math
 import threading
 
 import pytest
+from support.told import PATIENCE, Told
 
 from tactile_skin.behaviours.hooks import StopHook, StopMessages
 from tactile_skin.behaviours.stop import OUT_OF_DATE, StopMessage
 from tactile_skin.middleware.bus import ManualClock
 
-PATIENCE = 30.0  # s, for what must happen
 SILENT = "no message from the stop node"
 PUSH = StopMessage(True, "push")
 
@@ -77,21 +77,6 @@ def test_when_the_words_change_by_themselves(words):
 
 
 # --- the hook ---
-
-
-class Told:
-    def __init__(self):
-        self.calls, self.news = [], threading.Condition()
-
-    def __call__(self, stop, reason):
-        with self.news:
-            self.calls.append((stop, reason))
-            self.news.notify_all()
-
-    def wait_for(self, call, times=1) -> None:
-        with self.news:
-            enough = self.news.wait_for(lambda: self.calls.count(call) >= times, PATIENCE)
-            assert enough, self.calls
 
 
 @pytest.fixture
