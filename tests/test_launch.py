@@ -33,6 +33,7 @@ from tactile_skin.launch import (
     share_dir,
 )
 from tactile_skin.middleware.bus import Context
+from tactile_skin.middleware.launched import by_thread
 from tactile_skin.msg import Bool, Header, PointCloud2, Trigger, Twist, cloud
 from tactile_skin.nodes.stop_on_push import LATCHED
 from tactile_skin.simulation import simulator
@@ -318,6 +319,16 @@ def test_the_shipped_launch_files_parse(name):
     assert len(found.commands) == (name == "demo.launch.yaml")
     assert found.nodes[1].values()["method"] == "naive"
     assert all(a.description for a in found.arguments.values())
+
+
+def test_only_compensation_and_its_features_share_a_thread():
+    """What hangs in any other node, a recogniser say, keeps no stop back."""
+    found = read_plan(find("skin.launch.yaml"), {"port": "loop://", "gestures": "true"})
+    groups = [
+        [h.get_name() for h in group] for group in by_thread(found.nodes, Skin(found).build())
+    ]
+    assert ["compensation", "gesture_feature"] in groups and ["gestures"] in groups
+    assert sum(map(len, groups)) == len(groups) + 1
 
 
 # --- the running skin ---

@@ -254,6 +254,6 @@ def test_a_pure_folder_works_without_pyyaml(folder):
 
 
 def test_a_robot_needs_no_pytorch_to_run():
-    """Only training imports torch; extras.py within a command."""
+    """Only training imports torch; a command asks extras.py for it."""
     users = [p.stem for p in MODULE_PATHS if "torch" in imports(p)[1]]
-    assert set(users) == {"training", "soap", "extras"}
+    assert set(users) == {"training", "soap"}
