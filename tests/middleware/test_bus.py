@@ -331,6 +331,12 @@ def answer(request, response):
     return response
 
 
+def counting():
+    """What was asked, and a service that notes it."""
+    asked = []
+    return asked, lambda request, response: asked.append(1) or response
+
+
 def test_a_service_answers(bench):
     bench.node("server").create_service(Trigger, "reset", answer)
     client = bench.node("client").create_client(Trigger, "reset")
@@ -378,12 +384,7 @@ def test_the_asker_hears_that_the_server_went(bench):
 
 def test_a_question_that_was_withdrawn_is_not_asked(bench):
     """And harms nobody: the server goes on."""
-    asked = []
-
-    def count(request, response):
-        asked.append(1)
-        return response
-
+    asked, count = counting()
     bench.node("server").create_service(Trigger, "reset", count)
     client = bench.node("client").create_client(Trigger, "reset")
     first, second = client.call_async(Trigger.Request()), client.call_async(Trigger.Request())
@@ -395,12 +396,7 @@ def test_a_question_that_was_withdrawn_is_not_asked(bench):
 
 def test_a_server_that_hangs_collects_no_requests(bench):
     """What is refused is said at once; those in the queue are carried out, once each."""
-    asked = []
-
-    def count(request, response):
-        asked.append(1)
-        return response
-
+    asked, count = counting()
     bench.node("server").create_service(Trigger, "reset", count)
     client = bench.node("client").create_client(Trigger, "reset")
     futures = [client.call_async(Trigger.Request()) for _ in range(10)]
@@ -413,12 +409,7 @@ def test_a_server_that_hangs_collects_no_requests(bench):
 
 def test_requests_that_were_withdrawn_take_no_place(bench):
     """Nor does any of them, later, keep the others or messages from being heard."""
-    asked, seen, server = [], [], bench.node("server")
-
-    def count(request, response):
-        asked.append(1)
-        return response
-
+    (asked, count), seen, server = counting(), [], bench.node("server")
     server.create_service(Trigger, "reset", count)
     server.create_subscription(Float32, "t", seen.append, 10)
     client = bench.node("client").create_client(Trigger, "reset")
