@@ -32,8 +32,8 @@ MAY = {
     "middleware": "fields files yaml_files msg physics touch parameters board",
     "recording": "files yaml_files msg physics middleware readings",
     "view": "msg physics solvers touch calibration health middleware recording board guide",
-    "nodes": "fields msg physics touch behaviours body learning solvers findings calibration health "
-    "board parameters middleware recording view",
+    "nodes": "fields msg physics touch behaviours body learning solvers findings calibration "
+    "health board parameters middleware recording view",
     "launch": "files msg touch behaviours parameters middleware recording nodes",
     "ros": "files yaml_files msg parameters middleware nodes launch",
     "replay": "extras msg parameters middleware physics recording nodes launch",

@@ -83,29 +83,17 @@ def register(parser) -> None:
 
 
 def run(args) -> int:
-    """Calibrate as the arguments say."""
-    words, live = args.words, args.creep is True
-    if args.creep and not live:  # creep:=FILE is one of the recordings
-        words = [*words, f"creep:={args.creep}"]
-    return calibrate(args.out, args.config, words, live)
-
-
-def calibrate(out: Path, config: Path | None, words: list[str], creep: bool = False) -> int:
     """Guide through the steps, on a live board or through files, and write what was learnt.
-
-    Args:
-        out: parameter file to write.
-        config: parameter file with what is known of the board; None: the defaults.
-        words: NAME:=VALUE, of the board (port, baud, protocol) or of files (rest, a weight ...).
-        creep: measure only how much a standing load gains, of a live board that is calibrated.
 
     Returns:
         the exit status: 1 if there were weights to find the curve by and there is none. Without a
         curve, and nothing else that was learnt, no file is written.
     """
+    out, config, creep = args.out, args.config, args.creep is True
     check_writable(out)
     skin = read_skin(config)
-    given, loads = split_words(words)
+    recorded = [f"creep:={args.creep}"] if args.creep and not creep else []
+    given, loads = split_words([*args.words, *recorded])
     if creep and "rest" in given:
         raise ValueError("--creep is of a live board: give creep:=FILE")
     weighed = not creep
