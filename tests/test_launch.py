@@ -20,7 +20,6 @@ from support.simulated import CIRCUIT, serving
 from support.told import PATIENCE, Told
 
 from tactile_skin import PressureCurve
-from tactile_skin.behaviours.hooks import EventHook
 from tactile_skin.board.serial_port import _LENT_TO
 from tactile_skin.errors import ParameterError
 from tactile_skin.findings.finding import Finding, Kind
@@ -687,64 +686,6 @@ def test_a_push_and_its_release_are_told_to_hooks(write):
         robot.force = 0.0
         assert releases.wait(PATIENCE)
     assert len(lasted) == 1 and lasted[0] > 0.0
-
-
-def test_event_hooks_that_raise_or_hang_delay_nobody(write, caplog):
-    """Neither the stop, nor another hook, nor their own next event."""
-    heard, hangs, release, twice = Told(), threading.Event(), threading.Event(), threading.Event()
-    count = []
-
-    def hang(force, centre):
-        hangs.set()
-        release.wait(PATIENCE)
-
-    def fail(force, centre):
-        count.append(force)
-        if len(count) == 2:
-            twice.set()
-        raise RuntimeError("hook failed")
-
-    with launch(write(PATIENT_STOP)) as skin:
-        skin.on_push(hang)
-        skin.on_push(fail)
-        skin.on_stop(heard)
-        robot = Robot(skin)
-        heard.wait_for((False, ""))
-        robot.force = 50.0
-        assert hangs.wait(PATIENCE)
-        heard.wait_for((True, "push"))
-        heard.calls.clear()
-        robot.force = 0.0
-        heard.wait_for((False, ""))
-        robot.force = 50.0
-        heard.wait_for((True, "push"))
-        assert twice.wait(PATIENCE)
-        assert not release.is_set()
-        release.set()
-    assert "RuntimeError: hook failed" in caplog.text
-
-
-def test_a_busy_event_hook_misses_the_oldest_and_says_so(caplog):
-    seen, busy, go, done = [], threading.Event(), threading.Event(), threading.Event()
-
-    def hook(k):
-        seen.append(k)
-        busy.set()
-        assert go.wait(PATIENCE)
-        if k == 99:
-            done.set()
-
-    told = EventHook(hook)
-    told.tell(0)
-    assert busy.wait(PATIENCE)
-    for k in range(1, 100):
-        told.tell(k)
-    go.set()
-    assert done.wait(PATIENCE)
-    told.close()
-    assert seen == [0, *range(100 - (len(seen) - 1), 100)]
-    assert told.dropped == 100 - len(seen) > 0
-    assert f"missed {told.dropped} events" in caplog.text
 
 
 def test_event_hooks_find_their_topics_behind_remappings(write):

@@ -7,7 +7,7 @@ import threading
 import pytest
 from support.told import PATIENCE, Told
 
-from tactile_skin.behaviours.hooks import StopHook, StopMessages
+from tactile_skin.behaviours.hooks import EventHook, StopHook, StopMessages
 from tactile_skin.behaviours.stop import OUT_OF_DATE, StopMessage
 from tactile_skin.middleware.bus import ManualClock
 
@@ -153,3 +153,47 @@ def test_with_a_heartbeat_the_hook_is_called_without_a_change(made, word, heartb
 def test_a_bad_heartbeat_is_refused_by_name(heartbeat):
     with pytest.raises(ValueError, match="heartbeat = "):
         StopHook(print, ["stop"], lambda: 0.0, heartbeat)
+
+
+# --- hooks of events ---
+
+
+def test_a_busy_event_hook_misses_the_oldest_and_says_so(caplog):
+    seen, busy, go, done = [], threading.Event(), threading.Event(), threading.Event()
+
+    def hook(k):
+        seen.append(k)
+        busy.set()
+        assert go.wait(PATIENCE)
+        if k == 99:
+            done.set()
+
+    told = EventHook(hook)
+    told.tell(0)
+    assert busy.wait(PATIENCE)
+    for k in range(1, 100):
+        told.tell(k)
+    go.set()
+    assert done.wait(PATIENCE)
+    told.close()
+    assert seen == [0, *range(100 - (len(seen) - 1), 100)]
+    assert told.dropped == 100 - len(seen) > 0
+    assert f"missed {told.dropped} events" in caplog.text
+
+
+def test_an_event_hook_that_raises_is_told_of_the_next(caplog):
+    seen, done = [], threading.Event()
+
+    def hook(k):
+        seen.append(k)
+        if k == 2:
+            done.set()
+        raise RuntimeError("hook failed")
+
+    told = EventHook(hook)
+    for k in range(3):
+        told.tell(k)
+    assert done.wait(PATIENCE)
+    told.close()
+    assert seen == [0, 1, 2]
+    assert "RuntimeError: hook failed" in caplog.text
