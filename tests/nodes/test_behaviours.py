@@ -228,9 +228,9 @@ def test_no_command_passes_into_the_hand_where_nobody_stated_the_shape(monkeypat
     robot.felt = palm(side, 45.0)
     robot.live(0.2)
     assert robot.stopped
-    assert not robot.live(1.0).any()
+    assert not robot.live(0.4).any()
     robot.felt = palm(side, 0.0)
-    assert robot.live(2.0)[-1].any()
+    assert robot.live(0.8)[-1].any()
 
 
 # --- words that come late ---
@@ -267,7 +267,7 @@ def test_a_free_on_an_old_reading_moves_nothing(mover):
     robot.felt = scenes.finger(16, 16, 7.5, 7.5, 25.0, 2.2)
     robot.wish = (-0.3, 0.0, 0.0)
     for age, values, believed in WORDS:
-        for _ in range(30):
+        for _ in range(12):
             say(robot, robot.clock.now().nanoseconds / 1e9 - age, **values)
             robot.live(FRAME)
         assert robot.velocity.any() == believed, (age, values)
