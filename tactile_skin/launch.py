@@ -28,7 +28,11 @@ from .behaviours.hooks import EventHook, StopHook
 from .errors import LaunchError
 from .middleware.bus import Context, MultiThreadedExecutor, Node
 from .middleware.launch_file import read_arguments, read_plan
-from .middleware.launched import (
+from .middleware.logs import QueuedLog
+from .middleware.package import BODY, PACKAGE, RECORDER, VIEW, find, node_class, share_dir
+from .middleware.plan import (
+    NodeAction,
+    Plan,
     by_thread,
     check_commands,
     check_parameters,
@@ -36,9 +40,6 @@ from .middleware.launched import (
     naming_its_file,
     parameters_of,
 )
-from .middleware.logs import QueuedLog
-from .middleware.package import BODY, PACKAGE, RECORDER, VIEW, find, node_class, share_dir
-from .middleware.plan import NodeAction, Plan
 from .middleware.processes import end_commands, start_command
 from .middleware.signals import SIGNALS, unwinding
 from .middleware.threads import one_thread

@@ -21,10 +21,9 @@ from . import launch
 from .errors import LaunchError, ParameterError, did_you_mean
 from .files import one_line
 from .middleware.bus import Node
-from .middleware.launched import given
 from .middleware.package import BODY, COMPOSED, PACKAGE, SKIN_NODES, node_class
 from .middleware.parameter_file import CONFIG, ParameterFile, unknown_of, values_for
-from .middleware.plan import NodeAction, Plan, with_skins
+from .middleware.plan import NodeAction, Plan, given, with_skins
 from .middleware.processes import end_with_launcher
 from .middleware.ros.arguments import PARAMS_FILE, RosArguments, split_arguments
 from .middleware.ros.node import RosNode, ToRos

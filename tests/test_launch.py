@@ -32,7 +32,7 @@ from tactile_skin.launch import (
     share_dir,
 )
 from tactile_skin.middleware.bus import Context
-from tactile_skin.middleware.launched import by_thread
+from tactile_skin.middleware.plan import by_thread
 from tactile_skin.msg import Bool, Header, PointCloud2, Trigger, Twist, cloud
 from tactile_skin.nodes.stop_on_push import LATCHED
 from tactile_skin.simulation import simulator

@@ -37,8 +37,8 @@ from tactile_skin.middleware.bus import (
     Parameter,
     SingleThreadedExecutor,
 )
-from tactile_skin.middleware.launched import make_node
 from tactile_skin.middleware.package import COMPOSED, NODES
+from tactile_skin.middleware.plan import make_node
 from tactile_skin.middleware.ros import messages
 from tactile_skin.middleware.ros import node as ros_node
 from tactile_skin.middleware.ros.process import Process

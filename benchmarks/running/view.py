@@ -25,8 +25,8 @@ import numpy as np
 
 from tactile_skin.launch import Skin, find, node_class, read_plan
 from tactile_skin.middleware.bus import Time
-from tactile_skin.middleware.launched import make_node
 from tactile_skin.middleware.package import FOXGLOVE
+from tactile_skin.middleware.plan import make_node
 from tactile_skin.msg import DiagnosticArray, Image
 
 from .. import harness
