@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command `tactile-skin`.
 
-Each command is a module of `commands` with `register(parser)` and `run(args)`; it is loaded when it
-is asked for.
+Each command is a module of `commands` with `EXAMPLES`, which end its help, `register(parser)` and
+`run(args)`; it is loaded when it is asked for.
 """
 
 from __future__ import annotations
@@ -64,6 +64,7 @@ def make_parser(*loaded: str) -> argparse.ArgumentParser:
         )
         if name in loaded:
             module = import_module(f".commands.{name}", __package__)
+            sub.epilog = module.EXAMPLES
             module.register(sub)
             sub.set_defaults(run=module.run)
     return parser

@@ -3,32 +3,31 @@
 
 from __future__ import annotations
 
+import importlib
 import sys
 from collections.abc import Callable, Iterable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 _Item = TypeVar("_Item")
 _Found = TypeVar("_Found")
 
 
-def torch():
-    """PyTorch; ModuleNotFoundError names the extra of ours that has it."""
+def load(module: str, needs: str, extra: str) -> Any:
+    """Return a module; ModuleNotFoundError names the extra of ours that has it."""
     try:
-        import torch
+        return importlib.import_module(module)
     except ModuleNotFoundError as error:
-        raise ModuleNotFoundError("needs PyTorch: pip install 'tactile_skin[train]'") from error
-    return torch
+        raise ModuleNotFoundError(f"{needs}: pip install 'tactile_skin[{extra}]'") from error
+
+
+def torch():
+    """Return PyTorch."""
+    return load("torch", "needs PyTorch", "train")
 
 
 def tqdm():
-    """Return the progress bar; ModuleNotFoundError names the extra that has it."""
-    try:
-        from tqdm import tqdm
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            "long work shows its progress by tqdm: pip install 'tactile_skin[progress]'"
-        ) from error
-    return tqdm
+    """Return the progress bar."""
+    return load("tqdm", "long work shows its progress by tqdm", "progress").tqdm
 
 
 def each(
@@ -50,12 +49,7 @@ def each(
         raise ValueError(f"jobs = {jobs}: must be 1 or more")
     if jobs == 1 and "joblib" not in sys.modules:  # nobody can have configured it
         return map(function, items)
-    try:
-        from joblib import Parallel, delayed
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f"{jobs} processes need joblib: pip install 'tactile_skin[record]'"
-        ) from error
-    work = Parallel(n_jobs=None if jobs == 1 else jobs)
-    found: Iterable[_Found] = work(delayed(function)(item) for item in items)
+    joblib = load("joblib", f"{jobs} processes need joblib", "record")
+    work = joblib.Parallel(n_jobs=None if jobs == 1 else jobs)
+    found: Iterable[_Found] = work(joblib.delayed(function)(item) for item in items)
     return found

@@ -28,7 +28,11 @@ from .behaviours.hooks import EventHook, StopHook
 from .errors import LaunchError
 from .middleware.bus import Context, MultiThreadedExecutor, Node
 from .middleware.launch_file import read_arguments, read_plan
-from .middleware.launched import (
+from .middleware.logs import QueuedLog
+from .middleware.package import BODY, PACKAGE, RECORDER, VIEW, find, node_class, share_dir
+from .middleware.plan import (
+    NodeAction,
+    Plan,
     by_thread,
     check_commands,
     check_parameters,
@@ -36,9 +40,6 @@ from .middleware.launched import (
     naming_its_file,
     parameters_of,
 )
-from .middleware.logs import QueuedLog
-from .middleware.package import BODY, PACKAGE, RECORDER, VIEW, find, node_class, share_dir
-from .middleware.plan import NodeAction, Plan
 from .middleware.processes import end_commands, start_command
 from .middleware.signals import SIGNALS, unwinding
 from .middleware.threads import one_thread
@@ -149,7 +150,10 @@ class Skin:
         check_parameters(self._plan, names)
         for action in self._plan.nodes:
             SIGNALS.raise_pending()  # the last one took a while
-            handle, kind = self._make_node(action), class_of(action)
+            handle, kind = (
+                self._make_node(action),
+                node_class(action.executable, action.package, action.file),
+            )
             self._handles.append(handle)
             with naming_its_file(action):
                 self._nodes.append(kind(handle))
@@ -262,14 +266,17 @@ class Skin:
 
         stops = self._of_kind(BODY, self._handles) or self._started("stop_on_push")
         topics = [handle.resolve_topic_name(STATUS_TOPIC) for handle in stops]
-        clock = self._context.clock
-        stop_hook = StopHook(hook, topics, clock, heartbeat)
+
+        def now() -> float:
+            return self._context.clock.now().nanoseconds / 1e9
+
+        stop_hook = StopHook(hook, topics, now, heartbeat)
         self._hooks.append(stop_hook)
         node = Node(f"stop_hook_{len(self._hooks)}", context=self._context)
 
         def listener(topic: str):
             def on_status(message: DiagnosticArray) -> None:
-                stop_hook.hear(topic, stop_message_of(message, clock.now().nanoseconds / 1e9))
+                stop_hook.hear(topic, stop_message_of(message, now()))
 
             return on_status
 
@@ -371,14 +378,6 @@ def _close(handle: Node, node) -> None:
         node.close()
     except Exception:  # a closed stdout, say
         handle.get_logger().exception("close() raised")
-
-
-def class_of(action: NodeAction) -> type:
-    """Return the class of a launch file's node; LaunchError names the file."""
-    try:
-        return node_class(action.executable, action.package)
-    except LaunchError as error:
-        raise LaunchError(f"{action.file}: {error}") from error
 
 
 def launch(path=None, context: Context | None = None, **arguments) -> Skin:

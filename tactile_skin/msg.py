@@ -9,51 +9,49 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 
-class Message(Protocol):
+class Message:
     """What all messages have: the fields of a dataclass, and the name of their type."""
 
     TYPE: ClassVar[str]
     __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    def __init_subclass__(cls, package: str) -> None:
+        cls.TYPE = f"{package}/msg/{cls.__name__}"
 
 
 # --- builtin_interfaces, std_msgs ---------------------------------------------------------------
 
 
 @dataclass
-class Time:
-    TYPE: ClassVar[str] = "builtin_interfaces/msg/Time"
+class Time(Message, package="builtin_interfaces"):
     sec: int = 0
     nanosec: int = 0
 
 
 @dataclass
-class Header:
-    TYPE: ClassVar[str] = "std_msgs/msg/Header"
+class Header(Message, package="std_msgs"):
     stamp: Time = field(default_factory=Time)
     frame_id: str = ""
 
 
 @dataclass
-class Bool:
-    TYPE: ClassVar[str] = "std_msgs/msg/Bool"
+class Bool(Message, package="std_msgs"):
     data: bool = False
 
 
 @dataclass
-class String:
-    TYPE: ClassVar[str] = "std_msgs/msg/String"
+class String(Message, package="std_msgs"):
     data: str = ""
 
 
 @dataclass
-class Float32:
-    TYPE: ClassVar[str] = "std_msgs/msg/Float32"
+class Float32(Message, package="std_msgs"):
     data: float = 0.0
 
 
@@ -61,24 +59,21 @@ class Float32:
 
 
 @dataclass
-class Vector3:
-    TYPE: ClassVar[str] = "geometry_msgs/msg/Vector3"
+class Vector3(Message, package="geometry_msgs"):
     x: float = 0.0
     y: float = 0.0
     z: float = 0.0
 
 
 @dataclass
-class Point:
-    TYPE: ClassVar[str] = "geometry_msgs/msg/Point"
+class Point(Message, package="geometry_msgs"):
     x: float = 0.0
     y: float = 0.0
     z: float = 0.0
 
 
 @dataclass
-class Quaternion:
-    TYPE: ClassVar[str] = "geometry_msgs/msg/Quaternion"
+class Quaternion(Message, package="geometry_msgs"):
     x: float = 0.0
     y: float = 0.0
     z: float = 0.0
@@ -86,79 +81,68 @@ class Quaternion:
 
 
 @dataclass
-class Transform:
-    TYPE: ClassVar[str] = "geometry_msgs/msg/Transform"
+class Transform(Message, package="geometry_msgs"):
     translation: Vector3 = field(default_factory=Vector3)
     rotation: Quaternion = field(default_factory=Quaternion)
 
 
 @dataclass
-class TransformStamped:
-    TYPE: ClassVar[str] = "geometry_msgs/msg/TransformStamped"
+class TransformStamped(Message, package="geometry_msgs"):
     header: Header = field(default_factory=Header)
     child_frame_id: str = ""
     transform: Transform = field(default_factory=Transform)
 
 
 @dataclass
-class Vector3Stamped:
-    TYPE: ClassVar[str] = "geometry_msgs/msg/Vector3Stamped"
+class Vector3Stamped(Message, package="geometry_msgs"):
     header: Header = field(default_factory=Header)
     vector: Vector3 = field(default_factory=Vector3)
 
 
 @dataclass
-class PointStamped:
-    TYPE: ClassVar[str] = "geometry_msgs/msg/PointStamped"
+class PointStamped(Message, package="geometry_msgs"):
     header: Header = field(default_factory=Header)
     point: Point = field(default_factory=Point)
 
 
 @dataclass
-class Point32:
-    TYPE: ClassVar[str] = "geometry_msgs/msg/Point32"
+class Point32(Message, package="geometry_msgs"):
     x: float = 0.0
     y: float = 0.0
     z: float = 0.0
 
 
 @dataclass
-class Polygon:
-    TYPE: ClassVar[str] = "geometry_msgs/msg/Polygon"
+class Polygon(Message, package="geometry_msgs"):
     points: list[Point32] = field(default_factory=list)
 
 
 @dataclass
-class PolygonStamped:
-    TYPE: ClassVar[str] = "geometry_msgs/msg/PolygonStamped"
+class PolygonStamped(Message, package="geometry_msgs"):
     header: Header = field(default_factory=Header)
     polygon: Polygon = field(default_factory=Polygon)
 
 
 @dataclass
-class Wrench:
-    TYPE: ClassVar[str] = "geometry_msgs/msg/Wrench"
+class Wrench(Message, package="geometry_msgs"):
     force: Vector3 = field(default_factory=Vector3)
     torque: Vector3 = field(default_factory=Vector3)
 
 
 @dataclass
-class WrenchStamped:
-    TYPE: ClassVar[str] = "geometry_msgs/msg/WrenchStamped"
+class WrenchStamped(Message, package="geometry_msgs"):
     header: Header = field(default_factory=Header)
     wrench: Wrench = field(default_factory=Wrench)
 
 
 @dataclass
-class Twist:
-    TYPE: ClassVar[str] = "geometry_msgs/msg/Twist"
+class Twist(Message, package="geometry_msgs"):
     linear: Vector3 = field(default_factory=Vector3)
     angular: Vector3 = field(default_factory=Vector3)
 
 
 @dataclass
-class TwistStamped:
-    TYPE: ClassVar[str] = "geometry_msgs/msg/TwistStamped"
+class TwistStamped(Message, package="geometry_msgs"):
     header: Header = field(default_factory=Header)
     twist: Twist = field(default_factory=Twist)
 
@@ -167,8 +151,7 @@ class TwistStamped:
 
 
 @dataclass
-class Image:
-    TYPE: ClassVar[str] = "sensor_msgs/msg/Image"
+class Image(Message, package="sensor_msgs"):
     header: Header = field(default_factory=Header)
     height: int = 0
     width: int = 0
@@ -179,8 +162,7 @@ class Image:
 
 
 @dataclass
-class PointField:
-    TYPE: ClassVar[str] = "sensor_msgs/msg/PointField"
+class PointField(Message, package="sensor_msgs"):
     INT8: ClassVar[int] = 1
     UINT8: ClassVar[int] = 2
     INT16: ClassVar[int] = 3
@@ -196,8 +178,7 @@ class PointField:
 
 
 @dataclass
-class PointCloud2:
-    TYPE: ClassVar[str] = "sensor_msgs/msg/PointCloud2"
+class PointCloud2(Message, package="sensor_msgs"):
     header: Header = field(default_factory=Header)
     height: int = 0
     width: int = 0
@@ -210,8 +191,7 @@ class PointCloud2:
 
 
 @dataclass
-class TimeReference:
-    TYPE: ClassVar[str] = "sensor_msgs/msg/TimeReference"
+class TimeReference(Message, package="sensor_msgs"):
     header: Header = field(default_factory=Header)
     time_ref: Time = field(default_factory=Time)
     source: str = ""
@@ -221,15 +201,13 @@ class TimeReference:
 
 
 @dataclass
-class KeyValue:
-    TYPE: ClassVar[str] = "diagnostic_msgs/msg/KeyValue"
+class KeyValue(Message, package="diagnostic_msgs"):
     key: str = ""
     value: str = ""
 
 
 @dataclass
-class DiagnosticStatus:
-    TYPE: ClassVar[str] = "diagnostic_msgs/msg/DiagnosticStatus"
+class DiagnosticStatus(Message, package="diagnostic_msgs"):
     OK: ClassVar[int] = 0
     WARN: ClassVar[int] = 1
     ERROR: ClassVar[int] = 2
@@ -242,8 +220,7 @@ class DiagnosticStatus:
 
 
 @dataclass
-class DiagnosticArray:
-    TYPE: ClassVar[str] = "diagnostic_msgs/msg/DiagnosticArray"
+class DiagnosticArray(Message, package="diagnostic_msgs"):
     header: Header = field(default_factory=Header)
     status: list[DiagnosticStatus] = field(default_factory=list)
 

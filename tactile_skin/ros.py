@@ -21,10 +21,9 @@ from . import launch
 from .errors import LaunchError, ParameterError, did_you_mean
 from .files import one_line
 from .middleware.bus import Node
-from .middleware.launched import given
 from .middleware.package import BODY, COMPOSED, PACKAGE, SKIN_NODES, node_class
 from .middleware.parameter_file import CONFIG, ParameterFile, unknown_of, values_for
-from .middleware.plan import NodeAction, Plan, with_skins
+from .middleware.plan import NodeAction, Plan, given, with_skins
 from .middleware.processes import end_with_launcher
 from .middleware.ros.arguments import PARAMS_FILE, RosArguments, split_arguments
 from .middleware.ros.node import RosNode, ToRos
@@ -94,7 +93,7 @@ def compose(*words: str) -> RosSkin:
         RosError: rclpy is not installed.
     """
     args = split_arguments(list(words))[1]
-    return RosSkin(plan_of(COMPOSED, args), Process(args.logs))
+    return RosSkin(plan_of(COMPOSED, args), Process(args.others))
 
 
 def run(executable: str, words: list[str] | None = None) -> int:
@@ -107,7 +106,7 @@ def run(executable: str, words: list[str] | None = None) -> int:
         own, args = split_arguments(sys.argv[1:] if words is None else words)
         parser = argparse.ArgumentParser(prog=executable, description=_about(executable))
         parser.parse_args(own)
-        skin = RosSkin(plan_of(executable, args), Process(args.logs))
+        skin = RosSkin(plan_of(executable, args), Process(args.others))
         # a signal that came before it ran has asked for the same
         with contextlib.suppress(KeyboardInterrupt, SystemExit), skin:
             end_with_launcher(skin.shutdown)

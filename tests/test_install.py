@@ -96,12 +96,6 @@ def test_the_version_is_told_and_package_xml_repeats_it(capsys):
     assert f"<version>{tactile_skin.__version__}</version>" in text
 
 
-def test_the_package_is_a_command(tmp_path):
-    words = [sys.executable, "-m", "tactile_skin", "--version"]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=60)
-    assert done.stdout == f"tactile-skin {tactile_skin.__version__}\n", done.stderr
-
-
 def test_without_pytorch_the_extra_is_named(monkeypatch, capsys, tmp_path):
     monkeypatch.setitem(sys.modules, "torch", None)
     monkeypatch.chdir(tmp_path)

@@ -17,10 +17,11 @@ import numpy as np
 import pytest
 import yaml
 from support.simulated import CIRCUIT, serving
+from support.told import PATIENCE, Told
 
 from tactile_skin import PressureCurve
-from tactile_skin.behaviours.hooks import EventHook
 from tactile_skin.board.serial_port import _LENT_TO
+from tactile_skin.errors import ParameterError
 from tactile_skin.findings.finding import Finding, Kind
 from tactile_skin.launch import (
     LaunchError,
@@ -30,14 +31,14 @@ from tactile_skin.launch import (
     read_plan,
     share_dir,
 )
-from tactile_skin.middleware.bus import Context, ParameterError
+from tactile_skin.middleware.bus import Context
+from tactile_skin.middleware.plan import by_thread
 from tactile_skin.msg import Bool, Header, PointCloud2, Trigger, Twist, cloud
 from tactile_skin.nodes.stop_on_push import LATCHED
 from tactile_skin.simulation import simulator
 
 pytestmark = pytest.mark.live
 
-PATIENCE = 30.0  # s, for what must happen; how fast it does is not tested
 NODE = "- node: {pkg: tactile_skin, exec: stop_on_push%s}\n"
 NOTHING = "- let: {name: a, value: b}\n"
 
@@ -319,6 +320,16 @@ def test_the_shipped_launch_files_parse(name):
     assert all(a.description for a in found.arguments.values())
 
 
+def test_only_compensation_and_its_features_share_a_thread():
+    """What hangs in any other node, a recogniser say, keeps no stop back."""
+    found = read_plan(find("skin.launch.yaml"), {"port": "loop://", "gestures": "true"})
+    groups = [
+        [h.get_name() for h in group] for group in by_thread(found.nodes, Skin(found).build())
+    ]
+    assert ["compensation", "gesture_feature"] in groups and ["gestures"] in groups
+    assert sum(map(len, groups)) == len(groups) + 1
+
+
 # --- the running skin ---
 
 
@@ -336,29 +347,6 @@ class Robot:
         self._contacts.publish(cloud({"force": [self.force], "peak": [0.0]}, header))
 
 
-class Heard:
-    """A hook that notes what it is told."""
-
-    def __init__(self):
-        self.calls, self._news = [], threading.Condition()
-
-    def __call__(self, stop, reason):
-        with self._news:
-            self.calls.append((stop, reason))
-            self._news.notify_all()
-
-    def wait_for(self, call) -> None:
-        with self._news:
-            assert self._news.wait_for(lambda: call in self.calls, PATIENCE), self.calls
-
-    def wait_for_reason(self, reason) -> None:
-        with self._news:
-            found = self._news.wait_for(
-                lambda: any(reason in call[1] for call in self.calls), PATIENCE
-            )
-            assert found, self.calls
-
-
 # Contacts come from a timer that a busy machine may delay: they go stale late.
 PATIENT_STOP = NODE % (
     ", param: [{name: stale_after, value: 1.0}, {name: threshold, value: 10.0},"
@@ -367,7 +355,7 @@ PATIENT_STOP = NODE % (
 
 
 def test_a_hook_hears_every_change_and_its_reason(write):
-    heard = Heard()
+    heard = Told()
     with launch(write(PATIENT_STOP)) as skin:
         skin.on_stop(heard)
         heard.wait_for_reason("stale: no reading yet")
@@ -384,7 +372,7 @@ def test_a_hook_hears_every_change_and_its_reason(write):
 
 
 def test_a_hook_that_comes_late_is_told_how_it_stands(write):
-    first, late = Heard(), Heard()
+    first, late = Told(), Told()
     with launch(write(PATIENT_STOP)) as skin:
         skin.on_stop(first)
         robot = Robot(skin)
@@ -454,7 +442,7 @@ class Closed:
 def test_a_closed_standard_output_ends_nothing_half(write, monkeypatch):
     """The monitor's summary fails; the stop's last word is said, and the commands end."""
     monkeypatch.setattr(sys, "stdout", Closed())
-    heard = Heard()
+    heard = Told()
     entities = command("import time; time.sleep(600)")
     entities += "- node: {pkg: tactile_skin, exec: monitor}\n" + NODE % ""
     with launch(write(entities)) as skin:
@@ -468,7 +456,7 @@ def test_a_closed_standard_output_ends_nothing_half(write, monkeypatch):
     "place", [", namespace: left", ", remap: [{from: skin/stop_status, to: other}]"]
 )
 def test_a_hook_finds_the_stop_node_wherever_it_is(write, place):
-    heard = Heard()
+    heard = Told()
     with launch(write(NODE % place)) as skin:
         skin.on_stop(heard)
         heard.wait_for_reason("no reading yet")
@@ -477,7 +465,7 @@ def test_a_hook_finds_the_stop_node_wherever_it_is(write, place):
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT", "SIGHUP"])
 def test_a_signal_ends_spin_with_a_stop_as_the_last_word(write, name):
     """It returns; what is in the way of signals afterwards is what was there before."""
-    heard, number = Heard(), getattr(signal, name)
+    heard, number = Told(), getattr(signal, name)
     before = signal.getsignal(number)
     with launch(write(PATIENT_STOP)) as skin:
         skin.on_stop(heard)
@@ -498,7 +486,7 @@ def test_a_signal_ends_spin_with_a_stop_as_the_last_word(write, name):
 
 def test_a_signal_unwinds_a_users_own_loop_once(write):
     """The second one comes in the middle of the user's own clean-up, which it leaves alone."""
-    heard, cleaned = Heard(), []
+    heard, cleaned = Told(), []
     with pytest.raises(SystemExit) as ended, launch(write(PATIENT_STOP)) as skin:
         skin.on_stop(heard)
         Robot(skin)
@@ -533,7 +521,7 @@ def at_every_call(within, number, skip: int):
 @pytest.mark.parametrize("function", ["__enter__", "__exit__"])
 def test_a_signal_while_it_begins_or_ends_is_acted_on_after_the_last_word(write, function, skip):
     """From the first instruction on, where no `with` would help."""
-    heard, path, before = Heard(), write(PATIENT_STOP), signal.getsignal(signal.SIGTERM)
+    heard, path, before = Told(), write(PATIENT_STOP), signal.getsignal(signal.SIGTERM)
     trace, skin = at_every_call(getattr(Skin, function), signal.SIGTERM, skip), None
     with pytest.raises(SystemExit):
         try:
@@ -606,7 +594,7 @@ def test_a_hook_that_raises_on_the_last_word_is_told_again(write):
 
 def test_hooks_and_nodes_that_hang_do_not_keep_the_end(write, monkeypatch):
     """Nor the last word of the others."""
-    heard, release, begun = Heard(), threading.Event(), threading.Semaphore(0)
+    heard, release, begun = Told(), threading.Event(), threading.Semaphore(0)
 
     def hang(*_):
         begun.release()
@@ -684,7 +672,7 @@ def test_a_push_and_its_release_are_told_to_hooks(write):
         lasted.append(seconds)
         releases.set()
 
-    free = Heard()
+    free = Told()
     with launch(write(PATIENT_STOP)) as skin:
         skin.on_push(on_push)
         skin.on_release(on_release)
@@ -698,64 +686,6 @@ def test_a_push_and_its_release_are_told_to_hooks(write):
         robot.force = 0.0
         assert releases.wait(PATIENCE)
     assert len(lasted) == 1 and lasted[0] > 0.0
-
-
-def test_event_hooks_that_raise_or_hang_delay_nobody(write, caplog):
-    """Neither the stop, nor another hook, nor their own next event."""
-    heard, hangs, release, twice = Heard(), threading.Event(), threading.Event(), threading.Event()
-    count = []
-
-    def hang(force, centre):
-        hangs.set()
-        release.wait(PATIENCE)
-
-    def fail(force, centre):
-        count.append(force)
-        if len(count) == 2:
-            twice.set()
-        raise RuntimeError("hook failed")
-
-    with launch(write(PATIENT_STOP)) as skin:
-        skin.on_push(hang)
-        skin.on_push(fail)
-        skin.on_stop(heard)
-        robot = Robot(skin)
-        heard.wait_for((False, ""))
-        robot.force = 50.0
-        assert hangs.wait(PATIENCE)
-        heard.wait_for((True, "push"))
-        heard.calls.clear()
-        robot.force = 0.0
-        heard.wait_for((False, ""))
-        robot.force = 50.0
-        heard.wait_for((True, "push"))
-        assert twice.wait(PATIENCE)
-        assert not release.is_set()
-        release.set()
-    assert "RuntimeError: hook failed" in caplog.text
-
-
-def test_a_busy_event_hook_misses_the_oldest_and_says_so(caplog):
-    seen, busy, go, done = [], threading.Event(), threading.Event(), threading.Event()
-
-    def hook(k):
-        seen.append(k)
-        busy.set()
-        assert go.wait(PATIENCE)
-        if k == 99:
-            done.set()
-
-    told = EventHook(hook)
-    told.tell(0)
-    assert busy.wait(PATIENCE)
-    for k in range(1, 100):
-        told.tell(k)
-    go.set()
-    assert done.wait(PATIENCE)
-    told.close()
-    assert seen == [0, *range(100 - (len(seen) - 1), 100)]
-    assert told.dropped == 100 - len(seen) > 0
-    assert f"missed {told.dropped} events" in caplog.text
 
 
 def test_event_hooks_find_their_topics_behind_remappings(write):
@@ -797,7 +727,7 @@ LATCHED_STOP = PATIENT_STOP.replace("param: [", "param: [{name: latch, value: tr
 
 
 def test_a_latched_stop_is_reset_from_a_program(write):
-    heard = Heard()
+    heard = Told()
     with launch(write(LATCHED_STOP)) as skin:
         skin.on_stop(heard)
         robot = Robot(skin)
@@ -819,7 +749,7 @@ WITH_COMPENSATION = LATCHED_STOP + "- node: {pkg: tactile_skin, exec: compensati
 @pytest.mark.parametrize("latched", [False, True])
 def test_a_reset_first_ends_a_fault_that_is_kept_from_an_earlier_touch(write, latched):
     """It lives in the compensation; alone the stop's reset would be refused."""
-    heard = Heard()
+    heard = Told()
     with launch(
         write(WITH_COMPENSATION.replace("latch, value: true", f"latch, value: {latched}".lower()))
     ) as skin:
@@ -870,7 +800,7 @@ def test_a_reset_may_be_asked_for_in_a_callback(write):
 
 def test_a_reset_that_was_given_up_does_not_happen_later(write):
     """What the hung stop node finds in its queue when it goes on must not free the robot."""
-    heard, hangs, release = Heard(), threading.Event(), threading.Event()
+    heard, hangs, release = Told(), threading.Event(), threading.Event()
     with launch(write(LATCHED_STOP)) as skin:
         skin.on_stop(heard)
         robot = Robot(skin)
@@ -928,7 +858,7 @@ def test_a_cut_cable_stops(tmp_path, cut):
             action.give({name: parameters[name] for name in ("method", "suspect_stops")})
         if action.executable == "stop_on_push":
             action.give({"stale_after": 0.5, "latch": cut == "lent"})  # a busy machine
-    heard, simulated = Heard(), Mute(CIRCUIT, PressureCurve(), lambda t: np.zeros((4, 5)))
+    heard, simulated = Told(), Mute(CIRCUIT, PressureCurve(), lambda t: np.zeros((4, 5)))
     with serving(tmp_path / "s", simulated) as served, Skin(plan) as skin:
         skin.on_stop(heard)
         heard.wait_for((False, ""))

@@ -64,9 +64,3 @@ def test_every_page_that_the_code_names_exists():
     for file in files:
         for page in re.findall(r"\bdocs/[\w/]+\.md\b", file.read_text(encoding="utf-8")):
             assert (ROOT / page).exists(), f"{named(file)}: {page}"
-
-
-def test_an_anchor_is_made_as_on_github(tmp_path):
-    page = tmp_path / "page.md"
-    page.write_text("# A board: that `repeats` itself\n## [Lag](x.md), 2\n```\n# no heading\n```\n")
-    assert anchors(page) == {"a-board-that-repeats-itself", "lag-2"}

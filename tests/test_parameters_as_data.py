@@ -5,12 +5,17 @@ import argparse
 import dataclasses
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
 from tactile_skin import solvers
+from tactile_skin.behaviours.admittance import AdmittanceConfig
+from tactile_skin.behaviours.gate import GateConfig
+from tactile_skin.behaviours.stop import StopConfig
 from tactile_skin.commands import doctor
 from tactile_skin.errors import ParameterError
+from tactile_skin.fields import leaves, parameter
 from tactile_skin.middleware import parameter_file
 from tactile_skin.middleware.bus import Context, Node, Parameter
 from tactile_skin.middleware.config import declared
@@ -18,7 +23,6 @@ from tactile_skin.middleware.launch_file import read_plan
 from tactile_skin.middleware.package import CLASSES
 from tactile_skin.middleware.parameter_file import ParameterFile
 from tactile_skin.parameters import documents, nodes
-from tactile_skin.parameters.fields import leaves, parameter
 from tactile_skin.parameters.nodes import SECTIONS, all_names, own_names, shared_names
 from tactile_skin.parameters.shared import Circuit, Shared
 
@@ -51,6 +55,16 @@ def test_a_description_names_unit_and_range_of_each_number():
             number = type(leaf.default) in (int, float)
             assert (leaf.about.low is None) is not number, leaf
             assert leaf.about.text and "\n" not in leaf.about.text
+
+
+def test_no_setting_switches_off_what_protects():
+    """Each is above 0 where 0 would never stop, and finite."""
+    may_be_0 = {"hold", "debounce", "lead", "stale_after", "linear.dead_band", "angular.dead_band"}
+    for kind in (StopConfig, GateConfig, AdmittanceConfig):
+        for leaf in leaves(kind):
+            if type(leaf.default) is float:
+                assert leaf.about.low > 0.0 or leaf.name in may_be_0
+                assert leaf.about.low >= 0.0 and leaf.about.high < np.inf
 
 
 @pytest.fixture

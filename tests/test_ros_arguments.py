@@ -136,7 +136,7 @@ def arguments(*words):
 
 def test_words_for_ros_itself_are_handed_on():
     words = ["--log-level", "debug", "--disable-rosout-logs", "--log-config-file", "a"]
-    assert arguments(*words).logs == words
+    assert arguments(*words).others == words
 
 
 def test_arguments_for_one_node_of_several():

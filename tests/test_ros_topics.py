@@ -3,7 +3,6 @@
 
 import importlib.util
 import re
-import time
 
 import pytest
 from support import chromium
@@ -54,61 +53,18 @@ def test_a_driver_that_publishes_by_best_effort_is_heard(graph, plain):
     )
 
 
-@pytest.mark.parametrize("reliability", ["reliable", "best_effort"])
-def test_qos_of_a_subscription_is_overridden(graph, plain, reliability):
+def test_qos_of_a_subscription_is_overridden(graph, plain):
     from rclpy.qos import ReliabilityPolicy
 
     name = "qos_overrides./skin/adc.subscription.reliability"
-    words = ["-p", "serial_driver:=false", "-p", f"{name}:={reliability}"]
+    words = ["-p", "serial_driver:=false", "-p", f"{name}:=reliable"]
     graph.start("skin", skin(*words))
-    wanted = ReliabilityPolicy[reliability.upper()]
 
     def found():
         ends = plain.node.get_subscriptions_info_by_topic("/skin/adc")
         return [end.qos_profile.reliability for end in ends]
 
-    plain.until(lambda: found() == [wanted], "as the parameter says", graph)
-
-
-def test_old_commands_do_not_become_new(graph, plain):
-    """Nor do those of another frame or clock; one that passes keeps its stamp."""
-    from builtin_interfaces.msg import Time
-    from geometry_msgs.msg import TwistStamped
-
-    planner, clock = plain.node.create_publisher(TwistStamped, "cmd_vel_in", 1), plain.node
-    plain.hear(TwistStamped, "cmd_vel")
-    sent = []
-
-    def moves_after(age: float, frame: str = "base_link", stamped: bool = True) -> bool:
-        """Whether any of twenty commands passed."""
-        before = len(plain.heard["cmd_vel"])
-        for k in range(20):
-            command = TwistStamped()
-            command.header.frame_id, command.twist.linear.x = frame, 0.2
-            if stamped:
-                made = clock.get_clock().now().nanoseconds - round(age * 1e9) + k
-                command.header.stamp = Time(sec=made // 10**9, nanosec=made % 10**9)
-            sent.append(command)
-            planner.publish(command)
-            time.sleep(0.02)
-        return any(m.twist.linear.x for m in plain.heard["cmd_vel"][before:])
-
-    with board() as player:
-        words = ["-p", f"port:={player.port}", "-p", "watchdog:=60.0", "-p", "tare:=false"]
-        words += ["-p", "stamped:=true", "-p", "cmd_vel_gate:=true", "-p", "stale_after:=0.5"]
-        graph.start("skin", skin(*words))
-        with player.playing(endless("idle", seed=7)):
-            plain.until(lambda: moves_after(0.0), "the robot moves", graph)
-            for wrong in ((10.0,), (-10.0,), (0.0, "map")):
-                time.sleep(0.3)  # for the last good one to end
-                assert not moves_after(*wrong), wrong
-            assert moves_after(0.0, frame="")
-            assert moves_after(0.0, stamped=False)
-    moved = [m.header for m in plain.heard["cmd_vel"] if m.twist.linear.x]
-    assert {header.frame_id for header in moved} == {"base_link"}
-    known = [command.header.stamp for command in sent]
-    kept = [header.stamp in known for header in moved]
-    assert sum(kept) > 20 and not all(kept)  # those without a stamp get one
+    plain.until(lambda: found() == [ReliabilityPolicy.RELIABLE], "as the parameter says", graph)
 
 
 @pytest.mark.skipif(not importlib.util.find_spec("websockets"), reason="no websockets here")

@@ -309,13 +309,9 @@ class Owner:
     def calibrate(self) -> str:
         """Return what `tactile-skin calibrate` prints of rest and touches, as it enters r_par."""
         out = self.folder / "calibrated.yaml"
-        files = [f"rate:={RECORDED}"]
-        config = Path(self._config())
-        said = _printed(
-            lambda: calibrate.calibrate(
-                out, config, files + [f"{k}:={self._file(k)}" for k in ("rest", "touches")]
-            )
-        )
+        words = [f"rate:={RECORDED}", *(f"{k}:={self._file(k)}" for k in ("rest", "touches"))]
+        given = {"out": out, "config": Path(self._config()), "words": words, "creep": None}
+        said = _printed(lambda: calibrate.run(SimpleNamespace(**given)))
         if out.exists():
             found = yaml.safe_load(out.read_text())["/**"]["ros__parameters"]["circuit"]
             if abs(found["r_par"] - self.entered["r_par"]) > 1.0:

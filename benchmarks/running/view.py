@@ -23,10 +23,10 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_skin.launch import Skin, class_of, find, read_plan
+from tactile_skin.launch import Skin, find, node_class, read_plan
 from tactile_skin.middleware.bus import Time
-from tactile_skin.middleware.launched import make_node
 from tactile_skin.middleware.package import FOXGLOVE
+from tactile_skin.middleware.plan import make_node
 from tactile_skin.msg import DiagnosticArray, Image
 
 from .. import harness
@@ -116,7 +116,7 @@ class Page:
 
     def __init__(self, skin: Skin, action):
         self._handle = make_node(action, skin._context)
-        self._view = class_of(action)(self._handle)
+        self._view = node_class(action.kind)(self._handle)
         skin._executor.add_node(self._handle)
         self._pipe, theirs = SPAWN.Pipe()
         live = action.kind == FOXGLOVE

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the robot does about it: the stop, the gate of its motion, pushing it along, hooks.
 
-Imports nothing of ours.
+Imports fields.
 """

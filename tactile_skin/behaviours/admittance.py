@@ -22,33 +22,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..fields import group, parameter
 from .gate import Motion, zero
-from .stop import FROM_ZERO, MAX_AHEAD, POSITIVE, SHARE, StopMessage, check
+from .stop import MAX_AHEAD, StopMessage
 
 _REST = 1e-3  # m/s, rad/s: slower than this, and not pushed, is at rest
 
 
-@dataclass(frozen=True)
 class Axis:
-    """One kind of motion: along the floor (m, N), or about the vertical (rad, N m).
-
-    Attributes:
-        mass: virtual mass [kg], or moment of inertia [kg m^2].
-        damping: [N s/m], or [N m s/rad]; a steady force F above the dead band moves at F / damping.
-        dead_band: force up to which nothing moves [N], or [N m]; what is above it counts.
-        max_speed: [m/s], or [rad/s].
-        max_acceleration: [m/s^2], or [rad/s^2], also when it slows down after a release.
-    """
+    """One kind of motion; a steady force F above the dead band moves at F / damping."""
 
     mass: float
     damping: float
     dead_band: float
     max_speed: float
     max_acceleration: float
-
-    def __post_init__(self) -> None:
-        check(self, "axis", "mass damping max_speed max_acceleration", POSITIVE)
-        check(self, "axis", "dead_band", FROM_ZERO)
 
     def step(self, velocity: np.ndarray, force: np.ndarray, dt: float) -> np.ndarray:
         """Return the velocity (n,) after dt [s] under a force (n,) that holds meanwhile."""
@@ -72,32 +60,46 @@ def _within(vector: np.ndarray, length: float) -> np.ndarray:
     return vector if size <= length else vector * (length / size)
 
 
-LINEAR = Axis(mass=20.0, damping=80.0, dead_band=5.0, max_speed=0.3, max_acceleration=1.0)
-ANGULAR = Axis(mass=2.0, damping=8.0, dead_band=1.0, max_speed=0.5, max_acceleration=2.0)
+@dataclass(frozen=True)
+class Linear(Axis):
+    """Along the floor."""
+
+    mass: float = parameter(20.0, "kg", "virtual mass", 0.01, 1e4)
+    damping: float = parameter(80.0, "N s/m", "force per velocity", 0.01, 1e5)
+    dead_band: float = parameter(5.0, "N", "below which the robot does not move", 0.0, 500.0)
+    max_speed: float = parameter(0.3, "m/s", "largest velocity", 0.001, 2.0)
+    max_acceleration: float = parameter(1.0, "m/s^2", "largest change of it", 0.001, 10.0)
+
+
+@dataclass(frozen=True)
+class Angular(Axis):
+    """About the vertical."""
+
+    mass: float = parameter(2.0, "kg m^2", "virtual inertia", 0.01, 1e4)
+    damping: float = parameter(8.0, "N m s/rad", "force per velocity", 0.01, 1e5)
+    dead_band: float = parameter(1.0, "N m", "below which the robot does not move", 0.0, 500.0)
+    max_speed: float = parameter(0.5, "rad/s", "largest velocity", 0.001, 2.0)
+    max_acceleration: float = parameter(2.0, "rad/s^2", "largest change of it", 0.001, 10.0)
 
 
 @dataclass(frozen=True)
 class AdmittanceConfig:
-    """What a robot that follows a push may do.
+    """What a robot that follows a push may do; hands on several sides lead nowhere."""
 
-    Attributes:
-    linear: along the floor, x and y together.
-    angular: about the vertical; None: the robot does not turn.
-    touch_timeout: how old the last reading may be [s]: the dead man's switch.
-    stop_timeout: how long the stop may be silent [s]; five of its heartbeats.
-    alignment: |sum of the cells' force vectors| / sum of their forces, below which hands on several
-        sides lead nowhere.
-    """
-
-    linear: Axis = LINEAR
-    angular: Axis | None = None
-    touch_timeout: float = 0.1
-    stop_timeout: float = 0.1
-    alignment: float = 0.7
-
-    def __post_init__(self) -> None:
-        check(self, "admittance", "touch_timeout stop_timeout", POSITIVE)
-        check(self, "admittance", "alignment", SHARE)
+    linear: Linear = group(Linear)
+    turns: bool = parameter(False, "", "let the torque about the vertical turn the robot")
+    angular: Angular = group(Angular)
+    touch_timeout: float = parameter(
+        0.1,
+        "s",
+        "maximum age of a reading that moves the robot; this is the dead man's switch",
+        0.02,
+        1.0,
+    )
+    stop_timeout: float = parameter(0.1, "s", "longest silence of the stop", 0.05, 1.0)
+    alignment: float = parameter(
+        0.7, "", "minimum |sum of force vectors| / sum of forces of one hand", 0.1, 1.0
+    )
 
 
 class Admittance:
@@ -165,7 +167,7 @@ class Admittance:
             return zero(reason)
         velocity = np.zeros(3)
         velocity[:2] = config.linear.step(self._velocity[:2], self._wrench[:2], dt)
-        if config.angular is not None:
+        if config.turns:
             velocity[2:] = config.angular.step(self._velocity[2:], self._wrench[2:], dt)
         self._velocity = velocity
         x, y, yaw = velocity

@@ -26,7 +26,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from .stop import MAX_AHEAD, POSITIVE, SHARE, StopMessage, check
+from ..fields import parameter
+from .stop import MAX_AHEAD, StopMessage
 
 _EDGE = math.sin(0.1)  # sine of the angle into the contact at which a motion is blocked
 
@@ -41,25 +42,21 @@ class Motion(NamedTuple):
 class GateConfig:
     """When the gate lets a command pass.
 
-    Attributes:
-    command_timeout: how old the last command may be [s]: the dead man's switch.
-    stop_timeout: how long the stop may be silent [s]; five of its heartbeats.
-    touch_timeout: how old the reading with the push's direction may be [s].
-    touch: contact force below which a touch tells no direction [N]; the last one holds until the
-        push is over.
-    alignment: |sum of the cells' force vectors| / sum of their forces, from which on a push has one
-        direction: 1 for a finger, 0.9 for two equal pushes 52 degrees apart, 0 for a squeeze.
+    A touch below `touch` has no direction of its own: the last one holds until the push is over.
+    The alignment is 1 for a finger, 0.9 for two equal pushes 52 degrees apart, 0 for a squeeze.
     """
 
-    command_timeout: float = 0.25
-    stop_timeout: float = 0.1
-    touch_timeout: float = 0.1
-    touch: float = 5.0
-    alignment: float = 0.9
-
-    def __post_init__(self) -> None:
-        check(self, "gate", "command_timeout stop_timeout touch_timeout touch", POSITIVE)
-        check(self, "gate", "alignment", SHARE)
+    command_timeout: float = parameter(
+        0.25, "s", "maximum age of cmd_vel_in; this is the dead man's switch", 0.02, 2.0
+    )
+    stop_timeout: float = parameter(0.1, "s", "longest silence of the stop", 0.05, 1.0)
+    touch_timeout: float = parameter(0.1, "s", "maximum age of a push direction", 0.02, 1.0)
+    touch: float = parameter(
+        5.0, "N", "contact force above which a touch has a direction", 0.1, 500.0
+    )
+    alignment: float = parameter(
+        0.9, "", "minimum |sum of force vectors| / sum of forces of a push from one side", 0.5, 1.0
+    )
 
 
 class Gate:

@@ -12,7 +12,6 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import Protocol
 
 from .stop import StopMessage
 
@@ -63,19 +62,6 @@ class StopMessages:
         return min((time for time in times if time >= t), default=math.inf)
 
 
-class Time(Protocol):
-    """A time of ROS's clocks."""
-
-    @property
-    def nanoseconds(self) -> int: ...
-
-
-class Clock(Protocol):
-    """A clock of ROS, or of the bus."""
-
-    def now(self) -> Time: ...
-
-
 class StopHook:
     """Calls hook(stop, reason) at each change, in a thread of its own.
 
@@ -85,7 +71,7 @@ class StopHook:
 
     Args:
         topics: names of the stop nodes that must all be free.
-        clock: that the readings are stamped by.
+        now: the time by which the readings are stamped [s].
         heartbeat: the hook is called at least this often, also without a change [s]; None: only
             at changes.
     """
@@ -94,12 +80,12 @@ class StopHook:
         self,
         hook: Callable[[bool, str], None],
         topics: list[str],
-        clock: Clock,
+        now: Callable[[], float],
         heartbeat: float | None = None,
     ):
         if heartbeat is not None and not 0.0 < heartbeat < math.inf:
             raise ValueError(f"heartbeat = {heartbeat!r} s: must be above 0, and finite")
-        self._hook, self._clock = hook, clock
+        self._hook, self._now = hook, now
         self._heartbeat = math.inf if heartbeat is None else heartbeat
         self._changed = threading.Condition()
         self._messages = StopMessages(topics, self._now())
@@ -129,9 +115,6 @@ class StopHook:
         self._give_up = time.monotonic() + timeout
         self.end()
         self._thread.join(timeout)
-
-    def _now(self) -> float:
-        return self._clock.now().nanoseconds / 1e9
 
     def _state(self, t: float) -> tuple[bool, str]:
         stop, reason = self._messages.at(t)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
 
+from ..fields import parameter
 from .pace import Pace
 
 _STEADY = 3  # readings in a row, none late, that end "stale",
@@ -20,21 +21,6 @@ _ROUNDING = 1e-6  # s, of the difference of two stamps
 MAX_AHEAD = 0.02  # s that a reading's stamp may lie ahead of the clock
 TRANSPORT = 0.02  # s that a message of the stop may take to its subscribers: threads, a network
 OUT_OF_DATE = "stale: the stop's last 'free' is based on an old reading"
-
-
-_TINY = math.ulp(0.0)  # the least number above 0
-_HUGE = math.nextafter(math.inf, 0.0)  # the largest that is finite
-POSITIVE = "above 0, and finite", _TINY, _HUGE
-FROM_ZERO = "0 or more, and finite", 0.0, _HUGE
-SHARE = "above 0, and at most 1", _TINY, 1.0
-
-
-def check(config: object, what: str, names: str, allowed: tuple[str, float, float]) -> None:
-    """Raise ValueError unless these fields of a configuration are numbers that are allowed."""
-    words, low, high = allowed
-    for name in names.split():
-        if not low <= (value := getattr(config, name)) <= high:
-            raise ValueError(f"{what}: {name} = {value!r}: must be {words}")
 
 
 class Cause(str, Enum):
@@ -91,41 +77,66 @@ class StopMessage(NamedTuple):
 
 
 @dataclass(frozen=True)
-class StopConfig:
-    """When to stop, and when to be free again.
+class Limits:
+    """What a push is, and how long it stops the robot."""
 
-    Attributes:
-    threshold: contact force that is a push [N].
-    release: contact force below which a push is over [N]; at most the threshold.
-    peak: force on one cell that is a push [N]: a hard edge, whose cells end before they reach
-        the threshold together.
-    debounce: how long the force must stay above the threshold [s]; 0: one reading is enough, which
-        is right where a checksum and a low-pass guard each reading.
-    lead: how far ahead a rising force is extrapolated [s]: it counts with what it gained since the
-        last reading, times lead over their distance in time, at most once. Makes up for the
-        board's low-pass and the wait for the next frame; 0: not at all.
-    hold: how long a push is held after the force fell below `release` [s].
-    stale_after: how old the last reading may be [s]; 0: measured, 2.5 usual intervals, at least
-        0.1 s and at most 0.5 s (pace.py).
-    latch: a stop lasts until `reset`, also once its cause is gone.
-    """
-
-    threshold: float = 30.0
-    release: float = 20.0
-    peak: float = 9.0
-    debounce: float = 0.0
-    lead: float = 0.01
-    hold: float = 0.3
-    stale_after: float = 0.0
-    latch: bool = False
+    threshold: float = parameter(30.0, "N", "contact force that is a push", 0.1, 500.0, live=True)
+    release: float = parameter(
+        20.0, "N", "contact force below which a push is over", 0.1, 500.0, live=True
+    )
+    hold: float = parameter(0.3, "s", "time a stop is kept after the release", 0.0, 60.0, live=True)
+    latch: bool = parameter(False, "", "keep a stop until a reset, also after its cause has gone")
 
     def __post_init__(self) -> None:
-        check(self, "stop", "threshold release peak", POSITIVE)
-        check(self, "stop", "debounce lead hold stale_after", FROM_ZERO)
         if self.release > self.threshold:
             raise ValueError(
                 f"stop: release = {self.release} N: must be at most threshold = {self.threshold} N"
             )
+
+
+@dataclass(frozen=True)
+class StopConfig(Limits):
+    """When to stop, and when to be free again.
+
+    `peak` is for a hard edge, whose cells end before they reach the threshold together. No
+    `debounce` is right where a checksum and a low-pass guard each reading. `lead`: a rising force
+    counts with what it gained since the last reading, times lead over their distance in time, at
+    most once; it makes up for the board's low-pass and the wait for the next frame. What is
+    measured if `stale_after` is 0 is in pace.py.
+    """
+
+    peak: float = parameter(
+        9.0,
+        "N",
+        "force on one cell that is a push; at most 95 % of the end of the curve",
+        0.01,
+        500.0,
+        live=True,
+    )
+    debounce: float = parameter(
+        0.0,
+        "s",
+        "time above the threshold before it is a push; text lines: 0.01",
+        0.0,
+        0.2,
+        live=True,
+    )
+    lead: float = parameter(
+        0.01,
+        "s",
+        "time by which a rising force is extrapolated; text lines: 0",
+        0.0,
+        0.05,
+        live=True,
+    )
+    stale_after: float = parameter(
+        0.0,
+        "s",
+        "maximum age of a reading; 0: 2.5 measured intervals, 0.1 to 0.5 s",
+        0.0,
+        1.0,
+        live=True,
+    )
 
 
 class StopPolicy:

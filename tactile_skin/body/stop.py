@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from ..behaviours.stop import MAX_AHEAD, Cause, Decision, Reason, StopConfig, StopMessage
+from ..behaviours.stop import MAX_AHEAD, Cause, Decision, Limits, Reason, StopMessage
 
 _SILENCE = 0.15  # s without a message of a skin's stop, which publishes every 0.02 s
 _AHEAD = Reason(Cause.STALE, "its clock is ahead: synchronise the clocks")
@@ -22,11 +22,11 @@ class BodyStop:
 
     Args:
         skins: their names, which the reasons begin with.
-        config: of which threshold, release, hold and latch count.
+        config: the limits of the body.
         t: at which they may begin to publish.
     """
 
-    def __init__(self, skins: Iterable[str], config: StopConfig, t: float):
+    def __init__(self, skins: Iterable[str], config: Limits, t: float):
         self.config = config
         words = str(Reason(Cause.WAITING, "no message from its stop yet"))
         waiting = StopMessage(True, words, causes=(Cause.WAITING,))

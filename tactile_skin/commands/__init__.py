@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands of `tactile-skin`, one a file, with `register(parser)` and `run(args)`.
+"""Commands of `tactile-skin`, one a file, with `EXAMPLES`, `register(parser)` and `run(args)`.
 
 Imports everything but the command line.
 """

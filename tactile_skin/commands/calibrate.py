@@ -9,6 +9,7 @@ import tempfile
 import termios
 import textwrap
 import time
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -56,7 +57,6 @@ EXAMPLES = (
 
 def register(parser) -> None:
     """Declare the arguments."""
-    parser.epilog = EXAMPLES
     parser.add_argument(
         "--creep",
         nargs="?",
@@ -83,29 +83,17 @@ def register(parser) -> None:
 
 
 def run(args) -> int:
-    """Calibrate as the arguments say."""
-    words, live = args.words, args.creep is True
-    if args.creep and not live:  # creep:=FILE is one of the recordings
-        words = [*words, f"creep:={args.creep}"]
-    return calibrate(args.out, args.config, words, live)
-
-
-def calibrate(out: Path, config: Path | None, words: list[str], creep: bool = False) -> int:
     """Guide through the steps, on a live board or through files, and write what was learnt.
-
-    Args:
-        out: parameter file to write.
-        config: parameter file with what is known of the board; None: the defaults.
-        words: NAME:=VALUE, of the board (port, baud, protocol) or of files (rest, a weight ...).
-        creep: measure only how much a standing load gains, of a live board that is calibrated.
 
     Returns:
         the exit status: 1 if there were weights to find the curve by and there is none. Without a
         curve, and nothing else that was learnt, no file is written.
     """
+    out, config, creep = args.out, args.config, args.creep is True
     check_writable(out)
     skin = read_skin(config)
-    given, loads = split_words(words)
+    recorded = [f"creep:={args.creep}"] if args.creep and not creep else []
+    given, loads = split_words([*args.words, *recorded])
     if creep and "rest" in given:
         raise ValueError("--creep is of a live board: give creep:=FILE")
     weighed = not creep
@@ -113,14 +101,11 @@ def calibrate(out: Path, config: Path | None, words: list[str], creep: bool = Fa
         weighed = bool(loads or "reference" in given)
         guide = from_files(skin, given, loads)
     else:
-        live = Live(config, given)
-        guide = Guide(skin.circuit, live, _ask, _say, _count_down, _show)
-        try:
+        with closing(Live(config, given)) as live:
+            guide = Guide(skin.circuit, live, _ask, _say, _count_down, _show)
             live(0.0)  # what the driver logs of the port stands above the first question
             check_sent(skin, live(GLANCE))
             guide.measure_creep(skin.curve) if creep else guide.run()
-        finally:
-            live.close()
     no_curve, learnt = weighed and not guide.fitted, guide.learnt
     if no_curve and not learnt:
         print(f"{_NAME}: no curve was found: {out} is not written", file=sys.stderr)

@@ -54,7 +54,6 @@ _KINDS = {
 
 def register(parser) -> None:
     """Declare the arguments."""
-    parser.epilog = EXAMPLES
     parser.add_argument(
         "words", nargs="*", metavar="FILE | NAME:=VALUE", help="file of bytes, or port; options"
     )

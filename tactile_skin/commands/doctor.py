@@ -3,18 +3,19 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import asdict
 
 import numpy as np
 
 from ..arguments import split
 from ..calibration.rest import check_all_is_sent, measure_rest
+from ..fields import leaves
 from ..findings.finding import Finding, Kind
 from ..guide.notes import notes
 from ..health.doctor import diagnose
 from ..middleware.config import SkinConfig, read_skin, skin_of
 from ..parameters import shared as parameters
-from ..parameters.fields import leaves
 from ..physics.adc import Adc
 from ..physics.circuit import Circuit
 from ..recording.frames import read_frames, recorded_skin
@@ -148,14 +149,11 @@ def _listen(given: dict, board: dict) -> tuple[np.ndarray, list[Finding]]:
         raise ValueError(f"seconds:={seconds:g}: must be from {_SECONDS[0]:g} to {_SECONDS[1]:g}")
     driver = {name: given[name] for name in ("port", "baud", "protocol") if name in given}
     # frames that repeat are what is looked for: they are not held back
-    live = Live(given.get("config"), board | driver | {"frozen_after": 0.0})
-    try:
+    with closing(Live(given.get("config"), board | driver | {"frozen_after": 0.0})) as live:
         live(0.0)
         print(f"hands off for 5 s, then press everywhere, with pauses: {seconds:g} s", flush=True)
         frames = live(seconds)
         counters, reconnects = live.counters, live.reconnects
-    finally:
-        live.close()
     print(
         f"{len(frames) / seconds:.0f} frames a second, {counters.corrupt} damaged (CRC or line), "
         f"{counters.lost} lost, {reconnects} reconnections"

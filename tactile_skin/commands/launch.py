@@ -4,9 +4,15 @@
 from __future__ import annotations
 
 import contextlib
+import os
+import select
+import sys
+import threading
 
+from .. import launch
 from ..arguments import split
 
+_KEYS_WITHIN = 0.1  # s that a reset under way may keep the end of the skin waiting
 EXAMPLES = (
     "examples:\n"
     "  tactile-skin launch duration:=20\n"
@@ -19,7 +25,6 @@ EXAMPLES = (
 
 def register(parser) -> None:
     """Declare the arguments."""
-    parser.epilog = EXAMPLES
     parser.add_argument(
         "words", nargs="*", metavar="FILE | NAME:=VALUE", help="launch file; arguments"
     )
@@ -30,8 +35,6 @@ def register(parser) -> None:
 
 def run(args) -> int:
     """Start it, and wait for its end."""
-    from .. import launch
-
     if args.show_args:
         for argument in launch.read_arguments(_file_of(args.words)[0]):
             given = "... (must be given)" if argument.default is None else argument.default
@@ -45,16 +48,12 @@ def run(args) -> int:
 
 def plan_of(words: list[str], default: str = "", **given: str):
     """Return the plan of a launch file, or of the default one, with its arguments; and the file."""
-    from .. import launch
-
     file, arguments = _file_of(words, default)
     return launch.read_plan(file, arguments | given), file
 
 
 def _file_of(words: list[str], default: str = ""):
     """Return the path of the launch file, and the arguments that it is given."""
-    from .. import launch
-
     files, arguments = split(words)
     if len(files) > 1:
         raise ValueError(f"one launch file, not {len(files)}: {' '.join(files)}")
@@ -63,8 +62,37 @@ def _file_of(words: list[str], default: str = ""):
 
 def spin(skin) -> int:
     """Run a skin until it ends, and return the exit status."""
-    from ..middleware.stdin import keys
-
     with skin, contextlib.suppress(KeyboardInterrupt), keys(skin.reset_stop):
         skin.spin()
     return 1 if skin.failed else 0
+
+
+@contextlib.contextmanager
+def keys(reset):
+    """On a terminal, r and Enter ask for the reset of a latched stop."""
+    if os.name != "posix" or not sys.stdin.isatty():
+        yield
+        return
+    ended, end = os.pipe()
+
+    def read():
+        while ended not in select.select([sys.stdin, ended], [], [])[0]:
+            line = os.read(sys.stdin.fileno(), 1024)
+            if not line:
+                return  # its end
+            try:
+                if line.strip() == b"r":
+                    print(f"reset: {reset()[1]}", file=sys.stderr)
+            except (ValueError, RuntimeError) as error:
+                print(f"reset: {error}", file=sys.stderr)
+
+    reader = threading.Thread(target=read, name="keys", daemon=True)
+    reader.start()
+    try:
+        yield
+    finally:
+        os.write(end, b"\n")
+        reader.join(_KEYS_WITHIN)
+        if not reader.is_alive():  # else it still waits for an answer
+            os.close(ended)
+        os.close(end)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from .. import launch
 from .launch import plan_of, spin
 
 EXAMPLES = (
@@ -17,7 +18,6 @@ EXAMPLES = (
 
 def register(parser) -> None:
     """Declare the arguments."""
-    parser.epilog = EXAMPLES
     parser.add_argument(
         "out", metavar="OUT", help="file to make (.mcap), or folder/ for files named by time"
     )
@@ -39,8 +39,6 @@ def register(parser) -> None:
 
 def run(args) -> int:
     """Record until it ends."""
-    from .. import launch
-
     plan, _ = plan_of(args.words, "skin.launch.yaml", record=args.out)
     recorder = plan.nodes[-1]
     for name in ("last", "max_duration", "max_size"):

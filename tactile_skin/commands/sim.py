@@ -29,7 +29,6 @@ BOARDS = ("model", "firmware")
 
 def register(parser) -> None:
     """Declare the arguments."""
-    parser.epilog = EXAMPLES
     parser.add_argument(
         "--board", choices=BOARDS, default="model", help="what is simulated (default model)"
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable
 
 from ..arguments import split
 
@@ -29,37 +28,30 @@ _PORTS = range(65536)
 
 def run(args) -> int:
     """Show a recording, or start a skin with its page."""
-    if is_recording(args.words):
-        from .. import extras
-
-        return show(args.words, extras.tqdm())
+    files = [word for word in args.words if ":=" not in word]
+    if files and not files[0].endswith((".yaml", ".yml")):
+        return show(args.words)
     from . import launch
 
     args.words, args.show_args = [*args.words, "view:=true"], False
     return launch.run(args)
 
 
-def is_recording(words: list[str]) -> bool:
-    """Whether the words name a recording, and no launch file."""
-    files = [word for word in words if ":=" not in word]
-    return bool(files) and not files[0].endswith((".yaml", ".yml"))
-
-
 def register(parser) -> None:
     """Declare the arguments."""
-    parser.epilog = EXAMPLES
     parser.add_argument(
         "words", nargs="*", metavar="FILE | NAME:=VALUE", help="recording or launch file; arguments"
     )
 
 
-def show(words: list[str], tqdm: Callable) -> int:
+def show(words: list[str]) -> int:
     """Show the recording that the words name until Ctrl-C.
 
     Raises:
         ValueError: an unknown option, or a value that is not allowed.
         FileError, OSError: the recording cannot be read.
     """
+    from .. import extras
     from ..middleware.config import read_skin
     from ..recording.reader import Recording
     from ..view.pictures import Pictures
@@ -75,7 +67,9 @@ def show(words: list[str], tqdm: Callable) -> int:
     skin = read_skin(given["config"]) if "config" in given else recording.skin
 
     def track(messages, total: int):
-        return tqdm(messages, desc=f"reading {path}", total=total, leave=False, disable=None)
+        return extras.tqdm()(
+            messages, desc=f"reading {path}", total=total, leave=False, disable=None
+        )
 
     port = given.get("view_port", 8321)
     if port not in _PORTS:

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import ParameterError, concerning
+from ..fields import Leaf, members
 from ..parameters import shared
-from ..parameters.fields import Leaf, members
 from ..parameters.nodes import Compensation
 from ..physics.adc import Adc
 from ..physics.circuit import Circuit
@@ -99,12 +99,15 @@ def declared(node: Node, kind: type, prefix: str = "") -> Any:
         ParameterError: a value that is not allowed.
     """
     values: dict[str, Any] = {}
+    single = []
     for name, member in members(kind):
         if isinstance(member, Leaf):
+            single.append(prefix + name)
             values[name] = node.declare_parameter(prefix + name, member.default, member.about).value
         else:
             values[name] = declared(node, member, f"{prefix}{name}.")
-    return kind(**values)
+    with concerning(*single):
+        return kind(**values)
 
 
 @concerning("circuit")

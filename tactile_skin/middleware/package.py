@@ -60,8 +60,8 @@ def find(path) -> Path:
     return shipped if bare and shipped.is_file() else Path(path)
 
 
-def node_class(executable: str, package: str = PACKAGE) -> type:
-    """Return the class of a node: one of ours, or one in a module of a user's.
+def node_class(executable: str, package: str = PACKAGE, file: object = "launch file") -> type:
+    """Return the class of a node: one of ours, or one in a module of a user's, that a file names.
 
     Raises:
         LaunchError: the module cannot be imported, or has no such class.
@@ -69,7 +69,7 @@ def node_class(executable: str, package: str = PACKAGE) -> type:
     module, name = package, executable
     if package == PACKAGE:
         module, name = f"{PACKAGE}.nodes.{CLASSES[executable]}".rsplit(".", 1)
-    where = f"node {package}/{executable}"
+    where = f"{file}: node {package}/{executable}"
     try:
         found = importlib.import_module(module)
     except (ImportError, TypeError, ValueError) as error:  # the latter of a name that is none

@@ -113,26 +113,14 @@ def _put(parameters, name: str, value) -> None:
 def replace_file(path: Path, text: str) -> None:
     """Write a file in one step, of the mode that it had; the old one is kept as NAME.bak."""
     path = path.resolve()
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        os.fchmod(handle, path.stat().st_mode & 0o7777 if path.exists() else _new_mode())
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as folder:
+        new, old = Path(folder, "new"), Path(folder, "old")
+        with new.open("w", encoding="utf-8") as file:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
         if path.exists():
-            old = Path(f"{name}.bak")
+            shutil.copymode(path, new)
             shutil.copy2(path, old)
             os.replace(old, f"{path}.bak")
-        os.replace(name, path)
-    except BaseException:
-        for left in (name, f"{name}.bak"):
-            Path(left).unlink(missing_ok=True)
-        raise
-
-
-def _new_mode() -> int:
-    """Return the mode of a file that this process creates."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return 0o666 & ~mask
+        os.replace(new, path)

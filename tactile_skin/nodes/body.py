@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from ..behaviours.stop import TRANSPORT, Decision, StopConfig
+from ..behaviours.stop import TRANSPORT, Decision
 from ..body.stop import BodyStop
 from ..body.touches import OLDEST, BodyTouch, BodyTracker, Piece, coincident
 from ..middleware.bus import Time
@@ -27,13 +27,12 @@ from ..msg import (
     cloud_columns,
     cloud_of,
 )
-from ..parameters.fields import configured
 from ..parameters.nodes import Body as Parameters
 from ..parameters.shared import Circuit, Framed, Geometry
 from ..touch.frames import IDENTITY, Frames, Pose
 from ..touch.geometry import UNKNOWN
 from ..touch.geometry import Geometry as SkinGeometry
-from . import QUEUE
+from . import QUEUE, now, seconds
 from .frames import hear
 from .gesture_feature import CONTACT
 from .stop_on_push import (
@@ -92,7 +91,7 @@ class Body:
                 )
         fixed = skins.pop(self._frame.lstrip("/"), {})
         self._tf = hear(node) if skins else Frames()
-        self.stop = BodyStop(self._names, configured(StopConfig, given), self._now())
+        self.stop = BodyStop(self._names, given, now(self.node))
         self.tracker = BodyTracker(fixed)
         self._stamps: dict[str, float] = {}  # skin -> of its newest contacts
         self._wrenches: dict[str, tuple[float, np.ndarray]] = {}  # skin -> stamp, force and torque
@@ -124,12 +123,9 @@ class Body:
         """Limits that change while the robot moves."""
         self.stop.config = dataclasses.replace(self.stop.config, **values)
 
-    def _now(self) -> float:
-        return self.node.get_clock().now().nanoseconds / 1e9
-
     def on_status(self, name: str, msg: DiagnosticArray) -> None:
-        t = self._now()
-        self._bases[name] = _seconds(msg.header)
+        t = now(self.node)
+        self._bases[name] = seconds(msg.header)
         self._ages[name] = t - self._bases[name]
         self.stop.hear(t, name, stop_message_of(msg, t), self._bases[name])
         self._decide(t, always=False)
@@ -139,14 +135,14 @@ class Body:
             return
         force = pose.rotation @ xyz(msg.wrench.force)
         torque = pose.rotation @ xyz(msg.wrench.torque) + np.cross(pose.translation, force)
-        self._wrenches[name] = _seconds(msg.header), np.array([*force, *torque])
-        if self._stamps.get(name) == _seconds(msg.header):
+        self._wrenches[name] = seconds(msg.header), np.array([*force, *torque])
+        if self._stamps.get(name) == seconds(msg.header):
             self._joined(name, msg.header)
 
     def on_contacts(self, name: str, msg: PointCloud2) -> None:
         if (pose := self._pose(name, msg.header)) is None:
             return
-        stamp = _seconds(msg.header)
+        stamp = seconds(msg.header)
         columns = cloud_columns(msg, "x", "y", "z", "force", "area", "peak", "id")
         table = np.stack([columns[k] for k in ("x", "y", "z", "force", "area", "peak", "id")], 1)
         pieces = [
@@ -155,7 +151,7 @@ class Body:
         ]
         self.tracker.update(stamp, name, pieces)
         self.stop.touched(name, stamp, sum(p.force for p in pieces))
-        self._decide(self._now(), always=False)
+        self._decide(now(self.node), always=False)
         self._stamps[name] = stamp
         if self._wrenches.get(name, (None,))[0] == stamp:
             self._joined(name, msg.header)
@@ -170,7 +166,7 @@ class Body:
             pose = IDENTITY
         else:
             try:
-                pose = self._tf.lookup(self._frame, here, _seconds(header))
+                pose = self._tf.lookup(self._frame, here, seconds(header))
             except LookupError as error:
                 words = f"{error}: publish it on tf, or set one frame_id for all skins"
         self.stop.fault(name, words)
@@ -179,7 +175,7 @@ class Body:
     def _joined(self, name: str, header: Header) -> None:
         """Publish once a round of the skins: the contacts and wrench of one are there."""
         header = Header(header.stamp, self._frame)
-        again, live = name in self._fresh, self._live(_seconds(header))
+        again, live = name in self._fresh, self._live(seconds(header))
         self._fresh.add(name)
         if not again and not live <= self._fresh:
             return
@@ -218,10 +214,10 @@ class Body:
         return cloud_of((*CONTACT, _SKIN), rows, header)
 
     def on_timer(self) -> None:
-        self._decide(self._now())
+        self._decide(now(self.node))
 
     def on_reset(self, _, response):
-        causes = self.stop.reset(self._now())
+        causes = self.stop.reset(now(self.node))
         self.on_timer()
         return answered(response, causes)
 
@@ -243,10 +239,6 @@ class Body:
 
     def close(self) -> None:
         """Publish a final stop: nothing monitors the skins from here on."""
-        decision = self.stop.decide(self._now())
+        decision = self.stop.decide(now(self.node))
         words = "fault: the body shuts down"
         self._publish(decision._replace(stop=True, reason=words, causes=()), 0.0, final=True)
-
-
-def _seconds(header: Header) -> float:
-    return Time.from_msg(header.stamp).nanoseconds / 1e9

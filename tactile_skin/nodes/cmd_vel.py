@@ -11,7 +11,7 @@ import numpy as np
 from ..behaviours.gate import Motion
 from ..behaviours.stop import StopMessage
 from ..msg import DiagnosticArray, Header, Twist, TwistStamped, Vector3
-from . import diagnostics
+from . import diagnostics, now
 from .stop_on_push import STATUS, STATUS_TOPIC, stop_message_of
 
 PERIOD = 0.02  # s, between two velocities at most
@@ -50,13 +50,10 @@ class CmdVel:
         node.create_timer(PERIOD, self.publish)
         node.create_timer(1.0, self.report)
 
-    def now(self) -> float:
-        return self._node.get_clock().now().nanoseconds / 1e9
-
     def on_status(self, msg: DiagnosticArray) -> None:
-        now = self.now()
-        message = stop_message_of(msg, now)
-        self._take_stop(now, message)
+        t = now(self._node)
+        message = stop_message_of(msg, t)
+        self._take_stop(t, message)
         if (
             self._message is None or message[:2] != self._message[:2]
         ):  # a stop need not wait for the timer
@@ -67,7 +64,7 @@ class CmdVel:
         if self._closed.acquire(blocking=False):
             try:
                 still = self._node.get_clock().stands_still
-                motion = _STILL if still else self._decide(self.now())
+                motion = _STILL if still else self._decide(now(self._node))
                 vectors = (Vector3(*map(float, v)) for v in (motion.linear, motion.angular))
                 self._send(Twist(*vectors))
             finally:

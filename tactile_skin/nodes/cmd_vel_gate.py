@@ -5,13 +5,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..behaviours.gate import Gate, GateConfig
-from ..middleware.bus import Time
+from ..behaviours.gate import Gate
 from ..middleware.config import declared
 from ..msg import Header, Twist, TwistStamped
-from ..parameters.fields import configured
 from ..parameters.nodes import CmdVelGate as Parameters
-from . import frames
+from . import frames, now, seconds
 from .cmd_vel import CmdVel, twist_of
 from .touch import Touch, on_touch, xyz
 
@@ -25,8 +23,8 @@ class CmdVelGate:
     """
 
     def __init__(self, node):
-        given = declared(node, Parameters)
-        self.gate = Gate(configured(GateConfig, given))
+        self._node, given = node, declared(node, Parameters)
+        self.gate = Gate(given)
         self._base = given.base_frame
         self._frames = frames.hear(node) if self._base else None
         self._cmd_vel = CmdVel(node, given, self.gate.decide, self.gate.stop)
@@ -48,12 +46,12 @@ class CmdVelGate:
         if isinstance(msg, TwistStamped):
             header, ours = msg.header, self._cmd_vel.frame
             # a stamp of 0 is none, as for ros2_control's controllers
-            stamp = Time.from_msg(header.stamp).nanoseconds / 1e9 or None
+            stamp = seconds(header) or None
             self._cmd_vel.asked = Header(header.stamp, ours) if stamp else None
             if header.frame_id not in ("", ours):
                 refused = f"the command is in {header.frame_id!r}, the gate in {ours}"
-        now = self._cmd_vel.now()
-        self.gate.command(now, xyz(twist.linear), xyz(twist.angular), stamp, refused)
+        t = now(self._node)
+        self.gate.command(t, xyz(twist.linear), xyz(twist.angular), stamp, refused)
         self._cmd_vel.publish()
 
     def close(self) -> None:

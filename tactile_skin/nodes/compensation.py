@@ -6,11 +6,11 @@ from __future__ import annotations
 from ..findings.finding import BESIDE_THE_REST, Finding, Severity
 from ..health.skin import Skin
 from ..learning import network
-from ..middleware.bus import DurabilityPolicy, QoSProfile, Time
+from ..middleware.bus import DurabilityPolicy, QoSProfile
 from ..middleware.config import adc_of, circuit_of, creep_of, curve_of, declared, geometry_of
 from ..msg import Header, Image, TimeReference, Trigger, image, image_array
 from ..parameters.nodes import Compensation as Parameters
-from . import READING, diagnostics
+from . import READING, diagnostics, now, seconds
 from .gesture_feature import heard
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -106,12 +106,12 @@ class Compensation:
         if heard(self._taken_up):
             name = diagnostics.name_of(self.node)
             self._taken_up.publish(TimeReference(msg.header, clock.to_msg(), name))
-        now, t = clock.nanoseconds / 1e9, Time.from_msg(msg.header.stamp).nanoseconds / 1e9
-        if now - t > _OLD and 0.0 <= now - self._taken_at < _APART:
+        here, t = clock.nanoseconds / 1e9, seconds(msg.header)
+        if here - t > _OLD and 0.0 <= here - self._taken_at < _APART:
             self.skipped += 1
             return
-        self._taken_at = now
-        late = now - t > _LATE and 0.0 <= now - self._fitted_at < _FULL_FIT
+        self._taken_at = here
+        late = here - t > _LATE and 0.0 <= here - self._fitted_at < _FULL_FIT
         try:
             samples = image_array(msg)
         except ValueError as error:
@@ -119,7 +119,7 @@ class Compensation:
         else:
             stopped = self._level == diagnostics.ERROR
             force = self.skin.frame(t, samples, late=late, stopped=stopped)
-        self._fitted_at = now if self.skin.fitted else self._fitted_at
+        self._fitted_at = here if self.skin.fitted else self._fitted_at
         if force is not None:
             self._pressure.publish(image(force / self.cell_area, "32FC1", msg.header))
         self._update_level()
@@ -168,16 +168,13 @@ class Compensation:
             message = "ok"
         else:  # a fault that the last frames do not show goes on
             return
-        self._finding, self._message, self._said = finding, message, self._now()
+        self._finding, self._message, self._said = finding, message, now(self.node)
 
     def _holds(self, level: int, finding: Finding | None) -> bool:
         """Whether to keep the last reason: each new reason of a stop calls every hook."""
         if level != diagnostics.ERROR or level != self._level:
             return False
-        return finding == self._finding or self._now() - self._said < _HOLD
-
-    def _now(self) -> float:
-        return self.node.get_clock().now().nanoseconds / 1e9
+        return finding == self._finding or now(self.node) - self._said < _HOLD
 
     def on_second(self) -> None:
         self.report()

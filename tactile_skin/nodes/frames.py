@@ -4,21 +4,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar
 
-from ..middleware.bus import DurabilityPolicy, QoSProfile, Time
-from ..msg import Header, Quaternion, Transform, TransformStamped, Vector3
+from ..middleware.bus import DurabilityPolicy, QoSProfile
+from ..msg import Header, Message, Quaternion, Transform, TransformStamped, Vector3
 from ..touch.frames import Frames, Pose, pose_of, quaternion_of
+from . import seconds
 
 TOPICS = TF, TF_STATIC = "/tf", "/tf_static"  # of the whole robot
 _STATIC = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 @dataclass
-class TFMessage:
+class TFMessage(Message, package="tf2_msgs"):
     """Not in msg.py: tf2_msgs is not in every installation, and only who asks for tf needs it."""
 
-    TYPE: ClassVar[str] = "tf2_msgs/msg/TFMessage"
     transforms: list[TransformStamped] = field(default_factory=list)
 
 
@@ -37,8 +36,7 @@ def hear(node) -> Frames:
                     refused.add(stamped.child_frame_id)
                     node.get_logger().warning("%s: %s", stamped.child_frame_id, error)
                 continue
-            stamp = Time.from_msg(stamped.header.stamp).nanoseconds / 1e9
-            always = {} if static else {"stamp": stamp}
+            always = {} if static else {"stamp": seconds(stamped.header)}
             frames.take(stamped.header.frame_id, stamped.child_frame_id, pose, **always)
 
     node.create_subscription(TFMessage, TF, lambda m: take(m, False), 100)

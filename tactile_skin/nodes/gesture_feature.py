@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..middleware.bus import Time
 from ..middleware.config import circuit_of, declared, geometry_of
 from ..msg import (
     Float32,
@@ -27,7 +26,7 @@ from ..touch.frames import Pose
 from ..touch.geometry import rotation_of
 from ..touch.gestures import Gesture, Gestures
 from ..touch.tracking import RELEASED, STATES, Touch, Tracker, stroke
-from . import READING, frames
+from . import READING, frames, seconds
 
 CONTACT = ("x", "y", "z", "force", "area", "peak", "id", "vx", "vy", "vz", "state")
 _CODE = {state: float(code) for code, state in enumerate(STATES)}
@@ -86,7 +85,7 @@ class GestureFeature:
             )
         force = pressure * self.geometry.cell_area  # (rows, cols) [N], float64
         frame = features.analyse_frame(force, self.geometry, self.cell_threshold)
-        t = Time.from_msg(header.stamp).nanoseconds / 1e9
+        t = seconds(header)
         touches = self.tracker.update(t, frame)
         self._contacts.publish(contact_cloud(touches, header))  # first: the stop waits for it
         push = frame.push

@@ -3,9 +3,8 @@
 
 from __future__ import annotations
 
-from ..behaviours.admittance import Admittance, AdmittanceConfig, Axis
+from ..behaviours.admittance import Admittance
 from ..middleware.config import declared
-from ..parameters.fields import configured
 from ..parameters.nodes import PushToMove as Parameters
 from .cmd_vel import CmdVel
 from .touch import Touch, on_touch
@@ -22,15 +21,7 @@ class PushToMove:
 
     def __init__(self, node):
         given = declared(node, Parameters)
-        self.admittance = Admittance(
-            AdmittanceConfig(
-                configured(Axis, given.linear),
-                configured(Axis, given.angular) if given.turns else None,
-                given.touch_timeout,
-                given.stop_timeout,
-                given.alignment,
-            )
-        )
+        self.admittance = Admittance(given)
         self._cmd_vel = CmdVel(node, given, self.admittance.step, self.admittance.stop)
         on_touch(node, self.on_touch)
 

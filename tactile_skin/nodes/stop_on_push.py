@@ -20,7 +20,7 @@ from ..behaviours.stop import (
     StopPolicy,
 )
 from ..errors import concerning
-from ..middleware.bus import DurabilityPolicy, QoSProfile, Time
+from ..middleware.bus import DurabilityPolicy, QoSProfile
 from ..middleware.config import circuit_of, curve_of, declared
 from ..msg import (
     Bool,
@@ -31,9 +31,8 @@ from ..msg import (
     Trigger,
     cloud_columns,
 )
-from ..parameters.fields import configured
 from ..parameters.nodes import StopOnPush as Parameters
-from . import QUEUE, diagnostics
+from . import QUEUE, diagnostics, now, seconds
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 STATUS_TOPIC = "skin/stop_status"
@@ -52,7 +51,7 @@ def stop_message_of(msg: DiagnosticArray, t: float) -> StopMessage:
     status = msg.status[0]
     if status.level != DiagnosticStatus.OK:
         return StopMessage(True, status.message, causes=causes_of(status))
-    stamp = Time.from_msg(msg.header.stamp).nanoseconds / 1e9
+    stamp = seconds(msg.header)
     try:
         good_for = float({pair.key: pair.value for pair in status.values}["good_for"])
     except (KeyError, ValueError):
@@ -141,8 +140,7 @@ class StopOnPush:
     def __init__(self, node):
         self.node = node
         given = declared(node, Parameters)
-        with concerning(*StopConfig.__dataclass_fields__):
-            self.policy = StopPolicy(configured(StopConfig, given))
+        self.policy = StopPolicy(given)
         self._circuit = circuit_of(given.circuit)
         self._curve = curve_of(given.curve, self._circuit)
         gain = self._curve.gain
@@ -175,9 +173,6 @@ class StopOnPush:
         self._check(config)
         self.policy.configure(config)
 
-    def _now(self) -> float:
-        return self.node.get_clock().now().nanoseconds / 1e9
-
     def on_contacts(self, msg: PointCloud2) -> None:
         self._header = msg.header
         columns = cloud_columns(msg, "force", "peak")
@@ -185,9 +180,9 @@ class StopOnPush:
         largest = _unless_negative(columns["peak"], np.max)
         more = self._at_most(largest, self._force) if self._force > 0.0 else 1.0
         self._most = more * self._force
-        stamp = Time.from_msg(msg.header.stamp).nanoseconds / 1e9
+        stamp = seconds(msg.header)
         self._watch_clock()  # with readings that come often the timer is never due
-        reading = self.policy.reading(self._now(), self._most, more * largest, stamp)
+        reading = self.policy.reading(now(self.node), self._most, more * largest, stamp)
         self._publish(reading)
         self._heartbeat.reset()
 
@@ -218,7 +213,7 @@ class StopOnPush:
                 self._learn(status.name, values)
                 if simulated := values.get(diagnostics.SIMULATED):
                     self._simulated = simulated == "true"
-        decision = self.policy.decide(self._now())
+        decision = self.policy.decide(now(self.node))
         if decision != self._decisions.last:  # a fault need not wait for the timer
             self._publish(decision)
 
@@ -229,13 +224,13 @@ class StopOnPush:
                 self._unknown[source] = ohm
 
     def on_reset(self, _, response):
-        causes = self.policy.reset(self._now())
+        causes = self.policy.reset(now(self.node))
         self.on_timer()
         return answered(response, causes)
 
     def on_timer(self) -> None:
         self._watch_clock()
-        self._publish(self.policy.decide(self._now()))
+        self._publish(self.policy.decide(now(self.node)))
 
     def _watch_clock(self) -> None:
         still = self.node.get_clock().stands_still
@@ -258,7 +253,7 @@ class StopOnPush:
     def close(self) -> None:
         """Publish a final stop: nothing monitors the skin from here on."""
         self.policy.fault(diagnostics.name_of(self.node), "the skin shuts down")
-        self._publish(self.policy.decide(self._now()), final=True)
+        self._publish(self.policy.decide(now(self.node)), final=True)
 
 
 def _unless_negative(newtons: np.ndarray, together) -> float:

@@ -8,7 +8,7 @@ import re
 import textwrap
 from collections.abc import Iterator
 
-from .fields import Leaf, leaves, members
+from ..fields import Leaf, leaves, members
 from .nodes import SECTIONS, Shared, shared_names
 
 _WIDTH = 110  # characters of a line of config/skin.yaml
@@ -35,16 +35,16 @@ file are written by `python -m tactile_skin.parameters` from
 
 def config() -> str:
     """Return the text of config/skin.yaml."""
-    parts = [_HEAD, *_section("/**", "", _yaml(Shared, 4))]
+    parts = [_HEAD, _section("/**", "", _yaml(Shared, 4))]
     for node, kind in SECTIONS.items():
         if lines := list(_yaml(kind, 4, shared_names())):
-            parts += _section(f"/**/{node}", _about(kind), lines)
+            parts.append(_section(f"/**/{node}", _about(kind), lines))
     return "\n".join(parts)
 
 
-def _section(name: str, about: str, lines) -> list[str]:
+def _section(name: str, about: str, lines) -> str:
     head = f"{name}:".ljust(_COLUMN) + f"# {about}" if about else f"{name}:"
-    return ["\n".join([head, "  ros__parameters:", *lines]) + "\n"]
+    return "\n".join([head, "  ros__parameters:", *lines]) + "\n"
 
 
 def _about(kind: type) -> str:
@@ -87,21 +87,21 @@ def _value(value) -> str:
 
 def page() -> str:
     """Return the text of docs/parameters.md."""
-    parts = [_PAGE, *_table("Every node: `/**`", "", list(leaves(Shared)))]
+    parts = [_PAGE, _table("Every node: `/**`", "", list(leaves(Shared)))]
     for node, kind in SECTIONS.items():
         if own := [leaf for leaf in leaves(kind) if leaf.name not in shared_names()]:
-            parts += _table(f"{node}: `/**/{node}`", f"{kind.__doc__}\n\n", own)
+            parts.append(_table(f"{node}: `/**/{node}`", f"{kind.__doc__}\n\n", own))
     return "\n".join(parts)
 
 
-def _table(title: str, about: str, found: list[Leaf]) -> list[str]:
+def _table(title: str, about: str, found: list[Leaf]) -> str:
     rows = [
         f"| `{leaf.name}` | {_cell(f'`{_value(leaf.default)}`')} | {_range(leaf)} | "
         f"{_cell(leaf.about.description)}{' *Live.*' if leaf.about.live else ''} |"
         for leaf in found
     ]
     head = ["| parameter | default | range | meaning |", "|---|---|---|---|"]
-    return [f"## {title}\n{about}" + "\n".join([*head, *rows]) + "\n"]
+    return f"## {title}\n{about}" + "\n".join([*head, *rows]) + "\n"
 
 
 def _range(leaf: Leaf) -> str:

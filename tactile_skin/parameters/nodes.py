@@ -9,11 +9,11 @@ from __future__ import annotations
 import dataclasses
 import functools
 
-from ..behaviours.admittance import ANGULAR, LINEAR, AdmittanceConfig, Axis
+from ..behaviours.admittance import AdmittanceConfig
 from ..behaviours.gate import GateConfig
-from ..behaviours.stop import StopConfig
+from ..behaviours.stop import Limits, StopConfig
 from ..board.formats import PROTOCOLS, fields
-from .fields import group, leaves, parameter
+from ..fields import group, leaves, parameter
 from .shared import Circuit, Curve, Framed, Geometry, Shared, Skin
 
 # Those of `solvers.METHODS`, which takes as long to import as all the rest; a test compares them.
@@ -143,24 +143,6 @@ class Gestures:
 
 
 @dataclasses.dataclass(frozen=True)
-class Limits:
-    """What a push is, and how long it stops the robot."""
-
-    threshold: float = parameter(
-        StopConfig.threshold, "N", "contact force that is a push", 0.1, 500.0, live=True
-    )
-    release: float = parameter(
-        StopConfig.release, "N", "contact force below which a push is over", 0.1, 500.0, live=True
-    )
-    hold: float = parameter(
-        StopConfig.hold, "s", "time a stop is kept after the release", 0.0, 60.0, live=True
-    )
-    latch: bool = parameter(
-        StopConfig.latch, "", "keep a stop until a reset, also after its cause has gone"
-    )
-
-
-@dataclasses.dataclass(frozen=True)
 class Body(Framed, Limits):
     """Several skins as one: pushes that touch two or more of them, started by body.launch.yaml."""
 
@@ -169,126 +151,27 @@ class Body(Framed, Limits):
 
 
 @dataclasses.dataclass(frozen=True)
-class StopOnPush(Limits):
+class StopOnPush(StopConfig):
     """What a push is, and when the robot is stopped for it."""
 
     circuit: Circuit = group(Circuit)
     curve: Curve = group(Curve)
-    peak: float = parameter(
-        StopConfig.peak,
-        "N",
-        "force on one cell that is a push; at most 95 % of the end of the curve",
-        0.01,
-        500.0,
-        live=True,
-    )
-    debounce: float = parameter(
-        StopConfig.debounce,
-        "s",
-        "time above the threshold before it is a push; text lines: 0.01",
-        0.0,
-        0.2,
-        live=True,
-    )
-    lead: float = parameter(
-        StopConfig.lead,
-        "s",
-        "time by which a rising force is extrapolated; text lines: 0",
-        0.0,
-        0.05,
-        live=True,
-    )
-    stale_after: float = parameter(
-        StopConfig.stale_after,
-        "s",
-        "maximum age of a reading; 0: 2.5 measured intervals, 0.1 to 0.5 s",
-        0.0,
-        1.0,
-        live=True,
-    )
 
 
 @dataclasses.dataclass(frozen=True)
-class CmdVelGate(Framed):
+class CmdVelGate(Framed, GateConfig):
     """Started by cmd_vel_gate:=true."""
 
-    command_timeout: float = parameter(
-        GateConfig.command_timeout,
-        "s",
-        "maximum age of cmd_vel_in; this is the dead man's switch",
-        0.02,
-        2.0,
-    )
-    stop_timeout: float = parameter(
-        GateConfig.stop_timeout, "s", "longest silence of the stop", 0.05, 1.0
-    )
-    touch_timeout: float = parameter(
-        GateConfig.touch_timeout, "s", "maximum age of a push direction", 0.02, 1.0
-    )
-    touch: float = parameter(
-        GateConfig.touch, "N", "contact force above which a touch has a direction", 0.1, 500.0
-    )
-    alignment: float = parameter(
-        GateConfig.alignment,
-        "",
-        "minimum |sum of force vectors| / sum of forces of a push from one side",
-        0.5,
-        1.0,
-    )
     base_frame: str = parameter(
         "", "", "frame of the velocities, by tf from frame_id; empty: they are the same"
     )
     stamped: bool = parameter(False, "", _STAMPED)
 
 
-def _axis(default: Axis, about: str, linear: bool) -> type:
-    """Return the parameters of an axis of motion: along the floor, or about the vertical."""
-    newton, metre, kilogram = ("N", "m", "kg") if linear else ("N m", "rad", "kg m^2")
-    damping = "N s/m" if linear else "N m s/rad"
-    specs = {
-        "mass": parameter(
-            default.mass, kilogram, "virtual mass" if linear else "virtual inertia", 0.01, 1e4
-        ),
-        "damping": parameter(default.damping, damping, "force per velocity", 0.01, 1e5),
-        "dead_band": parameter(
-            default.dead_band, newton, "below which the robot does not move", 0.0, 500.0
-        ),
-        "max_speed": parameter(default.max_speed, f"{metre}/s", "largest velocity", 0.001, 2.0),
-        "max_acceleration": parameter(
-            default.max_acceleration, f"{metre}/s^2", "largest change of it", 0.001, 10.0
-        ),
-    }
-    made = dataclasses.make_dataclass(
-        "Axis", [(name, float, spec) for name, spec in specs.items()], frozen=True
-    )
-    made.__doc__ = about
-    return made
-
-
 @dataclasses.dataclass(frozen=True)
-class PushToMove(Framed):
+class PushToMove(Framed, AdmittanceConfig):
     """Started by push_to_move:=true; stop_on_push must not latch."""
 
-    linear: Axis = group(_axis(LINEAR, "Along the floor.", True))
-    turns: bool = parameter(False, "", "let the torque about the vertical turn the robot")
-    angular: Axis = group(_axis(ANGULAR, "About the vertical.", False))
-    touch_timeout: float = parameter(
-        AdmittanceConfig.touch_timeout,
-        "s",
-        "maximum age of a reading that moves the robot; this is the dead man's switch",
-        0.02,
-        1.0,
-    )
-    stop_timeout: float = parameter(
-        AdmittanceConfig.stop_timeout, "s", "longest silence of the stop", 0.05, 1.0
-    )
-    alignment: float = parameter(
-        AdmittanceConfig.alignment,
-        "",
-        "minimum |sum of force vectors| / sum of forces of one hand",
-        0.1,
-        1.0,
-    )
     stamped: bool = parameter(False, "", _STAMPED)
 
 

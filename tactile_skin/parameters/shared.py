@@ -8,13 +8,13 @@ import inspect
 
 import numpy as np
 
+from ..fields import group, parameter
 from ..physics.adc import TABLES
 from ..physics.circuit import Circuit as _Circuit
 from ..physics.creep import MAX_SHARE
 from ..physics.curve import PressureCurve
 from ..physics.readouts import DRIVEN, READOUTS
 from ..touch.geometry import CELL_AREA, PITCH, SHAPES, UNKNOWN
-from .fields import group, parameter
 
 # Its default arguments; to make one takes an import of 0.2 s.
 _CURVE = {

@@ -81,7 +81,6 @@ def check() -> None:
     mcap(), _store()
 
 
-@functools.cache
 def definition(kind: type[Message]) -> str:
     """ROS 2's definition of a message and of its parts, as MCAP's encoding ros2msg wants it."""
     return _store().generate_msgdef(kind.TYPE, ros_version=2)[0]

@@ -5,8 +5,7 @@ from __future__ import annotations
 
 from ..launch import Skin
 from ..middleware.bus import Context, ManualClock, Node, SingleThreadedExecutor
-from ..middleware.launched import parameters_of
-from ..middleware.plan import Plan
+from ..middleware.plan import Plan, parameters_of
 
 _STEP = 10**14  # ns of which a float holds each
 

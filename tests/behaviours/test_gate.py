@@ -306,17 +306,3 @@ def test_a_clock_that_is_set_back_does_not_make_it_deaf_to_touches():
     assert is_zero(ask(gate, (1.0, 0.0, 0.0), t=1400.0))
     gate.touch(1400.01, 40.0, -40.0 * unit(math.pi), RADIUS * unit(math.pi))
     assert ask(gate, (1.0, 0.0, 0.0), t=1400.01).linear[0] == 1.0
-
-
-@pytest.mark.parametrize(
-    ("wrong", "said"),
-    [
-        ({"command_timeout": -1.0}, "gate: command_timeout = -1.0: must be above 0, and finite"),
-        ({"stop_timeout": math.inf}, "gate: stop_timeout = inf: must be above 0, and finite"),
-        ({"touch": math.nan}, "gate: touch = nan: must be above 0, and finite"),
-        ({"alignment": 0.0}, "gate: alignment = 0.0: must be above 0, and at most 1"),
-    ],
-)
-def test_settings_by_which_it_would_always_let_pass_are_refused(wrong, said):
-    with pytest.raises(ValueError, match=said):
-        GateConfig(**wrong)

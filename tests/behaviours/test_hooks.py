@@ -5,12 +5,12 @@ import math
 import threading
 
 import pytest
+from support.told import PATIENCE, Told
 
-from tactile_skin.behaviours.hooks import StopHook, StopMessages
+from tactile_skin.behaviours.hooks import EventHook, StopHook, StopMessages
 from tactile_skin.behaviours.stop import OUT_OF_DATE, StopMessage
 from tactile_skin.middleware.bus import ManualClock
 
-PATIENCE = 30.0  # s, for what must happen
 SILENT = "no message from the stop node"
 PUSH = StopMessage(True, "push")
 
@@ -79,27 +79,13 @@ def test_when_the_words_change_by_themselves(words):
 # --- the hook ---
 
 
-class Told:
-    def __init__(self):
-        self.calls, self.news = [], threading.Condition()
-
-    def __call__(self, stop, reason):
-        with self.news:
-            self.calls.append((stop, reason))
-            self.news.notify_all()
-
-    def wait_for(self, call, times=1) -> None:
-        with self.news:
-            enough = self.news.wait_for(lambda: self.calls.count(call) >= times, PATIENCE)
-            assert enough, self.calls
-
-
 @pytest.fixture
 def made():
     hooks = []
 
     def make(hook, clock=None, **kwargs):
-        hooks.append(StopHook(hook, ["stop"], clock or ManualClock(10.0), **kwargs))
+        clock = clock or ManualClock(10.0)
+        hooks.append(StopHook(hook, ["stop"], lambda: clock.now().nanoseconds / 1e9, **kwargs))
         return hooks[-1]
 
     yield make
@@ -166,4 +152,48 @@ def test_with_a_heartbeat_the_hook_is_called_without_a_change(made, word, heartb
 @pytest.mark.parametrize("heartbeat", [0.0, -1.0, math.inf, math.nan])
 def test_a_bad_heartbeat_is_refused_by_name(heartbeat):
     with pytest.raises(ValueError, match="heartbeat = "):
-        StopHook(print, ["stop"], ManualClock(), heartbeat)
+        StopHook(print, ["stop"], lambda: 0.0, heartbeat)
+
+
+# --- hooks of events ---
+
+
+def test_a_busy_event_hook_misses_the_oldest_and_says_so(caplog):
+    seen, busy, go, done = [], threading.Event(), threading.Event(), threading.Event()
+
+    def hook(k):
+        seen.append(k)
+        busy.set()
+        assert go.wait(PATIENCE)
+        if k == 99:
+            done.set()
+
+    told = EventHook(hook)
+    told.tell(0)
+    assert busy.wait(PATIENCE)
+    for k in range(1, 100):
+        told.tell(k)
+    go.set()
+    assert done.wait(PATIENCE)
+    told.close()
+    assert seen == [0, *range(100 - (len(seen) - 1), 100)]
+    assert told.dropped == 100 - len(seen) > 0
+    assert f"missed {told.dropped} events" in caplog.text
+
+
+def test_an_event_hook_that_raises_is_told_of_the_next(caplog):
+    seen, done = [], threading.Event()
+
+    def hook(k):
+        seen.append(k)
+        if k == 2:
+            done.set()
+        raise RuntimeError("hook failed")
+
+    told = EventHook(hook)
+    for k in range(3):
+        told.tell(k)
+    assert done.wait(PATIENCE)
+    told.close()
+    assert seen == [0, 1, 2]
+    assert "RuntimeError: hook failed" in caplog.text

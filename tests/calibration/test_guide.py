@@ -237,7 +237,7 @@ def test_a_picture_of_text():
 )
 def test_a_file_that_cannot_be_written_is_told_before_the_work(path, why):
     with pytest.raises(ValueError, match=f"--out.*{why}"):
-        calibrate.calibrate(Path(path), None, {})
+        calibrate.run(SimpleNamespace(out=Path(path), config=None, words=[], creep=None))
 
 
 @pytest.mark.parametrize("word", ["port", "speed:=3", "baud:=fast"])

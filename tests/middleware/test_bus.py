@@ -9,18 +9,18 @@ import threading
 import pytest
 from support.bench import Bench
 
+from tactile_skin.errors import ParameterError
+from tactile_skin.fields import About
 from tactile_skin.middleware.bus import (
     Context,
     DurabilityPolicy,
     MultiThreadedExecutor,
     Node,
     Parameter,
-    ParameterError,
     QoSProfile,
     Time,
 )
 from tactile_skin.msg import Bool, Float32, Trigger
-from tactile_skin.parameters.fields import About
 
 PATIENCE = 20.0  # s, for what must happen; how fast it does is not tested
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -215,10 +215,6 @@ def test_remapping(bench):
     assert node.resolve_topic_name("/a") == "/left/b"
     assert node.resolve_topic_name("other") == "/left/other"
     assert node.create_service(Trigger, "adc", print).srv_name == "/left/raw"
-    rules = [("rostopic://~/reset", "/a"), ("rosservice://~/reset", "/b")]
-    node = bench.node("n", remappings=rules)
-    assert node.resolve_topic_name("~/reset") == "/a"
-    assert node.resolve_service_name("~/reset") == "/b"
 
 
 # --- timers ---
@@ -335,6 +331,12 @@ def answer(request, response):
     return response
 
 
+def counting():
+    """What was asked, and a service that notes it."""
+    asked = []
+    return asked, lambda request, response: asked.append(1) or response
+
+
 def test_a_service_answers(bench):
     bench.node("server").create_service(Trigger, "reset", answer)
     client = bench.node("client").create_client(Trigger, "reset")
@@ -382,12 +384,7 @@ def test_the_asker_hears_that_the_server_went(bench):
 
 def test_a_question_that_was_withdrawn_is_not_asked(bench):
     """And harms nobody: the server goes on."""
-    asked = []
-
-    def count(request, response):
-        asked.append(1)
-        return response
-
+    asked, count = counting()
     bench.node("server").create_service(Trigger, "reset", count)
     client = bench.node("client").create_client(Trigger, "reset")
     first, second = client.call_async(Trigger.Request()), client.call_async(Trigger.Request())
@@ -399,12 +396,7 @@ def test_a_question_that_was_withdrawn_is_not_asked(bench):
 
 def test_a_server_that_hangs_collects_no_requests(bench):
     """What is refused is said at once; those in the queue are carried out, once each."""
-    asked = []
-
-    def count(request, response):
-        asked.append(1)
-        return response
-
+    asked, count = counting()
     bench.node("server").create_service(Trigger, "reset", count)
     client = bench.node("client").create_client(Trigger, "reset")
     futures = [client.call_async(Trigger.Request()) for _ in range(10)]
@@ -417,12 +409,7 @@ def test_a_server_that_hangs_collects_no_requests(bench):
 
 def test_requests_that_were_withdrawn_take_no_place(bench):
     """Nor does any of them, later, keep the others or messages from being heard."""
-    asked, seen, server = [], [], bench.node("server")
-
-    def count(request, response):
-        asked.append(1)
-        return response
-
+    (asked, count), seen, server = counting(), [], bench.node("server")
     server.create_service(Trigger, "reset", count)
     server.create_subscription(Float32, "t", seen.append, 10)
     client = bench.node("client").create_client(Trigger, "reset")
@@ -538,66 +525,6 @@ def test_a_raising_callback_is_logged_once(bench, caplog):
     assert [r.getMessage() for r in caplog.records[1:]] == [
         "callback raising raised 6 times: ValueError('bad')"
     ]
-
-
-class Broken(logging.Handler):
-    """A log handler that raises what it was made with."""
-
-    def __init__(self, error):
-        super().__init__()
-        self.error = error
-
-    def emit(self, record):
-        raise self.error
-
-
-@pytest.fixture(params=[ValueError("log"), OSError("gone"), SystemExit(1)], ids=repr)
-def broken_log(request):
-    loggers = [logging.getLogger(name) for name in ("tactile_skin.n", "concurrent.futures")]
-    handler = Broken(request.param)
-    for logger in loggers:
-        logger.addHandler(handler)
-    yield
-    for logger in loggers:
-        logger.removeHandler(handler)
-
-
-class Unspeakable:
-    """A callback of which not even the name can be told."""
-
-    def __call__(self, message):
-        raise ValueError("bad")
-
-    def __repr__(self):
-        raise RuntimeError("no name")
-
-
-@pytest.mark.parametrize("callback", [raising, Unspeakable()], ids=["function", "object"])
-def test_a_log_handler_that_raises_ends_no_thread(threads, callback, broken_log, capfd):
-    """A subscriber's exception that cannot be told is counted, and stderr hears of it."""
-    seen, node = threading.Event(), Node("n", context=Context())
-    node.create_subscription(Float32, "a", callback, 10)
-    node.create_subscription(Float32, "b", lambda message: seen.set(), 10)
-    threads.add_node(node)
-    for topic in "ab":
-        node.create_publisher(Float32, topic, 10).publish(Float32())
-    assert seen.wait(PATIENCE)
-    assert node.callback_errors == 1
-    assert "node n: ValueError, and " in capfd.readouterr().err
-
-
-@pytest.mark.parametrize("server", [answer, raising], ids=["answers", "raises"])
-def test_a_listener_to_an_answer_ends_no_thread(threads, server, broken_log):
-    """One that raises: concurrent.futures logs that, here with a handler that raises as well."""
-    node = Node("n", context=Context())
-    node.create_service(Trigger, "reset", server)
-    client = node.create_client(Trigger, "reset")
-    first = client.call_async(Trigger.Request())
-    first.add_done_callback(raising)
-    second = client.call_async(Trigger.Request())
-    threads.add_node(node)
-    for future in (first, second):
-        assert (future.exception(PATIENCE) is None) == (server is answer)
 
 
 # --- clocks ---

@@ -131,20 +131,6 @@ def test_a_push_on_one_stops_with_its_name_and_has_its_direction(body, pushed):
     assert NAMES[int(number)] == pushed
 
 
-@pytest.mark.parametrize("lost", NAMES)
-def test_a_cable_that_is_pulled_stops_with_its_name_and_the_other_goes_on(body, lost):
-    skin, boards = body()
-    heard = Heard(skin)
-    other = NAMES[1 - NAMES.index(lost)]
-    heard.hear(Image, f"{other}/skin/pressure")
-    heard.until(heard.free, "free")
-    boards[lost].unplug()
-    heard.until(lambda: heard.said(f"{lost}: "), "stop")
-    assert not heard.said(f"{other}: fault")
-    heard.pictures_go_on([other])
-    assert not heard.free()
-
-
 def test_each_of_four_stops_the_body_with_its_name_and_the_others_go_on(body):
     """A push, a frozen board, and a cable that is pulled, on each in turn."""
     skin, boards = body(names=FOUR)

@@ -4,11 +4,19 @@
 import pytest
 from support.bench import Bench
 
-from tactile_skin.middleware.bus import SET_PARAMETERS, ManualClock, Parameter, SetParameters
+from tactile_skin.middleware.bus import (
+    SET_PARAMETERS,
+    ManualClock,
+    Parameter,
+    SetParameters,
+    Time,
+)
 from tactile_skin.msg import (
     Bool,
     DiagnosticArray,
+    DiagnosticStatus,
     Header,
+    KeyValue,
     PointCloud2,
     Twist,
     TwistStamped,
@@ -18,7 +26,7 @@ from tactile_skin.msg import (
 from tactile_skin.nodes.cmd_vel_gate import CmdVelGate
 from tactile_skin.nodes.compensation import Compensation
 from tactile_skin.nodes.gesture_feature import GestureFeature
-from tactile_skin.nodes.stop_on_push import StopOnPush
+from tactile_skin.nodes.stop_on_push import STATUS_TOPIC, StopOnPush
 
 
 class Changing(Bench):
@@ -169,3 +177,29 @@ def test_the_gate_closes_when_the_clock_stands_still(stamped):
         assert last.header.frame_id == "base"
         assert last.header.stamp == bench.clock.now().to_msg()
     assert bench.handle.callback_errors == 0
+
+
+def test_old_commands_do_not_become_new():
+    """Nor do those of another frame or clock; one that passes keeps its stamp."""
+    bench = Changing(CmdVelGate, stamped=True)
+    heard = bench.heard(TwistStamped, "cmd_vel")
+    commands = bench.other.create_publisher(TwistStamped, "cmd_vel_in", 1)
+    stop = bench.other.create_publisher(DiagnosticArray, STATUS_TOPIC, 10)
+
+    def passes(age: float, frame: str = "base_link") -> bool:
+        bench.clock.advance(1.0)
+        free = [DiagnosticStatus(values=[KeyValue("good_for", "0.1")])]
+        stop.publish(DiagnosticArray(bench.header(), free))
+        stamp = bench.clock.now().nanoseconds - round(age * 1e9)
+        header = Header(Time(stamp if age < 1e3 else 0).to_msg(), frame)
+        commands.publish(TwistStamped(header, Twist(Vector3(x=0.2))))
+        bench.executor.spin_some()
+        moved = [m for m in heard if m.twist.linear.x]
+        if moved and age < 1e3:
+            assert moved[-1].header == Header(header.stamp, "base_link")
+        heard.clear()
+        return bool(moved)
+
+    assert passes(0.0) and passes(0.1, frame="")
+    assert not passes(10.0) and not passes(-10.0) and not passes(0.0, "map")
+    assert passes(1e9)  # a stamp of 0 is none

@@ -194,17 +194,9 @@ def test_stamps_rise_and_never_lie_ahead_of_the_clock(driven):
     assert (stamps <= arrivals).all()
 
 
-def test_a_clock_that_is_set_back_gives_no_stamp_ahead_of_it(driven):
-    driven.clock.set(-3600.0)
-    driven.stamps.clear(), driven.arrivals.clear()
-    driven.run(200)
-    assert len(driven.stamps) == 200
-    assert driven.stamps == driven.arrivals
-
-
 def test_the_time_of_day_may_be_set_while_frames_come(driven):
     """On ROS stamps are the time of day: a second that is put in is no lag of the link."""
-    for seconds in (1.0, -1.0, 3600.0):
+    for seconds in (1.0, -1.0, 3600.0, -7200.0):
         driven.clock.set(seconds)
         driven.stamps.clear(), driven.arrivals.clear()
         driven.run(50)

@@ -7,11 +7,9 @@ docs/boards.md configures this board; its YAML is what is run here.
 from __future__ import annotations
 
 import contextlib
-import os
 import re
 import threading
 import time
-import tty
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +18,6 @@ import yaml
 from support.marks import ci
 from support.simulated import PATIENCE, TextBoard, commas, printed, serving
 
-from tactile_skin.board import protocol
 from tactile_skin.launch import launch, read_skin
 from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Image, image_array
 from tactile_skin.nodes.stop_on_push import STATUS_TOPIC
@@ -177,82 +174,3 @@ def test_a_setting_that_does_not_fit_is_named_in_the_stop(tmp_path, mistake):
         level, message = driver(heard)
         assert level == DiagnosticStatus.ERROR
         assert message in heard.stops[-1]
-
-
-@contextlib.contextmanager
-def sending(make, rate=50.0):
-    """A port on which bytes arrive."""
-    master, slave = os.openpty()
-    tty.setraw(slave)
-    os.set_blocking(master, False)
-    done = threading.Event()
-
-    def send():
-        while not done.wait(1.0 / rate):
-            with contextlib.suppress(BlockingIOError):
-                os.write(master, make())
-
-    thread = threading.Thread(target=send)
-    thread.start()
-    try:
-        yield os.ttyname(slave)
-    finally:
-        done.set()
-        thread.join()
-        os.close(master)
-        os.close(slave)
-
-
-def test_a_wrong_baud_rate_is_named(tmp_path):
-    """A pty has none: what a UART makes of bits at another rate is any bytes."""
-    rng = np.random.default_rng(1)
-    with (
-        sending(lambda: rng.bytes(100)) as port,
-        skin_on(port, tmp_path, serial_driver__watchdog=1.5) as heard,
-    ):
-        heard.wait_for_stop(
-            "at 115200 baud: bytes arrive, but no frame: the bytes are not text: is"
-        )
-
-
-def test_binary_frames_are_named(tmp_path):
-    numbers = iter(range(10_000))
-
-    def make():
-        samples = np.full((8, 12), 1000)
-        return protocol.encode(next(numbers), 0, samples, 12, 0)
-
-    with sending(make) as port, skin_on(port, tmp_path) as heard:
-        heard.wait_for_stop(
-            "binary frames of 8 x 12 at 12 bits arrive: set serial_driver.protocol: binary"
-        )
-
-
-def test_an_8_hz_board_is_free_with_a_measured_stale_after(tmp_path):
-    board = TextBoard(rate=8.0)
-    with (
-        serving(tmp_path / "board", board),
-        skin_on(tmp_path / "board", tmp_path, compensation__suspect_stops=False) as heard,
-    ):
-        heard.wait_for(lambda: heard.stops[-1:] == [""])
-        assert 0.25 < float(heard.values["good_for"]) < 0.4
-        assert 0.1 < float(heard.values["interval"]) < 0.16
-
-
-@pytest.mark.ci
-def test_an_8_hz_board_is_told_why_it_stops_with_0_1_s(tmp_path):
-    board = TextBoard(rate=8.0)
-    with (
-        serving(tmp_path / "board", board),
-        skin_on(
-            tmp_path / "board",
-            tmp_path,
-            compensation__suspect_stops=False,
-            stop_on_push__stale_after=0.1,
-        ) as heard,
-    ):
-        heard.wait_for_stop("stale: readings come every 0.1")
-        assert "s, but stale_after = 0.1 s: set stop_on_push.stale_after: " in heard.stops[-1]
-        told = len(heard.stops)
-        time.sleep(2.0)
-        assert len(heard.stops) <= told + 1  # 32, each a call of every hook

@@ -7,15 +7,20 @@ import contextlib
 import datetime
 import time
 
+import numpy as np
+
+from ... import launch
 from ...arguments import split
+from ...msg import Image, image_array
+from ...recording import Recording
+from ...touch.recogniser import Cells, Pictures
+from ...touch.take import PAUSE, SUFFIX, Take, touches
 
 _LOOK = 0.1  # s between two looks whether a take is over
 
 
 def record(args) -> int:
     """Write takes to files until there are enough; returns the exit status."""
-    from ...touch.take import SUFFIX, Take
-
     if args.times < 1:
         raise ValueError(f"--times {args.times}: must be 1 or more")
     for option, text in (("NAME", args.name), ("--person", args.person)):
@@ -47,8 +52,6 @@ class Course:
     """Pictures of what was felt, as a recogniser sees them, until they are taken."""
 
     def __init__(self, geometry):
-        from ...touch.recogniser import Cells, Pictures
-
         self._geometry, self._cells = geometry, Cells(geometry.pitch)
         self._pictures = Pictures(self._cells)
         self._found: list = []
@@ -66,10 +69,6 @@ class Course:
 
         There are none before nothing has touched for a pause [s].
         """
-        import numpy as np
-
-        from ...touch.take import touches
-
         if not self._found:
             return []
         pictures, period = np.array(self._found), float(np.median(self._periods))
@@ -82,8 +81,6 @@ class Course:
 
 def _recorded(path: str) -> list[tuple]:
     """Return the takes of a recording."""
-    from ...recording.reader import Recording
-
     recording = Recording(path)
     pressure = recording.adc_topic.removesuffix("adc") + "pressure"
     course, std = Course(recording.skin.geometry), {}
@@ -96,10 +93,6 @@ def _recorded(path: str) -> list[tuple]:
 
 def _live(given: dict[str, str], args):
     """Yield the takes of the skin of a launch file, as they are made."""
-    from ... import launch
-    from ...msg import Image, image_array
-    from ...touch.take import PAUSE
-
     plan = launch.read_plan(launch.find(launch.default_file(given)), {"monitor": "false"} | given)
     course = Course(launch.read_skin(given.get("config")).geometry)
     std: list = [0.0]

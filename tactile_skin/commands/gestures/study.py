@@ -6,15 +6,27 @@ from __future__ import annotations
 import datetime
 import functools
 from collections import Counter
+from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
+from ... import extras
+from ...bench.chart import prepare
+from ...learning import gestures as learning
+from ...learning.gestures import GLANCES, left_out, sharpness_of, table_of
+from ...learning.hands import PEOPLE, simulated
+from ...parameters.nodes import Gestures
+from ...touch.episode import FEATURES
+from ...touch.model import OTHER, load_model, sharpened
+from ...touch.take import find_takes, load_take
+
+_DPI = 100  # of the picture
+_CELL = 0.42  # inches of a class in it
 _FEW = 3  # takes of a class, with fewer of which it is not trained
 
 
 def _read(paths):
-    from ... import extras
-    from ...touch.take import find_takes, load_take
-
     return [
         load_take(path)
         for path in extras.tqdm()(list(find_takes(paths)), desc="takes", disable=None)
@@ -22,9 +34,6 @@ def _read(paths):
 
 
 def train(args) -> int:
-    from ... import extras
-    from ...learning.gestures import table_of, train
-
     if args.alone and not args.takes:
         raise ValueError("--alone needs takes: name their files or folders")
     takes = _read(args.takes)
@@ -34,8 +43,6 @@ def train(args) -> int:
         raise ValueError(f"{_FEW} takes of a gesture at least are needed; of {', '.join(few)}")
     people = sorted({take.person for take in takes})
     if not args.alone:
-        from ...learning.hands import PEOPLE, simulated
-
         takes += extras.tqdm()(simulated(), desc="simulated hands", leave=False, disable=None)
         people.append(f"{PEOPLE} simulated")
     track = functools.partial(extras.tqdm(), desc="features", leave=False, disable=None)
@@ -48,20 +55,13 @@ def train(args) -> int:
         "takes": dict(count),
         "pitch": sorted({round(take.pitch, 4) for take in takes}),
     }
-    model = train(table, about)
+    model = learning.train(table, about)
     model.save(args.out)
     print(f"{args.out}: {', '.join(model.classes)}; from {len(takes)} takes")
     return 0
 
 
 def evaluate(args) -> int:
-    import numpy as np
-
-    from ... import extras
-    from ...bench.chart import prepare
-    from ...learning.gestures import left_out, sharpness_of, table_of
-    from ...touch.model import load_model, sharpened
-
     if args.picture:
         prepare()
     takes = _read(args.takes)
@@ -92,8 +92,6 @@ def evaluate(args) -> int:
     false = _false(table, named, shares.max(1))
     print(false)
     if args.picture:
-        from .picture import draw
-
         draw(args.picture, label, ends, soon, false)
         print(args.picture)
     return 0
@@ -114,12 +112,6 @@ class Soon(NamedTuple):
 
 
 def _soon(table, right, sure) -> list[Soon]:
-    import numpy as np
-
-    from ...learning.gestures import GLANCES
-    from ...parameters.nodes import Gestures
-    from ...touch.episode import FEATURES
-
     after = np.exp(table.features[:, FEATURES.index("duration")])
     rows = []
     for k, seconds in enumerate(GLANCES[:-1]):
@@ -132,12 +124,6 @@ def _soon(table, right, sure) -> list[Soon]:
 
 def _false(table, named, sure) -> str:
     """Return how many gestures are named, at their end, in an hour of contacts that are none."""
-    import numpy as np
-
-    from ...parameters.nodes import Gestures
-    from ...touch.episode import FEATURES
-    from ...touch.model import OTHER
-
     none = table.end & (table.label == OTHER)
     if not none.any():
         return f"false gestures an hour: unknown, nothing was recorded as {OTHER!r}"
@@ -147,8 +133,6 @@ def _false(table, named, sure) -> str:
 
 
 def _as_text(rows: list[Soon]) -> str:
-    from ...parameters.nodes import Gestures
-
     lines = [f"sure to {Gestures.min_probability:g} after   of all   of these right"]
     lines += [f"{row.after:17.2f} s   {row.of_all:6.3f}   {row.right:8.3f}" for row in rows]
     return "\n".join(lines)
@@ -156,8 +140,6 @@ def _as_text(rows: list[Soon]) -> str:
 
 def _confusion(label, named) -> str:
     """Return a table: a row a gesture, a column what it was taken for."""
-    import numpy as np
-
     names = sorted({*label, *named})
     wide = max(map(len, names))
     heads = " ".join(f"{name[:7]:>7}" for name in names)
@@ -166,3 +148,53 @@ def _confusion(label, named) -> str:
         counts = [int(np.count_nonzero((label == name) & (named == other))) for other in names]
         lines.append(f"{name:{wide}}  " + " ".join(f"{n or '.':>7}" for n in counts))
     return "\n".join(lines)
+
+
+def draw(path: Path, label: np.ndarray, named: np.ndarray, soon: list, false: str) -> None:
+    """Write the picture of an evaluation.
+
+    Args:
+        label: (takes,) name of each gesture.
+        named: (takes,) what it was taken for at its end.
+        soon: rows of `Soon`.
+        false: how many false gestures there are.
+
+    Raises:
+        ValueError: the file is of a type that matplotlib does not write.
+    """
+    from matplotlib import pyplot as plt
+
+    names = sorted({*label, *named})
+    side = max(3.2, _CELL * len(names))
+    figure, (matrix, times) = plt.subplots(
+        1, 2, figsize=(side + 4.6, side + 0.8), layout="constrained", width_ratios=(side, 3.2)
+    )
+    row, col = (np.searchsorted(names, values) for values in (label, named))
+    count = np.zeros((len(names), len(names)), int)
+    np.add.at(count, (row, col), 1)
+    share = count / np.maximum(count.sum(1, keepdims=True), 1)
+    matrix.imshow(share, cmap="Blues", vmin=0.0, vmax=1.0)
+    for r, c in zip(*count.nonzero(), strict=True):
+        colour = "white" if share[r, c] > 0.5 else "black"
+        matrix.text(c, r, count[r, c], ha="center", va="center", color=colour, fontsize=8)
+    matrix.set_xticks(range(len(names)), names, rotation=60, ha="right", fontsize=9)
+    matrix.set_yticks(range(len(names)), names, fontsize=9)
+    matrix.set_xlabel("taken for")
+    matrix.set_ylabel("gesture")
+    matrix.set_title(f"{np.mean(label == named):.1%} of {len(label)} takes are right", fontsize=9.5)
+    figure.suptitle(false, fontsize=9.5)
+    after = [entry.after for entry in soon]
+    for name, colour, line in (("of_all", "#0072b2", "-"), ("right", "#d55e00", "--")):
+        text = {"of_all": "of all named", "right": "of these right"}[name]
+        values = [getattr(entry, name) for entry in soon]
+        times.plot(after, values, line, marker="o", color=colour, label=text)
+    times.set_xlabel("after the first touch [s]")
+    times.set_ylabel("share")
+    times.set_ylim(0.0, 1.02)
+    times.set_title(f"sure to {Gestures.min_probability:g}", fontsize=9.5)
+    times.grid(alpha=0.25, linewidth=0.6)
+    times.legend(fontsize=8.5, frameon=False, loc="lower right")
+    try:
+        figure.savefig(path, dpi=_DPI)
+    finally:
+        plt.close(figure)

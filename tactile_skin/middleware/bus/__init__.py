@@ -2,23 +2,16 @@
 """Topics, services, timers and parameters within one process, with rclpy's signatures.
 
 A node written against this module runs unchanged on rclpy's Node, but for the descriptors of its
-parameters, which are `parameters.fields.About`. What else differs is chosen for a robot's stop:
+parameters, which are `fields.About`. What else differs is chosen for a robot's stop:
 queues are bounded and drop the oldest (counted), a callback that raises is logged, counted and
 isolated, and `MultiThreadedExecutor` gives each node a thread of its own, so that a slow subscriber
 delays nobody but itself.
 """
 
-from .calls import Client, Service, Timer
-from .clock import Clock, ManualClock, Time
+from .clock import ManualClock, Time
 from .executors import MultiThreadedExecutor, SingleThreadedExecutor
 from .node import Node
-from .parameters import (
-    ANYTHING,
-    SET_PARAMETERS,
-    Parameter,
-    ParameterError,
-    SetParameters,
-)
+from .parameters import ANYTHING, SET_PARAMETERS, Parameter, SetParameters
 from .topics import (
     Context,
     DurabilityPolicy,
@@ -26,17 +19,12 @@ from .topics import (
     Publisher,
     QoSProfile,
     ReliabilityPolicy,
-    Subscription,
-    TopicTypeError,
-    as_qos,
     type_name,
 )
 
 __all__ = [
     "ANYTHING",
     "SET_PARAMETERS",
-    "Client",
-    "Clock",
     "Context",
     "DurabilityPolicy",
     "Mailbox",
@@ -44,17 +32,11 @@ __all__ = [
     "MultiThreadedExecutor",
     "Node",
     "Parameter",
-    "ParameterError",
     "Publisher",
     "QoSProfile",
     "ReliabilityPolicy",
-    "Service",
     "SetParameters",
     "SingleThreadedExecutor",
-    "Subscription",
     "Time",
-    "Timer",
-    "TopicTypeError",
-    "as_qos",
     "type_name",
 ]

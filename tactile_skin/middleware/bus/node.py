@@ -3,17 +3,15 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import math
-import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 
 from ...errors import ParameterError
-from ...parameters.fields import About
+from ...fields import About
 from .calls import DUE, Client, Service, Timer
 from .parameters import ANYTHING, SET_PARAMETERS, Parameter, SetParameters, checked
 from .topics import (
@@ -30,7 +28,6 @@ from .topics import (
 )
 
 _LATCHED = QoSProfile(durability=DurabilityPolicy.TRANSIENT_LOCAL)
-_TOPIC, _SERVICE = "rostopic://", "rosservice://"  # before a remapping that is for one kind
 
 
 class Node:
@@ -39,8 +36,7 @@ class Node:
     Args:
         node_name: last part of its full name.
         context: the topics it sees; None: those of the process.
-        remappings: (from, to) of topics and services; the first for a name counts, as in ROS, and
-            rostopic:// or rosservice:// in front limits one to its kind.
+        remappings: (from, to) of topics and services; the first for a name counts, as in ROS.
         namespace: prefix of its relative names.
         parameter_overrides: values that win over the defaults its parameters are declared with.
 
@@ -77,8 +73,7 @@ class Node:
         self._publishers: list[Publisher] = []
         self._errors: dict[int, tuple[int, float]] = {}
         self._in_callback = False
-        self._topic_remappings = self._remapping(remappings, _TOPIC, _SERVICE)
-        self._service_remappings = self._remapping(remappings, _SERVICE, _TOPIC)
+        self._remapped = {self._expand(a): self._expand(b) for a, b in reversed(remappings)}
         self.context.node_names.add(self.get_fully_qualified_name())
 
     # names
@@ -93,14 +88,11 @@ class Node:
         return f"{self._namespace.rstrip('/')}/{self._name}"
 
     def resolve_topic_name(self, topic: str) -> str:
-        """Full name of a topic: namespace, private "~/" and remappings applied."""
+        """Full name of a topic, or a service: namespace, private "~/" and remappings applied."""
         name = self._expand(topic)
-        return self._topic_remappings.get(name, name)
+        return self._remapped.get(name, name)
 
-    def resolve_service_name(self, service: str) -> str:
-        """Full name of a service, as that of a topic."""
-        name = self._expand(service)
-        return self._service_remappings.get(name, name)
+    resolve_service_name = resolve_topic_name
 
     def get_topic_names_and_types(self) -> list[tuple[str, list[str]]]:
         """Full name of each topic, and ROS 2's name of its type."""
@@ -122,13 +114,6 @@ class Node:
         if name.startswith("~/"):
             return f"{self.get_fully_qualified_name()}/{name[2:]}"
         return f"{self._namespace.rstrip('/')}/{name}"
-
-    def _remapping(self, rules, kind: str, other: str) -> dict[str, str]:
-        return {
-            self._expand(source.removeprefix(kind)): self._expand(target)
-            for source, target in reversed(rules)
-            if not source.startswith(other)
-        }
 
     # what a node is made of
 
@@ -297,10 +282,10 @@ class Node:
         except (Exception, SystemExit) as error:  # a node's thread must not end silently
             self._report(callback, error)
             if future is not None:
-                _settle(future.set_exception, error)
+                future.set_exception(error)
         else:
             if future is not None:
-                _settle(future.set_result, result)
+                future.set_result(result)
         finally:
             self._in_callback = False
 
@@ -312,14 +297,11 @@ class Node:
         self._errors[id(callback)] = count + 1, now if said else last
         if not said:
             return
-        try:
-            name = getattr(callback, "__qualname__", None) or repr(callback)
-            if count == 0:
-                self.get_logger().error("callback %s raised", name, exc_info=error)
-            else:
-                self.get_logger().error("callback %s raised %d times: %r", name, count + 1, error)
-        except (Exception, SystemExit) as broken:  # of a log handler: it must not end the thread
-            _complain(f"node {self._name}: {type(error).__name__}", broken)
+        name = getattr(callback, "__qualname__", None) or repr(callback)
+        if count == 0:
+            self.get_logger().error("callback %s raised", name, exc_info=error)
+        else:
+            self.get_logger().error("callback %s raised %d times: %r", name, count + 1, error)
 
     @property
     def publishers(self) -> tuple[Publisher, ...]:
@@ -336,17 +318,3 @@ class Node:
     def callback_errors(self) -> int:
         """Number of exceptions that callbacks of this node have raised."""
         return sum(count for count, _ in tuple(self._errors.values()))
-
-
-def _settle(settle, value) -> None:
-    """Give a Future its result, whatever a listener to it or a log handler raises."""
-    try:
-        settle(value)
-    except (Exception, SystemExit) as broken:
-        _complain("the answer of a service", broken)
-
-
-def _complain(what: str, broken: BaseException) -> None:
-    """Write what could not be logged to stderr, if there is one."""
-    with contextlib.suppress(Exception):
-        print(f"{what}, and {type(broken).__name__} while that was reported", file=sys.stderr)

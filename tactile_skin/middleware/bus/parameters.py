@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from ...errors import ParameterError
-from ...parameters.fields import About
+from ...fields import About
 
 ANYTHING = About("", "", live=True)  # of a parameter of which nothing is said
 

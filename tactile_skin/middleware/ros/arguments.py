@@ -11,13 +11,9 @@ from ...yaml_files import parse_yaml
 from ..bus import Parameter
 from ..parameter_file import CONFIG, ParameterFile
 
-# Of rcl: what they do is ROS's business. Those of the first kind are followed by a value.
 PARAMS_FILE = "--params-file"
-_WITH_VALUE = ("--log-level", "--log-config-file", "--log-file-name", "-e", "--enclave")
-_LOGS = ("rosout-logs", "stdout-logs", "external-lib-logs")
-_SWITCHES = tuple(f"--{verb}-{log}" for verb in ("enable", "disable") for log in _LOGS)
 _NODE = r"(?:(?P<node>[A-Za-z_]\w*):(?!//))?"
-_RULE = re.compile(_NODE + r"(?:(?P<kind>rostopic|rosservice)://)?(?P<name>[^:\s]+):=(?P<to>\S+)")
+_RULE = re.compile(_NODE + r"(?P<name>[^:\s]+):=(?P<to>\S+)")
 _VALUE = re.compile(_NODE + r"(?P<name>[^:\s]+):=(?P<to>.*)", re.DOTALL)
 
 
@@ -31,7 +27,7 @@ class RosArguments:
     remappings: list[tuple[str | None, tuple[str, str]]] = dataclasses.field(default_factory=list)
     names: dict[str | None, str] = dataclasses.field(default_factory=dict)
     namespaces: dict[str | None, str] = dataclasses.field(default_factory=dict)
-    logs: list[str] = dataclasses.field(default_factory=list)  # words for ROS itself
+    others: list[str] = dataclasses.field(default_factory=list)  # ROS knows them, or refuses them
 
     def name_of(self, node: str, alone: bool = True) -> str:
         """Return the node's name; `alone`: a name for all nodes of the process is its own."""
@@ -61,7 +57,7 @@ def split_arguments(words: list[str]) -> tuple[list[str], RosArguments]:
     """Split a command line into the program's own words and ROS's.
 
     Raises:
-        ValueError: a ROS argument that is not understood, by name.
+        ValueError: a parameter or a remapping that is none, by name.
     """
     own, args, rest = [], RosArguments(), list(words)
     while rest:
@@ -76,13 +72,7 @@ def split_arguments(words: list[str]) -> tuple[list[str], RosArguments]:
 
 
 def _take(word: str, rest: list[str], args: RosArguments) -> None:
-    if word in _SWITCHES:
-        args.logs.append(word)
-    elif word in _WITH_VALUE:
-        if not rest:
-            raise ValueError(f"--ros-args: {word}: must be followed by a value")
-        args.logs += [word, rest.pop(0)]
-    elif word == PARAMS_FILE:
+    if word == PARAMS_FILE:
         file = ParameterFile(rest.pop(0) if rest else "")
         args.parameters += [(None, item) for item in (*file.named(), file)]
     elif word in ("-p", "--param"):
@@ -105,10 +95,6 @@ def _take(word: str, rest: list[str], args: RosArguments) -> None:
         elif name == "__ns":
             args.namespaces.setdefault(found["node"], to)
         else:
-            kind = f"{found['kind']}://" if found["kind"] else ""
-            args.remappings.append((found["node"], (kind + name, to)))
+            args.remappings.append((found["node"], (name, to)))
     else:
-        raise ValueError(
-            f"--ros-args: {word!r}: must be -r [node:]from:=to, -p [node:]name:=value, "
-            f"{PARAMS_FILE}, {', '.join((*_WITH_VALUE, *_SWITCHES))}"
-        )
+        args.others.append(word)

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 
 from ... import msg
-from ...parameters.fields import About
+from ...fields import About
 from .. import bus
 from ..package import SOURCES
 from ..parameter_file import THEIRS

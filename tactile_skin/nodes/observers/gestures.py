@@ -7,13 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ...middleware.bus import Time
 from ...middleware.config import circuit_of, declared, geometry_of
 from ...msg import Header, Image, PointCloud2, String, cloud_columns, cloud_of, image_array
 from ...parameters.nodes import Gestures as Parameters
 from ...touch.model import load_model
 from ...touch.recogniser import STATES, Named, Recogniser
-from .. import QUEUE, READING
+from .. import QUEUE, READING, seconds
 from ..gesture_feature import heard
 
 SHIPPED = Path(__file__).parents[2] / "learning" / "weights" / "gestures.npz"
@@ -54,7 +53,7 @@ class Gestures:
         self._contacts = np.stack([columns[name] for name in ("x", "y", "z", "id")], 1)
 
     def on_pressure(self, msg: Image) -> None:
-        t = Time.from_msg(msg.header.stamp).nanoseconds / 1e9
+        t = seconds(msg.header)
         force = image_array(msg) * self.geometry.cell_area
         named = self.recogniser.update(t, force, self._std)
         for gesture in named:

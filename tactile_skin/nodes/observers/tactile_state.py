@@ -6,13 +6,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from ...msg import Header, Image, image_array
+from ...msg import Header, Image, Message, image_array
 from .. import READING
 
 
 @dataclass
-class ChannelFloat32:
-    TYPE: ClassVar[str] = "sensor_msgs/msg/ChannelFloat32"
+class ChannelFloat32(Message, package="sensor_msgs"):
     name: str = ""
     values: list[float] = field(default_factory=list)
 

@@ -7,12 +7,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ...middleware.bus import Time
 from ...msg import DiagnosticArray, Float32, PointCloud2, Vector3Stamped, cloud_columns
 from ...touch.events import Gesture, Gestured, Pushed, PushEvents, Released, Stroked, StrokeEvents
 from ...touch.model import OTHER
 from ...touch.recogniser import ENDED, STATES
-from .. import QUEUE
+from .. import QUEUE, seconds
 from ..stop_on_push import STATUS, STATUS_TOPIC
 from ..touch import Touch, on_touch, xyz
 
@@ -30,8 +29,7 @@ class PushListener:
 
     def on_status(self, msg: DiagnosticArray) -> None:
         values = {pair.key: pair.value for pair in msg.status[0].values}
-        stamp = Time.from_msg(msg.header.stamp).nanoseconds / 1e9
-        self._pass_on(self._events.stop(stamp, values.get("push") == "true"))
+        self._pass_on(self._events.stop(seconds(msg.header), values.get("push") == "true"))
 
     def _pass_on(self, events) -> None:
         for event in events:

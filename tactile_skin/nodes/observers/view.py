@@ -9,14 +9,14 @@ import time
 from dataclasses import replace
 
 from ...errors import LaunchError
+from ...fields import leaves
 from ...middleware.config import adc_of, circuit_of, curve_of, declared, geometry_of
 from ...msg import Trigger
-from ...parameters.fields import leaves
 from ...parameters.nodes import View as Parameters
 from ...parameters.shared import Skin
 from ...view.process import PageProcess, ToPage
 from ...view.snapshot import DIAGNOSTICS, OTHERS, READINGS, STOP, Collector
-from .. import READING
+from .. import READING, now
 from .page_recording import RECORDS, PageRecording
 
 _QUIET = 0.1  # s after which a page is told that nothing changed
@@ -156,15 +156,15 @@ class ShownSkin:
         for topic, mailbox in self._readings.items():
             for message in mailbox.take():
                 self._collector.take(topic, message)
-        snapshot, now = self._collector.snapshot(), time.monotonic()
+        snapshot, t = self._collector.snapshot(), time.monotonic()
         stamp, at = self._sent
-        if snapshot.stamp == stamp and now - at < _QUIET:
+        if snapshot.stamp == stamp and t - at < _QUIET:
             return
-        self._sent = snapshot.stamp, now
-        if now - self._stop_at > _UNHEARD:
+        self._sent = snapshot.stamp, t
+        if t - self._stop_at > _UNHEARD:
             snapshot = replace(snapshot, stop=None)
-        age = self.node.get_clock().now().nanoseconds / 1e9 - snapshot.stamp
-        self.page.show(replace(snapshot, read_at=now - age))
+        age = now(self.node) - snapshot.stamp
+        self.page.show(replace(snapshot, read_at=t - age))
 
     def obey(self) -> None:
         """Do what the pages ask for, until their process ends."""

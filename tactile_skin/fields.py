@@ -80,9 +80,3 @@ def leaves(kind: type, prefix: str = "") -> Iterator[Leaf]:
             yield member._replace(name=prefix + name)
         else:
             yield from leaves(member, f"{prefix}{name}.")
-
-
-def configured(kind: type, values) -> Any:
-    """Return the dataclass `kind` with those of its fields that `values` has as attributes."""
-    names = [field.name for field in dataclasses.fields(kind) if hasattr(values, field.name)]
-    return kind(**{name: getattr(values, name) for name in names})
