@@ -33,8 +33,6 @@ from tactile_skin.physics.adc import Adc
 from tactile_skin.simulation import scenes
 from tactile_skin.simulation.fabric import resting_curve
 
-pytestmark = pytest.mark.live
-
 # --- the binary ---
 
 
@@ -289,6 +287,7 @@ def test_the_same_program_reads_boards_that_are_wired_otherwise(circuit, wired):
 # --- behind a port ---
 
 
+@pytest.mark.live
 @pytest.mark.ci
 @needs_chip
 def test_a_push_on_the_simulated_chip_stops_the_robot(tmp_path):

@@ -7,8 +7,6 @@ from support.firmware import on_both
 
 from tactile_skin.board.protocol import BinaryParser
 
-pytestmark = pytest.mark.live
-
 
 @pytest.mark.ci
 @needs_both

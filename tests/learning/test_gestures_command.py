@@ -23,9 +23,9 @@ from tactile_skin.touch.take import PAUSE, SUFFIX, Take, load_take
 @pytest.fixture(scope="module")
 def takes(tmp_path_factory):
     folder = tmp_path_factory.mktemp("takes")
-    for k, take in enumerate(simulated(range(300, 303), 3, 0)):
-        if take.label in ("stroke", "tickle", "poke"):
-            take.save(folder / f"{k}{SUFFIX}")
+    gestures = "stroke", "tickle", "poke"
+    for k, take in enumerate(simulated(range(300, 303), 3, 0, gestures=gestures)):
+        take.save(folder / f"{k}{SUFFIX}")
     return folder
 
 

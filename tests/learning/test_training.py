@@ -19,7 +19,7 @@ CIRCUIT, CURVE = Circuit(6, 7), PressureCurve()
 TINY = TrainingConfig(pairs=600, validation=90, epochs=4, batch=50, rate=5e-3, seed=4)
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture(autouse=True, scope="module")
 def one_thread():
     """The runs are tiny: two threads would wait for one another, long where a core is busy."""
     before = torch.get_num_threads()
@@ -39,10 +39,14 @@ def same(a: network.Weights, b: network.Weights) -> bool:
     return np.array_equal(a.predict(adc), b.predict(adc))
 
 
-def test_the_same_seed_gives_the_same_weights_and_another_does_not(tmp_path):
-    first, _ = run(tmp_path / "a")
-    assert same(first, run(tmp_path / "b")[0])
-    assert not same(first, run(tmp_path / "c", replace(TINY, seed=5))[0])
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    return run(tmp_path_factory.mktemp("whole"))[0]
+
+
+def test_the_same_seed_gives_the_same_weights_and_another_does_not(whole, tmp_path):
+    assert same(whole, run(tmp_path / "b")[0])
+    assert not same(whole, run(tmp_path / "c", replace(TINY, seed=5))[0])
 
 
 def test_stripes_are_no_business_of_the_network(tmp_path):
@@ -60,9 +64,7 @@ def test_the_physics_fed_network_trains_too(tmp_path):
     assert weights.predict(np.full((6, 7), 0.2)).shape == (6, 7)
 
 
-def test_a_killed_run_resumes_to_the_same_result(tmp_path):
-    whole, _ = run(tmp_path / "whole")
-
+def test_a_killed_run_resumes_to_the_same_result(whole, tmp_path):
     class Killed(Exception):
         pass
 
@@ -80,10 +82,11 @@ def test_a_killed_run_resumes_to_the_same_result(tmp_path):
 
 
 def test_a_checkpoint_of_another_run_is_refused_with_what_differs(tmp_path):
-    run(tmp_path)
+    short = replace(TINY, epochs=1)
+    run(tmp_path, short)
     with pytest.raises(ValueError, match="another rate"):
-        run(tmp_path, replace(TINY, rate=1e-3))
-    restarted, _ = run(tmp_path, replace(TINY, rate=1e-3), resume=False)
+        run(tmp_path, replace(short, rate=1e-3))
+    restarted, _ = run(tmp_path, replace(short, rate=1e-3), resume=False)
     assert restarted.meta["config"]["rate"] == 1e-3
 
 

@@ -8,6 +8,7 @@ settle as a resistor and a capacitor do. `serve` puts the board behind a pty, as
 from __future__ import annotations
 
 import ctypes
+import functools
 import tempfile
 import time
 from collections.abc import Callable
@@ -28,6 +29,14 @@ TAU = 0.27e-6  # s: R_ref, 1.78 kohm, and 150 pF of multiplexers, wires and the 
 RESET_PIN = 2  # cause of a reset, as in MCUSR
 _BUFFER = 1 << 16  # bytes that chip.c keeps
 _TICK = 0.005  # s between two looks at the scene and at the port
+
+
+@functools.cache
+def _built(rows: int, cols: int, adc_mhz: int):
+    """Return the library of chip.c, the firmware's binary, and the folder that keeps them."""
+    folder = tempfile.TemporaryDirectory(prefix="tactile_skin")
+    library = ctypes.CDLL(str(build.chip_library(Path(folder.name))))
+    return library, build.firmware(Path(folder.name), rows, cols, adc_mhz), folder
 
 
 class Chip:
@@ -57,20 +66,13 @@ class Chip:
         if circuit.adc_bits != 10:
             raise FirmwareError(f"adc_bits = {circuit.adc_bits}: the ATmega328P has 10")
         self.circuit, self._adc = circuit, adc or Adc(circuit, full_scale=_ADC_STEPS)
-        self._folder = tempfile.TemporaryDirectory(prefix="tactile_skin")
-        try:
-            folder = Path(self._folder.name)
-            self._library = ctypes.CDLL(str(build.chip_library(folder)))
-            self.elf = build.firmware(folder, circuit.rows, circuit.cols, adc_mhz)
-            new = self._library.chip_new
-            new.restype = ctypes.c_void_p
-            new.argtypes = [ctypes.c_char_p, ctypes.c_double, ctypes.c_double, ctypes.c_uint32]
-            pointer = new(str(self.elf).encode(), tau * CLOCK, noise, seed)
-            if not pointer:
-                raise FirmwareError(f"{self.elf}: simavr cannot run it")
-        except BaseException:
-            self._folder.cleanup()
-            raise
+        self._library, self.elf, _ = _built(circuit.rows, circuit.cols, adc_mhz)
+        new = self._library.chip_new
+        new.restype = ctypes.c_void_p
+        new.argtypes = [ctypes.c_char_p, ctypes.c_double, ctypes.c_double, ctypes.c_uint32]
+        pointer = new(str(self.elf).encode(), tau * CLOCK, noise, seed)
+        if not pointer:
+            raise FirmwareError(f"{self.elf}: simavr cannot run it")
         self._chip = ctypes.c_void_p(pointer)
         self._bytes = ctypes.create_string_buffer(_BUFFER)
 
@@ -79,7 +81,6 @@ class Chip:
 
     def __exit__(self, *_) -> None:
         self._library.chip_free(self._chip)
-        self._folder.cleanup()
 
     def feel(self, resistance: np.ndarray) -> None:
         """Let the cells conduct so from now on: (rows, cols) [ohm]."""
