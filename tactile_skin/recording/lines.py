@@ -23,20 +23,13 @@ _PART = 0.5  # share of a frame's fields that a damaged line holds, at least
 
 
 class Line(NamedTuple):
-    """A line that is not empty.
+    """A line that is not empty."""
 
-    Attributes:
-        number: from 1.
-        numbers: of its fields; NaN: none.
-        trails: whether a separator ends it.
-        run: that it belongs to.
-    """
-
-    number: int
+    number: int  # from 1
     words: list[str]
-    numbers: np.ndarray
-    trails: bool
-    run: int
+    numbers: np.ndarray  # of its fields; NaN: none
+    trails: bool  # whether a separator ends it
+    run: int  # that it belongs to
 
 
 def read_text(text: str, circuit: Circuit) -> Found:

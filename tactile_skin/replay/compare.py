@@ -19,16 +19,11 @@ _TOUCHED = 0.2  # N on a cell from which on a reading counts as touched: gesture
 
 @dataclass
 class Compared:
-    """Of m methods over n readings; differences are to the first method.
-
-    Attributes:
-        results: of each method.
-        cell: (m, n) mean absolute difference of a cell [N].
-    """
+    """Of m methods over n readings; differences are to the first method."""
 
     methods: list[str]
-    results: list[Results]
-    cell: np.ndarray
+    results: list[Results]  # of each method
+    cell: np.ndarray  # (m, n) mean absolute difference of a cell [N]
 
 
 def compare(

@@ -32,24 +32,16 @@ _LONGEST_WAIT = 10.0  # s that a reading may have waited for compensation: its q
 
 @dataclass
 class Step:
-    """One reading and what the nodes made of it.
+    """One reading and what the nodes made of it."""
 
-    Attributes:
-        stamp: arrival of its last byte [ns since 1970].
-        force: (rows, cols) [N]; NaN: the frame failed.
-        total, peak: of all cells, and of the most loaded one [N].
-        status: "ok", "suspect" or "failed", as of an Estimate.
-        stop: the reason, empty while the robot is free.
-        seconds: that compensation, features and stop took on this machine.
-    """
-
-    stamp: int
-    force: np.ndarray
+    stamp: int  # arrival of its last byte [ns since 1970]
+    force: np.ndarray  # (rows, cols) [N]; NaN: the frame failed
+    # total, peak: of all cells, and of the most loaded one [N]
     total: float
     peak: float
-    status: str
-    stop: str
-    seconds: float
+    status: str  # "ok", "suspect" or "failed", as of an Estimate
+    stop: str  # the reason, empty while the robot is free
+    seconds: float  # that compensation, features and stop took on this machine
 
     def without_picture(self) -> Step:
         """Return it with an empty `force`: an hour of pictures would not fit."""

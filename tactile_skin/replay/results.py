@@ -23,24 +23,16 @@ PART = 300.0  # s of one, where several processes share a recording
 
 @dataclass
 class Results:
-    """Of n readings.
+    """Of n readings."""
 
-    Attributes:
-        stamps: (n,) int64 [ns since 1970].
-        total, peak: (n,) force of all cells, and of the most loaded one [N]; NaN: it failed.
-        status: (n,) index in STATUS.
-        stops: (n,) reasons; empty while the robot is free.
-        seconds: (n,) that compensation, features and stop took.
-        notes: what was left out of the recording, in words.
-    """
-
-    stamps: np.ndarray
+    stamps: np.ndarray  # (n,) int64 [ns since 1970]
+    # total, peak: (n,) force of all cells, and of the most loaded one [N]; NaN: it failed
     total: np.ndarray
     peak: np.ndarray
-    status: np.ndarray
-    stops: np.ndarray
-    seconds: np.ndarray
-    notes: list[str]
+    status: np.ndarray  # (n,) index in STATUS
+    stops: np.ndarray  # (n,) reasons; empty while the robot is free
+    seconds: np.ndarray  # (n,) that compensation, features and stop took
+    notes: list[str]  # what was left out of the recording, in words
 
     @classmethod
     def of(cls, steps: list[Step], notes: list[str]) -> Results:

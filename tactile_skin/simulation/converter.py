@@ -12,16 +12,11 @@ OVERSAMPLED = 4  # scans of which a board of 100 frames a second sends the mean
 
 @dataclass
 class Converter:
-    """An ADC.
+    """An ADC."""
 
-    Attributes:
-        full_scale: its largest count.
-        noise: RMS of a sample [ADC steps].
-        rail: ADC ratio above which nothing is seen, before the noise; ceiling: the same of counts.
-    """
-
-    full_scale: int
-    noise: float = 1.0
+    full_scale: int  # its largest count
+    noise: float = 1.0  # RMS of a sample [ADC steps]
+    # ADC ratio above which nothing is seen, before the noise; ceiling: the same of counts
     rail: float = np.inf
     ceiling: float = 1.0
 

@@ -16,23 +16,14 @@ REST_SCATTER = 0.03  # RMS of log resistance of the cells at rest, chosen: a goo
 
 @dataclass
 class Fabric:
-    """The cells of one mat, as they truly are.
+    """The cells of one mat, as they truly are."""
 
-    Attributes:
-    curve: of the usual cell. Beyond its end the fabric goes on conducting more.
-    populated: (rows, cols) bool, where there is a cell.
-    gain: (rows, cols), times which a load adds to a cell's conductance.
-    rest: (rows, cols) conductance without a load [S].
-    lateral: share of what a cell conducts above rest that its four neighbours gain.
-    pressed: cell -> what a load that stays on it adds to its conductance, whatever else is there
-        [S].
-    """
-
-    curve: PressureCurve
-    populated: np.ndarray
-    gain: np.ndarray
-    rest: np.ndarray
-    lateral: float = 0.0
+    curve: PressureCurve  # of the usual cell. Beyond its end the fabric goes on conducting more.
+    populated: np.ndarray  # (rows, cols) bool, where there is a cell
+    gain: np.ndarray  # (rows, cols), times which a load adds to a cell's conductance
+    rest: np.ndarray  # (rows, cols) conductance without a load [S]
+    lateral: float = 0.0  # share of what a cell conducts above rest that its four neighbours gain
+    # cell -> what a load that stays on it adds to its conductance, whatever else is there [S]
     pressed: dict[Cell, float] = field(default_factory=dict)
 
     @classmethod

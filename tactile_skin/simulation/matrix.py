@@ -16,22 +16,16 @@ from .network import Wiring, voltage_ratio
 
 @dataclass
 class Matrix:
-    """One mat with its wiring.
+    """One mat with its wiring."""
 
-    Attributes:
-    circuit: the true one; of its stripes the wiring knows more.
-    fabric: the cells.
-    wiring: stripes, leads and multiplexers.
-    moving: cells that the contact moves while the board reads from the first row to the last, in
-        the direction `heading` [rad].
-    full_scale: lines (rows, then columns) that read full scale whatever is connected.
-    """
-
-    circuit: Circuit
-    fabric: Fabric
-    wiring: Wiring
+    circuit: Circuit  # the true one; of its stripes the wiring knows more
+    fabric: Fabric  # the cells
+    wiring: Wiring  # stripes, leads and multiplexers
+    # cells that the contact moves while the board reads from the first row to the last, in the
+    # direction `heading` [rad]
     moving: float = 0.0
     heading: float = 0.0
+    # lines (rows, then columns) that read full scale whatever is connected
     full_scale: list[int] = field(default_factory=list)
 
     @classmethod

@@ -23,29 +23,24 @@ _INFINITE = 1e9  # ohm of what is not there: of an ADC's input, say
 
 @dataclass
 class Wiring:
-    """How cells, stripes and multiplexers are joined; nodes are rows first, then columns.
+    """How cells, stripes and multiplexers are joined; nodes are rows first, then columns."""
 
-    Attributes:
-        row_of, col_of: (rows, cols) stripe (or severed part) on which each cell hangs.
-        rows, cols: stripe that each address of the multiplexer selects, or NOWHERE.
-        row_lead, col_lead: resistance of each address's way to its stripe [ohm].
-        ties: (kind a, index a, kind b, index b, S): conductances between two stripes, at their
-            leads; kind 0 is a row, 1 a column.
-        bare: sense addresses whose reference resistor is missing; not of floating matrices.
-        stripe: resistance of a stripe from its lead to its far end [ohm].
-        leakage: between each row and each column, on top of the cells [S].
-    """
-
+    # row_of, col_of: (rows, cols) stripe (or severed part) on which each cell hangs
     row_of: np.ndarray
     col_of: np.ndarray
+    # rows, cols: stripe that each address of the multiplexer selects, or NOWHERE
     rows: np.ndarray
     cols: np.ndarray
+    # row_lead, col_lead: resistance of each address's way to its stripe [ohm]
     row_lead: np.ndarray
     col_lead: np.ndarray
+    # (kind a, index a, kind b, index b, S): conductances between two stripes, at their leads; kind
+    # 0 is a row, 1 a column
     ties: list[tuple[int, int, int, int, float]] = field(default_factory=list)
+    # sense addresses whose reference resistor is missing; not of floating matrices
     bare: set[int] = field(default_factory=set)
-    stripe: float = 0.0
-    leakage: float = LEAKAGE
+    stripe: float = 0.0  # resistance of a stripe from its lead to its far end [ohm]
+    leakage: float = LEAKAGE  # between each row and each column, on top of the cells [S]
 
     @classmethod
     def sound(cls, rows: int, cols: int) -> Wiring:

@@ -15,23 +15,15 @@ _LEAF = -1
 
 
 class Forest(NamedTuple):
-    """Trees of which each node asks whether a feature is at most a threshold.
+    """Trees of which each node asks whether a feature is at most a threshold."""
 
-    Attributes:
-        feature: (nodes,) int, what a node asks for; -1 in a leaf.
-        threshold: (nodes,) float.
-        below: (nodes,) int, the node that follows where the feature is at most the threshold.
-        above: (nodes,) int, the other.
-        share: (nodes, classes) float, share of each class in a leaf; 0 in other nodes.
-        roots: (trees,) int.
-    """
-
-    feature: np.ndarray
-    threshold: np.ndarray
+    feature: np.ndarray  # (nodes,) int, what a node asks for; -1 in a leaf
+    threshold: np.ndarray  # (nodes,) float
+    # (nodes,) int, the node that follows where the feature is at most the threshold
     below: np.ndarray
-    above: np.ndarray
-    share: np.ndarray
-    roots: np.ndarray
+    above: np.ndarray  # (nodes,) int, the other
+    share: np.ndarray  # (nodes, classes) float, share of each class in a leaf; 0 in other nodes
+    roots: np.ndarray  # (trees,) int
 
     def shares(self, features: np.ndarray) -> np.ndarray:
         """Return the mean share of each class in the leaves that the features fall into.

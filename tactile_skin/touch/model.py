@@ -24,18 +24,13 @@ _LEAST = 1e-6  # share of a class that no tree has seen there
 
 
 class Logistic(NamedTuple):
-    """A multinomial logistic regression.
+    """A multinomial logistic regression."""
 
-    Attributes:
-        mean, scale: (n,) of the features; they are clipped to CLIP scales.
-        weights: (classes, n).
-        bias: (classes,).
-    """
-
+    # mean, scale: (n,) of the features; they are clipped to CLIP scales
     mean: np.ndarray
     scale: np.ndarray
-    weights: np.ndarray
-    bias: np.ndarray
+    weights: np.ndarray  # (classes, n)
+    bias: np.ndarray  # (classes,)
 
     def shares(self, features: np.ndarray) -> np.ndarray:
         """Return the probability of each class (..., classes) of features (..., n)."""
@@ -46,22 +41,15 @@ class Logistic(NamedTuple):
 
 
 class GestureModel(NamedTuple):
-    """Names gestures by their features.
+    """Names gestures by their features."""
 
-    Attributes:
-        classes: names, in the order of the probabilities.
-        forest: over `episode.FEATURES`.
-        logistic: over the same features.
-        sharpness: exponent that makes their shares probabilities: of people left out it is as sure
-            on average as it is right.
-        about: what it was trained on: people, takes a class, boards, date.
-    """
-
-    classes: tuple[str, ...]
-    forest: Forest
-    logistic: Logistic
+    classes: tuple[str, ...]  # names, in the order of the probabilities
+    forest: Forest  # over `episode.FEATURES`
+    logistic: Logistic  # over the same features
+    # exponent that makes their shares probabilities: of people left out it is as sure on average as
+    # it is right
     sharpness: float
-    about: dict[str, Any]
+    about: dict[str, Any]  # what it was trained on: people, takes a class, boards, date
 
     def probabilities(self, features: np.ndarray) -> np.ndarray:
         """Return the probability of each class.

@@ -28,24 +28,16 @@ BROWN_OUT, WATCHDOG = 4, 8  # causes of a reset, as in MCUSR
 
 
 class Measured(NamedTuple):
-    """What was seen of the chip's work, in cycles of its clock.
+    """What was seen of the chip's work, in cycles of its clock."""
 
-    Attributes:
-        cycles: since the start.
-        conversions: of the ADC.
-        settling: least time from a switch of the multiplexers to the next conversion.
-        hold: least time from the begin of a conversion to the next switch.
-        early, late: most that a conversion began before or after its tick.
-        overruns: bytes that came faster than the program took them.
-    """
-
-    cycles: int
-    conversions: int
-    settling: int
-    hold: int
+    cycles: int  # since the start
+    conversions: int  # of the ADC
+    settling: int  # least time from a switch of the multiplexers to the next conversion
+    hold: int  # least time from the begin of a conversion to the next switch
+    # early, late: most that a conversion began before or after its tick
     early: int
     late: int
-    overruns: int
+    overruns: int  # bytes that came faster than the program took them
 
 
 class Chip(simulated.Chip):
@@ -77,21 +69,17 @@ def frames_of(chip: Chip, parser: BinaryParser, seconds: float) -> list:
 
 
 class Steady(NamedTuple):
-    """Of some time in which nothing changes.
+    """Of some time in which nothing changes."""
 
-    Attributes:
-        scans, cells, frames: a second.
-        error: largest difference of a reading from the model, in ADC steps of 1/1024 of the supply
-        speed: of the simulation, in real time.
-    """
-
+    # scans, cells, frames: a second
     scans: float
     cells: float
     frames: float
+    # largest difference of a reading from the model, in ADC steps of 1/1024 of the supply
     error: float
     counters: Counters
     measured: Measured
-    speed: float
+    speed: float  # of the simulation, in real time
 
 
 def steady(

@@ -12,38 +12,23 @@ _SHOWN = 60  # characters of a sample in a message
 
 @dataclass(frozen=True)
 class Seen:
-    """What a sample of a board's bytes is.
+    """What a sample of a board's bytes is."""
 
-    Attributes:
-        protocol: of formats.PROTOCOLS, where a description reads the sample; empty: none does.
-        about: what was seen, in words.
-        format: the description that reads it.
-        shape: (rows, cols) where the bytes say it.
-        cells: readings of a frame; 0: unknown.
-        frames: that the description reads in the sample.
-        sure: whether nothing else that is known here reads like this.
-        largest, step: of the readings: the largest number, and the least difference of two.
-        at_largest: readings that are this number.
-        decimals: whether a decimal point is printed.
-        adc_bits: width of the ADC, where the bytes say it.
-        text: whether the bytes are text.
-        sample: the bytes of some frames.
-    """
-
-    protocol: str
-    about: str
-    sample: bytes
-    format: Format = None
-    shape: tuple[int, int] | None = None
-    cells: int = 0
-    frames: int = 0
-    sure: bool = False
+    protocol: str  # of formats.PROTOCOLS, where a description reads the sample; empty: none does
+    about: str  # what was seen, in words
+    sample: bytes  # the bytes of some frames
+    format: Format = None  # the description that reads it
+    shape: tuple[int, int] | None = None  # (rows, cols) where the bytes say it
+    cells: int = 0  # readings of a frame; 0: unknown
+    frames: int = 0  # that the description reads in the sample
+    sure: bool = False  # whether nothing else that is known here reads like this
+    # largest, step: of the readings: the largest number, and the least difference of two
     largest: float = 0.0
     step: float = 1.0
-    at_largest: int = 0
-    decimals: bool = False
-    adc_bits: int = 0
-    text: bool = False
+    at_largest: int = 0  # readings that are this number
+    decimals: bool = False  # whether a decimal point is printed
+    adc_bits: int = 0  # width of the ADC, where the bytes say it
+    text: bool = False  # whether the bytes are text
 
 
 def shown(sample: bytes, text: bool, most: int = _SHOWN) -> str:
