@@ -158,8 +158,4 @@ def _large_bodies(n: int, rows: int, cols: int, rng) -> np.ndarray:
 
 _Sample = Callable[[int, int, int, np.random.Generator], np.ndarray]
 # families of training alone
-_OWN: dict[str, _Sample] = {
-    "fingers": _fingers,
-    "large bodies": _large_bodies,
-    "touches": _touches,
-}
+_OWN: dict[str, _Sample] = {"fingers": _fingers, "large bodies": _large_bodies, "touches": _touches}

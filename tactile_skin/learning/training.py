@@ -177,11 +177,7 @@ def train(
     torch.use_deterministic_algorithms(True)
     device = "cuda" if torch.cuda.is_available() else "cpu"
     torch.manual_seed(config.seed)
-    run = {
-        "config": asdict(config),
-        "circuit": circuit.describe(),
-        "curve": curve.describe(),
-    }
+    run = {"config": asdict(config), "circuit": circuit.describe(), "curve": curve.describe()}
     scale = curve.max_force
     checkpoint = out / "checkpoint.pt"
     state = _resumed(checkpoint, run, device) if resume and checkpoint.exists() else None

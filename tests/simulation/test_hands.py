@@ -6,14 +6,7 @@ import pytest
 
 from tactile_skin.simulation.people.anything import anything
 from tactile_skin.simulation.people.events import EVENTS, happen
-from tactile_skin.simulation.people.hands import (
-    GESTURES,
-    Hand,
-    Person,
-    perform,
-    pressed,
-    pulse,
-)
+from tactile_skin.simulation.people.hands import GESTURES, Hand, Person, perform, pressed, pulse
 from tactile_skin.simulation.people.mat import Mat
 
 MAT = Mat(16, 16, 0.018)

@@ -63,9 +63,7 @@ def other_board(family: str, off: str, n: int, seed=1) -> dict:
     for truth in np.minimum(force, curve.max_force):
         r_par, gain = rng.choice((0.95, 1.05)), rng.uniform(0.0, 0.2)
         skin = Textile(
-            noise=1.0,
-            r_par=1.0 if off == "curve" else r_par,
-            curve=0.0 if off == "R_par" else gain,
+            noise=1.0, r_par=1.0 if off == "curve" else r_par, curve=0.0 if off == "R_par" else gain
         )
         exact = expose(skin, circuit, curve, truth, rng)
         scan = skin.converter(circuit).frame(exact, rng)

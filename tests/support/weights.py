@@ -8,10 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from support.lab.unknown import Unknown
-from tactile_skin import (
-    PressureCurve,
-    compensate,
-)
+from tactile_skin import PressureCurve, compensate
 from tactile_skin.physics.creep import Creep
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.simulation import scenes

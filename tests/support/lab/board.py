@@ -166,11 +166,7 @@ class FaultBoard:
         if self.protocol == "text":
             return b",".join(b"%d" % v for v in sent.samples.ravel().tolist()) + b"\r\n"
         return wire.encode(
-            sent.sequence,
-            sent.device_us,
-            sent.samples,
-            self.circuit.adc_bits,
-            self.fraction_bits,
+            sent.sequence, sent.device_us, sent.samples, self.circuit.adc_bits, self.fraction_bits
         )
 
 
