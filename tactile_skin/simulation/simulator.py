@@ -19,8 +19,7 @@ from ..board.terminal import Terminal, open_terminal
 from ..physics.adc import Adc
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
-from .fabric import resting_curve
-from .matrix import Matrix
+from .matrix import Matrix, resting_curve
 
 SCANS_PER_SECOND = 390  # paper section III-B
 FRAMES_PER_SECOND = 100

@@ -14,9 +14,7 @@ import numpy as np
 
 from ..physics.circuit import Circuit
 from ..physics.curve import GRAM, PressureCurve
-from .converter import Converter
-from .fabric import Fabric
-from .matrix import Matrix
+from .matrix import Converter, Fabric, Matrix
 from .network import NOWHERE, Wiring
 
 _TOUCHING = 1.0  # S between two stripes that touch

@@ -14,13 +14,46 @@ import numpy as np
 
 from . import stored
 from .episode import FEATURES
-from .forest import Forest
 
 OTHER = "other"  # what is no gesture that the model knows
 VERSION = 1  # of the file
 CLIP = 4.0  # standard deviations: a feature far out says no more
 TREES_SAY = 0.7  # weight of the forest: chosen on two people's real gestures, the other's left out
 _LEAST = 1e-6  # share of a class that no tree has seen there
+_LEAF = -1  # no feature is asked for
+
+
+class Forest(NamedTuple):
+    """Trees of which each node asks whether a feature is at most a threshold."""
+
+    feature: np.ndarray  # (nodes,) int, what a node asks for; -1 in a leaf
+    threshold: np.ndarray  # (nodes,) float
+    # (nodes,) int, the node that follows where the feature is at most the threshold
+    below: np.ndarray
+    above: np.ndarray  # (nodes,) int, the other
+    share: np.ndarray  # (nodes, classes) float, share of each class in a leaf; 0 in other nodes
+    roots: np.ndarray  # (trees,) int
+
+    def shares(self, features: np.ndarray) -> np.ndarray:
+        """Return the mean share of each class in the leaves that the features fall into.
+
+        All trees are descended at once, a level a step.
+
+        Args:
+            features: (n,).
+
+        Returns:
+            (classes,), of sum 1.
+        """
+        node, left = self.roots, []
+        while node.size:
+            asked = self.feature[node]
+            inner = asked != _LEAF
+            left.append(node[~inner])
+            node, asked = node[inner], asked[inner]
+            below = features[asked] <= self.threshold[node]
+            node = np.where(below, self.below[node], self.above[node])
+        return np.asarray(self.share[np.concatenate(left)].mean(0))
 
 
 class Logistic(NamedTuple):

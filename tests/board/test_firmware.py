@@ -31,7 +31,7 @@ from tactile_skin.errors import FirmwareError
 from tactile_skin.launch import launch
 from tactile_skin.physics.adc import Adc
 from tactile_skin.simulation import scenes
-from tactile_skin.simulation.fabric import resting_curve
+from tactile_skin.simulation.matrix import resting_curve
 
 # --- the binary ---
 

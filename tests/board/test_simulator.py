@@ -15,7 +15,7 @@ from tactile_skin.board import terminal
 from tactile_skin.board.formats import make_parser
 from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.physics.adc import Adc
-from tactile_skin.simulation import fabric, scenes, simulator
+from tactile_skin.simulation import matrix, scenes, simulator
 
 
 def frames_of(simulated, scans: int) -> list:
@@ -63,7 +63,7 @@ def test_its_cells_differ_at_rest():
     """As those of every fabric do; one voltage for all is what a board without a matrix reads."""
     simulated = make_board(circuit=Circuit(16, 16), seed=3)
     scatter = np.log(simulated.curve.rest_resistance / PressureCurve().rest_resistance)
-    assert scatter.std() == pytest.approx(fabric.REST_SCATTER, rel=0.2)
+    assert scatter.std() == pytest.approx(matrix.REST_SCATTER, rel=0.2)
     pressed = simulated.curve.resistance(5.0) / PressureCurve().resistance(5.0)
     assert np.abs(pressed - 1.0).max() < 0.01
 

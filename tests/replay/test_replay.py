@@ -9,10 +9,9 @@ from tactile_skin import Circuit, PressureCurve, cli, forward
 from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Header, Image, Time, image
 from tactile_skin.recording import Recording, cdr, configuration
 from tactile_skin.recording.writer import Writer
-from tactile_skin.replay.compare import compare, table
 from tactile_skin.replay.replay import Replay
-from tactile_skin.replay.results import Job, collect
-from tactile_skin.simulation.fabric import resting_curve
+from tactile_skin.replay.results import Job, collect, compare, table
+from tactile_skin.simulation.matrix import resting_curve
 
 pytest.importorskip("mcap")
 CIRCUIT = Circuit(6, 7)

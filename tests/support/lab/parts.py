@@ -12,9 +12,7 @@ from scipy.signal import lfilter
 
 from tactile_skin.physics.circuit import Circuit
 from tactile_skin.physics.curve import PressureCurve
-from tactile_skin.simulation.converter import Converter
-from tactile_skin.simulation.fabric import REST_SCATTER, Cell, Fabric
-from tactile_skin.simulation.matrix import Matrix
+from tactile_skin.simulation.matrix import REST_SCATTER, Cell, Converter, Fabric, Matrix
 from tactile_skin.simulation.network import Wiring
 
 SCANS = 390  # a second, paper section III-B
