@@ -10,7 +10,6 @@ from __future__ import annotations
 import ctypes
 import functools
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -20,7 +19,7 @@ from ...errors import FirmwareError
 from ...physics.adc import Adc
 from ...physics.circuit import Circuit, forward
 from ...physics.curve import PressureCurve
-from ..terminal import Terminal, open_terminal
+from .. import terminal
 from . import build
 
 CLOCK = 16_000_000  # Hz
@@ -119,41 +118,27 @@ def serve(
     on_ready: Callable[[], None] = lambda: None,
     once: bool = False,
 ) -> None:
-    """Put the chip behind a pty whose name is the symbolic link `link`, in real time.
+    """Put the chip behind a pty as `terminal.serve` does; bytes that are sent to it reach it.
 
-    As `simulator.serve`, but bytes that are sent to the port reach the chip. If the simulation is
-    slower than real time, frames arrive late, and the driver says so.
+    If the simulation is slower than real time, frames arrive late, and the driver says so: the
+    clock of a real board does not stand still.
 
     Args:
         scene: time since start [s] -> (rows, cols) force per cell [N].
     """
-    with open_terminal(link) as terminal:
-        on_ready()
-        _pump(chip, curve, scene, terminal, lambda: running() and not (once and terminal.left()))
+    ticks = 0
 
+    def restart() -> None:
+        nonlocal ticks
+        chip.reset()
+        ticks = 0
 
-def _pump(
-    chip: Chip,
-    curve: PressureCurve,
-    scene: Callable[[float], np.ndarray],
-    terminal: Terminal,
-    running: Callable[[], bool],
-) -> None:
-    connected, ticks, start = False, 0, 0.0
-    while running():
-        was, connected = connected, terminal.connected()
-        if not connected:
-            time.sleep(_TICK)
-            continue
-        now = time.monotonic()
-        if not was:
-            chip.reset()
-            ticks, start = 0, now
-        chip.send(terminal.read())
+    def turn(port: terminal.Terminal, late: float) -> float:
+        nonlocal ticks
+        chip.send(port.read())
         chip.feel(curve.resistance(scene(ticks * _TICK)))
-        sent = chip.run(_TICK)
-        if sent:
-            terminal.write(sent)
+        port.write(chip.run(_TICK))
         ticks += 1
-        # late, it works on without a pause: the clock of a real board does not stand still
-        time.sleep(max(0.0, start + ticks * _TICK - time.monotonic()))
+        return 0.0
+
+    terminal.serve(link, running, _TICK, restart, turn, on_ready, once)

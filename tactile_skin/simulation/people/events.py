@@ -162,16 +162,9 @@ def _flicker(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
     return out
 
 
+_ALL = _lean, _sit, _thing, _dropped, _wall, _cloth, _carry, _shaken, _flicker
 EVENTS: dict[str, Callable[[Mat, np.random.Generator, float], np.ndarray]] = {
-    "lean": _lean,
-    "sit": _sit,
-    "thing": _thing,
-    "dropped": _dropped,
-    "wall": _wall,
-    "cloth": _cloth,
-    "carry": _carry,
-    "shaken": _shaken,
-    "flicker": _flicker,
+    event.__name__[1:]: event for event in _ALL
 }
 
 
