@@ -8,9 +8,6 @@ import pytest
 
 from benchmarks.accuracy import growth
 from tactile_skin.bench import chart
-from tactile_skin.bench.measure import frames
-from tactile_skin.physics.circuit import Circuit
-from tactile_skin.physics.curve import PressureCurve
 from tactile_skin.solvers import METHODS
 
 
@@ -18,19 +15,6 @@ def test_a_power_law_has_its_exponent():
     sizes = [8, 16, 32, 64]
     assert growth.exponent(sizes, [9.0, *(s**3.0 for s in sizes[1:])]) == pytest.approx(1.5)
     assert growth.exponent([16], [1.0]) is None
-
-
-# y of map and newton, a half above what docs/bench/growth.json has: machines differ
-_MOST = {16: (5.5, 3.5), 32: (12.0, 11.0), 64: (60.0, 45.0)}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("size", _MOST)
-def test_a_frame_takes_no_longer_than_its_size_allows(size):
-    circuit, curve = Circuit(size, size), PressureCurve()
-    _, adc = frames("bodies", "scan", 40, np.random.default_rng(23), circuit, curve)
-    for method, most in zip(("map", "newton"), _MOST[size], strict=True):
-        assert growth.timed(adc, circuit, curve, method)[0].quantile(0.5) < most
 
 
 # --- the pictures ---

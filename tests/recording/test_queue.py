@@ -16,8 +16,6 @@ from tactile_skin.recording import Recording, writer
 from tactile_skin.recording import recorder as module
 from tactile_skin.recording.recorder import Limits, Recorder
 
-pytestmark = pytest.mark.live
-
 
 class Clock:
     def __init__(self):
@@ -153,6 +151,7 @@ def test_a_slow_disk_drops_and_counts(tmp_path, clock, monkeypatch):
     assert len(Recording(path).adc) == 30
 
 
+@pytest.mark.live
 def test_a_disk_that_hangs_blocks_nobody(tmp_path, clock, monkeypatch):
     recorder = make(tmp_path / "a.mcap", clock)
     hangs, over = threading.Event(), threading.Event()
