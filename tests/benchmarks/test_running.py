@@ -10,7 +10,6 @@ from benchmarks.doctor import watch
 from benchmarks.running import touch_to_stop
 from tactile_skin.simulation import scenes
 
-
 CALLS = [(0.5, True, "stale"), (1.0, False, ""), (2.01, True, "push"), (2.1, True, "push + x")]
 
 
