@@ -28,14 +28,3 @@ def test_a_convolution_is_the_sum_of_its_channels(shape, channels, outputs, dila
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5)
     turned = picture[:, ::-1].transpose(0, 2, 1).copy().transpose(0, 2, 1)  # not in C's order
     np.testing.assert_array_equal(convolve(turned[:, ::-1], layer, dilation), found)
-
-
-def test_a_convolution_by_hand():
-    """A picture of ones: each cell counts its neighbours, and itself ten times; the bias is 0.5."""
-    weight = np.ones((1, 1, 3, 3))
-    weight[0, 0, 1, 1] = 10.0
-    layer, ones = layer_of(weight, np.array([0.5])), np.ones((1, 3, 4), np.float32)
-    near = [[13.5, 15.5, 15.5, 13.5], [15.5, 18.5, 18.5, 15.5], [13.5, 15.5, 15.5, 13.5]]
-    np.testing.assert_array_equal(convolve(ones, layer, 1), [near])
-    far = [[13.5] * 4, [11.5] * 4, [13.5] * 4]
-    np.testing.assert_array_equal(convolve(ones, layer, 2), [far])

@@ -266,22 +266,6 @@ def test_a_websocket_of_another_origin_is_refused(origin):
     served(scenario)
 
 
-def test_a_websocket_by_a_rebound_name_is_refused():
-    async def scenario(source, address):
-        name, port = address.split(":")
-        with pytest.raises(InvalidStatus) as refused:
-            async with connect(
-                f"ws://evil.example:{port}/snapshots",
-                origin=f"http://evil.example:{port}",
-                host=name,
-                port=int(port),
-            ):
-                pass
-        assert refused.value.response.status_code == 421
-
-    served(scenario)
-
-
 @pytest.mark.parametrize(
     "path",
     [
