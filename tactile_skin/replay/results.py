@@ -80,7 +80,9 @@ class Job:
         return replay
 
 
-def collect(job: Job, jobs: int = 1, track: Callable[[Iterable, int], Iterable] | None = None):
+def collect(
+    job: Job, jobs: int = 1, track: Callable[[Iterable, int], Iterable] | None = None
+) -> Results:
     """Replay a recording as fast as possible.
 
     Several processes take parts of five minutes. Each part begins 10 s early, anew: their results
@@ -89,9 +91,6 @@ def collect(job: Job, jobs: int = 1, track: Callable[[Iterable, int], Iterable] 
     Args:
         jobs: processes.
         track: of an iterable and its length, shows how far it is.
-
-    Returns:
-        Results.
 
     Raises:
         ValueError: as Recording and Replay, or there is no reading.

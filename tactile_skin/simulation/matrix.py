@@ -80,14 +80,11 @@ class Matrix:
         return cls(circuit, Fabric.resting(circuit, curve, seed), Wiring.ideal(circuit))
 
     def ratio(self, force: np.ndarray, factor=1.0) -> np.ndarray:
-        """Return the ADC ratio that the wires carry to the converter, before noise.
+        """Return the ADC ratio (n, rows, cols) that the wires carry to the converter, before noise.
 
         Args:
             force: (n, rows, cols) [N], at the middle of the scan.
             factor: (rows, cols) times which a cell conducts otherwise.
-
-        Returns:
-            (n, rows, cols).
         """
         if self.moving:
             ratio = np.array([self._scanned(picture, factor) for picture in force])

@@ -92,17 +92,12 @@ def voltage_ratio(conductance: np.ndarray, wiring: Wiring, circuit: Circuit) -> 
 
 
 def between_leads(conductance: np.ndarray, wiring: Wiring) -> np.ndarray:
-    """Resistance between each row and column address with every other line floating.
+    """Resistance [ohm] between each row and column address with every other line floating.
 
     With the nodal matrix L of all stripes and severed parts, and K = (L + fill)^-1, where fill is a
     constant matrix (L is singular along the constant vector, which no difference of voltages sees):
-    rho_ij = K_aa + K_bb - 2 K_ab for the nodes a and b that the addresses i and j select.
-
-    Args:
-        conductance: (n, rows, cols) of the cells [S], 0 where there is none.
-
-    Returns:
-        (n, rows, cols) [ohm], infinite for an address that selects nothing.
+    rho_ij = K_aa + K_bb - 2 K_ab for the nodes a and b that the addresses i and j select; infinite
+    for an address that selects nothing. Conductance and result are (n, rows, cols).
     """
     nodal = nodal_matrix(conductance, wiring)
     every = np.arange(nodal.shape[1])
@@ -121,14 +116,7 @@ def driven_ratio(conductance: np.ndarray, wiring: Wiring, circuit: Circuit) -> n
     """ADC ratio of a loaded or grounded matrix, by Kirchhoff's laws for all its nodes at once.
 
     Each sense address has its resistor on the board's side of its lead, each drive address its
-    driver. One that selects nothing reads 0, and drives nothing.
-
-    Args:
-        conductance: (n, rows, cols) of the cells [S], 0 where there is none.
-        circuit: as it truly is.
-
-    Returns:
-        (n, rows, cols).
+    driver. One that selects nothing reads 0, and drives nothing. As `voltage_ratio`.
     """
     nodal = nodal_matrix(conductance, wiring)
     cols = np.where(wiring.cols == NOWHERE, NOWHERE, wiring.cols + wiring.stripes[0])

@@ -35,15 +35,9 @@ class Forest(NamedTuple):
     roots: np.ndarray  # (trees,) int
 
     def shares(self, features: np.ndarray) -> np.ndarray:
-        """Return the mean share of each class in the leaves that the features fall into.
+        """Return the mean share (classes,) of each class in the leaves of features (n,).
 
         All trees are descended at once, a level a step.
-
-        Args:
-            features: (n,).
-
-        Returns:
-            (classes,), of sum 1.
         """
         node, left = self.roots, []
         while node.size:
@@ -85,11 +79,7 @@ class GestureModel(NamedTuple):
     about: dict[str, Any]  # what it was trained on: people, takes a class, boards, date
 
     def probabilities(self, features: np.ndarray) -> np.ndarray:
-        """Return the probability of each class.
-
-        Args:
-            features: (len(FEATURES),) of `Episode.features`.
-        """
+        """Return the probability of each class, by the (n,) features of an `Episode`."""
         both = common(self.forest.shares(features), self.logistic.shares(features))
         return sharpened(both, self.sharpness)
 

@@ -70,14 +70,10 @@ def find_takes(paths: Iterable[str | Path]) -> Iterator[Path]:
 
 
 def touches(pictures: np.ndarray, period: float) -> list[np.ndarray]:
-    """Cut pictures where nothing touches for a while.
+    """Cut pictures (T, rows, cols) where nothing touches for a while; each from touch to touch.
 
     Args:
-        pictures: (T, rows, cols) [N], 0 on cells that are not touched.
         period: between them [s].
-
-    Returns:
-        (T, rows, cols) of each take, from its first touch to its last.
     """
     on = np.flatnonzero(pictures.any((1, 2)))
     if len(on) == 0:

@@ -169,14 +169,11 @@ EVENTS: dict[str, Callable[[Mat, np.random.Generator, float], np.ndarray]] = {
 
 
 def happen(event: str, mat: Mat, seed: int, period: float) -> np.ndarray:
-    """Return what one event of EVENTS presses.
+    """Return what one event of EVENTS presses: (T, rows, cols) [N].
 
     Args:
         seed: the same one is the same event.
         period: between pictures [s].
-
-    Returns:
-        (T, rows, cols) [N].
     """
     rng = np.random.default_rng([seed, list(EVENTS).index(event), 3])
     return EVENTS[event](mat, rng, period)

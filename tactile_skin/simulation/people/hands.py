@@ -366,14 +366,11 @@ GESTURES: dict[str, Callable[[_Stage], np.ndarray]] = {f.__name__[1:]: f for f i
 
 
 def perform(gesture: str, person: Person, mat: Mat, seed: int, period: float) -> np.ndarray:
-    """Return what one performance of a gesture presses.
+    """Return what a performance presses, (T, rows, cols) [N]; it begins and ends untouched.
 
     Args:
         gesture: one of GESTURES.
         seed: of this performance; the same one is the same performance.
         period: between pictures [s].
-
-    Returns:
-        (T, rows, cols) [N]; it begins and ends untouched.
     """
     return GESTURES[gesture](_Stage(gesture, person, mat, seed, period))
