@@ -11,9 +11,8 @@ import yaml
 
 from ..board.formats import Format
 from ..board.recognise import shown
-from ..board.recognise.lines import sides
+from ..board.recognise.lines import Seen, sides
 from ..board.recognise.listen import Heard
-from ..board.recognise.seen import Seen
 from ..board.serial_port import identity
 from ..middleware.config import skin_of
 from ..physics.readouts import DRIVEN, READOUTS

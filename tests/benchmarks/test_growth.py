@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time against the number of cells."""
+"""Times: against the number of cells, and of the compiled loops."""
 
 import json
 
 import numpy as np
 import pytest
 
+from benchmarks import kernel as benchmark
 from benchmarks.accuracy import growth
 from tactile_skin.bench import chart
+from tactile_skin.physics import compiled
 from tactile_skin.solvers import METHODS
 
 
@@ -57,3 +59,18 @@ def test_what_is_drawn_is_what_is_written(drawn, tmp_path):
             if entry[key] and (key == "p50_ms" or method in METHODS):
                 assert tuple(np.round(entry[key], 9)) in curves
     plt.close("all")
+
+
+@pytest.mark.skipif(compiled.library is None, reason="no compiler was found at installation")
+@pytest.mark.parametrize("scene", benchmark.SCENES)
+def test_both_forms_take_turns_and_the_compiled_one_stays(scene):
+    library = compiled.library
+    row = benchmark.measure(scene, 8, 2)
+    assert compiled.library is library
+    assert row.compiled > 0.0 and row.plain > 0.0 and row.ratio > 0.0
+
+
+def test_without_a_compiler_there_is_nothing_to_measure(monkeypatch):
+    monkeypatch.setattr(compiled, "library", None)
+    with pytest.raises(SystemExit, match="nothing is compiled"):
+        benchmark.measured(1)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from benchmarks.accuracy import touch, truth
+from benchmarks.body import seam
 
 SIZES = {"singles": 60, "neighbours": 20, "corners": 40, "streams": 2, "strokes": 2}
 
@@ -68,3 +69,8 @@ def test_a_missed_bound_is_told(capsys, monkeypatch):
     monkeypatch.setattr(touch, "QUICK", dict.fromkeys(touch.QUICK, 1) | {"singles": 8})
     assert touch.main(["--quick"]) == 1
     assert "MISSED" in capsys.readouterr().out
+
+
+def test_a_few_strokes_keep_their_id():
+    found = seam.measure(strokes=6, seed=11)
+    assert found["seam"]["one_id"] == found["one_mat"]["one_id"] == 1.0
