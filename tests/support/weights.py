@@ -66,13 +66,6 @@ def known(board: Unknown):
     return replace(board.supposed, r_par=board.r_par, r_line=board.r_line)
 
 
-def bend(board: Unknown, share: float, phase: float) -> None:
-    """Give it a curve whose conductance waves by a share, once in a factor of 190 of the force."""
-    force, resistance = np.array(board.curve.points).T
-    wave = np.exp(share * np.sin(1.2 * np.log(force[1:]) + phase))
-    board.curve = PressureCurve(force, resistance / np.append(1.0, wave))
-
-
 def stream(board: Unknown, times_laid: int, late: float, rng, drawn=objects):
     """frames, times, reference, reference_times: objects laid on and taken off, 30 frames a second,
     and a scale of 20 readings a second with 0.05 N of noise, a zero of its own, and late [s]."""
