@@ -171,7 +171,7 @@ class Dying:
 
 
 def test_a_port_that_is_lent_is_read_again_once_it_is_free(tmp_path, heard, reading, monkeypatch):
-    monkeypatch.setattr(serial_port, "_LENT", 0.6)
+    monkeypatch.setattr(serial_port, "_LENT", 0.3)
     link = str(tmp_path / "skin")
     with serving(tmp_path / "skin"):
         reader = reading(link)
@@ -181,7 +181,7 @@ def test_a_port_that_is_lent_is_read_again_once_it_is_free(tmp_path, heard, read
         reader.lend()
         heard.wait_for_line(f"port {link} is lent to another program")
         with open_port(link, 1_000_000):
-            time.sleep(1.0)
+            time.sleep(0.5)
             assert reader.connected_to is None and "is lent" in reader.trouble
         heard.wait_for(lambda: heard.lines.count(f"frames arrive on {link}") == 2)
         assert reader.reconnects == 1
